@@ -1,0 +1,1 @@
+"""Stage 2, scans or labels to rig poses: where the cameras stood in the sandbox."""

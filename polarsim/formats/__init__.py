@@ -1,0 +1,1 @@
+"""One file an outside format, its reader beside its writer."""

@@ -1,0 +1,125 @@
+"""Our JSON files of rigs: `calibration.json` (lenses and the pose between them) and `PosX.json` (where a rig stood)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.errors import FormatError, about
+from polarsim.formats.files import read_json, write_json
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import StereoRig
+
+
+@dataclass(frozen=True)
+class PlacedRig:
+    """A rig in the sandbox, and what is known about how well it was placed."""
+
+    rig: StereoRig
+    sandbox_from_left: Pose
+    method: str = ""  # "scans", "labels" or "survey": what the pose rests on
+    quality: dict[str, float] = field(default_factory=dict)  # figures of the fit; keys carry their units
+
+    def sandbox_from(self, camera: str) -> Pose:
+        """Pose of camera L or R in the sandbox."""
+        return self.sandbox_from_left @ self.rig.left_from(camera)
+
+    def project(self, camera: str, points_sandbox: np.ndarray) -> np.ndarray:
+        """Pixels (..., 2) of sandbox points (..., 3) in camera L or R; NaN behind the camera."""
+        return self.rig.lens(camera).project(self.sandbox_from(camera).inverse().apply(points_sandbox))
+
+
+def write_rig(path: str | Path, rig: StereoRig, source: str) -> None:
+    """`source` says where the calibration comes from: a file's name or `stated`."""
+    write_json(path, {**_rig_content(rig), "source": source})
+
+
+def read_rig(path: str | Path) -> StereoRig:
+    """Read `calibration.json`.
+
+    Raises
+    ------
+    FormatError
+        Something is missing or is no rig.
+    """
+    with about(path):
+        return _rig(read_json(path))
+
+
+def write_placed(path: str | Path, placed: PlacedRig) -> None:
+    content = {
+        **_rig_content(placed.rig),
+        "sandbox_from_left": placed.sandbox_from_left.matrix.tolist(),
+        "method": placed.method,
+        "quality": placed.quality,
+    }
+    write_json(path, content)
+
+
+def read_placed(path: str | Path) -> PlacedRig:
+    """Read `PosX.json`.
+
+    Raises
+    ------
+    FormatError
+        Something is missing or is no placed rig.
+    """
+    content = read_json(path)
+    with about(path):
+        try:
+            matrix = np.array(content["sandbox_from_left"], float)
+        except (KeyError, TypeError, ValueError) as error:
+            raise FormatError(f"no sandbox_from_left of 4 x 4 numbers, {error}") from error
+        return PlacedRig(_rig(content), Pose.from_matrix(matrix), content.get("method", ""), content.get("quality", {}))
+
+
+def read_all_placed(folder: str | Path) -> dict[str, PlacedRig]:
+    """Every `PosX.json` of a terrain's folder, by position."""
+    return {path.stem.removeprefix("Pos"): read_placed(path) for path in sorted(Path(folder).glob("Pos?.json"))}
+
+
+def _rig_content(rig: StereoRig) -> dict[str, Any]:
+    return {
+        "left": _lens_content(rig.left),
+        "right": _lens_content(rig.right),
+        "left_from_right": rig.left_from_right.matrix.tolist(),
+    }
+
+
+def _lens_content(lens: Lens) -> dict[str, Any]:
+    return {
+        "fx_px": lens.fx,
+        "fy_px": lens.fy,
+        "cx_px": lens.cx,
+        "cy_px": lens.cy,
+        "distortion": list(lens.distortion),
+        "width_px": lens.width,
+        "height_px": lens.height,
+        "pixel_centre": "integer + 0.5",
+    }
+
+
+def _rig(content: dict[str, Any]) -> StereoRig:
+    try:
+        left, right = (_lens(content[name]) for name in ("left", "right"))
+        matrix = np.array(content["left_from_right"], float)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(f"no rig: {error!r} is missing or no number") from error
+    return StereoRig(left, right, Pose.from_matrix(matrix))
+
+
+def _lens(content: dict[str, Any]) -> Lens:
+    k1, k2, p1, p2, k3 = (float(term) for term in content["distortion"])
+    return Lens(
+        float(content["fx_px"]),
+        float(content["fy_px"]),
+        float(content["cx_px"]),
+        float(content["cy_px"]),
+        (k1, k2, p1, p2, k3),
+        int(content["width_px"]),
+        int(content["height_px"]),
+    )

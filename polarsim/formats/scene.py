@@ -1,0 +1,51 @@
+"""A terrain's folder of meshes, read as one set of triangles that know their rock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError
+from polarsim.formats import obj
+from polarsim.photo import NO_ROCK
+
+
+@dataclass(frozen=True)
+class TerrainMesh:
+    """Ground and rocks: vertices (v, 3) in the sandbox, faces (f, 3), and the rock of each face (f,)."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    rock_of_face: np.ndarray  # NO_ROCK is the ground
+    normals: np.ndarray  # (v, 3) unit, per vertex
+
+    @property
+    def rocks(self) -> list[int]:
+        return [int(rock) for rock in np.unique(self.rock_of_face) if rock != NO_ROCK]
+
+    def rock_vertices(self, rock: int) -> np.ndarray:
+        """(n, 3) vertices that a rock's faces use."""
+        return self.vertices[np.unique(self.faces[self.rock_of_face == rock])]
+
+
+def read_terrain(folder: str | Path, terrain: int) -> TerrainMesh:
+    """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj` (full ones where both are there).
+
+    Raises
+    ------
+    FormatError
+        No ground, or a broken mesh.
+    """
+    ground = Path(folder) / obj.ground_name(terrain)
+    if not ground.exists():
+        raise FormatError(f"{ground}: the ground mesh is missing")
+    parts = [(NO_ROCK, obj.read(ground)), *((rock, obj.read(path)) for rock, path in obj.rock_files(folder).items())]
+    starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
+    return TerrainMesh(
+        np.concatenate([mesh.vertices for _, mesh in parts]),
+        np.concatenate([mesh.faces + start for (_, mesh), start in zip(parts, starts, strict=False)]),
+        np.concatenate([np.full(len(mesh.faces), rock) for rock, mesh in parts]),
+        np.concatenate([mesh.normals() for _, mesh in parts]),
+    )

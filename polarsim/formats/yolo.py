@@ -1,0 +1,96 @@
+"""YOLO label files: boxes `class x y w h` and polygons `class x1 y1 x2 y2 ...`, relative to the photo's size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError
+from polarsim.formats.files import write_text
+from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
+
+_SIZE = np.array([WIDTH, HEIGHT], float)
+
+
+def read_boxes(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """Class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels.
+
+    Raises
+    ------
+    FormatError
+        A line that is no box of class 0 or 1 inside the photo: file, line number and reason.
+    """
+    classes, boxes = [], []
+    for number, fields in _lines(path):
+        if len(fields) != 5:
+            raise FormatError(f"{path}:{number}: {len(fields)} fields, a YOLO box has 5: class x y width height")
+        values = _numbers(path, number, fields)
+        classes.append(_class(path, number, fields[0], BOX_CLASSES))
+        centre, extent = values[1:3] * _SIZE, values[3:5] * _SIZE
+        if (extent <= 0).any() or (extent > _SIZE + 1).any() or (np.abs(centre / _SIZE - 0.5) > 0.5 + 1e-3).any():
+            raise FormatError(f"{path}:{number}: box outside the photo or without area")
+        boxes.append(np.concatenate([centre - extent / 2, centre + extent / 2]))
+    return np.array(classes, int), np.array(boxes, float).reshape(-1, 4)
+
+
+def write_boxes(path: str | Path, classes: np.ndarray, boxes: np.ndarray) -> None:
+    """Boxes (n, 4) in pixels, with 6 decimals as in the release; no boxes make an empty file."""
+    boxes = np.asarray(boxes, float).reshape(-1, 4)
+    centre = (boxes[:, :2] + boxes[:, 2:]) / 2 / _SIZE
+    extent = (boxes[:, 2:] - boxes[:, :2]) / _SIZE
+    lines = [
+        f"{c} {x:.6f} {y:.6f} {w:.6f} {h:.6f}\n"
+        for c, (x, y), (w, h) in zip(np.asarray(classes, int), centre, extent, strict=True)
+    ]
+    write_text(path, "".join(lines))
+
+
+def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:
+    """(class, vertices (n, 2) in pixels) of each polygon, in file order.
+
+    Raises
+    ------
+    FormatError
+        A line that is no polygon of class 0 to 3: file, line number and reason.
+    """
+    polygons = []
+    for number, fields in _lines(path):
+        if len(fields) < 7 or len(fields) % 2 == 0:
+            raise FormatError(f"{path}:{number}: {len(fields)} fields, a polygon has a class and at least 3 points")
+        values = _numbers(path, number, fields)
+        polygons.append((_class(path, number, fields[0], POLYGON_CLASSES), values[1:].reshape(-1, 2) * _SIZE))
+    return polygons
+
+
+def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]]) -> None:
+    """(class, vertices (n, 2) in pixels); the vertices get 6 decimals."""
+    lines = []
+    for number, vertices in polygons:
+        places = " ".join(f"{value:.6f}" for value in (np.asarray(vertices, float) / _SIZE).ravel())
+        lines.append(f"{number} {places}\n")
+    write_text(path, "".join(lines))
+
+
+def _lines(path: str | Path) -> list[tuple[int, list[str]]]:
+    try:
+        text = Path(path).read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FormatError(f"{path}: no readable label file, {error}") from error
+    return [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+
+
+def _numbers(path: str | Path, number: int, fields: list[str]) -> np.ndarray:
+    try:
+        values = np.array([float(field) for field in fields])
+    except ValueError as error:
+        raise FormatError(f"{path}:{number}: {error}") from error
+    if not np.isfinite(values).all():
+        raise FormatError(f"{path}:{number}: a value that is not finite")
+    return values
+
+
+def _class(path: str | Path, number: int, field: str, names: tuple[str, ...]) -> int:
+    if not field.isdigit() or int(field) >= len(names):
+        raise FormatError(f"{path}:{number}: class {field}, expected 0 to {len(names) - 1} ({', '.join(names)})")
+    return int(field)

@@ -1,0 +1,93 @@
+"""The lens: between directions in a camera's frame (x right, y down, z forward) and pixels of its photo.
+
+Pixel centres lie at integer + 0.5: the photo spans 0 to its width. OpenCV's calibrations count from the first pixel's
+centre; `Lens.from_opencv` is the only place that knows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+HALF_PIXEL = 0.5  # OpenCV's (0, 0) is our (0.5, 0.5)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Brown's model as OpenCV has it: focal lengths and principal point in pixels, k1 k2 p1 p2 k3 without unit."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    width: int = 1936
+    height: int = 1216
+
+    @classmethod
+    def from_opencv(cls, matrix: np.ndarray, distortion: np.ndarray, size: tuple[int, int] = (1936, 1216)) -> Lens:
+        """Camera matrix (3, 3), 4 or 5 distortion terms (k1 k2 p1 p2 [k3]), size (width, height)."""
+        terms = np.zeros(5)
+        terms[: len(distortion)] = distortion
+        return cls(
+            float(matrix[0, 0]),
+            float(matrix[1, 1]),
+            float(matrix[0, 2]) + HALF_PIXEL,
+            float(matrix[1, 2]) + HALF_PIXEL,
+            tuple(terms.tolist()),  # type: ignore[arg-type]
+            *size,
+        )
+
+    def opencv_matrix(self) -> np.ndarray:
+        """(3, 3) camera matrix in OpenCV's pixel convention."""
+        return np.array(
+            [[self.fx, 0, self.cx - HALF_PIXEL], [0, self.fy, self.cy - HALF_PIXEL], [0, 0, 1]], dtype=float
+        )
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (..., 2) of points (..., 3) in the camera's frame; NaN for points behind the camera."""
+        depth = points[..., 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = np.where(depth > 1e-6, points[..., 0] / depth, np.nan)
+            y = np.where(depth > 1e-6, points[..., 1] / depth, np.nan)
+        xd, yd = self._distort(x, y)
+        return np.stack([self.fx * xd + self.cx, self.fy * yd + self.cy], axis=-1)
+
+    def directions(self, pixels: np.ndarray) -> np.ndarray:
+        """Directions (..., 3) with z = 1 of pixels (..., 2): the inverse of `project`, to 1e-9 px inside the photo."""
+        xd = (pixels[..., 0] - self.cx) / self.fx
+        yd = (pixels[..., 1] - self.cy) / self.fy
+        x, y = xd, yd
+        if any(self.distortion):
+            for _ in range(20):  # contracts by about 0.1 a step for lenses like these
+                ex, ey = self._distort(x, y)
+                x, y = x - (ex - xd), y - (ey - yd)
+        return np.stack([x, y, np.ones_like(x)], axis=-1)
+
+    def pixel_directions(self, rows: slice = slice(None), columns: slice = slice(None)) -> np.ndarray:
+        """Directions (h, w, 3) with z = 1 through the centres of the photo's pixels, or of a part of them."""
+        u = np.arange(self.width)[columns] + HALF_PIXEL
+        v = np.arange(self.height)[rows] + HALF_PIXEL
+        return self.directions(np.stack(np.meshgrid(u, v), axis=-1))
+
+    def scaled(self, factor: float) -> Lens:
+        """The same lens on a photo that is `factor` times as large."""
+        return Lens(
+            self.fx * factor,
+            self.fy * factor,
+            self.cx * factor,
+            self.cy * factor,
+            self.distortion,
+            round(self.width * factor),
+            round(self.height * factor),
+        )
+
+    def _distort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        k1, k2, p1, p2, k3 = self.distortion
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        return (
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        )

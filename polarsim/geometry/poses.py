@@ -1,0 +1,121 @@
+"""Rigid poses, named for what they map: `sandbox_from_left` takes points of the left camera into the sandbox."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from polarsim.errors import FormatError
+
+
+@dataclass(frozen=True)
+class Pose:
+    """x_target = rotation @ x_source + translation; metres."""
+
+    rotation: np.ndarray  # (3, 3)
+    translation: np.ndarray  # (3,)
+
+    def apply(self, points: np.ndarray) -> np.ndarray:
+        """Map points (..., 3)."""
+        return points @ self.rotation.T + self.translation
+
+    def rotate(self, directions: np.ndarray) -> np.ndarray:
+        """Map directions (..., 3): rotation only."""
+        return directions @ self.rotation.T
+
+    def __matmul__(self, other: Pose) -> Pose:
+        return Pose(self.rotation @ other.rotation, self.apply(other.translation))
+
+    def inverse(self) -> Pose:
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation)
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """(4, 4) homogeneous matrix."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = self.rotation, self.translation
+        return matrix
+
+    @classmethod
+    def from_matrix(cls, matrix: np.ndarray) -> Pose:
+        """Read a (4, 4) or (3, 4) matrix.
+
+        Raises
+        ------
+        FormatError
+            The matrix is not finite, or its rotation is none (checked to 1e-4).
+        """
+        matrix = np.asarray(matrix, float)
+        if matrix.shape not in ((4, 4), (3, 4)):
+            raise FormatError(f"a pose of shape {matrix.shape}, expected 4 x 4")
+        return cls(checked_rotation(matrix[:3, :3]), matrix[:3, 3].copy())
+
+    @classmethod
+    def from_rotvec(cls, rotvec: np.ndarray, translation: np.ndarray) -> Pose:
+        """Rotation vector (3,) in radians and translation (3,)."""
+        return cls(Rotation.from_rotvec(rotvec).as_matrix(), np.asarray(translation, float))
+
+    @classmethod
+    def identity(cls) -> Pose:
+        return cls(np.eye(3), np.zeros(3))
+
+
+def checked_rotation(matrix: np.ndarray, tolerance: float = 1e-4) -> np.ndarray:
+    """(3, 3) matrix made exactly orthogonal.
+
+    Raises
+    ------
+    FormatError
+        It differs from a rotation by more than the tolerance.
+    """
+    if not np.isfinite(matrix).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > tolerance:
+        raise FormatError("the rotation matrix is not orthogonal to 1e-4")
+    if np.linalg.det(matrix) < 0:
+        raise FormatError("the rotation matrix mirrors (determinant -1)")
+    u, _, vt = np.linalg.svd(matrix)
+    return u @ vt
+
+
+def looking(centre: np.ndarray, yaw: float, pitch: float, roll: float = 0.0) -> Pose:
+    """`sandbox_from_camera` of a camera at `centre` (3,).
+
+    Parameters
+    ----------
+    yaw : float
+        Heading of the optical axis, radians from +X towards +Y.
+    pitch : float
+        Downwards, radians.
+    roll : float
+        Turns the right axis towards down, radians.
+    """
+    forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)])
+    level_right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
+    level_down = np.cross(forward, level_right)
+    right = np.cos(roll) * level_right + np.sin(roll) * level_down
+    down = np.cross(forward, right)
+    return Pose(np.stack([right, down, forward], axis=1), np.asarray(centre, float))
+
+
+def yaw_pitch_roll(sandbox_from_camera: Pose) -> tuple[float, float, float]:
+    """The inverse of `looking`: yaw, pitch, roll in radians."""
+    right, _, forward = sandbox_from_camera.rotation.T
+    yaw, pitch = np.arctan2(forward[1], forward[0]), -np.arcsin(np.clip(forward[2], -1, 1))
+    level_right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
+    level_down = np.cross(forward, level_right)
+    return float(yaw), float(pitch), float(np.arctan2(right @ level_down, right @ level_right))
+
+
+def fit_pose(source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None) -> Pose:
+    """Least-squares `target_from_source` of paired points (n, 3) (Kabsch, Acta Cryst. A34 (1978) 827)."""
+    weights = np.ones(len(source)) if weights is None else np.asarray(weights, float)
+    centre_source = np.average(source, axis=0, weights=weights)
+    centre_target = np.average(target, axis=0, weights=weights)
+    rotation = Rotation.align_vectors(target - centre_target, source - centre_source, weights=weights)[0].as_matrix()
+    return Pose(rotation, centre_target - rotation @ centre_source)
+
+
+def angle_between(first: Pose, second: Pose) -> float:
+    """Angle of the rotation between two poses, radians."""
+    return float(Rotation.from_matrix(first.rotation.T @ second.rotation).magnitude())

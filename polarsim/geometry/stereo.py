@@ -1,0 +1,75 @@
+"""The stereo rig: two lenses and the pose between them, and the rectified left grid on which NASA stored ranges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+
+
+@dataclass(frozen=True)
+class StereoRig:
+    """Left and right lens, and the pose of the right camera in the left one's frame."""
+
+    left: Lens
+    right: Lens
+    left_from_right: Pose
+
+    def lens(self, camera: str) -> Lens:
+        return self.left if camera == "L" else self.right
+
+    def left_from(self, camera: str) -> Pose:
+        """Pose of camera L or R in the left camera's frame."""
+        return Pose.identity() if camera == "L" else self.left_from_right
+
+
+@dataclass(frozen=True)
+class RectifiedGrid:
+    """The rectified left camera: a pinhole without distortion, turned about the left camera's centre."""
+
+    lens: Lens
+    left_from_rectified: Pose
+
+
+def rectified_left(rig: StereoRig) -> RectifiedGrid:
+    """The grid of NASA's range maps: `cv2.stereoRectify` with alpha = 1 and default flags."""
+    import cv2
+
+    right_from_left = rig.left_from_right.inverse()
+    size = (rig.left.width, rig.left.height)
+    rotation, _, projection, *_ = cv2.stereoRectify(
+        rig.left.opencv_matrix(),
+        np.array(rig.left.distortion),
+        rig.right.opencv_matrix(),
+        np.array(rig.right.distortion),
+        size,
+        right_from_left.rotation,
+        right_from_left.translation[:, None],
+        alpha=1,
+    )
+    return RectifiedGrid(
+        Lens.from_opencv(projection[:, :3], np.zeros(4), size), Pose(np.asarray(rotation, float).T, np.zeros(3))
+    )
+
+
+def stated_rig() -> StereoRig:
+    """The real rig as NASA calibrated it for terrain 11: the prior where a source brings no calibration."""
+    rotation = np.array(
+        [
+            [0.999997, 0.00172602, 0.0019164],
+            [-0.00172807, 0.999998, 0.00106908],
+            [-0.00191455, -0.00107239, 0.999998],
+        ]
+    )
+    u, _, vt = np.linalg.svd(rotation)
+    right_from_left = Pose(u @ vt, np.array([-0.301556, 0.000599, 0.001489]))
+    left = np.array([[2068.44, 0, 964.405], [0, 2064.29, 593.512], [0, 0, 1]])
+    right = np.array([[2065.6, 0, 952.098], [0, 2061.9, 606.559], [0, 0, 1]])
+    return StereoRig(
+        Lens.from_opencv(left, np.array([-0.108441, 0.158389, 0.000537106, -0.00127904])),
+        Lens.from_opencv(right, np.array([-0.114041, 0.178219, -0.000146877, -0.00112736])),
+        right_from_left.inverse(),
+    )

@@ -1,0 +1,54 @@
+"""The part of NASA's photo grid that a run works on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pydantic import BaseModel, Field, field_validator
+
+from polarsim.photo import AZIMUTHS, CAMERAS, LIGHTS, Azimuth, Camera, Light, PhotoKey, is_exposure, photo_grid
+
+
+class GridOptions(BaseModel, extra="forbid", frozen=True):
+    """Which photos of the grid are labelled, rendered and judged. The default is all of them."""
+
+    lights: tuple[Light, ...] = Field(
+        LIGHTS, description="Rover light, 'on' or 'off' (quote them: YAML reads on as true)."
+    )
+    azimuths: tuple[Azimuth, ...] = Field(AZIMUTHS, description="Sun lamps: 'no', '30', '180', '270', '350' (quoted).")
+    cameras: tuple[Camera, ...] = Field(CAMERAS, description="'L', 'R'.")
+    exposures_ms: tuple[int, ...] | None = Field(None, description="Exposures under a Sun lamp, ms; null takes all.")
+    exposures_no_sun_ms: tuple[int, ...] | None = Field(None, description="Exposures without Sun, ms; null takes all.")
+
+    @field_validator("lights", "azimuths", mode="before")
+    @classmethod
+    def _refuse_yaml_booleans(cls, values: object) -> object:
+        if isinstance(values, (list, tuple)) and any(isinstance(value, bool) for value in values):
+            raise ValueError("YAML reads on, off, no as booleans: put them in quotes")
+        if isinstance(values, (list, tuple)):
+            return [str(value) if isinstance(value, int) else value for value in values]
+        return values
+
+    @field_validator("exposures_ms", "exposures_no_sun_ms")
+    @classmethod
+    def _known_exposures(cls, values: tuple[int, ...] | None) -> tuple[int, ...] | None:
+        for value in values or ():
+            if not is_exposure(value):
+                raise ValueError(f"exposure {value} ms, expected 16, 32, 64 ... 8192")
+        return values
+
+
+def selected_grid(terrain: int, positions: Sequence[str], options: GridOptions) -> list[PhotoKey]:
+    """The photos of a terrain that a run works on, in the grid's order."""
+
+    def wanted(key: PhotoKey) -> bool:
+        exposures = options.exposures_no_sun_ms if key.azimuth == "no" else options.exposures_ms
+        return (
+            key.position in positions
+            and key.light in options.lights
+            and key.azimuth in options.azimuths
+            and key.camera in options.cameras
+            and (exposures is None or key.exposure_ms in exposures)
+        )
+
+    return [key for key in photo_grid(terrain) if wanted(key)]

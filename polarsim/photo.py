@@ -1,0 +1,128 @@
+"""The photo key and the grid of photos that NASA took (facts of the data set, stated once)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from polarsim.errors import LabelError
+
+Light = Literal["on", "off"]
+Azimuth = Literal["no", "30", "180", "270", "350"]
+Camera = Literal["L", "R"]
+
+TERRAINS = tuple(range(1, 14))
+LIGHTS: tuple[Light, ...] = ("off", "on")
+AZIMUTHS: tuple[Azimuth, ...] = ("no", "30", "180", "270", "350")
+SUNS: tuple[Azimuth, ...] = ("30", "180", "270", "350")
+CAMERAS: tuple[Camera, ...] = ("L", "R")
+
+WIDTH, HEIGHT = 1936, 1216  # pixels of every photo
+BLACK_LEVEL = 16  # DN of a pixel that saw no light
+WHITE_LEVEL = 4095  # DN, 12 bits in a 16-bit file
+
+ROCK, SHADOW = "rock", "shadow"
+BOX_CLASSES = (ROCK, SHADOW)  # the class number of a box is its place here
+POLYGON_CLASSES = ("background", "ground", ROCK, SHADOW)  # and that of a polygon here: they differ
+GREY_VALUES = {"background": 0, "ground": 86, ROCK: 128, SHADOW: 43}  # of the release's grey maps
+
+NO_ROCK = -1  # a label or pixel that belongs to no known rock
+FIRST_UNMESHED_ROCK = 101  # rocks that labels know and no mesh shows are numbered from here
+
+_KEY = re.compile(r"(\d\d)_([A-G])_(on|off)_(no|30|180|270|350)_([LR])_(\d{4})")
+
+
+@dataclass(frozen=True, order=True)
+class PhotoKey:
+    """Name of one photo, `01_A_off_180_L_0256`: terrain, position, light, azimuth, camera, exposure in ms."""
+
+    terrain: int
+    position: str
+    light: Light
+    azimuth: Azimuth
+    camera: Camera
+    exposure_ms: int
+
+    def __str__(self) -> str:
+        return f"{self.terrain:02d}_{self.position}_{self.light}_{self.azimuth}_{self.camera}_{self.exposure_ms:04d}"
+
+    @classmethod
+    def parse(cls, text: str) -> PhotoKey:
+        """Read a key; the whole text must be one, so that copies such as `..._0256 copy` are refused.
+
+        Raises
+        ------
+        LabelError
+            The text is no photo key, or its terrain or exposure cannot be.
+        """
+        found = _KEY.fullmatch(text)
+        if not found:
+            raise LabelError(f"{text!r} is no photo key such as 01_A_off_180_L_0256")
+        terrain, position, light, azimuth, camera, exposure = found.groups()
+        if int(terrain) not in TERRAINS:
+            raise LabelError(f"{text!r}: terrain {terrain}, expected 01 to 13")
+        if not is_exposure(int(exposure)):
+            raise LabelError(f"{text!r}: exposure {exposure} ms, expected 16, 32, 64 ... 8192")
+        return cls(int(terrain), position, light, azimuth, camera, int(exposure))  # type: ignore[arg-type]
+
+    @property
+    def set_up(self) -> tuple[int, str]:
+        """Terrain and position: one place of the tripod."""
+        return self.terrain, self.position
+
+    @property
+    def view(self) -> tuple[int, str, Camera]:
+        """Terrain, position and camera: one fixed camera looking at one fixed scene."""
+        return self.terrain, self.position, self.camera
+
+    @property
+    def photo_set(self) -> tuple[int, str, Light, Azimuth, Camera]:
+        """All but the exposure."""
+        return self.terrain, self.position, self.light, self.azimuth, self.camera
+
+    def with_exposure(self, exposure_ms: int) -> PhotoKey:
+        return replace(self, exposure_ms=exposure_ms)
+
+
+def is_exposure(exposure_ms: int) -> bool:
+    """NASA's exposures double from 16 to 8192 ms."""
+    return 16 <= exposure_ms <= 8192 and exposure_ms & (exposure_ms - 1) == 0
+
+
+def positions(terrain: int) -> tuple[str, ...]:
+    """Tripod places of a terrain."""
+    return tuple("ABCDEFG") if terrain == 13 else tuple("ABC")
+
+
+def exposures(terrain: int, azimuth: Azimuth) -> tuple[int, ...]:
+    """Exposure times in ms of a terrain under one lamp."""
+    if azimuth == "no":
+        return tuple(2**n for n in range(5, 14))
+    return tuple(2**n for n in (range(4, 11) if terrain == 1 else range(5, 12)))
+
+
+def photo_grid(terrain: int) -> Iterator[PhotoKey]:
+    """Every photo that NASA took of a terrain: 5,190 over the 13 terrains."""
+    for position in positions(terrain):
+        for light in LIGHTS:
+            for azimuth in AZIMUTHS:
+                if _was_taken(terrain, position, light, azimuth):
+                    for camera in CAMERAS:
+                        for exposure_ms in exposures(terrain, azimuth):
+                            yield PhotoKey(terrain, position, light, azimuth, camera, exposure_ms)
+
+
+def _was_taken(terrain: int, position: str, light: Light, azimuth: Azimuth) -> bool:
+    if terrain == 13:
+        return light == "off" and azimuth == "30"
+    if terrain == 1:
+        return azimuth != "no" and not (position == "C" and light == "on")
+    if terrain == 2 and azimuth == "no":
+        return position == "A"
+    return True
+
+
+def terrains_of(keys: Iterable[PhotoKey]) -> list[int]:
+    return sorted({key.terrain for key in keys})

@@ -1,0 +1,1 @@
+"""Stage 5, meshes and cameras to twins of every photo, with exact labels."""

@@ -1,0 +1,1 @@
+"""Stage 3, scans to rocks and ground: clouds, cuboids and meshes."""

@@ -1,0 +1,42 @@
+"""NASA's survey: where tripods and lamps were said to stand. Decimetres off, so a start for estimates, never a result.
+
+Sandbox frame, metres: origin at the terrain's centre on the ground, +X to Sun azimuth 0, +Y to azimuth 90, +Z up.
+Source: the POLAR-Sim release's table (from NASA's document), heights lifted to the sand's level by `HEIGHT_OFFSET`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+HEIGHT_OFFSET = 0.20  # survey heights count from a level this far above the sand: fits to labels give 0.16 to 0.22
+
+SURVEYED_LEFT = {  # left cameras; B as fitted to labels (6.1), for its survey (5.5) contradicts "4000 mm from the edge"
+    "A": np.array([3.541, -0.303, 1.346 + HEIGHT_OFFSET]),
+    "B": np.array([6.100, -0.403, 1.345 + HEIGHT_OFFSET]),
+    "C": np.array([0.316, -3.540, 1.346 + HEIGHT_OFFSET]),
+}
+NOMINAL_YAW_DEG = {"A": 180.0, "B": 180.0, "C": 103.0}  # heading of the optical axis, from +X towards +Y
+NOMINAL_PITCH_DEG = 25.0  # downwards
+
+SUN_LAMPS = {
+    "30": np.array([3.594, 1.422, 0.583 + HEIGHT_OFFSET]),
+    "180": np.array([-3.544, 0.475, 0.556 + HEIGHT_OFFSET]),
+    "270": np.array([-0.271, -4.109, 0.591 + HEIGHT_OFFSET]),
+    "350": np.array([4.026, -0.896, 0.551 + HEIGHT_OFFSET]),
+}
+ROVER_LIGHT_SHARE = 0.035  # radiant intensity of the rover light over that of a Sun lamp
+ROVER_LIGHT_FROM_LEFT = np.array([0.15, 0.0, 0.0])  # in the left camera's frame: midway between the cameras
+
+POSITION_DISTANCE_MM = {"A": 1500, "B": 4000, "C": 1500}  # from the box's edge, as NASA's folders are named
+SANDBOX_HALF_WIDTH = 2.0  # of the sand inside the walls
+TERRAIN_NAMES = {1: "LargeOnly", 3: "MeanDistr", 6: "Smooth", 11: "FreshCrater", 12: "OldCrater"}
+
+
+def lamp_position(azimuth: str) -> np.ndarray:
+    """(3,) surveyed place of the Sun lamp of an azimuth, sandbox frame; `no` has none (KeyError)."""
+    return SUN_LAMPS[azimuth]
+
+
+def terrain_folder(terrain: int) -> str:
+    """Folder name of a terrain, `Terrain01_LargeOnly`; names that nobody knows are `Terrain02_Unnamed`."""
+    return f"Terrain{terrain:02d}_{TERRAIN_NAMES.get(terrain, 'Unnamed')}"
