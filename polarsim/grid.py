@@ -13,12 +13,18 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
     """Which photos of the grid are labelled, rendered and judged. The default is all of them."""
 
     lights: tuple[Light, ...] = Field(
-        LIGHTS, description="Rover light, 'on' or 'off' (quote them: YAML reads on as true)."
+        default=LIGHTS, description="Rover light, 'on' or 'off' (quote them: YAML reads on as true)."
     )
-    azimuths: tuple[Azimuth, ...] = Field(AZIMUTHS, description="Sun lamps: 'no', '30', '180', '270', '350' (quoted).")
-    cameras: tuple[Camera, ...] = Field(CAMERAS, description="'L', 'R'.")
-    exposures_ms: tuple[int, ...] | None = Field(None, description="Exposures under a Sun lamp, ms; null takes all.")
-    exposures_no_sun_ms: tuple[int, ...] | None = Field(None, description="Exposures without Sun, ms; null takes all.")
+    azimuths: tuple[Azimuth, ...] = Field(
+        default=AZIMUTHS, description="Sun lamps: 'no', '30', '180', '270', '350' (quoted)."
+    )
+    cameras: tuple[Camera, ...] = Field(default=CAMERAS, description="'L', 'R'.")
+    exposures_ms: tuple[int, ...] | None = Field(
+        default=None, description="Exposures under a Sun lamp, ms; null takes all."
+    )
+    exposures_no_sun_ms: tuple[int, ...] | None = Field(
+        default=None, description="Exposures without Sun, ms; null takes all."
+    )
 
     @field_validator("lights", "azimuths", mode="before")
     @classmethod
@@ -52,3 +58,8 @@ def selected_grid(terrain: int, positions: Sequence[str], options: GridOptions) 
         )
 
     return [key for key in photo_grid(terrain) if wanted(key)]
+
+
+def selected_grids(terrains: Sequence[int], positions: Sequence[str], options: GridOptions) -> list[PhotoKey]:
+    """The photos of all terrains that a run works on."""
+    return [key for terrain in terrains for key in selected_grid(terrain, positions, options)]

@@ -1,1 +1,1 @@
-"""Stage 6, pictures and labels to judges and their predictions. Imports Ultralytics (AGPL-3.0)."""
+"""Detectors as judges of the gap between domains: data sets, training, prediction, detection figures, IPD."""

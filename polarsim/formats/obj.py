@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,24 +67,11 @@ def read(path: str | Path) -> Mesh:
     FormatError
         The file is missing, has no triangle, or a face names a vertex that is not there.
     """
-    vertices: list[list[float]] = []
-    faces: list[list[int]] = []
     try:
-        with Path(path).open(encoding="ascii") as lines:
-            for number, line in enumerate(lines, 1):
-                try:
-                    if line.startswith("v "):
-                        x, y, z = line.split()[1:4]
-                        vertices.append([float(x), float(y), float(z)])
-                    elif line.startswith("f "):
-                        corners = [int(field.split("/", 1)[0]) for field in line.split()[1:]]
-                        corners = [c - 1 if c > 0 else len(vertices) + c for c in corners]
-                        faces += [[corners[0], corners[k], corners[k + 1]] for k in range(1, len(corners) - 1)]
-                except ValueError as error:
-                    raise FormatError(f"{path}:{number}: {error}") from error
-    except (OSError, UnicodeDecodeError) as error:
+        content = Path(path).read_bytes()
+    except OSError as error:
         raise FormatError(f"{path}: no readable OBJ file, {error}") from error
-    mesh = Mesh(np.array(vertices, float).reshape(-1, 3), np.array(faces, np.int64).reshape(-1, 3))
+    mesh = _plain_triangles(content) or _any_faces(path, content)
     if not len(mesh.faces):
         raise FormatError(f"{path}: no triangle")
     if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
@@ -92,18 +81,77 @@ def read(path: str | Path) -> Mesh:
     return mesh
 
 
+def _plain_triangles(content: bytes) -> Mesh | None:
+    """A file of one block of vertices and one of triangles, read in one go; None for all others."""
+    vertices, faces = _block(content, b"v "), _block(content, b"f ")
+    if vertices is None or faces is None:
+        return None
+    count = faces.count(b"\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # text that is no number: found by the counts below
+        places = np.fromstring(vertices, dtype=float, sep=" ")
+        corners = np.fromstring(faces.replace(b"/", b" "), dtype=np.int64, sep=" ")
+    if len(places) != 3 * vertices.count(b"\n") or len(corners) not in (3 * count, 6 * count, 9 * count):
+        return None
+    corners = corners.reshape(count, 3, -1)[:, :, 0]  # texture and normal numbers follow a corner's vertex
+    return Mesh(places.reshape(-1, 3), corners - 1) if corners.min() > 0 else None
+
+
+def _block(content: bytes, tag: bytes) -> bytes | None:
+    """The lines `a b c` behind the tags of neighbouring lines `tag a b c`; None where lines differ or lie apart.
+
+    Every line has the same number of slashes, so all corners of all faces have the same form.
+    """
+    start = content.find(b"\n" + tag) + 1
+    end = content.find(b"\n", content.rfind(b"\n" + tag) + 1) + 1
+    if not 0 < start < end or content.startswith(tag):
+        return None
+    block = content[start:end]
+    text = np.frombuffer(block, np.uint8)
+    line_ends = np.flatnonzero(text == ord("\n"))
+    for mark, allowed in ((" ", (3,)), ("/", (0, 3, 6))):
+        marks = np.searchsorted(np.flatnonzero(text == ord(mark)), line_ends)
+        if marks[0] not in allowed or (np.diff(marks) != marks[0]).any():
+            return None
+    if block.count(b"\n" + tag) + 1 != len(line_ends):
+        return None
+    return block[len(tag) :].replace(b"\n" + tag, b"\n")
+
+
+def _any_faces(path: str | Path, content: bytes) -> Mesh:
+    """Line by line: polygons, numbers that count from the end, and every error with its line."""
+    vertices: list[list[float]] = []
+    faces: list[list[int]] = []
+    try:
+        lines = content.decode("ascii").splitlines()
+    except UnicodeDecodeError as error:
+        raise FormatError(f"{path}: no readable OBJ file, {error}") from error
+    for number, line in enumerate(lines, 1):
+        try:
+            if line.startswith("v "):
+                x, y, z = line.split()[1:4]
+                vertices.append([float(x), float(y), float(z)])
+            elif line.startswith("f "):
+                corners = [int(field.split("/", 1)[0]) for field in line.split()[1:]]
+                corners = [c - 1 if c > 0 else len(vertices) + c for c in corners]
+                faces += [[corners[0], corners[k], corners[k + 1]] for k in range(1, len(corners) - 1)]
+        except ValueError as error:
+            raise FormatError(f"{path}:{number}: {error}") from error
+    return Mesh(np.array(vertices, float).reshape(-1, 3), np.array(faces, np.int64).reshape(-1, 3))
+
+
 def write(path: str | Path, mesh: Mesh, name: str) -> None:
     """Write with vertex normals, micrometre steps: same mesh, same bytes."""
-    import pandas as pd
-
     with writing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as file:
         file.write(f"# polarsim, metres, sandbox frame\no {name}\n")
-        rows = pd.DataFrame(mesh.vertices)
-        rows.insert(0, "tag", "v")
-        rows.to_csv(file, sep=" ", header=False, index=False, float_format="%.6f", lineterminator="\n")
-        rows = pd.DataFrame(mesh.normals())
-        rows.insert(0, "tag", "vn")
-        rows.to_csv(file, sep=" ", header=False, index=False, float_format="%.4f", lineterminator="\n")
+        for form, rows in (("v %.6f %.6f %.6f\n", mesh.vertices), ("vn %.4f %.4f %.4f\n", mesh.normals())):
+            for block in _blocks(rows):
+                file.write((form * len(block)) % tuple(block.ravel().tolist()))
         file.write("s 1\n")
-        corners = (mesh.faces + 1).astype(str)
-        np.savetxt(file, np.char.add(np.char.add(corners, "//"), corners), fmt="f %s %s %s")
+        for block in _blocks(mesh.faces + 1):
+            file.write(("f %d//%d %d//%d %d//%d\n" * len(block)) % tuple(np.repeat(block.ravel(), 2).tolist()))
+
+
+def _blocks(rows: np.ndarray, length: int = 20_000) -> Iterator[np.ndarray]:
+    """Parts of an array, so that the text of a large mesh never is in memory as a whole."""
+    return (rows[start : start + length] for start in range(0, len(rows), length))

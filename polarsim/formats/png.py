@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import struct
+import zlib
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +14,47 @@ from polarsim.errors import FormatError
 from polarsim.formats.files import writing
 from polarsim.photo import HEIGHT, WHITE_LEVEL, WIDTH
 
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # of PNG's colour types
+
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 24))  # read by OpenCV at import: refuses PNG bombs
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a PNG file states about itself: size in pixels, bits a channel, channels."""
+
+    width: int
+    height: int
+    bits: int
+    channels: int
+
+
+def parse_header(content: bytes) -> Header:
+    """Header of a whole PNG file, whose chunks are all there and bear their checksums; no pixel is decoded.
+
+    Raises
+    ------
+    FormatError
+        No PNG, or cut or damaged.
+    """
+    if not content.startswith(_SIGNATURE):
+        raise FormatError("no PNG file")
+    place, kind, header = len(_SIGNATURE), b"", b""
+    while kind != b"IEND":
+        length, kind = struct.unpack(">I4s", content[place : place + 8].ljust(8, b"\0"))
+        end = place + 12 + length
+        if end > len(content):
+            raise FormatError(f"the PNG file is cut after {len(content)} bytes")
+        if zlib.crc32(content[place + 4 : end - 4]) != int.from_bytes(content[end - 4 : end], "big"):
+            raise FormatError(f"a damaged PNG file, wrong checksum at byte {place}")
+        if place == len(_SIGNATURE):
+            header = content[place + 8 : end - 4]
+        place = end
+    if len(header) != 13 or header[9] not in _CHANNELS:
+        raise FormatError("a PNG file without a header")
+    width, height, bits, colour = struct.unpack(">IIBB", header[:10])
+    return Header(width, height, bits, _CHANNELS[colour])
 
 
 def read(path: str | Path) -> np.ndarray:

@@ -82,7 +82,7 @@ def key_columns(key: PhotoKey) -> dict[str, object]:
     }
 
 
-def label_table(rows: list[dict[str, object]]) -> pd.DataFrame:
+def label_table(rows: list[dict[str, object]] | pd.DataFrame) -> pd.DataFrame:
     """Rows with `LABEL_COLUMNS`, typed and in the order of photo, kind, rock, place; also when there are none."""
     table = pd.DataFrame(rows, columns=list(LABEL_COLUMNS))
     for name in ("terrain", "exposure_ms", "rock"):
@@ -92,3 +92,9 @@ def label_table(rows: list[dict[str, object]]) -> pd.DataFrame:
     for name in ("key", "position", "light", "azimuth", "camera", "kind", "source"):
         table[name] = table[name].astype("str")
     return table.sort_values(["key", "kind", "rock", "x0", "y0"], kind="stable", ignore_index=True)
+
+
+def merge_label_tables(*, tables: list[Path], merged: Path) -> None:
+    """One table of all terrains, in the order of photos."""
+    parts = [read_parquet(path, LABEL_COLUMNS) for path in tables]
+    write_parquet(merged, label_table(pd.concat(parts)))

@@ -1,0 +1,46 @@
+# The two commands of the README: make demo, make test. Everything they need is set up in .venv.
+PYTHON ?= python3
+CORES ?= 2
+POLAR_SIM_ROOT ?= ../shared/polar-sim
+BIN := .venv/bin
+SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --rerun-incomplete
+
+.PHONY: help setup demo release test lint clean lock schema
+.DEFAULT_GOAL := help
+
+help: ## list what can be made
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/make \1\t\2/' | expand -t 16
+
+setup: .venv/.ready ## make .venv with polarsim, snakemake and all they need
+
+.venv/.ready: requirements.lock pyproject.toml workflow/setup.sh
+	bash workflow/setup.sh $(PYTHON)
+	@touch $@
+
+demo: setup ## the whole pipeline on the analog sandbox: config/config.yaml
+	$(SNAKEMAKE)
+	@$(BIN)/polarsim report demo --cores $(CORES)
+
+release: setup ## cameras, labels, twins and tables on the published labels and meshes (POLAR_SIM_ROOT)
+	POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(SNAKEMAKE) --configfile config/release.yaml
+	@POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(BIN)/polarsim report release --configfile config/release.yaml --cores $(CORES)
+
+test: setup lint ## lint, formats, types, dry-runs and tests
+	$(BIN)/python -m pytest -n $(CORES)
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/mypy
+
+clean: ## remove results and what the analog generated
+	rm -rf results/demo results/release data/analog .snakemake
+
+schema: setup ## write config/schema.json anew
+	$(BIN)/polarsim schema > config/schema.json
+
+# Needs uv (pip install uv). The local version of a CPU build of torch is cut off, so that one lock serves all machines.
+lock: ## make requirements.lock anew from pyproject.toml
+	uv pip compile pyproject.toml --extra detect --extra dev --no-annotate --no-header -o requirements.lock
+	sed -i 's/^\(torch==[0-9.]*\)+.*$$/\1/' requirements.lock

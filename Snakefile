@@ -1,0 +1,40 @@
+"""polarsim: from raw POLAR data to labels, meshes, twins, judges and tables."""
+
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+if not workflow.config_settings.configfiles:
+
+    configfile: "config/config.yaml"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/acquire.smk"
+include: "workflow/rules/cameras.smk"
+include: "workflow/rules/rocks.smk"
+include: "workflow/rules/labels.smk"
+include: "workflow/rules/render.smk"
+include: "workflow/rules/detect.smk"
+include: "workflow/rules/tables.smk"
+
+
+localrules:
+    all,
+    acquire,
+    cameras,
+    rocks,
+    labels,
+    render,
+    detect,
+    tables,
+
+
+rule all:
+    """Everything: the tables and the figures of the report, and all that they rest on."""
+    default_target: True
+    input:
+        rules.tables.input,
+
+
+report: "workflow/report/workflow.rst"

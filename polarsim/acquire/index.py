@@ -1,0 +1,147 @@
+"""What a source has for one terrain: photos, calibration, scans and published meshes, and the seeds, in one form."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from polarsim.acquire.options import SeedOptions, SourceOptions
+from polarsim.acquire.photos import find_gaps, index_photos, log_gaps, photo_table
+from polarsim.acquire.seeds import choose_seeds, copy_seeds, find_labels
+from polarsim.errors import FormatError, LabelError
+from polarsim.formats import nasa, release
+from polarsim.formats.inventory import Inventory, write_inventory
+from polarsim.formats.rigs import write_rig
+from polarsim.formats.tables import PHOTO_COLUMNS, read_parquet, write_parquet
+from polarsim.geometry.stereo import stated_rig
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.photo import PhotoKey
+
+STATED = "stated"  # source of a calibration that no file of the source gave
+
+log = logging.getLogger("polarsim")
+
+
+def index_terrain(
+    *,
+    terrain: int,
+    positions: Sequence[str],
+    source: SourceOptions,
+    seed_options: SeedOptions,
+    photos: Path,
+    calibration: Path,
+    inventory: Path,
+    seeds: Path,
+    grid: GridOptions | None = None,
+) -> None:
+    """Write `photos.parquet`, `calibration.json`, `inventory.json` and the folder of seeds of one terrain.
+
+    All photos that are there are indexed. `grid` says which ones are missed where they are not there: the part of the
+    photo grid that the run works on, or all of it.
+
+    Raises
+    ------
+    FormatError
+        The source has nothing of the terrain, or a file of it is broken.
+    LabelError
+        There is neither a seed nor a scan.
+    """
+    if not source.root.is_dir():
+        raise FormatError(f"{source.root}: no such folder, it is the root of the source {source.kind!r}")
+    if source.kind == "release":
+        found, table = _published(source.root, terrain), photo_table([])
+    else:
+        found, table = _recorded(source, terrain, positions, grid or GridOptions())
+    chosen = _seeds(terrain, positions, found, seed_options.root or source.root, seed_options)
+    rig = nasa.read_calibration(found.calibration) if found.calibration else stated_rig()
+    write_parquet(photos, table)  # from here on nothing of the source can be wrong any more
+    write_rig(calibration, rig, Path(found.calibration).name if found.calibration else STATED)
+    write_inventory(inventory, found)
+    copy_seeds(chosen, seeds)
+
+
+def merge_photos(*, tables: list[Path], merged: Path) -> None:
+    """One table of the photos of all terrains."""
+    parts = [read_parquet(path, PHOTO_COLUMNS) for path in tables]
+    rows = pd.concat([part for part in parts if len(part)]) if any(map(len, parts)) else pd.DataFrame()
+    write_parquet(merged, photo_table(rows.to_dict("records")))
+
+
+def _published(root: Path, terrain: int) -> Inventory:
+    """What a release has of a terrain."""
+    looked_for = [release.label_folder(root, terrain), release.mesh_folder(root, terrain)]
+    if not any(folder.is_dir() for folder in looked_for):
+        names = " and ".join(folder.relative_to(root).as_posix() for folder in looked_for)
+        raise FormatError(f"{root}: nothing of terrain {terrain:02d}, looked for {names}")
+    stray = release.stray_files(root, terrain)
+    release.log_strays(stray, f"{root}, terrain {terrain:02d}")
+    ground = release.ground_file(root, terrain)
+    return Inventory(
+        terrain,
+        "release",
+        meshes=_paths(release.mesh_files(root, terrain)),
+        ground=ground.as_posix() if ground else "",
+        cover_photos=_paths(release.cover_photos(root, terrain)),
+        stray=_below(stray, root),
+    )
+
+
+def _recorded(
+    source: SourceOptions, terrain: int, positions: Sequence[str], grid: GridOptions
+) -> tuple[Inventory, pd.DataFrame]:
+    """What NASA's folders have of a terrain, and the index of its photos."""
+    root = source.root
+    range_maps, clouds = nasa.find_scans(root, terrain)
+    folder = nasa.find_terrain_folder(root, terrain)
+    if folder is None and not range_maps:
+        names = f"Terrain{terrain:02d}_* and {nasa.RANGE_FOLDER}/Terrain{terrain:02d}"
+        raise FormatError(f"{root}: nothing of terrain {terrain:02d}, looked for {names}")
+    found = nasa.find_photos(folder, terrain) if folder else []
+    files = [(key, path) for key, path in found if key.position in positions]
+    gaps = find_gaps([key for key, _ in files], selected_grid(terrain, positions, grid))
+    log_gaps(gaps, len(files), folder or root)
+    stated = nasa.find_calibration(folder) if folder else None
+    if stated is None:
+        log.warning("%s: no %s, the rig of terrain 11 is taken", folder or root, nasa.CALIBRATION_NAME)
+    stray = nasa.find_strays(folder, terrain) if folder else []
+    inventory = Inventory(
+        terrain,
+        source.kind,
+        calibration=stated.as_posix() if stated else "",
+        range_maps=_paths({name: path for name, path in range_maps.items() if name in positions}),
+        clouds=_paths({name: path for name, path in clouds.items() if name in positions}),
+        stray=_below(stray, root),
+    )
+    return inventory, index_photos(files)
+
+
+def _seeds(
+    terrain: int, positions: Sequence[str], found: Inventory, root: Path, options: SeedOptions
+) -> list[tuple[PhotoKey, Path]]:
+    files, folder = find_labels(root, terrain)
+    if found.kind != "release" and folder != root:  # those of a release are in its inventory
+        release.log_strays(release.key_files(folder).stray, str(folder))
+    chosen = choose_seeds(files, positions, options)
+    if not chosen and not found.scanned:
+        wanted = (
+            f"light {options.light}, azimuth {', '.join(options.azimuths)}, camera {options.camera}, "
+            f"exposure {options.exposure}"
+        )
+        raise LabelError(
+            f"{folder}: no seed of terrain {terrain:02d} ({wanted}) among {len(files)} label files, and no scan"
+        )
+    unknown = set(positions) - {key.position for key, _ in chosen} - set(found.scanned)
+    if unknown:
+        log.warning("%s: neither a seed nor a scan of position %s", folder, ", ".join(sorted(unknown)))
+    return chosen
+
+
+def _paths(files: Mapping[str, Path] | Mapping[int, Path]) -> dict[str, str]:
+    return {str(name): path.as_posix() for name, path in files.items()}
+
+
+def _below(files: Sequence[Path], root: Path) -> tuple[str, ...]:
+    return tuple(sorted(path.relative_to(root).as_posix() for path in files))

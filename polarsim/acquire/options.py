@@ -1,0 +1,101 @@
+"""Options of the acquire stage: where the raw data come from, and which label files are the seeds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, Field, field_validator, model_validator
+
+from polarsim.photo import SUNS, Azimuth, Camera, Light, is_exposure
+
+Kind = Literal["analog", "release", "polar"]
+
+
+class FetchOptions(BaseModel, extra="forbid", frozen=True):
+    """How archives are downloaded and unpacked."""
+
+    tries: int = Field(
+        default=5, ge=1, le=100, description="Tries of a download before it fails; each goes on where one ended."
+    )
+    backoff_s: float = Field(
+        default=2.0, ge=0, description="Pause before the second try, s; it doubles with every further one."
+    )
+    timeout_s: float = Field(default=60.0, gt=0, description="Longest silence of a server, s.")
+    max_file_mb: float = Field(default=4000.0, gt=0, description="Largest file that an archive may unpack to, MB.")
+    max_ratio: float = Field(default=200.0, gt=1, description="Largest ratio of a file's size to its compressed size.")
+
+
+class SourceOptions(BaseModel, extra="forbid", frozen=True):
+    """Where the raw data come from."""
+
+    kind: Kind = Field(
+        default="analog", description="'analog' (made here), 'release' (published labels) or 'polar' (NASA)."
+    )
+    root: Path = Field(
+        default=Path("data/analog"), description="Folder of the raw data; stated for 'release' and 'polar'."
+    )
+    urls: dict[str, str] = Field(
+        default_factory=dict,
+        description="Archives to download into the root: file name -> http(s) address. A name that begins with "
+        "TerrainNN is fetched for that terrain alone, every other one for all.",
+    )
+    fetch: FetchOptions = Field(default=FetchOptions(), description="Downloads and unpacking.")
+
+    @field_validator("urls")
+    @classmethod
+    def _archives_by_http(cls, urls: dict[str, str]) -> dict[str, str]:
+        for name, url in urls.items():
+            if Path(name).name != name or not name.lower().endswith(".zip") or name.startswith("."):
+                raise ValueError(f"{name!r}: an archive is named like Terrain11_FreshCrater.zip")
+            if not url.startswith(("http://", "https://")):
+                raise ValueError(f"{name}: {url!r} is no http or https address")
+        return urls
+
+    @model_validator(mode="after")
+    def _root_is_stated(self) -> SourceOptions:
+        if self.kind != "analog" and "root" not in self.model_fields_set:
+            raise ValueError(f"the source {self.kind!r} needs a root: the folder of its data")
+        return self
+
+
+class SeedOptions(BaseModel, extra="forbid", frozen=True):
+    """Which label files propagation starts from; no stage but scoring reads any other."""
+
+    root: Path | None = Field(
+        default=None, description="Folder in the release's layout, or of label files; null: the source's."
+    )
+    light: Light = Field(
+        default="off", description="Rover light of the seed photos (quote it: YAML reads off as false)."
+    )
+    camera: Camera = Field(default="L", description="Camera of the seed photos.")
+    azimuths: tuple[Azimuth, ...] = Field(
+        default=SUNS, description="Sun lamps of the seed photos (quoted); those there are used."
+    )
+    exposure: Literal["best"] | int = Field(
+        default="best",
+        description="'best': the file of a photo set with most boxes, then nearest 256 ms; or an exposure in ms.",
+    )
+
+    @field_validator("light", mode="before")
+    @classmethod
+    def _refuse_yaml_boolean(cls, value: object) -> object:
+        if isinstance(value, bool):
+            raise ValueError("YAML reads on and off as booleans: put them in quotes")
+        return value
+
+    @field_validator("azimuths", mode="before")
+    @classmethod
+    def _azimuths_as_text(cls, values: object) -> object:
+        if not isinstance(values, (list, tuple)):
+            return values
+        if any(isinstance(value, bool) for value in values):
+            raise ValueError("YAML reads no as a boolean: put it in quotes")
+        return [str(value) if isinstance(value, int) else value for value in values]
+
+    @field_validator("exposure")
+    @classmethod
+    def _known_exposure(cls, value: str | int) -> str | int:
+        if isinstance(value, int) and not is_exposure(value):
+            raise ValueError(f"exposure {value} ms, expected 'best' or 16, 32, 64 ... 8192")
+        return value

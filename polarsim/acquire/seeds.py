@@ -1,0 +1,61 @@
+"""The seeds: the few label files that propagation starts from, chosen by rule among all that are there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from polarsim.acquire.options import SeedOptions
+from polarsim.formats import release, yolo
+from polarsim.formats.files import writing_folder
+from polarsim.photo import PhotoKey
+
+USUAL_EXPOSURE_MS = 256  # most labels were drawn at it
+
+
+def best_exposure(boxes: Mapping[PhotoKey, int]) -> PhotoKey:
+    """The photo of a photo set with most boxes; then that nearest 256 ms on a log scale, then the longer."""
+
+    def rank(key: PhotoKey) -> tuple[int, float, int]:
+        return boxes[key], -abs(math.log2(key.exposure_ms / USUAL_EXPOSURE_MS)), key.exposure_ms
+
+    return max(boxes, key=rank)
+
+
+def find_labels(root: Path, terrain: int) -> tuple[dict[PhotoKey, Path], Path]:
+    """Label files of a terrain below `root`, which has the release's layout or holds label files; and their folder."""
+    if (root / release.BOXES).is_dir():
+        return release.label_files(root, terrain), release.label_folder(root, terrain)
+    return {key: path for key, path in release.key_files(root).files.items() if key.terrain == terrain}, root
+
+
+def choose_seeds(
+    files: Mapping[PhotoKey, Path], positions: Sequence[str], options: SeedOptions
+) -> list[tuple[PhotoKey, Path]]:
+    """At most one file a photo set, by key.
+
+    Raises
+    ------
+    FormatError
+        A file that might be a seed is broken.
+    """
+    sets: dict[tuple[object, ...], list[PhotoKey]] = {}
+    for key in sorted(files):
+        if (
+            key.position in positions
+            and key.light == options.light
+            and key.camera == options.camera
+            and key.azimuth in options.azimuths
+            and options.exposure in ("best", key.exposure_ms)
+        ):
+            sets.setdefault(key.photo_set, []).append(key)
+    chosen = [best_exposure({key: len(yolo.read_boxes(files[key])[0]) for key in keys}) for keys in sets.values()]
+    return [(key, files[key]) for key in sorted(chosen)]
+
+
+def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
+    """Write the chosen files anew, all in one number format, as the folder's only content."""
+    with writing_folder(seeds) as folder:
+        for key, path in chosen:
+            yolo.write_boxes(folder / f"{key}.txt", *yolo.read_boxes(path))

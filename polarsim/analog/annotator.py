@@ -1,0 +1,89 @@
+"""A model of the person who drew the labels: which things are drawn, and how far off their edges are.
+
+Numbers: scatter of the published labels, `edges of one drawing` by size of the rock and of shadows (robust and plain
+standard deviations of x0, y0, x1, y1 in px), and the share of rocks in the Left photo that the Right one lacks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from polarsim.analog.regions import Region, contrast
+from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH
+
+_SIZES = np.array([25, 35, 50, 80, 120])  # px, upper bounds of the classes but the last
+_ROBUST = np.array(
+    [[3.4, 1.7, 3.0, 2.6], [3.4, 2.1, 3.4, 2.8], [4.3, 2.1, 4.3, 3.4], [4.3, 2.6, 4.7, 4.3], [5.1, 2.6, 5.1, 5.6],
+     [6.6, 3.0, 6.6, 7.7]]
+)  # fmt: skip
+_FORGOTTEN = np.array([0.068, 0.027, 0.026, 0.004, 0.007, 0.009])
+_SHADOW_ROBUST = np.array([5.5, 3.1, 5.4, 3.7])
+_SHADOW_TAIL = np.array([12.0, 4.2, 17.0, 6.2])
+_SHADOW_FORGOTTEN = 0.05
+_TAIL_SHARE, _TAIL_FACTOR = 0.12, 2.2  # a few edges are far worse than the rest
+_SHARE_OF_SIDE = 0.16  # nobody errs by more than this of a side, as standard deviation
+_TINY_PX, _TINY_MISSED = 16, 0.5
+_DARK_DN, _DARK_MISSED = 30, 0.7  # a rock that stands out by less is mostly overlooked
+
+
+def draw_rock(region: Region, photo: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
+    """(4,) the box that the person draws around a rock, whole pixels; None where it is overlooked."""
+    x0, y0, x1, y1 = region.box
+    size_class = int(np.searchsorted(_SIZES, np.sqrt((x1 - x0) * (y1 - y0))))
+    chance, tiny, dark = rng.random(3)
+    noise = _edge_noise(_ROBUST[size_class], _TAIL_FACTOR * _ROBUST[size_class], rng)
+    brightest = float(np.percentile(region.inside(photo), 95)) - BLACK_LEVEL
+    if brightest < _DARK_DN and dark < _DARK_MISSED:
+        return None
+    if (x1 - x0 < _TINY_PX and tiny < _TINY_MISSED) or chance < _FORGOTTEN[size_class]:
+        return None
+    return _drawn(np.array(region.box, float), noise)
+
+
+def draw_shadow(region: Region, rng: np.random.Generator) -> np.ndarray | None:
+    """(4,) the box around a shadow's visible part; None where it is forgotten."""
+    forgotten = rng.random() < _SHADOW_FORGOTTEN
+    noise = _edge_noise(_SHADOW_ROBUST, _SHADOW_TAIL * 1.8, rng)
+    return None if forgotten else _drawn(np.array(region.box, float), noise)
+
+
+def _edge_noise(robust: np.ndarray, tail: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    far = rng.random(4) < _TAIL_SHARE
+    return rng.standard_normal(4) * np.where(far, tail, robust)
+
+
+def _drawn(box: np.ndarray, noise: np.ndarray) -> np.ndarray | None:
+    sides = np.array([box[2] - box[0], box[3] - box[1]])
+    limit = np.tile(np.maximum(_SHARE_OF_SIDE * sides, 1.0), 2) * 2
+    edges = np.round(box + np.clip(noise, -limit, limit))
+    edges = np.clip(edges, 0, [WIDTH, HEIGHT, WIDTH, HEIGHT])
+    return edges if (edges[2:] - edges[:2] >= 3).all() else None
+
+
+def annotate(
+    rocks: Sequence[Region],
+    shadows: Sequence[Region],
+    photo: np.ndarray,
+    rng: np.random.Generator,
+    *,
+    with_shadows: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Class numbers (n,) and boxes (n, 4), px, that a person draws into a photo: rocks first, in no order.
+
+    Shadows are drawn of rocks that were drawn, where the photo shows them darker than the sand around.
+    """
+    rock_boxes, seen = [], set()
+    for region in (rocks[index] for index in rng.permutation(len(rocks))):
+        box = draw_rock(region, photo, rng)
+        if box is not None:
+            rock_boxes.append(box)
+            seen.add(region.rock)
+    shadow_boxes = []
+    for region in (shadows[index] for index in rng.permutation(len(shadows))):
+        box = draw_shadow(region, rng)
+        if with_shadows and box is not None and region.rock in seen and contrast(region, photo) < -_DARK_DN:
+            shadow_boxes.append(box)
+    classes = np.repeat([0, 1], [len(rock_boxes), len(shadow_boxes)])
+    return classes, np.array([*rock_boxes, *shadow_boxes], float).reshape(-1, 4)

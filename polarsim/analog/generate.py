@@ -1,0 +1,114 @@
+"""The analog sandbox: a terrain with photos, scans, calibration and seed labels as NASA and a person left them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.analog import scanner
+from polarsim.analog.options import AnalogOptions
+from polarsim.analog.photographer import empty_labels, take_photos
+from polarsim.analog.presets import PRESETS
+from polarsim.analog.terrain import Terrain, build_terrain
+from polarsim.analog.truth import write_truth
+from polarsim.errors import ConfigError
+from polarsim.formats import nasa, tables
+from polarsim.formats.files import writing_folder
+from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
+from polarsim.geometry.stereo import RectifiedGrid, StereoRig, rectified_left
+from polarsim.photo import PhotoKey, positions
+from polarsim.randomness import generator
+
+_CAMERA_FROM_UPRIGHT = Pose(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.zeros(3))  # x ahead, y left, z up
+
+
+def generate_terrain(
+    *, terrain: int, keys: Sequence[PhotoKey], raw: Path, ranges: Path, seeds: Path, truth: Path,
+    options: AnalogOptions, threads: int,
+) -> None:  # fmt: skip
+    """Make one terrain and write its four folders, laid out as docs/formats.md says.
+
+    Parameters
+    ----------
+    keys : list[PhotoKey]
+        The photos to take, and no others; without `options.photos` none are taken and no labels are made.
+    raw, ranges, seeds, truth : Path
+        Folders `TerrainTT_Name` (calibration, clouds, photos), `TerrainTT` of range maps, of seed labels, and of what
+        only the analog knows. Existing ones are replaced when everything is done.
+    threads : int
+        Threads for ray casting and for writing photos.
+
+    Notes
+    -----
+    `truth/labels.parquet` has a row for every rock with at least 12 visible pixels, lit or not, and for every such cast
+    shadow. `contrast` is the region's mean less that of its surroundings in that photo, DN, so that scoring can leave
+    out what nobody could see.
+
+    Raises
+    ------
+    ConfigError
+        An unknown terrain, or keys of another one.
+    """
+    if terrain not in PRESETS:
+        raise ConfigError(f"terrain {terrain}, the analog has {min(PRESETS)} to {max(PRESETS)}")
+    foreign = [key for key in keys if key.terrain != terrain or key.position not in positions(terrain)]
+    if foreign:
+        raise ConfigError(f"{foreign[0]}: not a photo of terrain {terrain:02d}")
+    made = build_terrain(terrain, options)
+    with ExitStack() as stack:
+        into = {
+            name: stack.enter_context(writing_folder(folder))
+            for name, folder in (("raw", raw), ("ranges", ranges), ("seeds", seeds), ("truth", truth))
+        }
+        nasa.write_calibration(into["raw"] / nasa.CALIBRATION_NAME, made.set_up.calibration)
+        calibration = nasa.read_calibration(into["raw"] / nasa.CALIBRATION_NAME)  # with the file's rounding
+        _write_scans(made, calibration, into["raw"], into["ranges"], options, threads)
+        write_truth(made, into["truth"], options)
+        labels = empty_labels()
+        if options.photos:
+            labels = take_photos(made, sorted(keys), into["raw"], into["seeds"], options, threads)
+        tables.write_parquet(into["truth"] / "labels.parquet", labels)
+
+
+def _write_scans(
+    made: Terrain, calibration: StereoRig, raw: Path, ranges: Path, options: AnalogOptions, threads: int
+) -> None:
+    """Clouds and maps of the scanned positions, and a map of B made of both scans' surfaces."""
+    grid = rectified_left(calibration)
+    surfaces = []
+    for position in scanner.SCANNED:
+        rng = generator(options.seed, "scan", made.terrain, position)
+        left = made.set_up.sandbox_from_left[position]
+        centre = left.translation + rng.normal(0, options.scanner_offset_mm / 1000, 3)
+        level = looking(centre, yaw_pitch_roll(left)[0], 0.0)
+        found = scanner.scan(made.scene, made.caster, level @ _CAMERA_FROM_UPRIGHT, rng, options, threads)
+        grid_from_sandbox = _registered(made, position, grid, rng, options)
+        surface = scanner.surface(found, centre)
+        surfaces.append(surface)
+        valid = np.isfinite(found.points[..., 0])
+        points = grid_from_sandbox.apply(found.points[valid])
+        nasa.write_cloud(raw / f"Pos{position}.xyz", points, found.intensity[valid])
+        _write_map(ranges, position, [surface], grid, grid_from_sandbox, threads)
+    if "B" in made.set_up.sandbox_from_left:
+        rng = generator(options.seed, "scan", made.terrain, "B")
+        _write_map(ranges, "B", surfaces, grid, _registered(made, "B", grid, rng, options), threads)
+
+
+def _registered(
+    made: Terrain, position: str, grid: RectifiedGrid, rng: np.random.Generator, options: AnalogOptions
+) -> Pose:
+    """Rectified left frame from sandbox as NASA's registration found it."""
+    exact = (made.set_up.sandbox_from_left[position] @ grid.left_from_rectified).inverse()
+    return scanner.registration_error(rng, options) @ exact
+
+
+def _write_map(
+    folder: Path, position: str, surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: RectifiedGrid,
+    grid_from_sandbox: Pose, threads: int,
+) -> None:  # fmt: skip
+    placed = [(grid_from_sandbox.apply(vertices), faces) for vertices, faces in surfaces]
+    points = scanner.range_map(placed, grid.lens, threads)
+    nasa.write_range_map(nasa.range_map_path(folder, position), points)

@@ -1,0 +1,198 @@
+"""The photographer's day: views lit lamp by lamp, photos as sums of layers, and their labels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.analog.annotator import annotate
+from polarsim.analog.light import AMBIENT, Bounce, Lamp, direct, gather_bounce, visibility
+from polarsim.analog.options import AnalogOptions
+from polarsim.analog.regions import Region, contrast, rock_regions, shadow_regions
+from polarsim.analog.sensor import expose, fixed_pattern, lamp_glare, through_lens
+from polarsim.analog.setup import ROVER, SetUp
+from polarsim.analog.terrain import Terrain
+from polarsim.analog.view import lens_directions, look, make_textures
+from polarsim.formats import nasa, png, tables, yolo
+from polarsim.photo import BLACK_LEVEL, CAMERAS, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.progress import track
+from polarsim.randomness import generator
+from polarsim.survey import ROVER_LIGHT_SHARE
+
+# Set once, for all terrains, so that the best single exposures of terrain 11 at A agree with NASA's
+# (Sun 30: 256 ms, 180: 128, 270: 1024, 350: 256): photo-electrons a millisecond at unit radiance, lamp outputs.
+ELECTRONS = 8000.0
+LAMP_OUTPUT = {"30": 1.0, "180": 4.0, "270": 0.6, "350": 1.0, ROVER: ROVER_LIGHT_SHARE}
+_GLARE = 0.002  # radiance at the centre of a lamp's ghosts
+_SAND_ALBEDO = 0.19
+_BRIGHT, _SATURATED = 40, 4000  # DN above black between which a pixel is well exposed
+
+
+@dataclass(frozen=True)
+class Layers:
+    """One camera's view: its linear images by lamp, and what is to be seen there."""
+
+    images: dict[str, np.ndarray]  # azimuth, ROVER, AMBIENT -> (h, w) float32 radiance
+    rocks: list[Region]
+    shadows: dict[str, list[Region]]  # azimuth or ROVER -> regions
+
+    def lit(self, key: PhotoKey) -> np.ndarray:
+        """(h, w) radiance under a photo's lamps."""
+        image = self.images[AMBIENT].copy()
+        for lamp in _lamps_of(key):
+            image += self.images[lamp]
+        return image
+
+    def shadows_of(self, key: PhotoKey) -> list[Region]:
+        """Shadows of the photo's main lamp: the Sun where it shines, else the rover light."""
+        lamps = _lamps_of(key)
+        return self.shadows[lamps[0]] if lamps else []
+
+
+def _lamps_of(key: PhotoKey) -> list[str]:
+    return ([key.azimuth] if key.azimuth != "no" else []) + ([ROVER] if key.light == "on" else [])
+
+
+def take_photos(
+    made: Terrain, keys: Sequence[PhotoKey], raw: Path, seeds: Path, options: AnalogOptions, threads: int
+) -> pd.DataFrame:
+    """Write the photos and the seed labels; the true labels of all photos."""
+    at = sorted({key.position for key in keys})
+    lamps = {position: _lamps(made.set_up, position, options) for position in at}
+    bounces = gather_bounce(
+        made.scene, made.caster, _named(lamps), generator(options.seed, "bounce", made.terrain), threads
+    )
+    tokens = _tokens(keys, options.seed)
+    rows: list[dict[str, object]] = []
+    views = [(position, camera) for position in at for camera in CAMERAS]
+    for position, camera in track(views, f"views of terrain {made.terrain:02d}"):
+        here = [key for key in keys if (key.position, key.camera) == (position, camera)]
+        if not here:
+            continue
+        wanted = {lamp: lamps[position][lamp] for lamp in sorted({name for key in here for name in _lamps_of(key)})}
+        layers = _layers(made, position, camera, wanted, bounces, options, threads)
+        rows += _shoot(layers, here, tokens, raw, seeds, options, threads)
+    return _label_table(rows)
+
+
+def _lamps(set_up: SetUp, position: str, options: AnalogOptions) -> dict[str, Lamp]:
+    """The lamps of a position by azimuth, and its rover light."""
+    left = set_up.sandbox_from_left[position]
+    lamps = {}
+    for name, place in set_up.lamps_at(position).items():
+        target = left.apply(np.array([0, 0.0, 4.0])) if name == ROVER else np.zeros(3)
+        lamps[name] = Lamp(place, target, options.lamp_radius_mm / 1000, LAMP_OUTPUT[name])
+    return lamps
+
+
+def _bounce_name(lamp: str, position: str) -> str:
+    return f"{lamp}_{position}" if lamp == ROVER else lamp
+
+
+def _named(lamps: Mapping[str, Mapping[str, Lamp]]) -> dict[str, Lamp]:
+    """All lamps of all positions, each once."""
+    return {_bounce_name(name, position): lamp for position in lamps for name, lamp in lamps[position].items()}
+
+
+def _layers(
+    made: Terrain, position: str, camera: str, lamps: Mapping[str, Lamp], bounces: Bounce, options: AnalogOptions,
+    threads: int,
+) -> Layers:  # fmt: skip
+    scene, lens = made.scene, made.set_up.rig.lens(camera)
+    pose = made.set_up.sandbox_from(position, camera)
+    textures = make_textures(generator(options.seed, "textures", made.terrain))
+    view = look(scene, made.caster, textures, lens, lens_directions(lens), pose, threads)
+    rock_caster = scene.rock_caster() if scene.rocks else None
+    images, shadows = {}, {}
+    hall = options.hall_light_dn_per_s * options.electrons_per_dn / 1000 / ELECTRONS / _SAND_ALBEDO
+    images[AMBIENT] = through_lens(hall * bounces.at(scene, view, AMBIENT))
+    for name, lamp in lamps.items():
+        rng = generator(options.seed, "light", made.terrain, position, camera, name)
+        lit = direct(view, lamp, visibility(view, made.caster, lamp, rng, threads))
+        lit += bounces.at(scene, view, _bounce_name(name, position))
+        glare = lamp_glare(lamp, lens, pose, _GLARE * lamp.intensity, rng)
+        images[name] = through_lens(lit) + glare
+        shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, threads)
+    return Layers(images, rock_regions(view), shadows)
+
+
+def _shoot(
+    layers: Layers, keys: Sequence[PhotoKey], tokens: Mapping[tuple[object, ...], str], raw: Path, seeds: Path,
+    options: AnalogOptions, threads: int,
+) -> list[dict[str, object]]:  # fmt: skip
+    """Write the photos of one view and the seeds among them; rows of the true labels."""
+    pattern = fixed_pattern(generator(options.seed, "pattern", keys[0].camera), (HEIGHT, WIDTH))
+
+    def shoot(key: PhotoKey) -> tuple[list[dict[str, object]], float, np.ndarray | None]:
+        rng = generator(options.seed, "sensor", key)
+        photo = expose(layers.lit(key), key.exposure_ms, ELECTRONS, options, rng, pattern)
+        png.write(nasa.photo_path(raw, key, tokens[_pair(key)]), photo)
+        above = photo[::2, ::2].astype(np.int32) - BLACK_LEVEL
+        well_exposed = float(((above > _BRIGHT) & (above < _SATURATED)).mean())
+        return _label_rows(key, layers, photo), well_exposed, photo if _may_be_seed(key) else None
+
+    rows: list[dict[str, object]] = []
+    best: dict[str, tuple[float, PhotoKey, np.ndarray]] = {}
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        for portion in (keys[n : n + 4 * threads] for n in range(0, len(keys), 4 * threads)):
+            for key, (found, quality, photo) in zip(portion, pool.map(shoot, portion), strict=True):
+                rows += found
+                if photo is not None and quality > best.get(key.azimuth, (-1.0,))[0]:
+                    best[key.azimuth] = quality, key, photo
+    for _, key, photo in best.values():
+        rng = generator(options.seed, "annotator", key.with_exposure(16))
+        with_shadows = key.exposure_ms >= options.shadows_from_ms
+        drawn = annotate(layers.rocks, layers.shadows_of(key), photo, rng, with_shadows=with_shadows)
+        yolo.write_boxes(seeds / f"{key}.txt", *drawn)
+    return rows
+
+
+def _may_be_seed(key: PhotoKey) -> bool:
+    """A person labelled the Left photo of every Sun lamp with the rover light off."""
+    return key.camera == "L" and key.light == "off" and key.azimuth != "no"
+
+
+def _label_rows(key: PhotoKey, layers: Layers, photo: np.ndarray) -> list[dict[str, object]]:
+    named = [(ROCK, region) for region in layers.rocks] + [(SHADOW, region) for region in layers.shadows_of(key)]
+    return [
+        {
+            **tables.key_columns(key), "kind": kind, "rock": region.rock, "source": "truth", "confidence": 1.0,
+            **dict(zip(("x0", "y0", "x1", "y1"), map(float, region.box), strict=True)),
+            "visible_px": region.pixels, "contrast": round(contrast(region, photo), 2),
+        }
+        for kind, region in named
+    ]  # fmt: skip
+
+
+def _label_table(rows: list[dict[str, object]]) -> pd.DataFrame:
+    """`tables.label_table` with the two columns more that truth has."""
+    order = sorted(rows, key=lambda row: (str(row["key"]), str(row["kind"]), row["rock"], row["x0"], row["y0"]))
+    table = tables.label_table(order)
+    table["visible_px"] = pd.Series([row["visible_px"] for row in order], dtype="int64")
+    table["contrast"] = pd.Series([row["contrast"] for row in order], dtype="float64")
+    return table
+
+
+def empty_labels() -> pd.DataFrame:
+    return _label_table([])
+
+
+def _pair(key: PhotoKey) -> tuple[object, ...]:
+    return key.terrain, key.position, key.light, key.azimuth, key.exposure_ms
+
+
+def _tokens(keys: Sequence[PhotoKey], seed: int) -> dict[tuple[object, ...], str]:
+    """The number in the middle of a photo's name: one a pair, unlike any other, and telling nothing."""
+    tokens: dict[tuple[object, ...], str] = {}
+    for pair in sorted({_pair(key) for key in keys}, key=str):
+        rng = generator(seed, "token", *pair)
+        token = str(rng.integers(100_000_000, 999_999_999))
+        while token in tokens.values():
+            token = str(rng.integers(100_000_000, 999_999_999))
+        tokens[pair] = token
+    return tokens

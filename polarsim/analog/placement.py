@@ -1,0 +1,175 @@
+"""Rocks set into the sand: spread as a preset says, some half-buried, some touching, some on top of others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from polarsim.analog.ground import CRATER_CENTRE, Ground
+from polarsim.analog.presets import Preset
+from polarsim.analog.rays import Caster
+from polarsim.analog.rocks import Rock, carve, icosphere
+
+_PROBES = 642  # vertices of a rock that are tried against its neighbours: a sphere of three subdivisions
+_X_RANGE, _Y_RANGE = (-1.6, 1.6), (-1.75, 1.6)  # where centres lie in the real scenes, metres
+_PILE = np.array([-0.1, 0.0])
+_TRIES = 300
+
+
+def place_rocks(preset: Preset, ground: Ground, rng: np.random.Generator, detail: int) -> list[Rock]:
+    """The rocks of a preset on a ground, numbered from 1 from far to near as seen from A."""
+    sizes = _sizes(preset, rng)
+    shapes = [carve(rng, number, size, detail) for number, size in enumerate(sizes)]
+    placed: list[Rock] = []
+    supports = 3 if preset.layout == "pile" else 0
+    leaning = rng.random(len(shapes)) < preset.touching
+    for number, shape in enumerate(shapes[: len(shapes) - preset.stacked]):
+        rock = None
+        if placed and (number < supports or leaning[number]):
+            parent = placed[-1] if number < supports else placed[int(rng.integers(len(placed)))]
+            rock = _lean(shape, parent, placed, ground, rng, preset)
+        if rock is None:
+            rock = _stand_alone(shape, placed, ground, rng, preset, in_pile=number < supports)
+        placed.append(rock)
+    bases = list(placed[: max(supports, 2)])
+    for shape in shapes[len(shapes) - preset.stacked :]:
+        placed.append(_stack(shape, bases, placed, rng))
+    if preset.giant:
+        placed = _with_giant(preset, placed, ground, rng, detail)
+    order = np.argsort([rock.centre[0] for rock in placed], kind="stable")
+    if preset.giant:  # the terrain without it numbers the others the same way
+        order = np.append(order[order != len(placed) - 1], len(placed) - 1)
+    return [replace(placed[index], rock=number) for number, index in enumerate(order, 1)]
+
+
+def _sizes(preset: Preset, rng: np.random.Generator) -> np.ndarray:
+    """Longest sides, large ones first: log-uniform on both sides of the median, stratified; stacked ones last."""
+    if not preset.rocks:
+        return np.zeros(0)
+    small, median, large = np.log(preset.sizes)
+    quantile = (np.arange(preset.rocks) + rng.random(preset.rocks)) / preset.rocks
+    log_size = np.interp(quantile, [0, 0.5, 1], [small, median, large])
+    sizes = np.exp(log_size)[::-1]
+    if preset.layout == "pile" and preset.stacked:  # the pile is built of the largest
+        top = 3 + np.arange(preset.stacked)
+        sizes[:3] = preset.sizes[2] * rng.uniform(0.85, 1.0, 3)
+        sizes[top] = preset.sizes[2] * rng.uniform(0.6, 0.85, preset.stacked)
+    else:
+        top = len(sizes) // 2 + np.arange(preset.stacked)
+    return np.concatenate([np.delete(sizes, top), sizes[top]])
+
+
+def _candidate(rock: Rock, rng: np.random.Generator, preset: Preset, *, in_pile: bool) -> np.ndarray:
+    """A place (2,) as the layout likes it."""
+    if preset.half_width < 1:
+        return rng.uniform(-0.6, 0.6, 2) * preset.half_width
+    place = np.array([rng.uniform(*_X_RANGE), rng.uniform(*_Y_RANGE)])
+    large = rock.radius > 0.08
+    if in_pile:
+        return _PILE + rng.normal(0, 0.05, 2)
+    if preset.layout == "cluster" and large:
+        return np.array([-0.8, 0.8]) + rng.normal(0, 0.35, 2)
+    if preset.layout == "sides":
+        return np.array([place[0], rng.uniform(-1.6, 0.2) if large else rng.uniform(0.2, 1.6)])
+    if preset.layout == "diagonal":
+        return np.array([-1.2, -1.3]) + rng.random() * np.array([2.3, 2.5]) + rng.normal(0, 0.3, 2)
+    return place
+
+
+def _fits(place: np.ndarray, radius: float, placed: Sequence[Rock], preset: Preset, gap: float) -> bool:
+    if preset.half_width < 1:
+        inside = bool(np.all(np.abs(place) < 0.7 * preset.half_width))
+    else:
+        inside = bool(_X_RANGE[0] <= place[0] <= _X_RANGE[1] and _Y_RANGE[0] <= place[1] <= _Y_RANGE[1])
+    if preset.layout == "around" and np.linalg.norm(place - CRATER_CENTRE) < 1.25:
+        return False
+    return inside and all(np.linalg.norm(place - r.centre[:2]) > radius + r.radius + gap for r in placed)
+
+
+def _stand_alone(
+    shape: Rock, placed: Sequence[Rock], ground: Ground, rng: np.random.Generator, preset: Preset, *, in_pile: bool
+) -> Rock:
+    gap = 0.05
+    for attempt in range(4 * _TRIES):
+        place = _candidate(shape, rng, preset, in_pile=in_pile)
+        if in_pile or _fits(place, shape.radius, placed, preset, gap):
+            break
+        if attempt % _TRIES == _TRIES - 1:
+            gap /= 4  # a crowded scene: stand closer
+    return _set_down(shape, place, ground, rng)
+
+
+def _set_down(shape: Rock, place: np.ndarray, ground: Ground, rng: np.random.Generator) -> Rock:
+    """On the ground at a place, its foot in the sand; three in ten are buried to about the half."""
+    extent = np.ptp(shape.vertices, axis=0)
+    share = rng.uniform(0.35, 0.55) if rng.random() < 0.3 else rng.uniform(0.08, 0.2)
+    low = shape.vertices[shape.vertices[:, 2] < shape.vertices[:, 2].min() + 0.3 * extent[2], :2] + place
+    level = np.median(ground.height_at(low[:, 0], low[:, 1]))
+    bottom = level - max(share * extent[2], 0.012)
+    return shape.moved(np.array([*place, bottom - shape.vertices[:, 2].min()]))
+
+
+def _surfaces(rocks: Sequence[Rock]) -> Caster:
+    faces = [icosphere(rock.detail)[1] for rock in rocks]
+    starts = np.cumsum([0, *(len(rock.vertices) for rock in rocks)])
+    return Caster(
+        np.concatenate([rock.vertices for rock in rocks]),
+        np.concatenate([f + start for f, start in zip(faces, starts, strict=False)]),
+    )
+
+
+def _gap(rock: Rock, surfaces: Caster) -> float:
+    """Smallest distance of a rock's probes from surfaces, negative where they overlap, metres."""
+    return float(surfaces.signed_distance(rock.vertices[:_PROBES]).min())
+
+
+def _lean(
+    shape: Rock, parent: Rock, placed: Sequence[Rock], ground: Ground, rng: np.random.Generator, preset: Preset
+) -> Rock | None:
+    """Beside its parent until they touch; None where there is no room."""
+    against, others = _surfaces([parent]), [rock for rock in placed if rock is not parent]
+    for _ in range(12):
+        angle = rng.uniform(0, 2 * np.pi)
+        towards = np.array([np.cos(angle), np.sin(angle)])
+        here = np.random.default_rng(int(rng.integers(1 << 32)))
+        burial = here.bit_generator.state
+        apart, near, far = 0.0, 0.0, 2 * (shape.radius + parent.radius)
+        for _ in range(14):
+            apart = (near + far) / 2
+            here.bit_generator.state = burial  # the same depth at every step
+            rock = _set_down(shape, parent.centre[:2] + apart * towards, ground, here)
+            near, far = (apart, far) if _gap(rock, against) < 0 else (near, apart)
+        place = rock.centre[:2]
+        if not _fits(place, 0.0, [], preset, 0):
+            continue
+        close = [r for r in others if np.linalg.norm(r.centre[:2] - place) < r.radius + rock.radius + 0.15]
+        if not close or _gap(rock, _surfaces(close)) > 0.002:
+            return rock
+    return None
+
+
+def _stack(shape: Rock, bases: Sequence[Rock], placed: Sequence[Rock], rng: np.random.Generator) -> Rock:
+    """Dropped from above between the bases until it touches whatever lies there."""
+    below = _surfaces(placed)
+    place = np.mean([rock.centre[:2] for rock in bases], axis=0) + rng.normal(0, 0.02, 2)
+    if len(bases) == 2:
+        place = bases[0].centre[:2] + rng.normal(0, 0.02, 2)
+    top = max(rock.vertices[:, 2].max() for rock in placed)
+    low, high = float(bases[0].centre[2]), float(top + np.ptp(shape.vertices[:, 2]))
+    for _ in range(16):
+        height = (low + high) / 2
+        rock = shape.moved(np.array([*place, height]))
+        low, high = (height, high) if _gap(rock, below) < 0 else (low, height)
+    return rock.moved(np.array([0, 0, -0.003]))  # stones bite into each other a little
+
+
+def _with_giant(
+    preset: Preset, placed: list[Rock], ground: Ground, rng: np.random.Generator, detail: int
+) -> list[Rock]:
+    """One very large bright rock at the front, where it has most room."""
+    giant = replace(carve(rng, 0, preset.giant, detail), albedo=0.55, patch=0.3)
+    tries = np.stack([rng.uniform(0.7, 1.4, 200), rng.uniform(-1.3, 1.3, 200)], 1)
+    room = [min(np.linalg.norm(t - r.centre[:2]) - r.radius for r in placed) for t in tries]
+    return [*placed, _set_down(giant, tries[int(np.argmax(room))], ground, rng)]

@@ -1,0 +1,45 @@
+"""The 13 scenes by number: rocks, their sizes and layout, and the shape of the ground (facts of the data set)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Layout = Literal["spread", "cluster", "sides", "diagonal", "around", "in_crater", "pile"]
+
+
+@dataclass(frozen=True)
+class Preset:
+    """One scene. Sizes are the longest sides (smallest, median, largest), metres."""
+
+    rocks: int
+    sizes: tuple[float, float, float] = (0.06, 0.09, 0.20)
+    layout: Layout = "spread"
+    touching: float = 0.1  # share of rocks that lean against another
+    stacked: int = 0  # rocks that lie on others
+    giant: float = 0.0  # size of one more, bright rock at the front, metres; 0 for none
+    relief: float = 1.0  # strength of the fractal relief
+    trowel: float = 1.0  # strength of trowel marks
+    pits: int = 8
+    mounds: int = 5
+    tracks: int = 0
+    crater: Literal["", "fresh", "old"] = ""
+    half_width: float = 2.0  # of the sand, metres
+    like: int = 0  # terrain whose ground and rocks this one shares; 0 for its own
+
+
+PRESETS = {
+    1: Preset(15, (0.08, 0.22, 0.38), trowel=1.3),
+    2: Preset(15, (0.08, 0.22, 0.38), trowel=1.3, giant=0.55, like=1),
+    3: Preset(28, (0.07, 0.11, 0.36), touching=0.15),
+    4: Preset(27, (0.06, 0.10, 0.36), touching=0.3, mounds=12, tracks=1),
+    5: Preset(23, (0.05, 0.09, 0.36), layout="cluster", touching=0.2, stacked=1),
+    6: Preset(0, relief=0.35, trowel=0.15, pits=0, mounds=0),
+    7: Preset(18, (0.07, 0.09, 0.38), layout="sides"),
+    8: Preset(16, (0.07, 0.10, 0.34), layout="pile", stacked=2, pits=20),
+    9: Preset(20, (0.06, 0.09, 0.15), touching=0.05, tracks=1),
+    10: Preset(20, (0.07, 0.09, 0.15), layout="diagonal", touching=0.2, tracks=1),
+    11: Preset(9, (0.07, 0.09, 0.14), layout="around", crater="fresh", touching=0.2),
+    12: Preset(23, (0.05, 0.09, 0.26), layout="in_crater", crater="old", touching=0.15),
+    13: Preset(3, (0.07, 0.09, 0.12), relief=0.3, trowel=0.1, pits=0, mounds=0, half_width=0.5),
+}

@@ -1,0 +1,93 @@
+"""What is really to be seen: the pixels of every rock and of its shadow, in every view and under every lamp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.analog.light import SURFACE_OFFSET, Lamp
+from polarsim.analog.rays import Caster, rays_from
+from polarsim.analog.sandbox import GROUND_OBJECT, Scene
+from polarsim.analog.view import View
+from polarsim.photo import HEIGHT, WIDTH
+
+LEAST_PIXELS = 12  # smaller regions are not labelled
+_RING = 0.3  # width of the surroundings that a region is compared with, in box sizes
+
+
+@dataclass(frozen=True)
+class Region:
+    """The visible pixels of one thing: its tight box and the mask inside it."""
+
+    rock: int
+    box: tuple[int, int, int, int]  # x0, y0, x1, y1 in px; the far edges excluded
+    mask: np.ndarray  # (y1 - y0, x1 - x0) bool
+
+    @property
+    def pixels(self) -> int:
+        return int(self.mask.sum())
+
+    def inside(self, picture: np.ndarray) -> np.ndarray:
+        """The picture's values at the region's pixels."""
+        x0, y0, x1, y1 = self.box
+        return picture[y0:y1, x0:x1][self.mask]
+
+
+def rock_regions(view: View) -> list[Region]:
+    """The rocks of a view with at least `LEAST_PIXELS` visible pixels, lit or not."""
+    return [
+        region for rock in np.unique(view.objects[view.objects > 0]) for region in _region(view.objects == rock, rock)
+    ]
+
+
+def shadow_regions(
+    scene: Scene, caster: Caster, rock_caster: Caster | None, view: View, lamp: Lamp, threads: int
+) -> list[Region]:
+    """Cast shadows on the ground by rock: visible sand whose light a rock blocks, and nothing but rocks.
+
+    Where two rocks block the same light the pixel belongs to both shadows. The lamp counts as a point, its centre.
+    """
+    if rock_caster is None:
+        return []
+    rows, columns = np.nonzero(view.objects == GROUND_OBJECT)
+    start = view.places[rows, columns] + SURFACE_OFFSET * view.normals[rows, columns]
+    rays = rays_from(start, lamp.place.astype(np.float32) - start)
+    found = rock_caster.first_hits(rays, threads)
+    behind = found["t_hit"] < 1
+    rows, columns, rays = rows[behind], columns[behind], rays[behind]
+    if not len(rows):
+        return []
+    ray, face = caster.all_hits(rays, threads)
+    rock = scene.object_of_face[face]
+    other = np.zeros(len(rows), bool)
+    other[ray[rock <= 0]] = True
+    good = (rock > 0) & ~other[ray]
+    regions = []
+    for number in np.unique(rock[good]):
+        mask = np.zeros(view.shape, bool)
+        mine = ray[good & (rock == number)]
+        mask[rows[mine], columns[mine]] = True
+        regions += _region(mask, number)
+    return regions
+
+
+def _region(mask: np.ndarray, rock: int) -> list[Region]:
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return []
+    box = (int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1)
+    region = Region(int(rock), box, mask[box[1] : box[3], box[0] : box[2]].copy())
+    return [region] if region.pixels >= LEAST_PIXELS else []
+
+
+def contrast(region: Region, photo: np.ndarray) -> float:
+    """Mean of a region in a photo less the mean of what surrounds it, DN."""
+    x0, y0, x1, y1 = region.box
+    dx, dy = max(3, round(_RING * (x1 - x0))), max(3, round(_RING * (y1 - y0)))
+    left, top, right, bottom = max(0, x0 - dx), max(0, y0 - dy), min(WIDTH, x1 + dx), min(HEIGHT, y1 + dy)
+    window = photo[top:bottom, left:right].astype(np.float32)
+    around = np.ones(window.shape, bool)
+    around[y0 - top : y1 - top, x0 - left : x1 - left] &= ~region.mask
+    inside = float(region.inside(photo).astype(np.float32).mean())
+    return inside - (float(window[around].mean()) if around.any() else 0.0)

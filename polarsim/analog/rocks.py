@@ -1,0 +1,114 @@
+"""Angular rocks: polyhedra of random facets with knocked-off corners and rough faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from polarsim.analog.noise import octaves
+
+
+@dataclass(frozen=True)
+class Rock:
+    """A placed rock, sandbox frame."""
+
+    rock: int
+    vertices: np.ndarray  # (v, 3) of the icosphere's topology
+    albedo: float
+    gloss: float  # strength of a shiny lobe
+    patch: float  # how much brighter its fresh faces are
+
+    def moved(self, by: np.ndarray) -> Rock:
+        return replace(self, vertices=self.vertices + by)
+
+    @property
+    def centre(self) -> np.ndarray:
+        return (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
+
+    @property
+    def detail(self) -> int:
+        """Subdivisions of its icosphere."""
+        return round(np.log2((len(self.vertices) - 2) / 10) / 2)
+
+    @property
+    def radius(self) -> float:
+        """Horizontal radius of its footprint, metres."""
+        extent = np.ptp(self.vertices, axis=0)
+        return float(extent[0] + extent[1]) / 4
+
+
+@cache
+def icosphere(detail: int) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors (v, 3) and faces (f, 3); the vertices of coarser spheres come first."""
+    golden = (1 + 5**0.5) / 2
+    corners = [[-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0]]
+    vertices = np.array([np.roll(corner, turn) for turn in (0, 1, 2) for corner in corners], float)
+    vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
+    edge = np.sort(np.linalg.norm(vertices[:, None] - vertices[None], axis=-1).ravel())[12]
+    near = np.abs(np.linalg.norm(vertices[:, None] - vertices[None], axis=-1) - edge) < 1e-6
+    faces = np.array(
+        [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]]
+    )
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) < 0
+    faces[inwards] = faces[inwards][:, ::-1]
+    for _ in range(detail):
+        edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+        unique, index = np.unique(edges, axis=0, return_inverse=True)
+        middle = vertices[unique].sum(axis=1)
+        ab, bc, ca = np.split(index.ravel() + len(vertices), 3)
+        vertices = np.concatenate([vertices, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
+        a, b, c = faces.T
+        faces = np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
+    return vertices, faces
+
+
+def carve(rng: np.random.Generator, rock: int, size: float, detail: int) -> Rock:
+    """A rock of a longest side `size`, centred on the origin, lying on a broad side, more or less.
+
+    Random planes cut a sphere to a polyhedron; more planes knock corners off; noise roughens what is left.
+    """
+    directions, _ = icosphere(detail)
+    normals = _spread_directions(rng, int(rng.integers(11, 19)))
+    radius = _cut(directions, normals, rng.uniform(0.70, 1.0, len(normals)))
+    for _ in range(int(rng.integers(3, 7))):  # chips: planes just inside the farthest corners
+        towards = directions[rng.choice(np.argsort(radius)[-len(radius) // 5 :])] + rng.normal(0, 0.25, 3)
+        towards /= np.linalg.norm(towards)
+        reach = (directions @ towards * radius).max()
+        radius = np.minimum(radius, _cut(directions, towards[None], np.array([reach * rng.uniform(0.82, 0.94)])))
+    stretch = np.array([1.0, rng.uniform(0.62, 0.95), rng.uniform(0.45, 0.80)])
+    points = directions * radius[:, None] * stretch
+    lumps = octaves(rng, points, (1.5, 3.0), 1.0)
+    rough = octaves(rng, points, (6.0, 12.0, 24.0), 0.8)
+    pitted = -np.clip(octaves(rng, points, (9.0,), 0.0) - 1.0, 0, 1)  # vesicles
+    points *= (1 + 0.05 * lumps + rng.uniform(0.03, 0.10) * rough + rng.uniform(0, 0.05) * pitted)[:, None]
+    tilt = Rotation.from_rotvec(rng.normal(0, 0.25, 3) * [1, 1, 0])
+    turned = (Rotation.from_rotvec([0, 0, rng.uniform(0, 2 * np.pi)]) * tilt).apply(points)
+    turned -= (turned.min(axis=0) + turned.max(axis=0)) / 2
+    turned *= size / np.ptp(turned, axis=0).max()
+    bright = rng.random() < 0.2
+    return Rock(
+        rock, turned, float(rng.uniform(0.14, 0.36)), float(rng.uniform(0.1, 0.5)) if bright else 0.02,
+        float(rng.uniform(0.5, 1.2)) if bright else float(rng.uniform(0, 0.3)),
+    )  # fmt: skip
+
+
+def _cut(directions: np.ndarray, normals: np.ndarray, distances: np.ndarray) -> np.ndarray:
+    """(n,) distance from the origin to the first of the planes along each direction."""
+    along = directions @ normals.T
+    with np.errstate(divide="ignore"):
+        return np.where(along > 1e-3, distances / along, np.inf).min(axis=1)
+
+
+def _spread_directions(rng: np.random.Generator, count: int) -> np.ndarray:
+    """(count, 3) unit vectors, spread so that no side is left open (a jittered Fibonacci lattice, turned)."""
+    k = np.arange(count) + 0.5
+    z = 1 - 2 * k / count
+    angle = np.pi * (1 + 5**0.5) * k
+    lattice = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], 1)
+    lattice += rng.normal(0, 0.22, lattice.shape)
+    lattice /= np.linalg.norm(lattice, axis=1, keepdims=True)
+    return Rotation.from_rotvec(rng.normal(0, 2, 3)).apply(lattice)

@@ -1,0 +1,119 @@
+"""The scanner: ranges over its own angular grid with the faults of real ones, and NASA's maps made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.analog.options import AnalogOptions
+from polarsim.analog.rays import Caster, rays_from
+from polarsim.analog.sandbox import Scene
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+
+SCANNED = ("A", "C")  # positions with a scan of their own; B's map is made from these two
+_PAN, _TILT_UP, _TILT_DOWN = np.radians([36.0, 3.0, 48.0])  # the scanner's window about its heading and the horizon
+_FARTHEST = 9.0  # metres
+_EDGE = 0.03  # jump of range between neighbours that makes a depth edge, metres
+_GAP = 0.05  # neighbours farther apart than this, and than _GAP_SHARE of the range, are not joined
+_GAP_SHARE = 0.02
+_QUANTUM = 1e-4  # metres
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Points on the scanner's grid (rows, columns), sandbox frame; NaN where nothing came back."""
+
+    points: np.ndarray  # (rows, columns, 3)
+    intensity: np.ndarray  # (rows, columns) 0..255
+
+
+def scan(
+    scene: Scene,
+    caster: Caster,
+    sandbox_from_scanner: Pose,
+    rng: np.random.Generator,
+    options: AnalogOptions,
+    threads: int,
+) -> Scan:
+    """Sweep the scanner's window.
+
+    Parameters
+    ----------
+    sandbox_from_scanner : Pose
+        A frame that stands upright: x ahead, y left, z up.
+    """
+    step = np.radians(options.scan_step_deg)
+    pan, tilt = np.arange(-_PAN, _PAN, step), np.arange(_TILT_UP, -_TILT_DOWN, -step)
+    pan = pan + rng.uniform(0, step)
+    up, left = np.meshgrid(tilt, pan, indexing="ij")
+    rays = np.stack([np.cos(up) * np.cos(left), np.cos(up) * np.sin(left), np.sin(up)], axis=-1)
+    directions = sandbox_from_scanner.rotate(rays)
+    hit = caster.first_hits(rays_from(sandbox_from_scanner.translation, directions), threads)
+    face = np.where(np.isfinite(hit["t_hit"]), hit["primitive_ids"], 0)
+    corners = scene.vertices[scene.faces[face]].astype(float)
+    facing = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
+    facing /= np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-12)
+    cosine = np.abs(np.einsum("...k,...k->...", facing, directions))
+    albedo = scene.albedo_of_face[face]
+    distance = np.where(hit["t_hit"] < _FARTHEST, hit["t_hit"], np.nan).astype(float)
+    distance = _mixed(distance, rng, options.mixed_pixels)
+    distance[rng.random(distance.shape) < _lost(cosine, albedo)] = np.nan
+    distance += rng.normal(0, options.range_noise_mm / 1000, distance.shape)
+    distance = np.round(distance / _QUANTUM) * _QUANTUM
+    returned = albedo * cosine * (3 / np.nan_to_num(distance, nan=np.inf)) ** 2
+    intensity = np.clip(np.round(120 * returned + rng.normal(0, 3, returned.shape)), 0, 255)
+    return Scan(sandbox_from_scanner.translation + distance[..., None] * directions, intensity)
+
+
+def _mixed(distance: np.ndarray, rng: np.random.Generator, share: float) -> np.ndarray:
+    """At depth edges the beam meets both surfaces and the range lies anywhere between."""
+    out = distance.copy()
+    for axis in (0, 1):
+        beyond = np.roll(distance, -1, axis)
+        edge = np.abs(beyond - distance) > _EDGE
+        edge[(-1,) if axis == 0 else (slice(None), -1)] = False
+        mixed = edge & (rng.random(edge.shape) < share * 0.5)
+        weight = rng.random(edge.shape)
+        out[mixed] = (weight * distance + (1 - weight) * beyond)[mixed]
+    return out
+
+
+def _lost(cosine: np.ndarray, albedo: np.ndarray) -> np.ndarray:
+    """Chance that nothing comes back: grazing surfaces and dark ones."""
+    grazing = np.clip((0.14 - cosine) / 0.14, 0, 1)
+    dark = np.clip((0.20 - albedo) / 0.20, 0, 1)
+    return np.clip(0.002 + 0.9 * grazing**1.5 + 0.25 * dark**2 + 0.6 * dark * grazing, 0, 1)
+
+
+def surface(found: Scan, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Neighbouring points joined to triangles where no depth edge lies between: vertices (v, 3), faces (f, 3)."""
+    rows, columns = found.points.shape[:2]
+    vertices = found.points.reshape(-1, 3)
+    distance = np.linalg.norm(found.points - centre, axis=-1).ravel()
+    k = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    faces = np.concatenate([np.stack([k, k + columns, k + 1], 1), np.stack([k + 1, k + columns, k + columns + 1], 1)])
+    near = distance[faces]
+    with np.errstate(invalid="ignore"):
+        jump = near.max(axis=1) - near.min(axis=1)
+        joined = jump < np.maximum(_GAP, _GAP_SHARE * near.min(axis=1))
+    return np.nan_to_num(vertices), faces[joined]
+
+
+def range_map(surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: Lens, threads: int) -> np.ndarray:
+    """(h, w, 3) float32 points where surfaces (in the rectified left frame) are seen by its pixels, NaN elsewhere."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
+    vertices = np.concatenate([vertices for vertices, _ in surfaces])
+    faces = np.concatenate([f + start for (_, f), start in zip(surfaces, starts, strict=False)])
+    directions = grid.pixel_directions().astype(np.float32)
+    hit = Caster(vertices, faces).first_hits(rays_from(np.zeros(3), directions), threads)
+    depth = np.where(np.isfinite(hit["t_hit"]), hit["t_hit"], np.nan)
+    return np.round(depth[..., None] * directions / np.float32(_QUANTUM)) * np.float32(_QUANTUM)
+
+
+def registration_error(rng: np.random.Generator, options: AnalogOptions) -> Pose:
+    """The small rigid error with which NASA put a scan into a camera's frame."""
+    turn = np.radians(rng.normal(0, options.registration_error_deg / np.sqrt(3), 3))
+    return Pose.from_rotvec(turn, rng.normal(0, options.registration_error_mm / 1000 / np.sqrt(3), 3))

@@ -1,0 +1,102 @@
+"""From a linear image to a raw photo: lens faults, glare, photon and read noise, black level, 12 bits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from polarsim.analog.light import Lamp
+from polarsim.analog.options import AnalogOptions
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+
+_BLUR_PX = 0.6  # sd of the lens's point spread
+_VIGNETTING = 0.30  # light lost in the corners
+_VEIL, _HALO = 0.004, 0.012  # shares of the light that the lens spreads over everything, and widely about its place
+_PIXEL_GAIN = 0.006  # sd of the pixels' sensitivity
+
+
+def through_lens(image: np.ndarray) -> np.ndarray:
+    """(h, w) image blurred, darkened towards the corners, and veiled by its own light."""
+    import cv2
+
+    height, width = image.shape
+    bright = np.minimum(image, np.percentile(image, 99.9) * 20)
+    small = cv2.resize(bright, (width // 16, height // 16), interpolation=cv2.INTER_AREA)
+    halo = cv2.resize(cv2.GaussianBlur(small, (0, 0), 9), (width, height), interpolation=cv2.INTER_LINEAR)
+    sharp = cv2.GaussianBlur(image, (0, 0), _BLUR_PX)
+    row = np.arange(height, dtype=np.float32) - height / 2
+    column = np.arange(width, dtype=np.float32) - width / 2
+    radius2 = (row[:, None] ** 2 + column**2) / (height**2 / 4 + width**2 / 4)
+    glare = _VEIL * small.mean() + _HALO * halo
+    return (((1 - _HALO) * sharp + glare) * (1 - _VIGNETTING * radius2)).astype(np.float32)
+
+
+def lamp_glare(
+    lamp: Lamp, lens: Lens, sandbox_from_camera: Pose, brightness: float, rng: np.random.Generator
+) -> np.ndarray:
+    """(h, w) light that a lamp in or beside the picture scatters in the lens, for unit intensity.
+
+    Parameters
+    ----------
+    brightness : float
+        Radiance that the ghosts have at their centres, for a lamp 4 m away.
+    """
+    height, width = lens.height, lens.width
+    place = sandbox_from_camera.inverse().apply(lamp.place)
+    distance = float(np.linalg.norm(place))
+    off_axis = np.arccos(place[2] / distance)
+    out = np.zeros((height, width), np.float32)
+    if off_axis > np.radians(105) or distance < 0.3:
+        return out
+    strength = brightness * (4 / distance) ** 2
+    ahead = place / distance
+    middle = np.array([width / 2, height / 2])
+    aside = ahead[:2] / max(float(np.hypot(*ahead[:2])), 1e-6)
+    in_picture = False
+    if ahead[2] > 0.3:
+        spot = lens.project(place[None])[0]
+        in_picture = bool(np.all((spot > 0) & (spot < [width, height])))
+    if in_picture:
+        _blob(out, spot, lens.fx * lamp.radius / distance, 4000 * strength, 2.0)
+        _blob(out, spot, 90, 8 * strength, 0.4)
+        for share, size in ((-0.35, 18), (-0.62, 30), (0.45, 12), (0.3, 26)):  # ghosts on the line through the centre
+            _blob(out, middle + share * (spot - middle) + rng.normal(0, 4, 2), size, 2 * strength, 4.0)
+    else:
+        corner = middle + aside * min(abs(width / 2 / aside[0]), abs(height / 2 / aside[1]))
+        _blob(out, corner, 240, 0.5 * strength * float(np.clip(np.cos(off_axis) + 0.35, 0.05, 1)), 1.0)
+    return out
+
+
+def _blob(out: np.ndarray, centre: np.ndarray, size: float, strength: float, power: float) -> None:
+    row = np.arange(out.shape[0], dtype=np.float32)[:, None] - centre[1]
+    column = np.arange(out.shape[1], dtype=np.float32) - centre[0]
+    far = (row**2 + column**2) / np.float32(size**2)
+    out += np.float32(strength) * np.exp(-(far**power))
+
+
+def expose(
+    image: np.ndarray, exposure_ms: float, electrons: float, options: AnalogOptions, rng: np.random.Generator,
+    pixel_gain: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """(h, w) uint16 photo of a linear image.
+
+    Parameters
+    ----------
+    electrons : float
+        Photo-electrons a millisecond at unit radiance.
+    pixel_gain : (h, w) float32
+        The sensor's fixed pattern.
+    """
+    signal = np.minimum(
+        image * pixel_gain * np.float32(electrons * exposure_ms), np.float32(options.full_well_electrons)
+    )
+    noise = rng.standard_normal(image.shape, dtype=np.float32)
+    noise *= np.sqrt(np.maximum(signal, 0) + np.float32(options.read_noise_electrons**2))
+    values = (signal + noise) / np.float32(options.electrons_per_dn) + np.float32(BLACK_LEVEL)
+    return np.clip(np.rint(values), 0, WHITE_LEVEL).astype(np.uint16)
+
+
+def fixed_pattern(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    """(h, w) float32 sensitivities about 1."""
+    return 1 + np.float32(_PIXEL_GAIN) * rng.standard_normal(shape, dtype=np.float32)

@@ -1,0 +1,102 @@
+"""How a terrain's day went: where tripods and lamps really stood, which rig it was, what the calibration file says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from polarsim.analog.options import AnalogOptions
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.photo import SUNS, positions
+from polarsim.randomness import generator
+from polarsim.survey import NOMINAL_YAW_DEG, ROVER_LIGHT_FROM_LEFT, SUN_LAMPS
+
+ROVER = "rover"  # the light between the cameras, among lamps that else bear their azimuths
+# Where tripods stood by the distances from the box's edge that NASA's folders are named for, metres.
+_TRIPODS = {"A": np.array([3.60, -0.38, 1.55]), "B": np.array([6.10, -0.45, 1.55]), "C": np.array([0.80, -3.65, 1.55])}
+
+
+@dataclass(frozen=True)
+class SetUp:
+    """What only the analog knows, and `calibration`, which is all that the outside is told."""
+
+    rig: StereoRig
+    calibration: StereoRig
+    sandbox_from_left: dict[str, Pose]  # by position
+    lamps: dict[str, np.ndarray]  # azimuth, or `rover_A`; (3,) sandbox frame
+
+    def sandbox_from(self, position: str, camera: str) -> Pose:
+        return self.sandbox_from_left[position] @ self.rig.left_from(camera)
+
+    def lamps_at(self, position: str) -> dict[str, np.ndarray]:
+        """Sun lamps by azimuth, and `rover`, the light of this position."""
+        return {**{azimuth: self.lamps[azimuth] for azimuth in SUNS}, ROVER: self.lamps[f"{ROVER}_{position}"]}
+
+
+def make_set_up(terrain: int, options: AnalogOptions) -> SetUp:
+    """Draw a terrain's set-up."""
+    rng = generator(options.seed, "set-up", terrain)
+    rig = _true_rig(rng)
+    calibration = _calibrated(rig, rng, options)
+    poses = {position: _tripod(terrain, position, rng, options) for position in positions(terrain)}
+    lamps: dict[str, np.ndarray] = {}
+    for azimuth in SUNS:
+        away = rng.normal(0, 1, 3) * [1, 1, 0.5]
+        distance = rng.uniform(options.lamp_offset_from_mm, options.lamp_offset_to_mm) / 1000
+        lamps[azimuth] = SUN_LAMPS[azimuth] + distance * away / np.linalg.norm(away)
+    for position, pose in poses.items():
+        lamps[f"{ROVER}_{position}"] = pose.apply(ROVER_LIGHT_FROM_LEFT + rng.normal(0, 0.005, 3))
+    return SetUp(rig, calibration, poses, lamps)
+
+
+def _true_rig(rng: np.random.Generator) -> StereoRig:
+    """A rig much like NASA's, but not the one whose calibration is known."""
+    stated = stated_rig()
+
+    def lens(known: Lens) -> Lens:
+        k1, k2, p1, p2, k3 = known.distortion
+        terms = (k1 + rng.normal(0, 0.002), k2 + rng.normal(0, 0.004), p1 + rng.normal(0, 5e-5), p2, k3)
+        focal = known.fx + rng.normal(0, 4)
+        return replace(
+            known, fx=focal, fy=focal * 0.998, cx=known.cx + rng.normal(0, 3), cy=known.cy + rng.normal(0, 3),
+            distortion=terms,
+        )  # fmt: skip
+
+    turn = Pose.from_rotvec(np.radians(rng.normal(0, 0.05, 3)), rng.normal(0, 0.0005, 3))
+    return StereoRig(lens(stated.left), lens(stated.right), stated.left_from_right @ turn)
+
+
+def _calibrated(rig: StereoRig, rng: np.random.Generator, options: AnalogOptions) -> StereoRig:
+    """The rig as a calibration with its small errors found it, rounded as its file is."""
+
+    def lens(true: Lens) -> Lens:
+        focal = rng.normal(0, options.focal_error_px)
+        cx, cy = rng.normal(0, options.principal_error_px, 2)
+        terms = [true.distortion[0] + rng.normal(0, options.k1_error), *true.distortion[1:]]
+        matrix = replace(true, fx=true.fx + focal, fy=true.fy + focal, cx=true.cx + cx, cy=true.cy + cy).opencv_matrix()
+        return Lens.from_opencv(_six_digits(matrix), _six_digits(np.array(terms)))
+
+    right_from_left = rig.left_from_right.inverse()
+    moved = right_from_left.translation + rng.normal(0, options.baseline_error_mm / 1000, 3)
+    turned = Rotation.from_rotvec(np.radians(rng.normal(0, 0.005, 3))).as_matrix() @ right_from_left.rotation
+    return StereoRig(lens(rig.left), lens(rig.right), Pose(turned, _six_digits(moved)).inverse())
+
+
+def _six_digits(values: np.ndarray) -> np.ndarray:
+    return np.array([float(f"{value:.6g}") for value in np.ravel(values)]).reshape(np.shape(values))
+
+
+def _tripod(terrain: int, position: str, rng: np.random.Generator, options: AnalogOptions) -> Pose:
+    reach = options.tripod_offset_mm / 1000
+    if terrain == 13:  # seven nearly equal places before a small box
+        centre = np.array([2.0, -0.15, 1.25]) + rng.uniform(-1, 1, 3) * [reach, reach, reach / 2]
+        return looking(centre, np.pi + rng.normal(0, 0.01), np.radians(rng.uniform(29, 31)), 0.0)
+    centre = _TRIPODS[position] + rng.uniform(-1, 1, 3) * [reach, reach, reach / 2]
+    yaw = NOMINAL_YAW_DEG[position] + rng.uniform(-1, 1) * options.tripod_turn_deg
+    pitch = rng.uniform(options.pitch_from_deg, max(options.pitch_from_deg, options.pitch_to_deg))
+    roll = rng.uniform(-1, 1) * options.tripod_roll_deg
+    return looking(centre, *np.radians([yaw, pitch, roll]))

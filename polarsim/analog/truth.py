@@ -1,0 +1,77 @@
+"""The truth folder: cameras, lamps, rocks and meshes, exactly as they stood."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.analog.ground import Ground
+from polarsim.analog.options import AnalogOptions
+from polarsim.analog.rays import Caster, rays_from
+from polarsim.analog.rocks import Rock, icosphere
+from polarsim.analog.terrain import Terrain
+from polarsim.formats import obj, tables
+from polarsim.formats.files import write_json
+from polarsim.formats.rigs import PlacedRig, write_placed
+
+_COLUMN_STEP = 0.002  # metres
+
+
+def write_truth(made: Terrain, folder: Path, options: AnalogOptions) -> None:
+    """Write all of a terrain's truth but its labels. Meshes of rocks are their parts above the sand."""
+    set_up, scene, terrain = made.set_up, made.scene, made.terrain
+    for position, pose in set_up.sandbox_from_left.items():
+        write_placed(folder / "cameras" / f"Pos{position}.json", PlacedRig(set_up.rig, pose, "truth"))
+    write_json(folder / "lamps.json", {name: place.tolist() for name, place in set_up.lamps.items()})
+    faces = icosphere(options.rock_detail)[1]
+    rows = []
+    for rock in scene.rocks:
+        seen = exposed(rock, scene.ground, faces)
+        used, index = np.unique(seen, return_inverse=True)
+        name = obj.rock_name(terrain, rock.rock)
+        obj.write(folder / "meshes" / name, obj.Mesh(rock.vertices[used], index.reshape(seen.shape)), Path(name).stem)
+        rows.append(rock_row(rock, scene.ground, faces))
+    columns = ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3"]
+    tables.write_parquet(folder / "rocks.parquet", pd.DataFrame(rows, columns=columns).astype({"rock": "int64"}))
+    ground: Ground = scene.ground.coarser(options.truth_ground_step_mm / 1000)
+    name = obj.ground_name(terrain)
+    obj.write(folder / "meshes" / name, obj.Mesh(*ground.mesh()), Path(name).stem)
+
+
+def rock_row(rock: Rock, ground: Ground, faces: np.ndarray) -> dict[str, float]:
+    """A rock's part above the sand: centre, longest side, height and volume, metres."""
+    above = exposed(rock, ground, faces)
+    seen = rock.vertices[np.unique(above)]
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    level = float(np.median(ground.height_at(seen[:, 0], seen[:, 1])))
+    centre = (low + high) / 2
+    return {
+        "rock": rock.rock, "x": centre[0], "y": centre[1], "z": centre[2], "size_m": float((high - low).max()),
+        "height_m": float(high[2] - level), "volume_m3": _volume(rock, ground, faces),
+    }  # fmt: skip
+
+
+def exposed(rock: Rock, ground: Ground, faces: np.ndarray, below: float = 0.003) -> np.ndarray:
+    """(f, 3) the faces that reach above the sand, less `below` metres."""
+    clear = rock.vertices[:, 2] > ground.height_at(rock.vertices[:, 0], rock.vertices[:, 1]) - below
+    return faces[clear[faces].any(axis=1)]
+
+
+def _volume(rock: Rock, ground: Ground, faces: np.ndarray) -> float:
+    """Volume above the sand, in columns between the rock's upper and lower side."""
+    low, high = rock.vertices.min(axis=0), rock.vertices.max(axis=0)
+    x, y = np.meshgrid(
+        *(np.arange(low[axis], high[axis], _COLUMN_STEP) + _COLUMN_STEP / 2 for axis in (0, 1)), indexing="ij"
+    )
+    caster = Caster(rock.vertices, faces)
+    heights = []
+    for start, down in ((high[2] + 0.1, -1.0), (low[2] - 0.1, 1.0)):
+        origins = np.stack([x, y, np.full_like(x, start)], axis=-1)
+        hit = caster.first_hits(rays_from(origins, np.broadcast_to([0.0, 0.0, down], origins.shape)), 1)
+        heights.append(start + down * hit["t_hit"])
+    top, bottom = heights
+    solid = np.isfinite(top) & np.isfinite(bottom)
+    column = top[solid] - np.maximum(bottom[solid], ground.height_at(x[solid], y[solid]))
+    return float(np.clip(column, 0, None).sum() * _COLUMN_STEP**2)

@@ -1,0 +1,132 @@
+"""How two levelled scans lie to each other, roughly: their height maps, turned and shifted until relief meets relief."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+from scipy.ndimage import gaussian_filter
+
+from polarsim.geometry.poses import Pose
+
+RELIEF_WIDTH = 0.15  # metres: standard deviation of the blur that counts as level ground
+RELIEF_LIMIT = 0.06  # metres: walls and large rocks shall not outweigh everything else
+MIN_OVERLAP = 0.25  # of the smaller map, for a correlation to count
+
+
+@dataclass(frozen=True)
+class HeightMap:
+    """Mean heights of square cells: rows along y, columns along x, from -reach to +reach; NaN where nothing is."""
+
+    height: np.ndarray  # (n, n) metres
+    step: float
+
+    @property
+    def known(self) -> np.ndarray:
+        return np.isfinite(self.height)
+
+    def relief(self) -> np.ndarray:
+        """(n, n) heights above their surroundings, clipped; 0 where nothing is known."""
+        known = self.known.astype(float)
+        blur = RELIEF_WIDTH / self.step
+        weight = gaussian_filter(known, blur)
+        level = gaussian_filter(np.nan_to_num(self.height), blur) / np.maximum(weight, 1e-6)
+        return np.asarray(np.clip(np.where(self.known, self.height - level, 0), -RELIEF_LIMIT, RELIEF_LIMIT))
+
+
+def height_map(points: np.ndarray, reach: float, step: float) -> HeightMap:
+    """Mean height of points (n, 3) in cells of `step` over a square of +-`reach`, metres."""
+    side = 2 * round(reach / step)
+    place = np.floor((points[:, :2] + reach) / step).astype(int)
+    inside = ((place >= 0) & (place < side)).all(axis=1)
+    cell = place[inside, 1] * side + place[inside, 0]
+    count = np.bincount(cell, minlength=side * side)
+    total = np.bincount(cell, weights=points[inside, 2], minlength=side * side)
+    with np.errstate(invalid="ignore"):
+        return HeightMap((total / np.where(count > 0, count, np.nan)).reshape(side, side), step)
+
+
+def turned_and_shifted(
+    fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, yaws: np.ndarray, count: int
+) -> list[Pose]:
+    """The best `fixed_from_moving` of two levelled clouds (n, 3), by correlation of their relief, best first.
+
+    Parameters
+    ----------
+    yaws : (y,) float
+        Turns about +z to try, radians.
+    count : int
+        How many to give; they differ by more than two steps or a turn.
+    """
+    target = _Masked.of(height_map(fixed, reach, step))
+    peaks: list[tuple[float, float, np.ndarray]] = []
+    for yaw in yaws:
+        turned = Pose.from_rotvec(np.array([0, 0, yaw]), np.zeros(3)).apply(moving)
+        score = target.correlate(_Masked.of(height_map(turned, reach, step)))
+        peaks += [(value, yaw, shift * step) for value, shift in _peaks(score, count)]
+    peaks.sort(key=lambda peak: -peak[0])
+    kept: list[tuple[float, np.ndarray]] = []
+    yaw_step = float(np.abs(np.diff(yaws)).min()) if len(yaws) > 1 else 0.0
+    for _, yaw, shift in peaks:
+        near = any(
+            abs(yaw - other) < 1.5 * yaw_step and np.abs(shift - place).max() < 3 * step for other, place in kept
+        )
+        if not near and len(kept) < count:
+            kept.append((yaw, shift))
+    return [Pose.from_rotvec(np.array([0, 0, yaw]), np.append(shift, 0.0)) for yaw, shift in kept]
+
+
+@dataclass(frozen=True)
+class _Masked:
+    """Spectra of a map's relief, of its square and of its mask, padded so that shifts do not wrap."""
+
+    relief: np.ndarray
+    square: np.ndarray
+    mask: np.ndarray
+    known: float
+    side: int
+
+    @classmethod
+    def of(cls, heights: HeightMap) -> _Masked:
+        relief, known = heights.relief(), heights.known.astype(float)
+        side = fft.next_fast_len(2 * len(known), real=True)
+        spectra = [fft.rfft2(part, s=(side, side)) for part in (relief, relief**2, known)]
+        return cls(*spectra, float(known.sum()), side)
+
+    def correlate(self, moving: _Masked) -> np.ndarray:
+        """(side, side) normalised correlation over the cells that both know, for every shift of `moving`.
+
+        Masked correlation after Padfield, IEEE Trans. Image Process. 21 (2012) 2706.
+        """
+
+        def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+            return np.asarray(fft.irfft2(first * np.conj(second), s=(self.side, self.side)))
+
+        both = np.maximum(product(self.mask, moving.mask), 1e-3)
+        mean, mean_moving = product(self.relief, moving.mask), product(self.mask, moving.relief)
+        cross = product(self.relief, moving.relief) - mean * mean_moving / both
+        energy = np.maximum(product(self.square, moving.mask) - mean**2 / both, 0)
+        energy_moving = np.maximum(product(self.mask, moving.square) - mean_moving**2 / both, 0)
+        score = cross / np.sqrt(np.maximum(energy * energy_moving, 1e-12))
+        return np.where(both >= MIN_OVERLAP * min(self.known, moving.known), score, -1)
+
+
+def _peaks(score: np.ndarray, count: int) -> list[tuple[float, np.ndarray]]:
+    """The highest cells that are two cells apart, with their shifts (2,) along x and y in cells."""
+    side, found = len(score), []
+    order = np.argsort(score, axis=None)[::-1][: 50 * count]
+    for row, column in zip(*np.unravel_index(order, score.shape), strict=True):
+        shift = np.array([(place + side // 2) % side - side // 2 for place in (column, row)], float)
+        if all(np.abs(shift - other).max() > 2 for _, other in found):
+            found.append((float(score[row, column]), shift))
+        if len(found) == count:
+            break
+    return found
+
+
+def agreement(fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, tolerance: float) -> tuple[float, int]:
+    """Part of the cells that two aligned clouds share whose heights agree, and the number of shared cells."""
+    first, second = height_map(fixed, reach, step), height_map(moving, reach, step)
+    off = np.abs(first.height - second.height)[first.known & second.known]
+    return (float((off < tolerance).mean()) if len(off) else 0.0), len(off)

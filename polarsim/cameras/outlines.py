@@ -1,0 +1,132 @@
+"""What of a rock's mesh shapes its box in a photo: few points instead of thousands of vertices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError
+
+from polarsim.cameras.planes import robust_plane
+from polarsim.formats.obj import Mesh
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+
+RIM_SECTORS = 24  # the rim is the lowest outer vertex in each of these
+EDGES = 4  # of a box: left, top, right, bottom
+
+
+@dataclass(frozen=True)
+class Outlines:
+    """Points (m, k, 3) of m rocks in the sandbox, filled up by repetition.
+
+    `whole` gives the top and bottom edges of a rock's box, `upper` the left and right ones: scans carry a skirt of
+    sand that widens meshes at their foot, and people do not draw it.
+    """
+
+    rocks: np.ndarray  # (m,) ids
+    whole: np.ndarray
+    upper: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.rocks)
+
+    @cached_property
+    def centres(self) -> np.ndarray:
+        """(m, 3) middles of the rocks' extents."""
+        return np.asarray((self.whole.min(axis=1) + self.whole.max(axis=1)) / 2)
+
+    def thinned(self, directions: int) -> Outlines:
+        """The same with at most so many points a rock: those furthest out in directions spread over the sphere."""
+        spread = spread_directions(directions)
+        return Outlines(self.rocks, _furthest(self.whole, spread), _furthest(self.upper, spread))
+
+    def project(self, lens: Lens, sandbox_from_camera: Pose) -> np.ndarray:
+        """(m, 4) boxes in pixels, not cut at the photo's border; NaN for rocks that reach behind the camera."""
+        return self.edges(lens, sandbox_from_camera)[0]
+
+    def edges(self, lens: Lens, sandbox_from_camera: Pose) -> tuple[np.ndarray, np.ndarray]:
+        """The boxes (m, 4), and the points (m, 4, 3) that make their left, top, right and bottom edges."""
+        camera_from_sandbox = sandbox_from_camera.inverse()
+        u = lens.project(camera_from_sandbox.apply(self.upper))[..., 0]
+        v = lens.project(camera_from_sandbox.apply(self.whole))[..., 1]
+        row = np.arange(len(self))
+        makers = (u.argmin(axis=1), v.argmin(axis=1), u.argmax(axis=1), v.argmax(axis=1))
+        boxes = np.stack([u[row, makers[0]], v[row, makers[1]], u[row, makers[2]], v[row, makers[3]]], axis=1)
+        points = [(self.upper, self.whole)[edge % 2][row, makers[edge]] for edge in range(EDGES)]
+        return boxes, np.stack(points, axis=1)
+
+
+def outline(mesh: Mesh, trim: float, trim_share: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) and (k, 3) of a rock that shape its box: of the whole rock, and of what stands above its skirt.
+
+    Parameters
+    ----------
+    trim : float
+        Metres above the plane through the rock's rim at which the upper part begins.
+    trim_share : float
+        The upper part begins below this part of the rock's height in any case.
+    """
+    vertices = largest_island(mesh)
+    bottom, top = vertices[:, 2].min(), vertices[:, 2].max()
+    limit = np.minimum(_rim_height(vertices) + trim, bottom + trim_share * (top - bottom))
+    return hull_points(vertices), hull_points(vertices[vertices[:, 2] > limit])
+
+
+def outlines_of(meshes: dict[int, Mesh], trim: float, trim_share: float) -> Outlines:
+    """Outlines of meshes by rock id."""
+    parts = [outline(mesh, trim, trim_share) for mesh in meshes.values()]
+    return Outlines(np.array(list(meshes), int), _filled([whole for whole, _ in parts]), _filled([up for _, up in parts]))
+
+
+def largest_island(mesh: Mesh) -> np.ndarray:
+    """(n, 3) vertices of the largest connected part: cut-out scans carry crumbs and vertices that no face uses."""
+    count = len(mesh.vertices)
+    first, second = mesh.faces[:, [0, 1, 2]].ravel(), mesh.faces[:, [1, 2, 0]].ravel()
+    graph = coo_array((np.ones(len(first), np.int8), (first, second)), shape=(count, count))
+    _, part = connected_components(graph, directed=False)
+    return np.asarray(mesh.vertices[part == np.bincount(part).argmax()])
+
+
+def hull_points(points: np.ndarray) -> np.ndarray:
+    """(k, 3) corners of the convex hull; all points where there is no solid hull."""
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except (QhullError, ValueError):
+        return points
+
+
+def spread_directions(count: int) -> np.ndarray:
+    """(count, 3) unit vectors spread evenly over the sphere (Fibonacci lattice)."""
+    step = np.arange(count) + 0.5
+    z, turn = 1 - 2 * step / count, np.pi * (1 + np.sqrt(5)) * step
+    radius = np.sqrt(1 - z**2)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)
+
+
+def _rim_height(vertices: np.ndarray) -> np.ndarray:
+    """(n,) height of the plane through the rock's lower rim at each vertex: a robust fit to its lowest outer vertices."""
+    low, high = vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)
+    place = (2 * vertices[:, :2] - low - high) / np.maximum(high - low, 1e-9)  # -1 to 1 over the rock's extent
+    outer = np.flatnonzero(np.abs(place).max(axis=1) > 0.75)
+    sector = np.floor((np.arctan2(place[outer, 1], place[outer, 0]) / (2 * np.pi) + 0.5) * RIM_SECTORS).astype(int)
+    order = np.lexsort((vertices[outer, 2], sector))
+    _, first = np.unique(sector[order], return_index=True)
+    rim = vertices[outer[order[first]]]
+    plane = robust_plane(rim, scale=0.003)
+    return np.asarray(vertices[:, :2] @ plane[:2] + plane[2])
+
+
+def _furthest(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(m, d, 3) of points (m, k, 3)."""
+    furthest = np.argmax(points @ directions.T, axis=1)
+    return np.asarray(np.take_along_axis(points, furthest[..., None], axis=1))
+
+
+def _filled(groups: list[np.ndarray]) -> np.ndarray:
+    """Groups of points (k_i, 3) as one (m, max k, 3) array."""
+    longest = max(len(group) for group in groups)
+    return np.stack([group[np.minimum(np.arange(longest), len(group) - 1)] for group in groups])

@@ -1,0 +1,48 @@
+"""Robust planes z = a x + b y + c."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from polarsim.geometry.poses import Pose
+
+
+def robust_plane(points: np.ndarray, scale: float, rounds: int = 10) -> np.ndarray:
+    """(3,) a, b, c through points (n, 3) with Cauchy weights of a scale in metres; bears gross outliers."""
+    return _reweighted(points, np.array([0, 0, np.median(points[:, 2])]), [scale] * rounds, _cauchy)
+
+
+def tracked_plane(points: np.ndarray, start: np.ndarray, scales: list[float]) -> np.ndarray:
+    """(3,) a, b, c of the plane near `start` (3,): one Tukey-weighted fit a scale, metres, from wide to narrow.
+
+    Points further off than the scale have no say, so walls and floors drop out as it shrinks.
+    """
+    return _reweighted(points, start, scales, _tukey)
+
+
+def level_from(plane: np.ndarray) -> Pose:
+    """The least turn that makes the plane level, and the shift that puts its height at x = y = 0 to z = 0."""
+    normal = np.array([-plane[0], -plane[1], 1.0])
+    normal /= np.linalg.norm(normal)
+    axis = np.cross(normal, [0, 0, 1])
+    sine = np.linalg.norm(axis)
+    turn = axis / sine * np.arcsin(sine) if sine > 0 else axis
+    rotation = Pose.from_rotvec(turn, np.zeros(3)).rotation
+    return Pose(rotation, -rotation @ np.array([0, 0, plane[2]]))
+
+
+def _reweighted(points: np.ndarray, plane: np.ndarray, scales: list[float], weigh: object) -> np.ndarray:
+    columns = np.column_stack([points[:, :2], np.ones(len(points))])
+    for scale in scales:
+        weight = weigh((points[:, 2] - columns @ plane) / scale)  # type: ignore[operator]
+        normal = columns.T @ (columns * weight[:, None]) + 1e-9 * np.eye(3)
+        plane = np.linalg.solve(normal, columns.T @ (weight * points[:, 2]))
+    return np.asarray(plane)
+
+
+def _cauchy(residual: np.ndarray) -> np.ndarray:
+    return np.asarray(1 / (1 + residual**2))
+
+
+def _tukey(residual: np.ndarray) -> np.ndarray:
+    return np.asarray(np.clip(1 - residual**2, 0, None) ** 2)

@@ -1,0 +1,210 @@
+"""A view's pose refined on box edges: rocks are paired with boxes, the pose follows, and again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares, linear_sum_assignment
+
+from polarsim.cameras.outlines import EDGES, Outlines
+from polarsim.geometry import boxes as box_geometry
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
+
+FORBIDDEN = 1e3
+MAX_LOG_SIZE = 1.6  # |log width ratio| + |log height ratio| of a pair
+MIN_IN_VIEW = 0.5  # a rock with less of its box inside the photo is out of view
+
+
+@dataclass(frozen=True)
+class EdgeNoise:
+    """What a fit takes for likely."""
+
+    edge_px: float  # standard deviation of a drawn edge
+    border_px: float  # edges this near to the photo's border are not measured
+    loss: str = "soft_l1"
+    loss_scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class PosePrior:
+    """What is known of a pose before any box is seen: centre (metres), yaw, pitch, roll (radians)."""
+
+    mean: np.ndarray  # (6,)
+    sd: np.ndarray  # (6,); infinite where nothing is known
+
+    def residuals(self, unknowns: np.ndarray) -> np.ndarray:
+        """(6,) in standard deviations."""
+        off = unknowns - self.mean
+        off[3:] = (off[3:] + np.pi) % (2 * np.pi) - np.pi
+        return np.asarray(off / self.sd)
+
+    def chi2(self, pose: Pose) -> float:
+        return float((self.residuals(_unknowns(pose)) ** 2).sum())
+
+
+@dataclass(frozen=True)
+class BoxFit:
+    """A pose and the pairs it rests on."""
+
+    sandbox_from_left: Pose
+    outline: np.ndarray  # (n,) numbers of outlines
+    box: np.ndarray  # (n,) numbers of boxes
+    projected: np.ndarray  # (m, 4) boxes of all outlines, cut at the border
+    iou: np.ndarray  # (n,)
+    in_view: int  # outlines that the photo shows
+    covariance: np.ndarray  # (6, 6) of centre (metres) and yaw, pitch, roll (radians)
+
+    @property
+    def sum_iou(self) -> float:
+        return float(self.iou.sum())
+
+
+def assign(projected: np.ndarray, drawn: np.ndarray, gate_px: float) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs (rows, columns) of projected (m, 4) and drawn (b, 4) boxes that are near each other and alike in size."""
+    if not len(projected) or not len(drawn):
+        return np.zeros(0, int), np.zeros(0, int)
+    size = np.maximum(projected[:, 2:] - projected[:, :2], 1e-3)
+    size_drawn = drawn[:, 2:] - drawn[:, :2]
+    offset = (projected[:, None, :2] + projected[:, None, 2:] - drawn[None, :, :2] - drawn[None, :, 2:]) / 2
+    distance = np.linalg.norm(offset, axis=-1)
+    log_size = np.abs(np.log(size[:, None] / size_drawn[None])).sum(axis=-1)
+    cost = distance / gate_px + 0.5 * log_size - 0.5 * box_geometry.iou(np.nan_to_num(projected), drawn)
+    allowed = (distance <= gate_px) & (log_size <= MAX_LOG_SIZE)  # NaN is not allowed either
+    rows, columns = linear_sum_assignment(np.where(allowed, cost, FORBIDDEN))
+    good = allowed[rows, columns]
+    return rows[good], columns[good]
+
+
+def refine_pose(
+    start: Pose,
+    outlines: Outlines,
+    boxes: np.ndarray,
+    lens: Lens,
+    prior: PosePrior,
+    gates_px: Sequence[float],
+    noise: EdgeNoise,
+) -> Pose:
+    """Pose after one least-squares fit a gate, each to the pairs that the fit before it suggests."""
+    pose = start
+    for gate in gates_px:
+        rows, columns = assign(_seen(outlines.project(lens, pose), lens), boxes, gate)
+        if not len(rows):
+            return pose
+        pose = _solve(pose, _Problem(_part(outlines, rows), boxes[columns], lens, prior, noise))
+    return pose
+
+
+def judge_pose(
+    pose: Pose,
+    outlines: Outlines,
+    boxes: np.ndarray,
+    lens: Lens,
+    prior: PosePrior,
+    gate_px: float,
+    noise: EdgeNoise,
+) -> BoxFit:
+    """Pairs, overlap and covariance at a pose."""
+    whole = outlines.project(lens, pose)
+    projected = _seen(whole, lens)
+    rows, columns = assign(projected, boxes, gate_px)
+    overlap = box_geometry.iou(np.nan_to_num(projected[rows]), boxes[columns])[np.arange(len(rows)), np.arange(len(rows))]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        in_view = box_geometry.area(projected) >= MIN_IN_VIEW * box_geometry.area(whole)
+    problem = _Problem(_part(outlines, rows), boxes[columns], lens, prior, noise)
+    return BoxFit(pose, rows, columns, projected, overlap, int(in_view.sum()), problem.covariance(pose))
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Matched outlines and boxes; unknowns are the centre (3), yaw, pitch and roll."""
+
+    outlines: Outlines
+    boxes: np.ndarray  # (n, 4)
+    lens: Lens
+    prior: PosePrior
+    noise: EdgeNoise
+
+    def measured(self) -> np.ndarray:
+        """(n, 4) edges that the photo's border does not cut."""
+        far = np.array([self.lens.width, self.lens.height] * 2)
+        return (self.boxes > self.noise.border_px) & (self.boxes < far - self.noise.border_px)
+
+    def residuals(self, unknowns: np.ndarray) -> np.ndarray:
+        projected = self.outlines.project(self.lens, _pose(unknowns))
+        edges = np.where(self.measured(), projected - self.boxes, 0.0)
+        edges = np.nan_to_num(edges, nan=1e3, posinf=1e3, neginf=-1e3)
+        return np.concatenate([edges.ravel() / self.noise.edge_px, self.prior.residuals(unknowns)])
+
+    def jacobian(self, unknowns: np.ndarray) -> np.ndarray:
+        """(4 n + 6, 6): the edges move with the points that make them."""
+        pose = _pose(unknowns)
+        _, points = self.outlines.edges(self.lens, pose)
+        camera_from_sandbox = pose.inverse()
+        in_camera = camera_from_sandbox.apply(points)
+        moved = _moved(points - pose.translation, pose, unknowns[3])  # (n, 4, 3, 6) sandbox axes
+        moved_camera = np.einsum("ij,nejk->neik", camera_from_sandbox.rotation, moved)
+        slope = _projection_slope(self.lens, in_camera)  # (n, 4, 2, 3)
+        axis = np.arange(EDGES) % 2  # left and right edges are u, top and bottom v
+        edge_slope = slope[:, np.arange(EDGES), axis]  # (n, 4, 3)
+        rows = np.einsum("nej,nejk->nek", edge_slope, moved_camera) * self.measured()[..., None]
+        return np.concatenate([np.nan_to_num(rows).reshape(-1, 6) / self.noise.edge_px, np.diag(1 / self.prior.sd)])
+
+    def covariance(self, pose: Pose) -> np.ndarray:
+        """(6, 6) formal covariance, scaled by the robust spread of the edges where that is larger."""
+        unknowns = _unknowns(pose)
+        residuals, jacobian = self.residuals(unknowns), self.jacobian(unknowns)
+        edges = residuals[:-6]
+        spread = 1.4826 * np.median(np.abs(edges)) if len(edges) else 0.0
+        return np.asarray(np.linalg.pinv(jacobian.T @ jacobian) * max(1.0, spread) ** 2)
+
+
+def _solve(start: Pose, problem: _Problem) -> Pose:
+    found = least_squares(
+        problem.residuals,
+        _unknowns(start),
+        problem.jacobian,
+        loss=problem.noise.loss,
+        f_scale=problem.noise.loss_scale,
+        x_scale=np.array([0.1, 0.1, 0.1, 0.03, 0.03, 0.03]),
+        max_nfev=30,
+    )
+    return _pose(found.x)
+
+
+def _unknowns(pose: Pose) -> np.ndarray:
+    return np.concatenate([pose.translation, yaw_pitch_roll(pose)])
+
+
+def _pose(unknowns: np.ndarray) -> Pose:
+    return looking(unknowns[:3], *unknowns[3:])
+
+
+def _moved(from_centre: np.ndarray, pose: Pose, yaw: float) -> np.ndarray:
+    """(..., 3, 6) how points, seen from the camera, move in sandbox axes with each unknown.
+
+    A camera that turns about an axis sees the world turn the other way: -axis x point. Yaw turns about up, pitch about
+    minus the level right axis, roll about the optical axis.
+    """
+    level_right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
+    axes = np.stack([np.array([0.0, 0.0, 1.0]), -level_right, pose.rotation[:, 2]])
+    turns = [np.cross(from_centre, axis) for axis in axes]
+    shifts = [np.broadcast_to(-np.eye(3)[k], from_centre.shape) for k in range(3)]
+    return np.stack([*shifts, *turns], axis=-1)
+
+
+def _projection_slope(lens: Lens, points: np.ndarray) -> np.ndarray:
+    """(..., 2, 3) change of the pixel with the point in the camera's frame, by central differences."""
+    step = 1e-6
+    columns = [(lens.project(points + shift) - lens.project(points - shift)) / (2 * step) for shift in step * np.eye(3)]
+    return np.stack(columns, axis=-1)
+
+
+def _part(outlines: Outlines, rows: np.ndarray) -> Outlines:
+    return Outlines(outlines.rocks[rows], outlines.whole[rows], outlines.upper[rows])
+
+
+def _seen(boxes: np.ndarray, lens: Lens) -> np.ndarray:
+    return box_geometry.clip(boxes, lens.width, lens.height)

@@ -1,0 +1,198 @@
+"""A view's pose from boxes and meshes with no start: every pairing of a rock with a box, from every likely place.
+
+From a given place and with a level camera, exactly one yaw and pitch puts the middle of a rock on the middle of a box.
+So places on a coarse grid, times all pairs, hold a hypothesis near the truth; it shows by how many other rocks then
+meet a box of their size. Directions and sizes are compared as on a plane at distance 1, without distortion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.outlines import Outlines
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose, looking
+
+SIZE_SD = 0.5  # tolerance of log width and log height
+PITCH = np.radians([2.0, 60.0])  # of any sensible camera here, downwards
+YAW_OFF_ORIGIN = np.radians(25.0)  # the camera looks at the terrain
+TWIN_DISTANCE, TWIN_ANGLE = 0.35, 0.05  # metres, radians: nearer hypotheses are one
+BEST_OF_A_PLACE = 20  # hypotheses that one place may keep
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A level camera and how many rocks it seems to explain."""
+
+    centre: np.ndarray  # (3,) metres
+    yaw: float
+    pitch: float
+    score: float
+
+    @property
+    def sandbox_from_left(self) -> Pose:
+        return looking(self.centre, self.yaw, self.pitch)
+
+
+def candidate_centres(azimuth: float | None, level: float, options: CamerasOptions) -> np.ndarray:
+    """(n, 3) places to try.
+
+    Parameters
+    ----------
+    azimuth : float or None
+        Where the tripod stands, seen from the origin, radians; None tries the full circle.
+    level : float
+        Height of the scene, metres.
+    """
+    distances = _steps(*options.distance_m, options.distance_step_m)
+    heights = level + _steps(*options.height_m, options.height_step_m)
+    if azimuth is None:
+        azimuths = np.radians(np.arange(0, 360, options.azimuth_step_deg))
+    else:
+        reach = options.azimuth_range_deg
+        azimuths = azimuth + np.radians(_steps(-reach, reach, options.azimuth_step_deg))
+    grid = np.stack(np.meshgrid(distances, azimuths, heights, indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.stack([grid[:, 0] * np.cos(grid[:, 1]), grid[:, 0] * np.sin(grid[:, 1]), grid[:, 2]], axis=1)
+
+
+def search_pose(
+    outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.ndarray, options: CamerasOptions
+) -> list[Hypothesis]:
+    """The best hypotheses that differ from one another, best first.
+
+    Parameters
+    ----------
+    outlines : Outlines
+        Of all rocks with a mesh.
+    boxes : (b, 4) float
+        Rock boxes of the view, pixels.
+    centres : (n, 3) float
+        Places to try, metres.
+    """
+    seen = _SeenBoxes.of(boxes, lens, options.search_sd_px)
+    thin = outlines.thinned(26)
+    found: list[Hypothesis] = []
+    for centre in centres:
+        found += _hypotheses_at(centre, thin, seen)
+    found.sort(key=lambda hypothesis: -hypothesis.score)
+    return _different(found, options.starts)
+
+
+@dataclass(frozen=True)
+class _SeenBoxes:
+    """Boxes on the plane at distance 1: middles (b, 2), log sizes (b, 2), and the plane's tolerance."""
+
+    middle: np.ndarray
+    log_size: np.ndarray
+    sd: float
+
+    @classmethod
+    def of(cls, boxes: np.ndarray, lens: Lens, sd_px: float) -> _SeenBoxes:
+        middle_px = (boxes[:, :2] + boxes[:, 2:]) / 2
+        half_px = (boxes[:, 2:] - boxes[:, :2]) / 2
+        across, down = half_px * [1, 0], half_px * [0, 1]
+        width = lens.directions(middle_px + across)[:, 0] - lens.directions(middle_px - across)[:, 0]
+        height = lens.directions(middle_px + down)[:, 1] - lens.directions(middle_px - down)[:, 1]
+        return cls(lens.directions(middle_px)[:, :2], np.log(np.stack([width, height], axis=1)), sd_px / lens.fx)
+
+    def features(self) -> np.ndarray:
+        """(b, 4) so scaled that squared distances are the search's chi squared."""
+        return np.concatenate([self.middle / self.sd, self.log_size / SIZE_SD], axis=1)
+
+
+def _hypotheses_at(centre: np.ndarray, outlines: Outlines, seen: _SeenBoxes) -> list[Hypothesis]:
+    yaw_home = float(np.arctan2(-centre[1], -centre[0]))
+    pitch_home = float(np.arctan2(centre[2] - np.median(outlines.centres[:, 2]), np.hypot(centre[0], centre[1])))
+    home = looking(centre, yaw_home, pitch_home)
+    directions, log_size = _rocks_from(home, outlines)
+    rock, box = _pairs_of_like_size(log_size, seen.log_size)
+    yaw, pitch = _aimed(directions[rock], seen.middle[box])
+    off = (yaw - yaw_home + np.pi) % (2 * np.pi) - np.pi
+    with np.errstate(invalid="ignore"):
+        good = (pitch > PITCH[0]) & (pitch < PITCH[1]) & (np.abs(off) < YAW_OFF_ORIGIN)
+    yaw, pitch = yaw[good], pitch[good]
+    if not len(yaw):
+        return []
+    score = _scores(yaw, pitch, directions, log_size, seen)
+    best = np.argsort(-score, kind="stable")[:BEST_OF_A_PLACE]
+    return [Hypothesis(centre, float(yaw[k]), float(pitch[k]), float(score[k])) for k in best]
+
+
+def _rocks_from(home: Pose, outlines: Outlines) -> tuple[np.ndarray, np.ndarray]:
+    """Sandbox directions (m, 3) of the middles of the rocks' boxes, and their log sizes (m, 2) as if on the axis."""
+    upper, whole = (home.inverse().apply(points) for points in (outlines.upper, outlines.whole))
+    x, y = upper[..., 0] / upper[..., 2], whole[..., 1] / whole[..., 2]
+    low, high = np.stack([x.min(1), y.min(1)], axis=1), np.stack([x.max(1), y.max(1)], axis=1)
+    middle = np.column_stack([(low + high) / 2, np.ones(len(low))])
+    front = (upper[..., 2] > 0.1).all(axis=1) & (whole[..., 2] > 0.1).all(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log_size = np.log(high - low) - _log_stretch(middle)[:, None]
+    log_size[~front] = np.inf
+    return home.rotate(middle / np.linalg.norm(middle, axis=1, keepdims=True)), log_size
+
+
+def _log_stretch(points: np.ndarray) -> np.ndarray:
+    """Log of how much larger things appear on the plane off the axis: mean of the radial and tangential stretch."""
+    return np.asarray(0.75 * np.log(1 + (points[..., :2] ** 2).sum(axis=-1)))
+
+
+def _pairs_of_like_size(log_rock: np.ndarray, log_box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    with np.errstate(invalid="ignore"):
+        return np.nonzero((np.abs(log_rock[:, None] - log_box[None]) < SIZE_SD).all(axis=-1))
+
+
+def _aimed(directions: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Yaw and pitch (n,) of the level camera that sees unit sandbox directions (n, 3) at middles (n, 2)."""
+    reach = np.sqrt(1 + (middle**2).sum(axis=1))
+    right, down, forward = middle[:, 0] / reach, middle[:, 1] / reach, 1 / reach
+    with np.errstate(invalid="ignore"):  # no pitch reaches a direction that is too steep
+        pitch = np.arcsin(-directions[:, 2] / np.hypot(down, forward)) - np.arctan2(down, forward)
+    ahead = np.cos(pitch) * forward - np.sin(pitch) * down
+    return np.arctan2(directions[:, 1], directions[:, 0]) + np.arctan2(right, ahead), pitch
+
+
+def _scores(
+    yaw: np.ndarray, pitch: np.ndarray, directions: np.ndarray, log_size: np.ndarray, seen: _SeenBoxes
+) -> np.ndarray:
+    """(n,) sum over rocks of exp(-chi squared / 2) of the best box."""
+    cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
+    right = np.stack([sy, -cy, np.zeros_like(sy)], axis=1)
+    down = np.stack([-sp * cy, -sp * sy, -cp], axis=1)
+    forward = np.stack([cp * cy, cp * sy, -sp], axis=1)
+    depth = forward @ directions.T
+    behind = (depth < 0.1) | ~np.isfinite(log_size[:, 0])
+    depth = np.where(behind, 1, depth)
+    place = np.stack([right @ directions.T, down @ directions.T], axis=-1) / depth[..., None]
+    size = np.where(np.isfinite(log_size), log_size, 0)[None] + _log_stretch(place)[..., None]
+    rocks = np.concatenate([place / seen.sd, size / SIZE_SD], axis=-1)  # (n, m, 4)
+    boxes = seen.features()
+    # Squared distances by the binomial formula: one matrix product.
+    part = (boxes**2).sum(axis=1) - 2 * rocks.reshape(-1, 4) @ boxes.T
+    chi2 = (rocks**2).sum(axis=-1) + part.min(axis=1).reshape(rocks.shape[:2])
+    return np.where(behind, 0, np.exp(-chi2 / 2)).sum(axis=1)
+
+
+def _different(found: list[Hypothesis], count: int) -> list[Hypothesis]:
+    kept: list[Hypothesis] = []
+    for hypothesis in found:
+        if len(kept) == count:
+            break
+        if not any(_twins(hypothesis, other) for other in kept):
+            kept.append(hypothesis)
+    return kept
+
+
+def _twins(first: Hypothesis, second: Hypothesis) -> bool:
+    turn = (first.yaw - second.yaw + np.pi) % (2 * np.pi) - np.pi
+    return (
+        float(np.linalg.norm(first.centre - second.centre)) < TWIN_DISTANCE
+        and max(abs(turn), abs(first.pitch - second.pitch)) < TWIN_ANGLE
+    )
+
+
+def _steps(low: float, high: float, step: float) -> np.ndarray:
+    """From low to high inclusive."""
+    return low + step * np.arange(int(np.floor((high - low) / step + 1e-9)) + 1)

@@ -1,0 +1,218 @@
+"""The `polarsim` command. Heavy modules are imported by the commands that need them, so that --help is quick."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from polarsim.reporting import reporting
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Digital twins of NASA's POLAR photos: labels, meshes, ray-traced twins, judges and tables. "
+    "The pipeline itself is run by snakemake; these commands look at its parts.",
+)
+
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the whole report to this JSON file.")]
+
+
+class Model(StrEnum):
+    """Reflectance models."""
+
+    principled = "principled"
+    hapke = "hapke"
+    lambert = "lambert"
+    lunar_lambert = "lunar_lambert"
+
+
+class Engine(StrEnum):
+    """What computes the shading."""
+
+    numpy = "numpy"
+    taichi = "taichi"
+
+
+def main() -> None:
+    """Entry point: bad input ends in one line and exit code 1."""
+    with reporting():
+        app()
+
+
+@app.command()
+def validate(
+    root: Annotated[
+        Path, typer.Argument(help="Folder in the published release's layout (Labels/, TerrainMeshes/ ...).")
+    ],
+    json: JsonFile = None,
+) -> None:
+    """Check a release: stray and broken files, boxes, polygons, meshes. Exit code 1 if there are errors."""
+    from polarsim.acquire.validate import validate_release
+    from polarsim.formats.files import write_json
+
+    report = validate_release(root)
+    if json:
+        write_json(json, report)
+    for finding in report["findings"]:
+        typer.echo(f"{finding['severity']}: {finding['file']}: {finding['kind']}: {finding['text']}")
+    errors = sum(finding["severity"] == "error" for finding in report["findings"])
+    typer.echo(f"{errors} errors, {len(report['findings']) - errors} warnings")
+    if errors:
+        raise typer.Exit(1)
+
+
+@app.command()
+def score(
+    truth: Annotated[
+        Path, typer.Argument(help="Folder of YOLO box files that people drew, flat or with TerrainNN folders.")
+    ],
+    labels: Annotated[Path, typer.Argument(help="Folder of YOLO box files to score, of either form.")],
+    threshold: Annotated[float, typer.Option(min=0.01, max=1, help="Least IoU of a pair.")] = 0.5,
+    json: JsonFile = None,
+) -> None:
+    """Score box files: precision, recall, F1 and mean IoU of rocks and shadows, matched one to one in each file."""
+    from polarsim.formats.files import write_json
+    from polarsim.tables.score import score_folders
+
+    report = score_folders(truth, labels, threshold)
+    if json:
+        write_json(json, report)
+    _print_scores(report)
+
+
+@app.command()
+def masks(
+    polygons: Annotated[
+        Path, typer.Argument(help="Folder of YOLO polygon files (0 background, 1 ground, 2 rock, 3 shadow).")
+    ],
+    out: Annotated[
+        Path, typer.Argument(help="Folder for the 8-bit grey maps: rock 128, ground 86, shadow 43, background 0.")
+    ],
+    file_order: Annotated[
+        bool,
+        typer.Option("--file-order", help="Paint in file order as the release does, later polygons over earlier ones."),
+    ] = False,
+) -> None:
+    """Paint polygon files as grey maps of 1936 x 1216 pixels; rocks last, so that nothing erases them."""
+    from polarsim.errors import FormatError
+    from polarsim.formats import png, yolo
+    from polarsim.geometry.polygons import paint_polygons
+    from polarsim.progress import track
+
+    files = sorted(path for path in polygons.glob("*.txt") if path.name != "classes.txt")
+    if not files:
+        raise FormatError(f"{polygons}: no polygon file (*.txt)")
+    for path in track(files, "grey maps"):
+        png.write(out / f"{path.stem}.png", paint_polygons(yolo.read_polygons(path), file_order=file_order))
+    typer.echo(f"{len(files)} grey maps in {out}")
+
+
+@app.command()
+def show(
+    key: Annotated[str, typer.Argument(help="Photo key, such as 01_A_off_180_L_0256.")],
+    run: Annotated[str, typer.Option(help="Name of the run, below results/.")] = "demo",
+    domain: Annotated[str, typer.Option(help="photo, or a model that the run rendered (principled, hapke).")] = "photo",
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+    out: Annotated[Path | None, typer.Option(help="PNG to write; default <key>_<domain>.png here.")] = None,
+) -> None:
+    """Draw a photo or a twin with its labels, rock ids and confidences, to PNG."""
+    from polarsim.photo import PhotoKey
+    from polarsim.tables.of_run import show_of_run
+
+    photo = PhotoKey.parse(key)
+    target = out or Path(f"{key}_{domain}.png")
+    show_of_run(key=photo, run=results / run, domain=domain, out=target)
+    typer.echo(str(target))
+
+
+@app.command()
+def render(
+    meshes: Annotated[Path, typer.Argument(help="Folder of a terrain's meshes, results/<run>/meshes/TerrainNN.")],
+    out: Annotated[Path, typer.Argument(help="16-bit PNG to write: 12-bit values, black level 16.")],
+    terrain: Annotated[int, typer.Option(min=1, max=13, help="Number of the terrain.")] = 1,
+    camera: Annotated[tuple[float, float, float], typer.Option(help="Camera centre x y z, m, sandbox frame.")] = (
+        3.6,
+        -0.4,
+        1.55,
+    ),
+    yaw: Annotated[float, typer.Option(help="Heading of the optical axis, deg from +X towards +Y.")] = 180.0,
+    pitch: Annotated[float, typer.Option(help="Downwards, deg.")] = 25.0,
+    roll: Annotated[float, typer.Option(help="Right side down, deg.")] = 0.0,
+    lamp: Annotated[tuple[float, float, float], typer.Option(help="Sun lamp x y z, m, sandbox frame.")] = (
+        3.594,
+        1.422,
+        0.783,
+    ),
+    intensity: Annotated[
+        float, typer.Option(min=0, help="Radiant intensity of the lamp over that of POLAR's Sun lamp.")
+    ] = 1.0,
+    exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = 256.0,
+    model: Annotated[Model, typer.Option(help="Reflectance model.")] = Model.hapke,
+    engine: Annotated[Engine | None, typer.Option(help="Shading engine; default is the configuration's.")] = None,
+    cameras: Annotated[
+        Path | None, typer.Option(help="PosX.json whose left lens is used; default is the real rig's stated one.")
+    ] = None,
+    preview: Annotated[bool, typer.Option("--preview", help="Write an 8-bit tone-mapped PNG instead.")] = False,
+) -> None:
+    """Render one scene: any camera pose, lamp position, exposure and reflectance model."""
+    import numpy as np
+
+    from polarsim.formats import png
+    from polarsim.formats.rigs import read_placed
+    from polarsim.geometry.poses import looking
+    from polarsim.geometry.stereo import stated_rig
+    from polarsim.render.options import RenderOptions
+    from polarsim.render.scene import render_scene
+    from polarsim.tables.tone import to_8bit
+
+    lens = read_placed(cameras).rig.left if cameras else stated_rig().left
+    picture = render_scene(
+        meshes=meshes,
+        terrain=terrain,
+        sandbox_from_camera=looking(np.array(camera), *np.radians([yaw, pitch, roll])),
+        lens=lens,
+        lamps={"sun": (np.array(lamp), intensity)},
+        exposure_ms=exposure,
+        model=model.value,
+        options=RenderOptions(**({"engine": engine.value} if engine else {})),
+    )
+    png.write(out, to_8bit(picture) if preview else picture)
+    typer.echo(str(out))
+
+
+@app.command()
+def report(
+    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
+    configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),
+    cores: Annotated[int, typer.Option(min=1, help="Processor cores.")] = 1,
+) -> None:
+    """Make results/<run>/report.html where a table or figure is newer than it, and print where everything lies."""
+    from polarsim.pages import make_report
+
+    for path in make_report(run=run, configfile=configfile, cores=cores):
+        typer.echo(str(path))
+
+
+@app.command()
+def schema() -> None:
+    """Print the configuration's JSON schema, with the meaning and unit of every key."""
+    from polarsim.config import schema as text
+
+    typer.echo(text(), nl=False)
+
+
+def _print_scores(report: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("class", "files", "truth", "labels", "precision", "recall", "F1", "mean IoU")
+    for name, row in report["classes"].items():
+        table.add_row(
+            name, str(report["files"]), str(row["truth"]), str(row["labels"]),
+            *(f"{row[figure]:.3f}" for figure in ("precision", "recall", "f1", "miou")),
+        )  # fmt: skip
+    Console().print(table)

@@ -1,0 +1,155 @@
+"""The configuration of a run: every key with its unit, checked before anything runs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+
+from polarsim.acquire.options import SeedOptions, SourceOptions
+from polarsim.analog.options import AnalogOptions
+from polarsim.cameras.options import CamerasOptions
+from polarsim.detect.options import DetectOptions
+from polarsim.errors import ConfigError
+from polarsim.grid import GridOptions
+from polarsim.labels.options import LabelsOptions
+from polarsim.photo import TERRAINS, positions
+from polarsim.render.options import RenderOptions
+from polarsim.rocks.options import RocksOptions
+from polarsim.tables.options import TablesOptions
+
+RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy of the release
+
+
+class LabelsSection(LabelsOptions):
+    """Options of the labels stage, and which label files propagation starts from."""
+
+    seeds: SeedOptions = Field(SeedOptions(), description="The label files that a person drew and that are carried on.")
+
+    def stage_options(self) -> dict[str, Any]:
+        """What the labels stage itself is given: the seeds are chosen when raw data are taken in."""
+        return self.model_dump(mode="json", exclude={"seeds"})
+
+
+class Config(BaseModel, extra="forbid", frozen=True):
+    """One run."""
+
+    run: str = Field("demo", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="Name; results go to results/<run>/.")
+    terrains: tuple[int, ...] = Field((1, 3, 6, 11), min_length=1, description="Terrain numbers, 1 to 13.")
+    positions: tuple[str, ...] = Field(("A", "B", "C"), min_length=1, description="Tripod places, A to G.")
+    source: SourceOptions = Field(description="Where raw data come from.")
+    grid: GridOptions = Field(GridOptions(), description="The part of NASA's photo grid to work on.")
+    analog: AnalogOptions = Field(AnalogOptions(), description="The sandbox that is generated with source.kind analog.")
+    cameras: CamerasOptions = Field(CamerasOptions(), description="Where the rigs stood.")
+    rocks: RocksOptions = Field(RocksOptions(), description="Scans to rocks, ground and meshes.")
+    labels: LabelsSection = Field(LabelsSection(), description="Seed labels to labels of every photo.")
+    render: RenderOptions = Field(RenderOptions(), description="Twins of every photo.")
+    detect: DetectOptions = Field(DetectOptions(), description="Judges, their training and comparison.")
+    tables: TablesOptions = Field(TablesOptions(), description="How results are scored and drawn.")
+
+    @field_validator("terrains")
+    @classmethod
+    def _known_terrains(cls, values: tuple[int, ...]) -> tuple[int, ...]:
+        for value in values:
+            if value not in TERRAINS:
+                raise ValueError(f"terrain {value}, expected 1 to 13")
+        if len(set(values)) < len(values):
+            raise ValueError("a terrain is named twice")
+        return values
+
+    @field_validator("positions")
+    @classmethod
+    def _known_positions(cls, values: tuple[str, ...]) -> tuple[str, ...]:
+        for value in values:
+            if value not in positions(13):
+                raise ValueError(f"position {value!r}, expected A to G")
+        return values
+
+    @model_validator(mode="after")
+    def _positions_of_terrains(self) -> Config:
+        for terrain in self.terrains:
+            if not set(self.positions) & set(positions(terrain)):
+                raise ValueError(f"positions: terrain {terrain} has none of {', '.join(self.positions)}")
+        return self
+
+    @property
+    def photo_domain(self) -> str:
+        """What the photos of this run are: never is the analog called real."""
+        return "analog" if self.source.kind == "analog" else "real"
+
+    @property
+    def domains(self) -> tuple[str, ...]:
+        """Domains that judges are trained on and compared over; the release has no photos, so it has none."""
+        return () if self.source.kind == "release" else (self.photo_domain, *self.render.models)
+
+    def digest(self) -> str:
+        """Short name of the whole configuration, for tables."""
+        content = json.dumps(self.model_dump(mode="json"), sort_keys=True)
+        return hashlib.sha256(content.encode()).hexdigest()[:12]
+
+
+def parse_config(content: Mapping[str, Any]) -> Config:
+    """Check a configuration.
+
+    Raises
+    ------
+    ConfigError
+        Unknown keys, missing keys or impossible values: one line that names each key.
+    """
+    try:
+        return Config.model_validate(_with_release_root(dict(content)))
+    except ValidationError as error:
+        problems = [
+            f"{'.'.join(str(part) for part in problem['loc']) or 'configuration'}: {_reason(problem)}"
+            for problem in error.errors()
+        ]
+        raise ConfigError("; ".join(problems)) from error
+
+
+def read_config(path: str | Path) -> Config:
+    """Read and check a configuration file.
+
+    Raises
+    ------
+    ConfigError
+        No readable YAML, or no configuration.
+    """
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path}: no readable YAML, {' '.join(str(error).split())}") from error
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path}: no mapping of keys")
+    try:
+        return parse_config(content)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error
+
+
+def schema() -> str:
+    """JSON schema of the configuration; `config/schema.json` holds it for editors."""
+    return json.dumps(Config.model_json_schema(), indent=1, sort_keys=True) + "\n"
+
+
+def _with_release_root(content: dict[str, Any]) -> dict[str, Any]:
+    source = content.get("source")
+    root = os.environ.get(RELEASE_ROOT)
+    if root and isinstance(source, Mapping) and source.get("kind") == "release":
+        return {**content, "source": {**source, "root": root}}
+    return content
+
+
+def _reason(problem: Any) -> str:
+    if problem["type"] == "extra_forbidden":
+        return "unknown key"
+    if problem["type"] == "missing":
+        return "missing"
+    found = problem.get("input")
+    text = problem["msg"].removeprefix("Value error, ")
+    return text if isinstance(found, (dict, BaseModel)) or str(found) in text else f"{text}, found {found!r}"

@@ -1,0 +1,37 @@
+"""From the 12 linear bits of a photo or twin to the 8 bits that a judge is trained on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from polarsim.detect.options import DetectOptions
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+
+GAMMA = 2.2
+
+
+def shrink(pixels: np.ndarray, imgsz: int) -> np.ndarray:
+    """(h, w) uint16 pixels averaged to a longer side of `imgsz`, float32; light is averaged, so before the curve."""
+    import cv2
+
+    height, width = pixels.shape
+    scale = imgsz / max(height, width)
+    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    return np.asarray(cv2.resize(pixels.astype(np.float32), size, interpolation=cv2.INTER_AREA))
+
+
+def to_8_bits(pixels: np.ndarray, options: DetectOptions) -> np.ndarray:
+    """(h, w) uint8 picture of linear 12-bit pixels (h, w), by the curve that the options name."""
+    light = np.clip(pixels.astype(np.float32) - BLACK_LEVEL, 0, None)
+    white = float(WHITE_LEVEL - BLACK_LEVEL)
+    if options.tone != "linear":
+        white = min(white, max(float(np.percentile(light, options.tone_percentile)), options.tone_floor_dn))
+    bright = np.clip(light / white, 0, 1)
+    if options.tone == "gamma":
+        bright **= 1 / GAMMA
+    return np.rint(255 * bright).astype(np.uint8)
+
+
+def mean_dn(pixels: np.ndarray) -> float:
+    """Mean value above the black level."""
+    return float(pixels.mean()) - BLACK_LEVEL

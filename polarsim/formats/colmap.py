@@ -1,0 +1,146 @@
+"""A terrain's rigs as a COLMAP model in text: `cameras.txt rigs.txt frames.txt images.txt points3D.txt`.
+
+One rig with the left camera as its reference, one frame a position, two images a frame (`PosA_CamL`, `PosA_CamR`), no
+points. COLMAP's world is the sandbox, metres; its pixel centres lie at integer + 0.5, as ours do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.errors import FormatError
+from polarsim.formats.files import writing_folder
+from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import StereoRig
+from polarsim.photo import CAMERAS
+
+CAMERA_ID = {"L": 1, "R": 2}
+RIG_ID = 1
+
+
+def write_model(folder: str | Path, placed: Mapping[str, PlacedRig]) -> None:
+    """Write the rigs of a terrain by position; they must have one calibration.
+
+    Raises
+    ------
+    FormatError
+        Two positions have different rigs, or there is none.
+    """
+    import pycolmap
+
+    if not placed:
+        raise FormatError(f"{folder}: a COLMAP model needs a position")
+    rigs = [one.rig for one in placed.values()]
+    if any(not _same_rig(rig, rigs[0]) for rig in rigs):
+        raise FormatError(f"{folder}: positions {', '.join(sorted(placed))} have different rigs, a model has one")
+    model = pycolmap.Reconstruction()
+    for camera in CAMERAS:
+        model.add_camera(_camera(CAMERA_ID[camera], rigs[0].lens(camera)))
+    rig = pycolmap.Rig(rig_id=RIG_ID)
+    rig.add_ref_sensor(_sensor("L"))
+    rig.add_sensor(_sensor("R"), _rigid(rigs[0].left_from_right.inverse()))
+    model.add_rig(rig)
+    for frame_id, position in enumerate(sorted(placed), 1):
+        _add_frame(model, frame_id, position, placed[position].sandbox_from_left)
+    with writing_folder(folder) as temporary:
+        model.write_text(str(temporary))
+
+
+def read_model(folder: str | Path) -> dict[str, PlacedRig]:
+    """Rigs by position from a model that `write_model` or COLMAP wrote with its names and one rig of two cameras.
+
+    Raises
+    ------
+    FormatError
+        No readable model, another camera model, or other images than `PosX_CamL` and `PosX_CamR`.
+    """
+    import pycolmap
+
+    try:
+        model = pycolmap.Reconstruction(str(folder))
+        images = sorted(model.images.values(), key=lambda image: image.name)
+        poses = {image.name: _pose(image.cam_from_world()) for image in images}
+        lenses = {image.name: _lens(image.camera) for image in images}
+    except (ValueError, RuntimeError, TypeError, KeyError, IndexError) as error:
+        raise FormatError(f"{folder}: no readable COLMAP model, {str(error).splitlines()[0]}") from error
+    placed = {}
+    for name in poses:
+        position = name.removeprefix("Pos").split("_")[0]
+        left, right = (f"Pos{position}_Cam{camera}" for camera in CAMERAS)
+        if left not in poses or right not in poses or name not in (left, right):
+            raise FormatError(f"{folder}: image {name!r}, expected pairs PosX_CamL and PosX_CamR")
+        rig = StereoRig(lenses[left], lenses[right], poses[left] @ poses[right].inverse())
+        placed[position] = PlacedRig(rig, poses[left].inverse())
+    return placed
+
+
+def _add_frame(model: Any, frame_id: int, position: str, sandbox_from_left: Pose) -> None:
+    import pycolmap
+
+    frame = pycolmap.Frame(frame_id=frame_id, rig_id=RIG_ID)
+    image_ids = {camera: 2 * frame_id - 2 + CAMERA_ID[camera] for camera in CAMERAS}
+    for camera in CAMERAS:
+        frame.add_data_id(pycolmap.data_t(_sensor(camera), image_ids[camera]))
+    frame.rig_from_world = _rigid(sandbox_from_left.inverse())
+    model.add_frame(frame)
+    for camera in CAMERAS:
+        image = pycolmap.Image(
+            name=f"Pos{position}_Cam{camera}", camera_id=CAMERA_ID[camera], image_id=image_ids[camera]
+        )
+        image.frame_id = frame_id
+        model.add_image(image)
+
+
+def _sensor(camera: str) -> Any:
+    import pycolmap
+
+    return pycolmap.sensor_t(pycolmap.SensorType.CAMERA, CAMERA_ID[camera])
+
+
+def _camera(camera_id: int, lens: Lens) -> Any:
+    import pycolmap
+
+    k1, k2, p1, p2, k3 = lens.distortion
+    model, tail = ("FULL_OPENCV", [k3, 0.0, 0.0, 0.0]) if k3 else ("OPENCV", [])
+    return pycolmap.Camera(
+        camera_id=camera_id,
+        model=model,
+        width=lens.width,
+        height=lens.height,
+        params=[lens.fx, lens.fy, lens.cx, lens.cy, k1, k2, p1, p2, *tail],
+    )
+
+
+def _lens(camera: Any) -> Lens:
+    if camera.model_name not in ("OPENCV", "FULL_OPENCV"):
+        raise ValueError(f"camera model {camera.model_name}, expected OPENCV or FULL_OPENCV")
+    params = [float(value) for value in camera.params]
+    if any(params[9:]):
+        raise ValueError("rational distortion (k4 to k6), which our lens does not have")
+    fx, fy, cx, cy, k1, k2, p1, p2 = params[:8]
+    k3 = params[8] if len(params) > 8 else 0.0
+    return Lens(fx, fy, cx, cy, (k1, k2, p1, p2, k3), int(camera.width), int(camera.height))
+
+
+def _rigid(pose: Pose) -> Any:
+    import pycolmap
+
+    return pycolmap.Rigid3d(np.column_stack([pose.rotation, pose.translation]))
+
+
+def _pose(rigid: Any) -> Pose:
+    return Pose.from_matrix(rigid.matrix())
+
+
+def _same_rig(first: StereoRig, second: StereoRig) -> bool:
+    return (
+        first.left == second.left
+        and first.right == second.right
+        and np.allclose(first.left_from_right.matrix, second.left_from_right.matrix, rtol=0, atol=1e-12)
+    )

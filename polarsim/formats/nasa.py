@@ -1,0 +1,357 @@
+"""NASA's files: stereo calibration, range maps, scan clouds, and where photos and scans lie below a root.
+
+Files count in millimetres and OpenCV's pixels; what is read here counts in metres and in ours.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.errors import FormatError, about
+from polarsim.formats.files import write_text, writing
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose, checked_rotation
+from polarsim.geometry.stereo import StereoRig
+from polarsim.photo import HEIGHT, SUNS, WIDTH, PhotoKey, is_exposure
+from polarsim.survey import POSITION_DISTANCE_MM
+
+log = logging.getLogger("polarsim")
+
+CALIBRATION_NAME = "stereo.calibration"
+RANGE_FOLDER = "GroundTruth_RectifiedRangeMaps"
+CLOUD_SUFFIXES = (".xyz", ".txt", ".pts", ".ply")
+MM = 0.001  # metres
+
+_SHORTEST_BASELINE, _LONGEST_BASELINE = 0.25, 0.35  # metres; NASA's is 0.3016
+_ENTRY = re.compile(r"([A-Z0-9_]+):(.*)")
+_COUNTS = {
+    "CAMERA_MATRIX_LEFT": (9,),
+    "DISTORTION_COEFFICIENTS_LEFT": (4, 5, 8),
+    "CAMERA_MATRIX_RIGHT": (9,),
+    "DISTORTION_COEFFICIENTS_RIGHT": (4, 5, 8),
+    "ROTATION_MATRIX": (9,),
+    "TRANSLATION_VECTOR": (3,),
+}
+_PHOTO = re.compile(r"Pos([A-G])_\d+_L(on|off)/(NoSun|Sun_(\d+))/Cam([LR])_(.+)_(\d{4})\.png")
+_CLOUD_START = 50  # lines of an ASCII cloud among which its first point must stand
+
+
+def read_calibration(path: str | Path) -> StereoRig:
+    """Read `stereo.calibration`: `KEY: numbers` a line in any order; unknown keys and other lines are passed over.
+
+    Raises
+    ------
+    FormatError
+        No text, a key is missing or has another count of numbers, a camera matrix or rotation that is none,
+        distortion beyond k3, or cameras that do not stand about 0.30 m apart.
+    """
+    try:
+        text = Path(path).read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FormatError(f"{path}: no readable calibration, {error}") from error
+    with about(path):
+        entries = _entries(text)
+        rotation = checked_rotation(entries["ROTATION_MATRIX"].reshape(3, 3))
+        translation = entries["TRANSLATION_VECTOR"]
+        if not _SHORTEST_BASELINE <= np.linalg.norm(translation) <= _LONGEST_BASELINE:
+            raise FormatError(f"TRANSLATION_VECTOR is {np.linalg.norm(translation):.4g} m long, expected about 0.30")
+        right_from_left = Pose(rotation, translation)  # OpenCV: x_right = R x_left + T
+        return StereoRig(_lens(entries, "LEFT"), _lens(entries, "RIGHT"), right_from_left.inverse())
+
+
+def _entries(text: str) -> dict[str, np.ndarray]:
+    entries: dict[str, np.ndarray] = {}
+    for line in text.splitlines():
+        found = _ENTRY.fullmatch(line.strip())
+        if not found or found[1] not in _COUNTS:
+            continue
+        try:
+            entries[found[1]] = np.array([float(field) for field in found[2].split()])
+        except ValueError as error:
+            raise FormatError(f"{found[1]}: {error}") from error
+    for name, counts in _COUNTS.items():
+        if name not in entries:
+            raise FormatError(f"the key {name} is missing")
+        if len(entries[name]) not in counts:
+            raise FormatError(f"{name} has {len(entries[name])} numbers, expected {' or '.join(map(str, counts))}")
+        if not np.isfinite(entries[name]).all():
+            raise FormatError(f"{name} has a number that is not finite")
+    return entries
+
+
+def _lens(entries: dict[str, np.ndarray], side: str) -> Lens:
+    matrix = entries[f"CAMERA_MATRIX_{side}"].reshape(3, 3)
+    distortion = entries[f"DISTORTION_COEFFICIENTS_{side}"]
+    if np.any(distortion[5:]):
+        raise FormatError(
+            f"DISTORTION_COEFFICIENTS_{side}: terms beyond k3 are not zero, only k1 k2 p1 p2 k3 are known"
+        )
+    skew, bottom = matrix[[0, 1], [1, 0]], matrix[2]
+    if np.any(skew) or np.any(bottom != [0, 0, 1]) or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
+        raise FormatError(f"CAMERA_MATRIX_{side} is no camera matrix fx 0 cx 0 fy cy 0 0 1")
+    return Lens.from_opencv(matrix, distortion[:5], (WIDTH, HEIGHT))
+
+
+def write_calibration(path: str | Path, rig: StereoRig) -> None:
+    """Write `stereo.calibration` with 6 significant digits, as NASA's; four distortion terms where k3 is zero."""
+    right_from_left = rig.left_from_right.inverse()
+    content = {
+        "CAMERA_MATRIX_LEFT": rig.left.opencv_matrix(),
+        "DISTORTION_COEFFICIENTS_LEFT": _terms(rig.left),
+        "CAMERA_MATRIX_RIGHT": rig.right.opencv_matrix(),
+        "DISTORTION_COEFFICIENTS_RIGHT": _terms(rig.right),
+        "ROTATION_MATRIX": right_from_left.rotation,
+        "TRANSLATION_VECTOR": right_from_left.translation,
+    }
+    lines = [f"{name}: {' '.join(f'{value:.6g}' for value in np.ravel(values))}\n" for name, values in content.items()]
+    write_text(path, "".join(lines))
+
+
+def _terms(lens: Lens) -> np.ndarray:
+    return np.array(lens.distortion if lens.distortion[4] else lens.distortion[:4])
+
+
+def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
+    """Points (h, w, 3) float32, metres, in the rectified left frame; NaN where the map has no data (0 or not finite).
+
+    Parameters
+    ----------
+    size : (width, height)
+        What the map must have, px. It is checked before any pixel is read.
+
+    Raises
+    ------
+    FormatError
+        No TIFF, another size, fewer than three bands, or no valid point.
+    """
+    import tifffile
+
+    with about(path):
+        try:
+            with tifffile.TiffFile(path) as tiff:
+                bands_last = _bands_last(tiff.series[0].shape if tiff.series else (), size)
+                bands = np.asarray(tiff.series[0].asarray())
+        except FormatError:
+            raise
+        except Exception as error:  # a damaged TIFF makes the parser raise nearly anything
+            raise FormatError(f"no readable TIFF, {_reason(error)}") from error
+        if bands.dtype.kind not in "fiu":
+            raise FormatError(f"values of type {bands.dtype}, a range map has numbers")
+        points = (bands[..., :3] if bands_last else np.moveaxis(bands[:3], 0, -1)).astype(np.float32) * np.float32(MM)
+        points[~np.isfinite(points).all(axis=-1) | (points[..., 2] <= 0)] = np.nan
+        if np.isnan(points[..., 2]).all():
+            raise FormatError("no valid point")
+        return points
+
+
+def _bands_last(shape: tuple[int, ...], size: tuple[int, int]) -> bool:
+    """Whether the bands of an image of this shape come last (or first); refuses any other shape."""
+    width, height = size
+    if len(shape) == 3 and shape[:2] == (height, width) and shape[2] >= 3:
+        return True
+    if len(shape) == 3 and shape[1:] == (height, width) and shape[0] >= 3:
+        return False
+    stated = " x ".join(map(str, shape)) or "nothing"
+    raise FormatError(f"{stated}, expected {height} rows, {width} columns and 3 bands X Y Z")
+
+
+def write_range_map(path: str | Path, points_m: np.ndarray) -> None:
+    """Write points (h, w, 3), metres, as three float32 bands in millimetres; NaN (no point) becomes 0."""
+    import tifffile
+
+    bands = np.nan_to_num(np.asarray(points_m, np.float32) / np.float32(MM), nan=0.0, posinf=0.0, neginf=0.0)
+    with writing(path) as temporary:
+        tifffile.imwrite(
+            temporary, bands, photometric="minisblack", planarconfig="contig", metadata=None, software=False
+        )
+
+
+def read_cloud(path: str | Path, unit_m: float = MM) -> np.ndarray:
+    """Points (n, 3) float64, metres, of a scan in its rectified left frame.
+
+    Parameters
+    ----------
+    path : .xyz, .txt, .pts or .ply
+        ASCII `x y z ...` a line after any header (further columns are passed over), or a PLY file.
+    unit_m : float
+        The file's unit of length, metres.
+
+    Raises
+    ------
+    FormatError
+        Another suffix, no numbers, ragged lines, or no point.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in CLOUD_SUFFIXES:
+        raise FormatError(f"{path}: a cloud's name ends in {', '.join(CLOUD_SUFFIXES)}")
+    try:
+        points = _read_ply(path) if suffix == ".ply" else _read_ascii_cloud(path)
+    except FormatError:
+        raise
+    except Exception as error:  # parsers of damaged files raise nearly anything
+        raise FormatError(f"{path}: no readable cloud, {_reason(error)}") from error
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):
+        raise FormatError(f"{path}: no point")
+    return points * unit_m
+
+
+def _read_ascii_cloud(path: str | Path) -> np.ndarray:
+    import pandas as pd
+
+    with Path(path).open(encoding="ascii") as lines:
+        start = [line for _, line in zip(range(_CLOUD_START), lines, strict=False)]
+    first = next((n for n, line in enumerate(start) if _is_point(line)), None)
+    if first is None:
+        raise FormatError(f"{path}: no line of x y z among the first {_CLOUD_START}")
+    separator = "," if "," in start[first] else r"\s+"
+    table = pd.read_csv(
+        path, sep=separator, header=None, skiprows=first, usecols=[0, 1, 2], dtype=float, encoding="ascii"
+    )
+    return table.to_numpy(dtype=float)
+
+
+def _is_point(line: str) -> bool:
+    fields = line.replace(",", " ").split()
+    try:
+        return len([float(field) for field in fields]) >= 3
+    except ValueError:
+        return False
+
+
+def _read_ply(path: str | Path) -> np.ndarray:
+    import trimesh
+
+    loaded: Any = trimesh.load(path, file_type="ply", process=False)
+    return np.array(loaded.vertices, dtype=float).reshape(-1, 3)
+
+
+def write_cloud(path: str | Path, points_m: np.ndarray, intensity: np.ndarray) -> None:
+    """Write points (n, 3), metres, as ASCII `x y z intensity`: tenths of a millimetre, whole intensities."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    tenths = np.round(np.asarray(points_m, float) / MM, 1) + 0.0  # no "-0"
+    columns = {name: tenths[:, n] for n, name in enumerate("xyz")}
+    table = pa.table({**columns, "intensity": np.asarray(intensity).astype(np.int64)})
+    options = csv.WriteOptions(include_header=False, delimiter=" ", quoting_style="none")
+    with writing(path) as temporary:
+        csv.write_csv(table, str(temporary), options)
+
+
+def find_terrain_folder(root: str | Path, terrain: int) -> Path | None:
+    """The folder `TerrainNN_Name` below a root, or one level deeper; None where there is none.
+
+    Raises
+    ------
+    FormatError
+        There are two.
+    """
+    name = re.compile(rf"Terrain{terrain:02d}_.*")
+    for pattern in ("*", "*/*"):
+        found = sorted(path for path in Path(root).glob(pattern) if name.fullmatch(path.name) and path.is_dir())
+        if len(found) > 1:
+            raise FormatError(f"{root}: two folders of terrain {terrain:02d}, {found[0].name} and {found[1].name}")
+        if found:
+            return found[0]
+    return None
+
+
+def find_calibration(terrain_folder: str | Path) -> Path | None:
+    """`stereo.calibration` of a terrain's folder, or one level deeper."""
+    found = [
+        *sorted(Path(terrain_folder).glob(CALIBRATION_NAME)),
+        *sorted(Path(terrain_folder).glob(f"*/{CALIBRATION_NAME}")),
+    ]
+    return found[0] if found else None
+
+
+def find_photos(terrain_folder: str | Path, terrain: int) -> list[tuple[PhotoKey, Path]]:
+    """Every photo below a terrain's folder (one extra folder level may lie between), sorted by key.
+
+    The middle token of a photo's name means nothing here. Pictures with other names are strays: logged once, left out.
+
+    Raises
+    ------
+    FormatError
+        Two files bear the same photo key.
+    """
+    photos: dict[PhotoKey, Path] = {}
+    strays = []
+    for path, key in _pictures(Path(terrain_folder), terrain):
+        if key is None:
+            strays.append(path.name)
+        elif key in photos:
+            raise FormatError(f"{path}: a second photo {key} beside {photos[key]}")
+        else:
+            photos[key] = path
+    if strays:
+        log.warning("%s: %d stray pictures left out, such as %s", terrain_folder, len(strays), strays[0])
+    return sorted(photos.items())
+
+
+def find_strays(terrain_folder: str | Path, terrain: int) -> list[Path]:
+    """Pictures below a terrain's folder whose names are no photo's."""
+    return [path for path, key in _pictures(Path(terrain_folder), terrain) if key is None]
+
+
+def _pictures(folder: Path, terrain: int) -> Iterator[tuple[Path, PhotoKey | None]]:
+    for path in sorted(folder.rglob("*.png")):
+        above = len(path.relative_to(folder).parts) - 3
+        found = _PHOTO.fullmatch("/".join(path.parts[-3:])) if above in (0, 1) else None
+        yield path, _photo_key(found, terrain) if found else None
+
+
+def _photo_key(found: re.Match[str], terrain: int) -> PhotoKey | None:
+    azimuth = found[4] or "no"
+    if azimuth not in ("no", *SUNS) or not is_exposure(int(found[7])):
+        return None
+    return PhotoKey(terrain, found[1], found[2], azimuth, found[5], int(found[7]))  # type: ignore[arg-type]
+
+
+def photo_path(terrain_folder: str | Path, key: PhotoKey, token: str) -> Path:
+    """Where NASA would have put a photo: `PosA_1500_Loff/Sun_30/CamL_<token>_0256.png`; a pair shares its token."""
+    distance_mm = POSITION_DISTANCE_MM.get(key.position, POSITION_DISTANCE_MM["A"])
+    sun = "NoSun" if key.azimuth == "no" else f"Sun_{key.azimuth}"
+    position = f"Pos{key.position}_{distance_mm}_L{key.light}"
+    return Path(terrain_folder) / position / sun / f"Cam{key.camera}_{token}_{key.exposure_ms:04d}.png"
+
+
+def range_map_path(folder: str | Path, position: str) -> Path:
+    """Name of a position's range map in the terrain's folder of range maps."""
+    return Path(folder) / f"Pos{position}_org-XYZ.tif"
+
+
+def find_scans(root: str | Path, terrain: int) -> tuple[dict[str, Path], dict[str, Path]]:
+    """Range maps and clouds of a terrain below a root (one extra folder level may lie between), by position.
+
+    Raises
+    ------
+    FormatError
+        Two clouds of one position.
+    """
+    maps: dict[str, Path] = {}
+    for pattern in (RANGE_FOLDER, f"*/{RANGE_FOLDER}"):
+        for path in sorted(Path(root).glob(f"{pattern}/Terrain{terrain:02d}/Pos?_org-XYZ.tif")):
+            maps.setdefault(path.name[3], path)
+    clouds: dict[str, Path] = {}
+    folder = find_terrain_folder(root, terrain)
+    inside = [] if folder is None else [*sorted(folder.glob("Pos?.*")), *sorted(folder.glob("*/Pos?.*"))]
+    for path in inside:
+        if path.suffix.lower() not in CLOUD_SUFFIXES:
+            continue
+        if path.stem[3] in clouds:
+            raise FormatError(f"{path}: a second cloud of position {path.stem[3]} beside {clouds[path.stem[3]]}")
+        clouds[path.stem[3]] = path
+    return maps, clouds
+
+
+def _reason(error: Exception) -> str:
+    """One line that says what a parser complained about."""
+    return (str(error).splitlines() or [""])[0] or type(error).__name__

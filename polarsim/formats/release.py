@@ -1,0 +1,180 @@
+"""The layout of the published release: which file is what, and which names are strays.
+
+`Labels/TerrainNN/KEY.txt`, `SegmentationLabels/terrainNN/labels/KEY.txt`, `TerrainMeshes/TerrainNN/terrainNN_*.obj` and
+`CoverPhotoOfIndices/cover_photo_indexed_NN_P.png`. Only exact names count: the release holds copies beside the files.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from polarsim.errors import LabelError
+from polarsim.formats import obj
+from polarsim.photo import PhotoKey
+
+BOXES, POLYGONS, MESHES, COVERS = "Labels", "SegmentationLabels", "TerrainMeshes", "CoverPhotoOfIndices"
+CLASS_LIST = "classes.txt"  # stands beside the labels and is none
+
+_TERRAIN_FOLDER = re.compile(r"[Tt]errain(\d\d)")
+_COVER = re.compile(r"cover_photo_indexed_(\d\d)_([A-G])\.png")
+_EXAMPLES = 3  # of the strays, in the log
+
+log = logging.getLogger("polarsim")
+
+
+@dataclass
+class KeyFiles:
+    """The label files of a folder by photo key, and the files that are none."""
+
+    files: dict[PhotoKey, Path] = field(default_factory=dict)
+    stray: list[Path] = field(default_factory=list)
+
+    def sort(self) -> KeyFiles:
+        """The same in the order of keys and names."""
+        return KeyFiles(dict(sorted(self.files.items())), sorted(self.stray))
+
+
+def key_files(folder: str | Path) -> KeyFiles:
+    """Every `KEY.txt` of a folder and of its `TerrainNN` subfolders.
+
+    A file in the folder of another terrain than its key's is a stray. A folder that is not there has no file.
+
+    Raises
+    ------
+    LabelError
+        A key is there twice.
+    """
+    found = KeyFiles()
+    folder = Path(folder)
+    if folder.is_dir():
+        _collect(folder, _terrain_of(folder.name), found)
+        for below in sorted(folder.iterdir()):
+            if below.is_dir() and _terrain_of(below.name) is not None:
+                _collect(below, _terrain_of(below.name), found)
+    return found.sort()
+
+
+def label_folder(root: str | Path, terrain: int) -> Path:
+    """Where the boxes of a terrain are published."""
+    return Path(root) / BOXES / f"Terrain{terrain:02d}"
+
+
+def polygon_folder(root: str | Path, terrain: int) -> Path:
+    """Where the polygons of a terrain are published."""
+    return Path(root) / POLYGONS / f"terrain{terrain:02d}" / "labels"
+
+
+def mesh_folder(root: str | Path, terrain: int) -> Path:
+    """Where the meshes of a terrain are published."""
+    return Path(root) / MESHES / f"Terrain{terrain:02d}"
+
+
+def label_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
+    """The hand-drawn boxes of a terrain."""
+    return key_files(label_folder(root, terrain)).files
+
+
+def polygon_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
+    """The hand-drawn polygons of a terrain."""
+    return _polygons(root, terrain).files
+
+
+def mesh_files(root: str | Path, terrain: int) -> dict[int, Path]:
+    """The rock meshes of a terrain by rock id: the full one, or the decimated copy where only that is there."""
+    found = obj.rock_files(mesh_folder(root, terrain))
+    return {rock: path for rock, path in found.items() if _mesh_terrain(path.name) == terrain}
+
+
+def ground_file(root: str | Path, terrain: int) -> Path | None:
+    """The ground mesh of a terrain, where it is there."""
+    path = mesh_folder(root, terrain) / obj.ground_name(terrain)
+    return path if path.is_file() else None
+
+
+def cover_photos(root: str | Path, terrain: int) -> dict[str, Path]:
+    """Pictures with rock ids drawn in, by position."""
+    found = {}
+    for path in sorted((Path(root) / COVERS).glob("*.png")):
+        name = _COVER.fullmatch(path.name)
+        if name and int(name[1]) == terrain:
+            found[name[2]] = path
+    return found
+
+
+def terrains(root: str | Path) -> list[int]:
+    """Numbers of the terrains that have a folder of boxes, polygons or meshes."""
+    numbers = set()
+    for name in (BOXES, POLYGONS, MESHES):
+        for folder in (Path(root) / name).glob("*"):
+            number = _terrain_of(folder.name)
+            if folder.is_dir() and number is not None:
+                numbers.add(number)
+    return sorted(numbers)
+
+
+def stray_files(root: str | Path, terrain: int) -> list[Path]:
+    """Files in the terrain's folders that the layout does not name: copies, system files, impossible exposures."""
+    meshes = mesh_folder(root, terrain)
+    stray = [*key_files(label_folder(root, terrain)).stray, *_polygons(root, terrain).stray]
+    if meshes.is_dir():
+        stray += [path for path in meshes.iterdir() if path.is_file() and _mesh_terrain(path.name) != terrain]
+    return sorted(stray)
+
+
+def log_strays(stray: Iterable[Path], where: str) -> None:
+    """One line with the number of strays and the first of them; nothing where there are none."""
+    names = [path.name for path in stray]
+    if names:
+        more = ", ..." if len(names) > _EXAMPLES else ""
+        log.warning(
+            "%s: %d stray files left out: %s%s", where, len(names), ", ".join(map(repr, names[:_EXAMPLES])), more
+        )
+
+
+def key_of(name: str) -> PhotoKey | None:
+    """The photo key of a label file's name; None for every other name."""
+    if not name.endswith(".txt"):
+        return None
+    try:
+        return PhotoKey.parse(name.removesuffix(".txt"))
+    except LabelError:
+        return None
+
+
+def _polygons(root: str | Path, terrain: int) -> KeyFiles:
+    found = KeyFiles()
+    folder = polygon_folder(root, terrain)
+    if folder.is_dir():
+        _collect(folder, terrain, found)
+    return found.sort()
+
+
+def _collect(folder: Path, terrain: int | None, found: KeyFiles) -> None:
+    for path in sorted(folder.iterdir()):
+        if path.name == CLASS_LIST or not path.is_file():
+            continue
+        key = key_of(path.name)
+        if key is None or (terrain is not None and key.terrain != terrain):
+            found.stray.append(path)
+        elif key in found.files:
+            raise LabelError(f"{path}: {key} is also at {found.files[key]}, a photo has one label file")
+        else:
+            found.files[key] = path
+
+
+def _terrain_of(folder: str) -> int | None:
+    found = _TERRAIN_FOLDER.fullmatch(folder)
+    return int(found[1]) if found else None
+
+
+def _mesh_terrain(name: str) -> int | None:
+    """Terrain that a mesh's name states; None for a name that is no mesh's."""
+    rock = obj.parse_rock_name(name)
+    if rock:
+        return rock[0]
+    found = re.fullmatch(r"terrain(\d\d)_ground\.obj", name)
+    return int(found[1]) if found else None

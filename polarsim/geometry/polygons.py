@@ -1,0 +1,136 @@
+"""Masks as simple polygons and back: rings (n, 2) in pixels, pixel centres at integer + 0.5, without a closing point.
+
+Rings of `outlines` do not cross or touch themselves and have no holes: a region with a hole is cut in two through it.
+They run clockwise as seen on the photo (y down), so that the shoelace sum is positive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from polarsim.photo import GREY_VALUES, HEIGHT, POLYGON_CLASSES, WIDTH
+
+PAINT_ORDER = tuple(POLYGON_CLASSES.index(name) for name in ("background", "ground", "shadow", "rock"))
+
+
+def signed_area(ring: np.ndarray) -> float:
+    """Shoelace area of a ring (n, 2), px^2; positive where it runs clockwise on the photo."""
+    x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
+    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
+
+
+def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
+    """Rings around the true pixels of a mask (h, w), largest first.
+
+    Parameters
+    ----------
+    simplify_px : float
+        Largest distance of a dropped point from its ring (Douglas and Peucker, topology kept); a ring that it would
+        change by more than 1 % of its area stays as it is.
+    """
+    import contourpy
+
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return []
+    top, left = rows[0], columns[0]
+    # One pixel of nothing around the region: marching squares then closes every line half way between pixel centres.
+    part = np.pad(np.asarray(mask[top : rows[-1] + 1, left : columns[-1] + 1], np.uint8), 1)
+    lines = contourpy.contour_generator(z=part, fill_type=contourpy.FillType.OuterOffset).filled(0.5, 1.5)
+    rings = []
+    for points, offsets in zip(*lines, strict=True):
+        parts = [points[a : b - 1] for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+        rings += _without_holes(parts[0], parts[1:])
+    shift = np.array([left - 0.5, top - 0.5])  # the padding's first pixel centre has index 0 and lies half a pixel before
+    found = [_clockwise(_simplified(ring, simplify_px) + shift) for ring in rings if abs(signed_area(ring)) > 0]
+    return sorted(found, key=lambda ring: (-signed_area(ring), ring[0, 0], ring[0, 1]))
+
+
+def rasterised(ring: np.ndarray, shape: tuple[int, int] = (HEIGHT, WIDTH)) -> np.ndarray:
+    """(h, w) bool: pixels whose centres lie inside a ring (n, 2), by the even-odd rule."""
+    mask = np.zeros(shape, bool)
+    rows, columns, inside = _fill(np.asarray(ring, float), shape)
+    mask[rows, columns] = inside
+    return mask
+
+
+def paint(polygons: Sequence[tuple[int, np.ndarray]], shape: tuple[int, int] = (HEIGHT, WIDTH)) -> np.ndarray:
+    """(h, w) uint8 grey map of polygons (class, ring): background, ground, shadow, rock, whatever their order.
+
+    The release's own script paints in file order, and so loses rocks under a ground polygon that comes after them.
+    """
+    grey = np.full(shape, GREY_VALUES["background"], np.uint8)
+    for number in PAINT_ORDER:
+        for own, ring in polygons:
+            if own == number:
+                rows, columns, inside = _fill(np.asarray(ring, float), shape)
+                grey[rows, columns][inside] = GREY_VALUES[POLYGON_CLASSES[number]]
+    return grey
+
+
+def _fill(ring: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice, np.ndarray]:
+    """The part of a picture around a ring, and which of its pixel centres lie inside."""
+    low = np.clip(np.floor(ring.min(axis=0)).astype(int), 0, [shape[1], shape[0]])
+    high = np.clip(np.ceil(ring.max(axis=0)).astype(int), 0, [shape[1], shape[0]])
+    width, height = np.maximum(high - low, 0)
+    start, end = ring - low, np.roll(ring, -1, axis=0) - low
+    upper, lower = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
+    first = np.clip(np.ceil(upper - 0.5).astype(int), 0, height)  # rows whose centre an edge crosses: [first, last)
+    last = np.clip(np.ceil(lower - 0.5).astype(int), 0, height)
+    count = np.maximum(last - first, 0)
+    edge = np.repeat(np.arange(len(ring)), count)
+    row = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + first[edge]
+    along = (row + 0.5 - start[edge, 1]) / (end[edge, 1] - start[edge, 1])
+    crossing = start[edge, 0] + along * (end[edge, 0] - start[edge, 0])
+    column = np.clip(np.ceil(crossing - 0.5).astype(int), 0, width)  # first pixel centre at or beyond the crossing
+    turns = np.zeros((height, width + 1), np.int32)
+    np.add.at(turns, (row, column), 1)
+    inside = np.cumsum(turns, axis=1)[:, :width] % 2 == 1
+    return slice(low[1], low[1] + height), slice(low[0], low[0] + width), inside
+
+
+def _without_holes(outer: np.ndarray, holes: list[np.ndarray]) -> list[np.ndarray]:
+    """Rings that together cover a region with holes: cut upright through each hole, from edge to edge."""
+    if not holes:
+        return [outer]
+    from shapely import Polygon, box
+
+    region = Polygon(outer, holes)
+    x0, y0, x1, y1 = region.bounds
+    # A quarter pixel off the middle: contour points have coordinates in halves, a cut through them could leave slivers.
+    cut = np.floor((holes[0][:, 0].min() + holes[0][:, 0].max()) / 2) + 0.25
+    rings = []
+    for low, high in ((x0 - 1, cut), (cut, x1 + 1)):
+        side = region.intersection(box(low, y0 - 1, high, y1 + 1))
+        for piece in getattr(side, "geoms", [side]):
+            if piece.geom_type == "Polygon" and piece.area > 0:
+                exterior, *interiors = (
+                    np.asarray(line.coords)[:-1] for line in (piece.exterior, *piece.interiors)
+                )
+                rings += _without_holes(exterior, interiors)
+    return rings
+
+
+def _simplified(ring: np.ndarray, tolerance: float) -> np.ndarray:
+    """A ring with fewer points that still encloses nearly the same pixels."""
+    from shapely import Polygon
+
+    whole = Polygon(ring)
+    fewer = whole.simplify(tolerance, preserve_topology=True)
+    if fewer.geom_type != "Polygon" or not fewer.is_valid:
+        return _on_corners(ring)
+    if whole.symmetric_difference(fewer).area > 0.01 * whole.area:
+        return _on_corners(ring)
+    return np.asarray(fewer.exterior.coords)[:-1]
+
+
+def _on_corners(ring: np.ndarray) -> np.ndarray:
+    """A ring without the points that lie on the straight line between their neighbours."""
+    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    return ring[np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) > 1e-12]
+
+
+def _clockwise(ring: np.ndarray) -> np.ndarray:
+    return ring if signed_area(ring) > 0 else ring[::-1]

@@ -1,0 +1,107 @@
+"""Rays against triangles: where a ray first meets a surface, and whether anything stands between two points.
+
+`caster` builds an engine once for a set of triangles. The NumPy engine here defines the result (Moeller and Trumbore,
+J. Graphics Tools 2 (1997) 21), both sides of a triangle count; `rays_embree` obeys it in float32.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol
+
+import numpy as np
+
+NO_FACE = -1  # face number of a ray that meets nothing
+START_OFFSET = 1e-4  # metres: `blocked` passes over surfaces nearer than this, so that no surface shades itself
+_PAIRS = 1 << 20  # ray-triangle pairs tested at once: bounds the memory of the NumPy engine at about 200 MB
+
+RayEngine = Literal["embree", "numpy"]
+
+
+class Caster(Protocol):
+    """Triangles that rays can be cast at."""
+
+    def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """First triangle along each ray.
+
+        Parameters
+        ----------
+        origins, directions : (n, 3) float
+            Directions of any length but zero.
+
+        Returns
+        -------
+        distance : (n,) float
+            In units of the direction's length, so that origins + distance * directions is the point; inf without one.
+        face : (n,) int64
+            Number of the triangle; `NO_FACE` without one.
+        """
+        ...
+
+    def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
+        """(n,) bool: a triangle between `START_OFFSET` metres from the origin and `far` (n,) or scalar.
+
+        `far` is in units of the direction's length: 1 where `directions` reach from the origin to the lamp.
+        """
+        ...
+
+
+def caster(vertices: np.ndarray, faces: np.ndarray, engine: RayEngine = "embree", threads: int = 1) -> Caster:
+    """An engine for triangles `faces` (f, 3) of `vertices` (v, 3), metres.
+
+    Embree casts float32 rays on `threads` threads; results do not depend on their number. NumPy needs time in
+    proportion to rays times triangles and is there to define the result.
+    """
+    if engine == "numpy":
+        return NumpyCaster(vertices, faces)
+    from polarsim.geometry.rays_embree import EmbreeCaster
+
+    return EmbreeCaster(vertices, faces, threads)
+
+
+class NumpyCaster:
+    """Every ray against every triangle, in double precision."""
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        corners = np.asarray(vertices, float)[np.asarray(faces, np.int64).reshape(-1, 3)]
+        self._corner = corners[:, 0]
+        self._edge1, self._edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+
+    def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        origins, directions = np.asarray(origins, float), np.asarray(directions, float)
+        distance = np.full(len(origins), np.inf)
+        face = np.full(len(origins), NO_FACE, np.int64)
+        for part in self._parts(len(origins)):
+            found = self._distances(origins[part], directions[part])
+            best = found.argmin(axis=1)
+            distance[part] = found[np.arange(len(found)), best]
+            face[part] = np.where(np.isfinite(distance[part]), best, NO_FACE)
+        return distance, face
+
+    def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
+        origins, directions = np.asarray(origins, float), np.asarray(directions, float)
+        near = START_OFFSET / np.linalg.norm(directions, axis=1)
+        far = np.broadcast_to(np.asarray(far, float), len(origins))
+        hit = np.zeros(len(origins), bool)
+        for part in self._parts(len(origins)):
+            found = self._distances(origins[part], directions[part])
+            hit[part] = ((found > near[part, None]) & (found < far[part, None])).any(axis=1)
+        return hit
+
+    def _parts(self, rays: int) -> list[slice]:
+        if not len(self._corner):
+            return []
+        step = max(1, _PAIRS // len(self._corner))
+        return [slice(start, start + step) for start in range(0, rays, step)]
+
+    def _distances(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """(n, f) distance of every ray to every triangle, inf where they do not meet."""
+        p = np.cross(directions[:, None], self._edge2)
+        determinant = np.einsum("nfk,fk->nf", p, self._edge1)
+        from_corner = origins[:, None] - self._corner
+        q = np.cross(from_corner, self._edge1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u = np.einsum("nfk,nfk->nf", from_corner, p) / determinant
+            v = np.einsum("nfk,nk->nf", q, directions) / determinant
+            t = np.einsum("nfk,fk->nf", q, self._edge2) / determinant
+            inside = (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0)  # NaN and inf of parallel rays fail here
+        return np.where(inside, t, np.inf)

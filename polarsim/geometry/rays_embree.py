@@ -1,0 +1,77 @@
+"""`rays.Caster` on Intel's Embree 4 (through embreex): float32 inside, millions of rays a second."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from polarsim.errors import PolarsimError
+from polarsim.geometry.rays import NO_FACE, START_OFFSET
+
+_STRIP = 1 << 18  # rays handed to Embree at once, whatever the number of threads: same strips, same bytes
+_NO_HIT = 1e36  # embreex's distance of a ray that met nothing
+
+
+class EmbreeCaster:
+    """Triangles in an Embree scene; strips of rays are cast on `threads` threads (Embree releases the GIL)."""
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, threads: int = 1) -> None:
+        try:
+            from embreex.mesh_construction import TriangleMesh
+            from embreex.rtcore_scene import EmbreeScene
+        except ImportError as error:
+            raise PolarsimError(f"rays: engine 'embree' cannot be loaded ({error}); install embreex") from error
+        self._threads = max(1, threads)
+        self._empty = len(faces) == 0
+        self._scene = EmbreeScene(robust=True)  # rays through shared edges must not slip between triangles
+        self._mesh = TriangleMesh(
+            self._scene,
+            np.ascontiguousarray(vertices, np.float32).reshape(-1, 3),
+            np.ascontiguousarray(faces, np.int32).reshape(-1, 3),
+        )
+        if not self._empty:  # Embree builds its tree at the first query; threads must not race for it
+            self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+
+    def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        distance = np.full(len(origins), np.inf)
+        face = np.full(len(origins), NO_FACE, np.int64)
+
+        def cast(part: slice) -> None:
+            found = self._scene.run(_float32(origins[part]), _float32(directions[part]), output=True)
+            hit = found["primID"] >= 0
+            face[part] = np.where(hit, found["primID"], NO_FACE)
+            distance[part] = np.where(hit, found["tfar"], np.inf)
+
+        self._in_strips(cast, len(origins))
+        return distance, face
+
+    def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
+        far = np.broadcast_to(np.asarray(far), len(origins))
+        hit = np.zeros(len(origins), bool)
+
+        def cast(part: slice) -> None:
+            along = directions[part]
+            near = START_OFFSET / np.linalg.norm(along, axis=1)
+            starts = origins[part] + near[:, None] * along  # embreex has no near limit of its own
+            lengths = _float32(np.minimum(far[part] - near, _NO_HIT))
+            found = self._scene.run(_float32(starts), _float32(along), dists=lengths, query="OCCLUDED")
+            hit[part] = (found >= 0) & (lengths > 0)
+
+        self._in_strips(cast, len(origins))
+        return hit
+
+    def _in_strips(self, cast, rays: int) -> None:  # type: ignore[no-untyped-def]
+        if self._empty:
+            return
+        strips = [slice(start, start + _STRIP) for start in range(0, rays, _STRIP)]
+        if self._threads == 1:
+            for strip in strips:
+                cast(strip)
+            return
+        with ThreadPoolExecutor(self._threads) as pool:
+            list(pool.map(cast, strips))
+
+
+def _float32(values: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(values, np.float32)

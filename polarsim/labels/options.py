@@ -1,0 +1,53 @@
+"""Options of the labels stage."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, Field
+
+
+class LabelsOptions(BaseModel, extra="forbid", frozen=True):
+    """How seed boxes are carried over the photo grid, and how their outlines are drawn."""
+
+    # Which photos show what, as the people who drew the release's labels saw it (facts of the data set).
+    shadow_start_ms: int = Field(128, gt=0, description="Shortest exposure under a Sun lamp with shadow labels, ms.")
+    shadow_start_ms_by_terrain: dict[int, int] = Field(
+        default_factory=dict, description="The same for single terrains (number: ms); wins over shadow_start_ms."
+    )
+    no_sun_start_ms: int = Field(
+        2048, gt=0, description="Shortest exposure with labels where only the rover light shines, ms."
+    )
+
+    # Seeds of several azimuths.
+    same_rock_iou: float = Field(
+        0.3, gt=0, lt=1, description="Boxes of two azimuths that overlap this much (IoU) are the same rock."
+    )
+    presence: float = Field(
+        0.5, ge=0, le=1, description="Share of the seeds that must show a rock for it to be labelled at other azimuths."
+    )
+    mesh_weight: float = Field(
+        1.0, ge=0, description="Weight of a rock's projected mesh in its fused box; a drawn box weighs 1."
+    )
+
+    # Rocks as bodies.
+    match_gate_px: float = Field(
+        40.0, gt=0, description="Largest distance of a projected mesh from its label box, centre to centre, px."
+    )
+    trim_mm: float = Field(
+        4.0, ge=0, description="Rock surface lower than this above the ground counts as ground (skirts of meshes), mm."
+    )
+    min_rock_px: float = Field(12.0, gt=0, description="Smallest projected rock that is labelled, sqrt(area), px.")
+    min_seen: float = Field(
+        0.2, ge=0, le=1, description="Smallest share of a projected rock that nothing else hides, for a label."
+    )
+
+    # Shadows.
+    ray_step_px: int = Field(2, ge=1, le=8, description="Shadows are cast at every n-th pixel along rows and columns.")
+    min_shadow_px: float = Field(12.0, gt=0, description="Smallest cast shadow that is labelled, sqrt(area), px.")
+
+    # Outlines.
+    simplify_px: float = Field(0.6, ge=0, description="Largest error of a simplified outline, px.")
+    wall_height_m: float = Field(0.30, ge=0, description="Height of the sandbox's walls above the sand, m; 0: none.")
+
+    def shadow_start(self, terrain: int) -> int:
+        """Shortest exposure under a Sun lamp with shadow labels, ms."""
+        return self.shadow_start_ms_by_terrain.get(terrain, self.shadow_start_ms)

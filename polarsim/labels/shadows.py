@@ -1,0 +1,67 @@
+"""Shadows that rocks cast on the ground under a near lamp, as a view shows them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from polarsim.geometry.boxes import of_mask
+from polarsim.labels.view import View
+from polarsim.labels.world import World
+from polarsim.photo import NO_ROCK, Azimuth, Light
+from polarsim.survey import ROVER_LIGHT_FROM_LEFT, lamp_position
+
+SMALL_PART = 0.15  # of a shadow's largest connected part: smaller parts do not widen its box
+
+
+def lamp(world: World, view: View, light: Light, azimuth: Azimuth) -> np.ndarray | None:
+    """(3,) place of the lamp that throws the shadows, sandbox frame; None in the dark.
+
+    A Sun lamp outshines the rover light. It was surveyed above the sand, so it goes up and down with the ground's level.
+    """
+    if azimuth != "no":
+        return lamp_position(azimuth) + np.array([0.0, 0.0, world.ground_level])
+    if light == "on":
+        return view.placed.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)
+    return None
+
+
+class Ids:
+    """What a view sees at a grid of pixels (rows, columns): the rock there, and the ground's place where it is ground."""
+
+    def __init__(self, world: World, view: View, rows: np.ndarray, columns: np.ndarray) -> None:
+        pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
+        directions = view.directions(pixels).reshape(-1, 3)
+        distance, face = world.everything.nearest(np.broadcast_to(view.centre, directions.shape), directions)
+        self.shape = (len(rows), len(columns))
+        self.hit = np.isfinite(distance).reshape(self.shape)
+        self.rock = np.where(self.hit, world.rock_of_face[face].reshape(self.shape), NO_ROCK)
+        self.ground = self.hit & (self.rock == NO_ROCK)
+        seen = self.ground.ravel()
+        self.places = view.centre + distance[seen, None] * directions[seen]  # (n, 3) of the ground pixels, row by row
+
+    def shadow_of(self, world: World, lamp_place: np.ndarray) -> np.ndarray:
+        """(rows, columns) rock that takes the lamp's light from each ground pixel; `NO_ROCK` elsewhere."""
+        shadow = np.full(self.shape, NO_ROCK)
+        to_lamp = lamp_place - self.places
+        distance, face = world.rocks.nearest(self.places, to_lamp)
+        blocked = distance < 1
+        rock = np.full(len(self.places), NO_ROCK)
+        rock[blocked] = world.rock_of_rocks_face[face[blocked]]
+        shadow[self.ground] = rock
+        return shadow
+
+
+def cast_shadows(world: World, ids: Ids, lamp_place: np.ndarray, step: int) -> dict[int, np.ndarray]:
+    """Box (4,) in pixels of each rock's visible shadow; `ids` on a grid of every `step`-th pixel."""
+    import cv2
+
+    shadow = ids.shadow_of(world, lamp_place)
+    boxes = {}
+    for rock in (int(number) for number in np.unique(shadow) if number != NO_ROCK):
+        count, parts, figures, _ = cv2.connectedComponentsWithStats((shadow == rock).astype(np.uint8), connectivity=8)
+        areas = figures[1:count, cv2.CC_STAT_AREA]
+        large = 1 + np.flatnonzero(areas >= SMALL_PART * areas.max())
+        box = of_mask(np.isin(parts, large))
+        assert box is not None
+        boxes[rock] = box * step
+    return boxes

@@ -1,0 +1,198 @@
+"""Reflectance models, f_r = L_out / (J cos i) in 1/sr, in NumPy: the reference, and the faster engine on a CPU.
+
+`reflectance` takes unit vectors (n, 3) along the surface's normal, to the lamp and to the viewer, and returns (n,)
+values, 0 where lamp or viewer lies below the surface. It computes in the vectors' precision; the arrangement stays
+accurate in float32 (no cancellation near opposition or in the principal plane). Inside, vectors are (3, n): NumPy is
+five times faster on whole rows.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from polarsim.render.options import (
+    HapkeParameters,
+    LambertParameters,
+    LunarLambertParameters,
+    Parameters,
+    PrincipledParameters,
+)
+
+GRAZING = 1e-6  # cosines below this count as 0: the models have no value where both are
+_TINY = 1e-12
+_CHUNK = 1 << 14  # points computed at once: their arrays stay in the processor's cache
+_SMOOTH = 1e-6  # radians of roughness below which the smooth form is used
+
+
+def reflectance(
+    parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray
+) -> np.ndarray:
+    """(n,) f_r of the model that the parameters belong to; unit vectors (n, 3)."""
+    model = {
+        HapkeParameters: hapke,
+        PrincipledParameters: principled,
+        LambertParameters: lambert,
+        LunarLambertParameters: lunar_lambert,
+    }[type(parameters)]
+    values = np.empty(len(normal), np.result_type(normal, to_lamp, to_viewer))
+    for start in range(0, len(normal), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        n, lamp, viewer = (np.ascontiguousarray(vectors[part].T) for vectors in (normal, to_lamp, to_viewer))
+        cos_i, cos_e = _dot(n, lamp), _dot(n, viewer)
+        with np.errstate(all="ignore"):  # values of surfaces that face away are thrown away
+            found = model(parameters, n, lamp, viewer, cos_i, cos_e)  # type: ignore[operator]
+        values[part] = np.where((cos_i > GRAZING) & (cos_e > GRAZING), found, found.dtype.type(0))
+    return values
+
+
+def lambert(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
+    """Albedo / pi."""
+    return np.full_like(cos_i, parameters.albedo / np.pi)
+
+
+def lunar_lambert(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
+    """McEwen, Icarus 92 (1991) 298; coefficients as in USGS ISIS (`LunarLambertMcEwen`)."""
+    if parameters.weight == "mcewen":
+        g = np.degrees(2 * np.arctan(_tan_half_phase(to_lamp, to_viewer)))
+        share = np.clip(1 + g * (-0.019 + g * (2.42e-4 - 1.46e-6 * g)), 0, 1)
+    else:
+        share = parameters.weight
+    return parameters.albedo / np.pi * (2 * share / (cos_i + cos_e) + 1 - share)
+
+
+def principled(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
+    """Burley, SIGGRAPH 2012 course; mirror lobe of Walter et al., EGSR 2007, separable; exact Fresnel."""
+    base, rough, metallic = parameters.base_color, parameters.roughness, parameters.metallic
+    alpha2 = max(0.001, rough * rough) ** 2
+    half = to_lamp + to_viewer
+    length2 = _dot(half, half)
+    cos_d = 0.5 * np.sqrt(length2)
+    grazing_i, grazing_e = _fifth(1 - cos_i), _fifth(1 - cos_e)
+    fd90 = 0.5 + 2 * rough * cos_d * cos_d
+    diffuse = (1 - metallic) * base / np.pi * (1 + (fd90 - 1) * grazing_i) * (1 + (fd90 - 1) * grazing_e)
+    in_plane = half - (cos_i + cos_e) * normal  # |in_plane|^2 is sin^2 of the half angle, free of cancellation
+    cos2_h, sin2_h = (cos_i + cos_e) ** 2 / length2, _dot(in_plane, in_plane) / length2
+    density = alpha2 / (np.pi * (cos2_h * alpha2 + sin2_h) ** 2)
+    eta = 2 / (1 - math.sqrt(0.08 * parameters.specular)) - 1
+    fresnel = (1 - metallic) * _dielectric(cos_d, eta) + metallic * (base + (1 - base) * _fifth(1 - cos_d))
+    # G1(c) / c = 2 / (c + sqrt(c^2 + alpha^2 (1 - c^2))): finite at grazing angles
+    masking_i = 2 / (cos_i + np.sqrt(cos_i**2 + alpha2 * (1 - cos_i**2)))
+    masking_e = 2 / (cos_e + np.sqrt(cos_e**2 + alpha2 * (1 - cos_e**2)))
+    return diffuse + fresnel * density * masking_i * masking_e / 4
+
+
+def _fifth(x: np.ndarray) -> np.ndarray:
+    """x^5; five times faster than NumPy's power."""
+    return (x * x) * (x * x) * x
+
+
+def _dielectric(cos_d: np.ndarray, eta: float) -> np.ndarray:
+    """Unpolarised Fresnel reflectance."""
+    inside = np.sqrt(1 - (1 - cos_d * cos_d) / (eta * eta))
+    across = (cos_d - eta * inside) / (cos_d + eta * inside)
+    along = (eta * cos_d - inside) / (eta * cos_d + inside)
+    return (across**2 + along**2) / 2
+
+
+def hapke(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
+    """Hapke 2012 (book, 2nd edition), as laid out in Sato et al., JGR Planets 119 (2014) 1775, appendix A."""
+    p = parameters
+    u = 1.209 * p.filling ** (2 / 3)
+    porosity = -math.log1p(-u) / u if u > 0 else 1.0
+    tan_half = _tan_half_phase(to_lamp, to_viewer)
+    cos_g = _dot(to_lamp, to_viewer)
+    theta_bar = math.radians(p.theta_bar_deg)
+    if theta_bar > _SMOOTH:
+        eff_i, eff_e, shading = _roughness(math.tan(theta_bar), normal, to_lamp, to_viewer, cos_i, cos_e)
+    else:
+        eff_i, eff_e, shading = cos_i, cos_e, 1 / cos_i
+    single = _phase(cos_g, p.b, p.c)
+    if p.b_s0:
+        single = single * (1 + p.b_s0 / (1 + tan_half / p.h_s))
+    multiple = _chandrasekhar(eff_i / porosity, p) * _chandrasekhar(eff_e / porosity, p) - 1
+    value = porosity * p.w / (4 * np.pi) * eff_i / (eff_i + eff_e) * (single + multiple) * shading
+    if p.b_c0:
+        value = value * (1 + p.b_c0 * _coherent(tan_half / p.h_c))
+    return value
+
+
+def _phase(cos_g: np.ndarray, b: float, c: float) -> np.ndarray:
+    """Two Henyey-Greenstein lobes; c > 0 scatters backwards."""
+    back, forward = 1 + b * b - 2 * b * cos_g, 1 + b * b + 2 * b * cos_g
+    return (1 - b * b) / 2 * ((1 + c) / (back * np.sqrt(back)) + (1 - c) / (forward * np.sqrt(forward)))
+
+
+def _chandrasekhar(x: np.ndarray, p: HapkeParameters) -> np.ndarray:
+    """Hapke's approximations of the H function."""
+    gamma = math.sqrt(1 - p.w)
+    if p.h_function == 1981:
+        return (1 + 2 * x) / (1 + 2 * gamma * x)
+    r0 = (1 - gamma) / (1 + gamma)
+    x = np.maximum(x, x.dtype.type(_TINY))
+    return 1 / (1 - p.w * x * (r0 + (1 - 2 * r0 * x) / 2 * np.log((1 + x) / x)))
+
+
+def _coherent(x: np.ndarray) -> np.ndarray:
+    """Shape of the coherent-backscatter peak, 1 at x = 0."""
+    safe = np.maximum(x, x.dtype.type(1e-30))
+    return (1 - np.expm1(-safe) / safe) / (2 * (1 + x) ** 2)
+
+
+def _roughness(tan_bar, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
+    """Effective cosines and shading S / cos i (Hapke, Icarus 59 (1984) 41), for tan(theta-bar) > 0.
+
+    The two published branches are one formula in the steeper and the flatter of the two rays.
+    """
+    lamp_flat, view_flat = to_lamp - cos_i * normal, to_viewer - cos_e * normal
+    sin_i, sin_e = np.sqrt(_dot(lamp_flat, lamp_flat)), np.sqrt(_dot(view_flat, view_flat))
+    psi, cos_psi, tan_half_psi = _azimuth(lamp_flat, view_flat, normal)
+    sin2_half = (1 - cos_psi) / 2
+    chi = 1 / math.sqrt(1 + math.pi * tan_bar**2)
+    e1_i, e2_i = _slopes(tan_bar, cos_i, sin_i)
+    e1_e, e2_e = _slopes(tan_bar, cos_e, sin_e)
+    eta_i = chi * (cos_i + sin_i * tan_bar * e2_i / (2 - e1_i))
+    eta_e = chi * (cos_e + sin_e * tan_bar * e2_e / (2 - e1_e))
+    lamp_steeper = cos_i >= cos_e  # i <= e
+    e1_steep, e1_flat = np.where(lamp_steeper, e1_i, e1_e), np.where(lamp_steeper, e1_e, e1_i)
+    e2_steep, e2_flat = np.where(lamp_steeper, e2_i, e2_e), np.where(lamp_steeper, e2_e, e2_i)
+    both = 2 - e1_flat - psi / np.pi * e1_steep
+    tilt_steep = tan_bar * (cos_psi * e2_flat + sin2_half * e2_steep) / both
+    tilt_flat = tan_bar * (e2_flat - sin2_half * e2_steep) / both
+    eff_i = chi * (cos_i + sin_i * np.where(lamp_steeper, tilt_steep, tilt_flat))
+    eff_e = chi * (cos_e + sin_e * np.where(lamp_steeper, tilt_flat, tilt_steep))
+    hidden = np.exp(-2 * tan_half_psi)
+    steep = np.where(lamp_steeper, cos_i / eta_i, cos_e / eta_e)
+    return eff_i, eff_e, eff_e / eta_e / eta_i * chi / (1 - hidden + hidden * chi * steep)
+
+
+def _slopes(tan_bar: float, cos_x: np.ndarray, sin_x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """E1 and E2 of Hapke 1984."""
+    cot_cot = cos_x / np.maximum(sin_x, sin_x.dtype.type(_TINY)) / tan_bar
+    return np.exp(-2 / np.pi * cot_cot), np.exp(-1 / np.pi * cot_cot * cot_cot)
+
+
+def _azimuth(lamp_flat, view_flat, normal):  # type: ignore[no-untyped-def]
+    """psi, cos psi, tan(psi / 2) between two vectors in the surface's plane; psi = 0 where one vanishes."""
+    along = _dot(lamp_flat, view_flat)
+    (nx, ny, nz), (lx, ly, lz), (vx, vy, vz) = normal, lamp_flat, view_flat
+    across = np.abs(nx * (ly * vz - lz * vy) + ny * (lz * vx - lx * vz) + nz * (lx * vy - ly * vx))
+    size = np.sqrt(along * along + across * across)
+    defined = size > 1e-20
+    cos_psi = np.where(defined, along / size, along.dtype.type(1))
+    # Of the two equal forms of tan(psi / 2) the one is taken that does not cancel.
+    tan_half = np.where(along >= 0, across / (size + along), (size - along) / np.maximum(across, size * 1e-7))
+    tan_half = np.where(defined, tan_half, along.dtype.type(0))
+    return np.where(defined, np.arctan2(across, along), along.dtype.type(0)), cos_psi, tan_half
+
+
+def _tan_half_phase(to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:
+    """tan(g / 2) = |L - V| / |L + V|, exact near opposition."""
+    apart, together = to_lamp - to_viewer, to_lamp + to_viewer
+    return np.sqrt(_dot(apart, apart) / np.maximum(_dot(together, together), apart.dtype.type(_TINY)))
+
+
+def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(n,) scalar products of vectors (3, n)."""
+    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]

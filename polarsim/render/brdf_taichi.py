@@ -1,0 +1,227 @@
+"""`brdf.reflectance` as Taichi kernels in float32: the way to GPUs. Held to the reference by tests.
+
+Imported only where the configuration asks for it: importing Taichi's kernels needs Taichi, running them starts it.
+"""
+# No `from __future__ import annotations` here: Taichi reads the kernels' annotations as objects.
+
+import math
+import os
+
+import numpy as np
+
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+import taichi as ti
+
+from polarsim.errors import RenderError
+from polarsim.render.brdf import GRAZING
+from polarsim.render.options import HapkeParameters, LambertParameters, Parameters, PrincipledParameters
+
+_VECTORS = ti.types.ndarray(dtype=ti.math.vec3, ndim=1)
+_VALUES = ti.types.ndarray(dtype=ti.f32, ndim=1)
+_PI = math.pi
+_running = 0  # threads that Taichi was started with; 0 before
+
+
+def start(threads: int) -> None:
+    """Start Taichi on the CPU with so many threads; a second start with the same number does nothing.
+
+    Raises
+    ------
+    RenderError
+        Taichi does not start.
+    """
+    global _running
+    if _running == threads:
+        return
+    try:
+        # Kernels compile in under a second: no cache in anyone's home folder.
+        ti.init(
+            arch=ti.cpu, cpu_max_num_threads=threads, offline_cache=False, fast_math=False, log_level=ti.ERROR,
+            default_fp=ti.f32,
+        )  # fmt: skip
+    except Exception as error:  # Taichi raises many kinds
+        raise RenderError(f"engine 'taichi' does not start, {str(error).splitlines()[0]}") from error
+    _running = threads
+
+
+def reflectance(
+    parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray
+) -> np.ndarray:
+    """`brdf.reflectance` in float32; `start` comes first."""
+    vectors = [np.ascontiguousarray(v, np.float32) for v in (normal, to_lamp, to_viewer)]
+    value = np.zeros(len(normal), np.float32)
+    if not len(normal):
+        return value
+    if isinstance(parameters, HapkeParameters):
+        _hapke(*vectors, value, *_hapke_numbers(parameters))
+    elif isinstance(parameters, PrincipledParameters):
+        alpha2 = max(0.001, parameters.roughness**2) ** 2
+        eta = 2 / (1 - math.sqrt(0.08 * parameters.specular)) - 1
+        _principled(*vectors, value, parameters.base_color, parameters.roughness, parameters.metallic, alpha2, eta)
+    elif isinstance(parameters, LambertParameters):
+        _lunar_lambert(*vectors, value, parameters.albedo, 0.0)
+    else:
+        weight = -1.0 if parameters.weight == "mcewen" else float(parameters.weight)
+        _lunar_lambert(*vectors, value, parameters.albedo, weight)
+    return value
+
+
+def _hapke_numbers(p: HapkeParameters) -> tuple[float, ...]:
+    u = 1.209 * p.filling ** (2 / 3)
+    porosity = -math.log1p(-u) / u if u > 0 else 1.0
+    tan_bar = math.tan(math.radians(p.theta_bar_deg))
+    return p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, porosity, float(p.h_function)
+
+
+@ti.func
+def _tan_half_phase(to_lamp, to_viewer):
+    apart, together = to_lamp - to_viewer, to_lamp + to_viewer
+    return ti.sqrt(apart.dot(apart) / ti.max(together.dot(together), 1e-12))
+
+
+@ti.kernel
+def _lunar_lambert(normal: _VECTORS, lamp: _VECTORS, viewer: _VECTORS, out: _VALUES, albedo: ti.f32, weight: ti.f32):
+    for n in out:
+        cos_i, cos_e = normal[n].dot(lamp[n]), normal[n].dot(viewer[n])
+        if cos_i > GRAZING and cos_e > GRAZING:
+            share = weight
+            if weight < 0:
+                g = 2 * ti.atan2(_tan_half_phase(lamp[n], viewer[n]), 1.0) * (180 / _PI)
+                share = ti.math.clamp(1 + g * (-0.019 + g * (2.42e-4 - 1.46e-6 * g)), 0.0, 1.0)
+            out[n] = albedo / _PI * (2 * share / (cos_i + cos_e) + 1 - share)
+
+
+@ti.func
+def _dielectric(cos_d, eta):
+    inside = ti.sqrt(1 - (1 - cos_d * cos_d) / (eta * eta))
+    across = (cos_d - eta * inside) / (cos_d + eta * inside)
+    along = (eta * cos_d - inside) / (eta * cos_d + inside)
+    return (across * across + along * along) / 2
+
+
+@ti.func
+def _masking(cosine, alpha2):
+    return 2 / (cosine + ti.sqrt(cosine * cosine + alpha2 * (1 - cosine * cosine)))
+
+
+@ti.kernel
+def _principled(
+    normal: _VECTORS, lamp: _VECTORS, viewer: _VECTORS, out: _VALUES,
+    base: ti.f32, rough: ti.f32, metallic: ti.f32, alpha2: ti.f32, eta: ti.f32,
+):  # fmt: skip
+    for n in out:
+        cos_i, cos_e = normal[n].dot(lamp[n]), normal[n].dot(viewer[n])
+        if cos_i > GRAZING and cos_e > GRAZING:
+            half = lamp[n] + viewer[n]
+            length2 = half.dot(half)
+            cos_d = 0.5 * ti.sqrt(length2)
+            fd90 = 0.5 + 2 * rough * cos_d * cos_d
+            diffuse = (1 - metallic) * base / _PI
+            diffuse *= (1 + (fd90 - 1) * (1 - cos_i) ** 5) * (1 + (fd90 - 1) * (1 - cos_e) ** 5)
+            in_plane = half - (cos_i + cos_e) * normal[n]
+            spread = (cos_i + cos_e) ** 2 / length2 * alpha2 + in_plane.dot(in_plane) / length2
+            density = alpha2 / (_PI * spread * spread)
+            fresnel = (1 - metallic) * _dielectric(cos_d, eta)
+            fresnel += metallic * (base + (1 - base) * (1 - cos_d) ** 5)
+            out[n] = diffuse + fresnel * density * _masking(cos_i, alpha2) * _masking(cos_e, alpha2) / 4
+
+
+@ti.func
+def _phase(cos_g, b, c):
+    back, forward = 1 + b * b - 2 * b * cos_g, 1 + b * b + 2 * b * cos_g
+    return (1 - b * b) / 2 * ((1 + c) / (back * ti.sqrt(back)) + (1 - c) / (forward * ti.sqrt(forward)))
+
+
+@ti.func
+def _log1p(x):
+    """log(1 + x) for x > 0 without loss at small x (Kahan)."""
+    whole = 1 + x
+    rest = whole - 1
+    value = x
+    if rest > 0:
+        value = ti.log(whole) * x / rest
+    return value
+
+
+@ti.func
+def _chandrasekhar(x, w, h_function):
+    gamma = ti.sqrt(1 - w)
+    value = (1 + 2 * x) / (1 + 2 * gamma * x)
+    if h_function > 2000:
+        r0 = (1 - gamma) / (1 + gamma)
+        y = ti.max(x, 1e-12)
+        value = 1 / (1 - w * y * (r0 + (1 - 2 * r0 * y) / 2 * _log1p(1 / y)))
+    return value
+
+
+@ti.func
+def _coherent(x):
+    share = 1 - x / 2 + x * x / 6 - x * x * x / 24  # (1 - exp(-x)) / x near 0, where the difference cancels
+    if x > 0.1:
+        share = (1 - ti.exp(-x)) / x
+    return (1 + share) / (2 * (1 + x) ** 2)
+
+
+@ti.func
+def _slopes(tan_bar, cos_x, sin_x):
+    cot_cot = cos_x / ti.max(sin_x, 1e-12) / tan_bar
+    return ti.math.vec2(ti.exp(-2 / _PI * cot_cot), ti.exp(-1 / _PI * cot_cot * cot_cot))
+
+
+@ti.func
+def _azimuth(along, across):
+    """psi, cos psi, tan(psi / 2); all of psi = 0 where it is not defined."""
+    size = ti.sqrt(along * along + across * across)
+    found = ti.math.vec3(0.0, 1.0, 0.0)
+    if size > 1e-20:
+        tan_half = 0.0
+        if along >= 0:
+            tan_half = across / (size + along)
+        else:
+            tan_half = (size - along) / ti.max(across, size * 1e-7)
+        found = ti.math.vec3(ti.atan2(across, along), along / size, tan_half)
+    return found
+
+
+@ti.func
+def _roughness(tan_bar, normal, lamp, viewer, cos_i, cos_e):
+    """Effective cosines, and S / cos i."""
+    lamp_flat, view_flat = lamp - cos_i * normal, viewer - cos_e * normal
+    psi = _azimuth(lamp_flat.dot(view_flat), ti.abs(normal.dot(lamp_flat.cross(view_flat))))
+    sin_i, sin_e = lamp_flat.norm(), view_flat.norm()
+    sin2_half = (1 - psi[1]) / 2
+    chi = 1 / ti.sqrt(1 + _PI * tan_bar * tan_bar)
+    slopes_i, slopes_e = _slopes(tan_bar, cos_i, sin_i), _slopes(tan_bar, cos_e, sin_e)
+    eta_i = chi * (cos_i + sin_i * tan_bar * slopes_i[1] / (2 - slopes_i[0]))
+    eta_e = chi * (cos_e + sin_e * tan_bar * slopes_e[1] / (2 - slopes_e[0]))
+    steep, flat, ratio = slopes_i, slopes_e, cos_i / eta_i
+    if cos_i < cos_e:
+        steep, flat, ratio = slopes_e, slopes_i, cos_e / eta_e
+    both = 2 - flat[0] - psi[0] / _PI * steep[0]
+    tilt_i = tan_bar * (psi[1] * flat[1] + sin2_half * steep[1]) / both
+    tilt_e = tan_bar * (flat[1] - sin2_half * steep[1]) / both
+    if cos_i < cos_e:
+        tilt_i, tilt_e = tilt_e, tilt_i
+    eff_i, eff_e = chi * (cos_i + sin_i * tilt_i), chi * (cos_e + sin_e * tilt_e)
+    hidden = ti.exp(-2 * psi[2])
+    return ti.math.vec3(eff_i, eff_e, eff_e / eta_e / eta_i * chi / (1 - hidden + hidden * chi * ratio))
+
+
+@ti.kernel
+def _hapke(
+    normal: _VECTORS, lamp: _VECTORS, viewer: _VECTORS, out: _VALUES,
+    w: ti.f32, b: ti.f32, c: ti.f32, b_s0: ti.f32, h_s: ti.f32, b_c0: ti.f32, h_c: ti.f32,
+    tan_bar: ti.f32, porosity: ti.f32, h_function: ti.f32,
+):  # fmt: skip
+    for n in out:
+        cos_i, cos_e = normal[n].dot(lamp[n]), normal[n].dot(viewer[n])
+        if cos_i > GRAZING and cos_e > GRAZING:
+            rough = ti.math.vec3(cos_i, cos_e, 1 / cos_i)
+            if tan_bar > 1e-6:
+                rough = _roughness(tan_bar, normal[n], lamp[n], viewer[n], cos_i, cos_e)
+            tan_half = _tan_half_phase(lamp[n], viewer[n])
+            single = _phase(lamp[n].dot(viewer[n]), b, c) * (1 + b_s0 / (1 + tan_half / h_s))
+            multiple = _chandrasekhar(rough[0] / porosity, w, h_function)
+            multiple = multiple * _chandrasekhar(rough[1] / porosity, w, h_function) - 1
+            value = porosity * w / (4 * _PI) * rough[0] / (rough[0] + rough[1]) * (single + multiple) * rough[2]
+            out[n] = value * (1 + b_c0 * _coherent(tan_half / h_c))

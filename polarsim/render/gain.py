@@ -1,0 +1,102 @@
+"""How many grey values a radiance makes: from the photos where there are some, else from NASA's best exposures."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import PolarsimError
+from polarsim.formats import png, tables
+from polarsim.photo import BLACK_LEVEL, SUNS, PhotoKey
+from polarsim.render import brdf
+from polarsim.render.lamps import Lamp
+from polarsim.render.options import Model, RenderOptions
+from polarsim.survey import SURVEYED_LEFT, lamp_position
+
+log = logging.getLogger("polarsim.render")
+
+CENTRE_GREY_PER_MS = 2.0  # level ground at the centre, Sun 30, from A: puts the best exposure at NASA's 256 ms
+_MIDDLE_EXPOSURE_MS = 256
+_USABLE = (40, 3500)  # grey values above black that neither noise nor clipping moves
+_LIT = 0.25  # of the median radiance under the lamp: darker pixels lie in shadow or half-shadow
+_FRAME = (0.1, 0.7, 0.1, 0.9)  # top, bottom, left, right: NASA's advice against the box's rim
+_STEP = 3  # every third row and column is enough for a median
+
+
+def default_gain(model: Model, options: RenderOptions) -> float:
+    """Grey values per ms and unit radiance that make level ground at the centre `CENTRE_GREY_PER_MS` bright."""
+    to_lamp, irradiance = Lamp(lamp_position("30")).light_at(np.zeros((1, 3)), falloff=options.falloff)
+    to_lamp = to_lamp / np.linalg.norm(to_lamp)
+    to_viewer = SURVEYED_LEFT["A"][None] / np.linalg.norm(SURVEYED_LEFT["A"])
+    value = brdf.reflectance(options.parameters(model), np.array([[0.0, 0.0, 1.0]]), to_lamp, to_viewer)
+    radiance = float(value[0] * irradiance[0] * to_lamp[0, 2])
+    return CENTRE_GREY_PER_MS / radiance if radiance > 0 else CENTRE_GREY_PER_MS
+
+
+def gain_ratios(photo: np.ndarray, radiance: np.ndarray, exposure_ms: float) -> np.ndarray:
+    """(n,) grey values per ms and unit radiance at the lit, unsaturated pixels inside the box's rim.
+
+    Parameters
+    ----------
+    photo : (h, w) uint16
+        12-bit grey values.
+    radiance : (h, w) float
+        The same view under the same lamp.
+    """
+    height, width = photo.shape
+    top, bottom, left, right = np.round(np.array(_FRAME) * [height, height, width, width]).astype(int)
+    part = (slice(top, bottom, _STEP), slice(left, right, _STEP))
+    grey, light = photo[part].astype(float) - BLACK_LEVEL, radiance[part].astype(float)
+    if not (light > 0).any():
+        return np.zeros(0)
+    usable = (grey > _USABLE[0]) & (grey < _USABLE[1]) & (light > _LIT * np.median(light[light > 0]))
+    return grey[usable] / (exposure_ms * light[usable])
+
+
+def calibration_photos(index: Path | None, keys: Iterable[PhotoKey], most: int) -> dict[PhotoKey, Path]:
+    """Photos of one view that gains are calibrated on: Sun alone, one exposure an azimuth; none without an index.
+
+    The view is the first of the keys that has such photos; the exposure is the one nearest to 256 ms.
+    """
+    if index is None or most == 0:
+        return {}
+    table = tables.read_parquet(index, ["key", "path"])
+    paths = dict(zip(table["key"], table["path"], strict=True))
+    found: dict[PhotoKey, Path] = {}
+    for key in sorted(keys, key=lambda key: (key.view, SUNS.index(key.azimuth) if key.azimuth in SUNS else -1, key)):
+        path = paths.get(str(key))
+        if key.light == "on" or key.azimuth == "no" or path is None or not Path(path).is_file():
+            continue
+        if found and next(iter(found)).view != key.view:
+            break
+        rival = next((other for other in found if other.azimuth == key.azimuth), None)
+        if rival is None and len(found) < most:
+            found[key] = Path(path)
+        elif rival is not None and _from_middle(key) < _from_middle(rival):
+            del found[rival]
+            found[key] = Path(path)
+    return found
+
+
+def calibrate(
+    photos: Mapping[PhotoKey, Path], layers: Mapping[tuple[Model, str], np.ndarray], model: Model
+) -> float | None:
+    """Median gain over photos of the layers' view; None where no photo has a usable pixel."""
+    ratios = [np.zeros(0)]
+    for key, path in photos.items():
+        radiance = layers[model, key.azimuth]
+        try:
+            photo = png.read_photo(path, (radiance.shape[1], radiance.shape[0]))
+        except PolarsimError as error:
+            log.warning("%s; not used for calibration", error)
+            continue
+        ratios.append(gain_ratios(photo, radiance, key.exposure_ms))
+    pooled = np.concatenate(ratios)
+    return float(f"{np.median(pooled):.6g}") if len(pooled) else None
+
+
+def _from_middle(key: PhotoKey) -> float:
+    return abs(np.log2(key.exposure_ms / _MIDDLE_EXPOSURE_MS))

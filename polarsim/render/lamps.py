@@ -1,0 +1,42 @@
+"""The lamps of a photo: near point lights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.geometry.poses import Pose
+from polarsim.photo import SUNS, PhotoKey
+from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE, lamp_position
+
+ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
+REFERENCE_DISTANCE = 4.0  # metres at which a lamp of intensity 1 makes irradiance 1, with falloff and without
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A point light: position (3,) in the sandbox, metres; intensity over that of a Sun lamp."""
+
+    position: np.ndarray
+    intensity: float = 1.0
+
+    def light_at(self, points: np.ndarray, *, falloff: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Vectors to the lamp (n, 3), in metres, and irradiance across the beam (n,), at points (n, 3)."""
+        to_lamp = self.position.astype(points.dtype) - points
+        if not falloff:
+            return to_lamp, np.full(len(points), self.intensity, points.dtype)
+        square = np.einsum("nk,nk->n", to_lamp, to_lamp)
+        return to_lamp, self.intensity * REFERENCE_DISTANCE**2 / square
+
+
+def lamps_of(sandbox_from_left: Pose) -> dict[str, Lamp]:
+    """Sun lamps by azimuth and the rover light of a rig that stands at `sandbox_from_left`."""
+    lamps = {azimuth: Lamp(lamp_position(azimuth)) for azimuth in SUNS}
+    return {**lamps, ROVER: Lamp(sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)}
+
+
+def lit_by(key: PhotoKey) -> tuple[str, ...]:
+    """Names of the lamps that are on in a photo; the one that throws its labelled shadows comes first."""
+    sun = () if key.azimuth == "no" else (key.azimuth,)
+    return (*sun, ROVER) if key.light == "on" else sun

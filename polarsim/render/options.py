@@ -1,0 +1,113 @@
+"""What the configuration says about rendering."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, Field
+
+Model = Literal["principled", "hapke", "lambert", "lunar_lambert"]
+MODELS: tuple[Model, ...] = ("principled", "hapke", "lambert", "lunar_lambert")
+
+
+class HapkeParameters(BaseModel, extra="forbid", frozen=True):
+    """Hapke 2012, with macroscopic roughness. The letters are the literature's."""
+
+    w: float = Field(ge=0, le=1, description="Single-scattering albedo.")
+    b: float = Field(ge=0, lt=1, description="Width of the phase function's lobes.")
+    c: float = Field(ge=-1, le=1, description="Weight of the lobes; above 0 scatters backwards.")
+    b_s0: float = Field(0, ge=0, description="Amplitude of the shadow-hiding opposition effect.")
+    h_s: float = Field(1, gt=0, description="Its angular width, tan(g/2).")
+    b_c0: float = Field(0, ge=0, description="Amplitude of the coherent-backscatter opposition effect.")
+    h_c: float = Field(1, gt=0, description="Its angular width, tan(g/2).")
+    theta_bar_deg: float = Field(0, ge=0, lt=60, description="Mean slope of the macroscopic roughness, degrees.")
+    filling: float = Field(0, ge=0, lt=0.75, description="Filling factor phi of the porosity term; 0 sets K = 1.")
+    h_function: Literal[1981, 2002] = Field(2002, description="Approximation of Chandrasekhar's H function.")
+
+
+# Lunar sets of Sato et al. 2014 (JGR Planets 119, 1775) at 566 and 643 nm, of Chrono's lunar demos, and of a laboratory
+# measurement of Apollo 11 soil (Curtis et al. 2024; c and B_S0 assumed).
+HAPKE_SETS: dict[str, HapkeParameters] = {
+    name: HapkeParameters(w=w, b=b, c=c, b_s0=b_s0, h_s=h_s, theta_bar_deg=theta, filling=filling)
+    for name, w, b, c, b_s0, h_s, theta, filling in (
+        ("chrono_lunar", 0.32357, 0.23955, 0.30452, 1.80238, 0.07145, 23.4, 0.3),
+        ("sato_map_median_643", 0.3854, 0.2375, 0.3253, 1.686, 0.0672, 23.657, 0),
+        ("sato_highlands_643", 0.44, 0.23, 0.4025, 1.641, 0.074, 23.657, 0),
+        ("sato_mare_643", 0.27, 0.26, 0.1067, 1.855, 0.050, 23.657, 0),
+        ("sato_tranquility_566", 0.188, 0.254, 0.158, 2.134, 0.0623, 23.657, 0),
+        ("sato_tranquility_643", 0.222, 0.254, 0.160, 1.993, 0.0597, 23.657, 0),
+        ("curtis_apollo11_rough", 0.315, 0.261, 0.0976, 1.0, 0.039, 21.28, 0.41),
+    )
+}
+HapkeSet = Literal[
+    "chrono_lunar",
+    "sato_map_median_643",
+    "sato_highlands_643",
+    "sato_mare_643",
+    "sato_tranquility_566",
+    "sato_tranquility_643",
+    "curtis_apollo11_rough",
+]
+
+
+class PrincipledParameters(BaseModel, extra="forbid", frozen=True):
+    """Burley's diffuse lobe and a GGX mirror lobe, as Mitsuba 3 defines them."""
+
+    base_color: float = Field(0.2, ge=0, le=1, description="Albedo of the diffuse lobe.")
+    roughness: float = Field(0.8, ge=0, le=1, description="GGX alpha is its square.")
+    specular: float = Field(0.5, ge=0, le=1, description="Strength of the dielectric mirror lobe; 0.5 is index 1.5.")
+    metallic: float = Field(0, ge=0, le=1, description="Share of metal.")
+
+
+class LambertParameters(BaseModel, extra="forbid", frozen=True):
+    albedo: float = Field(0.2, ge=0, le=1, description="Share of light that is scattered back.")
+
+
+class LunarLambertParameters(BaseModel, extra="forbid", frozen=True):
+    """McEwen's mix of Lommel-Seeliger and Lambert."""
+
+    albedo: float = Field(0.12, ge=0, le=0.6, description="Normal albedo.")
+    weight: Literal["mcewen"] | float = Field("mcewen", description="Share L of Lommel-Seeliger; mcewen: by phase.")
+
+
+Parameters = HapkeParameters | PrincipledParameters | LambertParameters | LunarLambertParameters
+
+
+class RenderOptions(BaseModel, extra="forbid", frozen=True):
+    """Twins and automatic labels."""
+
+    models: tuple[Model, ...] = Field(("principled", "hapke"), description="Reflectance models that twins are made in.")
+    engine: Literal["numpy", "taichi"] = Field("numpy", description="What evaluates reflectance; both in float32.")
+    rays: Literal["embree", "numpy"] = Field("embree", description="What casts rays; numpy is for tiny scenes.")
+
+    hapke: HapkeSet | HapkeParameters = Field("chrono_lunar", description="Name of a parameter set, or the parameters.")
+    principled: PrincipledParameters = PrincipledParameters()
+    lambert: LambertParameters = LambertParameters()
+    lunar_lambert: LunarLambertParameters = LunarLambertParameters()
+
+    samples: Literal[1, 4] = Field(1, description="Rays a pixel.")
+    falloff: bool = Field(True, description="Lamps weaken with the square of the distance; off: as in the paper.")
+    bounce: float = Field(
+        0.02, ge=0, le=1, description="Light that walls return from above, over a lamp's irradiance 4 m away; 0: none."
+    )
+    rim: bool = Field(True, description="Add the walls of the sandbox: they cast shadows and are seen.")
+    rim_half_width_m: float = Field(2.05, gt=0, description="Half the inner width of the sandbox, metres.")
+    rim_height_m: float = Field(0.28, gt=0, description="Top of the walls above the median ground, metres.")
+
+    gain: dict[Model, float] = Field(
+        default_factory=dict, description="Grey values per ms and unit of radiance; a model left out is calibrated."
+    )
+    calibration_photos: int = Field(6, ge=0, description="Photos that a gain is calibrated on; 0: built-in gains.")
+    noise: bool = Field(False, description="Shot and read noise; noisy twins take 1.5 times the space.")
+    vignetting: bool = Field(False, description="Darken by the fourth power of the cosine to the optical axis.")
+    seed: int = Field(0, ge=0, description="Seed of the noise.")
+
+    min_rock_px: int = Field(30, ge=1, description="Rocks with fewer visible pixels get no box.")
+    min_shadow_px: int = Field(60, ge=1, description="Shadows with fewer visible pixels get no box.")
+    min_part_px: int = Field(20, ge=1, description="Connected parts of a shadow below this do not widen its box.")
+
+    def parameters(self, model: Model) -> Parameters:
+        """The parameters of a model."""
+        if model == "hapke":
+            return HAPKE_SETS[self.hapke] if isinstance(self.hapke, str) else self.hapke
+        return {"principled": self.principled, "lambert": self.lambert, "lunar_lambert": self.lunar_lambert}[model]

@@ -1,0 +1,139 @@
+"""All surfaces of a terrain that light meets: ground, rocks and the sandbox's walls, ready for rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.rays import Caster, RayEngine, caster
+from polarsim.photo import NO_ROCK
+from polarsim.render.options import RenderOptions
+
+BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS = 0, 1, 2, 1000, 2000  # of the instance masks
+_WALL_THICKNESS = 0.05  # metres
+_WALL_FOOT = 0.5  # metres that walls reach below the median ground
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """Triangles with what they belong to: BACKGROUND (walls), GROUND, or ROCK_IDS + rock."""
+
+    vertices: np.ndarray  # (v, 3) sandbox frame, metres
+    faces: np.ndarray  # (f, 3)
+    normals: np.ndarray  # (v, 3) unit, for smooth shading
+    id_of_face: np.ndarray  # (f,) int32
+    rays: RayEngine = "embree"
+
+    @cached_property
+    def all(self) -> Caster:
+        return caster(self.vertices, self.faces, self.rays)
+
+    def prepare(self) -> None:
+        """Build what threads would race to build."""
+        _ = self.all, self.corner, self.planes, self.normal_slopes
+
+    @cached_property
+    def rocks(self) -> Caster:
+        """The rocks alone; `rock_faces` numbers its triangles."""
+        return caster(self.vertices, self.faces[self.rock_faces], self.rays)
+
+    @cached_property
+    def rest(self) -> Caster:
+        """Ground and walls alone."""
+        return caster(self.vertices, self.faces[self.id_of_face < ROCK_IDS], self.rays)
+
+    @cached_property
+    def rock_faces(self) -> np.ndarray:
+        """(r,) numbers of the faces that belong to rocks."""
+        return np.flatnonzero(self.id_of_face >= ROCK_IDS)
+
+    @cached_property
+    def corner(self) -> np.ndarray:
+        """(f, 3) float32 first corner of every face."""
+        return self.vertices[self.faces[:, 0]].astype(np.float32)
+
+    @cached_property
+    def planes(self) -> np.ndarray:
+        """(f, 3) float32 unit normals of the flat faces; zero where a face has no area."""
+        normal = self._edges[2]
+        length = np.sqrt((normal * normal).sum(axis=1, keepdims=True))
+        return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+
+    @cached_property
+    def normal_slopes(self) -> np.ndarray:
+        """(f, 3, 4) float32: the smooth normal at point p is slopes[..., :3] @ (p - corner) + slopes[..., 3]."""
+        edge1, edge2, normal = self._edges
+        area2 = np.maximum((normal * normal).sum(axis=1, keepdims=True), np.float32(1e-30))
+        dual1, dual2 = cross(edge2, normal / area2), cross(normal / area2, edge1)  # dual1 . edge1 = 1
+        normals = self.normals.astype(np.float32)
+        at_a, at_b, at_c = (normals[self.faces[:, k]] for k in range(3))
+        slopes = np.empty((len(self.faces), 3, 4), np.float32)
+        for row in range(3):
+            to_b, to_c = (at_b - at_a)[:, row, None], (at_c - at_a)[:, row, None]
+            slopes[:, row, :3] = to_b * dual1 + to_c * dual2
+        slopes[:, :, 3] = at_a
+        return slopes
+
+    @cached_property
+    def _edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Two edges and their cross product, (f, 3) float32 each."""
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        edge1, edge2 = (b - a).astype(np.float32), (c - a).astype(np.float32)
+        return edge1, edge2, cross(edge1, edge2)
+
+
+def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(n, 3) cross products; three times as fast as NumPy's."""
+    (ax, ay, az), (bx, by, bz) = first.T, second.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def surfaces_of(mesh: TerrainMesh, options: RenderOptions) -> Surfaces:
+    """The terrain's triangles, with the sandbox's walls where the options ask for them."""
+    id_of_face = np.where(mesh.rock_of_face == NO_ROCK, GROUND, ROCK_IDS + mesh.rock_of_face).astype(np.int32)
+    if not options.rim:
+        return Surfaces(mesh.vertices, mesh.faces, mesh.normals, id_of_face, options.rays)
+    on_ground = mesh.faces[mesh.rock_of_face == NO_ROCK, 0]
+    level = float(np.median(mesh.vertices[on_ground, 2])) if len(on_ground) else 0.0
+    vertices, faces, normals = walls(options.rim_half_width_m, level - _WALL_FOOT, level + options.rim_height_m)
+    return Surfaces(
+        np.concatenate([mesh.vertices, vertices]),
+        np.concatenate([mesh.faces, faces + len(mesh.vertices)]),
+        np.concatenate([mesh.normals, normals]),
+        np.concatenate([id_of_face, np.full(len(faces), BACKGROUND, np.int32)]),
+        options.rays,
+    )
+
+
+def walls(half_width: float, low: float, high: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices, faces and normals of four boards around a square of `half_width`, from height `low` to `high`."""
+    outer = half_width + _WALL_THICKNESS
+    boards = [
+        ((half_width, -outer), (outer, outer)),
+        ((-outer, -outer), (-half_width, outer)),
+        ((-half_width, half_width), (half_width, outer)),
+        ((-half_width, -outer), (half_width, -half_width)),
+    ]
+    parts = [box(np.array([*a, low]), np.array([*b, high])) for a, b in boards]
+    faces = np.concatenate([part[1] + number * len(parts[0][0]) for number, part in enumerate(parts)])
+    return np.concatenate([part[0] for part in parts]), faces, np.concatenate([part[2] for part in parts])
+
+
+def box(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices (24, 3), faces (12, 3) and normals (24, 3) of an upright box; sides share no vertex: sharp edges."""
+    vertices, normals = [], []
+    for axis in range(3):
+        for side, sign in ((low, -1.0), (high, 1.0)):
+            u, v = (axis + 1) % 3, (axis + 2) % 3
+            corners = np.empty((4, 3))
+            corners[:, axis] = side[axis]
+            corners[:, u] = np.array([low[u], high[u], high[u], low[u]])
+            corners[:, v] = np.array([low[v], low[v], high[v], high[v]])
+            vertices.append(corners if sign > 0 else corners[::-1])
+            normals.append(np.tile(sign * np.eye(3)[axis], (4, 1)))
+    quads = np.arange(24).reshape(6, 4)
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    return np.concatenate(vertices), faces, np.concatenate(normals)

@@ -1,0 +1,132 @@
+"""Twins of photos: the layers of a view, summed and exposed for every key."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats import png
+from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.scene import read_terrain
+from polarsim.geometry.lens import Lens
+from polarsim.photo import PhotoKey
+from polarsim.progress import track
+from polarsim.randomness import generator
+from polarsim.render.gain import calibrate, calibration_photos, default_gain
+from polarsim.render.lamps import lamps_of, lit_by
+from polarsim.render.layers import render_layers
+from polarsim.render.options import Model, RenderOptions
+from polarsim.render.sensor import expose, vignette
+from polarsim.render.surfaces import Surfaces, surfaces_of
+
+log = logging.getLogger("polarsim.render")
+View = tuple[str, str]  # position and camera
+
+
+def views_of(keys: Iterable[PhotoKey], rigs: Mapping[str, PlacedRig], cameras: Path) -> dict[View, list[PhotoKey]]:
+    """The keys of each view whose position has a pose; the others are named in a warning and left out."""
+    views: dict[View, list[PhotoKey]] = {}
+    without = set()
+    for key in sorted(keys):
+        if key.position in rigs:
+            views.setdefault((key.position, key.camera), []).append(key)
+        else:
+            without.add(key.position)
+    for position in sorted(without):
+        log.warning("%s: no pose, nothing is rendered at position %s", cameras / f"Pos{position}.json", position)
+    return views
+
+
+def render_twins(
+    *,
+    terrain: int,
+    model: Model,
+    keys: Sequence[PhotoKey],
+    cameras: Path,
+    meshes: Path,
+    photos: Path | None,
+    twins: Path,
+    options: RenderOptions,
+    threads: int,
+) -> None:
+    """Write `twins/KEY.png` for every key, 16-bit PNG of 12-bit values with black level 16.
+
+    Parameters
+    ----------
+    cameras : Path
+        Folder with the terrain's `PosX.json`; positions without one are a warning and a gap.
+    meshes : Path
+        Folder with the terrain's meshes.
+    photos : Path or None
+        `photos.parquet`; twins get the brightness of its photos. Without it, or without usable photos, NASA's best
+        exposures set the brightness; a gain in the options goes before both.
+
+    Raises
+    ------
+    FormatError
+        A mesh, pose or table is missing or broken.
+    RenderError
+        The engine cannot be loaded.
+    """
+    rigs = read_all_placed(cameras)
+    views = views_of(keys, rigs, cameras)
+    surfaces = surfaces_of(read_terrain(meshes, terrain), options)
+    gain = options.gain.get(model)
+    references = {} if gain else calibration_photos(photos, sum(views.values(), []), options.calibration_photos)
+    first = {(key.position, key.camera) for key in references}
+    twins.mkdir(parents=True, exist_ok=True)
+    for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
+        layers = _layers(surfaces, rigs[view[0]], view[1], views[view], model, options, threads)
+        if gain is None:  # the view with the references comes first
+            gain = calibrate(references, layers, model) or default_gain(model, options)
+            log.info("terrain %02d, %s: gain %.6g from %d photos", terrain, model, gain, len(references))
+        lens = rigs[view[0]].rig.lens(view[1])
+        write_photos(twins, views[view], {name: layer for (_, name), layer in layers.items()}, lens, gain, options,
+                     threads)  # fmt: skip
+
+
+def _layers(
+    surfaces: Surfaces,
+    rig: PlacedRig,
+    camera: str,
+    keys: Sequence[PhotoKey],
+    model: Model,
+    options: RenderOptions,
+    threads: int,
+) -> dict[tuple[Model, str], np.ndarray]:
+    needed = {name for key in keys for name in lit_by(key)}
+    lamps = {name: lamp for name, lamp in lamps_of(rig.sandbox_from_left).items() if name in needed}
+    lens = rig.rig.lens(camera)
+    return render_layers(surfaces, rig.sandbox_from(camera), lens, lamps, [model], options, threads)
+
+
+def write_photos(
+    folder: Path,
+    keys: Sequence[PhotoKey],
+    layers: Mapping[str, np.ndarray],
+    lens: Lens,
+    gain: float,
+    options: RenderOptions,
+    threads: int,
+) -> None:
+    """Write the photos of one view, `folder/KEY.png`, from its layers by lamp."""
+    darkening = vignette(lens) if options.vignetting else None
+    dark = np.zeros((lens.height, lens.width), np.float32)
+
+    def write(key: PhotoKey) -> None:
+        radiance = sum((layers[name] for name in lit_by(key)), dark)
+        if darkening is not None:
+            radiance = radiance * darkening
+        noise = generator(options.seed, "sensor", key) if options.noise else None
+        png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, noise))
+
+    if threads <= 1:
+        for key in keys:
+            write(key)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(write, keys))

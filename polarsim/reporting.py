@@ -1,0 +1,33 @@
+"""How a process speaks: log lines to a file or the terminal, and bad input as one line with exit code 1."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from polarsim.errors import PolarsimError
+
+
+@contextmanager
+def reporting(log: str | Path | None = None) -> Iterator[None]:
+    """Log to a file where one is named; end a `PolarsimError` as one line on the terminal and exit code 1."""
+    handlers: list[logging.Handler] = [logging.StreamHandler()]
+    handlers[0].setLevel(logging.WARNING)
+    if log:
+        Path(log).parent.mkdir(parents=True, exist_ok=True)
+        handlers.append(logging.FileHandler(log, mode="w", encoding="utf-8"))
+    logging.basicConfig(
+        level=logging.INFO, format="%(levelname)s %(message)s", handlers=handlers, force=True
+    )
+    try:
+        yield
+    except PolarsimError as error:
+        logging.getLogger("polarsim").info("stopped: %s", error)
+        sys.stderr.write(f"error: {error}\n")
+        sys.exit(1)
+    except KeyboardInterrupt:
+        sys.stderr.write("stopped by the user; the same command goes on from here\n")
+        sys.exit(130)

@@ -1,0 +1,88 @@
+"""Published rock meshes, cleaned, on a ground fitted under them."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError
+from polarsim.formats import obj, tables
+from polarsim.formats.inventory import read_inventory
+from polarsim.formats.obj import Mesh
+from polarsim.rocks import table
+from polarsim.rocks.folder import height_mesh, write_meshes
+from polarsim.rocks.heights import FloorGrid
+from polarsim.rocks.options import RocksOptions
+from polarsim.rocks.overrides import Cuboid, write_cuboids
+from polarsim.rocks.rims import fit_ground, rim
+from polarsim.rocks.scans import Extent
+from polarsim.rocks.solids import largest_island, merged_vertices
+
+log = logging.getLogger("polarsim")
+HALF_WIDTH = 2.10  # metres: published frames are not centred on the box to better than a decimetre
+
+
+def adopt_rocks(
+    *, terrain: int, inventory: Path, rocks: Path, cuboids: Path, meshes: Path, options: RocksOptions
+) -> None:
+    """Take over a terrain's published rock meshes under their ids; fit a ground where none is published.
+
+    A terrain without meshes has an empty table and level ground at z = 0.
+    """
+    published = read_inventory(inventory)
+    adopted = {rock: cleaned(obj.read(path)) for rock, path in _by_rock(inventory, published.meshes).items()}
+    half = HALF_WIDTH
+    grid = FloorGrid(Extent(-half, -half, half, half), options.fitted_ground_cell_mm / 1000)
+    heights = fit_ground([rim(mesh) for mesh in adopted.values()], grid)
+    ground = obj.read(published.ground) if published.ground else height_mesh(grid, heights)
+    if not adopted:
+        log.warning("%s: terrain %02d has no rock meshes", inventory, terrain)
+    around = {rock: cuboid_of(mesh) for rock, mesh in adopted.items()}
+    rows = [_row(rock, mesh, around[rock], grid, heights) for rock, mesh in adopted.items()]
+    write_meshes(terrain, meshes, adopted, ground, options.decimated_share)
+    write_cuboids(cuboids, around)
+    tables.write_parquet(rocks, table.rock_table(rows))
+
+
+def cleaned(mesh: Mesh) -> Mesh:
+    """The largest island; crumbs, doubled and unused vertices go."""
+    return largest_island(merged_vertices(mesh))
+
+
+def cuboid_of(mesh: Mesh) -> Cuboid:
+    """The cuboid around a mesh, to the millimetre outwards."""
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    return Cuboid(np.floor(low * 1000) / 1000, np.ceil(high * 1000) / 1000)
+
+
+def volume_above(mesh: Mesh, grid: FloorGrid, ground: np.ndarray) -> float:
+    """Volume between the ground and a surface that may be open below it, m^3.
+
+    Every face adds the prism that it spans with the ground; faces that look down take theirs away.
+    """
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    area = np.cross(b - a, c - a)[:, 2] / 2
+    centre = (a + b + c) / 3
+    return float((area * np.maximum(centre[:, 2] - grid.sample(ground, centre), 0)).sum())
+
+
+def _by_rock(inventory: Path, paths: dict[str, str]) -> dict[int, str]:
+    """Paths by rock id, in the order of ids."""
+    if not all(name.isdigit() for name in paths):
+        raise FormatError(f"{inventory}: meshes are named by rock ids, found {sorted(paths)[-1]!r}")
+    return dict(sorted((int(name), path) for name, path in paths.items()))
+
+
+def _row(rock: int, mesh: Mesh, cuboid: Cuboid, grid: FloorGrid, ground: np.ndarray) -> dict[str, object]:
+    return table.row(
+        rock,
+        cuboid,
+        size=float(np.ptp(mesh.vertices[:, :2], axis=0).max()),
+        height=float((mesh.vertices[:, 2] - grid.sample(ground, mesh.vertices)).max()),
+        volume=volume_above(mesh, grid, ground),
+        points=0,
+        source="published",
+        confirmed="",
+    )

@@ -1,0 +1,124 @@
+"""Finds and cuboids typed by hand, brought together; which points belong to which rock."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from polarsim.rocks.ground import FOOT_MARGIN, Sand
+from polarsim.rocks.heights import filled
+from polarsim.rocks.overrides import Cuboid, Overrides
+from polarsim.rocks.regions import Region, measured_region
+from polarsim.rocks.scans import ScanPoints
+
+log = logging.getLogger("polarsim")
+CUBOID_BELOW = 0.010  # metres that a cuboid reaches below the lowest ground at its rock
+CUBOID_ABOVE = 0.005  # and above the rock's highest point
+LOWEST_POINT = 0.001  # metres above ground from which points near a rock are the rock's
+
+
+@dataclass(frozen=True)
+class Rock:
+    """A rock of a terrain: its region, the cuboid that crops it, and `scan` or `override`."""
+
+    region: Region
+    cuboid: Cuboid
+    source: str
+
+
+def crop_rocks(sand: Sand, regions: list[Region], overrides: Overrides, foot: float) -> tuple[Sand, dict[int, Rock]]:
+    """Rocks by id after the overrides, and the sand with all that is no rock as ground."""
+    finds = {number: region for number, region in enumerate(regions, 1) if number not in overrides.drop}
+    for rock in overrides.drop:
+        if rock > len(regions):
+            log.warning("rock %d is to be dropped, but there are %d finds", rock, len(regions))
+    sand = _without_ground(sand, overrides.cuboids)
+    rocks: dict[int, Rock] = {}
+    for rock, cuboid in overrides.cuboids.items():
+        region = _cropped(sand, cuboid, foot)
+        if region is None:
+            log.warning("rock %d: nothing stands out of the ground in its cuboid", rock)
+        else:
+            rocks[rock] = Rock(region, cuboid, "override")
+    finds = {n: r for n, r in finds.items() if not any(_inside(r, c) for c in overrides.cuboids.values())}
+    free = max([*finds, *overrides.cuboids, 0]) + 1
+    for number, region in finds.items():
+        if number in overrides.cuboids:
+            number, free = free, free + 1
+        rocks[number] = Rock(region, _around(sand, region), "scan")
+    return _with_rest_as_ground(sand, [rock.region for rock in rocks.values()]), dict(sorted(rocks.items()))
+
+
+def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints) -> np.ndarray:
+    """(n,) id of the rock of each point; 0 for all others.
+
+    Points in cells beside a rock's, where the ground is not seen, are its foot.
+    """
+    owner = np.zeros(sand.surface.size, np.int64)
+    for rock, found in rocks.items():
+        owner[found.region.seen] = rock
+    distance, nearest = ndimage.distance_transform_edt((owner == 0).reshape(sand.surface.shape), return_indices=True)
+    owner = owner.reshape(sand.surface.shape)[tuple(nearest)]
+    owner[(distance > FOOT_MARGIN) | sand.is_ground] = 0
+    cells = sand.grid.cell_of(scans.points)
+    rock_of_point = np.where(cells >= 0, owner.ravel()[cells], 0)
+    rock_of_point[scans.points[:, 2] < sand.grid.sample(sand.ground, scans.points) + LOWEST_POINT] = 0
+    for rock, found in rocks.items():
+        if found.source == "override":
+            outside = ((scans.points < found.cuboid.low) | (scans.points > found.cuboid.high)).any(axis=1)
+            rock_of_point[outside & (rock_of_point == rock)] = 0
+    return rock_of_point
+
+
+def _inside(region: Region, cuboid: Cuboid) -> bool:
+    return bool((region.centre > cuboid.low[:2]).all() and (region.centre < cuboid.high[:2]).all())
+
+
+def _cells_of(sand: Sand, cuboid: Cuboid) -> np.ndarray:
+    """(rows, columns) bool: cells whose surface lies in a cuboid."""
+    places = sand.grid.places()
+    inside = ((places > cuboid.low[:2]) & (places < cuboid.high[:2])).all(axis=-1)
+    heights = np.nan_to_num(sand.surface, nan=np.inf)
+    return inside & (heights > cuboid.low[2]) & (heights < cuboid.high[2])
+
+
+def _without_ground(sand: Sand, cuboids: dict[int, Cuboid]) -> Sand:
+    """Sand that takes nothing in a cuboid for ground."""
+    if not cuboids:
+        return sand
+    is_ground = sand.is_ground.copy()
+    for cuboid in cuboids.values():
+        is_ground &= ~_cells_of(sand, cuboid)
+    return replace(sand, is_ground=is_ground, ground=filled(np.nan_to_num(sand.surface), is_ground))
+
+
+def _cropped(sand: Sand, cuboid: Cuboid, foot: float) -> Region | None:
+    mask = _cells_of(sand, cuboid) & (sand.above > foot)
+    if not mask.any():
+        return None
+    box = ndimage.find_objects(mask.astype(int))[0]
+    return measured_region(sand, box, mask[box])
+
+
+def _around(sand: Sand, region: Region) -> Cuboid:
+    """The cuboid of a find, to the millimetre outwards."""
+    places = sand.grid.places().reshape(-1, 2)[region.footprint]
+    margin = sand.grid.cell * (0.5 + FOOT_MARGIN)
+    bottom = sand.ground.ravel()[region.footprint].min() - CUBOID_BELOW
+    top = np.nanmax(sand.surface.ravel()[region.seen]) + CUBOID_ABOVE
+    low = np.array([*(places.min(axis=0) - margin), bottom])
+    high = np.array([*(places.max(axis=0) + margin), top])
+    return Cuboid(np.floor(low * 1000) / 1000, np.ceil(high * 1000) / 1000)
+
+
+def _with_rest_as_ground(sand: Sand, regions: list[Region]) -> Sand:
+    """Pebbles, ripples and steep sand belong to the ground: all that was seen and is not at a rock."""
+    taken = np.zeros(sand.surface.shape, bool)
+    for region in regions:
+        taken.ravel()[region.footprint] = True
+    taken = ndimage.binary_dilation(taken, np.ones((3, 3), bool), iterations=FOOT_MARGIN)
+    is_ground = np.isfinite(sand.surface) & ~taken | sand.is_ground
+    return replace(sand, is_ground=is_ground, ground=filled(np.nan_to_num(sand.surface), is_ground))

@@ -1,0 +1,146 @@
+"""Scans to rocks and ground: clouds, cuboids and a table of a terrain's rocks."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats import nasa, ply, rigs, tables, yolo
+from polarsim.formats.files import writing_folder
+from polarsim.formats.inventory import Inventory, read_inventory
+from polarsim.formats.ply import Cloud
+from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.stereo import rectified_left
+from polarsim.photo import BOX_CLASSES, ROCK, PhotoKey
+from polarsim.rocks import table
+from polarsim.rocks.clouds import surface_cloud, voxel_means
+from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
+from polarsim.rocks.evidence import confirming_positions
+from polarsim.rocks.ground import Sand, find_ground, sand_extent
+from polarsim.rocks.options import RocksOptions
+from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids
+from polarsim.rocks.regions import Limits, find_regions
+from polarsim.rocks.scans import Extent, ScanPoints, merged, organised, place_scan, trusted_pixels
+
+log = logging.getLogger("polarsim")
+NEIGHBOURHOOD = Extent(-2.5, -2.5, 2.5, 2.5)  # of the box and its walls: nothing further out is looked at
+
+
+def find_rocks(
+    *,
+    terrain: int,
+    inventory: Path,
+    cameras: Path,
+    seeds: Path,
+    overrides: Path | None,
+    rocks: Path,
+    cuboids: Path,
+    clouds: Path,
+    options: RocksOptions,
+) -> None:
+    """Read a terrain's scans, tell rocks from ground, write the table, the cuboids and the clouds.
+
+    A position without a scan, or with a scan but no pose, is a warning. A terrain without any scan has no rock and an
+    empty ground cloud.
+    """
+    placed = rigs.read_all_placed(cameras)
+    typed = read_overrides(overrides) if overrides is not None else Overrides()
+    boxes = read_rock_boxes(seeds)
+    scans = _read_scans(read_inventory(inventory), placed)
+    if not len(scans):
+        log.warning("%s: no scan of terrain %02d, so no rock and no ground", inventory, terrain)
+        _write(rocks, cuboids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))))
+        return
+    extent = sand_extent(scans)
+    scans = scans.select(extent.contains(scans.points))
+    sand = find_ground(scans, extent, options.ground_cell_mm / 1000, np.radians(options.max_sand_slope_deg))
+    limits = Limits(
+        foot=options.foot_height_mm / 1000,
+        height=options.min_height_mm / 1000,
+        confirmed_height=options.confirmed_height_mm / 1000,
+        size=options.min_size_mm / 1000,
+    )
+    regions = find_regions(
+        sand, limits, lambda points: confirming_positions(points, placed, boxes, options.confirming_iou)
+    )
+    sand, found = crop_rocks(sand, regions, typed, limits.foot)
+    rock_of_point = rock_of_points(sand, found, scans)
+    points = {rock: scans.select(rock_of_point == rock) for rock in found}
+    unlabelled = [rock for rock, one in found.items() if not one.region.confirmed]
+    log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(found), unlabelled or "none")
+    rows = [_row(rock, one, len(points[rock])) for rock, one in found.items()]
+    rock_clouds = {rock: surface_cloud(voxel_means(seen, options.rock_cell_mm / 1000)) for rock, seen in points.items()}
+    _write(rocks, cuboids, clouds, rows, found, rock_clouds, ground_cloud(sand))
+
+
+def read_rock_boxes(seeds: Path) -> dict[str, np.ndarray]:
+    """Rock boxes (n, 4) of a terrain's seeds in left photos, by position; pixels."""
+    boxes: dict[str, list[np.ndarray]] = {}
+    for path in sorted(Path(seeds).glob("*.txt")):
+        key = PhotoKey.parse(path.stem)
+        if key.camera == "L":
+            classes, drawn = yolo.read_boxes(path)
+            boxes.setdefault(key.position, []).append(drawn[classes == BOX_CLASSES.index(ROCK)])
+    return {position: np.concatenate(drawn) for position, drawn in boxes.items()}
+
+
+def ground_cloud(sand: Sand) -> Cloud:
+    """A point a cell of seen ground, with the surface's normal."""
+    along_y, along_x = np.gradient(sand.ground, sand.grid.cell)
+    normals = np.stack([-along_x, -along_y, np.ones_like(along_x)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    points = np.concatenate([sand.grid.places(), sand.ground[..., None]], axis=-1)
+    return Cloud(points[sand.is_ground], normals[sand.is_ground])
+
+
+def _read_scans(inventory: Inventory, placed: Mapping[str, PlacedRig]) -> ScanPoints:
+    """All scans of a terrain in the sandbox."""
+    scans = []
+    for position in inventory.scanned:
+        if position not in placed:
+            log.warning("terrain %02d: the scan at %s has no pose and is left out", inventory.terrain, position)
+            continue
+        grid = rectified_left(placed[position].rig)
+        lens, path = grid.lens, inventory.range_maps.get(position)
+        if path is not None:
+            range_map = nasa.read_range_map(path, (lens.width, lens.height))
+        else:
+            range_map, lens = organised(nasa.read_cloud(inventory.clouds[position]), lens)
+        sandbox_from_rectified = placed[position].sandbox_from_left @ grid.left_from_rectified
+        scan = place_scan(range_map, trusted_pixels(range_map, lens.fx), sandbox_from_rectified)
+        scans.append(scan.select(NEIGHBOURHOOD.contains(scan.points)))
+    return merged(scans)
+
+
+def _row(rock: int, found: Rock, points: int) -> dict[str, object]:
+    region = found.region
+    return table.row(
+        rock,
+        found.cuboid,
+        size=region.size,
+        height=region.height,
+        volume=region.volume,
+        points=points,
+        source=found.source,
+        confirmed=" ".join(region.confirmed),
+    )
+
+
+def _write(
+    rocks: Path,
+    cuboids: Path,
+    clouds: Path,
+    rows: list[dict[str, object]],
+    found: Mapping[int, Rock],
+    rock_clouds: Mapping[int, Cloud],
+    ground: Cloud,
+) -> None:
+    with writing_folder(clouds) as folder:
+        ply.write(folder / "ground.ply", ground)
+        for rock, cloud in rock_clouds.items():
+            ply.write(folder / f"rock{rock}.ply", cloud)
+    write_cuboids(cuboids, {rock: one.cuboid for rock, one in found.items()})
+    tables.write_parquet(rocks, table.rock_table(rows))

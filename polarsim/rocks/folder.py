@@ -1,0 +1,54 @@
+"""The folder of a terrain's meshes: names, decimated copies, figures; and the mesh of a height grid."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats import obj, tables
+from polarsim.formats.files import writing_folder
+from polarsim.formats.obj import Mesh
+from polarsim.rocks.heights import FloorGrid
+from polarsim.rocks.solids import decimated, is_watertight, islands, volume
+
+
+def height_mesh(grid: FloorGrid, heights: np.ndarray) -> Mesh:
+    """Two triangles a cell between the centres of the grid's cells, facing up; the shorter diagonal cuts each cell."""
+    rows, columns = grid.shape
+    vertices = np.concatenate([grid.places(), heights[..., None]], axis=-1).reshape(-1, 3)
+    number = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    flat = heights.ravel()
+    along = (np.abs(flat[a] - flat[c]) <= np.abs(flat[b] - flat[d]))[..., None]
+    first = np.where(along, np.stack([a, b, c], axis=-1), np.stack([a, b, d], axis=-1))
+    second = np.where(along, np.stack([a, c, d], axis=-1), np.stack([b, c, d], axis=-1))
+    return Mesh(vertices, np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)]))
+
+
+def write_meshes(terrain: int, meshes: Path, solids: dict[int, Mesh], ground: Mesh, decimated_share: float) -> None:
+    """Write a terrain's meshes under the release's names, with a table of their figures."""
+    rows = []
+    with writing_folder(meshes) as folder:
+        named = [(obj.ground_name(terrain), ground)]
+        for rock, mesh in sorted(solids.items()):
+            named.append((obj.rock_name(terrain, rock), mesh))
+            named.append((obj.rock_name(terrain, rock, decimated=True), decimated(mesh, decimated_share)))
+        for name, mesh in named:
+            obj.write(folder / name, mesh, Path(name).stem)
+            rows.append(figures(name, mesh))
+        tables.write_csv(folder / "meshes.csv", pd.DataFrame(rows))
+
+
+def figures(name: str, mesh: Mesh) -> dict[str, object]:
+    """What `meshes.csv` says of a mesh; an open mesh has no volume."""
+    closed = is_watertight(mesh)
+    return {
+        "mesh": name,
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "islands": int(islands(mesh).max(initial=-1)) + 1,
+        "watertight": closed,
+        "volume_m3": volume(mesh) if closed else np.nan,
+    }

@@ -1,0 +1,112 @@
+"""Ground and what stands on it: the box of sand, the sand's surface, and heights above it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from polarsim.rocks.heights import FloorGrid, filled, mean_heights, smoothed
+from polarsim.rocks.scans import WALL_HEIGHT, Extent, ScanPoints
+from polarsim.survey import SANDBOX_HALF_WIDTH
+
+WALL_MARGIN = 0.03  # metres of sand along a wall that are left out: the wall's foot is not sand
+WALL_SEARCH = (1.6, 2.4)  # metres from the origin between which a wall can stand
+LEVEL_TOLERANCE = 0.010  # metres above its surroundings up to which an area within steep edges still is ground
+_SQUARE = np.ones((3, 3), bool)
+FOOT_MARGIN = 2  # cells around rock that do not tell the ground's height
+
+
+@dataclass(frozen=True)
+class Sand:
+    """The sand's surface on a grid; arrays are (rows, columns)."""
+
+    grid: FloorGrid
+    surface: np.ndarray  # heights of the scanned surface, rocks included; NaN where nothing was seen
+    ground: np.ndarray  # heights of the ground, everywhere
+    is_ground: np.ndarray  # cells whose surface was seen and is ground
+
+    @property
+    def above(self) -> np.ndarray:
+        """Heights of the surface above the ground; 0 where nothing was seen."""
+        return np.nan_to_num(self.surface - self.ground)
+
+
+def sand_extent(scans: ScanPoints, cell: float = 0.02) -> Extent:
+    """The rectangle of sand between the walls: where the surface rises by a wall's height, else the survey's.
+
+    On each side the wall stands at the median over strips of the first place, from the middle outwards, where points
+    lie high above the sand's median height.
+    """
+    half = SANDBOX_HALF_WIDTH
+    area = scans.points[(np.abs(scans.points[:, :2]) < WALL_SEARCH[1]).all(axis=1)]
+    if not len(area):
+        return Extent(-half, -half, half, half)
+    middle = (np.abs(area[:, :2]) < 1.0).all(axis=1)
+    level = np.median(area[middle, 2]) if middle.any() else np.median(area[:, 2])
+    high = area[area[:, 2] > level + WALL_HEIGHT]
+    sides = {}
+    for axis in (0, 1):
+        for sign in (-1, 1):
+            sides[axis, sign] = sign * _wall_distance(sign * high[:, axis], high[:, 1 - axis], cell)
+    return Extent(sides[0, -1], sides[1, -1], sides[0, 1], sides[1, 1]).grown(-WALL_MARGIN)
+
+
+def _wall_distance(outward: np.ndarray, along: np.ndarray, cell: float) -> float:
+    """Distance of a wall from the origin, from its high points: outward and along coordinates (n,)."""
+    beyond = (outward > WALL_SEARCH[0]) & (np.abs(along) < SANDBOX_HALF_WIDTH)
+    strip = np.round(along[beyond] / cell).astype(int)
+    if not len(strip):
+        return SANDBOX_HALF_WIDTH
+    order = np.lexsort((outward[beyond], strip))
+    first = np.unique(strip[order], return_index=True)[1]
+    if len(first) < 0.3 * 2 * SANDBOX_HALF_WIDTH / cell:  # a wall is seen along much of its side
+        return SANDBOX_HALF_WIDTH
+    return float(np.median(outward[beyond][order][first]))
+
+
+def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float) -> Sand:
+    """Tell sand from rock by slope: loose sand cannot be steeper than its angle of repose, a rock's flanks are.
+
+    Cells of gentle slope make areas; the largest is ground, others are ground unless they lie above their
+    surroundings (a rock's top). So craters, mounds and pits stay ground whatever their size.
+
+    Parameters
+    ----------
+    cell : float
+        Side of a grid cell, metres.
+    max_slope : float
+        Steepest slope of sand, radians.
+    """
+    grid = FloorGrid(extent.snapped(cell), cell)
+    mean, weights = mean_heights(grid, scans.points, scans.weights)
+    surface = smoothed(mean, weights, 1.0)
+    seen = ndimage.binary_closing(weights > 0, _SQUARE, border_value=0) & np.isfinite(surface)
+    surface = np.where(seen, surface, np.nan)
+    gentle = seen & (_slope(filled(np.nan_to_num(surface), seen), cell) < np.tan(max_slope))
+    is_ground = _level_areas(surface, gentle)
+    ground = filled(np.nan_to_num(surface), is_ground)
+    return Sand(grid, surface, ground, is_ground)
+
+
+def _slope(heights: np.ndarray, cell: float) -> np.ndarray:
+    """Tangent of the slope, from differences over two cells."""
+    along_y, along_x = np.gradient(heights, cell)
+    return np.hypot(along_y, along_x)
+
+
+def _level_areas(surface: np.ndarray, gentle: np.ndarray) -> np.ndarray:
+    """Gentle cells that are ground, without a margin at the foot of what is not."""
+    core = ndimage.binary_erosion(gentle, _SQUARE)  # cuts bridges that noise builds up a flank
+    areas, count = ndimage.label(core)
+    if not count:
+        return np.zeros_like(gentle)
+    sizes = np.bincount(areas.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    main = areas == np.argmax(sizes)
+    above = surface - filled(np.nan_to_num(surface), main)
+    height = ndimage.median(np.nan_to_num(above), areas, np.arange(1, count + 1))
+    level = np.concatenate([[False], np.asarray(height) < LEVEL_TOLERANCE])
+    near_rock = ndimage.binary_dilation(np.isfinite(surface) & ~gentle, iterations=FOOT_MARGIN)
+    return level[areas] & ~near_rock

@@ -1,0 +1,97 @@
+"""Heights over a regular grid of the sandbox's floor: from points, without holes, smoothed, and back at any place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from polarsim.rocks.scans import Extent
+
+_RELAXATIONS = 60  # steps of Jacobi's method a pyramid level; the start from the coarser level is already close
+
+
+@dataclass(frozen=True)
+class FloorGrid:
+    """Square cells over an extent; arrays on it are (rows along y, columns along x)."""
+
+    extent: Extent
+    cell: float  # metres
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns: the last ones may stand out of the extent by a part of a cell."""
+        height, width = self.extent.y1 - self.extent.y0, self.extent.x1 - self.extent.x0
+        return int(np.ceil(height / self.cell - 1e-9)), int(np.ceil(width / self.cell - 1e-9))
+
+    def places(self) -> np.ndarray:
+        """(rows, columns, 2) x and y of the cells' centres."""
+        rows, columns = self.shape
+        x = self.extent.x0 + (np.arange(columns) + 0.5) * self.cell
+        y = self.extent.y0 + (np.arange(rows) + 0.5) * self.cell
+        return np.stack(np.meshgrid(x, y), axis=-1)
+
+    def cell_of(self, points: np.ndarray) -> np.ndarray:
+        """(n,) flat cell numbers of points (n, 2 or 3); -1 outside."""
+        rows, columns = self.shape
+        column = np.floor((points[:, 0] - self.extent.x0) / self.cell).astype(np.int64)
+        row = np.floor((points[:, 1] - self.extent.y0) / self.cell).astype(np.int64)
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return np.where(inside, row * columns + column, -1)
+
+    def sample(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """(n,) values (rows, columns) at points (n, 2 or 3), bilinear; the border's value outside."""
+        column = (points[:, 0] - self.extent.x0) / self.cell - 0.5
+        row = (points[:, 1] - self.extent.y0) / self.cell - 0.5
+        return ndimage.map_coordinates(values, [row, column], order=1, mode="nearest")
+
+
+def mean_heights(grid: FloorGrid, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted mean height and sum of weights of every cell; mean NaN and sum 0 where no point (n, 3) fell."""
+    cells = grid.cell_of(points)
+    inside = cells >= 0
+    size = grid.shape[0] * grid.shape[1]
+    total = np.bincount(cells[inside], weights[inside], size)
+    summed = np.bincount(cells[inside], weights[inside] * points[inside, 2], size)
+    mean = np.divide(summed, total, out=np.full(size, np.nan), where=total > 0)
+    return mean.reshape(grid.shape), total.reshape(grid.shape)
+
+
+def smoothed(values: np.ndarray, weights: np.ndarray, sigma_cells: float) -> np.ndarray:
+    """Normalised convolution with a Gaussian: values without weight neither count nor matter; NaN far from all."""
+    known = np.where(weights > 0, np.nan_to_num(values), 0.0)
+    total = ndimage.gaussian_filter(weights.astype(float), sigma_cells, mode="nearest", truncate=3)
+    summed = ndimage.gaussian_filter(known * weights, sigma_cells, mode="nearest", truncate=3)
+    return np.divide(summed, total, out=np.full(values.shape, np.nan), where=total > 1e-9 * weights.max(initial=1e-300))
+
+
+def filled(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Holes closed by a membrane: known values stay, the others solve Laplace's equation between them.
+
+    Solved from coarse to fine, so a hole of any size is smooth; a border without values continues level.
+    """
+    if not known.any():
+        return np.zeros_like(values)
+    if known.all():
+        return values.copy()
+    start = _from_coarser(values, known) if min(values.shape) > 2 else np.full(values.shape, values[known].mean())
+    result = np.where(known, values, start)
+    for _ in range(_RELAXATIONS):
+        padded = np.pad(result, 1, mode="edge")
+        mean = (padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:]) / 4
+        result = np.where(known, values, mean)
+    return result
+
+
+def _from_coarser(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """The same problem on cells of twice the size, brought back to this one's."""
+    rows, columns = values.shape
+    even = [(0, rows % 2), (0, columns % 2)]
+    counts = np.pad(known.astype(float), even)
+    sums = np.pad(np.where(known, values, 0.0), even)
+    blocks = (counts.shape[0] // 2, 2, counts.shape[1] // 2, 2)
+    count, total = counts.reshape(blocks).sum(axis=(1, 3)), sums.reshape(blocks).sum(axis=(1, 3))
+    coarse = filled(np.divide(total, count, out=np.zeros_like(total), where=count > 0), count > 0)
+    row, column = (np.arange(rows) - 0.5) / 2, (np.arange(columns) - 0.5) / 2
+    return ndimage.map_coordinates(coarse, np.meshgrid(row, column, indexing="ij"), order=1, mode="nearest")

@@ -1,0 +1,52 @@
+"""Clouds to meshes: every rock closed, the ground without holes."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import ReconstructionError, about
+from polarsim.formats import ply, tables
+from polarsim.formats.obj import Mesh
+from polarsim.formats.ply import Cloud
+from polarsim.rocks.folder import height_mesh, write_meshes
+from polarsim.rocks.heights import FloorGrid, filled, mean_heights
+from polarsim.rocks.options import RocksOptions
+from polarsim.rocks.scans import Extent
+from polarsim.rocks.surfaces import closed_rock
+from polarsim.survey import SANDBOX_HALF_WIDTH
+
+log = logging.getLogger("polarsim")
+WALL_REACH = 0.05  # metres that the ground's mesh reaches beyond the surveyed sand, under the walls
+
+
+def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options: RocksOptions) -> None:
+    """Reconstruct every rock and the ground of a terrain; write OBJ files, decimated copies and `meshes.csv`.
+
+    A rock with too few points for a surface is a warning and a gap.
+    """
+    table = tables.read_parquet(rocks, ["rock"])
+    ground_path = Path(clouds) / "ground.ply"
+    with about(ground_path):
+        grid, ground = ground_heights(ply.read(ground_path), options.ground_cell_mm / 1000)
+    solids: dict[int, Mesh] = {}
+    for rock in table["rock"].tolist():
+        cloud = ply.read(Path(clouds) / f"rock{rock}.ply")
+        try:
+            solids[rock] = closed_rock(cloud, grid, ground, options.rock_cell_mm / 1000)
+        except ReconstructionError as error:
+            log.warning("terrain %02d, rock %d has no mesh: %s", terrain, rock, error)
+    write_meshes(terrain, meshes, solids, height_mesh(grid, ground), options.decimated_share)
+
+
+def ground_heights(cloud: Cloud, cell: float) -> tuple[FloorGrid, np.ndarray]:
+    """Heights of the ground over the whole sand and a little under the walls; level z = 0 where no point is."""
+    half = SANDBOX_HALF_WIDTH + WALL_REACH
+    low, high = np.full(2, -half), np.full(2, half)
+    if len(cloud):
+        low, high = np.minimum(low, cloud.points[:, :2].min(axis=0)), np.maximum(high, cloud.points[:, :2].max(axis=0))
+    grid = FloorGrid(Extent(*low, *high).grown(cell).snapped(cell), cell)
+    mean, weights = mean_heights(grid, cloud.points, np.ones(len(cloud)))
+    return grid, filled(np.nan_to_num(mean), weights > 0)

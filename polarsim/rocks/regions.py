@@ -1,0 +1,162 @@
+"""Rocks as regions of the floor grid: what stands out of the ground, touching rocks told apart, in a stable order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import ConvexHull, QhullError
+
+from polarsim.rocks.ground import Sand
+
+PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
+SADDLE_SHARE = 0.72  # two peaks are two rocks where the pass between them is lower than this share of the lower peak
+SPLIT_SMOOTHING = 1.2  # cells: chips and noise make no peaks
+SMALL_SIZE = 0.055  # metres: smaller rocks are numbered last, for they come and go with noise
+SWEEP = np.array([0.83, 0.56])  # order of ids along this oblique line: rocks laid in rows along a wall do not tie
+
+Confirm = Callable[[np.ndarray], list[str]]  # points (n, 3) of a rock -> positions whose seed boxes show it
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What counts as a rock, metres."""
+
+    foot: float
+    height: float
+    confirmed_height: float
+    size: float
+
+
+@dataclass(frozen=True)
+class Region:
+    """One rock on the floor grid."""
+
+    seen: np.ndarray  # (n,) flat cells where its surface was seen
+    footprint: np.ndarray  # (m,) these and the hidden cells between them
+    centre: np.ndarray  # (2,) of the footprint
+    size: float  # longest horizontal side, metres
+    height: float  # above the ground, metres
+    volume: float  # above the ground, m^3
+    confirmed: tuple[str, ...] = ()  # positions whose seed boxes show it
+
+
+def find_regions(sand: Sand, limits: Limits, confirm: Confirm) -> list[Region]:
+    """Every rock of a sand box, in the order of their ids.
+
+    A region is what stands higher than the foot height and somewhere higher than the rock height; a lower height is
+    enough where seed boxes confirm it.
+    """
+    above = np.where(sand.is_ground, 0.0, sand.above)
+    standing = ndimage.binary_opening(above > limits.foot, np.ones((2, 2), bool))
+    labels, _ = ndimage.label(standing, np.ones((3, 3)))
+    labels = split_peaks(above, labels, limits)
+    regions = []
+    for number, box in enumerate(ndimage.find_objects(labels), 1):
+        if box is None:
+            continue
+        region = measured_region(sand, box, labels[box] == number)
+        if region.size < limits.size or region.height < limits.confirmed_height:
+            continue
+        confirmed = tuple(confirm(_points(sand, region.seen)))
+        if confirmed or region.height >= limits.height:
+            regions.append(Region(**{**vars(region), "confirmed": confirmed}))
+    return numbered(regions)
+
+
+def numbered(regions: list[Region]) -> list[Region]:
+    """Regions in the order of their ids: along an oblique sweep, the smallest ones after all others.
+
+    Any order flips somewhere. Rocks lie centimetres apart and are placed to a millimetre, so places rarely tie; sizes
+    do. Rocks near the detection limit come last: when one comes or goes, no other rock's id changes.
+    """
+    return sorted(regions, key=lambda region: (region.size < SMALL_SIZE, float(region.centre @ SWEEP)))
+
+
+def _points(sand: Sand, cells: np.ndarray) -> np.ndarray:
+    places = sand.grid.places().reshape(-1, 2)[cells]
+    return np.column_stack([places, sand.surface.ravel()[cells]])
+
+
+def measured_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Region:
+    """Measure the region that `mask` marks in a window of the grid."""
+    rows, columns = np.nonzero(mask)
+    hidden = ~np.isfinite(sand.surface[box])
+    covered = mask | (hidden & _hull_mask(mask))
+    footprint_rows, footprint_columns = np.nonzero(covered)
+    above = np.where(mask, sand.above[box], 0.0)
+    heights = above[mask]
+    width = sand.grid.shape[1]
+    top_row, left_column = box[0].start, box[1].start
+    footprint = (footprint_rows + top_row) * width + footprint_columns + left_column
+    places = sand.grid.places().reshape(-1, 2)[footprint]
+    return Region(
+        seen=(rows + top_row) * width + columns + left_column,
+        footprint=footprint,
+        centre=places.mean(axis=0),
+        size=float(np.ptp(places, axis=0).max() + sand.grid.cell),
+        height=float(np.quantile(heights, PEAK_SHARE)),
+        volume=float((above.sum() + heights.mean() * (covered.sum() - mask.sum())) * sand.grid.cell**2),
+    )
+
+
+def _hull_mask(mask: np.ndarray) -> np.ndarray:
+    """Cells of a window inside the convex hull of the marked ones."""
+    points = np.argwhere(mask)
+    try:
+        hull = ConvexHull(points)
+    except QhullError:  # one line of cells
+        return mask
+    places = np.indices(mask.shape).reshape(2, -1)
+    inside = np.all(hull.equations[:, :2] @ places + hull.equations[:, 2:] <= 1e-9, axis=0)
+    return np.reshape(inside, mask.shape)
+
+
+def split_peaks(above: np.ndarray, labels: np.ndarray, limits: Limits) -> np.ndarray:
+    """Regions cut where they have several peaks with a low pass between.
+
+    Cells are visited from the highest down; a cell joins the peaks that it touches. Where it touches two, it is the
+    pass between them: both become one if either peak is low above the pass, else they stay two rocks (the merge tree
+    of a height field).
+
+    Parameters
+    ----------
+    above : (rows, columns) float
+        Heights above the ground, metres.
+    labels : (rows, columns) int
+        Connected regions, 0 outside.
+    """
+    smooth = np.pad(
+        ndimage.gaussian_filter(above, SPLIT_SMOOTHING), 1
+    )  # so that no cell's neighbour is out of the grid
+    cells = np.flatnonzero(np.pad(labels, 1))
+    cells = cells[np.argsort(-smooth.ravel()[cells], kind="stable")]
+    heights, width = smooth.ravel().tolist(), smooth.shape[1]
+    steps = [-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1]
+    owner: dict[int, int] = {}
+    parent: dict[int, int] = {}
+    for cell in cells.tolist():
+        touched = sorted(
+            {_root(parent, owner[cell + step]) for step in steps if cell + step in owner},
+            key=lambda c: (-heights[c], c),
+        )
+        if not touched:
+            parent[cell] = cell
+            owner[cell] = cell
+            continue
+        owner[cell] = touched[0]
+        for peak in touched[1:]:
+            if heights[peak] < limits.height or heights[cell] > SADDLE_SHARE * heights[peak]:
+                parent[peak] = touched[0]
+    result = np.zeros(smooth.size, np.int64)
+    roots = [_root(parent, owner[cell]) for cell in cells.tolist()]
+    result[cells] = np.unique(roots, return_inverse=True)[1] + 1 if roots else 0
+    return result.reshape(smooth.shape)[1:-1, 1:-1]
+
+
+def _root(parent: dict[int, int], peak: int) -> int:
+    while parent[peak] != peak:
+        peak = parent[peak]
+    return peak

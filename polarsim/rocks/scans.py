@@ -1,0 +1,119 @@
+"""What a scan really saw: a range map without its mixed pixels, in the sandbox, cropped to the sand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+
+GRAZING_JUMP = 8.0  # range steps over pixel spacings between neighbours: surface seen under less than 7 degrees
+NOISE_JUMP = 0.010  # metres that noise alone (2 mm, 5 sigma) may put between neighbours
+MIN_NEIGHBOURS = 4  # of 8 that a measured pixel must have: a lone return is dust or a mixed pixel
+FILLING = 0.7  # pixels a point, along a side, of the map that a cloud is put on: 7 of 8 pixels get one
+WALL_HEIGHT = 0.12  # metres above the sand: what stands higher at the rim of the box is wall
+
+
+@dataclass(frozen=True)
+class ScanPoints:
+    """Points of one or several scans: in the sandbox, metres."""
+
+    points: np.ndarray  # (n, 3)
+    to_scanner: np.ndarray  # (n, 3) unit vectors towards the scanner that saw the point
+    weights: np.ndarray  # (n,) 1 / range^2: near scans are denser and suffer less from pose errors
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def select(self, chosen: np.ndarray) -> ScanPoints:
+        """The points of a mask or index array (n,)."""
+        return ScanPoints(self.points[chosen], self.to_scanner[chosen], self.weights[chosen])
+
+
+@dataclass(frozen=True)
+class Extent:
+    """A rectangle of the sandbox's floor, metres."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    def grown(self, margin: float) -> Extent:
+        return Extent(self.x0 - margin, self.y0 - margin, self.x1 + margin, self.y1 + margin)
+
+    def snapped(self, cell: float) -> Extent:
+        """The largest extent inside that begins and ends at multiples of `cell`: grids of one cell then coincide."""
+        low, high = (
+            np.ceil(np.array([self.x0, self.y0]) / cell - 1e-6),
+            np.floor(np.array([self.x1, self.y1]) / cell + 1e-6),
+        )
+        return Extent(*(low * cell).tolist(), *(high * cell).tolist())
+
+    def contains(self, points: np.ndarray) -> np.ndarray:
+        """(n,) whether points (n, 2 or 3) lie inside."""
+        x, y = points[:, 0], points[:, 1]
+        return (x >= self.x0) & (x <= self.x1) & (y >= self.y0) & (y <= self.y1)
+
+
+def trusted_pixels(range_map: np.ndarray, focal_px: float) -> np.ndarray:
+    """(h, w) bool: pixels of a range map (h, w, 3) that lie on a surface.
+
+    A beam that meets an edge returns a range between both surfaces: such mixed pixels differ from their neighbours by
+    more than a surface that is seen well. Surfaces seen at grazing angles go the same way.
+    """
+    distance = np.linalg.norm(range_map, axis=-1)
+    allowed = np.maximum(NOISE_JUMP, GRAZING_JUMP * distance / focal_px)
+    trusted = np.isfinite(distance)
+    with np.errstate(invalid="ignore"):
+        for axis in (0, 1):
+            jumps = np.abs(np.diff(distance, axis=axis)) > np.delete(allowed, -1, axis=axis)
+            before = [(0, 1), (0, 0)] if axis == 0 else [(0, 0), (0, 1)]
+            after = [(1, 0), (0, 0)] if axis == 0 else [(0, 0), (1, 0)]
+            trusted &= ~np.pad(jumps, before) & ~np.pad(jumps, after)
+    return trusted & (_neighbours(trusted) >= MIN_NEIGHBOURS)
+
+
+def _neighbours(mask: np.ndarray) -> np.ndarray:
+    """How many of the 8 neighbours of each pixel are set."""
+    padded = np.pad(mask, 1).astype(np.uint8)
+    rows = padded[:-2] + padded[1:-1] + padded[2:]
+    return rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:] - mask
+
+
+def place_scan(range_map: np.ndarray, trusted: np.ndarray, sandbox_from_rectified: Pose) -> ScanPoints:
+    """The trusted points of a range map (h, w, 3) in the sandbox."""
+    seen = range_map[trusted].astype(float)
+    distance = np.linalg.norm(seen, axis=1)
+    to_scanner = sandbox_from_rectified.rotate(-seen / distance[:, None])
+    return ScanPoints(sandbox_from_rectified.apply(seen), to_scanner, distance**-2)
+
+
+def organised(cloud: np.ndarray, lens: Lens) -> tuple[np.ndarray, Lens]:
+    """A cloud (n, 3) in the rectified left frame as a range map, per pixel the nearest point, and that map's lens.
+
+    The map is as fine as most pixels get a point, for `trusted_pixels` compares neighbours.
+    """
+    pixels = lens.project(cloud)
+    inside = np.isfinite(pixels).all(axis=1)
+    inside &= ((pixels >= 0) & (pixels < [lens.width, lens.height])).all(axis=1)
+    factor = min(1.0, FILLING * np.sqrt(inside.sum() / (lens.width * lens.height)))
+    coarse = lens.scaled(factor)
+    column, row = np.floor(pixels[inside] * factor).astype(int).T
+    column, row = np.minimum(column, coarse.width - 1), np.minimum(row, coarse.height - 1)
+    seen = cloud[inside]
+    order = np.argsort(-np.linalg.norm(seen, axis=1), kind="stable")  # the nearest is written last
+    range_map = np.full((coarse.height, coarse.width, 3), np.nan, np.float32)
+    range_map[row[order], column[order]] = seen[order]
+    return range_map, coarse
+
+
+def merged(scans: list[ScanPoints]) -> ScanPoints:
+    """All points of several scans."""
+    return ScanPoints(
+        np.concatenate([scan.points for scan in scans] or [np.zeros((0, 3))]),
+        np.concatenate([scan.to_scanner for scan in scans] or [np.zeros((0, 3))]),
+        np.concatenate([scan.weights for scan in scans] or [np.zeros(0)]),
+    )

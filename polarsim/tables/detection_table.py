@@ -1,0 +1,102 @@
+"""The table of detection: every judge on every domain, in the layout of the paper's Table 1 with its figures beside."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from polarsim.formats.tables import read_parquet
+from polarsim.photo import ROCK
+from polarsim.tables import paper
+from polarsim.tables.layout import MISSING, origin_note, with_origin, write_table
+
+COLUMNS = (
+    "trained", "evaluated", "kind", "split", "leaks_views", "judge", "epochs", "imgsz", "images", "labels",
+    "map50", "map50_95", "iou_mean",
+)  # fmt: skip
+MEASURES = ("map50", "map50_95", "iou_mean")
+KINDS = (ROCK, "shadow", "all")
+CAPTION = "Detection: mAP@0.5 / mAP@[0.5:0.95] / IOU_mean, higher is better (T: trained on, E: evaluated on)."
+
+
+def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str]) -> None:
+    """Write tables/detection.{csv,md,tex,parquet} from detect/detection.parquet."""
+    table = tidy_detection(read_parquet(detection, COLUMNS), origin["source"])
+    notes = [*_judge_notes(table), origin_note(origin)]
+    if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
+        notes.insert(0, paper.ANALOG_NOTE)
+    write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_detection(table), notes=notes)
+
+
+def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
+    """A row for every kind, trained and evaluated domain in the paper's order, the paper's figures in `paper_*`.
+
+    The paper has rocks only: all other rows have no figure of it.
+    """
+    table = detection[list(COLUMNS)].copy()
+    for name in ("trained", "evaluated"):
+        table[name] = pd.Series([paper.own_name(str(domain), source) for domain in table[name]], dtype="str")
+    places = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
+    found = [
+        paper.DETECTION.get((paper.counterpart(trained), paper.counterpart(evaluated))) if kind == ROCK else None
+        for kind, trained, evaluated in places
+    ]
+    for number, name in enumerate(MEASURES):
+        values = [figures[number] if figures else float("nan") for figures in found]
+        table[f"paper_{name}"] = pd.Series(values, dtype="float64")
+    order = sorted(range(len(table)), key=lambda row: _place(table, row))
+    return table.iloc[order].reset_index(drop=True)
+
+
+def lay_out_detection(table: pd.DataFrame) -> pd.DataFrame:
+    """The paper's Table 1 out of tidy rows: a row a judge, a column an evaluated domain, then the paper's columns."""
+    evaluated = paper.in_order(set(table["evaluated"]))
+    several = len(table[["split", "judge", "epochs", "imgsz"]].drop_duplicates()) > 1
+    rows = []
+    names = ["kind", "split", "judge", "epochs", "imgsz", "trained"]
+    for group, part in table.groupby(names, sort=False):
+        kind, split, judge, epochs, imgsz, trained = (str(value) for value in group)
+        row: dict[str, str] = {"labels": kind, "T": judge_title(trained)}
+        if several:
+            row["judge"] = f"{judge}, {epochs} epochs at {imgsz} px, split by {split}"
+        for prefix, text in (("", "E: {}"), ("paper_", "paper, E: {}")):
+            for domain in evaluated:
+                name = paper.title(domain if not prefix else paper.counterpart(domain))
+                if prefix and paper.counterpart(domain) not in paper.DOMAIN_ORDER:
+                    continue
+                row[text.format(name)] = _cell(part[part["evaluated"] == domain], prefix)
+        rows.append(row)
+    return pd.DataFrame(rows, columns=None if rows else ["labels", "T"])
+
+
+def judge_title(trained: str) -> str:
+    """What a judge was trained on, with the place that it has in the paper."""
+    theirs = paper.counterpart(trained)
+    return paper.title(trained) if theirs == trained else f"{paper.title(trained)} (paper: {paper.title(theirs)})"
+
+
+def _cell(part: pd.DataFrame, prefix: str) -> str:
+    figures = part[[prefix + name for name in MEASURES]].dropna()
+    return " / ".join(f"{value:.3f}" for value in figures.iloc[0]) if len(figures) else MISSING
+
+
+def _judge_notes(table: pd.DataFrame) -> list[str]:
+    """What one must know before comparing: judge, training, split, size of the test."""
+    notes = []
+    for (judge, epochs, imgsz, split), part in table.groupby(["judge", "epochs", "imgsz", "split"], sort=False):
+        leak = "views are shared by training and test" if part["leaks_views"].any() else "no view is in both parts"
+        low, high = part["images"].min(), part["images"].max()
+        images = f"{low}" if low == high else f"{low} to {high}"
+        notes.append(f"Judge {judge}, {epochs} epochs at {imgsz} px; split by {split}: {leak}; {images} test images.")
+    if len(table):
+        notes.append("Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
+    return notes
+
+
+def _place(table: pd.DataFrame, row: int) -> tuple[object, ...]:
+    entry: Mapping[Hashable, object] = table.iloc[row].to_dict()
+    kind, trained, evaluated = (str(entry[name]) for name in ("kind", "trained", "evaluated"))
+    place = KINDS.index(kind) if kind in KINDS else len(KINDS)
+    return place, kind, str(entry["split"]), paper.rank(trained), trained, paper.rank(evaluated), evaluated

@@ -1,0 +1,63 @@
+"""The page that figures are drawn on: one look, no window, the same bytes every time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from polarsim.formats.files import writing
+
+DPI = 100
+INK, FAINT, LINE = "#202124", "#5f6368", "#dadce0"
+SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c6d1f", "#56b4e9")  # Okabe and Ito: apart for all eyes
+_STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 12,
+    "text.color": INK,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 13,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "grid.color": LINE,
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+}
+
+
+@contextmanager
+def page(path: Path, width_px: int, height_px: int) -> Iterator[Any]:
+    """A Matplotlib figure, written to a PNG of that size at the end; fonts grow with the width from 1200 px on."""
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    zoom = max(1.0, width_px / 1300)
+    style: Any = {**_STYLE, "font.size": 12 * zoom, "axes.titlesize": 13 * zoom}
+    with matplotlib.rc_context(style):
+        figure = Figure(figsize=(width_px / DPI, height_px / DPI), dpi=DPI, layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+        with writing(path) as temporary:
+            figure.savefig(temporary, metadata={"Software": None})
+
+
+def note(figure: Any, text: str) -> None:
+    """A figure that says why it shows nothing."""
+    figure.text(0.5, 0.5, text, ha="center", va="center", color=FAINT, fontsize="large")
+
+
+def picture(axes: Any, pixels: Any, title: str) -> None:
+    """An image without frame."""
+    axes.imshow(pixels, interpolation="antialiased")
+    axes.set_title(title)
+    axes.set_axis_off()

@@ -1,0 +1,124 @@
+"""One table, four forms: CSV and Parquet hold the rows, Markdown and LaTeX show them to a reader."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from polarsim.errors import ConfigError
+from polarsim.formats.files import write_text
+from polarsim.formats.tables import write_csv, write_parquet
+
+ORIGIN_COLUMNS = ("run", "source", "config")  # name of the run, kind of its source, hash of its configuration
+MISSING = "–"  # a cell without a value
+
+_DECIMALS = {"_mm": 2, "_px": 2, "_deg": 3}  # by the unit that a column's name ends with; all else has three
+_TEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "<": r"$<$"}
+_TEX |= {character: "\\" + character for character in "&%$#_{}"} | {">": r"$>$", "≥": r"$\geq$", "°": r"$^\circ$"}
+
+
+def with_origin(table: pd.DataFrame, origin: Mapping[str, str]) -> pd.DataFrame:
+    """The table with its origin in front, so that rows of several runs can stand in one file.
+
+    Raises
+    ------
+    ConfigError
+        The origin does not name run, source and config.
+    """
+    missing = [name for name in ORIGIN_COLUMNS if name not in origin]
+    if missing:
+        raise ConfigError(f"origin without {missing[0]!r}, expected {', '.join(ORIGIN_COLUMNS)}")
+    columns = {name: pd.Series([str(origin[name])] * len(table), dtype="str") for name in ORIGIN_COLUMNS}
+    return pd.concat([pd.DataFrame(columns), table.reset_index(drop=True)], axis=1)
+
+
+def origin_note(origin: Mapping[str, str]) -> str:
+    """The origin as a sentence for the forms that people read."""
+    return "Run {run}, source {source}, configuration {config}.".format(**origin)
+
+
+def write_table(
+    stem: Path, table: pd.DataFrame, caption: str, *, layout: pd.DataFrame | None = None, notes: Sequence[str] = ()
+) -> None:
+    """Write stem.csv, stem.parquet, stem.md and stem.tex.
+
+    Parameters
+    ----------
+    table
+        Tidy rows: CSV (six digits) and Parquet (all digits).
+    layout
+        What Markdown and LaTeX show; the tidy rows when None.
+    notes
+        Sentences below the table in those two.
+    """
+    shown = table if layout is None else layout
+    write_csv(_form(stem, ".csv"), table)
+    write_parquet(_form(stem, ".parquet"), table)
+    write_text(_form(stem, ".md"), markdown(shown, caption, notes))
+    write_text(_form(stem, ".tex"), latex(shown, caption, notes, label=stem.name))
+
+
+def markdown(table: pd.DataFrame, caption: str, notes: Sequence[str] = ()) -> str:
+    """The table in Markdown, numbers to the right."""
+    rows = [[_markdown_text(cell) for cell in row] for row in cells(table)]
+    header = [_markdown_text(str(name)) for name in table.columns]
+    rule = ["---:" if _is_number(table[name]) else "---" for name in table.columns]
+    lines = [f"**{_markdown_text(caption)}**", ""]
+    lines += ["| " + " | ".join(row) + " |" for row in [header, rule, *rows]]
+    for note in notes:
+        lines += ["", _markdown_text(note)]
+    return "\n".join(lines) + "\n"
+
+
+def latex(table: pd.DataFrame, caption: str, notes: Sequence[str] = (), label: str = "") -> str:
+    """The table in LaTeX; needs no package."""
+    header = [f"\\textbf{{{tex_text(str(name))}}}" for name in table.columns]
+    rows = [[tex_text(cell) for cell in row] for row in cells(table)]
+    lines = ["\\begin{table}", "\\centering", f"\\caption{{{tex_text(caption)}}}"]
+    lines += [f"\\label{{tab:{label}}}"] if label else []
+    lines += ["\\begin{tabular}{" + "".join("r" if _is_number(table[name]) else "l" for name in table.columns) + "}"]
+    lines += ["\\hline", " & ".join(header) + r" \\", "\\hline", *(" & ".join(row) + r" \\" for row in rows)]
+    lines += ["\\hline", "\\end{tabular}", *(f"\\par\\smallskip {tex_text(note)}" for note in notes), "\\end{table}"]
+    return "\n".join(lines) + "\n"
+
+
+def cells(table: pd.DataFrame) -> list[list[str]]:
+    """Every cell as text, numbers by the kind of their column."""
+    columns = [[format_value(value, str(name)) for value in table[name]] for name in table.columns]
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def format_value(value: object, column: str = "") -> str:
+    """Text of a cell: whole numbers as they are, others with the decimals of their unit, `MISSING` for none."""
+    if value is None or value is pd.NA or (isinstance(value, float) and math.isnan(value)):
+        return MISSING
+    if hasattr(value, "item"):  # NumPy's numbers and truth values are turned into Python's
+        value = value.item()
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        decimals = next((number for unit, number in _DECIMALS.items() if column.endswith(unit)), 3)
+        return f"{value:.{decimals}f}" if abs(value) < 1000 else f"{value:.0f}"
+    return str(value)
+
+
+def tex_text(text: str) -> str:
+    """Text in which LaTeX sees no command."""
+    return "".join(_TEX.get(character, character) for character in text)
+
+
+def _markdown_text(text: str) -> str:
+    """Text in which Markdown sees no column and no emphasis."""
+    return re.sub(r"([|*_\\`<])", r"\\\1", text.replace("\n", " "))
+
+
+def _is_number(column: pd.Series) -> bool:
+    return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
+
+
+def _form(stem: Path, suffix: str) -> Path:
+    return stem.with_name(stem.name + suffix)

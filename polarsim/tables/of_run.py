@@ -1,0 +1,64 @@
+"""The files of a run that belong to one photo, and the pictures made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from polarsim.errors import LabelError
+from polarsim.formats.inventory import read_inventory
+from polarsim.formats.tables import read_parquet
+from polarsim.photo import PhotoKey
+from polarsim.tables.figures.comparison import draw_comparison
+from polarsim.tables.options import TablesOptions
+from polarsim.tables.show import show
+
+
+def photo_of(run: Path, key: PhotoKey) -> Path | None:
+    """The raw photo of a key; None where the run's source has none."""
+    photos = read_parquet(run / "acquire" / f"Terrain{key.terrain:02d}" / "photos.parquet", ["key", "path"])
+    found = photos.loc[photos["key"] == str(key), "path"]
+    return Path(str(found.iloc[0])) if len(found) else None
+
+
+def cover_photo_of(run: Path, key: PhotoKey) -> Path | None:
+    """The release's picture with rock ids drawn in, of the key's position; None where there is none."""
+    inventory = read_inventory(run / "acquire" / f"Terrain{key.terrain:02d}" / "inventory.json")
+    path = inventory.cover_photos.get(key.position)
+    return Path(path) if path else None
+
+
+def twin_of(run: Path, model: str, key: PhotoKey) -> Path:
+    return run / "renders" / model / f"Terrain{key.terrain:02d}" / f"{key}.png"
+
+
+def show_of_run(*, key: PhotoKey, run: Path, domain: str, out: Path) -> None:
+    """Draw a photo (domain `photo`) with its propagated labels, or a model's twin with its automatic ones.
+
+    Raises
+    ------
+    LabelError
+        The run has no such picture.
+    """
+    tables = run / ("labels" if domain == "photo" else "renders") / "tables"
+    picture = photo_of(run, key) or cover_photo_of(run, key) if domain == "photo" else twin_of(run, domain, key)
+    if picture is None or not picture.exists():
+        raise LabelError(f"{run}: no {domain} picture of {key}; models are below {run / 'renders'}")
+    show(key=key, picture=picture, labels=tables / f"Terrain{key.terrain:02d}.parquet", out=out)
+
+
+def draw_comparison_of_run(
+    *, key: PhotoKey, run: Path, models: Sequence[str], figure: Path, options: TablesOptions
+) -> None:
+    """The figure of one photo: photo, twins and cover photo, as far as the run has them, with their labels."""
+    table = f"Terrain{key.terrain:02d}.parquet"
+    draw_comparison(
+        key=key,
+        photo=photo_of(run, key),
+        twins={model: twin_of(run, model, key) for model in models},
+        labels=run / "labels" / "tables" / table,
+        automatic=run / "renders" / "tables" / table,
+        cover_photo=cover_photo_of(run, key),
+        figure=figure,
+        options=options,
+    )

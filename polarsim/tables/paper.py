@@ -1,0 +1,67 @@
+"""The paper's two tables (Chen et al., POLAR-Sim, arXiv 2309.12397), and how domains are called beside them.
+
+They concern rocks, real photos and 200 epochs from pre-trained weights. They stand beside our figures, never for them.
+"""
+
+from __future__ import annotations
+
+REAL, ANALOG, PRINCIPLED, HAPKE = "real", "analog", "principled", "hapke"
+DOMAIN_ORDER = (REAL, ANALOG, PRINCIPLED, HAPKE)
+
+# Table 1: (trained on, evaluated on) -> mAP@0.5, mAP@[0.5:0.95], IOU_mean
+DETECTION = {
+    (REAL, REAL): (0.987, 0.805, 0.849),
+    (REAL, PRINCIPLED): (0.682, 0.320, 0.624),
+    (REAL, HAPKE): (0.580, 0.261, 0.534),
+    (PRINCIPLED, REAL): (0.662, 0.318, 0.513),
+    (PRINCIPLED, PRINCIPLED): (0.893, 0.829, 0.893),
+    (PRINCIPLED, HAPKE): (0.813, 0.664, 0.842),
+    (HAPKE, REAL): (0.582, 0.269, 0.434),
+    (HAPKE, PRINCIPLED): (0.887, 0.730, 0.872),
+    (HAPKE, HAPKE): (0.887, 0.809, 0.898),
+}
+
+# Table 2: (trained on, the two domains compared) -> IPD, lower is better
+PAIRS = ((PRINCIPLED, HAPKE), (REAL, HAPKE), (REAL, PRINCIPLED))
+IPD = {
+    (REAL, (REAL, HAPKE)): 0.3152,
+    (REAL, (REAL, PRINCIPLED)): 0.2256,
+    (PRINCIPLED, (PRINCIPLED, HAPKE)): 0.0511,
+    (PRINCIPLED, (REAL, PRINCIPLED)): 0.3808,
+    (HAPKE, (PRINCIPLED, HAPKE)): 0.0261,
+    (HAPKE, (REAL, HAPKE)): 0.4638,
+}
+
+ANALOG_NOTE = (
+    "Analog pictures come from a simulated sandbox and are no photos. The paper's Real column stands beside them "
+    "because it has that place in the layout, not because the figures could be compared."
+)
+
+
+def own_name(domain: str, source: str) -> str:
+    """A domain's name in our tables: what the analog sandbox made is never called real."""
+    return ANALOG if domain == REAL and source == ANALOG else domain
+
+
+def counterpart(domain: str) -> str:
+    """The paper's domain that has our domain's place."""
+    return REAL if domain == ANALOG else domain
+
+
+def title(domain: str) -> str:
+    return domain.replace("_", " ").capitalize()
+
+
+def in_order(domains: set[str]) -> list[str]:
+    """The paper's order, then all others by name."""
+    return sorted(domains, key=lambda domain: (rank(domain), domain))
+
+
+def rank(domain: str) -> int:
+    return DOMAIN_ORDER.index(domain) if domain in DOMAIN_ORDER else len(DOMAIN_ORDER)
+
+
+def ordered_pair(first: str, second: str) -> tuple[str, str]:
+    """Two domains in the paper's order: IPD does not care."""
+    one, other = sorted((first, second), key=lambda domain: (rank(domain), domain))
+    return one, other

@@ -1,0 +1,179 @@
+"""How well the cameras were placed: against the analog's true poses, or against the boxes they were fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError, RegistrationError
+from polarsim.formats import obj
+from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.tables import read_parquet
+from polarsim.geometry.poses import Pose, angle_between
+from polarsim.photo import CAMERAS
+from polarsim.tables.gauge import fit_gauge
+from polarsim.tables.quality import Figure, summary, write_quality
+
+MATCH_COLUMNS = ("position", "rock", "iou", "dx", "dy")
+_POINTS = 4000  # true surface points that are projected, at most
+_UNITS = {"_mm": "mm", "_deg": "deg", "_px": "px", "_m": "m"}
+
+
+def score_cameras(*, terrain: int, cameras: Path, truth: Path | None, matches: Path | None, quality: Path) -> None:
+    """Write the quality of a terrain's cameras.
+
+    Parameters
+    ----------
+    cameras
+        Folder with PosX.json.
+    truth
+        The analog's truth/TerrainTT; None where there is none.
+    matches
+        matches.parquet of the cameras stage; may be None or missing.
+    """
+    placed = read_all_placed(cameras)
+    figures = stated(placed)
+    if truth is not None:
+        figures += against_truth(placed, read_all_placed(truth / "cameras"), _true_points(truth, terrain))
+    if matches is not None and matches.exists():
+        figures += against_boxes(matches)
+    write_quality(quality, "cameras", terrain, figures)
+
+
+def against_truth(
+    placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig], points_truth: np.ndarray
+) -> list[Figure]:
+    """Errors of the poses before and after one alignment of the terrain, of the rig, and of points in the pictures.
+
+    With a single position the alignment takes up the whole error: then only the figures before it are given.
+
+    Parameters
+    ----------
+    points_truth : (n, 3) float
+        Points on true surfaces, true frame, metres; may be empty.
+    """
+    common = sorted(set(placed) & set(true))
+    if not common:
+        return []
+    estimated = {position: placed[position].sandbox_from_left for position in common}
+    wanted = {position: true[position].sandbox_from_left for position in common}
+    frames = {"before": Pose.identity()}
+    if len(common) > 1:
+        frames["aligned"] = fit_gauge(estimated, wanted)
+    figures = []
+    for position in common:
+        for name, truth_from_sandbox in frames.items():
+            figures += _pose_errors(position, name, truth_from_sandbox @ estimated[position], wanted[position])
+            if name == "aligned" or len(frames) == 1:
+                figures += _projection_errors(
+                    position, placed[position], true[position], points_truth, truth_from_sandbox
+                )
+        figures += _rig_errors(position, placed[position], true[position])
+    for name in frames:
+        errors = [figure for figure in figures if figure.figure.endswith(f"_error_{name}")]
+        for kind, unit in (("position", "mm"), ("angle", "deg")):
+            worst = max(figure.value for figure in errors if figure.figure == f"{kind}_error_{name}")
+            figures.append(Figure("worst position", f"{kind}_error_{name}", worst, unit, len(common), "truth"))
+    return figures
+
+
+def against_boxes(path: Path) -> list[Figure]:
+    """IoU and offsets of the projected meshes and the consensus boxes of the seeds, by position and over all.
+
+    Raises
+    ------
+    FormatError
+        A column is missing.
+    """
+    table = read_parquet(path, MATCH_COLUMNS)
+    figures = []
+    parts = [(str(position), part) for position, part in table.groupby("position")]
+    for subject, part in [*parts, ("all positions", table)]:
+        if len(part):
+            n = len(part)
+            figures.append(Figure(subject, "box_iou_mean", float(part["iou"].mean()), "1", n, "labels"))
+            for name in ("dx", "dy"):
+                offset = float(part[name].abs().median())
+                figures.append(Figure(subject, f"box_{name}_median", offset, "px", n, "labels"))
+    return figures
+
+
+def stated(placed: Mapping[str, PlacedRig]) -> list[Figure]:
+    """What the cameras stage itself says of each fit (`quality` of PosX.json)."""
+    figures = []
+    for position, rig in placed.items():
+        for name, value in sorted(rig.quality.items()):
+            unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "1")
+            subject = f"{position} ({rig.method})" if rig.method else position
+            figures.append(Figure(subject, name, float(value), unit, 1, "own"))
+    return figures
+
+
+def _pose_errors(position: str, name: str, estimated: Pose, true: Pose) -> list[Figure]:
+    shift_mm = 1000 * float(np.linalg.norm(estimated.translation - true.translation))
+    turn_deg = float(np.degrees(angle_between(estimated, true)))
+    return [
+        Figure(position, f"position_error_{name}", shift_mm, "mm", 1, "truth"),
+        Figure(position, f"angle_error_{name}", turn_deg, "deg", 1, "truth"),
+    ]
+
+
+def _rig_errors(position: str, placed: PlacedRig, true: PlacedRig) -> list[Figure]:
+    """Errors that came with the calibration file."""
+    ours, theirs = placed.rig.left_from_right, true.rig.left_from_right
+    shift_mm = 1000 * float(np.linalg.norm(ours.translation - theirs.translation))
+    return [
+        Figure(position, "rig_baseline_error", shift_mm, "mm", 1, "truth"),
+        Figure(position, "rig_angle_error", float(np.degrees(angle_between(ours, theirs))), "deg", 1, "truth"),
+    ]
+
+
+def _projection_errors(
+    position: str, placed: PlacedRig, true: PlacedRig, points_truth: np.ndarray, truth_from_sandbox: Pose
+) -> list[Figure]:
+    """Distances in the picture between true points seen by the true and by our camera."""
+    figures: list[Figure] = []
+    for camera in CAMERAS:
+        lens = true.rig.lens(camera)
+        wanted = true.project(camera, points_truth)
+        inside = ((wanted > 0) & (wanted < [lens.width, lens.height])).all(axis=-1)  # NaN behind the camera: outside
+        found = placed.project(camera, truth_from_sandbox.inverse().apply(points_truth[inside]))
+        error_px = np.linalg.norm(found - wanted[inside], axis=-1)
+        figures += summary(f"{position} {camera}", "reprojection", error_px, "px", "truth")
+    return figures
+
+
+def _true_points(truth: Path, terrain: int) -> np.ndarray:
+    """Vertices of the true rocks, of the ground where there is no rock, thinned to `_POINTS`."""
+    files = list(obj.rock_files(truth / "meshes").values())
+    ground = truth / "meshes" / obj.ground_name(terrain)
+    files = files or ([ground] if ground.exists() else [])
+    if not files:
+        return np.zeros((0, 3))
+    points = np.concatenate([obj.read(path).vertices for path in files])
+    return points[:: max(1, len(points) // _POINTS)]
+
+
+def read_gauge(cameras: Path, truth: Path) -> tuple[Pose, list[np.ndarray]]:
+    """`truth_from_sandbox` of a terrain by its cameras, and the true centres (3,) of those cameras.
+
+    Raises
+    ------
+    RegistrationError
+        Truth and result have no position in common.
+    FormatError
+        A camera file is broken.
+    """
+    placed, true = read_all_placed(cameras), read_all_placed(truth / "cameras")
+    if not true:
+        raise FormatError(f"{truth / 'cameras'}: no PosX.json")
+    try:
+        gauge = fit_gauge(
+            {position: rig.sandbox_from_left for position, rig in placed.items()},
+            {position: rig.sandbox_from_left for position, rig in true.items()},
+        )
+    except RegistrationError as error:
+        raise RegistrationError(f"{cameras}: {error}") from error
+    return gauge, [true[position].sandbox_from_left.translation for position in sorted(set(placed) & set(true))]

@@ -1,0 +1,156 @@
+"""How well carried labels agree with hand-drawn or true ones, task by task: what had to be carried how far."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError
+from polarsim.formats import release
+from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
+from polarsim.tables.options import TablesOptions
+from polarsim.tables.quality import Against, Figure, write_quality
+from polarsim.tables.score import Counts, Labels, count_photo, read
+
+EXPOSURES, LIGHT, CAMERA = "other exposures", "light on", "Left to Right"
+AZIMUTH, NO_SUN, POSITION, ALL = "another azimuth", "no Sun", "position without seed", "all but seeds"
+TASKS = (EXPOSURES, LIGHT, CAMERA, AZIMUTH, NO_SUN, POSITION, ALL)
+DRAWN = "shadow, where drawn"  # photos whose truth has a shadow: at short exposures nobody draws any
+
+log = logging.getLogger("polarsim")
+
+
+def score_labels(
+    *, terrain: int, labels: Path, truth: Path, seeds: Path, quality: Path, options: TablesOptions
+) -> None:
+    """Write the quality of a terrain's labels.
+
+    Parameters
+    ----------
+    labels
+        Folder of the terrain's boxes, KEY.txt.
+    truth
+        Folder of hand-drawn KEY.txt files (a terrain's, or a release's root), or the analog's labels.parquet.
+    seeds
+        Folder of the terrain's seeds; these photos themselves are not scored.
+    """
+    found = read_folder(labels, terrain)
+    wanted = read_truth(truth, terrain, found, options.min_visible_px)
+    seed_keys = set(release.key_files(seeds).files)
+    tasks = {key: task_of(key, seed_keys) for key in wanted}
+    figures = score_tasks(wanted, found, tasks, TASKS, options.iou_threshold, against(truth))
+    unlabelled = len([key for key, task in tasks.items() if task is not None and key not in found])
+    figures.append(Figure("photos with truth", "without_label_file", unlabelled, "photos", len(wanted), against(truth)))
+    write_quality(quality, "labels", terrain, figures)
+
+
+def task_of(key: PhotoKey, seeds: Iterable[PhotoKey]) -> str | None:
+    """What it took to label a photo, given the seeds; None for a seed itself.
+
+    A photo counts for the hardest step that it needs: no Sun, then another azimuth, Left to Right, light on.
+    """
+    near = [seed for seed in seeds if seed.set_up == key.set_up]
+    if key in near:
+        return None
+    if not near:
+        return POSITION
+    if key.azimuth == "no" and all(seed.azimuth != "no" for seed in near):
+        return NO_SUN
+    near = [seed for seed in near if seed.azimuth == key.azimuth]
+    if not near:
+        return AZIMUTH
+    if all(seed.camera != key.camera for seed in near):
+        return CAMERA
+    return LIGHT if all(seed.light != key.light for seed in near) else EXPOSURES
+
+
+def score_tasks(
+    wanted: Mapping[PhotoKey, Labels],
+    found: Mapping[PhotoKey, Labels],
+    tasks: Mapping[PhotoKey, str | None],
+    order: Iterable[str],
+    threshold: float,
+    against: Against,
+) -> list[Figure]:
+    """Precision, recall, F1 and mIoU by kind and task, pooled over the photos that are in both."""
+    total: dict[tuple[str, str], Counts] = {}
+    for key in sorted(set(wanted) & set(found)):
+        task = tasks[key]
+        if task is None:
+            continue
+        for kind, counts in count_photo(wanted[key], found[key], threshold).items():
+            kinds = [kind, DRAWN] if kind == SHADOW and counts.tp + counts.fn else [kind]
+            for place in [(name, part) for name in kinds for part in (task, ALL)]:
+                total[place] = total.get(place, Counts()) + counts
+    figures = []
+    for kind in (*BOX_CLASSES, DRAWN):
+        for task in order:
+            if (kind, task) in total:
+                figures += _figures(f"{kind}: {task}", total[kind, task], against)
+    return figures
+
+
+def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
+    """The labels of a terrain's folder of KEY.txt; broken lines are errors."""
+    files = release.key_files(folder).files
+    return {key: read(path) for key, path in files.items() if key.terrain == terrain}
+
+
+def read_truth(
+    truth: Path, terrain: int, labelled: Iterable[PhotoKey], min_visible_px: float
+) -> dict[PhotoKey, Labels]:
+    """True labels by photo: hand-drawn files as they are, or the analog's table.
+
+    A photo without hand-drawn file has no truth: nobody looked. The analog knows all: without row, without object.
+    """
+    if not truth.is_file():
+        folder = release.label_folder(truth, terrain) if (truth / release.BOXES).is_dir() else truth
+        return _read_drawn(folder, terrain)
+    table = read_parquet(truth, LABEL_COLUMNS)
+    table = table[table["terrain"] == terrain]
+    if "visible_px" in table.columns:
+        table = table[table["visible_px"] >= min_visible_px]
+    found = {
+        PhotoKey.parse(str(key)): Labels(
+            np.array([BOX_CLASSES.index(kind) for kind in part["kind"]]), part[["x0", "y0", "x1", "y1"]].to_numpy(float)
+        )
+        for key, part in table.groupby("key")
+    }
+    return {key: found.get(key, Labels.none()) for key in sorted({*found, *labelled})}
+
+
+def _read_drawn(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
+    """As `read_folder`, but a broken file is left out with a warning: the release has one, nobody's result."""
+    found = {}
+    for key, path in release.key_files(folder).files.items():
+        if key.terrain == terrain:
+            try:
+                found[key] = read(path)
+            except FormatError as error:
+                log.warning("left out of the scores: %s", error)
+    return found
+
+
+def against(truth: Path) -> Against:
+    """What a truth is called: the analog's table is truth, drawn files are labels."""
+    return "truth" if truth.is_file() else "labels"
+
+
+def _figures(subject: str, counts: Counts, against: Against) -> list[Figure]:
+    figures = counts.figures()
+    sizes = {"precision": "label_boxes", "recall": "truth_boxes", "f1": "truth_boxes", "miou": "truth_boxes"}
+    return [
+        Figure(
+            subject,
+            name,
+            float("nan") if figures[name] is None else float(figures[name] or 0),
+            "1",
+            int(figures[n] or 0),
+            against,
+        )
+        for name, n in sizes.items()
+    ]

@@ -1,0 +1,209 @@
+"""How well rocks and ground were found and meshed: against the analog's true meshes, or the meshes' own soundness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import linear_sum_assignment
+
+from polarsim.formats import obj
+from polarsim.formats.scene import read_terrain
+from polarsim.formats.tables import read_parquet
+from polarsim.geometry.poses import Pose, angle_between
+from polarsim.photo import NO_ROCK
+from polarsim.randomness import generator
+from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.tables.gauge import refine_gauge
+from polarsim.tables.options import TablesOptions
+from polarsim.tables.quality import Figure, summary, write_quality
+from polarsim.tables.quality_cameras import read_gauge
+from polarsim.tables.surface import Surface, is_watertight, islands
+
+ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
+MATCH_RADIUS = 0.5  # of the true size: how far the centre of a found rock may be off
+SMALLEST_RADIUS = 0.03  # metres
+EDGE = 0.1  # metres: a strip along the walls does not count as ground
+
+
+@dataclass(frozen=True)
+class RockPairs:
+    """Found rocks and true ones: row numbers that belong together, one to one."""
+
+    true: np.ndarray  # (p,)
+    found: np.ndarray  # (p,)
+
+
+def score_rocks(
+    *,
+    terrain: int,
+    rocks: Path,
+    meshes: Path,
+    cameras: Path,
+    truth: Path | None,
+    quality: Path,
+    options: TablesOptions,
+) -> None:
+    """Write the quality of a terrain's rocks and meshes.
+
+    Frames are brought together by the camera poses, then by one small rigid ICP of the terrain's ground; how far that
+    went is a figure of its own.
+
+    Parameters
+    ----------
+    rocks
+        rocks.parquet.
+    meshes, cameras
+        Folders of the terrain.
+    truth
+        The analog's truth/TerrainTT; None where there is none.
+    """
+    found = read_parquet(rocks, ROCK_COLUMNS)
+    figures = counts(found, options) + soundness(meshes, terrain)
+    if truth is not None:
+        figures += _against_truth(terrain, found, meshes, cameras, truth, options)
+    write_quality(quality, "rocks", terrain, figures)
+
+
+def counts(found: pd.DataFrame, options: TablesOptions) -> list[Figure]:
+    """How many rocks of which size there are."""
+    size_cm = 100 * found["size_m"].to_numpy(float)
+    large, small = _size_classes(size_cm, options)
+    n = len(found)
+    return [
+        Figure("rocks", "count", n, "rocks", n, "own"),
+        Figure(_large(options), "count", int(large.sum()), "rocks", n, "own"),
+        Figure(_small(options), "count", int(small.sum()), "rocks", n, "own"),
+    ]
+
+
+def soundness(meshes: Path, terrain: int) -> list[Figure]:
+    """Closedness, islands and sizes of the full meshes."""
+    figures: list[Figure] = []
+    read = [obj.read(path) for path in obj.rock_files(meshes).values()]
+    if read:
+        n = len(read)
+        closed = np.array([is_watertight(mesh) for mesh in read])
+        parts = np.array([islands(mesh) for mesh in read])
+        vertices = float(np.median([len(mesh.vertices) for mesh in read]))
+        figures += [
+            Figure("rock meshes", "watertight_share", float(closed.mean()), "1", n, "own"),
+            Figure("rock meshes", "one_island_share", float((parts == 1).mean()), "1", n, "own"),
+            Figure("rock meshes", "vertices_median", vertices, "vertices", n, "own"),
+        ]
+    ground = meshes / obj.ground_name(terrain)
+    if ground.exists():
+        mesh = obj.read(ground)
+        figures += [
+            Figure("ground mesh", "islands", islands(mesh), "islands", 1, "own"),
+            Figure("ground mesh", "vertices", len(mesh.vertices), "vertices", 1, "own"),
+        ]
+    return figures
+
+
+def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:
+    """One-to-one pairs of the smallest summed distance of centres, none beyond half the true rock's size.
+
+    Both tables in one frame.
+    """
+    if not len(true) or not len(found):
+        return RockPairs(np.zeros(0, int), np.zeros(0, int))
+    centres = [table[["x", "y", "z"]].to_numpy(float) for table in (true, found)]
+    distance = np.linalg.norm(centres[0][:, None] - centres[1][None], axis=-1)
+    radius = np.maximum(MATCH_RADIUS * true["size_m"].to_numpy(float), SMALLEST_RADIUS)[:, None]
+    gain = np.where(distance < radius, 2 - distance / radius, 0.0)  # many pairs first, then near ones
+    rows, columns = linear_sum_assignment(-gain)
+    good = distance[rows, columns] < radius[rows, 0]
+    return RockPairs(rows[good], columns[good])
+
+
+def recall_and_precision(
+    true: pd.DataFrame, found: pd.DataFrame, pairs: RockPairs, options: TablesOptions
+) -> list[Figure]:
+    """Share of true rocks found and of found rocks true, by size, and how sizes differ.
+
+    A rock counts by its own size: a true one for recall, a found one for precision.
+    """
+    figures = []
+    true_cm, found_cm = (100 * table["size_m"].to_numpy(float) for table in (true, found))
+    for number, subject in enumerate((_large(options), _small(options))):
+        wanted, given = _size_classes(true_cm, options)[number], _size_classes(found_cm, options)[number]
+        for name, members, hits in (("recall", wanted, pairs.true), ("precision", given, pairs.found)):
+            if members.any():
+                share = float(np.isin(np.flatnonzero(members), hits).mean())
+                figures.append(Figure(subject, name, share, "1", int(members.sum()), "truth"))
+    for column, name in (("size_m", "size_error"), ("height_m", "height_error")):
+        difference = found[column].to_numpy(float)[pairs.found] - true[column].to_numpy(float)[pairs.true]
+        figures += summary("paired rocks", name, 1000 * np.abs(difference), "mm", "truth")
+    ratio = found["volume_m3"].to_numpy(float)[pairs.found] / true["volume_m3"].to_numpy(float)[pairs.true]
+    return figures + summary("paired rocks", "volume_ratio", ratio, "1", "truth", p90=False)
+
+
+def _against_truth(
+    terrain: int, found: pd.DataFrame, meshes: Path, cameras: Path, truth: Path, options: TablesOptions
+) -> list[Figure]:
+    true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
+    by_cameras, eyes = read_gauge(cameras, truth)
+    true_scene, our_scene = read_terrain(truth / "meshes", terrain), read_terrain(meshes, terrain)
+    true_surface = Surface(true_scene.vertices, true_scene.faces)
+    our_surface = Surface(our_scene.vertices, our_scene.faces)
+    rng = generator(options.seed, "surface samples", terrain)
+    points, rock = _visible_points(true_surface, true_scene.rock_of_face, eyes, options.surface_samples, rng)
+    gauge = refine_gauge(by_cameras, points[rock == NO_ROCK], our_surface)
+
+    in_truth = found.copy()
+    in_truth[["x", "y", "z"]] = gauge.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
+    pairs = pair_rocks(true, in_truth)
+    figures = recall_and_precision(true, in_truth, pairs, options)
+
+    distance_mm = 1000 * our_surface.distance(gauge.inverse().apply(points))
+    paired = np.isin(rock, true["rock"].to_numpy()[pairs.true])
+    figures += summary("paired rocks", "surface_distance", distance_mm[paired], "mm", "truth")
+    figures += summary("ground", "surface_distance", distance_mm[rock == NO_ROCK], "mm", "truth")
+    return figures + _gauge_figures(by_cameras, gauge, points)
+
+
+def _visible_points(
+    surface: Surface, rock_of_face: np.ndarray, eyes: list[np.ndarray], n: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points on the true surface that some camera sees, and the rock of each: of n on the rocks and n on the ground.
+
+    What no camera sees nobody can measure: undersides, and ground below rocks. A strip along the walls is left out.
+    """
+    parts = []
+    for wanted in (rock_of_face != NO_ROCK, rock_of_face == NO_ROCK):
+        if not wanted.any():
+            continue
+        faces = np.flatnonzero(wanted)
+        part = Surface(surface.vertices, surface.faces[faces])
+        points, face = part.sample(n, rng)
+        normals = part.normals[face]
+        seen = np.logical_or.reduce([surface.seen_from(eye, points, normals) for eye in eyes])
+        seen &= (np.abs(points[:, :2]) < SANDBOX_HALF_WIDTH - EDGE).all(axis=1)
+        parts.append((points[seen], rock_of_face[faces[face[seen]]]))
+    return np.concatenate([points for points, _ in parts]), np.concatenate([rock for _, rock in parts])
+
+
+def _gauge_figures(by_cameras: Pose, gauge: Pose, points: np.ndarray) -> list[Figure]:
+    moved_mm = 1000 * np.linalg.norm(gauge.inverse().apply(points) - by_cameras.inverse().apply(points), axis=1)
+    turned_deg = float(np.degrees(angle_between(by_cameras, gauge)))
+    return [
+        Figure("frame", "icp_shift_median", float(np.median(moved_mm)), "mm", len(points), "truth"),
+        Figure("frame", "icp_turn", turned_deg, "deg", len(points), "truth"),
+    ]
+
+
+def _size_classes(size_cm: np.ndarray, options: TablesOptions) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) bool of the large and of the small rocks."""
+    large = size_cm >= options.large_rock_cm
+    return large, (size_cm >= options.small_rock_cm) & ~large
+
+
+def _large(options: TablesOptions) -> str:
+    return f"rocks of {options.large_rock_cm:g} cm and more"
+
+
+def _small(options: TablesOptions) -> str:
+    return f"rocks of {options.small_rock_cm:g} to {options.large_rock_cm:g} cm"

@@ -1,0 +1,213 @@
+"""How well label files agree with hand-drawn or true ones: precision, recall, F1 and mean IoU, pooled over files."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.errors import FormatError, LabelError
+from polarsim.formats import release, yolo
+from polarsim.geometry.boxes import iou, match, match_sum
+from polarsim.photo import BOX_CLASSES, PhotoKey
+
+GROUPS: dict[str, Callable[[PhotoKey], str]] = {
+    "terrain": lambda key: f"{key.terrain:02d}",
+    "position": lambda key: key.position,
+    "light": lambda key: key.light,
+    "azimuth": lambda key: key.azimuth,
+    "camera": lambda key: key.camera,
+}
+
+log = logging.getLogger("polarsim")
+
+
+@dataclass(frozen=True)
+class Labels:
+    """The boxes of one photo: class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels."""
+
+    classes: np.ndarray
+    boxes: np.ndarray
+
+    @classmethod
+    def none(cls) -> Labels:
+        return cls(np.zeros(0, int), np.zeros((0, 4)))
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Sums over files; they add up."""
+
+    files: int = 0
+    tp: int = 0
+    fp: int = 0
+    fn: int = 0
+    iou_sum: float = 0.0  # over truth boxes, of the one-to-one assignment with the largest sum
+
+    def __add__(self, other: Counts) -> Counts:
+        return Counts(
+            self.files + other.files,
+            self.tp + other.tp,
+            self.fp + other.fp,
+            self.fn + other.fn,
+            self.iou_sum + other.iou_sum,
+        )
+
+    def figures(self) -> dict[str, float | int | None]:
+        """Ratios of the sums; None where the divisor is 0."""
+        truth, labels = self.tp + self.fn, self.tp + self.fp
+        return {
+            "files": self.files,
+            "truth_boxes": truth,
+            "label_boxes": labels,
+            "tp": self.tp,
+            "fp": self.fp,
+            "fn": self.fn,
+            "precision": _ratio(self.tp, labels),
+            "recall": _ratio(self.tp, truth),
+            "f1": _ratio(2 * self.tp, truth + labels),
+            "miou": _ratio(self.iou_sum, truth),
+        }
+
+
+def count_boxes(truth: np.ndarray, labels: np.ndarray, threshold: float = 0.5) -> Counts:
+    """Compare the boxes (n, 4) and (m, 4) of one class on one photo.
+
+    Pairs are one-to-one: as many as can be with IoU >= threshold, then of the largest summed IoU. The mean IoU has an
+    assignment of its own, without threshold.
+    """
+    overlap = iou(truth, labels)
+    pairs = len(match(overlap, threshold)[0])
+    rows, columns = match_sum(overlap)
+    iou_sum = float(overlap[rows, columns].sum())
+    return Counts(1, pairs, len(labels) - pairs, len(truth) - pairs, iou_sum)
+
+
+def count_photo(truth: Labels, labels: Labels, threshold: float = 0.5) -> dict[str, Counts]:
+    """Compare two sets of labels of one photo, class by class."""
+    return {
+        name: count_boxes(truth.boxes[truth.classes == number], labels.boxes[labels.classes == number], threshold)
+        for number, name in enumerate(BOX_CLASSES)
+    }
+
+
+def score(
+    truth: Mapping[PhotoKey, Labels], labels: Mapping[PhotoKey, Labels], threshold: float = 0.5
+) -> dict[str, Any]:
+    """Figures by class, over all photos of the truth and by part of the key.
+
+    A photo of the truth without labels has all its boxes missed; labels of photos without truth are not looked at.
+
+    Returns
+    -------
+    dict
+        `classes`: class -> figures; `by`: group -> value -> class -> figures. Figures are those of `Counts.figures`.
+    """
+    if not 0 < threshold <= 1:
+        raise LabelError(f"IoU threshold {threshold:g}, expected more than 0 and at most 1")
+    total = {name: Counts() for name in BOX_CLASSES}
+    groups: dict[str, dict[str, dict[str, Counts]]] = {group: {} for group in GROUPS}
+    for key in sorted(truth):
+        for name, counts in count_photo(truth[key], labels.get(key, Labels.none()), threshold).items():
+            total[name] += counts
+            for group, value_of in GROUPS.items():
+                part = groups[group].setdefault(value_of(key), {n: Counts() for n in BOX_CLASSES})
+                part[name] += counts
+    return {
+        "threshold": threshold,
+        "classes": _figures(total),
+        "by": {
+            group: {value: _figures(part) for value, part in sorted(values.items())} for group, values in groups.items()
+        },
+    }
+
+
+def score_folders(
+    truth: Path, labels: Path, threshold: float = 0.5, keys: Callable[[PhotoKey], bool] | None = None
+) -> dict[str, Any]:
+    """Compare two folders of YOLO files, each flat, with `TerrainNN` subfolders, or a release's root.
+
+    Parameters
+    ----------
+    keys
+        Which photos are compared; all of the truth's when None.
+
+    Returns
+    -------
+    dict
+        That of `score`, and `files`: how many were compared, were missing, were left out and why.
+
+    Raises
+    ------
+    FormatError
+        A folder is missing, or a label file is broken. A broken truth file is left out and listed: it is nobody's
+        labels that are wrong there, and the release has one.
+    LabelError
+        A photo has two label files in one folder, or the truth has no label file at all.
+    """
+    of_truth, of_labels = _key_files(truth), _key_files(labels)
+    if not of_truth.files:
+        raise LabelError(f"{truth}: no file named by a photo key, such as 01_A_off_180_L_0256.txt")
+    wanted = [key for key in of_truth.files if keys is None or keys(key)]
+    read_truth, unreadable = _read_truth({key: of_truth.files[key] for key in wanted})
+    read_labels = {key: read(of_labels.files[key]) for key in read_truth if key in of_labels.files}
+    missing = [key for key in read_truth if key not in read_labels]
+    if missing:
+        log.warning("%s: %d of %d files are missing, first %s.txt", labels, len(missing), len(wanted), missing[0])
+    return {
+        **score(read_truth, read_labels, threshold),
+        "files": {
+            "compared": len(read_truth),
+            "missing_labels": len(missing),
+            "labels_without_truth": len([key for key in of_labels.files if key not in of_truth.files]),
+            "not_selected": len(of_truth.files) - len(wanted),
+            "unreadable_truth": unreadable,
+            "stray_truth": _names(of_truth.stray, truth),
+            "stray_labels": _names(of_labels.stray, labels),
+        },
+    }
+
+
+def read(path: Path) -> Labels:
+    """The boxes of a YOLO file.
+
+    Raises
+    ------
+    FormatError
+        A line is no box.
+    """
+    return Labels(*yolo.read_boxes(path))
+
+
+def _read_truth(files: Mapping[PhotoKey, Path]) -> tuple[dict[PhotoKey, Labels], list[str]]:
+    found, unreadable = {}, []
+    for key, path in files.items():
+        try:
+            found[key] = read(path)
+        except FormatError as error:
+            log.warning("left out of the scores: %s", error)
+            unreadable.append(f"{path.name}: {str(error).removeprefix(str(path)).lstrip(':')}")
+    return found, unreadable
+
+
+def _key_files(folder: Path) -> release.KeyFiles:
+    if not folder.is_dir():
+        raise FormatError(f"{folder}: no such folder of label files")
+    return release.key_files(folder / release.BOXES if (folder / release.BOXES).is_dir() else folder)
+
+
+def _names(paths: list[Path], folder: Path) -> list[str]:
+    release.log_strays(paths, str(folder))
+    return [path.relative_to(folder).as_posix() for path in paths]
+
+
+def _figures(parts: Mapping[str, Counts]) -> dict[str, dict[str, float | int | None]]:
+    return {name: counts.figures() for name, counts in parts.items()}
+
+
+def _ratio(part: float, whole: float) -> float | None:
+    return part / whole if whole else None

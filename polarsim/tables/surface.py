@@ -1,0 +1,88 @@
+"""Surfaces that are measured: points sampled on them, closest points, closedness and number of islands."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from polarsim.formats.obj import Mesh
+from polarsim.geometry.rays import Caster, caster
+
+_LIFT = 2e-3  # metres: sampled points are looked at from here above their own surface
+
+
+class Surface:
+    """Triangles (f, 3) of vertices (v, 3), metres, that can be asked for closest points and sights."""
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        self.vertices, self.faces = np.asarray(vertices, float), np.asarray(faces, np.int64)
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        length = np.linalg.norm(normals, axis=1)
+        self.area = length / 2  # (f,) m^2
+        self.normals = np.divide(normals, length[:, None], out=np.zeros_like(normals), where=length[:, None] > 0)
+
+    @cached_property
+    def _scene(self) -> Any:
+        import open3d as o3d
+
+        scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+        scene.add_triangles(
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(self.vertices, np.float32)),
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(self.faces, np.uint32)),
+        )
+        return scene
+
+    @cached_property
+    def _rays(self) -> Caster:
+        return caster(self.vertices, self.faces)
+
+    def sample(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n, 3) spread evenly by area, and the face (n,) of each."""
+        share = np.cumsum(self.area)
+        face = np.searchsorted(share, rng.random(n) * share[-1], side="right").clip(max=len(self.faces) - 1)
+        s, t = np.sqrt(rng.random(n)), rng.random(n)
+        a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
+        weights = np.stack([1 - s, s * (1 - t), s * t], axis=1)
+        return weights[:, :1] * a + weights[:, 1:2] * b + weights[:, 2:] * c, face
+
+    def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest place (n, 3) on the surface to each point (n, 3), and the normal (n, 3) there."""
+        found = self._scene.compute_closest_points(np.ascontiguousarray(points, np.float32))
+        face = found["primitive_ids"].numpy().astype(np.int64)
+        return found["points"].numpy().astype(float), self.normals[face]
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """(n,) metres from each point (n, 3) to the surface."""
+        return np.linalg.norm(self.closest(points)[0] - points, axis=1)
+
+    def seen_from(self, eye: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """(n,) bool: points on the surface, with their normals, that an eye (3,) can see."""
+        towards = eye - points
+        facing = np.einsum("nk,nk->n", towards, normals) > 0
+        starts = points + _LIFT * normals
+        seen = np.zeros(len(points), bool)
+        seen[facing] = ~self._rays.blocked(starts[facing], eye - starts[facing], 1.0)
+        return seen
+
+
+def is_watertight(mesh: Mesh) -> bool:
+    """Every edge belongs to two triangles, once in each direction: closed, and wound alike all over."""
+    edges = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    size = len(mesh.vertices)
+    forward = np.sort(edges[:, 0] * size + edges[:, 1])
+    backward = np.sort(edges[:, 1] * size + edges[:, 0])
+    return bool((np.diff(forward) > 0).all() and np.array_equal(forward, backward))
+
+
+def islands(mesh: Mesh) -> int:
+    """Number of parts that share no vertex; vertices without a triangle do not count."""
+    first, second = mesh.faces[:, [0, 1]].ravel(), mesh.faces[:, [1, 2]].ravel()
+    size = len(mesh.vertices)
+    graph = coo_array((np.ones(len(first), bool), (first, second)), shape=(size, size))
+    _, part = connected_components(graph, directed=False)
+    return len(np.unique(part[np.unique(mesh.faces)]))

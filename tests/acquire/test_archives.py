@@ -1,0 +1,172 @@
+import shutil
+import stat
+import zipfile
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from polarsim.acquire.archives import unpack
+from polarsim.acquire.options import FetchOptions
+from polarsim.errors import FetchError, FormatError, PolarsimError
+
+
+def pack(path, files, folder="Terrain11_FreshCrater"):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(f"{folder}/{name}" if folder else name, content)
+    return path
+
+
+@pytest.fixture
+def archive(tmp_path, rng):
+    files = {"stereo.calibration": b"KEY: 1\n", "PosA_1500_Loff/Sun_30/CamL_7_0256.png": rng.bytes(50_000)}
+    return pack(tmp_path / "Terrain11_FreshCrater.zip", files)
+
+
+def left_over(folder, archive):
+    return [path for path in folder.rglob("*") if path != archive]
+
+
+def test_a_top_folder_of_the_archives_name_is_left_out(tmp_path, archive):
+    unpack(archive, tmp_path / "Terrain11_FreshCrater")
+    found = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file())
+    assert found == [
+        "Terrain11_FreshCrater.zip",
+        "Terrain11_FreshCrater/PosA_1500_Loff/Sun_30/CamL_7_0256.png",
+        "Terrain11_FreshCrater/stereo.calibration",
+    ]
+
+
+def test_any_other_top_folder_is_kept(tmp_path):
+    archive = pack(tmp_path / "a.zip", {"x.txt": b"x"}, folder="inside")
+    unpack(archive, tmp_path / "a")
+    assert (tmp_path / "a/inside/x.txt").read_bytes() == b"x"
+
+
+def test_a_folder_with_a_file_of_its_own_name_is_kept_whole(tmp_path):
+    unpack(pack(tmp_path / "a.zip", {"a/x.txt": b"x", "y.txt": b"y"}, folder="a"), tmp_path / "a")
+    assert (tmp_path / "a/a/x.txt").read_bytes() == b"x"
+    assert (tmp_path / "a/y.txt").read_bytes() == b"y"
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../evil.txt", "a/../../evil.txt", "/evil.txt", "C:\\evil.txt", "C:/evil.txt", "a\\..\\..\\evil.txt", "a/.."],
+)
+def test_an_entry_that_points_outside_is_refused_by_name(tmp_path, name):
+    archive = pack(tmp_path / "a.zip", {"good.txt": b"x", name: b"evil"}, "")
+    with pytest.raises(FormatError, match=r"a\.zip: entry .* points outside the folder"):
+        unpack(archive, tmp_path / "out" / "a")
+    assert left_over(tmp_path, archive) == []
+
+
+def test_a_link_is_refused_by_name(tmp_path):
+    link = zipfile.ZipInfo("link")
+    link.external_attr = (stat.S_IFLNK | 0o777) << 16
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr(link, "/etc/passwd")
+    with pytest.raises(FormatError, match=r"a\.zip: entry 'link' is a link"):
+        unpack(tmp_path / "a.zip", tmp_path / "a")
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_an_entry_that_is_there_twice_is_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("x.txt", "1")
+        archive.writestr("x.txt", "2")
+    with pytest.raises(FormatError, match=r"entry 'x\.txt' is there twice"):
+        unpack(tmp_path / "a.zip", tmp_path / "a")
+
+
+def test_a_file_in_place_of_a_folder_is_one_line(tmp_path):
+    archive = pack(tmp_path / "a.zip", {"x": b"file", "x/y": b"in it"}, "")
+    with pytest.raises(PolarsimError) as caught:
+        unpack(archive, tmp_path / "a")
+    assert "\n" not in str(caught.value)
+    assert left_over(tmp_path, archive) == []
+
+
+def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path):
+    archive = pack(tmp_path / "a.zip", {"zeros": bytes(5_000_000)})  # deflate packs zeros 1,000 to 1
+    with pytest.raises(FormatError, match=r"a\.zip: entry .*zeros' unpacks to more than 200 times its size"):
+        unpack(archive, tmp_path / "a")
+    assert left_over(tmp_path, archive) == []
+
+
+def test_a_file_over_the_allowed_size_is_refused(tmp_path, archive):
+    with pytest.raises(FormatError, match=r"unpacks to 0 MB, 0\.01 MB allowed"):
+        unpack(archive, tmp_path / "a", FetchOptions(max_file_mb=0.01))
+
+
+def test_a_size_that_lies_is_found(tmp_path, rng):
+    archive = pack(tmp_path / "a.zip", {"x": rng.bytes(3000)})
+    content = archive.read_bytes()
+    assert content.count((3000).to_bytes(4, "little")) >= 2
+    archive.write_bytes(content.replace((3000).to_bytes(4, "little"), (2000).to_bytes(4, "little")))
+    with pytest.raises(FormatError, match=r"a\.zip: "):
+        unpack(archive, tmp_path / "a")
+    assert left_over(tmp_path, archive) == []
+
+
+def test_a_truncated_archive_is_refused_and_leaves_nothing(tmp_path, archive):
+    archive.write_bytes(archive.read_bytes()[:-2000])
+    with pytest.raises(FormatError, match=r"Terrain11_FreshCrater\.zip: .*zip") as caught:
+        unpack(archive, tmp_path / "out")
+    assert "\n" not in str(caught.value)
+    assert left_over(tmp_path, archive) == []
+
+
+def test_damaged_content_is_refused_and_leaves_nothing(tmp_path, archive):
+    content = bytearray(archive.read_bytes())
+    content[20_000] ^= 1
+    archive.write_bytes(content)
+    with pytest.raises(FormatError, match=r"Terrain11_FreshCrater\.zip: a damaged zip archive"):
+        unpack(archive, tmp_path / "out")
+    assert left_over(tmp_path, archive) == []
+
+
+def test_a_missing_archive_and_one_that_is_none_are_named(tmp_path):
+    (tmp_path / "text.zip").write_text("no zip")
+    for name in ("none.zip", "text.zip"):
+        with pytest.raises(FormatError, match=name):
+            unpack(tmp_path / name, tmp_path / "out")
+
+
+def test_a_disk_without_room_is_found_before_unpacking(tmp_path, archive, monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=1000))
+    with pytest.raises(FetchError, match=r"Terrain11_FreshCrater\.zip: unpacks to 0 MB, the disk has 0 MB free"):
+        unpack(archive, tmp_path / "out")
+
+
+def test_ctrl_c_in_the_middle_leaves_nothing_half_written(tmp_path, archive, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "copyfileobj", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            unpack(archive, tmp_path / "out")
+    assert left_over(tmp_path, archive) == []
+    unpack(archive, tmp_path / "out")
+    assert (tmp_path / "out/Terrain11_FreshCrater/stereo.calibration").exists()
+
+
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(data=st.data())
+def test_any_damage_ends_in_one_line_or_in_whole_files(tmp_path_factory, data):
+    folder = tmp_path_factory.mktemp("zips")
+    archive = pack(folder / "a.zip", {"one.txt": b"some text " * 20, "two/three.txt": bytes(range(256))})
+    content = bytearray(archive.read_bytes())
+    for _ in range(data.draw(st.integers(1, 8))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    archive.write_bytes(content[: data.draw(st.integers(len(content) // 2, len(content)))])
+    refused = False
+    try:
+        unpack(archive, folder / "out")
+    except PolarsimError as error:
+        refused = True
+        assert "\n" not in str(error)  # noqa: PT017
+    assert (folder / "out").is_dir() != refused
+    assert {path.name for path in folder.iterdir()} <= {"a.zip", "out"}

@@ -1,0 +1,89 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.acquire.options import SeedOptions
+from polarsim.acquire.seeds import best_exposure, choose_seeds, copy_seeds, find_labels
+from polarsim.errors import FormatError
+from polarsim.formats import yolo
+from polarsim.photo import PhotoKey
+
+KEY = PhotoKey.parse("03_A_off_180_L_0256")
+
+
+def write(folder, name, boxes):
+    path = folder / f"{name}.txt"
+    corner = 20.0 * np.arange(boxes)[:, None]
+    yolo.write_boxes(path, np.zeros(boxes, int), np.concatenate([corner, corner, corner + 9, corner + 9], axis=1))
+    return PhotoKey.parse(name), path
+
+
+@pytest.mark.parametrize(
+    ("boxes", "best"),
+    [
+        ({32: 3, 256: 5, 2048: 4}, 256),
+        ({32: 3, 256: 5, 2048: 6}, 2048),  # most boxes win, however long the exposure
+        ({32: 5, 512: 5, 2048: 5}, 512),  # nearest 256 on a log scale
+        ({128: 5, 512: 5}, 512),  # equally near: the longer
+        ({64: 0}, 64),
+    ],
+)
+def test_the_best_exposure_has_most_boxes_then_is_nearest_256_ms_then_longer(boxes, best):
+    keys = {KEY.with_exposure(exposure): count for exposure, count in boxes.items()}
+    assert best_exposure(keys).exposure_ms == best
+
+
+@given(st.permutations([32, 64, 128, 256, 512]), st.lists(st.integers(0, 3), min_size=5, max_size=5))
+def test_the_best_exposure_does_not_depend_on_the_order_of_files(order, counts):
+    boxes = {KEY.with_exposure(exposure): counts[exposure.bit_length() - 6] for exposure in order}
+    best = best_exposure(boxes)
+    assert best_exposure(dict(sorted(boxes.items()))) == best
+    assert boxes[best] == max(boxes.values())
+
+
+def test_one_seed_a_photo_set_of_left_light_off_and_the_chosen_suns(tmp_path):
+    names = ["03_A_off_30_L_0256", "03_A_off_350_L_0256", "03_B_off_30_L_0064"]
+    others = [
+        "03_A_off_30_L_0032",
+        "03_A_off_30_R_0256",
+        "03_A_on_30_L_0256",
+        "03_A_off_no_L_0256",
+        "03_C_off_30_L_0256",
+    ]
+    files = dict([*(write(tmp_path, name, 3) for name in names), *(write(tmp_path, name, 3) for name in others)])
+    chosen = choose_seeds(files, ["A", "B"], SeedOptions())
+    assert [str(key) for key, _ in chosen] == sorted(names)
+
+
+def test_a_stated_exposure_is_taken_where_it_is_there(tmp_path):
+    names = ["03_A_off_30_L_0064", "03_A_off_30_L_0256", "03_B_off_30_L_0256"]
+    files = dict(write(tmp_path, name, 3) for name in names)
+    assert [str(key) for key, _ in choose_seeds(files, "ABC", SeedOptions(exposure=64))] == names[:1]
+
+
+def test_a_broken_line_of_a_file_that_may_be_a_seed_is_an_error_with_file_and_line(tmp_path):
+    files = dict([write(tmp_path, "03_A_off_30_L_0064", 3)])
+    (tmp_path / "03_A_off_30_L_0064.txt").write_text("0 0.5 0.5 0.1 0.1\n0 0.5 0.5 0.1\n")
+    with pytest.raises(FormatError, match=r"03_A_off_30_L_0064\.txt:2: 4 fields"):
+        choose_seeds(files, "ABC", SeedOptions())
+
+
+def test_seeds_are_written_with_six_decimals_and_replace_what_was_there(tmp_path):
+    _, path = write(tmp_path, str(KEY), 0)
+    path.write_text("0 0.5 0.5  0.1 0.2")
+    (tmp_path / "seeds").mkdir()
+    (tmp_path / "seeds" / "old.txt").write_text("")
+    copy_seeds([(KEY, path)], tmp_path / "seeds")
+    assert [found.name for found in (tmp_path / "seeds").iterdir()] == [f"{KEY}.txt"]
+    assert (tmp_path / "seeds" / f"{KEY}.txt").read_text() == "0 0.500000 0.500000 0.100000 0.200000\n"
+
+
+def test_labels_are_found_in_the_releases_layout_and_in_a_flat_folder(tmp_path):
+    for folder in ("release/Labels/Terrain03", "flat"):
+        (tmp_path / folder).mkdir(parents=True)
+        write(tmp_path / folder, str(KEY), 1)
+        write(tmp_path / folder, "04_A_off_30_L_0064", 1)
+    for root in ("release", "flat"):
+        assert list(find_labels(tmp_path / root, 3)[0]) == [KEY]
+    assert find_labels(tmp_path / "nowhere", 3)[0] == {}

@@ -1,0 +1,335 @@
+import hashlib
+import io
+import json
+import threading
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from polarsim.acquire.fetch import PINS, archives_of, fetch_archive, fetch_terrain
+from polarsim.acquire.options import FetchOptions, SourceOptions
+from polarsim.errors import ConfigError, FetchError, FormatError
+
+NAME = "Terrain11_FreshCrater.zip"
+FAST = FetchOptions(tries=3, backoff_s=0, timeout_s=5)
+ONCE = FetchOptions(tries=1, backoff_s=0, timeout_s=5)
+
+
+@dataclass
+class Site:
+    """A server of files in memory that can be cut, refuse or change."""
+
+    url: str = ""
+    files: dict[str, bytes] = field(default_factory=dict)
+    cuts: list[int] = field(default_factory=list)  # bytes sent of the next answers before the line breaks
+    refusals: list[int] = field(default_factory=list)  # statuses of the next answers
+    tagged: bool = True
+    requests: list[str] = field(default_factory=list)  # name and range of each
+
+    def answer(self, request: BaseHTTPRequestHandler) -> None:
+        name = request.path.lstrip("/")
+        self.requests.append(f"{name} {request.headers.get('Range', '')}".strip())
+        if self.refusals or name not in self.files:
+            request.send_error(self.refusals.pop(0) if self.refusals else 404)
+            return
+        content = self.files[name]
+        tag = f'"{hashlib.sha256(content).hexdigest()}"'
+        start = 0
+        if request.headers.get("If-Range") == tag:
+            start = int(request.headers["Range"].removeprefix("bytes=").rstrip("-"))
+        if start >= len(content) > 0 and start:
+            request.send_response(416)
+            request.send_header("Content-Range", f"bytes */{len(content)}")
+            request.send_header("Content-Length", "0")
+            request.end_headers()
+            return
+        request.send_response(206 if start else 200)
+        request.send_header("Content-Length", str(len(content) - start))
+        if start:
+            request.send_header("Content-Range", f"bytes {start}-{len(content) - 1}/{len(content)}")
+        if self.tagged:
+            request.send_header("ETag", tag)
+        request.end_headers()
+        end = start + self.cuts.pop(0) if self.cuts else len(content)
+        request.wfile.write(content[start:end])
+
+
+@pytest.fixture
+def site():
+    found = Site()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self):
+            found.answer(self)
+
+        def log_message(self, *args):
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    found.url = f"http://127.0.0.1:{server.server_port}"
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
+    thread.start()
+    yield found
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def packed(files):
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        for name in sorted(files):
+            archive.writestr(zipfile.ZipInfo(name), files[name])
+    return content.getvalue()
+
+
+@pytest.fixture
+def content(rng):
+    return rng.bytes(3_000_000)
+
+
+def fetch(site, root, options=FAST, name=NAME):
+    return fetch_archive(name=name, url=f"{site.url}/{name}", root=root, options=options)
+
+
+def names(root):
+    return sorted(path.name for path in root.iterdir())
+
+
+def test_an_archive_is_fetched_and_its_checksum_pinned(site, tmp_path, content):
+    site.files[NAME] = content
+    path = fetch(site, tmp_path / "data")
+    assert path.read_bytes() == content
+    assert json.loads((tmp_path / "data" / PINS).read_text()) == {NAME: hashlib.sha256(content).hexdigest()}
+    assert names(tmp_path / "data") == [NAME, PINS]
+
+
+def test_a_download_that_was_cut_goes_on_where_it_ended(site, tmp_path, content):
+    site.files[NAME], site.cuts = content, [2_000_000, 300_000]
+    assert fetch(site, tmp_path).read_bytes() == content
+    assert site.requests == [NAME, f"{NAME} bytes=2000000-", f"{NAME} bytes=2300000-"]
+
+
+def test_a_rerun_goes_on_from_what_the_run_before_got(site, tmp_path, content):
+    site.files[NAME], site.cuts = content, [2_000_000]
+    with pytest.raises(FetchError, match=r"1 tries failed, .* after 2000000 of 3000000 bytes"):
+        fetch(site, tmp_path, ONCE)
+    assert not (tmp_path / NAME).exists()
+    assert fetch(site, tmp_path, ONCE).read_bytes() == content
+    assert site.requests[-1] == f"{NAME} bytes=2000000-"
+    assert names(tmp_path) == [NAME, PINS]
+
+
+def test_a_complete_download_that_was_not_renamed_is_taken(site, tmp_path, content):
+    site.files[NAME] = content
+    fetch(site, tmp_path)
+    (tmp_path / NAME).rename(tmp_path / f".{NAME}.part")
+    (tmp_path / f".{NAME}.version").write_text(f'"{hashlib.sha256(content).hexdigest()}"')
+    assert fetch(site, tmp_path, ONCE).read_bytes() == content
+    assert site.requests[-1] == f"{NAME} bytes=3000000-"
+
+
+def test_a_file_that_changed_on_the_server_is_fetched_anew(site, tmp_path, content):
+    site.files[NAME], site.cuts = content, [2_000_000]
+    with pytest.raises(FetchError):
+        fetch(site, tmp_path, ONCE)
+    site.files[NAME] = content[::-1]
+    assert fetch(site, tmp_path, ONCE).read_bytes() == content[::-1]
+
+
+def test_without_a_tag_of_the_server_a_cut_download_begins_anew(site, tmp_path, content):
+    site.files[NAME], site.cuts, site.tagged = content, [2_000_000], False
+    assert fetch(site, tmp_path).read_bytes() == content
+    assert site.requests == [NAME, NAME]
+
+
+def test_another_checksum_than_the_pinned_one_is_refused_and_nothing_is_kept(site, tmp_path, content):
+    site.files[NAME] = content
+    (tmp_path / PINS).write_text(json.dumps({NAME: "0" * 64}))
+    with pytest.raises(FetchError, match=rf"{NAME}: SHA-256 \w+, but 0+ is pinned in .*{PINS}"):
+        fetch(site, tmp_path)
+    assert names(tmp_path) == [PINS]
+
+
+def test_an_archive_that_is_there_is_used_pinned_and_verified_ever_after(site, tmp_path):
+    (tmp_path / NAME).write_bytes(b"local")
+    assert fetch(site, tmp_path).read_bytes() == b"local"
+    assert site.requests == []
+    (tmp_path / NAME).write_bytes(b"changed")
+    with pytest.raises(FetchError, match="is pinned in"):
+        fetch(site, tmp_path)
+
+
+def test_a_missing_file_fails_at_once_with_address_and_reason(site, tmp_path):
+    with pytest.raises(FetchError, match=rf"^{site.url}/{NAME}: the server answers 404") as caught:
+        fetch(site, tmp_path)
+    assert "\n" not in str(caught.value)
+    assert site.requests == [NAME]
+    assert names(tmp_path) == []
+
+
+def test_a_busy_server_is_tried_again(site, tmp_path, content):
+    site.files[NAME], site.refusals = content, [503, 503]
+    assert fetch(site, tmp_path).read_bytes() == content
+    assert len(site.requests) == 3
+
+
+def test_a_server_that_stays_busy_fails_after_the_stated_tries(site, tmp_path):
+    site.refusals = [503] * 9
+    with pytest.raises(FetchError, match=r"3 tries failed, the last with: the server answers 503"):
+        fetch(site, tmp_path)
+    assert len(site.requests) == 3
+
+
+def test_a_server_that_is_not_there_is_one_line(tmp_path):
+    with pytest.raises(FetchError, match=r"http://127\.0\.0\.1:9/a\.zip: 3 tries failed") as caught:
+        fetch_archive(name="a.zip", url="http://127.0.0.1:9/a.zip", root=tmp_path, options=FAST)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_archive_that_is_neither_there_nor_has_an_address_is_named(tmp_path):
+    with pytest.raises(FetchError, match=rf"{NAME}: not there, and no address"):
+        fetch_archive(name=NAME, url=None, root=tmp_path, options=FAST)
+
+
+@pytest.mark.parametrize("pins", ["[]", "{", '{"a.zip": 1}'])
+def test_a_broken_list_of_checksums_is_one_line(tmp_path, pins):
+    (tmp_path / NAME).write_bytes(b"local")
+    (tmp_path / PINS).write_text(pins)
+    with pytest.raises(FormatError, match=PINS):
+        fetch_archive(name=NAME, url=None, root=tmp_path, options=FAST)
+
+
+NASA = {
+    "Terrain11_FreshCrater/stereo.calibration": "KEY: 1\n",
+    "Terrain11_FreshCrater/PosA_1500_Loff/Sun_30/CamL_7_0256.png": "png",
+}
+RANGES = "GroundTruth_RectifiedRangeMaps.zip"
+
+
+@pytest.fixture
+def polar(site, tmp_path):
+    site.files[NAME] = packed(NASA)
+    site.files[RANGES] = packed({"GroundTruth_RectifiedRangeMaps/Terrain11/PosA_org-XYZ.tif": "tif"})
+    site.files["Terrain03_MeanDistr.zip"] = packed({"Terrain03_MeanDistr/stereo.calibration": "KEY: 1\n"})
+    urls = {name: f"{site.url}/{name}" for name in site.files}
+    return SourceOptions(kind="polar", root=tmp_path / "polar", urls=urls, fetch=FAST)
+
+
+def test_a_terrains_archives_become_its_folders_and_a_receipt(site, tmp_path, polar):
+    fetch_terrain(terrain=11, source=polar, done=tmp_path / "receipt.json")
+    receipt = json.loads((tmp_path / "receipt.json").read_text())
+    assert receipt["files"] == [
+        "GroundTruth_RectifiedRangeMaps/Terrain11/PosA_org-XYZ.tif",
+        "Terrain11_FreshCrater/PosA_1500_Loff/Sun_30/CamL_7_0256.png",
+        "Terrain11_FreshCrater/stereo.calibration",
+    ]
+    assert receipt["archives"] == {name: hashlib.sha256(site.files[name]).hexdigest() for name in (NAME, RANGES)}
+    assert all((polar.root / name).is_file() for name in receipt["files"])
+    assert not any("Terrain03" in request for request in site.requests)
+
+
+def test_a_second_fetch_asks_for_nothing_and_writes_the_same_receipt(site, tmp_path, polar):
+    fetch_terrain(terrain=11, source=polar, done=tmp_path / "first.json")
+    asked = len(site.requests)
+    fetch_terrain(terrain=11, source=polar, done=tmp_path / "second.json")
+    assert len(site.requests) == asked
+    assert (tmp_path / "second.json").read_bytes() == (tmp_path / "first.json").read_bytes()
+
+
+def test_terrains_share_an_archive(site, tmp_path, polar):
+    for terrain in (3, 11):
+        fetch_terrain(terrain=terrain, source=polar, done=tmp_path / f"{terrain}.json")
+    assert site.requests.count(RANGES) == 1
+
+
+def test_jobs_at_the_same_time_fetch_a_shared_archive_once(site, tmp_path, polar):
+    with ThreadPoolExecutor(2) as jobs:
+        receipts = [
+            jobs.submit(fetch_terrain, terrain=terrain, source=polar, done=tmp_path / f"{terrain}.json")
+            for terrain in (3, 11)
+        ]
+    assert [receipt.result() for receipt in receipts] == [None, None]
+    assert site.requests.count(RANGES) == 1
+    assert len(json.loads((polar.root / PINS).read_text())) == 3
+
+
+def test_local_folders_need_no_archive(tmp_path):
+    calibration = tmp_path / "Terrain11_FreshCrater" / "stereo.calibration"
+    calibration.parent.mkdir()
+    calibration.write_text("KEY: 1\n")
+    fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
+    assert json.loads((tmp_path / "receipt.json").read_text())["folders"] == ["Terrain11_FreshCrater"]
+
+
+def test_zips_that_lie_in_the_root_are_used_without_an_address(site, tmp_path):
+    (tmp_path / NAME).write_bytes(packed(NASA))
+    fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
+    assert (tmp_path / "Terrain11_FreshCrater" / "stereo.calibration").exists()
+
+
+def test_a_truncated_zip_is_one_line_and_a_good_one_then_works(tmp_path):
+    source = SourceOptions(kind="polar", root=tmp_path / "polar")
+    source.root.mkdir()
+    (source.root / NAME).write_bytes(packed(NASA)[:-30])
+    with pytest.raises(FormatError, match=rf"{NAME}: .*zip"):
+        fetch_terrain(terrain=11, source=source, done=tmp_path / "receipt.json")
+    assert not (tmp_path / "receipt.json").exists()
+    assert not (source.root / "Terrain11_FreshCrater").exists()
+
+
+def test_an_entry_that_points_outside_unpacks_nothing(site, tmp_path, polar):
+    site.files[NAME] = packed({**NASA, "../../outside.txt": "evil"})
+    with pytest.raises(FormatError, match=r"points outside the folder"):
+        fetch_terrain(terrain=11, source=polar, done=tmp_path / "receipt.json")
+    assert not list(tmp_path.rglob("outside.txt"))
+    assert not (polar.root / "Terrain11_FreshCrater").exists()
+
+
+def test_archives_without_the_terrain_are_an_error_that_says_what_was_looked_for(tmp_path, polar):
+    with pytest.raises(FetchError, match=r"polar: nothing of terrain 05, no folder Terrain05_\*"):
+        fetch_terrain(terrain=5, source=polar, done=tmp_path / "receipt.json")
+    assert not (tmp_path / "receipt.json").exists()
+
+
+def test_a_releases_folders_come_to_the_root(site, tmp_path):
+    site.files["POLAR-Sim.zip"] = packed(
+        {
+            "POLAR-Sim-main/Labels/Terrain01/01_A_off_30_L_0256.txt": "0 0.5 0.5 0.1 0.1\n",
+            "POLAR-Sim-main/TerrainMeshes/Terrain01/terrain01_rock1.obj": "",
+            "POLAR-Sim-main/README.md": "text",
+        }
+    )
+    urls = {"POLAR-Sim.zip": f"{site.url}/POLAR-Sim.zip"}
+    source = SourceOptions(kind="release", root=tmp_path / "release", urls=urls, fetch=FAST)
+    fetch_terrain(terrain=1, source=source, done=tmp_path / "first.json")
+    assert json.loads((tmp_path / "first.json").read_text())["files"] == [
+        "Labels/Terrain01/01_A_off_30_L_0256.txt",
+        "TerrainMeshes/Terrain01/terrain01_rock1.obj",
+    ]
+    fetch_terrain(terrain=1, source=source, done=tmp_path / "second.json")
+    assert len(site.requests) == 1
+
+
+def test_a_release_that_was_unpacked_in_part_is_completed(tmp_path):
+    source = SourceOptions(kind="release", root=tmp_path)
+    (tmp_path / "POLAR-Sim.zip").write_bytes(packed({"top/Labels/Terrain01/x.txt": "", "top/README.md": ""}))
+    fetch_terrain(terrain=1, source=source, done=tmp_path / "receipt.json")
+    (tmp_path / "Labels").rename(tmp_path / "POLAR-Sim" / "Labels")  # as after a stop between unpacking and moving
+    fetch_terrain(terrain=1, source=source, done=tmp_path / "receipt.json")
+    assert (tmp_path / "Labels" / "Terrain01" / "x.txt").exists()
+
+
+def test_the_analog_is_not_fetched(tmp_path):
+    with pytest.raises(ConfigError, match=r"source\.kind"):
+        fetch_terrain(terrain=1, source=SourceOptions(root=tmp_path), done=tmp_path / "receipt.json")
+
+
+def test_archives_are_told_apart_by_the_terrain_in_their_name(tmp_path):
+    for name in ("Terrain01_LargeOnly.zip", "Terrain11_FreshCrater.zip", "dataset.zip", "Terrain011.zip"):
+        (tmp_path / name).write_bytes(b"")
+    source = SourceOptions(kind="polar", root=tmp_path)
+    assert archives_of(1, source) == ["Terrain011.zip", "Terrain01_LargeOnly.zip", "dataset.zip"]

@@ -1,0 +1,244 @@
+import json
+import logging
+import shutil
+
+import numpy as np
+import pytest
+
+from polarsim.acquire.index import index_terrain, merge_photos
+from polarsim.acquire.options import SeedOptions, SourceOptions
+from polarsim.errors import FormatError, LabelError, PolarsimError
+from polarsim.formats import nasa, png
+from polarsim.formats.inventory import read_inventory
+from polarsim.formats.rigs import read_rig
+from polarsim.formats.tables import read_parquet
+from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.grid import GridOptions
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+
+BOX = "0 0.500000 0.500000 0.100000 0.100000\n"
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+REAL_CALIBRATION = """\
+CAMERA_MATRIX_LEFT: 2068.44 0 964.405 0 2064.29 593.512 0 0 1
+DISTORTION_COEFFICIENTS_LEFT: -0.108441 0.158389 0.000537106 -0.00127904
+CAMERA_MATRIX_RIGHT: 2065.6 0 952.098 0 2061.9 606.559 0 0 1
+DISTORTION_COEFFICIENTS_RIGHT: -0.114041 0.178219 -0.000146877 -0.00112736
+ROTATION_MATRIX: 0.999997 0.00172602 0.0019164 -0.00172807 0.999998 0.00106908 -0.00191455 -0.00107239 0.999998
+TRANSLATION_VECTOR: -0.301556 0.000599 0.001489
+"""  # of terrain 11, as its file has it
+
+
+def index(tmp_path, source, *, terrain=11, positions="ABC", seeds=None, grid=None):
+    out = tmp_path / "out" / f"Terrain{terrain:02d}"
+    index_terrain(
+        terrain=terrain,
+        positions=list(positions),
+        source=source,
+        seed_options=seeds or SeedOptions(),
+        photos=out / "photos.parquet",
+        calibration=out / "calibration.json",
+        inventory=out / "inventory.json",
+        seeds=out / "seeds",
+        grid=grid,
+    )
+    return out
+
+
+def write(path, content):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(content)
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory):
+    path = tmp_path_factory.mktemp("photos") / "photo.png"
+    png.write(path, np.full((HEIGHT, WIDTH), 16, np.uint16))
+    return path
+
+
+@pytest.fixture
+def release(tmp_path):
+    """The least that a release can hold: one seed and one mesh."""
+    root = tmp_path / "release"
+    write(root / "Labels/Terrain11/11_A_off_30_L_0256.txt", BOX)
+    write(root / "TerrainMeshes/Terrain11/terrain11_rock2.obj", TRIANGLE)
+    return SourceOptions(kind="release", root=root)
+
+
+@pytest.fixture
+def polar(tmp_path):
+    """NASA's layout with a scan and a calibration, without photos and labels."""
+    root = tmp_path / "polar"
+    write(root / "Terrain11_FreshCrater/stereo.calibration", REAL_CALIBRATION)
+    points = np.full((4, 6, 3), 2.0)
+    nasa.write_range_map(root / "GroundTruth_RectifiedRangeMaps/Terrain11/PosA_org-XYZ.tif", points)
+    nasa.write_cloud(root / "Terrain11_FreshCrater/PosC.xyz", points[0], np.ones(6))
+    return SourceOptions(kind="polar", root=root)
+
+
+def add_photo(photo, source, name):
+    key = PhotoKey.parse(name)
+    path = nasa.photo_path(source.root / "Terrain11_FreshCrater", key, "259659217")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(photo, path)
+    return path
+
+
+def test_a_release_of_one_seed_and_one_mesh_is_indexed(tmp_path, release):
+    out = index(tmp_path, release)
+    inventory = read_inventory(out / "inventory.json")
+    assert list(inventory.meshes) == ["2"]
+    assert (inventory.calibration, inventory.scanned, inventory.ground) == ("", [], "")
+    assert [path.name for path in (out / "seeds").iterdir()] == ["11_A_off_30_L_0256.txt"]
+    assert (out / "seeds/11_A_off_30_L_0256.txt").read_text() == BOX
+    assert len(read_parquet(out / "photos.parquet")) == 0
+    assert json.loads((out / "calibration.json").read_text())["source"] == "stated"
+    np.testing.assert_allclose(read_rig(out / "calibration.json").left.fx, stated_rig().left.fx)
+
+
+def test_stray_files_of_a_release_are_logged_once_and_left_out(tmp_path, release, caplog):
+    for name in ("11_A_off_30_L_0256 copy.txt", "11_A_off_30_L_0512good.txt", ".DS_Store", "11_A_on_180_R_1028.txt"):
+        write(release.root / "Labels/Terrain11" / name, BOX * 3)
+    with caplog.at_level(logging.WARNING):
+        out = index(tmp_path, release)
+    assert sum("4 stray files" in record.getMessage() for record in caplog.records) == 1
+    assert len(read_inventory(out / "inventory.json").stray) == 4
+    assert len(list((out / "seeds").iterdir())) == 1
+
+
+def test_a_terrain_that_a_release_lacks_is_one_line_with_what_was_looked_for(tmp_path, release):
+    with pytest.raises(FormatError, match=r"release: nothing of terrain 05, looked for Labels/Terrain05 and") as caught:
+        index(tmp_path, release, terrain=5)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_terrain_that_nasas_folder_lacks_is_one_line_with_what_was_looked_for(tmp_path, polar):
+    with pytest.raises(FormatError, match=r"polar: nothing of terrain 05, looked for Terrain05_\*"):
+        index(tmp_path, polar, terrain=5)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_root_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(FormatError, match="nowhere: no such folder"):
+        index(tmp_path, SourceOptions(kind="release", root=tmp_path / "nowhere"))
+
+
+def test_a_release_without_seeds_is_an_error_that_names_the_folder(tmp_path, release):
+    with pytest.raises(LabelError, match=r"Labels/Terrain11: no seed of terrain 11 .*azimuth 180"):
+        index(tmp_path, release, seeds=SeedOptions(azimuths=["180"]))
+    assert not (tmp_path / "out").exists()
+
+
+def test_scans_and_calibration_alone_are_enough(tmp_path, polar):
+    out = index(tmp_path, polar)
+    inventory = read_inventory(out / "inventory.json")
+    assert inventory.scanned == ["A", "C"]
+    assert inventory.calibration.endswith("Terrain11_FreshCrater/stereo.calibration")
+    assert list((out / "seeds").iterdir()) == []
+    assert len(read_parquet(out / "photos.parquet")) == 0
+    grid = rectified_left(read_rig(out / "calibration.json"))
+    # Issue text: the real calibration gives fx 1990.6, cx 966.2, cy 600.1 (in OpenCV's pixels).
+    assert grid.lens.opencv_matrix()[[0, 0, 1], [0, 2, 2]] == pytest.approx([1990.6, 966.2, 600.1], abs=0.1)
+
+
+def test_seeds_may_come_from_another_folder_than_the_scans(tmp_path, polar, release):
+    out = index(tmp_path, polar, seeds=SeedOptions(root=release.root))
+    assert [path.name for path in (out / "seeds").iterdir()] == ["11_A_off_30_L_0256.txt"]
+
+
+def test_only_the_positions_of_the_run_are_taken(tmp_path, polar, release, photo):
+    add_photo(photo, polar, "11_A_off_30_L_0256")
+    out = index(tmp_path, polar, positions="C", seeds=SeedOptions(root=release.root))
+    assert read_inventory(out / "inventory.json").scanned == ["C"]
+    assert list((out / "seeds").iterdir()) == []
+    assert len(read_parquet(out / "photos.parquet")) == 0
+
+
+def test_photos_are_indexed_and_gaps_are_one_warning(tmp_path, polar, photo, caplog):
+    left = add_photo(photo, polar, "11_A_off_30_L_0256")
+    add_photo(photo, polar, "11_A_off_30_R_0256")
+    add_photo(photo, polar, "11_C_on_no_L_8192")
+    with caplog.at_level(logging.WARNING):
+        table = read_parquet(index(tmp_path, polar, positions="AC") / "photos.parquet")
+    assert table["key"].tolist() == ["11_A_off_30_L_0256", "11_A_off_30_R_0256", "11_C_on_no_L_8192"]
+    assert table["path"][0] == left.as_posix()
+    (warning,) = [record.getMessage() for record in caplog.records]
+    assert "3 photos found, 293 of the grid missing, 1 without the other camera's" in warning  # of 2 x 148
+
+
+def test_only_photos_of_the_runs_grid_are_missed(tmp_path, polar, photo, caplog):
+    add_photo(photo, polar, "11_A_off_30_L_0256")
+    add_photo(photo, polar, "11_A_off_30_R_0256")
+    grid = GridOptions(lights=["off"], azimuths=["30"], exposures_ms=[256])
+    with caplog.at_level(logging.WARNING):
+        index(tmp_path, polar, positions="A", grid=grid)
+    assert not caplog.records
+
+
+def test_a_broken_photo_is_one_line_and_nothing_is_written(tmp_path, polar, photo):
+    path = add_photo(photo, polar, "11_A_off_30_L_0256")
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(FormatError, match=r"CamL_259659217_0256\.png: .* cut") as caught:
+        index(tmp_path, polar)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("ROTATION_MATRIX:", "ROTATION:", "ROTATION_MATRIX is missing"),
+        ("0.999997 0.0017", "0.9 0.0017", "not orthogonal"),
+    ],
+)
+def test_a_broken_calibration_is_one_line_with_the_file(tmp_path, polar, old, new, reason):
+    path = polar.root / "Terrain11_FreshCrater/stereo.calibration"
+    path.write_text(REAL_CALIBRATION.replace(old, new))
+    with pytest.raises(PolarsimError, match=rf"stereo\.calibration: .*{reason}"):
+        index(tmp_path, polar)
+    assert not (tmp_path / "out").exists()
+
+
+def test_stray_label_files_beside_scans_are_logged_once(tmp_path, polar, caplog):
+    for name in ("11_A_off_30_L_0256.txt", "11_A_off_30_L_0256 copy.txt"):
+        write(polar.root / "Labels/Terrain11" / name, BOX)
+    with caplog.at_level(logging.WARNING):
+        out = index(tmp_path, polar, positions="AC")
+    assert sum("1 stray files" in record.getMessage() for record in caplog.records) == 1
+    assert [path.name for path in (out / "seeds").iterdir()] == ["11_A_off_30_L_0256.txt"]
+
+
+def test_a_source_without_calibration_gets_the_stated_rig_and_a_warning(tmp_path, polar, caplog):
+    (polar.root / "Terrain11_FreshCrater/stereo.calibration").unlink()
+    with caplog.at_level(logging.WARNING):
+        out = index(tmp_path, polar)
+    assert json.loads((out / "calibration.json").read_text())["source"] == "stated"
+    assert any("no stereo.calibration" in record.getMessage() for record in caplog.records)
+
+
+def test_the_same_source_gives_the_same_bytes(tmp_path, polar, photo):
+    add_photo(photo, polar, "11_A_off_30_L_0256")
+    first = {path.name: path.read_bytes() for path in index(tmp_path, polar).glob("*.*")}
+    shutil.rmtree(tmp_path / "out")
+    assert {path.name: path.read_bytes() for path in index(tmp_path, polar).glob("*.*")} == first
+
+
+def test_tables_of_terrains_become_one_also_where_some_are_empty(tmp_path, polar, release, photo):
+    add_photo(photo, polar, "11_A_off_30_L_0256")
+    full = index(tmp_path / "a", polar) / "photos.parquet"
+    empty = index(tmp_path / "b", release) / "photos.parquet"
+    merge_photos(tables=[empty, full], merged=tmp_path / "merged.parquet")
+    merge_photos(tables=[empty, empty], merged=tmp_path / "none.parquet")
+    assert read_parquet(tmp_path / "merged.parquet").equals(read_parquet(full))
+    assert read_parquet(tmp_path / "none.parquet").dtypes.equals(read_parquet(full).dtypes)
+
+
+@pytest.mark.release
+def test_every_set_up_of_the_release_has_a_seed_under_every_sun(release_root, tmp_path):
+    source = SourceOptions(kind="release", root=release_root)
+    for terrain in (1, 3, 4, 8, 11):
+        out = index(tmp_path, source, terrain=terrain)
+        names = [path.stem for path in (out / "seeds").iterdir()]
+        assert len(names) == 12  # 3 positions, 4 Suns: shared facts on the labels, definitions
+        assert all("_off_" in name and "_L_" in name for name in names)

@@ -1,0 +1,77 @@
+import hashlib
+import logging
+
+import numpy as np
+import pytest
+
+from polarsim.acquire.photos import Gaps, describe_photo, find_gaps, index_photos, log_gaps, photo_table
+from polarsim.errors import FormatError
+from polarsim.formats import png
+from polarsim.formats.tables import PHOTO_COLUMNS
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey, photo_grid
+
+KEY = PhotoKey.parse("01_A_off_180_L_0256")
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory):
+    path = tmp_path_factory.mktemp("photos") / "CamL_1_0256.png"
+    png.write(path, np.full((HEIGHT, WIDTH), 16, np.uint16))
+    return path
+
+
+def test_a_photo_is_described_by_its_size_bits_and_checksum(photo):
+    assert describe_photo(photo) == {
+        "width": 1936, "height": 1216, "bits": 16, "path": photo.as_posix(),
+        "sha256": hashlib.sha256(photo.read_bytes()).hexdigest(),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("pixels", "reason"),
+    [
+        (np.zeros((HEIGHT, WIDTH), np.uint8), "1 channels of 8 bits, a photo has 1 of 16"),
+        (np.zeros((HEIGHT, WIDTH, 3), np.uint16), "3 channels of 16 bits"),
+        (np.zeros((WIDTH, HEIGHT), np.uint16), "1216 x 1936 pixels, expected 1936 x 1216"),
+    ],
+)
+def test_a_photo_of_another_size_or_depth_is_refused_by_name(tmp_path, pixels, reason):
+    png.write(tmp_path / "a.png", pixels)
+    with pytest.raises(FormatError, match=rf"a\.png: {reason}"):
+        describe_photo(tmp_path / "a.png")
+
+
+def test_a_cut_photo_is_refused_by_name(tmp_path, photo):
+    (tmp_path / "cut.png").write_bytes(photo.read_bytes()[:-100])
+    with pytest.raises(FormatError, match=r"cut\.png: .* cut"):
+        index_photos([(KEY, tmp_path / "cut.png")])
+
+
+def test_the_index_has_a_row_a_photo_in_the_order_of_keys(photo):
+    other = PhotoKey.parse("01_A_off_180_R_0256")
+    table = index_photos([(other, photo), (KEY, photo)])
+    assert tuple(table.columns) == PHOTO_COLUMNS
+    assert table["key"].tolist() == [str(KEY), str(other)]
+    assert table.loc[0, ["terrain", "position", "light", "azimuth", "camera", "exposure_ms"]].tolist() == [
+        1, "A", "off", "180", "L", 256,
+    ]  # fmt: skip
+
+
+def test_an_index_without_photos_has_the_same_types(photo):
+    assert photo_table([]).dtypes.equals(index_photos([(KEY, photo)]).dtypes)
+
+
+def test_gaps_are_photos_of_the_grid_and_photos_without_partner():
+    grid = [key for key in photo_grid(1) if key.position == "A"]
+    gaps = find_gaps([key for key in grid if key != KEY], grid)
+    assert gaps.missing == (KEY,)
+    assert [str(key) for key in gaps.unpaired] == ["01_A_off_180_R_0256"]
+    assert find_gaps(grid, grid) == Gaps((), ())
+
+
+def test_gaps_are_one_warning_that_counts_them(tmp_path, caplog):
+    with caplog.at_level(logging.WARNING):
+        log_gaps(find_gaps([KEY], [key for key in photo_grid(1) if key.position == "A"]), 1, tmp_path)
+    (line,) = [record.getMessage() for record in caplog.records]
+    # terrain 1, position A: 2 lights, 4 Suns, 2 cameras, 7 exposures
+    assert "1 photos found, 111 of the grid missing, 1 without the other camera's" in line

@@ -1,0 +1,54 @@
+import pytest
+from pydantic import ValidationError
+
+from polarsim.acquire.options import SeedOptions, SourceOptions
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ({"kind": "release"}, "needs a root"),
+        ({"kind": "polar"}, "needs a root"),
+        ({"kind": "moon"}, "'analog', 'release' or 'polar'"),
+        ({"kind": "polar", "root": "x", "url": {}}, "Extra inputs"),
+        ({"kind": "polar", "root": "x", "urls": {"../a.zip": "http://x/a.zip"}}, "an archive is named"),
+        ({"kind": "polar", "root": "x", "urls": {"a.tar": "http://x/a.tar"}}, "an archive is named"),
+        ({"kind": "polar", "root": "x", "urls": {"a.zip": "file:///etc/passwd"}}, "no http or https address"),
+        ({"kind": "polar", "root": "x", "fetch": {"tries": 0}}, "greater than or equal to 1"),
+    ],
+)
+def test_an_impossible_source_is_refused(content, reason):
+    with pytest.raises(ValidationError, match=reason):
+        SourceOptions(**content)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ({"light": False}, "put them in quotes"),
+        ({"azimuths": [30, False]}, "put it in quotes"),
+        ({"azimuths": [90]}, "'30'"),
+        ({"camera": "left"}, "'L' or 'R'"),
+        ({"exposure": 300}, "expected 'best' or 16"),
+        ({"exposure": "good"}, "best"),
+        ({"exposures": 256}, "Extra inputs"),
+    ],
+)
+def test_impossible_seeds_are_refused(content, reason):
+    with pytest.raises(ValidationError, match=reason):
+        SeedOptions(**content)
+
+
+def test_azimuths_may_be_written_as_numbers():
+    assert SeedOptions(azimuths=[30, "350"]).azimuths == ("30", "350")
+
+
+def test_the_default_seeds_are_left_without_rover_light_under_every_sun():
+    options = SeedOptions()
+    assert (options.camera, options.light, options.exposure) == ("L", "off", "best")
+    assert options.azimuths == ("30", "180", "270", "350")
+
+
+def test_options_survive_json():
+    source = SourceOptions(kind="polar", root="data/polar", urls={"Terrain11_FreshCrater.zip": "https://x/y.zip"})
+    assert SourceOptions(**source.model_dump(mode="json")) == source

@@ -1,0 +1,21 @@
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+CHECKOUT = Path(__file__).parent.parent
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20170808)
+
+
+@pytest.fixture(scope="session")
+def release_root() -> Path:
+    """The published release, where there is one."""
+    root = Path(os.environ.get("POLAR_SIM_ROOT", CHECKOUT.parent / "shared" / "polar-sim"))
+    if not (root / "Labels").is_dir():
+        pytest.skip("the published release is not here: set POLAR_SIM_ROOT to its folder")
+    return root

@@ -1,0 +1,57 @@
+"""A small world for detectors: bright blobs, each with a dark shadow to its right, on grey noise."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import png, tables
+from polarsim.photo import HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
+
+KEYS = [
+    PhotoKey(terrain, position, "off", azimuth, camera, exposure)
+    for terrain in (1, 4)
+    for position in "AB"
+    for azimuth in ("30", "180")
+    for camera in "LR"
+    for exposure in (64, 128, 256)
+][:40]
+
+
+def blobs(key: PhotoKey) -> tuple[np.ndarray, list[dict[str, object]]]:
+    """A photo (h, w) uint16 and its label rows."""
+    random = np.random.default_rng(KEYS.index(key))
+    pixels = random.normal(400, 30, (HEIGHT, WIDTH)).astype(np.float32)
+    rows = []
+    for rock in range(1, 6):
+        width, height = random.uniform(150, 260), random.uniform(110, 190)
+        x0 = random.uniform(0, 180) + (rock - 1) * 360
+        y0 = random.uniform(50, HEIGHT - 250)
+        boxes = {ROCK: (x0, y0, x0 + width, y0 + height)}
+        boxes[SHADOW] = (x0 + width, y0 + 20, min(x0 + 1.6 * width, WIDTH), y0 + height)
+        for kind, value in ((ROCK, 1800), (SHADOW, 60)):
+            box = boxes[kind]
+            pixels[round(box[1]) : round(box[3]), round(box[0]) : round(box[2])] = value
+            rows.append(
+                tables.key_columns(key)
+                | {"kind": kind, "rock": rock, "source": "truth", "confidence": 1.0}
+                | dict(zip(("x0", "y0", "x1", "y1"), box, strict=True))
+            )
+    return np.clip(pixels, 16, 4095).astype(np.uint16), rows
+
+
+@pytest.fixture(scope="session")
+def world(tmp_path_factory) -> Path:
+    """Folder with photos.parquet, twins/, labels.parquet."""
+    root = tmp_path_factory.mktemp("world")
+    photos, labels = [], []
+    for key in KEYS:
+        pixels, rows = blobs(key)
+        path = root / "twins" / f"Terrain{key.terrain:02d}" / f"{key}.png"
+        png.write(path, pixels)
+        photos.append(tables.key_columns(key) | {"path": str(path)})
+        labels += rows
+    tables.write_parquet(root / "photos.parquet", pd.DataFrame(photos))
+    tables.write_parquet(root / "labels.parquet", tables.label_table(labels))
+    return root

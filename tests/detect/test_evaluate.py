@@ -1,0 +1,124 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.detect.evaluate import detection_figures, evaluate, trained_and_evaluated
+from polarsim.detect.ipd import instance_performance
+from polarsim.detect.options import DetectOptions
+from polarsim.errors import DetectError
+from polarsim.formats import tables
+from polarsim.photo import PhotoKey
+
+TESTED, TRAINED, DARK = "01_A_off_180_L_0256", "01_B_off_180_L_0256", "01_A_off_180_R_0256"
+SPLIT = f"key,part\n{TRAINED},train\n01_B_off_180_R_0256,val\n{TESTED},test\n{DARK},test\n"
+
+
+def label(key: str, kind: str, rock: int, *box: float) -> dict[str, object]:
+    corners = dict(zip(("x0", "y0", "x1", "y1"), box, strict=True))
+    return tables.key_columns(PhotoKey.parse(key)) | {
+        "kind": kind, "rock": rock, "source": "truth", "confidence": 1.0, **corners,
+    }  # fmt: skip
+
+
+def predictions(*rows: tuple) -> pd.DataFrame:
+    return pd.DataFrame(rows, columns=["key", "kind", "confidence", "x0", "y0", "x1", "y1"])
+
+
+LABELS = tables.label_table(
+    [
+        label(TESTED, "rock", 1, 0, 0, 100, 100),
+        label(TESTED, "rock", 2, 200, 0, 300, 100),
+        label(TESTED, "shadow", 1, 100, 0, 200, 100),
+        label(TRAINED, "rock", 1, 0, 0, 50, 50),
+        label(DARK, "rock", 1, 0, 0, 50, 50),
+    ]
+)
+GOOD = predictions(
+    (TESTED, "rock", 0.9, 0, 0, 100, 80),
+    (TESTED, "rock", 0.1, 200, 0, 300, 100),
+    (TESTED, "shadow", 0.9, 100, 0, 200, 100),
+)
+BAD = predictions((TESTED, "rock", 0.9, 0, 0, 100, 50), (TESTED, "shadow", 0.9, 900, 0, 1000, 100))
+
+
+@pytest.fixture
+def tested(tmp_path):
+    """Two domains with the same labels: in `real` the judge is good, in `hapke` it is bad; one photo is a gap."""
+    (tmp_path / "split.csv").write_text(SPLIT)
+    for domain, found in (("real", GOOD), ("hapke", BAD)):
+        (tmp_path / domain).mkdir()
+        (tmp_path / domain / "pictures.csv").write_text(SPLIT.replace(f"{DARK},test\n", ""))
+        tables.write_parquet(tmp_path / f"real_on_{domain}.parquet", found)
+    tables.write_parquet(tmp_path / "labels.parquet", LABELS)
+    evaluate(
+        predictions=[tmp_path / "real_on_real.parquet", tmp_path / "real_on_hapke.parquet"],
+        labels=dict.fromkeys(("real", "hapke"), tmp_path / "labels.parquet"),
+        datasets={domain: tmp_path / domain for domain in ("real", "hapke")},
+        split=tmp_path / "split.csv",
+        detection=tmp_path / "detection.parquet",
+        ipd=tmp_path / "ipd.parquet",
+        instances=tmp_path / "instances.parquet",
+        options=DetectOptions(),
+    )
+    return tmp_path
+
+
+def test_figures_of_a_domain_are_those_of_a_calculation_by_hand(tested):
+    table = tables.read_parquet(tested / "detection.parquet")
+    real = table[table["evaluated"] == "real"].set_index("kind")
+    assert real["images"].tolist() == [1] * 3  # the gap does not count
+    assert real["labels"].to_dict() == {"rock": 2, "shadow": 1, "all": 3}
+    # IoU 0.8 of the sure box: right up to the threshold 0.8 (7 of 10); the second box is exact and comes after it.
+    assert real["map50"].to_dict() == pytest.approx({"rock": 1, "shadow": 1, "all": 1})
+    beyond = 51 * 0.5 / 101  # the sure box is false: precision 1/2 up to recall 1/2
+    assert real.loc["rock", "map50_95"] == pytest.approx((7 * 1 + 3 * beyond) / 10, abs=1e-6)
+    # The second box is less sure than `iou_confidence`: its rock counts 0.
+    assert real["iou_mean"].to_dict() == pytest.approx({"rock": 0.4, "shadow": 1, "all": 0.7})
+
+
+def test_the_ipd_is_the_mean_difference_of_paired_rocks(tested):
+    table = tables.read_parquet(tested / "ipd.parquet").set_index("kind")
+    assert table.loc["rock", ["trained", "first", "second"]].tolist() == ["real", "hapke", "real"]
+    assert table["pairs"].to_dict() == {"rock": 2, "shadow": 1}
+    assert table["ipd"].to_dict() == pytest.approx({"rock": (0.8 - 0.5) / 2, "shadow": 1})
+
+
+def test_every_tested_label_has_a_row_of_its_own(tested):
+    table = tables.read_parquet(tested / "instances.parquet")
+    real = table[table["evaluated"] == "real"]
+    assert real[["key", "kind", "rock", "iou"]].to_numpy().tolist() == [
+        [TESTED, "rock", 1, 0.8],
+        [TESTED, "rock", 2, 0.0],
+        [TESTED, "shadow", 1, 1.0],
+    ]
+
+
+def test_a_split_that_leaks_no_view_says_so(tested):
+    assert not tables.read_parquet(tested / "detection.parquet")["leaks_views"].any()
+
+
+def test_a_class_without_labels_has_no_figure_and_does_not_lower_the_mean():
+    rocks = LABELS[LABELS["kind"] == "rock"]
+    figures = detection_figures([TESTED], rocks, GOOD, instance_performance(rocks, GOOD, 0))
+    assert np.isnan(figures[1]["map50"])
+    assert figures[2]["map50"] == figures[0]["map50"]
+
+
+def test_domains_come_from_the_files_name(tmp_path):
+    assert trained_and_evaluated(tmp_path / "analog_on_hapke.parquet") == ("analog", "hapke")
+    with pytest.raises(DetectError, match="expected a name such as"):
+        trained_and_evaluated(tmp_path / "analog.parquet")
+
+
+def test_a_domain_without_labels_is_named(tested):
+    with pytest.raises(DetectError, match="'hapke'"):
+        evaluate(
+            predictions=[tested / "real_on_hapke.parquet"],
+            labels={"real": tested / "labels.parquet"},
+            datasets={"real": tested / "real"},
+            split=tested / "split.csv",
+            detection=tested / "d.parquet",
+            ipd=tested / "i.parquet",
+            instances=tested / "n.parquet",
+            options=DetectOptions(),
+        )

@@ -1,0 +1,93 @@
+"""The judge's file, and what surrounds Ultralytics."""
+
+import ast
+import pickle
+from pathlib import Path
+
+import pytest
+
+import polarsim.detect
+from polarsim.detect.judges import Judge, choose_device, judge_name, network, read_judge, write_judge
+from polarsim.errors import DetectError
+
+torch = pytest.importorskip("torch")
+
+
+@pytest.fixture
+def judge(tmp_path) -> Judge:
+    from polarsim.detect.judges import ultralytics
+
+    torch.manual_seed(0)
+    module = ultralytics(tmp_path).DetectionModel("yolov5n.yaml", nc=2, verbose=False)
+    state = {name: value.half() for name, value in module.state_dict().items()}
+    return Judge("yolov5n", 160, 2, "scratch", state)
+
+
+def test_a_judge_reads_back(judge, tmp_path):
+    write_judge(tmp_path / "real.pt", judge)
+    back = read_judge(tmp_path / "real.pt")
+    assert (back.model, back.imgsz, back.epochs, back.start) == ("yolov5n", 160, 2, "scratch")
+    assert all(torch.equal(back.state[name], value) for name, value in judge.state.items())
+
+
+def test_the_same_judge_is_the_same_bytes_under_any_name(judge, tmp_path):
+    write_judge(tmp_path / "real.pt", judge)
+    write_judge(tmp_path / "other" / "hapke.pt", judge)
+    assert (tmp_path / "real.pt").read_bytes() == (tmp_path / "other" / "hapke.pt").read_bytes()
+
+
+def test_yolov5n_has_the_parameters_that_ultralytics_states(judge, tmp_path):
+    module = network(judge, tmp_path)
+    assert sum(value.numel() for value in module.parameters()) == pytest.approx(2.5e6, rel=0.01)
+    assert module(torch.zeros(1, 3, 128, 160))[0].shape[1] == 4 + 2  # a box and two classes
+
+
+class Evil:
+    def __reduce__(self):
+        return (Path.touch, (Path("executed"),))
+
+
+def test_code_in_a_weights_file_is_not_executed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    torch.save({"format": "polarsim judge 1", "model": Evil()}, tmp_path / "evil.pt", pickle_module=pickle)
+    with pytest.raises(DetectError, match=r"evil\.pt: no readable judge"):
+        read_judge(tmp_path / "evil.pt")
+    assert not (tmp_path / "executed").exists()
+
+
+def test_other_weights_are_refused_by_name(tmp_path):
+    torch.save({"weights": torch.zeros(3)}, tmp_path / "other.pt")
+    with pytest.raises(DetectError, match=r"other\.pt: not weights that polarsim wrote"):
+        read_judge(tmp_path / "other.pt")
+    with pytest.raises(DetectError, match=r"absent\.pt"):
+        read_judge(tmp_path / "absent.pt")
+
+
+def test_weights_of_another_size_do_not_fit(judge, tmp_path):
+    with pytest.raises(DetectError, match="do not fit yolov5s"):
+        network(Judge("yolov5s", 160, 2, "scratch", judge.state), tmp_path)
+
+
+def test_cuda_that_is_not_there_is_an_error(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    assert choose_device("auto") == choose_device("cpu") == "cpu"
+    with pytest.raises(DetectError, match="torch finds none"):
+        choose_device("cuda")
+
+
+def test_the_tables_name_the_judge_for_what_it_is():
+    assert judge_name("yolov5n") == "yolov5n (YOLOv5u)"
+
+
+def test_one_module_alone_imports_ultralytics_and_none_imports_torch_at_its_top():
+    importers = set()
+    for path in Path(polarsim.detect.__file__).parent.glob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            if any(name.split(".")[0] == "ultralytics" for name in names):
+                importers.add(path.name)
+            if node in tree.body:
+                assert not {name.split(".")[0] for name in names} & {"torch", "ultralytics", "torchvision", "cv2"}
+    assert importers == {"judges.py"}

@@ -1,0 +1,124 @@
+import contextlib
+import io
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.detect.metrics import IOU_THRESHOLDS, average_precision, best_overlap
+
+UNIT = np.array([[0.0, 0, 100, 100]])
+
+
+def half_missing(share: float) -> np.ndarray:
+    """A box inside `UNIT` whose IoU with it is `share`."""
+    return np.array([[0.0, 0, 100, 100 * share]])
+
+
+def test_a_perfect_judge_has_precision_one():
+    np.testing.assert_allclose(average_precision([UNIT], [UNIT], [np.array([0.9])]), 1)
+
+
+def test_a_box_counts_up_to_its_iou():
+    found = average_precision([UNIT], [half_missing(0.72)], [np.array([0.9])])
+    np.testing.assert_allclose(found, [1] * 5 + [0] * 5)  # 0.5, 0.55 ... 0.7 are reached, 0.75 is not
+
+
+def test_one_of_two_labels_found_gives_51_of_101_recalls():
+    far = UNIT + 1000
+    found = average_precision([np.concatenate([UNIT, far])], [UNIT], [np.array([0.9])])
+    np.testing.assert_allclose(found, 51 / 101)  # recalls 0, 0.01 ... 0.5 at precision 1
+
+
+def test_a_surer_false_box_halves_the_precision():
+    far = UNIT + 1000
+    found = average_precision([UNIT], [np.concatenate([UNIT, far])], [np.array([0.5, 0.9])])
+    np.testing.assert_allclose(found, 0.5)
+
+
+def test_a_second_box_on_the_same_label_is_false():
+    both = np.concatenate([UNIT, UNIT, UNIT + 1000])
+    labels = [np.concatenate([UNIT, UNIT + 1000])]
+    found = average_precision(labels, [both], [np.array([0.9, 0.8, 0.7])])
+    np.testing.assert_allclose(found, (51 * 1 + 50 * 2 / 3) / 101)  # the third box is the second right one
+
+
+def test_a_judge_that_sees_nothing_has_precision_zero():
+    np.testing.assert_array_equal(average_precision([UNIT], [np.zeros((0, 4))], [np.zeros(0)]), 0)
+
+
+def test_there_is_no_precision_without_labels():
+    assert np.isnan(average_precision([np.zeros((0, 4))], [UNIT], [np.ones(1)])).all()
+
+
+def random_boxes(rng, count):
+    low = rng.uniform(0, 900, (count, 2))
+    return np.concatenate([low, low + rng.uniform(20, 200, (count, 2))], axis=1)
+
+
+def random_case(rng, pictures=12):
+    """Labels, predictions and confidences of pictures: jittered copies, doubles, ties and strays."""
+    labels, predictions, confidences = [], [], []
+    for _ in range(pictures):
+        label = random_boxes(rng, rng.integers(0, 12))
+        copies = np.concatenate([label + rng.normal(0, spread, label.shape) for spread in (2, 12, 30)])
+        prediction = np.concatenate([copies[copies[:, 2:].min(axis=1) > 0], random_boxes(rng, rng.integers(0, 6))])
+        prediction[:, 2:] = np.maximum(prediction[:, 2:], prediction[:, :2] + 1)
+        labels.append(label)
+        predictions.append(prediction)
+        confidences.append(rng.uniform(0, 1, len(prediction)).round(2))  # rounded: ties
+    return labels, predictions, confidences
+
+
+def coco_precision(labels, predictions, confidences):
+    """(t,) average precision by pycocotools, without its limit of 100 boxes a picture."""
+    from pycocotools.coco import COCO
+    from pycocotools.cocoeval import COCOeval
+
+    def records(boxes_of, scores_of=None):
+        found = []
+        for picture, boxes in enumerate(boxes_of):
+            for n, (x0, y0, x1, y1) in enumerate(boxes.tolist()):
+                record = {"id": len(found) + 1, "image_id": picture, "category_id": 1, "iscrowd": 0}
+                record |= {"bbox": [x0, y0, x1 - x0, y1 - y0], "area": (x1 - x0) * (y1 - y0)}
+                if scores_of is not None:
+                    record["score"] = float(scores_of[picture][n])
+                found.append(record)
+        return found
+
+    with contextlib.redirect_stdout(io.StringIO()):
+        truth = COCO()
+        truth.dataset = {
+            "images": [{"id": n} for n in range(len(labels))],
+            "annotations": records(labels),
+            "categories": [{"id": 1}],
+        }
+        truth.createIndex()
+        rating = COCOeval(truth, truth.loadRes(records(predictions, confidences)), "bbox")
+        rating.params.maxDets = [1, 10, 1000]
+        rating.evaluate()
+        rating.accumulate()
+    return rating.eval["precision"][:, :, 0, 0, 2].mean(axis=1)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_average_precision_is_that_of_pycocotools(seed):
+    case = random_case(np.random.default_rng(seed))
+    np.testing.assert_allclose(average_precision(*case, IOU_THRESHOLDS), coco_precision(*case), atol=1e-9)
+
+
+def test_each_label_takes_the_box_with_the_largest_overlap():
+    labels = np.concatenate([UNIT, UNIT + 1000])
+    predictions = np.concatenate([half_missing(0.3), half_missing(0.6)])
+    np.testing.assert_allclose(best_overlap(labels, predictions), [0.6, 0])
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_another_prediction_never_lowers_the_overlap(seed):
+    rng = np.random.default_rng(seed)
+    labels, predictions = random_boxes(rng, 5), random_boxes(rng, 8)
+    fewer = best_overlap(labels, predictions[:4])
+    assert (best_overlap(labels, predictions) >= fewer).all()
+    assert ((fewer >= 0) & (fewer <= 1)).all()

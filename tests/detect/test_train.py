@@ -1,0 +1,178 @@
+"""One small judge is trained for this file: it has to learn, and the stage has to hold together around it."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import KEYS
+
+from polarsim.detect import judges
+from polarsim.detect.dataset import make_dataset, read_pictures
+from polarsim.detect.evaluate import evaluate
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.predict import PREDICTION_COLUMNS, predict
+from polarsim.detect.split import read_split, split_photos
+from polarsim.detect.train import train_judge
+from polarsim.errors import DetectError
+from polarsim.formats import png, tables
+
+pytest.importorskip("ultralytics")
+pytestmark = pytest.mark.slow
+OPTIONS = DetectOptions(imgsz=96, epochs=2, device="cpu")
+
+
+@pytest.fixture(scope="module")
+def judged(world, tmp_path_factory) -> Path:
+    """A folder with split.csv, the data set real/, real.pt, real.csv, real_on_real.parquet."""
+    root = tmp_path_factory.mktemp("judged")
+    split_photos(keys=KEYS, split=root / "split.csv", options=OPTIONS)
+    make_dataset(
+        domain="real",
+        pictures=world / "photos.parquet",
+        labels=world / "labels.parquet",
+        split=root / "split.csv",
+        dataset=root / "real",
+        options=OPTIONS,
+    )
+    before = {path: path.stat().st_mtime_ns for path in (root / "real").rglob("*")}
+    train(root, "real", OPTIONS)
+    assert {path: path.stat().st_mtime_ns for path in (root / "real").rglob("*")} == before  # no caches in there
+    run_predict(root, "real_on_real.parquet")
+    return root
+
+
+def train(root: Path, name: str, options: DetectOptions, dataset: Path | None = None) -> None:
+    train_judge(
+        dataset=dataset or root / "real",
+        weights=root / f"{name}.pt",
+        curve=root / f"{name}.csv",
+        options=options,
+        threads=1,
+        work=root / f"work_{name}",
+    )
+
+
+def run_predict(root: Path, name: str, options: DetectOptions = OPTIONS) -> None:
+    predict(weights=root / "real.pt", dataset=root / "real", predictions=root / name, options=options, threads=1)
+
+
+def test_the_curve_has_a_row_an_epoch_and_the_class_loss_falls(judged):
+    curve = tables.read_csv(judged / "real.csv")
+    assert curve["epoch"].tolist() == [1, 2]
+    assert np.isfinite(curve.to_numpy()).all()
+    assert curve["val_class_loss"].iloc[-1] < curve["val_class_loss"].iloc[0]
+
+
+def test_no_checkpoints_and_no_settings_stay_behind(judged):
+    assert [path.name for path in (judged / "work_real").iterdir() if not path.name.startswith(".ultralytics")] == []
+    content = (judged / "real.pt").read_bytes()
+    assert str(judged).encode() not in content  # weights hold no paths
+
+
+def test_predictions_are_well_formed(judged):
+    table = tables.read_parquet(judged / "real_on_real.parquet")
+    assert list(table.columns) == list(PREDICTION_COLUMNS)
+    assert set(table["key"]) <= set(read_pictures(judged / "real", "test"))
+    assert set(table["kind"]) <= {"rock", "shadow"}
+    assert table["confidence"].between(OPTIONS.confidence, 1).all()
+    assert ((table["x0"] >= 0) & (table["x0"] < table["x1"]) & (table["x1"] <= 1936)).all()
+    assert ((table["y0"] >= 0) & (table["y0"] < table["y1"]) & (table["y1"] <= 1216)).all()
+    assert table.groupby("key").size().max() <= OPTIONS.max_boxes
+    assert not table.empty
+
+
+def test_the_same_weights_predict_the_same_bytes(judged):
+    run_predict(judged, "again_on_real.parquet")
+    assert (judged / "again_on_real.parquet").read_bytes() == (judged / "real_on_real.parquet").read_bytes()
+
+
+def test_the_same_training_gives_the_same_bytes_and_a_stopped_one_is_redone(judged):
+    (judged / "work_again" / "training" / "out" / "weights").mkdir(parents=True)
+    (judged / "work_again" / "training" / "identity.json").write_text('{"options": "of another training"}')
+    (judged / "work_again" / "training" / "out" / "weights" / "last.pt").write_bytes(b"of another training")
+    train(judged, "again", OPTIONS)
+    assert (judged / "again.pt").read_bytes() == (judged / "real.pt").read_bytes()
+
+
+def test_a_stopped_training_goes_on_where_it_stopped(judged, monkeypatch, caplog):
+    def stop(trainer):
+        if trainer.epoch == 1:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("polarsim.detect.train._report", stop)  # called when the checkpoint of an epoch is on the disk
+        with pytest.raises(KeyboardInterrupt):
+            train(judged, "stopped", OPTIONS.model_copy(update={"epochs": 3}))
+    assert not (judged / "stopped.pt").exists()
+    caplog.set_level("INFO", "polarsim")
+    train(judged, "stopped", OPTIONS.model_copy(update={"epochs": 3}))
+    assert next(line for line in caplog.messages if line.startswith("epoch")).startswith("epoch 3 of 3")
+    assert tables.read_csv(judged / "stopped.csv")["epoch"].tolist() == [1, 2, 3]
+
+
+def test_our_predictions_are_those_of_ultralytics_own_predictor(judged):
+    library = judges.ultralytics(judged)
+    judge = judges.read_judge(judged / "real.pt")
+    model = library.YOLO("yolov5n.yaml")
+    model.model = library.DetectionModel("yolov5n.yaml", nc=2, verbose=False)
+    model.model.load_state_dict({name: value.float() for name, value in judge.state.items()})
+    model.model.names = {0: "rock", 1: "shadow"}
+    key = read_pictures(judged / "real", "test")[0]
+    picture = png.read(judged / "real" / "images" / "test" / f"{key}.png")
+    found = model.predict(picture[..., None].repeat(3, axis=2), imgsz=96, conf=0.001, iou=0.7, verbose=False)[0].boxes
+    table = tables.read_parquet(judged / "real_on_real.parquet")
+    table = table[table["key"] == key].sort_values("confidence", ascending=False)
+    # Ultralytics gives a place one class, we give it all that are likely enough, as its validation does.
+    best = table["confidence"].to_numpy()[: min(20, len(found))]
+    np.testing.assert_allclose(best, np.sort(found.conf.numpy())[::-1][: len(best)], atol=1e-4)
+    assert len(best)
+
+
+def test_a_judge_of_ours_is_a_start_for_another(judged):
+    options = OPTIONS.model_copy(update={"pretrained": judged / "real.pt", "epochs": 1})
+    train(judged, "tuned", options)
+    tuned = judges.read_judge(judged / "tuned.pt")
+    assert tuned.start == "real.pt"
+    first, second = (tables.read_csv(judged / f"{name}.csv")["val_class_loss"].iloc[0] for name in ("real", "tuned"))
+    assert second < first  # it went on where the other had stopped
+
+
+def test_evaluation_of_a_judge_in_its_own_domain_and_in_an_equal_one(judged, world):
+    shutil.copy(judged / "real_on_real.parquet", judged / "real_on_copy.parquet")
+    evaluate(
+        predictions=[judged / "real_on_real.parquet", judged / "real_on_copy.parquet"],
+        labels=dict.fromkeys(("real", "copy"), world / "labels.parquet"),
+        datasets=dict.fromkeys(("real", "copy"), judged / "real"),
+        split=judged / "split.csv",
+        detection=judged / "detection.parquet",
+        ipd=judged / "ipd.parquet",
+        instances=judged / "instances.parquet",
+        options=OPTIONS,
+    )
+    detection = tables.read_parquet(judged / "detection.parquet")
+    tested = sum(part == "test" for part in read_split(judged / "split.csv").values())
+    assert detection["kind"].tolist() == ["rock", "shadow", "all"] * 2
+    assert set(detection["images"]) == {tested}
+    assert detection["labels"].tolist() == [5 * tested, 5 * tested, 10 * tested] * 2
+    assert detection["leaks_views"].all()
+    assert set(detection["judge"]) == {"yolov5n (YOLOv5u)"}
+    ipd = tables.read_parquet(judged / "ipd.parquet")
+    assert ipd["pairs"].tolist() == [5 * tested] * 2
+    assert ipd["ipd"].tolist() == ipd["ipd_abs"].tolist() == [0, 0]
+    assert len(tables.read_parquet(judged / "instances.parquet")) == 20 * tested
+
+
+def test_a_data_set_without_labels_is_refused(judged, tmp_path):
+    empty = tmp_path / "empty"
+    shutil.copytree(judged / "real", empty)
+    for path in empty.glob("labels/*/*.txt"):
+        path.write_text("")
+    with pytest.raises(DetectError, match="not one labelled box"):
+        train(tmp_path, "none", OPTIONS, dataset=empty)
+
+
+def test_missing_pretrained_weights_are_named(judged, tmp_path):
+    options = OPTIONS.model_copy(update={"pretrained": tmp_path / "absent.pt"})
+    with pytest.raises(DetectError, match=r"absent\.pt: the pretrained weights are missing"):
+        train(tmp_path, "none", options, dataset=judged / "real")

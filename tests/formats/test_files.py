@@ -1,0 +1,92 @@
+import errno
+import json
+
+import pytest
+
+from polarsim.errors import FormatError, PolarsimError
+from polarsim.formats.files import read_json, write_json, write_text, writing, writing_folder
+
+
+def test_a_file_appears_only_when_it_is_complete(tmp_path):
+    target = tmp_path / "deep" / "table.csv"
+    with writing(target) as temporary:
+        temporary.write_text("whole")
+        assert not target.exists()
+        assert temporary.suffix == ".csv"  # writers choose the format by it
+    assert target.read_text() == "whole"
+    assert [path.name for path in target.parent.iterdir()] == ["table.csv"]
+
+
+@pytest.mark.parametrize("interruption", [ValueError, KeyboardInterrupt])
+def test_an_interrupted_write_keeps_the_old_file_and_leaves_nothing_else(tmp_path, interruption):
+    target = tmp_path / "table.csv"
+    target.write_text("old")
+
+    def write_half():
+        with writing(target) as temporary:
+            temporary.write_text("half")
+            raise interruption
+
+    with pytest.raises(interruption):
+        write_half()
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_full_disk_is_one_line_with_the_file(tmp_path):
+    def write_on_full_disk():
+        with writing(tmp_path / "table.csv") as temporary:
+            temporary.write_text("half")
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(PolarsimError, match=r"table\.csv: cannot be written, No space left on device"):
+        write_on_full_disk()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_is_a_file_is_one_line(tmp_path):
+    (tmp_path / "results").write_text("a file")
+    with pytest.raises(PolarsimError, match=r"results/run/table\.csv: cannot be written"):
+        write_text(tmp_path / "results" / "run" / "table.csv", "x")
+
+
+@pytest.mark.parametrize("interruption", [ValueError, KeyboardInterrupt])
+def test_an_interrupted_folder_keeps_the_old_one(tmp_path, interruption):
+    target = tmp_path / "seeds"
+    target.mkdir()
+    (target / "old.txt").write_text("old")
+
+    def write_half():
+        with writing_folder(target) as temporary:
+            (temporary / "new.txt").write_text("new")
+            raise interruption
+
+    with pytest.raises(interruption):
+        write_half()
+    assert list(tmp_path.rglob("*.txt")) == [target / "old.txt"]
+
+
+def test_a_folder_is_replaced_as_a_whole(tmp_path):
+    for name in ("old", "new"):
+        with writing_folder(tmp_path / "seeds") as temporary:
+            (temporary / f"{name}.txt").write_text(name)
+    assert [path.name for path in tmp_path.rglob("*.txt")] == ["new.txt"]
+
+
+def test_json_has_sorted_keys_and_reads_back(tmp_path):
+    write_json(tmp_path / "a.json", {"b": [1.5, "x"], "a": None})
+    assert (tmp_path / "a.json").read_text().index('"a"') < (tmp_path / "a.json").read_text().index('"b"')
+    assert read_json(tmp_path / "a.json") == json.loads('{"a": null, "b": [1.5, "x"]}')
+
+
+@pytest.mark.parametrize("content", [b"{", b"\xff\xfe", b""])
+def test_broken_json_is_one_line_with_the_file(tmp_path, content):
+    (tmp_path / "a.json").write_bytes(content)
+    with pytest.raises(FormatError, match=r"a\.json: no readable JSON") as caught:
+        read_json(tmp_path / "a.json")
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_json_is_one_line_with_the_file(tmp_path):
+    with pytest.raises(FormatError, match=r"none\.json: no readable JSON"):
+        read_json(tmp_path / "none.json")

@@ -1,0 +1,135 @@
+import string
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.errors import FormatError
+from polarsim.formats import release, yolo
+
+PIXEL_BOXES = st.lists(
+    st.tuples(st.integers(0, 1), st.integers(0, 1900), st.integers(0, 1180), st.integers(1, 36), st.integers(1, 36)),
+    max_size=20,
+)
+
+
+def boxes_of(rows):
+    rows = np.array(rows, float).reshape(-1, 5)
+    return rows[:, 0].astype(int), np.concatenate([rows[:, 1:3], rows[:, 1:3] + rows[:, 3:5]], axis=1)
+
+
+def test_a_line_is_centre_and_extent_over_the_size_of_the_photo(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("1 0.5 0.25 0.1 0.2\n")
+    classes, boxes = yolo.read_boxes(path)
+    assert classes.tolist() == [1]
+    # 968 -+ 96.8 and 304 -+ 121.6 on a photo of 1936 x 1216
+    np.testing.assert_allclose(boxes, [[871.2, 182.4, 1064.8, 425.6]])
+
+
+@given(rows=PIXEL_BOXES)
+def test_whole_pixel_boxes_read_back_to_a_hundredth_of_a_pixel(tmp_path_factory, rows):
+    path = tmp_path_factory.mktemp("yolo") / "a.txt"
+    classes, boxes = boxes_of(rows)
+    yolo.write_boxes(path, classes, boxes)
+    read_classes, read_boxes = yolo.read_boxes(path)
+    assert read_classes.tolist() == classes.tolist()
+    np.testing.assert_allclose(read_boxes, boxes, atol=0.01)
+
+
+def test_no_box_is_an_empty_file(tmp_path):
+    yolo.write_boxes(tmp_path / "a.txt", np.zeros(0, int), np.zeros((0, 4)))
+    assert (tmp_path / "a.txt").read_bytes() == b""
+    classes, boxes = yolo.read_boxes(tmp_path / "a.txt")
+    assert (classes.shape, boxes.shape) == ((0,), (0, 4))
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("0 0.5 0.5 0.1", "4 fields"),
+        ("0 0.5 0.5 0.1 0.1 0.9", "6 fields"),
+        ("09_B_off_180_R_00320 0.5 0.5 0.1 0.1", "could not convert|class"),
+        ("2 0.5 0.5 0.1 0.1", "class 2, expected 0 to 1"),
+        ("-1 0.5 0.5 0.1 0.1", "class -1"),
+        ("0.0 0.5 0.5 0.1 0.1", "class 0.0"),
+        ("0 0.5 nan 0.1 0.1", "not finite"),
+        ("0 0.5 inf 0.1 0.1", "not finite"),
+        ("0 1.5 0.5 0.1 0.1", "outside the photo"),
+        ("0 0.5 0.5 0 0.1", "without area"),
+        ("0 0.5 0.5 -0.1 0.1", "without area"),
+        ("0 0.5 0.5 1.2 0.1", "outside the photo"),
+        ("rock 0.5 0.5 0.1 0.1", "rock"),
+    ],
+)
+def test_a_broken_line_is_named_with_file_line_and_reason(tmp_path, line, reason):
+    path = tmp_path / "a.txt"
+    path.write_text(f"0 0.5 0.5 0.1 0.1\n\n{line}\n")
+    with pytest.raises(FormatError, match=reason) as caught:
+        yolo.read_boxes(path)
+    assert str(caught.value).startswith(f"{path}:3:")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe0 0.5", "0 0.5 0.5 0.1 0.１".encode()])
+def test_bytes_that_are_no_text_are_refused(tmp_path, content):
+    (tmp_path / "a.txt").write_bytes(content)
+    with pytest.raises(FormatError, match=r"a\.txt: no readable label file"):
+        yolo.read_boxes(tmp_path / "a.txt")
+
+
+def test_a_missing_file_is_refused_by_name(tmp_path):
+    with pytest.raises(FormatError, match=r"none\.txt: no readable label file"):
+        yolo.read_boxes(tmp_path / "none.txt")
+
+
+@given(text=st.text(alphabet=string.digits + " .-e\n\tx", max_size=80))
+def test_any_text_is_read_or_refused_in_one_line(tmp_path_factory, text):
+    path = tmp_path_factory.mktemp("yolo") / "a.txt"
+    path.write_text(text)
+    for read in (yolo.read_boxes, yolo.read_polygons):
+        reason = f"{path}:"
+        try:
+            read(path)
+        except FormatError as error:
+            reason = str(error)
+        assert reason.startswith(f"{path}:")
+        assert "\n" not in reason
+
+
+def test_polygons_read_back(tmp_path):
+    path = tmp_path / "a.txt"
+    square = np.array([[0, 0], [1936, 0], [1936, 1216], [0, 1216]], float)
+    triangle = np.array([[10, 20], [30.5, 20], [30, 44]], float)
+    yolo.write_polygons(path, [(3, triangle), (0, square)])
+    (first, vertices), (second, whole) = yolo.read_polygons(path)
+    assert (first, second) == (3, 0)
+    np.testing.assert_allclose(vertices, triangle, atol=2e-3)
+    np.testing.assert_allclose(whole, square, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("2 0.1 0.1 0.2 0.2", "5 fields"),
+        ("2 0.1 0.1 0.2 0.2 0.3", "6 fields"),
+        ("4 0.1 0.1 0.2 0.2 0.3 0.1", "class 4"),
+        ("2 0.1 0.1 0.2 x 0.3 0.1", "could not convert"),
+    ],
+)
+def test_a_broken_polygon_is_named_with_file_line_and_reason(tmp_path, line, reason):
+    path = tmp_path / "a.txt"
+    path.write_text(f"{line}\n")
+    with pytest.raises(FormatError, match=reason) as caught:
+        yolo.read_polygons(path)
+    assert str(caught.value).startswith(f"{path}:1:")
+
+
+@pytest.mark.release
+@pytest.mark.parametrize("terrain", [1, 4, 11])  # their files have six decimals throughout
+def test_published_boxes_are_written_as_they_were_read(release_root, tmp_path, terrain):
+    paths = list(release.label_files(release_root, terrain).values())[::20]
+    for path in paths:
+        yolo.write_boxes(tmp_path / "copy.txt", *yolo.read_boxes(path))
+        assert (tmp_path / "copy.txt").read_text() == path.read_text()

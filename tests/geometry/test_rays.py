@@ -1,0 +1,121 @@
+import numpy as np
+import pytest
+
+from polarsim.geometry.rays import NO_FACE, START_OFFSET, caster
+
+GROUND = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float), np.array([[0, 1, 2]])
+DOWN, UP = [0, 0, -1], [0, 0, 1]
+engines = pytest.mark.parametrize("engine", ["numpy", "embree"])
+
+
+def random_scene(rng, triangles=200, rays=5000):
+    vertices = rng.normal(size=(3 * triangles, 3))
+    faces = np.arange(3 * triangles).reshape(-1, 3)
+    return vertices, faces, rng.normal(size=(rays, 3)) * 3, rng.normal(size=(rays, 3))
+
+
+@engines
+def test_a_ray_straight_down_meets_the_ground_below_it(engine):
+    distance, face = caster(*GROUND, engine=engine).nearest(
+        np.array([[0.2, 0.2, 1.5], [9, 9, 1.5]]), np.array([DOWN, DOWN])
+    )
+    np.testing.assert_allclose(distance, [1.5, np.inf], rtol=1e-6)
+    assert face.tolist() == [0, NO_FACE]
+    assert face.dtype == np.int64
+
+
+@engines
+def test_distance_counts_in_lengths_of_the_direction(engine):
+    distance, _ = caster(*GROUND, engine=engine).nearest(np.array([[0.2, 0.2, 1.5]]), np.array([[0, 0, -0.5]]))
+    np.testing.assert_allclose(distance, [3.0], rtol=1e-6)
+
+
+@engines
+def test_surfaces_behind_the_origin_are_not_met(engine):
+    distance, face = caster(*GROUND, engine=engine).nearest(np.array([[0.2, 0.2, 1.5]]), np.array([UP]))
+    assert np.isinf(distance[0])
+    assert face[0] == NO_FACE
+
+
+@engines
+def test_triangles_are_met_from_both_sides(engine):
+    distance, _ = caster(*GROUND, engine=engine).nearest(np.array([[0.2, 0.2, -2]]), np.array([UP]))
+    np.testing.assert_allclose(distance, [2.0], rtol=1e-6)
+
+
+@engines
+def test_the_nearer_of_two_triangles_wins(engine):
+    vertices = np.concatenate([GROUND[0], GROUND[0] + [0, 0, 0.5]])
+    distance, face = caster(vertices, np.array([[0, 1, 2], [3, 4, 5]]), engine=engine).nearest(
+        np.array([[0.2, 0.2, 2]]), np.array([DOWN])
+    )
+    assert face[0] == 1
+    np.testing.assert_allclose(distance, [1.5], rtol=1e-6)
+
+
+@engines
+def test_blocked_looks_between_the_start_offset_and_far(engine):
+    cast = caster(*GROUND, engine=engine)
+    heights = np.array([1.0, 1.0, 1.0, 0.0, START_OFFSET / 2, 2 * START_OFFSET, 1.0])
+    far = np.array([0.9, 1.1, np.inf, 1.0, 1.0, 1.0, 0.0])
+    origins = np.stack([np.full(7, 0.2), np.full(7, 0.2), heights], axis=1)
+    blocked = cast.blocked(origins, np.tile(DOWN, (7, 1)), far)
+    assert blocked.tolist() == [False, True, True, False, False, True, False]
+
+
+@engines
+def test_blocked_takes_one_far_for_all_and_any_direction_length(engine):
+    cast = caster(*GROUND, engine=engine)
+    directions = np.array([[0, 0, -0.01], [0, 0, -1], [0, 0, -100.0]])
+    origins = np.tile([0.2, 0.2, 0.5], (3, 1))
+    assert cast.blocked(origins, directions, 1.0).tolist() == [False, True, True]
+
+
+@engines
+def test_no_rays_and_no_triangles_are_fine(engine):
+    none = np.zeros((0, 3))
+    distance, face = caster(*GROUND, engine=engine).nearest(none, none)
+    assert distance.shape == face.shape == (0,)
+    cast = caster(none, np.zeros((0, 3), int), engine=engine)
+    distance, face = cast.nearest(np.ones((2, 3)), np.ones((2, 3)))
+    assert np.isinf(distance).all()
+    assert (face == NO_FACE).all()
+    assert not cast.blocked(np.ones((2, 3)), np.ones((2, 3)), np.inf).any()
+
+
+def test_embree_obeys_the_reference(rng):
+    vertices, faces, origins, directions = random_scene(rng)
+    expected, expected_face = caster(vertices, faces, "numpy").nearest(origins, directions)
+    distance, face = caster(vertices, faces, "embree").nearest(origins, directions)
+    differ = face != expected_face  # rays through an edge may see either side of it in float32
+    assert differ.mean() < 1e-3
+    np.testing.assert_allclose(distance[~differ], expected[~differ], rtol=2e-5, atol=5e-6)  # 2e-6 seen
+
+
+def test_embree_blocks_what_the_reference_blocks(rng):
+    vertices, faces, origins, directions = random_scene(rng)
+    expected = caster(vertices, faces, "numpy").blocked(origins, directions, 1.0)
+    assert 0.05 < expected.mean() < 0.95
+    assert (caster(vertices, faces, "embree").blocked(origins, directions, 1.0) != expected).mean() < 1e-3
+
+
+def test_embree_lets_no_ray_through_a_closed_grid(rng):
+    side = 60
+    x, y = np.meshgrid(np.linspace(-2, 2, side), np.linspace(-2, 2, side))
+    vertices = np.stack([x, y, 0.05 * np.sin(7 * x) * np.cos(5 * y)], axis=-1).reshape(-1, 3)
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    faces = np.concatenate(
+        [np.stack([corner, corner + 1, corner + side], 1), np.stack([corner + 1, corner + side + 1, corner + side], 1)]
+    )
+    targets = np.stack([*rng.uniform(-1.6, 1.6, (2, 1_000_000)), np.zeros(1_000_000)], axis=1)
+    lens = np.tile([3.6, -0.4, 1.5], (len(targets), 1))
+    distance, _ = caster(vertices, faces).nearest(lens, targets - lens)
+    np.testing.assert_allclose(distance, 1.0, atol=0.2)  # the ground lies within 5 cm of the targets' plane
+
+
+def test_embree_gives_the_same_with_one_and_two_threads(rng):
+    vertices, faces, origins, directions = random_scene(rng, rays=600_000)
+    one, two = (caster(vertices, faces, threads=threads) for threads in (1, 2))
+    for first, second in zip(one.nearest(origins, directions), two.nearest(origins, directions), strict=True):
+        np.testing.assert_array_equal(first, second)
+    np.testing.assert_array_equal(one.blocked(origins, directions, 1.0), two.blocked(origins, directions, 1.0))

@@ -1,0 +1,162 @@
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.render import brdf
+from polarsim.render.options import (
+    HAPKE_SETS,
+    HapkeParameters,
+    LambertParameters,
+    LunarLambertParameters,
+    PrincipledParameters,
+)
+
+PINNED = pd.read_csv(Path(__file__).parent.parent / "data" / "brdf_pinned.csv")
+IMPLEMENTED = PINNED[~PINNED.model.str.endswith("_chrono")]
+SAMPLES = [
+    *HAPKE_SETS.values(),
+    HapkeParameters(w=0.9, b=0.3, c=-0.4, b_s0=0.8, h_s=0.06, b_c0=0.5, h_c=0.02, theta_bar_deg=15),
+    PrincipledParameters(),
+    PrincipledParameters(base_color=0.6, roughness=0.4, metallic=0.5),
+    LambertParameters(),
+    LunarLambertParameters(),
+]
+
+
+def parameters_of(row):
+    """The parameters of a row of the pinned table; K and eta are computed again."""
+    if row.model == "hapke":
+        return HapkeParameters(
+            w=row.w, b=row.b, c=row.c, b_s0=row.B_S0, h_s=row.h_S, b_c0=row.B_C0, h_c=row.h_C,
+            theta_bar_deg=row.theta_bar_deg, filling=row.phi, h_function=int(row.H_form),
+        )  # fmt: skip
+    if row.model == "principled":
+        return PrincipledParameters(
+            base_color=row.base_color, roughness=row.roughness, specular=row.specular, metallic=row.metallic
+        )
+    if row.model == "lambert":
+        return LambertParameters(albedo=row.albedo)
+    return LunarLambertParameters(albedo=row.albedo, weight="mcewen" if row.L == "mcewen" else float(row.L))
+
+
+def directions(incidence_deg, emergence_deg, azimuth_deg, dtype=float):
+    """Normal, to_lamp, to_viewer of angles (n,), by the conventions of the pinned table."""
+    i, e, psi = (np.atleast_1d(np.radians(np.asarray(a, float))) for a in (incidence_deg, emergence_deg, azimuth_deg))
+    zero = np.zeros_like(i)
+    to_lamp = np.stack([np.sin(i), zero, np.cos(i)], axis=1)
+    to_viewer = np.stack([np.sin(e) * np.cos(psi), np.sin(e) * np.sin(psi), np.cos(e)], axis=1)
+    return np.tile(np.array([0, 0, 1], dtype), (len(i), 1)), to_lamp.astype(dtype), to_viewer.astype(dtype)
+
+
+def random_directions(rng, n, widest_deg=89.9):
+    low = np.cos(np.radians(widest_deg))
+    i, e = np.degrees(np.arccos(rng.uniform(low, 1, (2, n))))
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]  # no axis is special
+    return [vectors @ turn.T for vectors in directions(i, e, rng.uniform(0, 180, n))]
+
+
+def test_every_pinned_value_is_met():
+    assert len(IMPLEMENTED) == 165  # 192 rows without the 27 of Chrono's own variants
+    for _, row in IMPLEMENTED.iterrows():
+        value = brdf.reflectance(
+            parameters_of(row), *directions(row.incidence_deg, row.emergence_deg, row.azimuth_deg)
+        )[0]
+        assert value == pytest.approx(row.f_r, rel=1e-9), (row.model, row.set, tuple(row[-6:-2]))
+
+
+@pytest.mark.parametrize("parameters", SAMPLES)
+def test_lamp_and_viewer_can_be_swapped(parameters, rng):
+    normal, to_lamp, to_viewer = random_directions(rng, 5000)
+    forth = brdf.reflectance(parameters, normal, to_lamp, to_viewer)
+    back = brdf.reflectance(parameters, normal, to_viewer, to_lamp)
+    np.testing.assert_allclose(back, forth, rtol=1e-9)
+    assert (forth > 0).all()
+
+
+@pytest.mark.parametrize("parameters", SAMPLES)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_dangerous_points_are_finite_and_not_negative(parameters, dtype):
+    angles = np.array(
+        [
+            (0, 0, 0), (0, 40, 0), (40, 0, 90), (1e-4, 1e-4, 0), (30, 30, 0), (85, 85, 0), (30, 30, 180),
+            (89, 89, 180), (89, 89, 0), (89.9, 10, 90), (10, 89.9, 180), (60, 60, 1e-5), (45, 45, 179.99999),
+            (90, 45, 0), (45, 90, 0), (90, 90, 180), (120, 30, 0), (30, 120, 180),
+        ]
+    )  # fmt: skip
+    value = brdf.reflectance(parameters, *directions(*angles.T, dtype=dtype))
+    assert value.dtype == dtype
+    assert np.isfinite(value).all()
+    assert (value >= 0).all()
+
+
+@pytest.mark.parametrize("parameters", SAMPLES)
+def test_surfaces_that_face_away_reflect_nothing(parameters):
+    normal, to_lamp, to_viewer = directions([100, 30, 120], [30, 100, 120], [0, 90, 0])
+    assert not brdf.reflectance(parameters, normal, to_lamp, to_viewer).any()
+
+
+@pytest.mark.parametrize("parameters", SAMPLES)
+def test_float32_stays_close_to_double(parameters, rng):
+    for widest_deg, tolerance in ((88, 2e-5), (89.9, 1e-3)):
+        vectors = [v.astype(np.float32) for v in random_directions(rng, 20_000, widest_deg)]
+        expected = brdf.reflectance(parameters, *(v.astype(float) for v in vectors))
+        np.testing.assert_allclose(brdf.reflectance(parameters, *vectors), expected, rtol=tolerance)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),  # directional-hemispherical reflectance at i = 0, 30, 60: Gauss quadrature in facts/brdf
+    [
+        (HAPKE_SETS["chrono_lunar"], (0.1221, 0.1268, 0.1318)),
+        (HAPKE_SETS["sato_mare_643"], (0.0629, 0.0657, 0.0693)),
+        (PrincipledParameters(base_color=0.5, roughness=0.5), (0.5400, 0.5418, 0.5708)),
+        (LambertParameters(albedo=0.3), (0.3, 0.3, 0.3)),
+        (LunarLambertParameters(albedo=0.12), (0.1311, 0.1362, 0.1519)),
+    ],
+)
+def test_light_scattered_into_the_hemisphere_matches_quadrature(parameters, expected):
+    cos_e = (np.arange(400) + 0.5) / 400
+    psi = np.degrees((np.arange(360) + 0.5) / 360 * np.pi)
+    e, psi = (a.ravel() for a in np.meshgrid(np.degrees(np.arccos(cos_e)), psi))
+    for incidence_deg, share in zip((0, 30, 60), expected, strict=True):
+        value = brdf.reflectance(parameters, *directions(np.full_like(e, incidence_deg), e, psi))
+        assert 2 * np.pi * (value * np.cos(np.radians(e))).mean() == pytest.approx(share, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", sorted(HAPKE_SETS))
+def test_the_opposition_surge_of_lunar_soil_is_there(name):
+    value = brdf.reflectance(HAPKE_SETS[name], *directions([30, 30], [30, 40], [0, 0]))
+    assert 1.38 < value[0] / value[1] < 1.75
+
+
+@pytest.fixture(scope="module")
+def brdf_taichi():
+    from polarsim.render import brdf_taichi
+
+    brdf_taichi.start(threads=1)
+    return brdf_taichi
+
+
+@pytest.mark.parametrize("parameters", SAMPLES)
+def test_taichi_obeys_the_reference(brdf_taichi, parameters, rng):
+    for widest_deg, tolerance in ((88, 2e-5), (89.9, 1e-3)):
+        vectors = [v.astype(np.float32) for v in random_directions(rng, 20_000, widest_deg)]
+        expected = brdf.reflectance(parameters, *(v.astype(float) for v in vectors))
+        np.testing.assert_allclose(brdf_taichi.reflectance(parameters, *vectors), expected, rtol=tolerance)
+
+
+def test_taichi_meets_the_pinned_values_in_float32(brdf_taichi):
+    for _, row in IMPLEMENTED.iterrows():
+        vectors = directions(row.incidence_deg, row.emergence_deg, row.azimuth_deg)
+        value = brdf_taichi.reflectance(parameters_of(row), *vectors)[0]
+        assert value == pytest.approx(row.f_r, rel=1e-3), (row.model, row.set, tuple(row[-6:-2]))
+
+
+@pytest.mark.parametrize("parameters", SAMPLES)
+def test_taichi_is_finite_where_the_reference_is(brdf_taichi, parameters):
+    angles = np.array([(0, 0, 0), (0, 40, 0), (30, 30, 0), (89, 89, 180), (30, 30, 180), (90, 90, 180), (120, 30, 0)])
+    value = brdf_taichi.reflectance(parameters, *directions(*angles.T))
+    assert np.isfinite(value).all()
+    assert (value[:5] > 0).all()
+    assert not value[5:].any()

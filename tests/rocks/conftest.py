@@ -1,0 +1,91 @@
+"""Small scenes with known truth: convex rocks on a smooth ground, scanned from two tripods by rays of our own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose, looking
+from polarsim.rocks.scans import ScanPoints, merged, place_scan, trusted_pixels
+
+TRIPODS = {
+    "A": looking(np.array([3.55, -0.35, 1.52]), np.radians(180), np.radians(25)),
+    "C": looking(np.array([0.70, -3.55, 1.50]), np.radians(104), np.radians(27)),
+}
+FULL_LENS = Lens(1990.6, 1990.6, 966.7, 600.6)  # of the rectified left grid
+
+
+def flat(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.zeros_like(x + y)
+
+
+def hilly(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A crater with a rim (slopes up to 15 degrees) and a long swell."""
+    r = np.hypot(x + 0.4, y - 0.2)
+    return 0.05 * np.exp(-(((r - 0.8) / 0.25) ** 2)) - 0.06 * np.exp(-((r / 0.5) ** 2)) + 0.03 * np.sin(1.5 * y)
+
+
+def angular_rock(rng: np.random.Generator, centre: tuple[float, float, float], size: float) -> ConvexHull:
+    """A convex polyhedron; its longest horizontal side is `size` metres."""
+    points = rng.normal(size=(24, 3))
+    points *= [0.5, 0.4, 0.35] / np.linalg.norm(points, axis=1, keepdims=True)
+    points *= size / np.ptp(points[:, :2], axis=0).max()
+    return ConvexHull(points + centre)
+
+
+@dataclass
+class Scene:
+    """Ground z(x, y) and convex rocks; `scan` looks at it from a tripod."""
+
+    ground: Callable[[np.ndarray, np.ndarray], np.ndarray] = flat
+    rocks: list[ConvexHull] = field(default_factory=list)
+
+    def range_map(self, sandbox_from_camera: Pose, lens: Lens, noise: float, rng: np.random.Generator) -> np.ndarray:
+        """(h, w, 3) float32 points in the camera's frame, with noise along the ray in metres; walls are absent."""
+        directions = lens.pixel_directions()
+        rays = sandbox_from_camera.rotate(directions).reshape(-1, 3)
+        origin = sandbox_from_camera.translation
+        scale = np.full(len(rays), 3.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for _ in range(25):
+                x, y = origin[0] + scale * rays[:, 0], origin[1] + scale * rays[:, 1]
+                scale = (self.ground(x, y) - origin[2]) / rays[:, 2]
+            scale[(rays[:, 2] > -0.1) | (np.abs(x) > 2.0) | (np.abs(y) > 2.0)] = np.inf
+            for rock in self.rocks:
+                normals, offsets = rock.equations[:, :3], rock.equations[:, 3]
+                towards = rays @ normals.T
+                crossing = -(normals @ origin + offsets) / towards
+                enter = np.where(towards < 0, crossing, -np.inf).max(axis=1)
+                leave = np.where(towards > 0, crossing, np.inf).min(axis=1)
+                scale = np.where((enter < leave) & (enter > 0), np.minimum(scale, enter), scale)
+        scale = scale.reshape(directions.shape[:2])
+        length = np.linalg.norm(directions, axis=-1)
+        scale = scale + noise * rng.normal(size=scale.shape) / length
+        with np.errstate(invalid="ignore"):
+            points = directions * scale[..., None]
+        return np.where(np.isfinite(scale)[..., None], points, np.nan).astype(np.float32)
+
+    def scanned(self, rng: np.random.Generator, *, noise: float = 0.002, reduction: float = 0.5) -> ScanPoints:
+        """Both tripods' points, at a reduced resolution."""
+        lens = FULL_LENS.scaled(reduction)
+        scans = []
+        for sandbox_from_camera in TRIPODS.values():
+            seen = self.range_map(sandbox_from_camera, lens, noise, rng)
+            scans.append(place_scan(seen, trusted_pixels(seen, lens.fx), sandbox_from_camera))
+        return merged(scans)
+
+
+@pytest.fixture
+def three_rocks() -> Scene:
+    """Rocks of 25, 12 and 8 cm on a hilly ground, each sunk by a third."""
+    rng = np.random.default_rng(5)
+    rocks = [
+        angular_rock(rng, (x, y, float(hilly(np.array(x), np.array(y))) + 0.1 * size), size)
+        for x, y, size in ((0.9, 0.6, 0.25), (-0.2, -0.9, 0.12), (1.1, -0.5, 0.08))
+    ]
+    return Scene(hilly, rocks)

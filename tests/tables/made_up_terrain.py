@@ -1,0 +1,75 @@
+"""A small made-up terrain: wavy sand, two closed rocks, two tripods; and the files that stages would write of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats import obj
+from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.tables import write_parquet
+from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.stereo import stated_rig
+
+TERRAIN = 3
+ROCKS = {1: ((0.5, 0.4), 0.2), 2: ((-0.6, -0.3), 0.06)}  # centre, side in metres
+
+
+@dataclass(frozen=True)
+class World:
+    """The true frame's content; `write` puts it on the disk as seen in another frame."""
+
+    poses: dict[str, Pose]  # truth_from_left by position
+
+    def write(
+        self, folder: Path, other_from_truth: Pose | None = None, grown: float = 0.0, rocks: tuple[int, ...] = (1, 2)
+    ) -> None:
+        """Cameras, meshes and rocks.parquet below a folder; rocks `grown` outwards on all sides, metres."""
+        other_from_truth = other_from_truth or Pose.identity()
+        for position, pose in self.poses.items():
+            placed = PlacedRig(stated_rig(), other_from_truth @ pose, "scans", {"rmse_mm": 1.5})
+            write_placed(folder / "cameras" / f"Pos{position}.json", placed)
+        ground = sand()
+        write_mesh(folder, obj.ground_name(TERRAIN), ground, other_from_truth)
+        rows = []
+        for rock in rocks:
+            (x, y), side = ROCKS[rock]
+            mesh = cube((x, y, side / 4), side + 2 * grown)
+            write_mesh(folder, obj.rock_name(TERRAIN, rock), mesh, other_from_truth)
+            centre = other_from_truth.apply(np.array([x, y, side / 4]))
+            low, high = centre - side / 2, centre + side / 2
+            names = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3", "x0", "y0", "z0", "x1", "y1", "z1")
+            rows.append(dict(zip(names, (rock, *centre, side, 0.75 * side, 0.75 * side**3, *low, *high), strict=True)))
+        columns = ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3", "x0", "y0", "z0", "x1", "y1", "z1"]
+        write_parquet(folder / "rocks.parquet", pd.DataFrame(rows, columns=columns))
+
+
+WORLD = World(
+    {
+        "A": looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)),
+        "C": looking(np.array([0.8, -3.8, 1.5]), np.radians(103), np.radians(25)),
+    }
+)
+
+
+def write_mesh(folder: Path, name: str, mesh: obj.Mesh, other_from_truth: Pose) -> None:
+    obj.write(folder / "meshes" / name, obj.Mesh(other_from_truth.apply(mesh.vertices), mesh.faces), name)
+
+
+def sand(n: int = 81) -> obj.Mesh:
+    """A square of 4 m with waves of 3 cm that determine every direction."""
+    x, y = np.meshgrid(np.linspace(-2, 2, n), np.linspace(-2, 2, n), indexing="ij")
+    z = 0.03 * np.sin(4 * x + 1) * np.cos(3 * y)
+    number = np.arange(n * n).reshape(n, n)
+    a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return obj.Mesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces)
+
+
+def cube(centre: tuple[float, float, float], side: float) -> obj.Mesh:
+    """Closed, outward, twelve triangles."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * side / 2
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    faces = [triangle for a, b, c, d in quads for triangle in ([a, b, c], [a, c, d])]
+    return obj.Mesh(corners + np.array(centre), np.array(faces))

@@ -1,0 +1,102 @@
+import itertools
+
+import pandas as pd
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats.tables import read_csv, read_parquet, write_parquet
+from polarsim.tables import paper
+from polarsim.tables.detection_table import COLUMNS, lay_out_detection, tabulate_detection, tidy_detection
+from polarsim.tables.ipd_table import COLUMNS as IPD_COLUMNS
+from polarsim.tables.ipd_table import lay_out_ipd, tabulate_ipd, tidy_ipd
+
+ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
+
+
+def detection(domains=("analog", "hapke", "principled"), kinds=("rock", "shadow")):
+    rows = []
+    for number, (kind, trained, evaluated) in enumerate(itertools.product(kinds, domains, domains)):
+        shares = (0.001 * number, 0.002 * number, 0.003 * number)
+        rows.append((trained, evaluated, kind, "photo", True, "yolov5n", 12, 320, 96, 500, *shares))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def ipd(domains=("analog", "hapke", "principled")):
+    rows = []
+    for trained, (first, second) in itertools.product(domains, itertools.combinations(domains, 2)):
+        rows.append((trained, first, second, "rock", 40, 0.1, 0.2, 0.05, 0.15, 0.12, 0.28))
+    return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
+
+
+def test_every_ipd_of_the_paper_is_the_difference_of_two_of_its_mean_ious():
+    for (trained, (first, second)), value in paper.IPD.items():
+        means = [paper.DETECTION[trained, domain][2] for domain in (first, second)]
+        assert value == pytest.approx(abs(means[0] - means[1]), abs=1.1e-3)
+
+
+def test_the_papers_figures_stand_in_columns_of_their_own_and_change_none_of_ours():
+    given = detection()
+    table = tidy_detection(given, "analog")
+    row = table[(table["kind"] == "rock") & (table["trained"] == "principled") & (table["evaluated"] == "analog")].iloc[
+        0
+    ]
+    same = given[
+        (given["kind"] == "rock") & (given["trained"] == "principled") & (given["evaluated"] == "analog")
+    ].iloc[0]
+    assert row["map50"] == same["map50"]
+    assert (row["paper_map50"], row["paper_map50_95"], row["paper_iou_mean"]) == (0.662, 0.318, 0.513)
+    assert table.loc[table["kind"] != "rock", "paper_map50"].isna().all()
+
+
+def test_the_layout_is_the_papers():
+    shown = lay_out_detection(tidy_detection(detection(("hapke", "real", "principled"), ("rock",)), "release"))
+    assert list(shown["T"]) == ["Real", "Principled", "Hapke"]
+    assert list(shown.columns[2:5]) == ["E: Real", "E: Principled", "E: Hapke"]
+    assert shown.loc[0, "paper, E: Real"] == "0.987 / 0.805 / 0.849"
+    assert shown.loc[2, "paper, E: Principled"] == "0.887 / 0.730 / 0.872"
+
+
+def test_a_result_on_the_analog_is_never_called_real(tmp_path):
+    write_parquet(tmp_path / "detection.parquet", detection(("real", "principled", "hapke")))
+    tabulate_detection(detection=tmp_path / "detection.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    table = read_parquet(tmp_path / "detection.parquet")
+    assert set(table["trained"]) == {"analog", "principled", "hapke"}
+    text = (tmp_path / "detection.md").read_text()
+    assert "are no photos" in text
+    header = next(line for line in text.splitlines() if line.startswith("| labels"))
+    assert "| E: Real" not in header
+    assert "paper, E: Real" in header
+
+
+def test_domains_that_the_paper_does_not_know_have_no_figure_of_it():
+    table = tidy_detection(detection(("views", "hapke")), "release")
+    known = (table["trained"] == "hapke") & (table["evaluated"] == "hapke") & (table["kind"] == "rock")
+    assert table.loc[known, "paper_map50"].tolist() == [0.887]
+    assert table.loc[~known, "paper_map50"].isna().all()
+    assert "paper, E: Views" not in lay_out_detection(table).columns
+
+
+def test_a_table_without_a_row_is_written_with_its_columns(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection().iloc[:0])
+    write_parquet(tmp_path / "i.parquet", ipd().iloc[:0])
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
+    assert len(read_csv(tmp_path / "detection.csv", ["run", "map50", "paper_map50"])) == 0
+    assert len(read_csv(tmp_path / "ipd.csv", ["run", "ipd", "paper_ipd"])) == 0
+
+
+def test_a_missing_column_is_named_with_its_file(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection().drop(columns="iou_mean"))
+    with pytest.raises(FormatError, match=r"d\.parquet.*iou_mean"):
+        tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+
+
+def test_ipd_pairs_are_brought_into_the_papers_order_whichever_way_they_come():
+    given = ipd()
+    turned = given.rename(columns={"first": "second", "second": "first"})
+    pd.testing.assert_frame_equal(tidy_ipd(given, "analog"), tidy_ipd(turned[given.columns], "analog"))
+    shown = lay_out_ipd(tidy_ipd(given, "analog"))
+    assert list(shown.columns[2:5]) == ["Principled - Hapke", "Analog - Hapke", "Analog - Principled"]
+    assert shown.loc[0, "Analog - Principled"] == "0.1000 [0.050, 0.150] / 0.2000 [0.120, 0.280]"
+    assert shown.loc[2, "paper, Real - Hapke"] == "0.4638"
+    assert shown.loc[0, "paper, Principled - Hapke"] == "–"

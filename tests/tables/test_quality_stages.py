@@ -1,0 +1,364 @@
+import numpy as np
+import pandas as pd
+import pytest
+from made_up_terrain import TERRAIN, WORLD, World
+
+from polarsim.errors import FormatError
+from polarsim.formats import png, yolo
+from polarsim.formats.rigs import PlacedRig, read_placed, write_placed
+from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, write_parquet
+from polarsim.geometry.poses import Pose
+from polarsim.photo import PhotoKey
+from polarsim.tables.options import TablesOptions
+from polarsim.tables.quality_cameras import score_cameras
+from polarsim.tables.quality_labels import score_labels, task_of
+from polarsim.tables.quality_rocks import RockPairs, pair_rocks, recall_and_precision, score_rocks
+from polarsim.tables.quality_twins import compare_pictures, log_ratio, score_twins, similarity, typical_photos
+
+OPTIONS = TablesOptions(surface_samples=3000)
+OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
+BOX = [100.0, 200.0, 160.0, 240.0]
+
+
+def figures(path):
+    table = read_csv(path)
+    return {(row["subject"], row["figure"]): row["value"] for row in table.to_dict("records")}
+
+
+# cameras
+
+
+def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path):
+    WORLD.write(tmp_path / "truth")
+    WORLD.write(tmp_path / "own", OTHER_FROM_TRUTH)
+    score_cameras(
+        terrain=TERRAIN,
+        cameras=tmp_path / "own/cameras",
+        truth=tmp_path / "truth",
+        matches=None,
+        quality=tmp_path / "q.csv",
+    )
+    found = figures(tmp_path / "q.csv")
+    assert found["worst position", "position_error_aligned"] < 1e-3  # mm
+    assert found["worst position", "angle_error_aligned"] < 1e-4
+    assert found["A", "angle_error_before"] == pytest.approx(np.degrees(np.linalg.norm([0.01, -0.02, 0.05])), rel=1e-4)
+    assert found["C R", "reprojection_p90"] < 1e-3
+    assert found["A (scans)", "rmse_mm"] == 1.5
+
+
+def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path):
+    WORLD.write(tmp_path / "truth")
+    WORLD.write(tmp_path / "own")
+    path = tmp_path / "own/cameras/PosA.json"
+    placed = read_placed(path)
+    left = placed.sandbox_from_left
+    up = Pose(left.rotation, left.translation + np.array([0, 0, 0.01]))
+    write_placed(path, PlacedRig(placed.rig, up))
+    score_cameras(
+        terrain=TERRAIN,
+        cameras=tmp_path / "own/cameras",
+        truth=tmp_path / "truth",
+        matches=None,
+        quality=tmp_path / "q.csv",
+    )
+    found = figures(tmp_path / "q.csv")
+    assert found["A", "position_error_before"] == pytest.approx(10)
+    assert 3 < found["A", "position_error_aligned"] < 7  # the frame takes up half of it
+    assert found["A L", "reprojection_median"] > 1
+
+
+def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path):
+    WORLD.write(tmp_path / "truth")
+    World({"A": WORLD.poses["A"]}).write(tmp_path / "own")
+    score_cameras(
+        terrain=TERRAIN,
+        cameras=tmp_path / "own/cameras",
+        truth=tmp_path / "truth",
+        matches=None,
+        quality=tmp_path / "q.csv",
+    )
+    assert not [name for _, name in figures(tmp_path / "q.csv") if name.endswith("aligned")]
+
+
+def test_matches_of_meshes_and_boxes_give_iou_and_offsets_and_may_be_missing(tmp_path):
+    WORLD.write(tmp_path)
+    matches = pd.DataFrame(
+        {"position": ["A", "A", "C"], "rock": [1, 2, 1], "iou": [0.6, 0.8, 0.7], "dx": [-3.0, 1, 5], "dy": [0.0, 0, -1]}
+    )
+    write_parquet(tmp_path / "matches.parquet", matches)
+    for name in ("matches.parquet", "none.parquet"):
+        score_cameras(
+            terrain=TERRAIN,
+            cameras=tmp_path / "cameras",
+            truth=None,
+            matches=tmp_path / name,
+            quality=tmp_path / f"{name}.csv",
+        )
+    found = figures(tmp_path / "matches.parquet.csv")
+    assert found["A", "box_iou_mean"] == pytest.approx(0.7)
+    assert found["all positions", "box_dx_median"] == 3
+    assert not [name for _, name in figures(tmp_path / "none.parquet.csv") if name.startswith("box")]
+
+
+# rocks
+
+
+def test_perfect_meshes_in_another_frame_have_no_distance_and_full_recall(tmp_path):
+    WORLD.write(tmp_path / "truth")
+    WORLD.write(tmp_path / "own", OTHER_FROM_TRUTH)
+    found = scored_rocks(tmp_path)
+    assert found["paired rocks", "surface_distance_p90"] < 0.05  # mm
+    assert found["ground", "surface_distance_p90"] < 0.05
+    assert found["rocks of 8 cm and more", "recall"] == found["rocks of 5 to 8 cm", "recall"] == 1
+    assert found["rocks of 8 cm and more", "precision"] == 1
+    assert found["rock meshes", "watertight_share"] == 1
+    assert found["paired rocks", "volume_ratio_median"] == pytest.approx(1)
+
+
+def test_rocks_three_millimetres_too_large_are_three_millimetres_off_and_the_ground_is_not(tmp_path):
+    WORLD.write(tmp_path / "truth")
+    WORLD.write(tmp_path / "own", grown=0.003)
+    found = scored_rocks(tmp_path)
+    assert found["paired rocks", "surface_distance_median"] == pytest.approx(3, abs=0.3)
+    assert found["ground", "surface_distance_median"] < 0.3
+
+
+def test_a_missed_rock_lowers_recall_of_its_size_only(tmp_path):
+    WORLD.write(tmp_path / "truth")
+    WORLD.write(tmp_path / "own", rocks=(1,))
+    found = scored_rocks(tmp_path)
+    assert found["rocks of 8 cm and more", "recall"] == 1
+    assert found["rocks of 5 to 8 cm", "recall"] == 0
+    assert ("rocks of 5 to 8 cm", "precision") not in found
+
+
+def test_a_terrain_without_rocks_is_scored_by_its_ground(tmp_path):
+    WORLD.write(tmp_path / "truth", rocks=())
+    WORLD.write(tmp_path / "own", OTHER_FROM_TRUTH, rocks=())
+    found = scored_rocks(tmp_path)
+    assert found["rocks", "count"] == 0
+    assert found["ground", "surface_distance_p90"] < 0.05
+    assert ("paired rocks", "surface_distance_median") not in found
+
+
+def test_without_truth_there_are_counts_and_soundness(tmp_path):
+    WORLD.write(tmp_path)
+    quality = tmp_path / "q.csv"
+    score_rocks(
+        terrain=TERRAIN,
+        rocks=tmp_path / "rocks.parquet",
+        meshes=tmp_path / "meshes",
+        cameras=tmp_path / "cameras",
+        truth=None,
+        quality=quality,
+        options=OPTIONS,
+    )
+    assert set(read_csv(quality)["against"]) == {"own"}
+    assert figures(quality)["rocks", "count"] == 2
+
+
+def test_rocks_are_paired_one_to_one_within_half_their_size():
+    true = rock_rows([(0, 0, 0.2), (1, 0, 0.1)])
+    found = rock_rows([(0.04, 0, 0.18), (0.05, 0, 0.06), (1.06, 0, 0.1)])
+    pairs = pair_rocks(true, found)
+    assert (pairs.true.tolist(), pairs.found.tolist()) == ([0], [0])
+    shares = {
+        (figure.subject, figure.figure): figure.value for figure in recall_and_precision(true, found, pairs, OPTIONS)
+    }
+    assert shares["rocks of 8 cm and more", "recall"] == 0.5
+    assert shares["rocks of 8 cm and more", "precision"] == 0.5
+    assert shares["rocks of 5 to 8 cm", "precision"] == 0
+    assert shares["paired rocks", "size_error_median"] == pytest.approx(20)
+    assert pair_rocks(true, rock_rows([])).true.size == 0
+    assert (
+        recall_and_precision(rock_rows([]), rock_rows([]), RockPairs(np.zeros(0, int), np.zeros(0, int)), OPTIONS) == []
+    )
+
+
+def scored_rocks(folder):
+    quality = folder / "q.csv"
+    own = folder / "own"
+    score_rocks(
+        terrain=TERRAIN,
+        rocks=own / "rocks.parquet",
+        meshes=own / "meshes",
+        cameras=own / "cameras",
+        truth=folder / "truth",
+        quality=quality,
+        options=OPTIONS,
+    )
+    return figures(quality)
+
+
+def rock_rows(rocks):
+    names = ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3"]
+    rows = [(number, x, y, 0.0, size, size / 2, size**3) for number, (x, y, size) in enumerate(rocks, 1)]
+    return pd.DataFrame(rows, columns=names).astype(dict.fromkeys(names[1:], float))
+
+
+# labels
+
+SEEDS = [PhotoKey.parse(name) for name in ("03_A_off_30_L_0256", "03_A_off_180_L_0256")]
+
+
+@pytest.mark.parametrize(
+    ("name", "task"),
+    [
+        ("03_A_off_30_L_0256", None),
+        ("03_A_off_30_L_1024", "other exposures"),
+        ("03_A_on_180_L_0256", "light on"),
+        ("03_A_on_180_R_0256", "Left to Right"),
+        ("03_A_off_270_L_0256", "another azimuth"),
+        ("03_A_off_270_R_0256", "another azimuth"),
+        ("03_A_on_no_R_2048", "no Sun"),
+        ("03_B_off_30_L_0256", "position without seed"),
+        ("04_A_off_30_L_0256", "position without seed"),
+    ],
+)
+def test_a_photo_belongs_to_the_hardest_step_it_needs(name, task):
+    assert task_of(PhotoKey.parse(name), SEEDS) == task
+
+
+def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
+    names = ["03_A_off_30_L_0256", "03_A_off_30_L_0512", "03_A_off_30_R_0256", "03_A_off_30_R_0512"]
+    for name in names:
+        yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0, 1], [BOX, [300, 300, 400, 330]])
+        found = [BOX] if "_R_" in name else [BOX, [300, 300, 400, 330]]
+        yolo.write_boxes(tmp_path / f"labels/{name}.txt", [0, 1][: len(found)], found)
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
+    yolo.write_boxes(tmp_path / "truth/03_A_off_30_R_1024.txt", [0], [BOX])
+    score_labels(
+        terrain=3,
+        labels=tmp_path / "labels",
+        truth=tmp_path / "truth",
+        seeds=tmp_path / "seeds",
+        quality=tmp_path / "q.csv",
+        options=OPTIONS,
+    )
+    found = figures(tmp_path / "q.csv")
+    assert found["rock: other exposures", "f1"] == 1
+    assert found["rock: Left to Right", "f1"] == 1
+    assert found["shadow: Left to Right", "recall"] == 0
+    assert found["shadow: all but seeds", "recall"] == pytest.approx(1 / 3)
+    assert np.isnan(found["shadow: Left to Right", "precision"])
+    assert found["photos with truth", "without_label_file"] == 1
+    table = read_csv(tmp_path / "q.csv")
+    assert table.loc[(table["subject"] == "rock: all but seeds") & (table["figure"] == "f1"), "n"].tolist() == [3]
+    assert set(table["against"]) == {"labels"}
+
+
+def test_the_analogs_truth_counts_boxes_on_photos_of_nothing_as_wrong(tmp_path):
+    lit, dark = PhotoKey.parse("03_A_off_30_R_0256"), PhotoKey.parse("03_A_off_no_R_0256")
+    rows = [
+        dict(
+            zip(
+                ("kind", "rock", "source", "confidence", "x0", "y0", "x1", "y1"),
+                ("rock", 1, "truth", 1.0, *BOX),
+                strict=True,
+            )
+        )
+        | key_columns(lit),
+    ]
+    table = label_table(rows).assign(visible_px=500)
+    tiny = table.assign(x0=700.0, x1=703.0, visible_px=3)
+    write_parquet(tmp_path / "labels.parquet", pd.concat([table, tiny]))
+    for key in (lit, dark):
+        yolo.write_boxes(tmp_path / f"labels/{key}.txt", [0], [BOX])
+    (tmp_path / "seeds").mkdir()
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
+    score_labels(
+        terrain=3,
+        labels=tmp_path / "labels",
+        truth=tmp_path / "labels.parquet",
+        seeds=tmp_path / "seeds",
+        quality=tmp_path / "q.csv",
+        options=OPTIONS,
+    )
+    found = figures(tmp_path / "q.csv")
+    assert found["rock: Left to Right", "recall"] == 1
+    assert found["rock: no Sun", "precision"] == 0
+    assert found["rock: all but seeds", "precision"] == 0.5
+
+
+def test_a_broken_hand_drawn_file_is_left_out_but_a_broken_result_is_an_error(tmp_path):
+    for name in ("03_A_off_30_R_0256", "03_A_off_30_R_0512"):
+        yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX])
+        yolo.write_boxes(tmp_path / f"labels/{name}.txt", [0], [BOX])
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
+    (tmp_path / "truth/03_A_off_30_R_0512.txt").write_text("name0 0.5 0.5\n")
+    arguments = {
+        "terrain": 3,
+        "labels": tmp_path / "labels",
+        "truth": tmp_path / "truth",
+        "seeds": tmp_path / "seeds",
+        "quality": tmp_path / "q.csv",
+        "options": OPTIONS,
+    }
+    score_labels(**arguments)
+    assert figures(tmp_path / "q.csv")["rock: Left to Right", "f1"] == 1
+    (tmp_path / "labels/03_A_off_30_R_0256.txt").write_text("0 0.5\n")
+    with pytest.raises(FormatError, match=r"0256\.txt:1"):
+        score_labels(**arguments)
+
+
+# twins
+
+
+def test_a_twin_at_half_the_brightness_is_one_stop_down():
+    photo = np.full((40, 60), 16 + 800, np.uint16)
+    twin = np.full((40, 60), 16 + 400, np.uint16)
+    photo[:5], twin[:5] = 4095, 16
+    np.testing.assert_allclose(log_ratio(photo, twin), -1)
+    assert log_ratio(photo, twin).size == 35 * 60
+
+
+def test_similarity_is_one_with_itself_and_falls_with_a_shift(rng):
+    photo = (16 + 2000 * rng.random((80, 80))).astype(np.uint16)
+    assert similarity(photo, photo) == pytest.approx(1)
+    assert similarity(photo, np.roll(photo, 3, axis=1)) < 0.3
+
+
+def test_typical_photos_are_of_middle_exposure_and_spread_over_the_sets():
+    keys = [
+        PhotoKey(3, position, "off", azimuth, "L", ms)
+        for position in "AC"
+        for azimuth in ("no", "30", "180")
+        for ms in (64, 512, 1024)
+    ]
+    assert [str(key) for key in typical_photos(keys, 2)] == ["03_A_off_180_L_0512", "03_C_off_30_L_0512"]
+    assert len(typical_photos(keys, 9)) == 4
+    assert typical_photos(keys, 0) == typical_photos([], 5) == []
+
+
+def test_twins_are_scored_by_boxes_and_pixels_where_there_are_any(tmp_path):
+    key = PhotoKey.parse("03_A_off_30_L_0256")
+    photo = np.full((1216, 1936), 16 + 800, np.uint16)
+    png.write(tmp_path / "photo.png", photo)
+    png.write(tmp_path / f"hapke/{key}.png", photo + 800)
+    yolo.write_boxes(tmp_path / f"boxes/{key}.txt", [0], [BOX])
+    yolo.write_boxes(tmp_path / f"truth/{key}.txt", [0, 0], [BOX, [500, 500, 540, 530]])
+    row = {**dict.fromkeys(PHOTO_COLUMNS, 0), **key_columns(key), "path": str(tmp_path / "photo.png"), "sha256": ""}
+    write_parquet(tmp_path / "photos.parquet", pd.DataFrame([row]))
+    twins = {"hapke": tmp_path / "hapke", "principled": tmp_path / "none"}
+    arguments = {
+        "terrain": 3,
+        "boxes": tmp_path / "boxes",
+        "truth": tmp_path / "truth",
+        "twins": twins,
+        "quality": tmp_path / "q.csv",
+        "options": OPTIONS,
+    }
+    score_twins(**arguments, photos=tmp_path / "photos.parquet")
+    found = figures(tmp_path / "q.csv")
+    assert found["automatic rock: all", "recall"] == found["automatic rock: camera L", "recall"] == 0.5
+    assert found["hapke", "log2_twin_over_photo_median"] == pytest.approx(1)
+    assert not [subject for subject, _ in found if subject == "principled"]
+    score_twins(**{**arguments, "truth": None}, photos=None)
+    assert len(read_csv(tmp_path / "q.csv")) == 0
+
+
+def test_a_twin_of_another_size_is_named(tmp_path):
+    png.write(tmp_path / "photo.png", np.zeros((10, 20), np.uint16))
+    png.write(tmp_path / "twin.png", np.zeros((10, 10), np.uint16))
+    with pytest.raises(FormatError, match=r"twin\.png"):
+        compare_pictures("hapke", [(tmp_path / "photo.png", tmp_path / "twin.png")])

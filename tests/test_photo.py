@@ -1,0 +1,75 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.errors import LabelError
+from polarsim.photo import PhotoKey, exposures, is_exposure, photo_grid, positions
+
+ALL = [key for terrain in range(1, 14) for key in photo_grid(terrain)]
+
+
+def test_the_grid_has_as_many_photos_as_nasa_published():
+    assert len(ALL) == 5190  # 3,460 + 1,730, the POLAR-Sim paper
+    assert len(set(ALL)) == 5190
+
+
+@pytest.mark.parametrize(
+    ("terrain", "pairs"), [(1, 140), (2, 186), *((terrain, 222) for terrain in range(3, 13)), (13, 49)]
+)
+def test_every_terrain_has_its_stated_number_of_pairs(terrain, pairs):
+    assert len(list(photo_grid(terrain))) == 2 * pairs
+
+
+@given(st.sampled_from(ALL))
+def test_a_key_reads_back_from_its_name(key):
+    assert PhotoKey.parse(str(key)) == key
+
+
+def test_a_key_is_written_as_in_the_release():
+    assert str(PhotoKey(1, "A", "off", "180", "L", 16)) == "01_A_off_180_L_0016"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "04_A_off_30_R_0512 copy",
+        "04_A_off_30_R_0512good",
+        "04_A_on_180_R_1028",
+        "04_A_off_30_R_0512.txt",
+        "4_A_off_30_R_0512",
+        "14_A_off_30_R_0512",
+        "00_A_off_30_R_0512",
+        "04_H_off_30_R_0512",
+        "04_A_off_90_R_0512",
+        "04_A_off_30_R_0008",
+        "04_A_off_30_R_512",
+        "04_A_off_30_R_0512\n",
+        "",
+        ".DS_Store",
+    ],
+)
+def test_names_that_are_no_key_are_refused_by_name(name):
+    with pytest.raises(LabelError, match=r"is no photo key|expected") as caught:
+        PhotoKey.parse(name)
+    assert repr(name) in str(caught.value)
+
+
+def test_exposures_double_from_16_to_8192_ms():
+    assert [ms for ms in range(1, 20000) if is_exposure(ms)] == [2**n for n in range(4, 14)]
+
+
+def test_terrain_1_has_shorter_exposures_and_longer_ones_only_without_sun():
+    assert (exposures(1, "30")[0], exposures(1, "30")[-1]) == (16, 1024)
+    assert (exposures(3, "30")[0], exposures(3, "30")[-1]) == (32, 2048)
+    assert (exposures(3, "no")[0], exposures(3, "no")[-1]) == (32, 8192)
+
+
+def test_only_terrain_13_has_more_than_three_positions():
+    assert positions(13) == tuple("ABCDEFG")
+    assert {positions(terrain) for terrain in range(1, 13)} == {("A", "B", "C")}
+
+
+def test_parts_of_a_key_name_set_up_view_and_photo_set():
+    key = PhotoKey.parse("11_C_on_350_R_0064")
+    assert (key.set_up, key.view, key.photo_set) == ((11, "C"), (11, "C", "R"), (11, "C", "on", "350", "R"))
+    assert str(key.with_exposure(2048)) == "11_C_on_350_R_2048"

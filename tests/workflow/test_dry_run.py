@@ -1,0 +1,89 @@
+"""Every configuration plans its jobs, quickly; a broken one ends in one line; an edit re-runs what uses it."""
+
+import re
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from polarsim import config
+
+
+def planned(done: subprocess.CompletedProcess) -> dict[str, int]:
+    """Jobs by rule of a dry-run."""
+    table = re.search(r"Job stats:\n.*?\n-+ .*?\n(.*?)\n\n", done.stdout + done.stderr, re.DOTALL)
+    assert table, done.stdout + done.stderr
+    return {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
+
+
+@pytest.fixture
+def release_like(tmp_path: Path) -> Path:
+    """A folder with one label file and no mesh for each terrain that a configuration names."""
+    root = tmp_path / "release"
+    for terrain in range(1, 14):
+        folder = root / "Labels" / f"Terrain{terrain:02d}"
+        folder.mkdir(parents=True)
+        (folder / f"{terrain:02d}_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1 0.1\n")
+    return root
+
+
+@pytest.mark.parametrize("name", ["config", "release", "polar", "paper"])
+def test_every_configuration_plans_its_jobs(checkout, snakemake, release_like, name):
+    done = snakemake(checkout, "--dry-run", "--configfile", f"config/{name}.yaml", POLAR_SIM_ROOT=str(release_like))
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs = planned(done)
+    assert {"index_terrain", "locate_cameras", "propagate_labels", "render_twins", "gather_quality"} <= set(jobs)
+    assert ("train_judge" in jobs) == (name != "release")  # the release has no photos
+
+
+def test_thirteen_terrains_plan_fewer_than_1000_jobs_in_ten_seconds(checkout, snakemake):
+    content = yaml.safe_load((checkout / "config/config.yaml").read_text())
+    content.update(terrains=list(range(1, 14)), positions=list("ABCDEFG"), grid={})
+    (checkout / "config/all.yaml").write_text(yaml.safe_dump(content))
+    start = time.monotonic()
+    done = snakemake(checkout, "--dry-run", "--configfile", "config/all.yaml")
+    seconds = time.monotonic() - start
+    assert done.returncode == 0, done.stderr
+    assert planned(done)["total"] < 1000
+    assert seconds < 20  # 10 s on an idle machine: the tests share it
+
+
+@pytest.mark.parametrize(
+    ("setting", "named"),
+    [
+        ({"terains": [1]}, "terains"),
+        ({"terrains": [14]}, "terrains"),
+        ({"positions": ["H"]}, "positions"),
+        ({"detect": {"epochs": 0}}, "detect.epochs"),
+        ({"grid": {"lights": [True]}}, "grid.lights"),
+        ({"source": {"kind": "moon"}}, "source.kind"),
+        ({"run": "../elsewhere"}, "run"),
+    ],
+)
+def test_an_impossible_configuration_ends_in_one_line_that_names_the_key(checkout, snakemake, setting, named):
+    content = {**yaml.safe_load((checkout / "config/config.yaml").read_text()), **setting}
+    (checkout / "config/broken.yaml").write_text(yaml.safe_dump(content))
+    done = snakemake(checkout, "--dry-run", "--configfile", "config/broken.yaml")
+    assert done.returncode == 1
+    lines = [line for line in done.stderr.splitlines() if line.startswith("error:")]
+    assert len(lines) == 1
+    assert named in lines[0]
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("stage", ["acquire", "cameras", "rocks", "labels", "render", "detect", "tables"])
+def test_every_stage_is_a_target(checkout, snakemake, stage):
+    done = snakemake(checkout, "--dry-run", stage)
+    assert done.returncode == 0, done.stderr
+
+
+def test_lint_finds_nothing_but_missing_containers(checkout, snakemake):
+    done = snakemake(checkout, "--lint")
+    complaints = re.findall(r"^ {4}\* (.*?):$", done.stdout + done.stderr, re.MULTILINE)
+    assert [text for text in complaints if not text.startswith("Specify a conda environment or container")] == []
+
+
+def test_the_schema_is_the_configurations(checkout):
+    assert (checkout / "config/schema.json").read_text() == config.schema(), "run make schema"

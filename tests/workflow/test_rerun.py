@@ -1,0 +1,48 @@
+"""An edit of the library re-runs the stages that use it, and no other."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture
+def finished(checkout: Path, snakemake) -> Path:
+    """A checkout whose run looks finished: every output is there, and Snakemake has recorded what made it."""
+    summary = snakemake(checkout, "--summary")
+    assert summary.returncode == 0, summary.stderr
+    names = [line.split("\t")[0] for line in summary.stdout.splitlines()[1:] if "\t" in line]
+    assert len(names) > 50
+    for name in names:
+        path = checkout / name
+        if path.suffix:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.touch()
+        else:
+            path.mkdir(parents=True, exist_ok=True)
+    touched = snakemake(checkout, "--touch")
+    assert touched.returncode == 0, touched.stderr
+    return checkout
+
+
+def stale_rules(snakemake, folder: Path) -> set[str]:
+    done = snakemake(folder, "--dry-run", "--quiet", "host")
+    assert done.returncode == 0, done.stderr
+    return set(re.findall(r"^(?:local)?rule (\w+):$", done.stdout + done.stderr, re.MULTILINE)) - {"all"}
+
+
+def edit(path: Path, line: str) -> None:
+    path.write_text(path.read_text() + line)
+
+
+def test_an_edit_reruns_what_uses_it_and_nothing_else(finished, snakemake):
+    assert stale_rules(snakemake, finished) == set()
+
+    edit(finished / "polarsim/render/brdf.py", "\n# a comment is no change\n")
+    assert stale_rules(snakemake, finished) == set()
+
+    edit(finished / "polarsim/render/brdf.py", "\nCHANGED = 1\n")
+    stale = stale_rules(snakemake, finished)
+    assert {"render_twins", "make_dataset", "train_judge", "evaluate", "tabulate_detection"} <= stale
+    assert not stale & {"generate_analog", "index_terrain", "locate_cameras", "find_rocks", "mesh_rocks"}
+    assert not stale & {"propagate_labels", "draw_masks"}

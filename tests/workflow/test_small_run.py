@@ -1,0 +1,74 @@
+"""A small run of the whole pipeline: it ends, a second call does nothing, and another build has the same bytes."""
+
+import hashlib
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+
+from polarsim.formats import yolo
+from polarsim.photo import PhotoKey
+
+SMALL = {
+    "run": "small",
+    "terrains": [1],
+    "positions": ["A", "C"],
+    "source": {"kind": "analog", "root": "data/analog"},
+    "grid": {"azimuths": ["30", "180"], "lights": ["off"], "exposures_ms": [64, 256]},
+    "detect": {"epochs": 1, "imgsz": 96},
+}
+
+
+def digests(folder: Path) -> dict[str, str]:
+    """sha256 of every output that must be the same in every build."""
+    parts = ("cameras", "rocks", "meshes", "labels", "renders", "quality")
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for part in parts
+        for path in sorted((folder / part).rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.mark.slow
+def test_a_small_run_ends_and_repeats(checkout, snakemake, tmp_path):
+    (checkout / "config/small.yaml").write_text(yaml.safe_dump(SMALL))
+    done = snakemake(checkout, "--cores", "2", "--configfile", "config/small.yaml")
+    assert done.returncode == 0, done.stderr[-3000:]
+    results = checkout / "results/small"
+
+    keys = [PhotoKey.parse(path.stem) for path in sorted((results / "labels/boxes/Terrain01").glob("*.txt"))]
+    assert len(keys) == 2 * 2 * 2 * 2  # positions, azimuths, cameras, exposures
+    for model in ("principled", "hapke"):
+        assert {path.stem for path in (results / "renders" / model / "Terrain01").glob("*.png")} == set(map(str, keys))
+    rocks, _ = yolo.read_boxes(results / "labels/boxes/Terrain01/01_A_off_30_R_0064.txt")
+    assert len(rocks) > 5
+    detection = pd.read_parquet(results / "detect/detection.parquet")
+    assert set(zip(detection["trained"], detection["evaluated"], strict=True)) == {
+        (a, b) for a in ("analog", "principled", "hapke") for b in ("analog", "principled", "hapke")
+    }
+    for name in ("detection", "ipd", "quality"):
+        for form in ("csv", "md", "tex", "parquet"):
+            assert (results / f"tables/{name}.{form}").stat().st_size
+
+    again = snakemake(checkout, "--cores", "2", "--configfile", "config/small.yaml")
+    assert "Nothing to be done" in again.stdout + again.stderr
+
+    first = digests(results)
+    for folder in ("results", "data", ".snakemake"):
+        (checkout / folder).rename(tmp_path / f"first_{folder}")
+    built = snakemake(
+        checkout,
+        "labels",
+        "render",
+        "tables",
+        "--configfile",
+        "config/small.yaml",
+        "--until",
+        "gather_quality",
+        "labels",
+        "render",
+    )
+    assert built.returncode == 0, built.stderr[-3000:]
+    assert digests(results) == first

@@ -1,0 +1,105 @@
+"""Stage 1: raw data to an inventory, photos, calibration and seed labels of every terrain."""
+
+
+rule acquire:
+    """Everything of this stage."""
+    input:
+        of_run("results/{run}/acquire/photos.parquet"),
+        of_run(
+            "results/{run}/acquire/Terrain{terrain}/inventory.json", terrain=TERRAINS
+        ),
+
+
+if KIND == "analog":
+
+    rule generate_analog:
+        """One terrain of the analog sandbox: photos, scans, calibration, seeds and truth, in NASA's formats."""
+        output:
+            receipt=f"{ROOT}/receipts/Terrain{{terrain}}.json",
+        log:
+            of_run("results/{run}/logs/acquire/generate_analog_{{terrain}}.log"),
+        benchmark:
+            of_run("results/{run}/benchmarks/acquire/generate_analog_{{terrain}}.tsv")[
+                0
+            ]
+        threads: 1
+        resources:
+            mem_mb=2500,
+            runtime=20,  # minutes
+        params:
+            root=str(ROOT),
+            positions=positions_here,
+            grid=options("grid"),
+            options=options("analog"),
+            code=code_of("analog.place"),
+        script:
+            "../scripts/generate_analog.py"
+
+else:
+
+    rule fetch_terrain:
+        """One terrain's raw data from the addresses of the configuration: resumed, pinned, verified, unpacked."""
+        output:
+            receipt=f"{ROOT}/receipts/Terrain{{terrain}}.json",
+        log:
+            of_run("results/{run}/logs/acquire/fetch_terrain_{{terrain}}.log"),
+        benchmark:
+            of_run("results/{run}/benchmarks/acquire/fetch_terrain_{{terrain}}.tsv")[0]
+        threads: 1
+        resources:
+            mem_mb=500,
+            runtime=240,  # minutes; an archive holds about 0.9 GB
+        params:
+            source=options("source"),
+            code=code_of("acquire.fetch"),
+        script:
+            "../scripts/fetch_terrain.py"
+
+
+rule index_terrain:
+    """What a terrain's raw data hold, its calibration, and the seed labels that later stages may read."""
+    input:
+        raw=raw_data,
+    output:
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        calibration="results/{run}/acquire/Terrain{terrain}/calibration.json",
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        seeds=directory("results/{run}/acquire/Terrain{terrain}/seeds"),
+    log:
+        "results/{run}/logs/acquire/index_terrain_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/acquire/index_terrain_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        positions=positions_here,
+        grid=options("grid"),
+        source=options("source"),
+        seeds=CONFIG.labels.seeds.model_dump(mode="json"),
+        code=code_of("acquire.index"),
+    script:
+        "../scripts/index_terrain.py"
+
+
+rule merge_photos:
+    """One table of all photos."""
+    input:
+        tables=of_run(
+            "results/{run}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS
+        ),
+    output:
+        merged="results/{run}/acquire/photos.parquet",
+    log:
+        "results/{run}/logs/acquire/merge_photos.log",
+    benchmark:
+        "results/{run}/benchmarks/acquire/merge_photos.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        code=code_of("acquire.index"),
+    script:
+        "../scripts/merge_photos.py"

@@ -1,0 +1,86 @@
+"""Stage 4: seed labels carried to every photo of the grid."""
+
+
+rule labels:
+    """Everything of this stage."""
+    input:
+        of_run("results/{run}/labels/labels.parquet"),
+        of_run("results/{run}/labels/boxes/Terrain{terrain}", terrain=TERRAINS),
+        of_run("results/{run}/labels/polygons/Terrain{terrain}", terrain=TERRAINS),
+        of_run("results/{run}/labels/masks/Terrain{terrain}", terrain=TERRAINS),
+
+
+rule propagate_labels:
+    """Boxes of every photo of a terrain, from the boxes that a person drew on a few."""
+    input:
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        seeds="results/{run}/acquire/Terrain{terrain}/seeds",
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        boxes=directory("results/{run}/labels/boxes/Terrain{terrain}"),
+        table="results/{run}/labels/tables/Terrain{terrain}.parquet",
+    log:
+        "results/{run}/logs/labels/propagate_labels_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/labels/propagate_labels_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=20,
+    params:
+        positions=positions_here,
+        grid=options("grid"),
+        options=options("labels"),
+        code=code_of("labels.propagate"),
+    script:
+        "../scripts/propagate_labels.py"
+
+
+rule draw_masks:
+    """Polygons and grey maps of every photo of a terrain."""
+    input:
+        table="results/{run}/labels/tables/Terrain{terrain}.parquet",
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        polygons=directory("results/{run}/labels/polygons/Terrain{terrain}"),
+        masks=directory("results/{run}/labels/masks/Terrain{terrain}"),
+    log:
+        "results/{run}/logs/labels/draw_masks_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/labels/draw_masks_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=20,
+    params:
+        positions=positions_here,
+        grid=options("grid"),
+        options=options("labels"),
+        code=code_of("labels.masks"),
+    script:
+        "../scripts/draw_masks.py"
+
+
+rule merge_labels:
+    """One table of all labels."""
+    input:
+        tables=of_run(
+            "results/{run}/labels/tables/Terrain{terrain}.parquet", terrain=TERRAINS
+        ),
+    output:
+        merged="results/{run}/labels/labels.parquet",
+    log:
+        "results/{run}/logs/labels/merge_labels.log",
+    benchmark:
+        "results/{run}/benchmarks/labels/merge_labels.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        code=code_of("formats.tables"),
+    script:
+        "../scripts/merge_labels.py"

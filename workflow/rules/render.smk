@@ -1,0 +1,93 @@
+"""Stage 5: twins of every photo, and their exact labels."""
+
+
+def photos_for_gain(wildcards):
+    """Photos calibrate the twins' brightness where a source has photos."""
+    if KIND == "release":
+        return []
+    return f"results/{wildcards.run}/acquire/Terrain{wildcards.terrain}/photos.parquet"
+
+
+rule render:
+    """Everything of this stage."""
+    input:
+        of_run(
+            "results/{run}/renders/{model}/Terrain{terrain}",
+            model=MODELS,
+            terrain=TERRAINS,
+        ),
+        of_run("results/{run}/renders/boxes/Terrain{terrain}", terrain=TERRAINS),
+        of_run("results/{run}/renders/labels.parquet"),
+
+
+rule render_twins:
+    """The twin of every photo of a terrain under one reflectance model."""
+    input:
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+        photos=photos_for_gain,
+    output:
+        twins=directory("results/{run}/renders/{model}/Terrain{terrain}"),
+    log:
+        "results/{run}/logs/render/render_twins_{model}_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/render/render_twins_{model}_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    params:
+        positions=positions_here,
+        grid=options("grid"),
+        options=options("render"),
+        code=code_of("render.twins"),
+    script:
+        "../scripts/render_twins.py"
+
+
+rule label_twins:
+    """Rock and shadow boxes and instance masks of the twins, from the same rays."""
+    input:
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        boxes=directory("results/{run}/renders/boxes/Terrain{terrain}"),
+        instances=directory("results/{run}/renders/instances/Terrain{terrain}"),
+        table="results/{run}/renders/tables/Terrain{terrain}.parquet",
+    log:
+        "results/{run}/logs/render/label_twins_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/render/label_twins_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=20,
+    params:
+        positions=positions_here,
+        grid=options("grid"),
+        options=options("render"),
+        code=code_of("render.automatic"),
+    script:
+        "../scripts/label_twins.py"
+
+
+rule merge_twin_labels:
+    """One table of the labels of all twins."""
+    input:
+        tables=of_run(
+            "results/{run}/renders/tables/Terrain{terrain}.parquet", terrain=TERRAINS
+        ),
+    output:
+        merged="results/{run}/renders/labels.parquet",
+    log:
+        "results/{run}/logs/render/merge_twin_labels.log",
+    benchmark:
+        "results/{run}/benchmarks/render/merge_twin_labels.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        code=code_of("formats.tables"),
+    script:
+        "../scripts/merge_labels.py"

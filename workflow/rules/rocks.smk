@@ -1,0 +1,87 @@
+"""Stage 3: rocks and ground, as clouds and as meshes."""
+
+
+def override_file(wildcards):
+    """Cuboids that a person typed, where there are any."""
+    path = Path(f"config/rocks/terrain{wildcards.terrain}.yaml")
+    return [str(path)] if path.exists() else []
+
+
+rule rocks:
+    """Everything of this stage."""
+    input:
+        of_run("results/{run}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS),
+        of_run("results/{run}/meshes/Terrain{terrain}", terrain=TERRAINS),
+
+
+if KIND == "release":
+
+    rule adopt_rocks:
+        """The published rock meshes, cleaned, on a ground that is fitted under them."""
+        input:
+            inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        output:
+            rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
+            cuboids="results/{run}/rocks/Terrain{terrain}/cuboids.yaml",
+            meshes=directory("results/{run}/meshes/Terrain{terrain}"),
+        log:
+            "results/{run}/logs/rocks/adopt_rocks_{terrain}.log",
+        benchmark:
+            "results/{run}/benchmarks/rocks/adopt_rocks_{terrain}.tsv"
+        threads: 1
+        resources:
+            mem_mb=1500,
+            runtime=10,
+        params:
+            options=options("rocks"),
+            code=code_of("rocks.adopt"),
+        script:
+            "../scripts/adopt_rocks.py"
+
+else:
+
+    rule find_rocks:
+        """Scans in the sandbox frame, split into rocks and ground."""
+        input:
+            inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+            cameras="results/{run}/cameras/Terrain{terrain}",
+            seeds="results/{run}/acquire/Terrain{terrain}/seeds",
+            overrides=override_file,
+        output:
+            rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
+            cuboids="results/{run}/rocks/Terrain{terrain}/cuboids.yaml",
+            clouds=directory("results/{run}/rocks/Terrain{terrain}/clouds"),
+        log:
+            "results/{run}/logs/rocks/find_rocks_{terrain}.log",
+        benchmark:
+            "results/{run}/benchmarks/rocks/find_rocks_{terrain}.tsv"
+        threads: 1
+        resources:
+            mem_mb=2500,
+            runtime=20,
+        params:
+            options=options("rocks"),
+            code=code_of("rocks.find"),
+        script:
+            "../scripts/find_rocks.py"
+
+    rule mesh_rocks:
+        """Poisson meshes of every rock and of the ground, holes under rocks closed."""
+        input:
+            rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
+            clouds="results/{run}/rocks/Terrain{terrain}/clouds",
+        output:
+            meshes=directory("results/{run}/meshes/Terrain{terrain}"),
+        log:
+            "results/{run}/logs/rocks/mesh_rocks_{terrain}.log",
+        benchmark:
+            "results/{run}/benchmarks/rocks/mesh_rocks_{terrain}.tsv"
+        threads: 1
+        resources:
+            mem_mb=2500,
+            runtime=20,
+        params:
+            options=options("rocks"),
+            code=code_of("rocks.mesh"),
+        script:
+            "../scripts/mesh_rocks.py"

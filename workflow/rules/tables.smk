@@ -1,0 +1,415 @@
+"""Stage 7: tables that papers quote, the quality of every stage, and the figures of the report."""
+
+LABEL_ROOT = CONFIG.labels.seeds.root or ROOT
+SCORED = ["cameras", "rocks", "labels", "twins"]
+if KIND == "polar" and not (Path(LABEL_ROOT) / "Labels").is_dir():
+    SCORED.remove("labels")  # nobody has drawn labels that could be compared
+
+
+def truth_of(wildcards):
+    """What only the analog knows; nothing elsewhere."""
+    return f"{ROOT}/truth/Terrain{wildcards.terrain}" if KIND == "analog" else None
+
+
+def true_labels_of(wildcards):
+    """The analog's true boxes, or the boxes that people drew, where there are any."""
+    if KIND == "analog":
+        return f"{truth_of(wildcards)}/labels.parquet"
+    drawn = Path(LABEL_ROOT) / "Labels" / f"Terrain{wildcards.terrain}"
+    return str(drawn) if drawn.is_dir() else None
+
+
+def every_figure(name):
+    """A figure of every terrain, and of every position where the name asks for it."""
+    return [
+        path
+        for terrain in CONFIG.terrains
+        for position in (positions_of(terrain) if "{position}" in name else [""])
+        for path in of_run(
+            f"results/{{run}}/figures/{name}.png",
+            terrain=f"{terrain:02d}",
+            position=position,
+        )
+    ]
+
+
+rule tables:
+    """Everything of this stage."""
+    input:
+        of_run("results/{run}/tables/quality.csv"),
+        of_run("results/{run}/tables/{name}.csv", name=["detection", "ipd"])
+        if DOMAINS
+        else [],
+        of_run("results/{run}/figures/{name}.png", name=["detection", "ipd"])
+        if DOMAINS
+        else [],
+        every_figure("comparison_Terrain{terrain}_Pos{position}"),
+        every_figure("meshes_Terrain{terrain}"),
+        every_figure("crops_Terrain{terrain}"),
+        every_figure("label_errors_Terrain{terrain}") if "labels" in SCORED else [],
+
+
+rule score_cameras:
+    """Poses against truth, or projected meshes against the boxes that people drew."""
+    input:
+        raw=raw_data,
+        cameras="results/{run}/cameras/Terrain{terrain}",
+    output:
+        quality="results/{run}/quality/cameras_Terrain{terrain}.csv",
+    log:
+        "results/{run}/logs/tables/score_cameras_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/score_cameras_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        truth=truth_of,
+        code=code_of("tables.quality_cameras"),
+    script:
+        "../scripts/score_cameras.py"
+
+
+rule score_rocks:
+    """Rocks found and surfaces meshed, against truth where there is one."""
+    input:
+        raw=raw_data,
+        rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+        cameras="results/{run}/cameras/Terrain{terrain}",
+    output:
+        quality="results/{run}/quality/rocks_Terrain{terrain}.csv",
+    log:
+        "results/{run}/logs/tables/score_rocks_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/score_rocks_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        truth=truth_of,
+        options=options("tables"),
+        code=code_of("tables.quality_rocks"),
+    script:
+        "../scripts/score_rocks.py"
+
+
+rule score_labels:
+    """Labels of every photo against truth, or against what people drew, by what it took to carry them there."""
+    input:
+        raw=raw_data,
+        boxes="results/{run}/labels/boxes/Terrain{terrain}",
+        seeds="results/{run}/acquire/Terrain{terrain}/seeds",
+    output:
+        quality="results/{run}/quality/labels_Terrain{terrain}.csv",
+    log:
+        "results/{run}/logs/tables/score_labels_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/score_labels_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        truth=true_labels_of,
+        options=options("tables"),
+        code=code_of("tables.quality_labels"),
+    script:
+        "../scripts/score_labels.py"
+
+
+rule score_twins:
+    """Automatic boxes against truth or against what people drew, and twins against photos where there are any."""
+    input:
+        raw=raw_data,
+        boxes="results/{run}/renders/boxes/Terrain{terrain}",
+        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+    output:
+        quality="results/{run}/quality/twins_Terrain{terrain}.csv",
+    log:
+        "results/{run}/logs/tables/score_twins_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/score_twins_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=20,
+    params:
+        truth=true_labels_of,
+        models=MODELS,
+        options=options("tables"),
+        code=code_of("tables.quality_twins"),
+    script:
+        "../scripts/score_twins.py"
+
+
+rule gather_quality:
+    """The quality of every stage in one table."""
+    input:
+        parts=of_run(
+            "results/{run}/quality/{stage}_Terrain{terrain}.csv",
+            stage=SCORED,
+            terrain=TERRAINS,
+        ),
+    output:
+        table=report(
+            "results/{run}/tables/quality.csv",
+            caption="../report/quality.rst",
+            category="Tables",
+            labels={"table": "quality of every stage"},
+        ),
+        others=multiext("results/{run}/tables/quality", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/tables/gather_quality.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/gather_quality.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.quality"),
+    script:
+        "../scripts/gather_quality.py"
+
+
+rule tabulate_detection:
+    """The paper's first table: every judge on every domain, the paper's figures beside ours."""
+    input:
+        detection="results/{run}/detect/detection.parquet",
+    output:
+        table=report(
+            "results/{run}/tables/detection.csv",
+            caption="../report/detection_table.rst",
+            category="Tables",
+            labels={"table": "detection"},
+        ),
+        others=multiext("results/{run}/tables/detection", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/tables/tabulate_detection.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_detection.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.detection_table"),
+    script:
+        "../scripts/tabulate_detection.py"
+
+
+rule tabulate_ipd:
+    """The paper's second table: how differently rocks are found in two domains."""
+    input:
+        ipd="results/{run}/detect/ipd.parquet",
+    output:
+        table=report(
+            "results/{run}/tables/ipd.csv",
+            caption="../report/ipd_table.rst",
+            category="Tables",
+            labels={"table": "IPD"},
+        ),
+        others=multiext("results/{run}/tables/ipd", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/tables/tabulate_ipd.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_ipd.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.ipd_table"),
+    script:
+        "../scripts/tabulate_ipd.py"
+
+
+def shown_photo(wildcards):
+    """The photo that stands for a position in the report: Sun 30 if there, rover light off, Left, near 256 ms."""
+    keys = selected_grid(int(wildcards.terrain), [wildcards.position], CONFIG.grid)
+    return str(
+        min(
+            keys,
+            key=lambda key: (
+                key.azimuth != "30",
+                key.light,
+                key.camera,
+                abs(log2(key.exposure_ms / 256)),
+            ),
+        )
+    )
+
+
+rule draw_comparison:
+    """One photo of a position beside its twins, labels drawn in."""
+    input:
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
+        labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
+        automatic="results/{run}/renders/tables/Terrain{terrain}.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/comparison_Terrain{terrain}_Pos{position}.png",
+            caption="../report/comparison.rst",
+            category="Photos and twins",
+            labels={"terrain": "{terrain}", "position": "{position}"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_comparison_{terrain}_{position}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_comparison_{terrain}_{position}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        key=shown_photo,
+        models=MODELS,
+        options=options("tables"),
+        code=code_of("tables.of_run"),
+    script:
+        "../scripts/draw_comparison.py"
+
+
+rule draw_meshes:
+    """A terrain's meshes from above and aslant, rock ids written in."""
+    input:
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        figure=report(
+            "results/{run}/figures/meshes_Terrain{terrain}.png",
+            caption="../report/meshes.rst",
+            category="Meshes",
+            labels={"terrain": "{terrain}", "picture": "meshes"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_meshes_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_meshes_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=5,
+    params:
+        options=options("tables"),
+        code=code_of("tables.figures.terrain"),
+    script:
+        "../scripts/draw_meshes.py"
+
+
+rule draw_crops:
+    """The cuboids that cut the rocks out, for review."""
+    input:
+        rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        figure=report(
+            "results/{run}/figures/crops_Terrain{terrain}.png",
+            caption="../report/crops.rst",
+            category="Meshes",
+            labels={"terrain": "{terrain}", "picture": "cuboids"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_crops_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_crops_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=5,
+    params:
+        options=options("tables"),
+        code=code_of("tables.figures.terrain"),
+    script:
+        "../scripts/draw_crops.py"
+
+
+rule draw_label_errors:
+    """How far the edges of our boxes lie from the true or hand-drawn ones."""
+    input:
+        raw=raw_data,
+        boxes="results/{run}/labels/boxes/Terrain{terrain}",
+        seeds="results/{run}/acquire/Terrain{terrain}/seeds",
+    output:
+        figure=report(
+            "results/{run}/figures/label_errors_Terrain{terrain}.png",
+            caption="../report/label_errors.rst",
+            category="Labels",
+            labels={"terrain": "{terrain}"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_label_errors_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_label_errors_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        truth=true_labels_of,
+        options=options("tables"),
+        code=code_of("tables.figures.labels"),
+    script:
+        "../scripts/draw_label_errors.py"
+
+
+rule draw_detection:
+    """Detection on every pair of domains, ours and the paper's."""
+    input:
+        detection="results/{run}/detect/detection.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/detection.png",
+            caption="../report/detection.rst",
+            category="Detection",
+            labels={"picture": "detection"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_detection.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_detection.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("tables.figures.judges"),
+    script:
+        "../scripts/draw_detection.py"
+
+
+rule draw_ipd:
+    """IPD of every pair of domains with its interval."""
+    input:
+        ipd="results/{run}/detect/ipd.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/ipd.png",
+            caption="../report/ipd.rst",
+            category="Detection",
+            labels={"picture": "IPD"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_ipd.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_ipd.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("tables.figures.judges"),
+    script:
+        "../scripts/draw_ipd.py"

@@ -1,0 +1,17 @@
+"""Take over one terrain's published rock meshes."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.rocks.adopt import adopt_rocks
+from polarsim.rocks.options import RocksOptions
+
+with reporting(log=snakemake.log[0]):
+    adopt_rocks(
+        terrain=int(snakemake.wildcards.terrain),
+        inventory=Path(snakemake.input.inventory),
+        rocks=Path(snakemake.output.rocks),
+        cuboids=Path(snakemake.output.cuboids),
+        meshes=Path(snakemake.output.meshes),
+        options=RocksOptions(**snakemake.params.options),
+    )

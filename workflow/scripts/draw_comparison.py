@@ -1,0 +1,17 @@
+"""Draw a photo beside its twins."""
+
+from pathlib import Path
+
+from polarsim.photo import PhotoKey
+from polarsim.reporting import reporting
+from polarsim.tables.of_run import draw_comparison_of_run
+from polarsim.tables.options import TablesOptions
+
+with reporting(log=snakemake.log[0]):
+    draw_comparison_of_run(
+        key=PhotoKey.parse(snakemake.params.key),
+        run=Path("results") / snakemake.wildcards.run,
+        models=snakemake.params.models,
+        figure=Path(snakemake.output.figure),
+        options=TablesOptions(**snakemake.params.options),
+    )

@@ -1,0 +1,21 @@
+"""Draw polygons and grey maps of one terrain's photos."""
+
+from pathlib import Path
+
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.labels.masks import draw_masks
+from polarsim.labels.options import LabelsOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    terrain = int(snakemake.wildcards.terrain)
+    draw_masks(
+        terrain=terrain,
+        keys=selected_grid(terrain, snakemake.params.positions, GridOptions(**snakemake.params.grid)),
+        table=Path(snakemake.input.table),
+        cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
+        polygons=Path(snakemake.output.polygons),
+        masks=Path(snakemake.output.masks),
+        options=LabelsOptions(**snakemake.params.options),
+    )

@@ -1,0 +1,20 @@
+"""Compare all judges on all domains."""
+
+from pathlib import Path
+
+from polarsim.detect.evaluate import evaluate
+from polarsim.detect.options import DetectOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    domains = snakemake.params.domains
+    evaluate(
+        predictions=[Path(path) for path in snakemake.input.predictions],
+        labels=dict(zip(domains, map(Path, snakemake.input.labels), strict=True)),
+        datasets=dict(zip(domains, map(Path, snakemake.input.datasets), strict=True)),
+        split=Path(snakemake.input.split),
+        detection=Path(snakemake.output.detection),
+        ipd=Path(snakemake.output.ipd),
+        instances=Path(snakemake.output.instances),
+        options=DetectOptions(**snakemake.params.options),
+    )

@@ -1,0 +1,9 @@
+"""Merge the label tables of all terrains."""
+
+from pathlib import Path
+
+from polarsim.formats.tables import merge_label_tables
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    merge_label_tables(tables=[Path(path) for path in snakemake.input.tables], merged=Path(snakemake.output.merged))

@@ -1,0 +1,22 @@
+"""Render the twins of one terrain under one reflectance model."""
+
+from pathlib import Path
+
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.render.options import RenderOptions
+from polarsim.render.twins import render_twins
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    terrain = int(snakemake.wildcards.terrain)
+    render_twins(
+        terrain=terrain,
+        model=snakemake.wildcards.model,
+        keys=selected_grid(terrain, snakemake.params.positions, GridOptions(**snakemake.params.grid)),
+        cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
+        photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
+        twins=Path(snakemake.output.twins),
+        options=RenderOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+    )

@@ -1,0 +1,15 @@
+"""Score one terrain's cameras."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.quality_cameras import score_cameras
+
+with reporting(log=snakemake.log[0]):
+    score_cameras(
+        terrain=int(snakemake.wildcards.terrain),
+        cameras=Path(snakemake.input.cameras),
+        truth=Path(snakemake.params.truth) if snakemake.params.truth else None,
+        matches=Path(snakemake.input.cameras) / "matches.parquet",
+        quality=Path(snakemake.output.quality),
+    )

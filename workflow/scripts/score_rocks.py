@@ -1,0 +1,18 @@
+"""Score one terrain's rocks and meshes."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.options import TablesOptions
+from polarsim.tables.quality_rocks import score_rocks
+
+with reporting(log=snakemake.log[0]):
+    score_rocks(
+        terrain=int(snakemake.wildcards.terrain),
+        rocks=Path(snakemake.input.rocks),
+        meshes=Path(snakemake.input.meshes),
+        cameras=Path(snakemake.input.cameras),
+        truth=Path(snakemake.params.truth) if snakemake.params.truth else None,
+        quality=Path(snakemake.output.quality),
+        options=TablesOptions(**snakemake.params.options),
+    )

@@ -1,0 +1,18 @@
+"""Score one terrain's twins."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.options import TablesOptions
+from polarsim.tables.quality_twins import score_twins
+
+with reporting(log=snakemake.log[0]):
+    score_twins(
+        terrain=int(snakemake.wildcards.terrain),
+        boxes=Path(snakemake.input.boxes),
+        truth=Path(snakemake.params.truth) if snakemake.params.truth else None,
+        twins=dict(zip(snakemake.params.models, map(Path, snakemake.input.twins), strict=True)),
+        photos=Path(snakemake.input.photos),
+        quality=Path(snakemake.output.quality),
+        options=TablesOptions(**snakemake.params.options),
+    )

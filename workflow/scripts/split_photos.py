@@ -1,0 +1,17 @@
+"""Split the photos of a run into parts."""
+
+from pathlib import Path
+
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.split import split_photos
+from polarsim.grid import GridOptions, selected_grids
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    split_photos(
+        keys=selected_grids(
+            snakemake.params.terrains, snakemake.params.positions, GridOptions(**snakemake.params.grid)
+        ),
+        split=Path(snakemake.output.split),
+        options=DetectOptions(**snakemake.params.options),
+    )

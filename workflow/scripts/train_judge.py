@@ -1,0 +1,17 @@
+"""Train a judge on one domain."""
+
+from pathlib import Path
+
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.train import train_judge
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    train_judge(
+        dataset=Path(snakemake.input.dataset),
+        weights=Path(snakemake.output.weights),
+        curve=Path(snakemake.output.curve),
+        options=DetectOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+        work=Path(snakemake.params.work),
+    )
