@@ -92,22 +92,18 @@ def masks(
     out: Annotated[
         Path, typer.Argument(help="Folder for the 8-bit grey maps: rock 128, ground 86, shadow 43, background 0.")
     ],
-    file_order: Annotated[
-        bool,
-        typer.Option("--file-order", help="Paint in file order as the release does, later polygons over earlier ones."),
-    ] = False,
 ) -> None:
     """Paint polygon files as grey maps of 1936 x 1216 pixels; rocks last, so that nothing erases them."""
     from polarsim.errors import FormatError
     from polarsim.formats import png, yolo
-    from polarsim.geometry.polygons import paint_polygons
+    from polarsim.geometry.polygons import paint
     from polarsim.progress import track
 
     files = sorted(path for path in polygons.glob("*.txt") if path.name != "classes.txt")
     if not files:
         raise FormatError(f"{polygons}: no polygon file (*.txt)")
     for path in track(files, "grey maps"):
-        png.write(out / f"{path.stem}.png", paint_polygons(yolo.read_polygons(path), file_order=file_order))
+        png.write(out / f"{path.stem}.png", paint(yolo.read_polygons(path)))
     typer.echo(f"{len(files)} grey maps in {out}")
 
 
@@ -211,8 +207,9 @@ def _print_scores(report: dict[str, Any]) -> None:
 
     table = Table("class", "files", "truth", "labels", "precision", "recall", "F1", "mean IoU")
     for name, row in report["classes"].items():
-        table.add_row(
-            name, str(report["files"]), str(row["truth"]), str(row["labels"]),
-            *(f"{row[figure]:.3f}" for figure in ("precision", "recall", "f1", "miou")),
-        )  # fmt: skip
+        counts = (str(row[figure]) for figure in ("files", "truth_boxes", "label_boxes"))
+        ratios = (
+            "-" if row[figure] is None else f"{row[figure]:.3f}" for figure in ("precision", "recall", "f1", "miou")
+        )
+        table.add_row(name, *counts, *ratios)
     Console().print(table)

@@ -62,7 +62,7 @@ def make_ground(preset: Preset, step: float, rng: np.random.Generator) -> Ground
     count = round(2 * half / step) + 1
     axis = np.linspace(-half, half, count)
     step = float(axis[1] - axis[0])
-    heights = preset.relief * 0.004 * fractal_field(rng, count, step, 0.02, 1.2)
+    heights = preset.relief * 0.004 * fractal_field(rng, count, step, 0.04, 1.2)
     heights += preset.relief * 0.012 * fractal_field(rng, count, step, 0.7, 4.0)
     heights += _bumps(axis, rng, preset.mounds, 0.02, 0.05, 0.12, 0.35)
     heights -= _bumps(axis, rng, preset.pits, 0.012, 0.04, 0.03, 0.10)
@@ -73,7 +73,7 @@ def make_ground(preset: Preset, step: float, rng: np.random.Generator) -> Ground
     for _ in range(preset.tracks):
         _track(heights, axis, rng)
     grains = gaussian_filter(rng.standard_normal((count, count)), 0.8)
-    heights += 0.0003 * grains / grains.std()
+    heights += 0.00012 * grains / grains.std()
     centre = count // 2
     if not preset.crater:
         heights -= heights[centre - 20 : centre + 20, centre - 20 : centre + 20].mean()
@@ -114,16 +114,16 @@ def _bumps(
 
 def _trowel(heights: np.ndarray, axis: np.ndarray, rng: np.random.Generator, strength: float) -> None:
     """One stroke of a trowel: a shallow tilted bed with fine grooves, a ridge at its side and a lip at its end."""
-    length, width = rng.uniform(0.10, 0.35), rng.uniform(0.02, 0.06)
-    angle, bend = np.pi / 2 + rng.normal(0, 0.5), rng.normal(0, 1.5)
+    length, width = rng.uniform(0.08, 0.30), rng.uniform(0.02, 0.07)
+    angle, bend = np.pi / 2 + rng.normal(0, 0.45), rng.normal(0, 0.8)
     window, dx, dy = _window(axis, rng.uniform(axis[0], axis[-1], 2), length + 0.1)
     along = (dx * np.cos(angle) + dy * np.sin(angle)) / length
     across = (dy * np.cos(angle) - dx * np.sin(angle) - bend * (along * length) ** 2) / width
     inside = expit((1 - np.abs(across)) / 0.08) * expit((1 - np.abs(along)) / 0.05)
-    bed = rng.normal(0, 0.5) * across - 0.4 + 0.12 * np.cos(rng.uniform(8, 16) * across)
+    bed = rng.normal(0, 0.7) * across + rng.normal(0, 0.4) * along - 0.3 + 0.05 * np.cos(rng.uniform(8, 16) * across)
     ridge = np.exp(-(((across - 1.15) / 0.2) ** 2)) * expit((1 - np.abs(along)) / 0.1)
     lip = np.exp(-(((along - 1.05) * length / 0.012) ** 2)) * expit((1 - np.abs(across)) / 0.1)
-    heights[window] += strength * rng.uniform(0.001, 0.0035) * (inside * bed + 0.5 * ridge + 0.6 * lip)
+    heights[window] += strength * rng.uniform(0.001, 0.0035) * (inside * bed + 0.35 * ridge * rng.random() + 0.5 * lip)
 
 
 def _track(heights: np.ndarray, axis: np.ndarray, rng: np.random.Generator) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -18,9 +19,9 @@ from polarsim.analog.view import View, strips
 SURFACE_OFFSET = np.float32(0.0015)  # rays start this far above a surface, metres
 AMBIENT = "ambient"  # the hall's own weak light
 _BEAM_HALF_WIDTH = np.radians(42.0)
-_CACHE_GRID = 0.05  # step of the places where the bounce is gathered, metres
+_CACHE_GRID = 0.06  # step of the places where the bounce is gathered, metres
 _CACHE_ROCK_DETAIL = 2
-_BOUNCE_RAYS = 48
+_BOUNCE_RAYS = 36
 
 
 @dataclass(frozen=True)
@@ -150,11 +151,12 @@ def gather_bounce(
     facing = np.where(np.einsum("...k,...k->...", facing, directions)[..., None] > 0, -facing, facing)
     weight = np.float32(2 * np.pi / _BOUNCE_RAYS)
     vectors = {}
+    alike = _alike(scene, chosen[chosen >= scene.first_vertex[HALL_OBJECT]])
     for name, lamp in lamps.items():
         lit = _lit_radiance(scene, caster, lamp, where, facing, face, threads) * found
-        vectors[name] = _spread(scene, chosen, weight * np.einsum("nk,nkx->nx", lit, directions))
+        vectors[name] = _spread(scene, chosen, weight * np.einsum("nk,nkx->nx", lit, directions), alike)
     from_hall = ((scene.object_of_face[face] == HALL_OBJECT) | ~found).astype(np.float32)
-    vectors[AMBIENT] = _spread(scene, chosen, weight * np.einsum("nk,nkx->nx", from_hall, directions))
+    vectors[AMBIENT] = _spread(scene, chosen, weight * np.einsum("nk,nkx->nx", from_hall, directions), alike)
     return Bounce(vectors)
 
 
@@ -203,7 +205,25 @@ def _chosen_vertices(scene: Scene) -> np.ndarray:
     return np.concatenate([grid, *rocks, rest])
 
 
-def _spread(scene: Scene, chosen: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+def _alike(scene: Scene, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For some vertices (n,): weights (n, 16) and numbers among them of those that lie near and face the same way."""
+    features = np.concatenate([scene.vertices[rest], 0.2 * scene.normals[rest]], axis=1)
+    far, near = cKDTree(features).query(features, k=16)
+    weights = np.exp(-((np.asarray(far) / 0.15) ** 2))
+    return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32), np.asarray(near)
+
+
+@cache
+def _from_coarse(detail: int) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (v, 4) and numbers of the vertices of the coarse sphere about each of a finer one."""
+    few = len(icosphere(_CACHE_ROCK_DETAIL)[0])
+    sphere = icosphere(detail)[0]
+    far, near = cKDTree(sphere[:few]).query(sphere, k=4)
+    weights = 1 / (np.asarray(far) + 0.05)
+    return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32), np.asarray(near)
+
+
+def _spread(scene: Scene, chosen: np.ndarray, vectors: np.ndarray, alike: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """(v, 3) light vectors at all vertices from those at the chosen ones."""
     import cv2
 
@@ -217,17 +237,10 @@ def _spread(scene: Scene, chosen: np.ndarray, vectors: np.ndarray) -> np.ndarray
     out[: n * n] = cv2.remap(coarse, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(-1, 3)
     start, few = nodes * nodes, len(icosphere(_CACHE_ROCK_DETAIL)[0])
     for rock in scene.rocks:
-        sphere = icosphere(rock.detail)[0]
-        far, near = cKDTree(sphere[:few]).query(sphere, k=4)
-        weights = 1 / (np.asarray(far) + 0.05)
-        weights /= weights.sum(axis=1, keepdims=True)
+        weights, near = _from_coarse(rock.detail)
         first = scene.first_vertex[rock.rock]
-        out[first : first + len(sphere)] = np.einsum("nk,nkx->nx", weights, vectors[start : start + few][near])
+        out[first : first + len(near)] = np.einsum("nk,nkx->nx", weights, vectors[start : start + few][near])
         start += few
-    rest = chosen[start:]  # each averaged with what lies near and faces the same way
-    alike = np.concatenate([scene.vertices[rest], 0.2 * scene.normals[rest]], axis=1)
-    far, near = cKDTree(alike).query(alike, k=16)
-    weights = np.exp(-((np.asarray(far) / 0.12) ** 2))
-    weights /= weights.sum(axis=1, keepdims=True)
-    out[rest] = np.einsum("nk,nkx->nx", weights, vectors[start:][near])
+    weights, near = alike
+    out[chosen[start:]] = np.einsum("nk,nkx->nx", weights, vectors[start:][near])
     return out

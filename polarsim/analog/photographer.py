@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +15,13 @@ from polarsim.analog.annotator import annotate
 from polarsim.analog.light import AMBIENT, Bounce, Lamp, direct, gather_bounce, visibility
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.regions import Region, contrast, rock_regions, shadow_regions
+from polarsim.analog.sandbox import GROUND_OBJECT
 from polarsim.analog.sensor import expose, fixed_pattern, lamp_glare, through_lens
 from polarsim.analog.setup import ROVER, SetUp
 from polarsim.analog.terrain import Terrain
-from polarsim.analog.view import lens_directions, look, make_textures
+from polarsim.analog.view import Textures, lens_directions, look, make_textures
 from polarsim.formats import nasa, png, tables, yolo
+from polarsim.geometry.lens import Lens
 from polarsim.photo import BLACK_LEVEL, CAMERAS, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.randomness import generator
@@ -26,11 +29,12 @@ from polarsim.survey import ROVER_LIGHT_SHARE
 
 # Set once, for all terrains, so that the best single exposures of terrain 11 at A agree with NASA's
 # (Sun 30: 256 ms, 180: 128, 270: 1024, 350: 256): photo-electrons a millisecond at unit radiance, lamp outputs.
-ELECTRONS = 8000.0
-LAMP_OUTPUT = {"30": 1.0, "180": 4.0, "270": 0.6, "350": 1.0, ROVER: ROVER_LIGHT_SHARE}
+ELECTRONS = 20000.0
+LAMP_OUTPUT = {"30": 1.0, "180": 6.0, "270": 1.0, "350": 3.0, ROVER: ROVER_LIGHT_SHARE}
 _GLARE = 0.002  # radiance at the centre of a lamp's ghosts
 _SAND_ALBEDO = 0.19
-_BRIGHT, _SATURATED = 40, 4000  # DN above black between which a pixel is well exposed
+_LEAST_DN, _MOST_DN = 100, 3000  # above black: sand that a person finds well exposed
+_SPARSE = 4  # every so many pixels tell how well a photo is exposed
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,7 @@ class Layers:
     images: dict[str, np.ndarray]  # azimuth, ROVER, AMBIENT -> (h, w) float32 radiance
     rocks: list[Region]
     shadows: dict[str, list[Region]]  # azimuth or ROVER -> regions
+    sand: np.ndarray  # (h / _SPARSE, w / _SPARSE) bool
 
     def lit(self, key: PhotoKey) -> np.ndarray:
         """(h, w) radiance under a photo's lamps."""
@@ -90,6 +95,16 @@ def _lamps(set_up: SetUp, position: str, options: AnalogOptions) -> dict[str, La
     return lamps
 
 
+@lru_cache(maxsize=1)
+def _textures(seed: int, terrain: int) -> Textures:
+    return make_textures(generator(seed, "textures", terrain))
+
+
+@lru_cache(maxsize=2)
+def _directions(lens: Lens) -> np.ndarray:
+    return lens_directions(lens)
+
+
 def _bounce_name(lamp: str, position: str) -> str:
     return f"{lamp}_{position}" if lamp == ROVER else lamp
 
@@ -105,20 +120,20 @@ def _layers(
 ) -> Layers:  # fmt: skip
     scene, lens = made.scene, made.set_up.rig.lens(camera)
     pose = made.set_up.sandbox_from(position, camera)
-    textures = make_textures(generator(options.seed, "textures", made.terrain))
-    view = look(scene, made.caster, textures, lens, lens_directions(lens), pose, threads)
+    view = look(scene, made.caster, _textures(options.seed, made.terrain), lens, _directions(lens), pose, threads)
     rock_caster = scene.rock_caster() if scene.rocks else None
     images, shadows = {}, {}
     hall = options.hall_light_dn_per_s * options.electrons_per_dn / 1000 / ELECTRONS / _SAND_ALBEDO
     images[AMBIENT] = through_lens(hall * bounces.at(scene, view, AMBIENT))
     for name, lamp in lamps.items():
         rng = generator(options.seed, "light", made.terrain, position, camera, name)
-        lit = direct(view, lamp, visibility(view, made.caster, lamp, rng, threads))
+        seen = visibility(view, made.caster, lamp, rng, threads)
+        lit = direct(view, lamp, seen)
         lit += bounces.at(scene, view, _bounce_name(name, position))
         glare = lamp_glare(lamp, lens, pose, _GLARE * lamp.intensity, rng)
         images[name] = through_lens(lit) + glare
-        shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, threads)
-    return Layers(images, rock_regions(view), shadows)
+        shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, seen, threads)
+    return Layers(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)
 
 
 def _shoot(
@@ -132,8 +147,8 @@ def _shoot(
         rng = generator(options.seed, "sensor", key)
         photo = expose(layers.lit(key), key.exposure_ms, ELECTRONS, options, rng, pattern)
         png.write(nasa.photo_path(raw, key, tokens[_pair(key)]), photo)
-        above = photo[::2, ::2].astype(np.int32) - BLACK_LEVEL
-        well_exposed = float(((above > _BRIGHT) & (above < _SATURATED)).mean())
+        sand = photo[::_SPARSE, ::_SPARSE][layers.sand].astype(np.int32) - BLACK_LEVEL
+        well_exposed = float(((sand > _LEAST_DN) & (sand < _MOST_DN)).mean())
         return _label_rows(key, layers, photo), well_exposed, photo if _may_be_seed(key) else None
 
     rows: list[dict[str, object]] = []

@@ -13,6 +13,7 @@ from polarsim.analog.view import View
 from polarsim.photo import HEIGHT, WIDTH
 
 LEAST_PIXELS = 12  # smaller regions are not labelled
+_FULLY_LIT = 0.95
 _RING = 0.3  # width of the surroundings that a region is compared with, in box sizes
 
 
@@ -36,21 +37,22 @@ class Region:
 
 def rock_regions(view: View) -> list[Region]:
     """The rocks of a view with at least `LEAST_PIXELS` visible pixels, lit or not."""
-    return [
-        region for rock in np.unique(view.objects[view.objects > 0]) for region in _region(view.objects == rock, rock)
-    ]
+    rows, columns = np.nonzero(view.objects > 0)
+    rock = view.objects[rows, columns]
+    return [found for k in np.unique(rock) for found in _region(rows[rock == k], columns[rock == k], k)]
 
 
 def shadow_regions(
-    scene: Scene, caster: Caster, rock_caster: Caster | None, view: View, lamp: Lamp, threads: int
+    scene: Scene, caster: Caster, rock_caster: Caster | None, view: View, lamp: Lamp, seen: np.ndarray, threads: int
 ) -> list[Region]:
     """Cast shadows on the ground by rock: visible sand whose light a rock blocks, and nothing but rocks.
 
-    Where two rocks block the same light the pixel belongs to both shadows. The lamp counts as a point, its centre.
+    Where two rocks block the same light the pixel belongs to both shadows. The lamp counts as a point, its centre;
+    `seen` (h, w) is the share of it that each pixel sees.
     """
     if rock_caster is None:
         return []
-    rows, columns = np.nonzero(view.objects == GROUND_OBJECT)
+    rows, columns = np.nonzero((view.objects == GROUND_OBJECT) & (seen < _FULLY_LIT))
     start = view.places[rows, columns] + SURFACE_OFFSET * view.normals[rows, columns]
     rays = rays_from(start, lamp.place.astype(np.float32) - start)
     found = rock_caster.first_hits(rays, threads)
@@ -65,20 +67,19 @@ def shadow_regions(
     good = (rock > 0) & ~other[ray]
     regions = []
     for number in np.unique(rock[good]):
-        mask = np.zeros(view.shape, bool)
-        mine = ray[good & (rock == number)]
-        mask[rows[mine], columns[mine]] = True
-        regions += _region(mask, number)
+        mine = np.unique(ray[good & (rock == number)])
+        regions += _region(rows[mine], columns[mine], number)
     return regions
 
 
-def _region(mask: np.ndarray, rock: int) -> list[Region]:
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
+def _region(rows: np.ndarray, columns: np.ndarray, rock: int) -> list[Region]:
+    """The region of some pixels, if they are enough."""
+    if len(rows) < LEAST_PIXELS:
         return []
-    box = (int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1)
-    region = Region(int(rock), box, mask[box[1] : box[3], box[0] : box[2]].copy())
-    return [region] if region.pixels >= LEAST_PIXELS else []
+    box = (int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1)
+    mask = np.zeros((box[3] - box[1], box[2] - box[0]), bool)
+    mask[rows - box[1], columns - box[0]] = True
+    return [Region(int(rock), box, mask)]
 
 
 def contrast(region: Region, photo: np.ndarray) -> float:

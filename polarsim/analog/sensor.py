@@ -12,7 +12,7 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 _BLUR_PX = 0.6  # sd of the lens's point spread
 _VIGNETTING = 0.30  # light lost in the corners
-_VEIL, _HALO = 0.004, 0.012  # shares of the light that the lens spreads over everything, and widely about its place
+_VEIL, _HALO = 0.002, 0.007  # shares of the light that the lens spreads over everything, and widely about its place
 _PIXEL_GAIN = 0.006  # sd of the pixels' sensitivity
 
 
@@ -60,11 +60,12 @@ def lamp_glare(
     if in_picture:
         _blob(out, spot, lens.fx * lamp.radius / distance, 4000 * strength, 2.0)
         _blob(out, spot, 90, 8 * strength, 0.4)
+        _blob(out, spot, 1400, 0.12 * strength, 1.0)
         for share, size in ((-0.35, 18), (-0.62, 30), (0.45, 12), (0.3, 26)):  # ghosts on the line through the centre
             _blob(out, middle + share * (spot - middle) + rng.normal(0, 4, 2), size, 2 * strength, 4.0)
     else:
         corner = middle + aside * min(abs(width / 2 / aside[0]), abs(height / 2 / aside[1]))
-        _blob(out, corner, 240, 0.5 * strength * float(np.clip(np.cos(off_axis) + 0.35, 0.05, 1)), 1.0)
+        _blob(out, corner, 240, 0.25 * strength * float(np.clip(np.cos(off_axis) + 0.35, 0.05, 1)), 1.0)
     return out
 
 

@@ -45,7 +45,7 @@ def make_set_up(terrain: int, options: AnalogOptions) -> SetUp:
     poses = {position: _tripod(terrain, position, rng, options) for position in positions(terrain)}
     lamps: dict[str, np.ndarray] = {}
     for azimuth in SUNS:
-        away = rng.normal(0, 1, 3) * [1, 1, 0.5]
+        away = rng.normal(0, 1, 3) * [1, 1, 0.25]
         distance = rng.uniform(options.lamp_offset_from_mm, options.lamp_offset_to_mm) / 1000
         lamps[azimuth] = SUN_LAMPS[azimuth] + distance * away / np.linalg.norm(away)
     for position, pose in poses.items():

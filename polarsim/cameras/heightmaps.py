@@ -12,6 +12,7 @@ from polarsim.geometry.poses import Pose
 
 RELIEF_WIDTH = 0.15  # metres: standard deviation of the blur that counts as level ground
 RELIEF_LIMIT = 0.06  # metres: walls and large rocks shall not outweigh everything else
+PEAK_CELLS = 4  # two peaks of a correlation are further apart than so many cells
 MIN_OVERLAP = 0.25  # of the smaller map, for a correlation to count
 
 
@@ -48,7 +49,7 @@ def height_map(points: np.ndarray, reach: float, step: float) -> HeightMap:
 
 
 def turned_and_shifted(
-    fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, yaws: np.ndarray, count: int
+    fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, yaws: np.ndarray, shift: float, count: int
 ) -> list[Pose]:
     """The best `fixed_from_moving` of two levelled clouds (n, 3), by correlation of their relief, best first.
 
@@ -56,25 +57,28 @@ def turned_and_shifted(
     ----------
     yaws : (y,) float
         Turns about +z to try, radians.
+    shift : float
+        Shifts along x and y to try, up to so many metres: one wall of the box looks like another.
     count : int
-        How many to give; they differ by more than two steps or a turn.
+        How many to give; they differ by more than a few steps or a turn.
     """
     target = _Masked.of(height_map(fixed, reach, step))
     peaks: list[tuple[float, float, np.ndarray]] = []
     for yaw in yaws:
         turned = Pose.from_rotvec(np.array([0, 0, yaw]), np.zeros(3)).apply(moving)
         score = target.correlate(_Masked.of(height_map(turned, reach, step)))
-        peaks += [(value, yaw, shift * step) for value, shift in _peaks(score, count)]
+        peaks += [(value, yaw, cells * step) for value, cells in _peaks(score, round(shift / step), count)]
     peaks.sort(key=lambda peak: -peak[0])
     kept: list[tuple[float, np.ndarray]] = []
     yaw_step = float(np.abs(np.diff(yaws)).min()) if len(yaws) > 1 else 0.0
-    for _, yaw, shift in peaks:
+    for _, yaw, place in peaks:
         near = any(
-            abs(yaw - other) < 1.5 * yaw_step and np.abs(shift - place).max() < 3 * step for other, place in kept
+            abs(yaw - other) < 1.5 * yaw_step and np.abs(place - taken).max() < (PEAK_CELLS + 1) * step
+            for other, taken in kept
         )
         if not near and len(kept) < count:
-            kept.append((yaw, shift))
-    return [Pose.from_rotvec(np.array([0, 0, yaw]), np.append(shift, 0.0)) for yaw, shift in kept]
+            kept.append((yaw, place))
+    return [Pose.from_rotvec(np.array([0, 0, yaw]), np.append(place, 0.0)) for yaw, place in kept]
 
 
 @dataclass(frozen=True)
@@ -112,16 +116,16 @@ class _Masked:
         return np.where(both >= MIN_OVERLAP * min(self.known, moving.known), score, -1)
 
 
-def _peaks(score: np.ndarray, count: int) -> list[tuple[float, np.ndarray]]:
-    """The highest cells that are two cells apart, with their shifts (2,) along x and y in cells."""
-    side, found = len(score), []
-    order = np.argsort(score, axis=None)[::-1][: 50 * count]
-    for row, column in zip(*np.unravel_index(order, score.shape), strict=True):
-        shift = np.array([(place + side // 2) % side - side // 2 for place in (column, row)], float)
-        if all(np.abs(shift - other).max() > 2 for _, other in found):
-            found.append((float(score[row, column]), shift))
-        if len(found) == count:
-            break
+def _peaks(score: np.ndarray, limit: int, count: int) -> list[tuple[float, np.ndarray]]:
+    """The highest scores within `limit` cells, some cells apart, with their shifts (2,) along x and y in cells."""
+    limit = min(limit, len(score) // 2 - 1)
+    near = np.roll(score, (limit, limit), axis=(0, 1))[: 2 * limit + 1, : 2 * limit + 1].copy()
+    found = []
+    for _ in range(count):
+        row, column = np.unravel_index(near.argmax(), near.shape)
+        found.append((float(near[row, column]), np.array([column - limit, row - limit], float)))
+        around = [slice(max(0, place - PEAK_CELLS), place + PEAK_CELLS + 1) for place in (row, column)]
+        near[tuple(around)] = -np.inf
     return found
 
 

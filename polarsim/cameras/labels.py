@@ -74,10 +74,11 @@ def place_by_labels(
 
 def checked(placement: LabelPlacement, options: CamerasOptions) -> LabelPlacement:
     """Refuse a pose that neither explains enough nor stands clearly above all others."""
-    if placement.share < options.min_fit and placement.share - placement.runner_up < options.min_lead:
+    leads = placement.share >= options.min_led_fit and placement.share - placement.runner_up >= options.min_lead
+    if placement.share < options.min_fit and not leads:
         raise RegistrationError(
             f"the best pose explains {placement.share:.2f} of what could match, the next {placement.runner_up:.2f}; "
-            f"{options.min_fit:g} or a lead of {options.min_lead:g} is needed"
+            f"{options.min_fit:g}, or {options.min_led_fit:g} with a lead of {options.min_lead:g}, is needed"
         )
     return placement
 

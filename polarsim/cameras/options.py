@@ -41,13 +41,15 @@ class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     match_gate_px: float = Field(40, gt=0, description="Largest distance of a reported match, px.")
     min_boxes: int = Field(4, ge=3, description="Positions with fewer boxes or meshes are placed by the survey.")
     min_fit: float = Field(0.52, gt=0, lt=1, description="Sum of IoU over what could match that speaks for itself.")
-    min_lead: float = Field(0.15, gt=0, lt=1, description="Lead over the next best pose that stands in for min_fit.")
+    min_led_fit: float = Field(0.4, gt=0, lt=1, description="... and that suffices with a clear lead.")
+    min_lead: float = Field(0.15, gt=0, lt=1, description="Such a lead over the next best pose, in the same measure.")
 
     # Scans.
-    voxel_mm: float = Field(5, gt=0, description="Grid to which scans are thinned for the last alignment, mm.")
+    voxel_mm: float = Field(8, gt=0, description="Grid to which scans are thinned for the last alignment, mm.")
     map_step_mm: float = Field(20, gt=0, description="Grid of the height maps that are correlated, mm.")
     scan_yaw_range_deg: float = Field(15, gt=0, le=180, description="Search of yaw between scans, degrees.")
     scan_yaw_step_deg: float = Field(1, gt=0, description="Step of that search, degrees.")
+    scan_shift_m: float = Field(1.0, gt=0, description="Search of shifts between scans along x and y, m.")
     scan_candidates: int = Field(5, ge=1, description="Best correlations that are tried by ICP.")
     scan_radius_m: float = Field(3.2, gt=0, description="Scans are used this far about the terrain's centre, m.")
     tukey_mm: float = Field(10, gt=0, description="Scale of the robust loss of the last alignment, mm.")

@@ -214,7 +214,11 @@ def _read_ascii_cloud(path: str | Path) -> np.ndarray:
     table = pd.read_csv(
         path, sep=separator, header=None, skiprows=first, usecols=[0, 1, 2], dtype=float, encoding="ascii"
     )
-    return table.to_numpy(dtype=float)
+    points = table.to_numpy(dtype=float)
+    short = np.isnan(points).any(axis=1) & ~np.isnan(points).all(axis=1)  # all NaN is a ray that met nothing
+    if short.any():
+        raise FormatError(f"{path}:{first + 1 + int(np.argmax(short))}: fewer than 3 numbers, a point is x y z")
+    return points
 
 
 def _is_point(line: str) -> bool:

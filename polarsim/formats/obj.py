@@ -87,10 +87,13 @@ def _plain_triangles(content: bytes) -> Mesh | None:
     if vertices is None or faces is None:
         return None
     count = faces.count(b"\n")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # text that is no number: found by the counts below
-        places = np.fromstring(vertices, dtype=float, sep=" ")
-        corners = np.fromstring(faces.replace(b"/", b" "), dtype=np.int64, sep=" ")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # older NumPy warns of text that is no number
+            places = np.fromstring(vertices, dtype=float, sep=" ")
+            corners = np.fromstring(faces.replace(b"/", b" "), dtype=np.int64, sep=" ")
+    except (ValueError, DeprecationWarning):
+        return None
     if len(places) != 3 * vertices.count(b"\n") or len(corners) not in (3 * count, 6 * count, 9 * count):
         return None
     corners = corners.reshape(count, 3, -1)[:, :, 0]  # texture and normal numbers follow a corner's vertex

@@ -52,7 +52,7 @@ class EmbreeCaster:
 
         def cast(part: slice) -> None:
             along = directions[part]
-            near = START_OFFSET / np.linalg.norm(along, axis=1)
+            near = START_OFFSET / np.sqrt(np.einsum("nk,nk->n", along, along))
             starts = origins[part] + near[:, None] * along  # embreex has no near limit of its own
             lengths = _float32(np.minimum(far[part] - near, _NO_HIT))
             found = self._scene.run(_float32(starts), _float32(along), dists=lengths, query="OCCLUDED")

@@ -19,7 +19,7 @@ from polarsim.labels.seeds import Drawn, Seeds, drawn_camera, read_seeds
 from polarsim.labels.shadows import Ids, cast_shadows, lamp
 from polarsim.labels.tracks import Track, find_tracks
 from polarsim.labels.view import View, move_flat, move_rocks, project_rock
-from polarsim.labels.world import World, build_world
+from polarsim.labels.world import World, build_world, with_domes
 from polarsim.photo import BOX_CLASSES, CAMERAS, NO_ROCK, ROCK, SHADOW, Azimuth, Camera, Light, PhotoKey
 
 log = logging.getLogger(__name__)
@@ -54,8 +54,7 @@ def gather(
     terrain: TerrainMesh, placed: dict[str, rigs.PlacedRig], seeds: Seeds, options: LabelsOptions
 ) -> Known:
     """Give every drawn rock its id: that of the mesh that projects there, or the number of a stand-in."""
-    trim = options.trim_mm / 1000
-    world = build_world(terrain, {}, trim)
+    world = build_world(terrain, options.trim_mm / 1000)
     tracks: dict[str, list[Track]] = {}
     matched: dict[str, np.ndarray] = {}
     domes = []
@@ -75,7 +74,7 @@ def gather(
     numbers, stand_ins = number_domes(domes)
     for position, own in zip(tracks, numbers, strict=True):
         matched[position][matched[position] == NO_ROCK] = own
-    return Known(build_world(terrain, stand_ins, trim), placed, seeds, tracks, matched)
+    return Known(with_domes(world, stand_ins), placed, seeds, tracks, matched)
 
 
 class PositionLabels:
@@ -89,6 +88,7 @@ class PositionLabels:
             known.seeds[position, self.drawn_camera] if self.drawn_camera is not None else {}
         )
         self.tracks, self.ids = known.tracks.get(position, []), known.rocks.get(position, np.zeros(0, int))
+        self._fused_boxes: dict[int, np.ndarray] = {}
         self._ids: dict[Camera, Ids] = {}
         self._cast: dict[tuple[Camera, Light, Azimuth], dict[int, np.ndarray]] = {}
 
@@ -126,13 +126,16 @@ class PositionLabels:
 
     def _fused(self, row: int) -> np.ndarray:
         """(4,) mean of a track's boxes and, with its weight, of the box of the rock's mesh in the drawn camera."""
-        track, rock = self.tracks[row], int(self.ids[row])
-        assert self.drawn_camera is not None
-        weight = self.options.mesh_weight if self.world.bodies.get(rock) and self.world.bodies[rock].meshed else 0.0
-        shown = project_rock(self.world, self.view(self.drawn_camera), rock) if weight else None
-        if shown is None:
-            return track.mean
-        return (len(track.boxes) * track.mean + weight * shown.box) / (len(track.boxes) + weight)
+        if row not in self._fused_boxes:
+            assert self.drawn_camera is not None
+            track, body = self.tracks[row], self.world.bodies.get(int(self.ids[row]))
+            weight = self.options.mesh_weight if body is not None and body.meshed else 0.0
+            shown = project_rock(self.world, self.view(self.drawn_camera), int(self.ids[row])) if weight else None
+            count = len(track.boxes)
+            self._fused_boxes[row] = (
+                (count * track.mean + weight * shown.box) / (count + weight) if shown else track.mean
+            )
+        return self._fused_boxes[row]
 
     def _projected_rocks(self, camera: Camera) -> list[Label]:
         labels = []

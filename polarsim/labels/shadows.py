@@ -26,28 +26,34 @@ def lamp(world: World, view: View, light: Light, azimuth: Azimuth) -> np.ndarray
 
 
 class Ids:
-    """What a view sees at a grid of pixels (rows, columns): the rock there, and the ground's place where it is ground."""
+    """What a view sees at a grid of pixels (rows, columns): the rock there, and the ground there or behind the rock."""
 
     def __init__(self, world: World, view: View, rows: np.ndarray, columns: np.ndarray) -> None:
         pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
         directions = view.directions(pixels).reshape(-1, 3)
-        distance, face = world.everything.nearest(np.broadcast_to(view.centre, directions.shape), directions)
+        origins = np.broadcast_to(view.centre, directions.shape)
+        distance, face = world.everything.nearest(origins, directions)
         self.shape = (len(rows), len(columns))
         self.hit = np.isfinite(distance).reshape(self.shape)
         self.rock = np.where(self.hit, world.rock_of_face[face].reshape(self.shape), NO_ROCK)
-        self.ground = self.hit & (self.rock == NO_ROCK)
-        seen = self.ground.ravel()
-        self.places = view.centre + distance[seen, None] * directions[seen]  # (n, 3) of the ground pixels, row by row
+        distance = world.ground.nearest(origins, directions)[0]
+        on_ground = np.isfinite(distance)
+        self.ground = on_ground.reshape(self.shape)
+        self.places = view.centre + distance[on_ground, None] * directions[on_ground]  # (n, 3), row by row
 
     def shadow_of(self, world: World, lamp_place: np.ndarray) -> np.ndarray:
-        """(rows, columns) rock that takes the lamp's light from each ground pixel; `NO_ROCK` elsewhere."""
-        shadow = np.full(self.shape, NO_ROCK)
-        to_lamp = lamp_place - self.places
-        distance, face = world.rocks.nearest(self.places, to_lamp)
+        """(rows, columns) rock that takes the lamp's light from the ground at each pixel; `NO_ROCK` elsewhere.
+
+        A rock hides no part of its own shadow here: its mesh may be wider than the rock (skirts, back sides that no
+        scan saw), and where the rock ends is for its label to say. Other rocks do hide it.
+        """
+        distance, face = world.rocks.nearest(self.places, lamp_place - self.places)
         blocked = distance < 1
         rock = np.full(len(self.places), NO_ROCK)
         rock[blocked] = world.rock_of_rocks_face[face[blocked]]
+        shadow = np.full(self.shape, NO_ROCK)
         shadow[self.ground] = rock
+        shadow[(self.rock != NO_ROCK) & (self.rock != shadow)] = NO_ROCK
         return shadow
 
 
@@ -58,10 +64,14 @@ def cast_shadows(world: World, ids: Ids, lamp_place: np.ndarray, step: int) -> d
     shadow = ids.shadow_of(world, lamp_place)
     boxes = {}
     for rock in (int(number) for number in np.unique(shadow) if number != NO_ROCK):
-        count, parts, figures, _ = cv2.connectedComponentsWithStats((shadow == rock).astype(np.uint8), connectivity=8)
+        mask = shadow == rock
+        whole = of_mask(mask)
+        assert whole is not None
+        left, top, right, bottom = whole.astype(int)
+        part = mask[top:bottom, left:right].astype(np.uint8)
+        count, parts, figures, _ = cv2.connectedComponentsWithStats(part, connectivity=8)
         areas = figures[1:count, cv2.CC_STAT_AREA]
-        large = 1 + np.flatnonzero(areas >= SMALL_PART * areas.max())
-        box = of_mask(np.isin(parts, large))
+        box = of_mask(np.isin(parts, 1 + np.flatnonzero(areas >= SMALL_PART * areas.max())))
         assert box is not None
-        boxes[rock] = box * step
+        boxes[rock] = (box + [left, top, left, top]) * step
     return boxes

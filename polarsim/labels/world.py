@@ -12,7 +12,6 @@ from polarsim.photo import NO_ROCK
 
 HIGH = 10.0  # metres: above everything in the sandbox
 LOW_SHARE = 0.35  # of a rock's height: flat rocks are not trimmed away
-SAME_PLACE = 1e-3  # metres: a surface this close to a point does not hide it
 
 
 @dataclass(frozen=True)
@@ -64,6 +63,7 @@ class World:
     rocks: Caster
     rock_of_rocks_face: np.ndarray  # rock of each face of `rocks`
     ground_level: float  # median height of the ground: lamps were surveyed above the sand
+    ground_bounds: np.ndarray  # (2, 2) lowest and highest x, y of the ground
 
     def height_above_ground(self, points: np.ndarray) -> np.ndarray:
         """(n,) height of points (n, 3) above the ground below or over them; above its level outside the mesh."""
@@ -82,17 +82,17 @@ class World:
         return np.where(np.isfinite(distance), distance, level)
 
     def hidden(self, eye: np.ndarray, points: np.ndarray, rock: int) -> np.ndarray:
-        """(n,) bool: something else than the rock itself stands between the eye and points (n, 3) of it."""
+        """(n,) bool: another rock stands between the eye and points (n, 3) of a rock.
+
+        What a rock hides of itself lies inside its own outline, so it does not matter here.
+        """
         directions = points - eye
-        distance, face = self.everything.nearest(np.broadcast_to(eye, points.shape), directions)
-        near = distance < 1 - SAME_PLACE / np.linalg.norm(directions, axis=1)
-        other = self.rock_of_face[face] != rock
-        # The rock's own front may hide a point from us, but no silhouette: only strangers count.
-        return near & other & (self.rock_of_face[face] != NO_ROCK)
+        distance, face = self.rocks.nearest(np.broadcast_to(eye, points.shape), directions)
+        return (distance < 1) & (self.rock_of_rocks_face[face] != rock) & (face >= 0)
 
 
-def build_world(terrain: TerrainMesh, domes: dict[int, Dome], trim: float) -> World:
-    """Put the terrain's meshes and the domes of unmeshed rocks together.
+def build_world(terrain: TerrainMesh, trim: float) -> World:
+    """The terrain's meshes as bodies.
 
     Parameters
     ----------
@@ -101,37 +101,69 @@ def build_world(terrain: TerrainMesh, domes: dict[int, Dome], trim: float) -> Wo
     """
     ground_faces = terrain.faces[terrain.rock_of_face == NO_ROCK]
     ground = caster(terrain.vertices, ground_faces)
-    ground_level = float(np.median(terrain.vertices[np.unique(ground_faces), 2])) if len(ground_faces) else 0.0
-    vertices, faces, rock_of_face = [terrain.vertices], [terrain.faces], [terrain.rock_of_face]
-    count = len(terrain.vertices)
-    for rock, dome in sorted(domes.items()):
-        dome_vertices, dome_faces = dome.mesh()
-        vertices.append(dome_vertices)
-        faces.append(dome_faces + count)
-        rock_of_face.append(np.full(len(dome_faces), rock))
-        count += len(dome_vertices)
-    all_vertices, all_faces, rocks = np.concatenate(vertices), np.concatenate(faces), np.concatenate(rock_of_face)
-    rocks = rocks.copy()
+    places = terrain.vertices[np.unique(ground_faces)]
+    level = float(np.median(places[:, 2]))
+    bounds = np.stack([places[:, :2].min(axis=0), places[:, :2].max(axis=0)])
+    rock_of_face = terrain.rock_of_face.copy()
     bodies: dict[int, Body] = {}
-    for rock in (int(number) for number in np.unique(rocks) if number != NO_ROCK):
-        own = np.flatnonzero(rocks == rock)
-        used, corner = np.unique(all_faces[own], return_inverse=True)
-        height = _height_above(ground, ground_level, all_vertices[used])
+    for rock in terrain.rocks:
+        own = np.flatnonzero(rock_of_face == rock)
+        used, corner = np.unique(terrain.faces[own], return_inverse=True)
+        vertices = terrain.vertices[used]
+        height = _height_above(ground, level, vertices)
         low = min(trim, LOW_SHARE * float(height.max()))
-        bodies[rock] = Body(all_vertices[used], height > 0, height > low, rock not in domes)
-        skirt = (height <= low)[corner.reshape(-1, 3)].all(axis=1)
-        rocks[own[skirt]] = NO_ROCK
-    of_rock = rocks != NO_ROCK
+        bodies[rock] = Body(vertices, height > 0, height > low, meshed=True)
+        rock_of_face[own[(height <= low)[corner.reshape(-1, 3)].all(axis=1)]] = NO_ROCK
+    return _world(bodies, terrain.vertices, terrain.faces, rock_of_face, ground, level, bounds)
+
+
+def with_domes(world: World, domes: dict[int, Dome]) -> World:
+    """The same world with stand-ins for rocks that have no mesh."""
+    if not domes:
+        return world
+    bodies = dict(world.bodies)
+    vertices, faces, rock_of_face = [world.vertices], [world.faces], [world.rock_of_face]
+    count = len(world.vertices)
+    for rock, dome in sorted(domes.items()):
+        own, corners = dome.mesh()
+        standing = np.ones(len(own), bool)
+        bodies[rock] = Body(own, standing, standing, meshed=False)
+        vertices.append(own)
+        faces.append(corners + count)
+        rock_of_face.append(np.full(len(corners), rock))
+        count += len(own)
+    return _world(
+        bodies,
+        np.concatenate(vertices),
+        np.concatenate(faces),
+        np.concatenate(rock_of_face),
+        world.ground,
+        world.ground_level,
+        world.ground_bounds,
+    )
+
+
+def _world(
+    bodies: dict[int, Body],
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    rock_of_face: np.ndarray,
+    ground: Caster,
+    ground_level: float,
+    ground_bounds: np.ndarray,
+) -> World:
+    of_rock = rock_of_face != NO_ROCK
     return World(
         bodies,
-        all_vertices,
-        all_faces,
-        rocks,
-        caster(all_vertices, all_faces),
+        vertices,
+        faces,
+        rock_of_face,
+        caster(vertices, faces),
         ground,
-        caster(all_vertices, all_faces[of_rock]),
-        rocks[of_rock],
+        caster(vertices, faces[of_rock]),
+        rock_of_face[of_rock],
         ground_level,
+        ground_bounds,
     )
 
 

@@ -26,9 +26,7 @@ _CHUNK = 1 << 14  # points computed at once: their arrays stay in the processor'
 _SMOOTH = 1e-6  # radians of roughness below which the smooth form is used
 
 
-def reflectance(
-    parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray
-) -> np.ndarray:
+def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:
     """(n,) f_r of the model that the parameters belong to; unit vectors (n, 3)."""
     model = {
         HapkeParameters: hapke,
@@ -47,12 +45,12 @@ def reflectance(
     return values
 
 
-def lambert(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
+def lambert(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def] # noqa: ARG001
     """Albedo / pi."""
     return np.full_like(cos_i, parameters.albedo / np.pi)
 
 
-def lunar_lambert(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
+def lunar_lambert(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def] # noqa: ARG001
     """McEwen, Icarus 92 (1991) 298; coefficients as in USGS ISIS (`LunarLambertMcEwen`)."""
     if parameters.weight == "mcewen":
         g = np.degrees(2 * np.arctan(_tan_half_phase(to_lamp, to_viewer)))

@@ -2,6 +2,7 @@
 
 Imported only where the configuration asks for it: importing Taichi's kernels needs Taichi, running them starts it.
 """
+# mypy: ignore-errors
 # No `from __future__ import annotations` here: Taichi reads the kernels' annotations as objects.
 
 import math
@@ -44,9 +45,7 @@ def start(threads: int) -> None:
     _running = threads
 
 
-def reflectance(
-    parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray
-) -> np.ndarray:
+def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:
     """`brdf.reflectance` in float32; `start` comes first."""
     vectors = [np.ascontiguousarray(v, np.float32) for v in (normal, to_lamp, to_viewer)]
     value = np.zeros(len(normal), np.float32)
@@ -174,11 +173,9 @@ def _azimuth(along, across):
     size = ti.sqrt(along * along + across * across)
     found = ti.math.vec3(0.0, 1.0, 0.0)
     if size > 1e-20:
-        tan_half = 0.0
+        tan_half = (size - along) / ti.max(across, size * 1e-7)
         if along >= 0:
             tan_half = across / (size + along)
-        else:
-            tan_half = (size - along) / ti.max(across, size * 1e-7)
         found = ti.math.vec3(ti.atan2(across, along), along / size, tan_half)
     return found
 

@@ -18,7 +18,7 @@ from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 log = logging.getLogger("polarsim.render")
 
-CENTRE_GREY_PER_MS = 2.0  # level ground at the centre, Sun 30, from A: puts the best exposure at NASA's 256 ms
+CENTRE_GREY_PER_MS = 3.0  # level ground at the centre, Sun 30, from A: then 256 ms serves best, as at NASA
 _MIDDLE_EXPOSURE_MS = 256
 _USABLE = (40, 3500)  # grey values above black that neither noise nor clipping moves
 _LIT = 0.25  # of the median radiance under the lamp: darker pixels lie in shadow or half-shadow

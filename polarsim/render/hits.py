@@ -35,18 +35,18 @@ def cast_strip(
 ) -> Hits:
     """Cast a ray through every pixel of the rows, `offset` pixels off its centre."""
     origin = sandbox_from_camera.translation
-    directions = sandbox_from_camera.rotate(pixel_directions(lens, rows, offset).reshape(-1, 3))
+    directions = _turn(sandbox_from_camera.rotation, pixel_directions(lens, rows, offset).reshape(-1, 3))
     distance, face = surfaces.all.nearest(np.broadcast_to(origin, directions.shape), directions)
     pixel = np.flatnonzero(face >= 0)
     face, directions = face[pixel], directions[pixel]
     point = (origin + distance[pixel, None] * directions).astype(np.float32)
-    to_viewer = (-directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
+    to_viewer = unit(-directions).astype(np.float32)
     plane = surfaces.planes[face]
-    behind = np.einsum("nk,nk->n", plane, to_viewer) < 0  # open meshes may be seen from inside
+    behind = dot(plane, to_viewer) < 0  # open meshes may be seen from inside
     side = np.where(behind, np.float32(-1), np.float32(1))[:, None]
     normal = _smooth_normals(surfaces, face, point, plane) * side
     plane = plane * side
-    away = np.einsum("nk,nk->n", normal, to_viewer) < _LEAST_SLOPE
+    away = dot(normal, to_viewer) < _LEAST_SLOPE
     normal[away] = plane[away]
     return Hits(rows, pixel, face, point, to_viewer, normal, plane)
 
@@ -61,8 +61,24 @@ def pixel_directions(lens: Lens, rows: slice, offset: tuple[float, float] = (0.0
 def _smooth_normals(surfaces: Surfaces, face: np.ndarray, point: np.ndarray, plane: np.ndarray) -> np.ndarray:
     slopes = surfaces.normal_slopes[face]
     normal = np.einsum("nij,nj->ni", slopes[:, :, :3], point - surfaces.corner[face]) + slopes[:, :, 3]
-    length = np.sqrt(np.einsum("nk,nk->n", normal, normal))[:, None]
-    return np.where(length > 1e-6, normal / np.maximum(length, 1e-6), plane)
+    return np.where(dot(normal, normal)[:, None] > 1e-12, unit(normal), plane)
+
+
+def _turn(rotation: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Rotate directions (n, 3); BLAS would wake its threads for these thin arrays, and take longer."""
+    return np.stack([row[0] * directions[:, 0] + row[1] * directions[:, 1] + row[2] * directions[:, 2]
+                     for row in rotation], axis=1)  # fmt: skip
+
+
+def dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(n,) scalar products of vectors (n, 3)."""
+    return np.einsum("nk,nk->n", first, second)
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (n, 3) made one long; those of no length stay as they are."""
+    square = dot(vectors, vectors)
+    return vectors / np.sqrt(np.where(square > 0, square, square.dtype.type(1)))[:, None]
 
 
 def for_strips(height: int, threads: int, work: Callable[[slice], None]) -> None:

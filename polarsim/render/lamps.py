@@ -32,8 +32,8 @@ class Lamp:
 
 def lamps_of(sandbox_from_left: Pose) -> dict[str, Lamp]:
     """Sun lamps by azimuth and the rover light of a rig that stands at `sandbox_from_left`."""
-    lamps = {azimuth: Lamp(lamp_position(azimuth)) for azimuth in SUNS}
-    return {**lamps, ROVER: Lamp(sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)}
+    suns: dict[str, Lamp] = {azimuth: Lamp(lamp_position(azimuth)) for azimuth in SUNS}
+    return {**suns, ROVER: Lamp(sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)}
 
 
 def lit_by(key: PhotoKey) -> tuple[str, ...]:

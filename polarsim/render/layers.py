@@ -10,7 +10,7 @@ from polarsim.errors import RenderError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.render import brdf
-from polarsim.render.hits import Hits, cast_strip, for_strips, sample_offsets
+from polarsim.render.hits import Hits, cast_strip, dot, for_strips, sample_offsets, unit
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import Model, Parameters, RenderOptions
 from polarsim.render.surfaces import Surfaces
@@ -54,17 +54,14 @@ def render_layers(
     return layers
 
 
-def lighting(
-    surfaces: Surfaces, hits: Hits, lamp: Lamp, *, falloff: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def lighting(surfaces: Surfaces, hits: Hits, lamp: Lamp, *, falloff: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Numbers (m,) of the hits that a lamp lights, unit vectors (m, 3) to it, irradiance (m,) of the surface there."""
     to_lamp, irradiance = lamp.light_at(hits.point, falloff=falloff)
     # A flat face that looks away gets no light, whatever its smooth normal says: else light leaks past the terminator.
     facing = (dot(hits.plane, to_lamp) > 0) & (dot(hits.normal, to_lamp) > 0)
     lit = np.flatnonzero(facing)
     lit = lit[~surfaces.all.blocked(hits.point[lit], to_lamp[lit], 1.0)]
-    to_lamp = to_lamp[lit]
-    to_lamp = to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
+    to_lamp = unit(to_lamp[lit])
     return lit, to_lamp, irradiance[lit] * dot(hits.normal[lit], to_lamp)
 
 
@@ -95,8 +92,3 @@ def hemispherical_albedo(parameters: Parameters) -> float:
     to_lamp = np.stack([sin_i, zero, cos_i], axis=1)
     to_viewer = np.stack([sin_e * np.cos(psi), sin_e * np.sin(psi), cos_e], axis=1)
     return float(np.pi * brdf.reflectance(parameters, normal, to_lamp, to_viewer).mean())
-
-
-def dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n,) scalar products of vectors (n, 3)."""
-    return np.einsum("nk,nk->n", first, second)

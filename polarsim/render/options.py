@@ -86,9 +86,11 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
     lunar_lambert: LunarLambertParameters = LunarLambertParameters()
 
     samples: Literal[1, 4] = Field(1, description="Rays a pixel.")
-    falloff: bool = Field(True, description="Lamps weaken with the square of the distance; off: as in the paper.")
+    falloff: bool = Field(
+        False, description="Lamps weaken with the square of the distance. Off: real spots light the sand more evenly."
+    )
     bounce: float = Field(
-        0.02, ge=0, le=1, description="Light that walls return from above, over a lamp's irradiance 4 m away; 0: none."
+        0.01, ge=0, le=1, description="Light that walls return from above, over a lamp's irradiance 4 m away; 0: none."
     )
     rim: bool = Field(True, description="Add the walls of the sandbox: they cast shadows and are seen.")
     rim_half_width_m: float = Field(2.05, gt=0, description="Half the inner width of the sandbox, metres.")
@@ -110,4 +112,6 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
         """The parameters of a model."""
         if model == "hapke":
             return HAPKE_SETS[self.hapke] if isinstance(self.hapke, str) else self.hapke
-        return {"principled": self.principled, "lambert": self.lambert, "lunar_lambert": self.lunar_lambert}[model]
+        if model == "principled":
+            return self.principled
+        return self.lambert if model == "lambert" else self.lunar_lambert

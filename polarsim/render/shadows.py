@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.geometry.rays import START_OFFSET
-from polarsim.render.hits import Hits
+from polarsim.render.hits import Hits, dot
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import dot
-from polarsim.render.surfaces import GROUND, RELIEF_SHADOW, SHADOW_IDS, ROCK_IDS, Surfaces
+from polarsim.render.surfaces import GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS, Surfaces
 
 _RELIEF_REACH = 0.15  # metres: ground nearer than this is roughness of the place, not another thing that hides the lamp
 
@@ -24,7 +23,7 @@ def ground_shadows(surfaces: Surfaces, hits: Hits, ids: np.ndarray, lamp: Lamp) 
     ground = np.flatnonzero(ids == GROUND)
     point = hits.point[ground]
     to_lamp, _ = lamp.light_at(point, falloff=False)
-    length = np.linalg.norm(to_lamp, axis=1, keepdims=True)
+    length = np.sqrt(dot(to_lamp, to_lamp))[:, None]
     along = to_lamp / length
     distance, face = surfaces.rocks.nearest(point + START_OFFSET * along, along)
     behind = np.flatnonzero(distance < length[:, 0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -76,7 +77,9 @@ def render_twins(
     views = views_of(keys, rigs, cameras)
     surfaces = surfaces_of(read_terrain(meshes, terrain), options)
     gain = options.gain.get(model)
-    references = {} if gain else calibration_photos(photos, sum(views.values(), []), options.calibration_photos)
+    references = (
+        {} if gain else calibration_photos(photos, [*chain.from_iterable(views.values())], options.calibration_photos)
+    )
     first = {(key.position, key.camera) for key in references}
     twins.mkdir(parents=True, exist_ok=True)
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from polarsim.formats import nasa, ply, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
@@ -52,7 +53,7 @@ def find_rocks(
     scans = _read_scans(read_inventory(inventory), placed)
     if not len(scans):
         log.warning("%s: no scan of terrain %02d, so no rock and no ground", inventory, terrain)
-        _write(rocks, cuboids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))))
+        _write(rocks, cuboids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), {})
         return
     extent = sand_extent(scans)
     scans = scans.select(extent.contains(scans.points))
@@ -73,7 +74,7 @@ def find_rocks(
     log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(found), unlabelled or "none")
     rows = [_row(rock, one, len(points[rock])) for rock, one in found.items()]
     rock_clouds = {rock: surface_cloud(voxel_means(seen, options.rock_cell_mm / 1000)) for rock, seen in points.items()}
-    _write(rocks, cuboids, clouds, rows, found, rock_clouds, ground_cloud(sand))
+    _write(rocks, cuboids, clouds, rows, found, rock_clouds, ground_cloud(sand), placed)
 
 
 def read_rock_boxes(seeds: Path) -> dict[str, np.ndarray]:
@@ -137,10 +138,13 @@ def _write(
     found: Mapping[int, Rock],
     rock_clouds: Mapping[int, Cloud],
     ground: Cloud,
+    placed: Mapping[str, PlacedRig],
 ) -> None:
+    places = [(position, *rig.sandbox_from_left.translation) for position, rig in placed.items()]
     with writing_folder(clouds) as folder:
         ply.write(folder / "ground.ply", ground)
         for rock, cloud in rock_clouds.items():
             ply.write(folder / f"rock{rock}.ply", cloud)
+        tables.write_csv(folder / "scanners.csv", pd.DataFrame(places, columns=["position", "x", "y", "z"]))
     write_cuboids(cuboids, {rock: one.cuboid for rock, one in found.items()})
     tables.write_parquet(rocks, table.rock_table(rows))

@@ -25,17 +25,18 @@ WALL_REACH = 0.05  # metres that the ground's mesh reaches beyond the surveyed s
 def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options: RocksOptions) -> None:
     """Reconstruct every rock and the ground of a terrain; write OBJ files, decimated copies and `meshes.csv`.
 
-    A rock with too few points for a surface is a warning and a gap.
+    A rock whose points make no surface is a warning and a gap.
     """
     table = tables.read_parquet(rocks, ["rock"])
     ground_path = Path(clouds) / "ground.ply"
     with about(ground_path):
         grid, ground = ground_heights(ply.read(ground_path), options.ground_cell_mm / 1000)
+    scanners = tables.read_csv(Path(clouds) / "scanners.csv", ["x", "y", "z"])[["x", "y", "z"]].to_numpy(float)
     solids: dict[int, Mesh] = {}
     for rock in table["rock"].tolist():
         cloud = ply.read(Path(clouds) / f"rock{rock}.ply")
         try:
-            solids[rock] = closed_rock(cloud, grid, ground, options.rock_cell_mm / 1000)
+            solids[rock] = closed_rock(cloud, grid, ground, scanners, options.rock_cell_mm / 1000)
         except ReconstructionError as error:
             log.warning("terrain %02d, rock %d has no mesh: %s", terrain, rock, error)
     write_meshes(terrain, meshes, solids, height_mesh(grid, ground), options.decimated_share)

@@ -16,7 +16,7 @@ class RocksOptions(BaseModel, extra="forbid", frozen=True):
         40, gt=0, lt=90, description="Steepest slope of sand, degrees; steeper is rock. Loose sand rests at up to 38."
     )
     confirming_iou: float = Field(0.3, gt=0, lt=1, description="Overlap of a seed box and a rock that confirms it.")
-    rock_cell_mm: float = Field(2.5, gt=0, description="Largest cell of a rock's Poisson reconstruction, mm.")
+    rock_cell_mm: float = Field(3, gt=0, description="Largest cell of a rock's Poisson reconstruction, mm.")
     ground_cell_mm: float = Field(5, gt=0, description="Cell of the ground's reconstruction from scans, mm.")
     fitted_ground_cell_mm: float = Field(10, gt=0, description="Cell of a ground fitted under published meshes, mm.")
     decimated_share: float = Field(0.05, gt=0, le=1, description="Share of the vertices that decimated copies keep.")

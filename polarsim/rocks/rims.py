@@ -50,7 +50,7 @@ def fit_ground(rims: list[np.ndarray], grid: FloorGrid) -> np.ndarray:
     base = _terms(places, quadric) @ coefficients
     left = points[:, 2] - _terms(points, quadric) @ coefficients
     distance, near = KDTree(points[:, :2]).query(places, k=min(BLEND_NEIGHBOURS, len(points)))
-    distance, near = distance.reshape(len(places), -1), near.reshape(len(places), -1)
+    distance, near = np.reshape(distance, (len(places), -1)), np.reshape(near, (len(places), -1))
     weights = 1 / (distance**2 + BLEND_SOFTENING**2)
     local = (weights * left[near]).sum(axis=1) / weights.sum(axis=1)
     fade = np.exp(-((distance[:, 0] / BLEND_RANGE) ** 2))

@@ -36,6 +36,7 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     The paper has rocks only: all other rows have no figure of it.
     """
     table = detection[list(COLUMNS)].copy()
+    table.insert(COLUMNS.index("epochs"), "start", detection["start"] if "start" in detection.columns else "")
     for name in ("trained", "evaluated"):
         table[name] = pd.Series([paper.own_name(str(domain), source) for domain in table[name]], dtype="str")
     places = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
@@ -85,11 +86,14 @@ def _cell(part: pd.DataFrame, prefix: str) -> str:
 def _judge_notes(table: pd.DataFrame) -> list[str]:
     """What one must know before comparing: judge, training, split, size of the test."""
     notes = []
-    for (judge, epochs, imgsz, split), part in table.groupby(["judge", "epochs", "imgsz", "split"], sort=False):
+    for (judge, start, epochs, imgsz, split), part in table.groupby(
+        ["judge", "start", "epochs", "imgsz", "split"], sort=False
+    ):
         leak = "views are shared by training and test" if part["leaks_views"].any() else "no view is in both parts"
         low, high = part["images"].min(), part["images"].max()
         images = f"{low}" if low == high else f"{low} to {high}"
-        notes.append(f"Judge {judge}, {epochs} epochs at {imgsz} px; split by {split}: {leak}; {images} test images.")
+        training = f"started from {start}, {epochs} epochs" if start else f"{epochs} epochs"
+        notes.append(f"Judge {judge}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
     if len(table):
         notes.append("Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
     return notes

@@ -17,7 +17,7 @@ from polarsim.tables.surface import Surface
 ARM = 4.0  # metres: about how far the sand is, where a turn by a quarter of a milliradian weighs as a millimetre
 _AXES = np.concatenate([np.zeros((1, 3)), ARM * np.eye(3), -ARM * np.eye(3)])
 
-SHIFT_SD, TURN_SD = 0.005, np.radians(0.1)  # metres, radians: how far the cameras' alignment may be off
+SHIFT_SD, TURN_SD = 0.02, np.radians(0.3)  # metres, radians: how far the cameras' alignment may be off
 PATCHES, PATCH_SD = 1600, 0.002  # square decimetres of sand, each with an error of its own of this size, metres
 ICP_STEPS = 12
 ICP_GATES = (0.03, 0.003)  # metres: pairs farther apart are left out, at the first and at the last step

@@ -14,5 +14,11 @@ class TablesOptions(BaseModel, extra="forbid", frozen=True):
     small_rock_cm: float = Field(5, gt=0, description="Rocks from here up to the large ones are small, cm.")
     surface_samples: int = Field(20_000, gt=0, description="Points sampled on the true rocks, and on the true ground.")
     min_visible_px: float = Field(12, ge=0, description="True labels with fewer visible pixels are left out, px.")
+    min_contrast_dn: float = Field(
+        10, ge=0, description="True labels that no exposure of the photo set shows this clearly are left out, DN."
+    )
+    shadows_drawn_from_ms: int = Field(
+        128, gt=0, description="Exposure from which people draw shadows, ms: the analog's truth has them always."
+    )
     compared_photos: int = Field(6, ge=0, description="Photos of a terrain whose pixels are compared with the twins'.")
     figure_width_px: int = Field(1600, ge=400, le=8000, description="Width of the figures, px.")

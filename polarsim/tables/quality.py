@@ -54,7 +54,7 @@ def summary(
 def quality_table(stage: str, terrain: int, figures: Iterable[Figure]) -> pd.DataFrame:
     """Rows with `COLUMNS`, in the order of the figures."""
     table = pd.DataFrame([(stage, terrain, *astuple(figure)) for figure in figures], columns=list(COLUMNS))
-    table["value"] = table["value"].astype("float64")
+    table["value"] = table["value"].astype("float64").round(9)  # below that is the dust of sums
     return table.astype({"terrain": "int64", "n": "int64"})
 
 
@@ -101,8 +101,9 @@ def lay_out_quality(table: pd.DataFrame) -> pd.DataFrame:
 def _shown_rows(table: pd.DataFrame) -> list[tuple[tuple[str, ...], str]]:
     """What names a row, and its cell, for one terrain in order."""
     found: dict[tuple[str, ...], list[str]] = {}
+    scored = {(row["stage"], row["subject"]) for row in table.to_dict("records") if row["figure"] == "f1"}
     for entry in table.to_dict("records"):
-        joined = entry["figure"] in BOX_FIGURES
+        joined = entry["figure"] in BOX_FIGURES and (entry["stage"], entry["subject"]) in scored
         names = {**entry, "figure": " / ".join(BOX_FIGURES) if joined else entry["figure"]}
         text = _shown(float(entry["value"]), str(entry["unit"]))
         found.setdefault(tuple(str(names[name]) for name in _ROW_NAMES), []).append(text)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats import release
@@ -39,10 +40,10 @@ def score_labels(
         Folder of the terrain's seeds; these photos themselves are not scored.
     """
     found = read_folder(labels, terrain)
-    wanted = read_truth(truth, terrain, found, options.min_visible_px)
+    wanted = read_truth(truth, terrain, found, options)
     seed_keys = set(release.key_files(seeds).files)
     tasks = {key: task_of(key, seed_keys) for key in wanted}
-    figures = score_tasks(wanted, found, tasks, TASKS, options.iou_threshold, against(truth))
+    figures = score_tasks(wanted, found, tasks, TASKS, against(truth), options)
     unlabelled = len([key for key, task in tasks.items() if task is not None and key not in found])
     figures.append(Figure("photos with truth", "without_label_file", unlabelled, "photos", len(wanted), against(truth)))
     write_quality(quality, "labels", terrain, figures)
@@ -73,8 +74,8 @@ def score_tasks(
     found: Mapping[PhotoKey, Labels],
     tasks: Mapping[PhotoKey, str | None],
     order: Iterable[str],
-    threshold: float,
     against: Against,
+    options: TablesOptions,
 ) -> list[Figure]:
     """Precision, recall, F1 and mIoU by kind and task, pooled over the photos that are in both."""
     total: dict[tuple[str, str], Counts] = {}
@@ -82,10 +83,12 @@ def score_tasks(
         task = tasks[key]
         if task is None:
             continue
-        for kind, counts in count_photo(wanted[key], found[key], threshold).items():
-            kinds = [kind, DRAWN] if kind == SHADOW and counts.tp + counts.fn else [kind]
-            for place in [(name, part) for name in kinds for part in (task, ALL)]:
-                total[place] = total.get(place, Counts()) + counts
+        for kind, counts in count_photo(wanted[key], found[key], options.iou_threshold).items():
+            drawn = kind == SHADOW and counts.tp + counts.fn > 0
+            drawn &= against == "labels" or key.exposure_ms >= options.shadows_drawn_from_ms
+            for name in [kind, DRAWN] if drawn else [kind]:
+                for part in (task, ALL):
+                    total[name, part] = total.get((name, part), Counts()) + counts
     figures = []
     for kind in (*BOX_CLASSES, DRAWN):
         for task in order:
@@ -101,7 +104,7 @@ def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
 
 
 def read_truth(
-    truth: Path, terrain: int, labelled: Iterable[PhotoKey], min_visible_px: float
+    truth: Path, terrain: int, labelled: Iterable[PhotoKey], options: TablesOptions
 ) -> dict[PhotoKey, Labels]:
     """True labels by photo: hand-drawn files as they are, or the analog's table.
 
@@ -111,9 +114,7 @@ def read_truth(
         folder = release.label_folder(truth, terrain) if (truth / release.BOXES).is_dir() else truth
         return _read_drawn(folder, terrain)
     table = read_parquet(truth, LABEL_COLUMNS)
-    table = table[table["terrain"] == terrain]
-    if "visible_px" in table.columns:
-        table = table[table["visible_px"] >= min_visible_px]
+    table = visible(table[table["terrain"] == terrain], options)
     found = {
         PhotoKey.parse(str(key)): Labels(
             np.array([BOX_CLASSES.index(kind) for kind in part["kind"]]), part[["x0", "y0", "x1", "y1"]].to_numpy(float)
@@ -121,6 +122,21 @@ def read_truth(
         for key, part in table.groupby("key")
     }
     return {key: found.get(key, Labels.none()) for key in sorted({*found, *labelled})}
+
+
+def visible(truth: pd.DataFrame, options: TablesOptions) -> pd.DataFrame:
+    """The true labels that a person could have drawn: large enough, and clear in some exposure of their photo set.
+
+    People copy labels over all exposures of a photo set, so one that shows the object is enough. The columns
+    `visible_px` and `contrast` (DN) may be missing.
+    """
+    if "visible_px" in truth.columns:
+        truth = truth[truth["visible_px"] >= options.min_visible_px]
+    if "contrast" in truth.columns:
+        one_object = ["terrain", "position", "light", "azimuth", "camera", "kind", "rock"]
+        clearest = truth["contrast"].abs().groupby([truth[name] for name in one_object]).transform("max")
+        truth = truth[clearest >= options.min_contrast_dn]
+    return truth
 
 
 def _read_drawn(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:

@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.optimize import linear_sum_assignment
 
 from polarsim.formats import obj
-from polarsim.formats.scene import read_terrain
+from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.photo import NO_ROCK
@@ -61,9 +61,10 @@ def score_rocks(
         The analog's truth/TerrainTT; None where there is none.
     """
     found = read_parquet(rocks, ROCK_COLUMNS)
-    figures = counts(found, options) + soundness(meshes, terrain)
+    scene = read_terrain(meshes, terrain)
+    figures = counts(found, options) + soundness(scene)
     if truth is not None:
-        figures += _against_truth(terrain, found, meshes, cameras, truth, options)
+        figures += _against_truth(terrain, found, scene, cameras, truth, options)
     write_quality(quality, "rocks", terrain, figures)
 
 
@@ -79,28 +80,31 @@ def counts(found: pd.DataFrame, options: TablesOptions) -> list[Figure]:
     ]
 
 
-def soundness(meshes: Path, terrain: int) -> list[Figure]:
+def soundness(scene: TerrainMesh) -> list[Figure]:
     """Closedness, islands and sizes of the full meshes."""
     figures: list[Figure] = []
-    read = [obj.read(path) for path in obj.rock_files(meshes).values()]
-    if read:
-        n = len(read)
-        closed = np.array([is_watertight(mesh) for mesh in read])
-        parts = np.array([islands(mesh) for mesh in read])
-        vertices = float(np.median([len(mesh.vertices) for mesh in read]))
+    meshes = [_part(scene, rock) for rock in scene.rocks]
+    if meshes:
+        n = len(meshes)
+        closed = np.array([is_watertight(mesh) for mesh in meshes])
+        parts = np.array([islands(mesh) for mesh in meshes])
+        vertices = float(np.median([len(mesh.vertices) for mesh in meshes]))
         figures += [
             Figure("rock meshes", "watertight_share", float(closed.mean()), "1", n, "own"),
             Figure("rock meshes", "one_island_share", float((parts == 1).mean()), "1", n, "own"),
             Figure("rock meshes", "vertices_median", vertices, "vertices", n, "own"),
         ]
-    ground = meshes / obj.ground_name(terrain)
-    if ground.exists():
-        mesh = obj.read(ground)
-        figures += [
-            Figure("ground mesh", "islands", islands(mesh), "islands", 1, "own"),
-            Figure("ground mesh", "vertices", len(mesh.vertices), "vertices", 1, "own"),
-        ]
+    ground = _part(scene, NO_ROCK)
+    figures.append(Figure("ground mesh", "islands", islands(ground), "islands", 1, "own"))
+    figures.append(Figure("ground mesh", "vertices", len(ground.vertices), "vertices", 1, "own"))
     return figures
+
+
+def _part(scene: TerrainMesh, rock: int) -> obj.Mesh:
+    """The mesh of one rock, or of the ground."""
+    faces = scene.faces[scene.rock_of_face == rock]
+    used, numbers = np.unique(faces, return_inverse=True)
+    return obj.Mesh(scene.vertices[used], numbers.reshape(faces.shape))
 
 
 def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:
@@ -142,11 +146,11 @@ def recall_and_precision(
 
 
 def _against_truth(
-    terrain: int, found: pd.DataFrame, meshes: Path, cameras: Path, truth: Path, options: TablesOptions
+    terrain: int, found: pd.DataFrame, our_scene: TerrainMesh, cameras: Path, truth: Path, options: TablesOptions
 ) -> list[Figure]:
     true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
     by_cameras, eyes = read_gauge(cameras, truth)
-    true_scene, our_scene = read_terrain(truth / "meshes", terrain), read_terrain(meshes, terrain)
+    true_scene = read_terrain(truth / "meshes", terrain)
     true_surface = Surface(true_scene.vertices, true_scene.faces)
     our_surface = Surface(our_scene.vertices, our_scene.faces)
     rng = generator(options.seed, "surface samples", terrain)

@@ -49,10 +49,10 @@ def score_twins(
     figures: list[Figure] = []
     if truth is not None:
         found = read_folder(boxes, terrain)
-        wanted = read_truth(truth, terrain, found, options.min_visible_px)
+        wanted = read_truth(truth, terrain, found, options)
         tasks = {key: f"camera {key.camera}" for key in wanted}
         order = ("camera L", "camera R", ALL)
-        for figure in score_tasks(wanted, found, tasks, order, options.iou_threshold, against(truth)):
+        for figure in score_tasks(wanted, found, tasks, order, against(truth), options):
             figures.append(_renamed(figure))
     if photos is not None:
         table = read_parquet(photos, PHOTO_COLUMNS)

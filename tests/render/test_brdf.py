@@ -106,7 +106,10 @@ def test_float32_stays_close_to_double(parameters, rng):
 
 
 @pytest.mark.parametrize(
-    ("parameters", "expected"),  # directional-hemispherical reflectance at i = 0, 30, 60: Gauss quadrature in facts/brdf
+    (
+        "parameters",
+        "expected",
+    ),  # directional-hemispherical reflectance at i = 0, 30, 60: Gauss quadrature by another program
     [
         (HAPKE_SETS["chrono_lunar"], (0.1221, 0.1268, 0.1318)),
         (HAPKE_SETS["sato_mare_643"], (0.0629, 0.0657, 0.0693)),

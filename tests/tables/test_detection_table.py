@@ -76,6 +76,13 @@ def test_domains_that_the_paper_does_not_know_have_no_figure_of_it():
     assert "paper, E: Views" not in lay_out_detection(table).columns
 
 
+def test_the_weights_that_a_judge_started_from_are_told_where_they_are_known(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection().assign(start="random weights"))
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    assert "yolov5n, started from random weights, 12 epochs" in (tmp_path / "detection.md").read_text()
+    assert set(read_parquet(tmp_path / "detection.parquet")["start"]) == {"random weights"}
+
+
 def test_a_table_without_a_row_is_written_with_its_columns(tmp_path):
     write_parquet(tmp_path / "d.parquet", detection().iloc[:0])
     write_parquet(tmp_path / "i.parquet", ipd().iloc[:0])

@@ -59,6 +59,11 @@ def test_the_four_figures_of_a_box_score_share_a_row():
     assert shown["T01"].tolist() == ["1.000 / 0.500 / 0.667 / 0.400"]
 
 
+def test_recall_and_precision_without_f1_keep_their_own_rows():
+    figures = [Figure("rocks of 8 cm and more", name, 0.5, "1", 9, "truth") for name in ("recall", "precision")]
+    assert lay_out_quality(quality_table("rocks", 1, figures))["figure"].tolist() == ["recall", "precision"]
+
+
 def test_a_summary_gives_median_and_p90_of_what_is_finite():
     found = summary("rocks", "distance", np.array([*range(11), np.nan]), "mm", "truth")
     assert [(figure.figure, figure.value, figure.n) for figure in found] == [

@@ -1,7 +1,8 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
-from made_up_terrain import TERRAIN, WORLD, World
 
 from polarsim.errors import FormatError
 from polarsim.formats import png, yolo
@@ -11,7 +12,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.photo import PhotoKey
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality_cameras import score_cameras
-from polarsim.tables.quality_labels import score_labels, task_of
+from polarsim.tables.quality_labels import score_labels, task_of, visible
 from polarsim.tables.quality_rocks import RockPairs, pair_rocks, recall_and_precision, score_rocks
 from polarsim.tables.quality_twins import compare_pictures, log_ratio, score_twins, similarity, typical_photos
 
@@ -28,11 +29,11 @@ def figures(path):
 # cameras
 
 
-def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path):
-    WORLD.write(tmp_path / "truth")
-    WORLD.write(tmp_path / "own", OTHER_FROM_TRUTH)
+def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own", OTHER_FROM_TRUTH)
     score_cameras(
-        terrain=TERRAIN,
+        terrain=3,
         cameras=tmp_path / "own/cameras",
         truth=tmp_path / "truth",
         matches=None,
@@ -46,16 +47,16 @@ def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path):
     assert found["A (scans)", "rmse_mm"] == 1.5
 
 
-def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path):
-    WORLD.write(tmp_path / "truth")
-    WORLD.write(tmp_path / "own")
+def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own")
     path = tmp_path / "own/cameras/PosA.json"
     placed = read_placed(path)
     left = placed.sandbox_from_left
     up = Pose(left.rotation, left.translation + np.array([0, 0, 0.01]))
     write_placed(path, PlacedRig(placed.rig, up))
     score_cameras(
-        terrain=TERRAIN,
+        terrain=3,
         cameras=tmp_path / "own/cameras",
         truth=tmp_path / "truth",
         matches=None,
@@ -67,11 +68,11 @@ def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path):
     assert found["A L", "reprojection_median"] > 1
 
 
-def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path):
-    WORLD.write(tmp_path / "truth")
-    World({"A": WORLD.poses["A"]}).write(tmp_path / "own")
+def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path, world):
+    world.write(tmp_path / "truth")
+    replace(world, poses={"A": world.poses["A"]}).write(tmp_path / "own")
     score_cameras(
-        terrain=TERRAIN,
+        terrain=3,
         cameras=tmp_path / "own/cameras",
         truth=tmp_path / "truth",
         matches=None,
@@ -80,15 +81,15 @@ def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path):
     assert not [name for _, name in figures(tmp_path / "q.csv") if name.endswith("aligned")]
 
 
-def test_matches_of_meshes_and_boxes_give_iou_and_offsets_and_may_be_missing(tmp_path):
-    WORLD.write(tmp_path)
+def test_matches_of_meshes_and_boxes_give_iou_and_offsets_and_may_be_missing(tmp_path, world):
+    world.write(tmp_path)
     matches = pd.DataFrame(
         {"position": ["A", "A", "C"], "rock": [1, 2, 1], "iou": [0.6, 0.8, 0.7], "dx": [-3.0, 1, 5], "dy": [0.0, 0, -1]}
     )
     write_parquet(tmp_path / "matches.parquet", matches)
     for name in ("matches.parquet", "none.parquet"):
         score_cameras(
-            terrain=TERRAIN,
+            terrain=3,
             cameras=tmp_path / "cameras",
             truth=None,
             matches=tmp_path / name,
@@ -103,9 +104,9 @@ def test_matches_of_meshes_and_boxes_give_iou_and_offsets_and_may_be_missing(tmp
 # rocks
 
 
-def test_perfect_meshes_in_another_frame_have_no_distance_and_full_recall(tmp_path):
-    WORLD.write(tmp_path / "truth")
-    WORLD.write(tmp_path / "own", OTHER_FROM_TRUTH)
+def test_perfect_meshes_in_another_frame_have_no_distance_and_full_recall(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own", OTHER_FROM_TRUTH)
     found = scored_rocks(tmp_path)
     assert found["paired rocks", "surface_distance_p90"] < 0.05  # mm
     assert found["ground", "surface_distance_p90"] < 0.05
@@ -115,37 +116,37 @@ def test_perfect_meshes_in_another_frame_have_no_distance_and_full_recall(tmp_pa
     assert found["paired rocks", "volume_ratio_median"] == pytest.approx(1)
 
 
-def test_rocks_three_millimetres_too_large_are_three_millimetres_off_and_the_ground_is_not(tmp_path):
-    WORLD.write(tmp_path / "truth")
-    WORLD.write(tmp_path / "own", grown=0.003)
+def test_rocks_three_millimetres_too_large_are_three_millimetres_off_and_the_ground_is_not(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own", grown=0.003)
     found = scored_rocks(tmp_path)
     assert found["paired rocks", "surface_distance_median"] == pytest.approx(3, abs=0.3)
     assert found["ground", "surface_distance_median"] < 0.3
 
 
-def test_a_missed_rock_lowers_recall_of_its_size_only(tmp_path):
-    WORLD.write(tmp_path / "truth")
-    WORLD.write(tmp_path / "own", rocks=(1,))
+def test_a_missed_rock_lowers_recall_of_its_size_only(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own", rocks=(1,))
     found = scored_rocks(tmp_path)
     assert found["rocks of 8 cm and more", "recall"] == 1
     assert found["rocks of 5 to 8 cm", "recall"] == 0
     assert ("rocks of 5 to 8 cm", "precision") not in found
 
 
-def test_a_terrain_without_rocks_is_scored_by_its_ground(tmp_path):
-    WORLD.write(tmp_path / "truth", rocks=())
-    WORLD.write(tmp_path / "own", OTHER_FROM_TRUTH, rocks=())
+def test_a_terrain_without_rocks_is_scored_by_its_ground(tmp_path, world):
+    world.write(tmp_path / "truth", rocks=())
+    world.write(tmp_path / "own", OTHER_FROM_TRUTH, rocks=())
     found = scored_rocks(tmp_path)
     assert found["rocks", "count"] == 0
     assert found["ground", "surface_distance_p90"] < 0.05
     assert ("paired rocks", "surface_distance_median") not in found
 
 
-def test_without_truth_there_are_counts_and_soundness(tmp_path):
-    WORLD.write(tmp_path)
+def test_without_truth_there_are_counts_and_soundness(tmp_path, world):
+    world.write(tmp_path)
     quality = tmp_path / "q.csv"
     score_rocks(
-        terrain=TERRAIN,
+        terrain=3,
         rocks=tmp_path / "rocks.parquet",
         meshes=tmp_path / "meshes",
         cameras=tmp_path / "cameras",
@@ -179,7 +180,7 @@ def scored_rocks(folder):
     quality = folder / "q.csv"
     own = folder / "own"
     score_rocks(
-        terrain=TERRAIN,
+        terrain=3,
         rocks=own / "rocks.parquet",
         meshes=own / "meshes",
         cameras=own / "cameras",
@@ -260,8 +261,10 @@ def test_the_analogs_truth_counts_boxes_on_photos_of_nothing_as_wrong(tmp_path):
         | key_columns(lit),
     ]
     table = label_table(rows).assign(visible_px=500)
-    tiny = table.assign(x0=700.0, x1=703.0, visible_px=3)
-    write_parquet(tmp_path / "labels.parquet", pd.concat([table, tiny]))
+    table = table.assign(contrast=-50.0)
+    tiny = table.assign(rock=2, x0=700.0, visible_px=3)
+    unseen = table.assign(rock=3, x0=700.0, contrast=4.0)
+    write_parquet(tmp_path / "labels.parquet", pd.concat([table, tiny, unseen]))
     for key in (lit, dark):
         yolo.write_boxes(tmp_path / f"labels/{key}.txt", [0], [BOX])
     (tmp_path / "seeds").mkdir()
@@ -362,3 +365,15 @@ def test_a_twin_of_another_size_is_named(tmp_path):
     png.write(tmp_path / "twin.png", np.zeros((10, 10), np.uint16))
     with pytest.raises(FormatError, match=r"twin\.png"):
         compare_pictures("hapke", [(tmp_path / "photo.png", tmp_path / "twin.png")])
+
+
+def test_an_object_that_one_exposure_shows_counts_at_all_of_its_photo_set():
+    keys = [PhotoKey.parse(f"03_A_off_30_L_{ms}") for ms in ("0064", "0256")]
+    rows = [
+        dict(key_columns(key), kind="rock", rock=rock, contrast=contrast)
+        for key, contrast in zip(keys, (3.0, -30.0), strict=True)
+        for rock in (1, 2)
+    ]
+    table = pd.DataFrame(rows)
+    table.loc[table["rock"] == 2, "contrast"] = 3.0
+    assert visible(table, OPTIONS)[["key", "rock"]].to_numpy().tolist() == [[str(key), 1] for key in keys]

@@ -1,9 +1,6 @@
 """Stage 7: tables that papers quote, the quality of every stage, and the figures of the report."""
 
-LABEL_ROOT = CONFIG.labels.seeds.root or ROOT
-SCORED = ["cameras", "rocks", "labels", "twins"]
-if KIND == "polar" and not (Path(LABEL_ROOT) / "Labels").is_dir():
-    SCORED.remove("labels")  # nobody has drawn labels that could be compared
+LABEL_ROOT = Path(CONFIG.labels.seeds.root or ROOT)
 
 
 def truth_of(wildcards):
@@ -12,11 +9,25 @@ def truth_of(wildcards):
 
 
 def true_labels_of(wildcards):
-    """The analog's true boxes, or the boxes that people drew, where there are any."""
+    """The analog's true boxes, or the folder of boxes that people drew; nothing where there is neither."""
     if KIND == "analog":
         return f"{truth_of(wildcards)}/labels.parquet"
-    drawn = Path(LABEL_ROOT) / "Labels" / f"Terrain{wildcards.terrain}"
+    drawn = LABEL_ROOT / "Labels" / f"Terrain{wildcards.terrain}"
     return str(drawn) if drawn.is_dir() else None
+
+
+def can_score_labels(terrain):
+    return KIND == "analog" or (LABEL_ROOT / "Labels" / f"Terrain{terrain}").is_dir()
+
+
+def quality_parts(wildcards):
+    """The quality of each stage and terrain; labels only where there is something to compare them with."""
+    return [
+        f"results/{wildcards.run}/quality/{stage}_Terrain{terrain}.csv"
+        for terrain in TERRAINS
+        for stage in ("cameras", "rocks", "labels", "twins")
+        if stage != "labels" or can_score_labels(terrain)
+    ]
 
 
 def every_figure(name):
@@ -46,7 +57,9 @@ rule tables:
         every_figure("comparison_Terrain{terrain}_Pos{position}"),
         every_figure("meshes_Terrain{terrain}"),
         every_figure("crops_Terrain{terrain}"),
-        every_figure("label_errors_Terrain{terrain}") if "labels" in SCORED else [],
+        of_run(
+            "results/{run}/figures/label_errors_Terrain{terrain}.png", terrain=filter(can_score_labels, TERRAINS)
+        ),
 
 
 rule score_cameras:

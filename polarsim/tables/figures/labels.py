@@ -27,7 +27,7 @@ def draw_label_errors(
 ) -> None:
     """Write histograms of edge errors, a row a kind, a column an edge, a line a task; arguments as `score_labels`."""
     found = read_folder(labels, terrain)
-    wanted = read_truth(truth, terrain, found, options.min_visible_px)
+    wanted = read_truth(truth, terrain, found, options)
     seed_keys = set(release.key_files(seeds).files)
     tasks = {key: task_of(key, seed_keys) for key in wanted}
     errors = edge_errors(wanted, found, tasks, options.iou_threshold)

@@ -20,7 +20,7 @@ from polarsim.tables.figures.canvas import INK, note, page, picture
 from polarsim.tables.options import TablesOptions
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
-STEP = 0.005  # metres between the rays of the view from above
+STEP = 0.0075  # metres between the rays of the view from above
 SKY = 3.0  # metres: where those rays start
 OUTLINE = "#d55e00"
 SPAN = 0.15  # metres that the colours cover at least: flat sand shall look flat

@@ -1,10 +1,12 @@
 """A small made-up terrain: wavy sand, two closed rocks, two tripods; and the files that stages would write of it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from polarsim.formats import obj
 from polarsim.formats.rigs import PlacedRig, write_placed
@@ -20,6 +22,7 @@ ROCKS = {1: ((0.5, 0.4), 0.2), 2: ((-0.6, -0.3), 0.06)}  # centre, side in metre
 class World:
     """The true frame's content; `write` puts it on the disk as seen in another frame."""
 
+    terrain: int
     poses: dict[str, Pose]  # truth_from_left by position
 
     def write(
@@ -30,12 +33,12 @@ class World:
         for position, pose in self.poses.items():
             placed = PlacedRig(stated_rig(), other_from_truth @ pose, "scans", {"rmse_mm": 1.5})
             write_placed(folder / "cameras" / f"Pos{position}.json", placed)
-        ground = sand()
+        ground = make_sand()
         write_mesh(folder, obj.ground_name(TERRAIN), ground, other_from_truth)
         rows = []
         for rock in rocks:
             (x, y), side = ROCKS[rock]
-            mesh = cube((x, y, side / 4), side + 2 * grown)
+            mesh = make_cube((x, y, side / 4), side + 2 * grown)
             write_mesh(folder, obj.rock_name(TERRAIN, rock), mesh, other_from_truth)
             centre = other_from_truth.apply(np.array([x, y, side / 4]))
             low, high = centre - side / 2, centre + side / 2
@@ -45,19 +48,30 @@ class World:
         write_parquet(folder / "rocks.parquet", pd.DataFrame(rows, columns=columns))
 
 
-WORLD = World(
-    {
+@pytest.fixture
+def world() -> World:
+    poses = {
         "A": looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)),
         "C": looking(np.array([0.8, -3.8, 1.5]), np.radians(103), np.radians(25)),
     }
-)
+    return World(TERRAIN, poses)
+
+
+@pytest.fixture
+def sand() -> obj.Mesh:
+    return make_sand()
+
+
+@pytest.fixture
+def cube() -> Callable[[tuple[float, float, float], float], obj.Mesh]:
+    return make_cube
 
 
 def write_mesh(folder: Path, name: str, mesh: obj.Mesh, other_from_truth: Pose) -> None:
     obj.write(folder / "meshes" / name, obj.Mesh(other_from_truth.apply(mesh.vertices), mesh.faces), name)
 
 
-def sand(n: int = 81) -> obj.Mesh:
+def make_sand(n: int = 81) -> obj.Mesh:
     """A square of 4 m with waves of 3 cm that determine every direction."""
     x, y = np.meshgrid(np.linspace(-2, 2, n), np.linspace(-2, 2, n), indexing="ij")
     z = 0.03 * np.sin(4 * x + 1) * np.cos(3 * y)
@@ -67,7 +81,7 @@ def sand(n: int = 81) -> obj.Mesh:
     return obj.Mesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces)
 
 
-def cube(centre: tuple[float, float, float], side: float) -> obj.Mesh:
+def make_cube(centre: tuple[float, float, float], side: float) -> obj.Mesh:
     """Closed, outward, twelve triangles."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * side / 2
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]

@@ -1,0 +1,90 @@
+"""What no scanner saw of a rock: its back and its underside, as points on the convex hull of what was seen."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import ConvexHull, KDTree, QhullError
+
+from polarsim.errors import ReconstructionError
+from polarsim.formats.obj import Mesh
+from polarsim.formats.ply import Cloud
+from polarsim.rocks.heights import FloorGrid
+
+SINK = 0.015  # metres that a rock's closed underside lies below the ground
+UNSEEN_COSINE = 0.05  # a facet whose normal turns away further than this from every scanner was not seen
+GAP = 2.5  # spacings from the seen surface from which the unseen one begins
+BULGE = 0.25  # rocks bulge beyond the hull of their seen side: metres outward per metre from what was seen
+
+
+def closing_points(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarray, spacing: float) -> Cloud:
+    """Points that close a rock: on its back, at its foot and on a floor below the ground.
+
+    The convex hull of the seen points and of their outline sunk below the ground has facets below the ground and
+    facets that face away from every scanner; points on these close the rock, the latter ones bulging outward.
+
+    Raises
+    ------
+    ReconstructionError
+        The points span no volume.
+    """
+    floor = _sunk(_outline(cloud.points), grid, ground)
+    points, normals = _sampled(hull_mesh(np.concatenate([cloud.points, floor])), spacing)
+    above = points[:, 2] - grid.sample(ground, points)
+    gap = KDTree(cloud.points).query(points)[0]
+    to_scanners = scanners[None] - points[:, None]
+    cosine = (to_scanners * normals[:, None]).sum(axis=-1) / np.linalg.norm(to_scanners, axis=-1)
+    buried = above < -spacing  # ends below the ground: no plinth is seen
+    back = (above >= -spacing) & (cosine.max(axis=1) < UNSEEN_COSINE) & (gap > GAP * spacing)
+    points = points + np.where(back, BULGE * np.minimum(gap, np.maximum(above, 0)), 0)[:, None] * normals
+    return Cloud(points[buried | back], normals[buried | back])
+
+
+def hull_mesh(points: np.ndarray) -> Mesh:
+    """The convex hull of points (n, 3), faces outward.
+
+    Raises
+    ------
+    ReconstructionError
+        The points span no volume.
+    """
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError) as error:
+        raise ReconstructionError(f"{len(points)} points span no volume") from error
+    faces = hull.simplices.copy()
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    used = np.unique(faces)
+    return Mesh(points[used], np.searchsorted(used, faces))
+
+
+def _outline(points: np.ndarray) -> np.ndarray:
+    """(n, 2) corners of the plan's convex hull."""
+    try:
+        return points[ConvexHull(points[:, :2]).vertices, :2]
+    except (QhullError, ValueError) as error:
+        raise ReconstructionError(f"{len(points)} points lie on one line or are too few") from error
+
+
+def _sunk(places: np.ndarray, grid: FloorGrid, ground: np.ndarray) -> np.ndarray:
+    """(n, 3) places (n, 2) below the ground."""
+    return np.column_stack([places, grid.sample(ground, places) - SINK])
+
+
+def _sampled(mesh: Mesh, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) about `spacing` apart on every face, and the faces' unit normals (n, 3)."""
+    points, normals = [], []
+    for corners in mesh.vertices[mesh.faces]:
+        a, b, c = corners
+        normal = np.cross(b - a, c - a)
+        length = np.linalg.norm(normal)
+        if length < 1e-12:
+            continue
+        steps = max(1, int(np.ceil(max(np.linalg.norm(b - a), np.linalg.norm(c - a), np.linalg.norm(c - b)) / spacing)))
+        u, v = (grid.ravel() + 1 / 3 for grid in np.meshgrid(np.arange(steps), np.arange(steps)))
+        inside = u + v < steps
+        u, v = u[inside, None] / steps, v[inside, None] / steps
+        points.append(a + u * (b - a) + v * (c - a))
+        normals.append(np.tile(normal / length, (len(u), 1)))
+    return np.concatenate(points), np.concatenate(normals)

@@ -1,0 +1,158 @@
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.analog.generate import generate_terrain
+from polarsim.analog.options import AnalogOptions
+from polarsim.errors import ConfigError
+from polarsim.formats import nasa, obj, png, tables, yolo
+from polarsim.formats.rigs import read_placed
+from polarsim.geometry.boxes import iou
+from polarsim.geometry.stereo import rectified_left
+from polarsim.photo import PhotoKey, photo_grid
+from polarsim.survey import terrain_folder
+
+TERRAIN = 11
+KEYS = [PhotoKey.parse(text) for text in ("11_A_off_30_L_0064", "11_A_off_30_L_0256", "11_A_on_no_L_8192")]
+
+
+def generate(root, options, keys=KEYS, terrain=TERRAIN):
+    generate_terrain(
+        terrain=terrain, keys=keys, raw=root / terrain_folder(terrain),
+        ranges=root / nasa.RANGE_FOLDER / f"Terrain{terrain:02d}", seeds=root / "Labels" / f"Terrain{terrain:02d}",
+        truth=root / "truth" / f"Terrain{terrain:02d}", options=options, threads=1,
+    )  # fmt: skip
+
+
+def files_of(root):
+    return {str(path.relative_to(root)): path.read_bytes() for path in sorted(root.rglob("*")) if path.is_file()}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory, coarse):
+    root = tmp_path_factory.mktemp("analog")
+    generate(root, coarse)
+    return root
+
+
+def test_photos_are_there_for_the_keys_and_no_others(made):
+    photos = nasa.find_photos(nasa.find_terrain_folder(made, TERRAIN), TERRAIN)
+    assert [key for key, _ in photos] == sorted(KEYS)
+    for _, path in photos:
+        pixels = png.read_photo(path)
+        assert np.percentile(pixels, 5) < 120  # shadows
+        assert pixels.max() == 4095  # the near wall
+    names = [path.name for _, path in photos]
+    assert len({name.split("_")[1] for name in names}) == len(names)  # a token of its own for each pair
+
+
+def test_a_longer_exposure_of_the_same_set_is_brighter(made):
+    photos = dict(nasa.find_photos(nasa.find_terrain_folder(made, TERRAIN), TERRAIN))
+    short, long = (np.median(png.read_photo(photos[key]).astype(float)[400:700]) - 16 for key in KEYS[:2])
+    assert long == pytest.approx(4 * short, rel=0.1)
+
+
+def test_the_terrain_is_laid_out_as_nasa_did(made):
+    folder = nasa.find_terrain_folder(made, TERRAIN)
+    assert folder.name == "Terrain11_FreshCrater"
+    calibration = nasa.read_calibration(folder / nasa.CALIBRATION_NAME)
+    assert abs(calibration.left.fx - 2068) < 25
+    maps, clouds = nasa.find_scans(made, TERRAIN)
+    assert sorted(maps) == ["A", "B", "C"]
+    assert sorted(clouds) == ["A", "C"]
+
+
+@pytest.mark.parametrize("position", ["A", "B", "C"])
+def test_range_maps_show_the_true_ground_where_the_true_cameras_say(made, position):
+    truth = made / "truth" / "Terrain11"
+    placed = read_placed(truth / "cameras" / f"Pos{position}.json")
+    calibration = nasa.read_calibration(nasa.find_terrain_folder(made, TERRAIN) / nasa.CALIBRATION_NAME)
+    grid = rectified_left(calibration)
+    maps, _ = nasa.find_scans(made, TERRAIN)
+    points = nasa.read_range_map(maps[position])[::8, ::8].reshape(-1, 3)
+    points = points[np.isfinite(points).all(axis=1)].astype(float)
+    sandbox = (placed.sandbox_from_left @ grid.left_from_rectified).apply(points)
+    inside = sandbox[(np.abs(sandbox[:, :2]).max(axis=1) < 1.8)]
+    ground = obj.read(truth / "meshes" / obj.ground_name(TERRAIN)).vertices
+    from scipy.spatial import cKDTree
+
+    _, near = cKDTree(ground[:, :2]).query(inside[:, :2])
+    off = inside[:, 2] - ground[near, 2]
+    assert len(inside) > 1000
+    assert abs(np.median(off)) < 0.012  # the registration's error and the noise
+    assert np.percentile(np.abs(off), 80) < 0.03
+
+
+def test_clouds_and_maps_of_a_position_lie_in_one_frame(made):
+    maps, clouds = nasa.find_scans(made, TERRAIN)
+    cloud = nasa.read_cloud(clouds["A"])
+    grid = rectified_left(nasa.read_calibration(nasa.find_terrain_folder(made, TERRAIN) / nasa.CALIBRATION_NAME)).lens
+    pixels = np.floor(grid.project(cloud))
+    inside = (pixels >= 0).all(axis=1) & (pixels < [1936, 1216]).all(axis=1)
+    column, row = pixels[inside].astype(int).T
+    depth = nasa.read_range_map(maps["A"])[row, column, 2]
+    assert np.nanmedian(np.abs(depth - cloud[inside][:, 2])) < 0.01
+
+
+def test_truth_tells_lamps_rocks_and_meshes(made):
+    truth = made / "truth" / "Terrain11"
+    assert sorted(json.loads((truth / "lamps.json").read_text())) == [
+        "180", "270", "30", "350", "rover_A", "rover_B", "rover_C",
+    ]  # fmt: skip
+    rocks = tables.read_parquet(truth / "rocks.parquet", ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3"])
+    meshes = obj.rock_files(truth / "meshes")
+    assert sorted(meshes) == rocks["rock"].tolist() == list(range(1, 10))
+    for row in rocks.itertuples():
+        vertices = obj.read(meshes[row.rock]).vertices
+        np.testing.assert_allclose((vertices.min(axis=0) + vertices.max(axis=0)) / 2, [row.x, row.y, row.z], atol=1e-5)
+        assert 0 < row.volume_m3 < np.prod(np.ptp(vertices, axis=0))
+        assert 0 < row.height_m < 0.2
+
+
+def test_true_labels_are_the_boxes_of_the_true_meshes(made):
+    truth = made / "truth" / "Terrain11"
+    labels = tables.read_parquet(truth / "labels.parquet", [*tables.LABEL_COLUMNS, "visible_px", "contrast"])
+    assert set(labels["key"]) == {str(key) for key in KEYS}
+    assert set(labels["kind"]) == {"rock", "shadow"}
+    placed = read_placed(truth / "cameras" / "PosA.json")
+    meshes = {rock: obj.read(path).vertices for rock, path in obj.rock_files(truth / "meshes").items()}
+    overlaps = []
+    for row in labels[(labels["kind"] == "rock") & (labels["key"] == str(KEYS[0]))].itertuples():
+        pixels = placed.project("L", meshes[row.rock])
+        box = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+        overlaps.append(iou(box[None], np.array([[row.x0, row.y0, row.x1, row.y1]]))[0, 0])
+    assert len(overlaps) >= 6
+    assert np.median(overlaps) > 0.85  # some stand behind others
+
+
+def test_seeds_are_one_a_sun_and_near_the_truth(made):
+    files = sorted((made / "Labels" / "Terrain11").iterdir())
+    assert [path.name for path in files] == ["11_A_off_30_L_0256.txt"]
+    classes, boxes = yolo.read_boxes(files[0])
+    labels = pd.read_parquet(made / "truth" / "Terrain11" / "labels.parquet")
+    rocks = labels[(labels["key"] == files[0].stem) & (labels["kind"] == "rock")]
+    best = iou(boxes[classes == 0], rocks[["x0", "y0", "x1", "y1"]].to_numpy()).max(axis=1)
+    assert len(best) >= 2
+    assert np.median(best) > 0.5
+    assert best.max() < 1.0
+
+
+def test_scans_alone_are_the_same_bytes_every_time_and_need_no_photos(tmp_path, coarse, made):
+    options = coarse.model_copy(update={"photos": False})
+    generate(tmp_path, options)
+    again, before = files_of(tmp_path), files_of(made)
+    assert [name for name in again if name.endswith(".png")] == []
+    assert {name: before[name] for name in again if not name.endswith("labels.parquet")} == {
+        name: data for name, data in again.items() if not name.endswith("labels.parquet")
+    }
+    assert len(pd.read_parquet(tmp_path / "truth" / "Terrain11" / "labels.parquet")) == 0
+
+
+def test_a_terrain_that_nobody_knows_and_keys_of_another_one_are_refused(tmp_path):
+    with pytest.raises(ConfigError, match="terrain 14"):
+        generate(tmp_path, AnalogOptions(), [], terrain=14)
+    with pytest.raises(ConfigError, match="03_A"):
+        generate(tmp_path, AnalogOptions(), [next(photo_grid(3))])
+    assert list(tmp_path.iterdir()) == []

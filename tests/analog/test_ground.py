@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+
+from polarsim.analog.ground import CRATER_CENTRE, Ground, make_ground, pile_sand
+from polarsim.analog.presets import PRESETS
+
+
+def test_every_terrain_of_the_data_set_has_a_preset():
+    assert sorted(PRESETS) == list(range(1, 14))
+    assert PRESETS[6].rocks == 0  # Smooth
+
+
+def test_the_same_seed_shapes_the_same_sand():
+    first, second = (make_ground(PRESETS[4], 0.02, np.random.default_rng(5)) for _ in range(2))
+    np.testing.assert_array_equal(first.heights, second.heights)
+
+
+@pytest.mark.parametrize("terrain", [1, 6, 9])
+def test_the_sand_lies_at_zero_in_the_centre_and_within_a_hand_everywhere(terrain):
+    ground = make_ground(PRESETS[terrain], 0.02, np.random.default_rng(terrain))
+    assert abs(ground.height_at(np.zeros(1), np.zeros(1))[0]) < 0.02
+    assert np.abs(ground.heights).max() < 0.15
+    assert ground.axis[0] <= -2
+    assert ground.axis[-1] >= 2
+
+
+def test_a_smooth_terrain_is_smoother_than_a_trowelled_one():
+    smooth, rough = (make_ground(PRESETS[t], 0.02, np.random.default_rng(3)) for t in (6, 1))
+    assert np.abs(np.diff(smooth.heights)).mean() < 0.5 * np.abs(np.diff(rough.heights)).mean()
+
+
+def test_a_fresh_crater_is_a_bowl_two_metres_wide_with_a_raised_rim():
+    ground = make_ground(PRESETS[11], 0.02, np.random.default_rng(3))
+    angle = np.linspace(0, 2 * np.pi, 72, endpoint=False)
+
+    def ring(radius):
+        return ground.height_at(CRATER_CENTRE[0] + radius * np.cos(angle), CRATER_CENTRE[1] + radius * np.sin(angle))
+
+    profile = {radius: np.median(ring(radius)) for radius in (0.1, 0.5, 1.0, 1.5)}
+    assert profile[0.1] < -0.15
+    assert profile[0.1] < profile[0.5] < profile[1.0]
+    assert profile[1.0] > profile[1.5] + 0.04
+
+
+def test_heights_between_nodes_are_bilinear():
+    axis = np.linspace(-1, 1, 5)
+    plane = Ground(axis, 0.1 * axis[:, None] + 0.2 * axis[None, :])
+    np.testing.assert_allclose(plane.height_at(np.array([0.3]), np.array([-0.7])), [0.03 - 0.14])
+
+
+def test_the_mesh_faces_up_and_keeps_the_heights():
+    ground = make_ground(PRESETS[3], 0.05, np.random.default_rng(1))
+    vertices, faces = ground.mesh()
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    assert (np.cross(b - a, c - a)[:, 2] > 0).all()
+    np.testing.assert_allclose(ground.height_at(vertices[:, 0], vertices[:, 1]), vertices[:, 2], atol=1e-12)
+
+
+def test_sand_is_swept_up_at_the_foot_of_a_rock_and_nowhere_else():
+    flat = Ground(np.linspace(-1, 1, 201), np.zeros((201, 201)))
+    piled = pile_sand(flat, np.random.default_rng(1), np.array([[0.2, 0.3]]), np.array([0.1]))
+    foot = piled.height_at(np.array([0.3]), np.array([0.3]))[0]
+    assert 0 < piled.heights.max() < 0.03
+    assert foot > -0.01
+    assert piled.height_at(np.array([-0.5]), np.array([0.3]))[0] == 0

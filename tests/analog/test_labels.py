@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+
+from polarsim.analog.annotator import annotate, draw_rock
+from polarsim.analog.light import Lamp, visibility
+from polarsim.analog.regions import Region, contrast, rock_regions, shadow_regions
+
+BALL_RADIUS, BALL_HEIGHT = 0.15, 0.10  # metres, of the ball that conftest puts into the scene
+
+LAMP = Lamp(np.array([0.0, 3.5, 0.9]), np.zeros(3), 0.03)
+
+
+def square(rock, x0, y0, size):
+    return Region(rock, (x0, y0, x0 + size, y0 + size), np.ones((size, size), bool))
+
+
+def test_the_region_of_a_rock_is_its_tight_box(ball_view):
+    (region,) = rock_regions(ball_view)
+    rows, columns = np.nonzero(ball_view.objects == 1)
+    assert region.rock == 1
+    assert region.box == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+    assert region.pixels == len(rows)
+
+
+def test_a_cast_shadow_is_the_sand_whose_ray_to_the_lamp_meets_the_rock(ball_scene, ball_caster, ball_view, rng):
+    seen = visibility(ball_view, ball_caster, LAMP, rng, 1)
+    (region,) = shadow_regions(ball_scene, ball_caster, ball_scene.rock_caster(), ball_view, LAMP, seen, 1)
+    x0, y0, x1, y1 = region.box
+    places = ball_view.places[y0:y1, x0:x1][region.mask]
+    to_lamp = LAMP.place - places
+    to_lamp /= np.linalg.norm(to_lamp, axis=1, keepdims=True)
+    to_ball = np.array([0, 0, BALL_HEIGHT]) - places
+    along = np.einsum("ij,ij->i", to_ball, to_lamp)
+    assert (np.linalg.norm(to_ball - along[:, None] * to_lamp, axis=1) < BALL_RADIUS).all()
+    top = BALL_HEIGHT + BALL_RADIUS * 0.97  # the tangent to the ball's top meets the sand about there
+    assert places[:, 1].min() == pytest.approx(-top * 3.5 / (0.9 - top), rel=0.15)
+
+
+def test_sand_that_a_wall_shades_too_is_no_rocks_shadow(ball_scene, ball_caster, ball_view, rng):
+    low = Lamp(np.array([0.0, 3.5, 0.34]), np.zeros(3), 0.03)  # the wall's top is at 0.31: all sand lies in its shadow
+    seen = visibility(ball_view, ball_caster, low, rng, 1)
+    assert shadow_regions(ball_scene, ball_caster, ball_scene.rock_caster(), ball_view, low, seen, 1) == []
+
+
+def test_a_scene_without_rocks_has_no_shadows(ball_scene, ball_caster, ball_view):
+    seen = np.zeros(ball_view.shape, np.float32)
+    assert shadow_regions(ball_scene, ball_caster, None, ball_view, LAMP, seen, 1) == []
+
+
+def test_contrast_is_the_difference_to_the_surroundings():
+    photo = np.full((1216, 1936), 500, np.uint16)
+    photo[100:140, 200:240] = 100
+    assert contrast(square(1, 200, 100, 40), photo) == pytest.approx(-400)
+    photo[0:40, 0:40] = 900
+    assert contrast(square(1, 0, 0, 40), photo) == pytest.approx(400)  # also at the photo's corner
+
+
+BRIGHT = np.full((1216, 1936), 1500, np.uint16)
+
+
+def test_a_person_draws_whole_pixels_with_the_scatter_of_the_published_labels():
+    rng = np.random.default_rng(1)
+    boxes = np.array(
+        [b for b in (draw_rock(square(1, 500, 500, 65), BRIGHT, rng) for _ in range(1500)) if b is not None]
+    )
+    assert (boxes == np.round(boxes)).all()
+    off = boxes - [500, 500, 565, 565]
+    robust = 1.4826 * np.median(np.abs(off - np.median(off, axis=0)), axis=0)
+    np.testing.assert_allclose(robust, [4.3, 2.6, 4.7, 4.3], rtol=0.35)  # labels 50 to 80 px large
+    np.testing.assert_allclose(off.mean(axis=0), 0, atol=0.6)
+
+
+def test_small_and_dark_rocks_are_missed_more_often():
+    rng = np.random.default_rng(2)
+    dark = np.full((1216, 1936), 20, np.uint16)
+
+    def missed(size, photo):
+        return np.mean([draw_rock(square(1, 500, 500, size), photo, rng) is None for _ in range(400)])
+
+    assert missed(90, BRIGHT) < 0.03
+    assert 0.3 < missed(12, BRIGHT) < 0.7
+    assert missed(90, dark) > 0.5
+
+
+def test_shadows_are_drawn_from_the_usual_exposure_on_and_only_with_their_rocks():
+    photo = BRIGHT.copy()
+    photo[600:660, 500:560] = 100
+    rocks, shadows = [square(1, 500, 500, 90)], [square(1, 500, 600, 60), square(2, 900, 600, 60)]
+    rng = np.random.default_rng(3)
+    without, _ = annotate(rocks, shadows, photo, rng, with_shadows=False)
+    both = [annotate(rocks, shadows, photo, rng, with_shadows=True)[0].tolist() for _ in range(30)]
+    assert set(without) <= {0}
+    assert max(classes.count(1) for classes in both) == 1  # rock 2 was not drawn
+    assert sum(classes == [0, 1] for classes in both) > 20

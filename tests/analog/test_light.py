@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+
+from polarsim.analog.light import AMBIENT, Lamp, direct, gather_bounce, visibility
+from polarsim.analog.reflectance import reflect
+from polarsim.analog.sandbox import GROUND_OBJECT
+from polarsim.analog.view import lens_directions, look, make_textures
+from polarsim.geometry.poses import looking
+from polarsim.geometry.stereo import stated_rig
+
+BALL_RADIUS, BALL_HEIGHT = 0.15, 0.10  # metres, of the ball that conftest puts into the scene
+
+LAMP = Lamp(np.array([0.3, 3.5, 0.9]), np.zeros(3), 0.03)
+
+
+def upper_directions(rng, count):
+    directions = rng.normal(0, 1, (count, 3)).astype(np.float32)
+    directions[:, 2] = np.abs(directions[:, 2]) + 0.05
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("material", range(9))
+def test_reflection_is_positive_and_the_same_when_light_and_eye_change_places(rng, material):
+    to_light, to_eye = upper_directions(rng, 500), upper_directions(rng, 500)
+    normals = np.tile(np.float32([0, 0, 1]), (500, 1))
+    plain = np.full(500, material), np.full(500, 0.3, np.float32), np.full(500, 0.2, np.float32), normals
+    forth = reflect(*plain, to_light, to_eye) / to_light[:, 2]
+    back = reflect(*plain, to_eye, to_light) / to_eye[:, 2]
+    assert (forth > 0).all()
+    np.testing.assert_allclose(forth, back, rtol=1e-4)
+
+
+def test_sand_surges_when_light_and_eye_are_on_one_line_and_keeps_its_energy(rng):
+    normal = np.float32([[0, 0, 1]])
+    sand = np.array([0]), np.float32([0.19]), np.float32([0]), normal
+    overhead = np.float32([[0.5, 0, np.sqrt(0.75)]])
+    away = np.float32([[-0.5, 0, np.sqrt(0.75)]])
+    assert reflect(*sand, overhead, overhead)[0] > 1.3 * reflect(*sand, overhead, away)[0]
+    out = rng.normal(0, 1, (200_000, 3)).astype(np.float32)
+    out[:, 2] = np.abs(out[:, 2])
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    for light in (np.float32([0, 0, 1]), np.float32([0.985, 0, 0.173])):
+        many = (np.zeros(len(out), int), np.full(len(out), 0.19, np.float32), np.zeros(len(out), np.float32))
+        brdf_cos = reflect(*many, np.broadcast_to(normal, out.shape), np.broadcast_to(light, out.shape), out) / light[2]
+        reflected = 2 * np.pi * (brdf_cos * out[:, 2]).mean()
+        assert 0.1 < reflected < 0.6  # of the light that came
+
+
+def test_a_lamp_grows_dimmer_with_the_square_of_the_distance():
+    on_axis = -LAMP.axis[None].astype(np.float32)
+    near, far = (LAMP.irradiance(on_axis, np.float32([d]))[0] for d in (2.0, 6.0))
+    assert near == pytest.approx(9 * far)
+    assert near == pytest.approx(0.25)
+
+
+def test_the_net_of_nodes_solves_the_lens_to_a_few_thousandths_of_a_pixel():
+    lens = stated_rig().left
+    exact = lens.pixel_directions(slice(None, None, 37), slice(None, None, 41))
+    error = lens_directions(lens)[::37, ::41] - exact
+    assert np.abs(error * lens.fx).max() < 0.003
+
+
+def test_a_view_places_each_pixel_on_the_flat_sand_that_its_ray_meets(ball_view, small_lens):
+    pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
+    sand = ball_view.objects == GROUND_OBJECT
+    np.testing.assert_allclose(ball_view.places[sand][:, 2], 0, atol=1e-5)
+    row, column = np.argwhere(sand)[1000]
+    pixel = small_lens.project(pose.inverse().apply(ball_view.places[row, column].astype(float)))
+    np.testing.assert_allclose(pixel, [column + 0.5, row + 0.5], atol=0.01)
+
+
+def test_the_shadow_of_a_ball_lies_where_geometry_says(ball_view, ball_caster, rng):
+    seen = visibility(ball_view, ball_caster, LAMP, rng, 1)
+    sand = (ball_view.objects == GROUND_OBJECT) & (np.abs(ball_view.places[..., :2]).max(axis=-1) < 1)
+    to_lamp = LAMP.place - ball_view.places
+    to_lamp /= np.linalg.norm(to_lamp, axis=-1, keepdims=True)
+    to_ball = np.array([0, 0, BALL_HEIGHT]) - ball_view.places
+    along = np.einsum("...k,...k->...", to_ball, to_lamp)
+    miss = np.linalg.norm(to_ball - along[..., None] * to_lamp, axis=-1)
+    blocked = (along > 0) & (miss < BALL_RADIUS - 0.02)
+    clear = (miss > BALL_RADIUS + 0.02) | (along < 0)
+    assert (sand & blocked).sum() > 100
+    assert seen[sand & blocked].mean() < 0.05
+    assert seen[sand & clear].mean() > 0.97
+
+
+def test_a_wider_lamp_makes_a_softer_shadow(ball_view, ball_caster):
+    def half_lit(radius):
+        lamp = Lamp(LAMP.place, LAMP.target, radius)
+        seen = visibility(ball_view, ball_caster, lamp, np.random.default_rng(1), 1)
+        sand = (ball_view.objects == GROUND_OBJECT) & (np.abs(ball_view.places[..., :2]).max(axis=-1) < 1)
+        return ((seen > 0.2) & (seen < 0.8) & sand).sum()
+
+    assert half_lit(0.15) > 2 * half_lit(0.01)
+
+
+def test_sand_in_shadow_gets_light_from_walls_and_rocks(ball_scene, ball_caster, ball_view, rng):
+    bounce = gather_bounce(ball_scene, ball_caster, {"lamp": LAMP}, rng, 1)
+    indirect = bounce.at(ball_scene, ball_view, "lamp")
+    lit = direct(ball_view, LAMP, visibility(ball_view, ball_caster, LAMP, rng, 1))
+    sand = ball_view.objects == GROUND_OBJECT
+    assert (indirect[sand] > 0).mean() > 0.99
+    assert 0.002 < np.median(indirect[sand]) / np.median(lit[sand]) < 0.3
+    assert (bounce.vectors[AMBIENT] != 0).any()
+
+
+def test_the_same_generator_lights_the_same_picture(ball_view, ball_caster):
+    first, second = (visibility(ball_view, ball_caster, LAMP, np.random.default_rng(4), 1) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_looking_twice_sees_the_same(ball_scene, ball_caster, ball_view, small_lens):
+    pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
+    textures = make_textures(np.random.default_rng(2))
+    again = look(ball_scene, ball_caster, textures, small_lens, lens_directions(small_lens), pose, 2)
+    np.testing.assert_array_equal(again.places, ball_view.places)
+    np.testing.assert_array_equal(again.albedo, ball_view.albedo)

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from polarsim.analog.light import Lamp
+from polarsim.analog.options import AnalogOptions
+from polarsim.analog.sensor import expose, lamp_glare, through_lens
+from polarsim.geometry.poses import looking
+from polarsim.geometry.stereo import stated_rig
+
+OPTIONS = AnalogOptions()
+FLAT = np.ones((300, 300), np.float32)
+
+
+def shoot(level, exposure_ms, seed=1):
+    return expose(level * FLAT, exposure_ms, 1.0, OPTIONS, np.random.default_rng(seed), FLAT)
+
+
+def test_a_dark_photo_lies_at_the_black_level_with_the_read_noise():
+    photo = shoot(0.0, 100).astype(float)
+    assert photo.mean() == pytest.approx(16, abs=0.02)
+    assert photo.std() == pytest.approx(np.hypot(7 / 8, np.sqrt(1 / 12)), rel=0.02)  # read noise and rounding
+
+
+@pytest.mark.parametrize("electrons", [800, 8000, 24000])
+def test_noise_grows_with_the_root_of_the_light(electrons):
+    photo = shoot(electrons / 128, 128).astype(float)
+    assert photo.mean() - 16 == pytest.approx(electrons / 8, rel=0.005)
+    assert photo.var() == pytest.approx((electrons + 49) / 64 + 1 / 12, rel=0.05)  # photon transfer curve
+
+
+def test_values_are_proportional_to_exposure_until_they_clip_at_twelve_bits():
+    half, full, far = (shoot(20.0, exposure).astype(float).mean() - 16 for exposure in (512, 1024, 8192))
+    assert full == pytest.approx(2 * half, rel=0.01)
+    assert far == 4095 - 16
+    assert shoot(20.0, 8192).dtype == np.uint16
+
+
+def test_the_lens_darkens_corners_and_spreads_bright_light():
+    image = np.full((400, 640), 0.01, np.float32)
+    image[195:205, 315:325] = 100
+    seen = through_lens(image)
+    assert seen[2, 2] < 0.85 * seen[2, 320]  # vignetting
+    assert seen[200, 400] > 1.05 * through_lens(np.full_like(image, 0.01))[200, 400]  # glare
+
+
+def test_a_lamp_in_the_picture_glares_most_at_its_own_place():
+    lens = stated_rig().left
+    pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(20))
+    lamp = Lamp(np.array([-3.5, 0.5, 0.75]), np.zeros(3), 0.045)
+    glare = lamp_glare(lamp, lens, pose, 0.002, np.random.default_rng(1))
+    row, column = np.unravel_index(np.argmax(glare), glare.shape)
+    expected = lens.project(pose.inverse().apply(lamp.place))
+    assert np.hypot(column - expected[0], row - expected[1]) < 20
+
+
+def test_a_lamp_behind_the_camera_leaves_no_glare():
+    pose = looking(np.array([0.0, 0.0, 1.5]), np.pi, np.radians(20))
+    lamp = Lamp(np.array([5.0, 0.5, 1.5]), np.zeros(3), 0.045)
+    assert not lamp_glare(lamp, stated_rig().left, pose, 0.002, np.random.default_rng(1)).any()

@@ -1,0 +1,312 @@
+import logging
+
+import numpy as np
+import pytest
+import tifffile
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.errors import FormatError
+from polarsim.formats import nasa
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import StereoRig, rectified_left
+from polarsim.photo import PhotoKey
+
+TERRAIN_11 = """\
+made by a program
+CAMERA_MATRIX_LEFT: 2068.44 0 964.405 0 2064.29 593.512 0 0 1
+DISTORTION_COEFFICIENTS_LEFT: -0.108441 0.158389 0.000537106 -0.00127904
+CAMERA_MATRIX_RIGHT: 2065.6 0 952.098 0 2061.9 606.559 0 0 1
+DISTORTION_COEFFICIENTS_RIGHT: -0.114041 0.178219 -0.000146877 -0.00112736
+ROTATION_MATRIX: 0.999997 0.00172602 0.0019164 -0.00172807 0.999998 0.00106908 -0.00191455 -0.00107239 0.999998
+TRANSLATION_VECTOR: -0.301556 0.000599 0.001489
+"""  # NASA's own text of terrain 11
+SIZE = (12, 8)  # width and height of the little range maps here
+
+
+@pytest.fixture
+def calibration(tmp_path):
+    def write(text):
+        path = tmp_path / "stereo.calibration"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_rectifying_the_real_calibration_gives_the_matrix_of_the_real_range_maps(calibration):
+    lens = rectified_left(nasa.read_calibration(calibration(TERRAIN_11))).lens
+    # Current OpenCV; NASA's maps were made with 1991.49, 966.256, 600.347 by an older one. Their pixels start at -0.5.
+    assert lens.fx == pytest.approx(1990.6, abs=0.1)
+    assert lens.cx - 0.5 == pytest.approx(966.2, abs=0.1)
+    assert lens.cy - 0.5 == pytest.approx(600.1, abs=0.1)
+
+
+def test_the_right_camera_stands_a_baseline_to_the_right(calibration):
+    rig = nasa.read_calibration(calibration(TERRAIN_11))
+    assert rig.left_from_right.translation[0] == pytest.approx(0.3016, abs=1e-3)  # +x is right
+    assert rig.left.cx == 964.405 + 0.5
+
+
+def test_order_unknown_keys_and_other_lines_do_not_matter(calibration):
+    shuffled = "\n".join([*reversed(TERRAIN_11.splitlines()), "SOME_OTHER_KEY: 1 2 3", "", "no colon here"])
+    assert nasa.read_calibration(calibration(shuffled)).right == nasa.read_calibration(calibration(TERRAIN_11)).right
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("TRANSLATION_VECTOR: -0.301556 0.000599 0.001489", "", "TRANSLATION_VECTOR is missing"),
+        ("0.000599 0.001489", "0.000599", "TRANSLATION_VECTOR has 2 numbers"),
+        ("-0.301556", "-301.556", "301.6 m long"),
+        ("ROTATION_MATRIX: 0.999997", "ROTATION_MATRIX: 0.9", "not orthogonal"),
+        ("0.158389", "abc", "DISTORTION_COEFFICIENTS_LEFT"),
+        ("0.158389", "nan", "not finite"),
+        ("2065.6 0", "2065.6 7", "no camera matrix"),
+        ("-0.00112736", "-0.00112736 0 0.1 0 0", "beyond k3"),
+    ],
+)
+def test_a_broken_calibration_is_refused_with_the_file_and_the_reason(calibration, old, new, reason):
+    path = calibration(TERRAIN_11.replace(old, new))
+    with pytest.raises(FormatError, match=reason) as caught:
+        nasa.read_calibration(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_eight_distortion_terms_are_fine_where_the_last_three_are_zero(calibration):
+    rig = nasa.read_calibration(calibration(TERRAIN_11.replace("-0.00112736", "-0.00112736 0.02 0 0 0")))
+    assert rig.right.distortion[4] == 0.02
+
+
+numbers = st.floats(-0.2, 0.2)
+
+
+@settings(max_examples=25)
+@given(
+    focal=st.floats(1500, 2500), centre=st.tuples(st.floats(900, 1000), st.floats(550, 650)),
+    terms=st.tuples(numbers, numbers, numbers, numbers, numbers), turn=st.tuples(numbers, numbers, numbers),
+)  # fmt: skip
+def test_a_calibration_survives_writing_and_reading(tmp_path_factory, focal, centre, terms, turn):
+    lens = Lens(focal, focal * 0.99, *centre, terms)
+    rig = StereoRig(lens, Lens(focal + 1, focal, *centre), Pose.from_rotvec(np.array(turn), np.array([0.3, 0.01, 0.0])))
+    path = tmp_path_factory.mktemp("calibration") / nasa.CALIBRATION_NAME
+    nasa.write_calibration(path, rig)
+    again = nasa.read_calibration(path)
+    points = np.array([[0.4, 0.2, 1.0], [-0.4, -0.3, 1.0]])
+    np.testing.assert_allclose(again.left.project(points), lens.project(points), atol=0.01)  # six digits, px
+    np.testing.assert_allclose(again.left_from_right.matrix, rig.left_from_right.matrix, atol=3e-6)
+
+
+def points_with_gaps(rng):
+    points = rng.uniform(1, 7, (SIZE[1], SIZE[0], 3)).astype(np.float32)
+    points[2, 3] = np.nan
+    return points
+
+
+def test_a_range_map_survives_writing_and_reading(tmp_path, rng):
+    points = points_with_gaps(rng)
+    nasa.write_range_map(tmp_path / "map.tif", points)
+    np.testing.assert_allclose(nasa.read_range_map(tmp_path / "map.tif", SIZE), points, rtol=1e-6)
+    stored = tifffile.imread(tmp_path / "map.tif")
+    assert stored.dtype == np.float32
+    assert (stored[2, 3] == 0).all()
+    assert stored[0, 0, 2] == pytest.approx(1000 * points[0, 0, 2], rel=1e-6)  # millimetres in the file
+
+
+def test_a_range_map_with_bands_first_and_a_fourth_band_is_read_the_same(tmp_path, rng):
+    points = points_with_gaps(rng)
+    bands = np.moveaxis(np.nan_to_num(points * 1000), -1, 0)
+    tifffile.imwrite(tmp_path / "planes.tif", np.concatenate([bands, bands[:1]]), photometric="minisblack")
+    np.testing.assert_allclose(nasa.read_range_map(tmp_path / "planes.tif", SIZE), points, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("stored", "reason"),
+    [
+        (np.ones((8, 12), np.float32), "3 bands"),
+        (np.ones((8, 12, 2), np.float32), "3 bands"),
+        (np.ones((9, 12, 3), np.float32), "expected 8 rows, 12 columns"),
+        (np.zeros((8, 12, 3), np.float32), "no valid point"),
+        (np.full((8, 12, 3), np.nan, np.float32), "no valid point"),
+        (np.ones((8, 12, 3), np.complex64), "complex64"),
+    ],
+)
+def test_a_tiff_that_is_no_range_map_is_refused(tmp_path, stored, reason):
+    tifffile.imwrite(tmp_path / "map.tif", stored, photometric="minisblack")
+    with pytest.raises(FormatError, match=reason):
+        nasa.read_range_map(tmp_path / "map.tif", SIZE)
+
+
+def test_a_huge_declared_size_is_refused_before_pixels_are_read(tmp_path, rng):
+    nasa.write_range_map(tmp_path / "map.tif", points_with_gaps(rng))
+    data = bytearray((tmp_path / "map.tif").read_bytes())
+    with tifffile.TiffFile(tmp_path / "map.tif") as tiff:
+        tags = tiff.pages[0].tags
+        for name in ("ImageWidth", "ImageLength"):
+            offset = tags[name].valueoffset
+            data[offset : offset + 2] = (60000).to_bytes(2, "little")
+    (tmp_path / "map.tif").write_bytes(data)
+    with pytest.raises(FormatError, match="60000"):
+        nasa.read_range_map(tmp_path / "map.tif", SIZE)
+
+
+@pytest.mark.parametrize("name", ["a.xyz", "b.txt", "c.pts"])
+def test_a_cloud_survives_writing_and_reading_to_a_twentieth_of_a_millimetre(tmp_path, rng, name):
+    points = rng.normal(0, 3, (200, 3))
+    nasa.write_cloud(tmp_path / name, points, rng.integers(0, 255, 200))
+    np.testing.assert_allclose(nasa.read_cloud(tmp_path / name), points, atol=0.5e-4 + 1e-9)
+
+
+def test_a_cloud_is_written_as_lines_of_millimetres(tmp_path):
+    nasa.write_cloud(tmp_path / "a.xyz", np.array([[1.23456, -0.5, 0.00004]]), np.array([7]))
+    assert (tmp_path / "a.xyz").read_text() == "1234.6 -500 0 7\n"
+
+
+def test_headers_counts_and_commas_of_other_programs_are_understood(tmp_path):
+    (tmp_path / "a.pts").write_text("2\n1000 2000 3000 5 0 0 0\n4000 5000 6000 5 0 0 0\n")
+    (tmp_path / "b.txt").write_text("// X,Y,Z\n1000,2000,3000\n4000,5000,6000\n")
+    for name in ("a.pts", "b.txt"):
+        np.testing.assert_allclose(nasa.read_cloud(tmp_path / name), [[1, 2, 3], [4, 5, 6]])
+
+
+def test_a_ply_cloud_is_read_in_millimetres_unless_told_otherwise(tmp_path):
+    header = (
+        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+    )
+    (tmp_path / "a.ply").write_text(header + "1000 2000 3000\n4000 5000 6000\n")
+    np.testing.assert_allclose(nasa.read_cloud(tmp_path / "a.ply"), [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_allclose(nasa.read_cloud(tmp_path / "a.ply", unit_m=1.0)[0], [1000, 2000, 3000])
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("a.xyz", ""), ("a.xyz", "1 2\n3 4\n"), ("a.xyz", "1 2 3\n4 5\n"), ("a.las", "1 2 3\n"),
+     ("a.xyz", "nan nan nan\n"), ("a.ply", "ply\nnonsense"), ("a.xyz", "1 2 3\nx y z\n"), ("a.pts", "\x00\x01\x02")],
+)  # fmt: skip
+def test_a_file_that_is_no_cloud_is_refused(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(FormatError):
+        nasa.read_cloud(tmp_path / name)
+
+
+READERS = {
+    "stereo.calibration": nasa.read_calibration,
+    "PosA_org-XYZ.tif": lambda path: nasa.read_range_map(path, SIZE),
+    "PosA.xyz": nasa.read_cloud,
+    "PosA.ply": nasa.read_cloud,
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_damaged_bytes_give_a_format_error_or_a_result_and_nothing_else(tmp_path, rng, name):
+    path = tmp_path / name
+    if name.endswith("calibration"):
+        path.write_text(TERRAIN_11)
+    elif name.endswith("tif"):
+        nasa.write_range_map(path, points_with_gaps(rng))
+    elif name.endswith("ply"):
+        header = "ply\nformat binary_little_endian 1.0\nelement vertex 20\n"
+        fields = "".join(f"property float {axis}\n" for axis in "xyz")
+        path.write_bytes((header + fields + "end_header\n").encode() + rng.normal(0, 1, 60).astype("<f4").tobytes())
+    else:
+        nasa.write_cloud(path, rng.normal(0, 1, (20, 3)), np.zeros(20))
+    sound = path.read_bytes()
+    READERS[name](path)
+    complaints = []
+    for _ in range(150):
+        damaged = bytearray(sound)
+        for place in rng.integers(0, len(sound), rng.integers(1, 6)):
+            damaged[place] = rng.integers(0, 256)
+        path.write_bytes(damaged[: rng.integers(1, len(damaged) + 1)] if rng.random() < 0.4 else damaged)
+        try:
+            READERS[name](path)
+        except FormatError as error:
+            complaints.append(str(error))
+    assert len(complaints) > 10  # the damage was real
+    assert all(name in text and "\n" not in text for text in complaints)
+
+
+def test_every_reader_names_a_file_that_is_missing(tmp_path):
+    for name, read in READERS.items():
+        with pytest.raises(FormatError, match=name):
+            read(tmp_path / name)
+
+
+def touch(path):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.touch()
+
+
+def test_photos_are_found_by_pattern_whatever_their_middle_token(tmp_path):
+    key = PhotoKey(11, "A", "off", "30", "L", 256)
+    dark = PhotoKey(11, "A", "on", "no", "R", 8192)
+    touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_259659217_0256.png")
+    touch(tmp_path / "Terrain11_FreshCrater/PosA_1500_Lon/NoSun/CamR_a_b-c_8192.png")  # one folder deeper
+    found = nasa.find_photos(tmp_path, 11)
+    assert [k for k, _ in found] == [key, dark]
+    assert found[0][1].name == "CamL_259659217_0256.png"
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["PosA_1500_Loff/Sun_30/CamL_1_0256 copy.png", "PosA_1500_Loff/Sun_45/CamL_1_0256.png", "CamL_1_0256.png",
+     "PosA_1500_Loff/Sun_30/CamL_1_0300.png", "PosH_1500_Loff/Sun_30/CamL_1_0256.png",
+     "PosA_1500_Loff/Sun_30/CamL_0256.png", "a/b/PosA_1500_Loff/Sun_30/CamL_1_0256.png"],
+)  # fmt: skip
+def test_other_pictures_are_strays_that_are_named_and_left_out(tmp_path, caplog, name):
+    touch(tmp_path / name)
+    with caplog.at_level(logging.WARNING, logger="polarsim"):
+        assert nasa.find_photos(tmp_path, 11) == []
+    assert [path.name for path in nasa.find_strays(tmp_path, 11)] == [name.split("/")[-1]]
+    assert name.split("/")[-1] in caplog.text
+
+
+def test_two_files_of_one_photo_are_refused(tmp_path):
+    touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_1_0256.png")
+    touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_2_0256.png")
+    with pytest.raises(FormatError, match="11_A_off_30_L_0256"):
+        nasa.find_photos(tmp_path, 11)
+
+
+keys = st.builds(
+    PhotoKey, st.just(3), st.sampled_from("ABC"), st.sampled_from(["on", "off"]),
+    st.sampled_from(["no", "30", "180", "270", "350"]), st.sampled_from("LR"), st.sampled_from([16, 256, 8192]),
+)  # fmt: skip
+
+
+@settings(max_examples=20)
+@given(wanted=st.sets(keys, min_size=1, max_size=12))
+def test_photos_are_found_where_the_writer_put_them(tmp_path_factory, wanted):
+    folder = tmp_path_factory.mktemp("terrain")
+    for key in wanted:
+        touch(nasa.photo_path(folder, key, "123"))
+    assert nasa.find_photos(folder, 3) == [(key, nasa.photo_path(folder, key, "123")) for key in sorted(wanted)]
+
+
+def test_folders_of_terrains_are_found_at_the_root_or_one_level_deeper(tmp_path):
+    (tmp_path / "download/Terrain03_MeanDistr").mkdir(parents=True)
+    (tmp_path / "Terrain11_FreshCrater").mkdir()
+    (tmp_path / "GroundTruth_RectifiedRangeMaps/Terrain06").mkdir(parents=True)  # bears no name: not a terrain's folder
+    assert nasa.find_terrain_folder(tmp_path, 11) == tmp_path / "Terrain11_FreshCrater"
+    assert nasa.find_terrain_folder(tmp_path, 3) == tmp_path / "download/Terrain03_MeanDistr"
+    assert nasa.find_terrain_folder(tmp_path, 6) is None
+
+
+def test_two_folders_of_one_terrain_are_refused(tmp_path):
+    (tmp_path / "Terrain11_FreshCrater").mkdir()
+    (tmp_path / "Terrain11_Other").mkdir()
+    with pytest.raises(FormatError, match="two folders of terrain 11"):
+        nasa.find_terrain_folder(tmp_path, 11)
+
+
+def test_scans_are_found_by_position(tmp_path):
+    touch(tmp_path / "GroundTruth_RectifiedRangeMaps/Terrain11/PosB_org-XYZ.tif")
+    touch(tmp_path / "GroundTruth_RectifiedRangeMaps/Terrain12/PosA_org-XYZ.tif")
+    touch(tmp_path / "Terrain11_FreshCrater/PosA.xyz")
+    touch(tmp_path / "Terrain11_FreshCrater/PosC.ply")
+    touch(tmp_path / "Terrain11_FreshCrater/PosC.notes")
+    maps, clouds = nasa.find_scans(tmp_path, 11)
+    assert {position: path.name for position, path in maps.items()} == {"B": "PosB_org-XYZ.tif"}
+    assert {position: path.name for position, path in clouds.items()} == {"A": "PosA.xyz", "C": "PosC.ply"}

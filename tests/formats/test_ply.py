@@ -1,0 +1,69 @@
+import numpy as np
+import open3d
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats import ply
+from polarsim.formats.ply import Cloud
+
+
+def cloud_of(rng, count):
+    normals = rng.normal(size=(count, 3))
+    return Cloud(rng.normal(size=(count, 3)), normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize("count", [0, 1, 500])
+def test_a_written_cloud_comes_back(rng, tmp_path, count):
+    cloud = cloud_of(rng, count)
+    ply.write(tmp_path / "rock1.ply", cloud)
+    back = ply.read(tmp_path / "rock1.ply")
+    np.testing.assert_allclose(back.points, cloud.points, rtol=1e-6)  # float32
+    np.testing.assert_allclose(back.normals, cloud.normals, atol=1e-6)
+    assert back.points.shape == (count, 3)
+
+
+def test_open3d_reads_the_same_points_and_normals(rng, tmp_path):
+    cloud = cloud_of(rng, 40)
+    ply.write(tmp_path / "rock1.ply", cloud)
+    read = open3d.io.read_point_cloud(str(tmp_path / "rock1.ply"))
+    np.testing.assert_allclose(np.asarray(read.points), cloud.points, rtol=1e-6)
+    np.testing.assert_allclose(np.asarray(read.normals), cloud.normals, atol=1e-6)
+
+
+def test_a_cut_off_file_is_refused_by_name(rng, tmp_path):
+    path = tmp_path / "rock1.ply"
+    ply.write(path, cloud_of(rng, 10))
+    path.write_bytes(path.read_bytes()[:-5])
+    with pytest.raises(FormatError, match=r"rock1.ply: 235 bytes of points, expected 10 x 24"):
+        ply.read(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "no PLY header"),
+        (b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n", "expected the format"),
+        (
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 0\nproperty float x\nend_header\n",
+            "expected the float",
+        ),
+    ],
+)
+def test_other_files_are_refused_with_a_reason(tmp_path, content, reason):
+    path = tmp_path / "rock1.ply"
+    path.write_bytes(content)
+    with pytest.raises(FormatError, match=reason):
+        ply.read(path)
+
+
+def test_a_missing_file_is_refused_by_name(tmp_path):
+    with pytest.raises(FormatError, match=r"rock9.ply: no readable PLY"):
+        ply.read(tmp_path / "rock9.ply")
+
+
+def test_a_value_that_is_not_finite_is_refused(rng, tmp_path):
+    cloud = cloud_of(rng, 3)
+    cloud.points[1, 2] = np.nan
+    ply.write(tmp_path / "rock1.ply", cloud)
+    with pytest.raises(FormatError, match="not finite"):
+        ply.read(tmp_path / "rock1.ply")

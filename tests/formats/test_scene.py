@@ -1,0 +1,28 @@
+import numpy as np
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats import obj
+from polarsim.formats.obj import Mesh
+from polarsim.formats.scene import read_terrain
+from polarsim.photo import NO_ROCK
+
+TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
+FACE = np.array([[0, 1, 2]])
+
+
+def test_each_face_knows_its_rock_and_keeps_its_place(tmp_path):
+    obj.write(tmp_path / "terrain04_ground.obj", Mesh(TRIANGLE, FACE), "ground")
+    obj.write(tmp_path / "terrain04_rock7.obj", Mesh(TRIANGLE + 2, FACE), "rock7")
+    obj.write(tmp_path / "terrain04_rock3.obj", Mesh(TRIANGLE + 1, FACE), "rock3")
+    terrain = read_terrain(tmp_path, 4)
+    assert terrain.rocks == [3, 7]
+    assert terrain.rock_of_face.tolist() == [NO_ROCK, 3, 7]
+    np.testing.assert_allclose(terrain.vertices[terrain.faces[1]], TRIANGLE + 1)
+    np.testing.assert_allclose(terrain.rock_vertices(7), TRIANGLE + 2)
+    np.testing.assert_allclose(terrain.normals, np.tile([0, 0, 1], (9, 1)))
+
+
+def test_a_folder_without_ground_is_refused_by_name(tmp_path):
+    with pytest.raises(FormatError, match=r"terrain04_ground.obj: the ground mesh is missing"):
+        read_terrain(tmp_path, 4)

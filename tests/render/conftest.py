@@ -1,0 +1,79 @@
+"""A terrain small enough to check by hand: level ground, a cube as rock 1, a camera above, lamps where a test wants."""
+
+import numpy as np
+import pytest
+
+from polarsim.formats import obj, rigs
+from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.stereo import StereoRig
+from polarsim.photo import NO_ROCK
+from polarsim.render.options import RenderOptions
+from polarsim.render.surfaces import box, surfaces_of
+
+SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
+SMALL = Lens(220.0, 220.0, 100.0, 70.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), 200, 140)
+PLAIN = RenderOptions(rim=False, bounce=0, falloff=True)
+
+
+def block(rock_ids=(1,), places=((0.0, 0.0),)):
+    """Ground at z = 0, 4 m wide, and blocks SIDE x SIDE x HEIGHT on it."""
+    ground = np.array([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], float)
+    vertices, faces, normals = [ground], [np.array([[0, 1, 2], [0, 2, 3]])], [np.tile([0.0, 0, 1], (4, 1))]
+    rock_of_face = [np.full(2, NO_ROCK)]
+    for rock, (x, y) in zip(rock_ids, places, strict=True):
+        low = np.array([x - SIDE / 2, y - SIDE / 2, 0.0])
+        v, f, n = box(low, low + np.array([SIDE, SIDE, HEIGHT]))
+        faces.append(f + sum(len(part) for part in vertices))
+        vertices.append(v)
+        normals.append(n)
+        rock_of_face.append(np.full(len(f), rock))
+    return TerrainMesh(*(np.concatenate(parts) for parts in (vertices, faces, rock_of_face, normals)))
+
+
+@pytest.fixture
+def blocks():
+    """`blocks(rock_ids, places)`: level ground with blocks 0.4 x 0.4 x 0.2 m on it."""
+    return block
+
+
+@pytest.fixture
+def lens():
+    return SMALL
+
+
+@pytest.fixture
+def plain():
+    """Nothing but surfaces and lamps: no walls, no indirect light."""
+    return PLAIN
+
+
+@pytest.fixture
+def camera():
+    """Above and beside the block."""
+    return looking(np.array([2.5, -0.3, 1.8]), np.pi, np.radians(35))
+
+
+@pytest.fixture
+def above():
+    """Straight above the block, image right is +X, image down is -Y."""
+    return Pose(np.array([[1, 0, 0], [0, -1, 0], [0, 0, -1]], float), np.array([0, 0, 3.0]))
+
+
+@pytest.fixture
+def surfaces(plain):
+    return surfaces_of(block(), plain)
+
+
+@pytest.fixture
+def folders(tmp_path, camera, lens):
+    """A terrain 1 on disk: meshes/ and cameras/PosA.json, photos of the small lens."""
+    mesh = block()
+    for rock, name in ((NO_ROCK, obj.ground_name(1)), (1, obj.rock_name(1, 1))):
+        faces = mesh.faces[mesh.rock_of_face == rock]
+        used, numbers = np.unique(faces, return_inverse=True)
+        obj.write(tmp_path / "meshes" / name, obj.Mesh(mesh.vertices[used], numbers.reshape(-1, 3)), "part")
+    rig = StereoRig(lens, lens, Pose(np.eye(3), np.array([0.3, 0, 0])))
+    rigs.write_placed(tmp_path / "cameras" / "PosA.json", rigs.PlacedRig(rig, camera, "test"))
+    return tmp_path

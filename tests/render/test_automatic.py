@@ -1,0 +1,124 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import png, tables, yolo
+from polarsim.photo import PhotoKey
+from polarsim.render.automatic import NO_LAMP, box_of_parts, boxes_of, label_twins, render_ids
+from polarsim.render.lamps import Lamp
+from polarsim.render.options import RenderOptions
+from polarsim.render.surfaces import RELIEF_SHADOW, surfaces_of
+
+SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
+
+SUN = Lamp(np.array([0.0, -3.0, 1.2]))
+KEYS = [PhotoKey.parse(f"03_A_{name}_{camera}_{ms:04d}") for name in ("off_30", "on_30", "on_no", "off_no")
+        for camera in "LR" for ms in (64, 256)]  # fmt: skip
+
+
+def corners(low, high):
+    return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+
+
+def projected_box(points, pose, lens):
+    pixels = lens.project(pose.inverse().apply(points))
+    return np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+
+
+def test_the_box_of_a_block_is_the_box_around_its_projected_corners(surfaces, camera, lens, plain):
+    ids = render_ids(surfaces, camera, lens, {}, threads=1)[NO_LAMP]
+    ((kind, rock, box),) = boxes_of(ids, plain)
+    expected = projected_box(corners([-SIDE / 2, -SIDE / 2, 0], [SIDE / 2, SIDE / 2, HEIGHT]), camera, lens)
+    assert (kind, rock) == ("rock", 1)
+    np.testing.assert_allclose(box, expected, atol=1.0)
+
+
+def test_the_shadow_of_a_block_is_its_projection_from_the_lamp(surfaces, above, lens, plain):
+    ids = render_ids(surfaces, above, lens, {"sun": SUN}, threads=1)["sun"]
+    tips = np.array([[x, SIDE / 2, HEIGHT] for x in (-SIDE / 2, SIDE / 2)])
+    tips = SUN.position + (tips - SUN.position) * SUN.position[2] / (SUN.position[2] - HEIGHT)  # down to z = 0
+    shadow = next(box for kind, rock, box in boxes_of(ids, plain) if kind == "shadow")
+    expected = projected_box(np.concatenate([tips, [[-SIDE / 2, SIDE / 2, 0], [SIDE / 2, SIDE / 2, 0]]]), above, lens)
+    np.testing.assert_allclose(shadow[[0, 1, 2]], expected[[0, 1, 2]], atol=1.0)
+    middle = ids[:, 100]  # through block and shadow: one begins where the other ends
+    assert np.flatnonzero(middle == 2001)[-1] + 1 == np.flatnonzero(middle == 1001)[0]
+
+
+def test_each_rock_has_the_shadow_that_it_throws(blocks, above, lens, plain):
+    surfaces = surfaces_of(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
+    ids = render_ids(surfaces, above, lens, {"sun": SUN}, threads=1)["sun"]
+    found = {(kind, rock): box for kind, rock, box in boxes_of(ids, plain)}
+    assert sorted(found) == [("rock", 4), ("rock", 7), ("shadow", 4), ("shadow", 7)]
+    for rock in (4, 7):  # the lamp stands at -Y, so shadows lie above the rocks in the picture, straight behind them
+        assert found["shadow", rock][1] < found["rock", rock][1]
+        assert found["shadow", rock][0] < found["rock", rock][2]
+        assert found["shadow", rock][2] > found["rock", rock][0]
+
+
+def test_shadows_where_a_wall_keeps_the_ground_dark_are_nobodys(blocks, above, lens, plain):
+    lamp = Lamp(np.array([0.0, -3.0, 0.35]))
+    for rim, expected in ((False, True), (True, False)):
+        surfaces = surfaces_of(blocks(), RenderOptions(rim=rim, rim_half_width_m=1.0, rim_height_m=0.3))
+        ids = render_ids(surfaces, above, lens, {"sun": lamp}, threads=1)["sun"]
+        assert ("shadow" in [kind for kind, _, _ in boxes_of(ids, plain)]) == expected
+        assert (ids == RELIEF_SHADOW).any() == rim
+
+
+def test_only_parts_of_some_size_make_a_box():
+    mask = np.zeros((20, 30), bool)
+    mask[5:9, 6:16] = True
+    mask[15, 25] = True  # a crumb
+    np.testing.assert_array_equal(box_of_parts(mask, 30, 5), [6, 5, 16, 9])
+    np.testing.assert_array_equal(box_of_parts(mask, 30, 1), [6, 5, 26, 16])
+    assert box_of_parts(mask, 41, 5) is None
+    assert box_of_parts(np.zeros((4, 4), bool), 1, 1) is None
+
+
+@pytest.fixture
+def labelled(folders, lens, monkeypatch):
+    monkeypatch.setattr(yolo, "_SIZE", np.array([lens.width, lens.height], float))  # the small lens's photos
+    for path in (folders / "meshes").iterdir():
+        path.rename(path.with_name(path.name.replace("terrain01", "terrain03")))
+    paths = {name: folders / name for name in ("boxes", "instances")}
+    label_twins(
+        terrain=3, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", **paths,
+        table=folders / "table.parquet", options=RenderOptions(rim=False), threads=1,
+    )  # fmt: skip
+    return folders
+
+
+def test_every_key_gets_a_file_and_exposures_of_a_set_are_alike(labelled):
+    assert sorted(path.stem for path in (labelled / "boxes").iterdir()) == sorted(map(str, KEYS))
+    for key in KEYS:
+        first = labelled / "boxes" / f"{key.with_exposure(64)}.txt"
+        assert (labelled / "boxes" / f"{key}.txt").read_text() == first.read_text()
+
+
+def test_without_any_lamp_there_is_nothing_to_see(labelled):
+    assert (labelled / "boxes" / "03_A_off_no_L_0256.txt").read_text() == ""
+    ids = png.read(labelled / "instances" / "03_A_off_no_L.png")
+    assert set(np.unique(ids)) == {0, 1, 1001}
+
+
+def test_the_sun_throws_the_shadows_where_it_is_on_and_the_rover_light_where_it_is_alone(labelled):
+    texts = {key: (labelled / "boxes" / f"03_A_{key}_L_0256.txt").read_text() for key in ("off_30", "on_30", "on_no")}
+    assert texts["off_30"] == texts["on_30"]
+    assert texts["off_30"] != texts["on_no"]
+
+
+def test_instances_table_and_boxes_say_the_same(labelled):
+    rows = tables.read_parquet(labelled / "table.parquet", tables.LABEL_COLUMNS)
+    assert set(rows.source) == {"rendered"}
+    for key, group in rows.groupby("key"):
+        classes, boxes = yolo.read_boxes(labelled / "boxes" / f"{key}.txt")
+        of_rows = group[["x0", "y0", "x1", "y1"]].to_numpy()
+        np.testing.assert_allclose(np.sort(boxes, axis=0), np.sort(of_rows, axis=0), atol=1e-3)
+        assert (classes == 0).sum() == (group.kind == "rock").sum()
+        ids = png.read(labelled / "instances" / f"{key.rsplit('_', 1)[0]}.png")
+        assert ids.dtype == np.uint16
+        for row in group.itertuples():
+            number = {"rock": 1000, "shadow": 2000}[row.kind] + row.rock
+            window = ids[int(row.y0) : int(row.y1), int(row.x0) : int(row.x1)] == number
+            assert window.any(axis=1).all()
+            assert window.any(axis=0)[[0, -1]].all()
+    assert isinstance(rows, pd.DataFrame)

@@ -1,0 +1,58 @@
+import numpy as np
+
+from polarsim.render.hits import cast_strip
+from polarsim.render.options import RenderOptions
+from polarsim.render.surfaces import BACKGROUND, GROUND, ROCK_IDS, Surfaces, box, surfaces_of
+
+
+def test_boxes_are_closed_and_face_outwards():
+    vertices, faces, normals = box(np.array([-1, -2, -3.0]), np.array([1, 2, 3.0]))
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    flux = np.cross(b - a, c - a) / 2
+    np.testing.assert_allclose(flux.sum(axis=0), 0, atol=1e-12)
+    assert (flux * a).sum() / 3 == 48  # divergence theorem: the volume, 2 x 4 x 6
+    for corner in (0, 1, 2):
+        np.testing.assert_allclose(np.cross(flux, normals[faces[:, corner]]), 0, atol=1e-12)
+
+
+def test_walls_stand_around_the_sand_and_belong_to_no_rock(blocks, surfaces):
+    options = RenderOptions(rim=True, rim_half_width_m=1.5, rim_height_m=0.3)
+    mesh_faces = len(surfaces.faces)
+    walled = surfaces_of(blocks(), options)
+    assert (walled.id_of_face[mesh_faces:] == BACKGROUND).all()
+    added = walled.vertices[len(surfaces.vertices) :]
+    assert np.abs(added[:, :2]).max(axis=1).min() == 1.5
+    assert added[:, 2].max() == 0.3
+
+
+def test_ids_tell_ground_from_rock(surfaces):
+    assert surfaces.id_of_face.tolist() == [GROUND] * 2 + [ROCK_IDS + 1] * 12
+
+
+def test_pixels_see_the_point_that_projects_back_to_them(surfaces, camera, lens):
+    hits = cast_strip(surfaces, camera, lens, slice(64, 128))
+    assert len(hits.pixel) > 5000
+    back = lens.project(camera.inverse().apply(hits.point.astype(float)))
+    rows, columns = np.divmod(hits.pixel, lens.width)
+    np.testing.assert_allclose(back, np.stack([columns + 0.5, rows + 64.5], axis=1), atol=1e-3)
+
+
+def test_smooth_normals_are_blended_between_the_corners(lens, above):
+    vertices = np.array([[-2, -2, 0], [2, -2, 0], [0, 2, 0]], float)
+    tilted = np.array([[-0.6, 0, 0.8], [0.6, 0, 0.8], [0, 0.6, 0.8]])
+    surfaces = Surfaces(vertices, np.array([[0, 1, 2]]), tilted, np.array([GROUND], np.int32))
+    hits = cast_strip(surfaces, above, lens, slice(0, 64))
+    matrix = np.concatenate([vertices[:, :2].T, np.ones((1, 3))])  # barycentric coordinates from scratch
+    weights = np.linalg.solve(matrix, np.concatenate([hits.point[:, :2].T, np.ones((1, len(hits.pixel)))]))
+    expected = weights.T @ tilted
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(hits.normal, expected, atol=2e-5)
+    np.testing.assert_allclose(hits.plane, np.tile([0, 0, 1], (len(hits.pixel), 1)), atol=1e-6)
+
+
+def test_normals_look_at_the_viewer_when_a_surface_is_seen_from_inside(blocks, plain, lens, camera):
+    mesh = blocks()
+    inside_out = surfaces_of(type(mesh)(mesh.vertices, mesh.faces[:, ::-1], mesh.rock_of_face, -mesh.normals), plain)
+    hits = cast_strip(inside_out, camera, lens, slice(0, lens.height))
+    assert (np.einsum("nk,nk->n", hits.normal, hits.to_viewer) > 0).all()
+    assert (np.einsum("nk,nk->n", hits.plane, hits.to_viewer) > 0).all()

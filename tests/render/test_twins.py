@@ -1,0 +1,125 @@
+import logging
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import png
+from polarsim.geometry.poses import looking
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
+from polarsim.render.gain import default_gain, gain_ratios
+from polarsim.render.options import RenderOptions
+from polarsim.render.scene import render_scene
+from polarsim.render.twins import render_twins
+from polarsim.survey import SURVEYED_LEFT, lamp_position
+
+SETS = ("01_A_off_30_L", "01_A_on_30_L", "01_A_off_180_R")
+KEYS = [PhotoKey.parse(f"{name}_{ms:04d}") for name in SETS for ms in (64, 128, 256)]
+OPTIONS = RenderOptions(rim=False, bounce=0)
+
+
+def render(folders, out, keys=KEYS, model="hapke", photos=None, options=OPTIONS, threads=1):
+    render_twins(
+        terrain=1, model=model, keys=keys, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos,
+        twins=folders / out, options=options, threads=threads,
+    )  # fmt: skip
+    return {path.stem: png.read(path).astype(int) for path in sorted((folders / out).iterdir())}
+
+
+def test_every_key_gets_a_twin_of_12_bits(folders, lens):
+    twins = render(folders, "twins")
+    assert sorted(twins) == sorted(map(str, KEYS))
+    for twin in twins.values():
+        assert twin.shape == (lens.height, lens.width)
+        assert twin.min() == BLACK_LEVEL
+        assert twin.max() <= WHITE_LEVEL
+        assert twin.max() > 100
+
+
+def test_grey_values_double_with_the_exposure_until_they_clip(folders):
+    twins = render(folders, "twins")
+    short, long = (twins[f"01_A_off_30_L_{ms:04d}"] - BLACK_LEVEL for ms in (64, 128))
+    free = long < WHITE_LEVEL - BLACK_LEVEL
+    assert (short > 0).sum() > 5000
+    assert np.abs(long - 2 * short)[free].max() <= 1  # rounding
+
+
+def test_the_rover_light_only_adds(folders):
+    twins = render(folders, "twins")
+    assert (twins["01_A_on_30_L_0128"] >= twins["01_A_off_30_L_0128"]).all()
+    assert (twins["01_A_on_30_L_0128"] > twins["01_A_off_30_L_0128"]).mean() > 0.1
+
+
+def test_the_same_bytes_with_one_thread_and_two(folders):
+    options = OPTIONS.model_copy(update={"noise": True, "vignetting": True})
+    render(folders, "one", options=options)
+    render(folders, "two", options=options, threads=2)
+    for path in (folders / "one").iterdir():
+        assert path.read_bytes() == (folders / "two" / path.name).read_bytes()
+
+
+def test_a_position_without_a_pose_is_a_warning_and_a_gap(folders, caplog):
+    with caplog.at_level(logging.WARNING):
+        twins = render(folders, "twins", [KEYS[0], PhotoKey.parse("01_B_off_30_L_0256")])
+    assert list(twins) == [str(KEYS[0])]
+    assert "PosB.json" in caplog.text
+
+
+def test_level_ground_at_the_centre_has_the_stated_brightness(lens):
+    for model in ("principled", "hapke", "lambert", "lunar_lambert"):
+        options = RenderOptions(falloff=False)
+        to_lamp, to_viewer = lamp_position("30"), SURVEYED_LEFT["A"]
+        from polarsim.render.brdf import reflectance
+
+        unit = [v[None] / np.linalg.norm(v) for v in (np.array([0, 0, 1.0]), to_lamp, to_viewer)]
+        radiance = reflectance(options.parameters(model), *unit)[0] * unit[1][0, 2]
+        assert default_gain(model, options) * radiance == pytest.approx(3.0)  # grey values per ms
+
+
+def photo_table(folders, twins, factor):
+    """Photos that are `factor` as bright as twins, with grey rims and broken files that must not matter."""
+    rows = []
+    for key, twin in twins.items():
+        path = folders / "photos" / f"{key}.png"
+        photo = np.clip(BLACK_LEVEL + factor * (twin - BLACK_LEVEL), 0, WHITE_LEVEL).round().astype(np.uint16)
+        photo[:14] = 3000
+        path.parent.mkdir(exist_ok=True)
+        png.write(path, photo)
+        rows.append({"key": key, "path": str(path)})
+    (folders / "photos" / "01_A_off_180_R_0256.png").write_bytes(b"no picture")
+    table = folders / "photos.parquet"
+    pd.DataFrame([*rows, {"key": "01_A_off_270_L_0256", "path": str(folders / "gone.png")}]).to_parquet(table)
+    return table
+
+
+def test_twins_take_their_brightness_from_the_photos(folders):
+    plain = render(folders, "plain", options=OPTIONS.model_copy(update={"gain": {"hapke": 60.0}}))
+    table = photo_table(folders, plain, 0.8)
+    matched = render(folders, "matched", photos=table)
+    expected = render(folders, "expected", options=OPTIONS.model_copy(update={"gain": {"hapke": 48.0}}))
+    for key, twin in matched.items():
+        assert np.abs(twin - expected[key]).max() <= 0.005 * WHITE_LEVEL
+
+
+def test_unusable_photos_leave_the_gain_as_it_is(folders, lens):
+    dark = np.full((lens.height, lens.width), BLACK_LEVEL, np.uint16)
+    assert not len(gain_ratios(dark, np.ones(dark.shape, np.float32), 256))
+    assert not len(gain_ratios(dark + 500, np.zeros(dark.shape, np.float32), 256))
+
+
+def test_one_picture_of_any_pose_and_lamp(folders, lens):
+    def picture(**changes):
+        asked = {
+            "meshes": folders / "meshes", "terrain": 1, "lens": lens,
+            "sandbox_from_camera": looking(np.array([1.5, 1.5, 1.5]), -2.4, 0.6),
+            "lamps": {"mine": (np.array([0.0, 3.0, 1.0]), 1.0)}, "exposure_ms": 100.0,
+            "model": "principled", "options": OPTIONS,
+        }  # fmt: skip
+        return render_scene(**{**asked, **changes})
+
+    one = picture()
+    assert one.dtype == np.uint16
+    assert (one > BLACK_LEVEL).mean() > 0.3
+    assert (picture(lamps={}) == BLACK_LEVEL).all()
+    assert (picture(lamps={"below": (np.array([0.0, 0, -3.0]), 1.0)}) == BLACK_LEVEL).all()
+    assert picture(exposure_ms=200.0).mean() > 1.5 * one.mean()

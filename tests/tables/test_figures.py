@@ -1,0 +1,188 @@
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import png, release, yolo
+from polarsim.formats.scene import read_terrain
+from polarsim.formats.tables import key_columns, label_table, write_parquet
+from polarsim.geometry.rays import caster
+from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.tables import detection_table, ipd_table
+from polarsim.tables.figures import (
+    draw_comparison,
+    draw_crops,
+    draw_detection,
+    draw_ipd,
+    draw_label_errors,
+    draw_meshes,
+)
+from polarsim.tables.figures.comparison import cover_key
+from polarsim.tables.figures.labels import edge_errors
+from polarsim.tables.figures.terrain import STEP, slanted_view, top_view
+from polarsim.tables.options import TablesOptions
+from polarsim.tables.score import Labels
+
+OPTIONS = TablesOptions(figure_width_px=600)
+ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
+KEY = PhotoKey.parse("03_A_off_30_L_0256")
+
+
+def is_drawn(path, width=600):
+    """A picture of the wanted width with more than a blank page on it."""
+    pixels = png.read(path)
+    assert pixels.shape[1] == width
+    return (pixels[..., :3] < 128).any()
+
+
+def label(key, kind, rock, box):
+    row = {"kind": kind, "rock": rock, "source": "seed", "confidence": 1.0}
+    return key_columns(key) | row | dict(zip(("x0", "y0", "x1", "y1"), map(float, box), strict=True))
+
+
+def test_meshes_and_cuboids_are_drawn_twice_the_same(tmp_path, world):
+    world.write(tmp_path)
+    for name in ("one", "two"):
+        draw_meshes(terrain=3, meshes=tmp_path / "meshes", figure=tmp_path / name / "meshes.png", options=OPTIONS)
+        draw_crops(
+            terrain=3,
+            rocks=tmp_path / "rocks.parquet",
+            meshes=tmp_path / "meshes",
+            figure=tmp_path / name / "crops.png",
+            options=OPTIONS,
+        )
+    for picture in ("meshes.png", "crops.png"):
+        assert is_drawn(tmp_path / "one" / picture)
+        assert (tmp_path / "one" / picture).read_bytes() == (tmp_path / "two" / picture).read_bytes()
+
+
+def test_a_terrain_without_rocks_is_drawn(tmp_path, world):
+    world.write(tmp_path, rocks=())
+    draw_meshes(terrain=3, meshes=tmp_path / "meshes", figure=tmp_path / "meshes.png", options=OPTIONS)
+    draw_crops(
+        terrain=3,
+        rocks=tmp_path / "rocks.parquet",
+        meshes=tmp_path / "meshes",
+        figure=tmp_path / "crops.png",
+        options=OPTIONS,
+    )
+    assert is_drawn(tmp_path / "meshes.png")
+    assert is_drawn(tmp_path / "crops.png")
+
+
+def test_from_above_a_cube_has_its_area_its_height_and_its_place(tmp_path, world):
+    world.write(tmp_path)
+    scene = read_terrain(tmp_path / "meshes", 3)
+    top = top_view(scene, caster(scene.vertices, scene.faces))
+    on_rock = top.rock == 1
+    assert on_rock.sum() * STEP**2 == pytest.approx(0.2**2, rel=0.06)
+    np.testing.assert_allclose(top.height[on_rock], 0.05 + 0.1, atol=1e-5)
+    rows, columns = np.nonzero(on_rock)
+    assert -2 + STEP * (columns.mean() + 0.5) == pytest.approx(0.5, abs=0.01)
+    assert 2 - STEP * (rows.mean() + 0.5) == pytest.approx(0.4, abs=0.01)
+
+
+def test_the_slanted_view_shows_rocks_in_their_colour_and_their_shadow(tmp_path, world):
+    world.write(tmp_path)
+    scene = read_terrain(tmp_path / "meshes", 3)
+    pixels = slanted_view(scene, caster(scene.vertices, scene.faces), 400).astype(int)
+    tinted = pixels[..., 0] > pixels[..., 2] + 60
+    dark = pixels.max(axis=-1) < 110
+    assert 50 < tinted.sum() < 0.1 * tinted.size
+    assert 50 < dark.sum() < 0.1 * dark.size
+
+
+def test_edge_errors_are_ours_less_theirs_by_kind_and_task():
+    keys = [PhotoKey.parse(f"03_A_off_30_{camera}_0256") for camera in "LR"]
+    true = Labels(np.array([0, 1]), np.array([[100.0, 100, 160, 140], [300, 300, 340, 340]]))
+    ours = Labels(np.array([0, 1]), true.boxes + np.array([[2, 0, -1, 3], [200, 0, 200, 0]]))
+    found = edge_errors(
+        dict.fromkeys(keys, true), dict.fromkeys(keys, ours), {keys[0]: None, keys[1]: "Left to Right"}, 0.5
+    )
+    assert list(found) == [("rock", "Left to Right")]
+    np.testing.assert_allclose(found["rock", "Left to Right"], [[2, 0, -1, 3]])
+
+
+def test_label_errors_are_drawn_also_when_there_are_none(tmp_path):
+    for name in ("03_A_off_30_L_0256", "03_A_off_30_R_0256"):
+        yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [[100, 100, 160, 140]])
+        yolo.write_boxes(tmp_path / f"labels/{name}.txt", [0], [[102, 100, 161, 140]])
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [[100, 100, 160, 140]])
+    (tmp_path / "none").mkdir()
+    arguments = {"terrain": 3, "truth": tmp_path / "truth", "seeds": tmp_path / "seeds", "options": OPTIONS}
+    draw_label_errors(**arguments, labels=tmp_path / "labels", figure=tmp_path / "errors.png")
+    draw_label_errors(**arguments, labels=tmp_path / "none", figure=tmp_path / "no_errors.png")
+    assert is_drawn(tmp_path / "errors.png")
+    assert is_drawn(tmp_path / "no_errors.png")
+    assert (tmp_path / "errors.png").read_bytes() != (tmp_path / "no_errors.png").read_bytes()
+
+
+@pytest.mark.parametrize("kinds", [("rock", "shadow"), ("shadow",), ()])
+def test_detection_and_ipd_are_drawn_also_without_rocks(tmp_path, kinds):
+    domains = ("analog", "principled", "hapke")
+    detection = [
+        (t, e, kind, "photo", True, "yolov5n", 9, 320, 9, 9, 0.5, 0.3, 0.4)
+        for kind in kinds
+        for t, e in itertools.product(domains, domains)
+    ]
+    ipd = [
+        (t, *pair, kind, 9, 0.1, 0.2, 0.0, 0.2, 0.1, 0.3)
+        for kind in kinds
+        for t in domains
+        for pair in itertools.combinations(domains, 2)
+    ]
+    write_parquet(tmp_path / "d.parquet", pd.DataFrame(detection, columns=list(detection_table.COLUMNS)))
+    write_parquet(tmp_path / "i.parquet", pd.DataFrame(ipd, columns=list(ipd_table.COLUMNS)))
+    draw_detection(detection=tmp_path / "d.parquet", figure=tmp_path / "detection.png", origin=ORIGIN, options=OPTIONS)
+    draw_ipd(ipd=tmp_path / "i.parquet", figure=tmp_path / "ipd.png", origin=ORIGIN, options=OPTIONS)
+    assert is_drawn(tmp_path / "detection.png")
+    assert is_drawn(tmp_path / "ipd.png")
+
+
+def test_a_comparison_shows_what_is_there(tmp_path):
+    png.write(tmp_path / "photo.png", np.full((1216, 1936), 700, np.uint16))
+    png.write(tmp_path / "hapke.png", np.full((1216, 1936), 300, np.uint16))
+    write_parquet(tmp_path / "labels.parquet", label_table([label(KEY, "rock", 1, (100, 100, 500, 400))]))
+    twins = {"principled": tmp_path / "none.png", "hapke": tmp_path / "hapke.png"}
+    arguments = {
+        "key": KEY,
+        "labels": tmp_path / "labels.parquet",
+        "automatic": None,
+        "cover_photo": None,
+        "options": OPTIONS,
+    }
+    draw_comparison(**arguments, photo=tmp_path / "photo.png", twins=twins, figure=tmp_path / "two.png")
+    draw_comparison(**arguments, photo=None, twins={}, figure=tmp_path / "none.png")
+    shown = png.read(tmp_path / "two.png")
+    # Beside each other with the photo's white: the twin, with 284 of 684 DN above black, is darker than the photo.
+    left, right = shown[:, 150].astype(int).mean(axis=-1), shown[:, 450].astype(int).mean(axis=-1)
+    middle = slice(shown.shape[0] // 2, shown.shape[0] // 2 + 20)
+    assert np.median(left[middle]) == 255
+    assert np.median(right[middle]) == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
+    assert is_drawn(tmp_path / "none.png")
+
+
+@pytest.mark.release
+@pytest.mark.parametrize(("position", "camera"), [("A", "R"), ("C", "L")])
+def test_a_cover_photo_is_known_by_its_red_boxes(release_root, position, camera):
+    """03 A was taken by the right camera and 03 C by the left one: found by eye."""
+    cover = png.read(release.cover_photos(release_root, 3)[position])
+    keys = [key for key in release.label_files(release_root, 3) if key.light == "off" and key.exposure_ms == 256]
+    keys = [key for key in keys if key.position == position]
+    assert cover_key(cover, hand_drawn(release_root, keys), keys).camera == camera
+
+
+@pytest.mark.release
+def test_a_cover_photo_with_numbers_only_is_taken_for_no_photo(release_root):
+    cover = png.read(release.cover_photos(release_root, 4)["C"])
+    keys = [key for key in release.label_files(release_root, 4) if key.position == "C" and key.exposure_ms == 256]
+    assert cover_key(cover, hand_drawn(release_root, keys), keys) is None
+
+
+def hand_drawn(root, keys):
+    rows = []
+    for key in keys:
+        classes, boxes = yolo.read_boxes(release.label_folder(root, key.terrain) / f"{key}.txt")
+        rows += [label(key, BOX_CLASSES[number], -1, box) for number, box in zip(classes, boxes, strict=True)]
+    return label_table(rows)
