@@ -31,9 +31,15 @@ localrules:
 
 
 rule all:
-    """Everything: the tables and the figures of the report, and all that they rest on."""
+    """Everything that the stages make."""
     default_target: True
     input:
+        rules.acquire.input,
+        rules.cameras.input,
+        rules.rocks.input,
+        rules.labels.input,
+        rules.render.input,
+        rules.detect.input,
         rules.tables.input,
 
 

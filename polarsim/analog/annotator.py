@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from polarsim.analog.regions import Region, contrast
-from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH
+from polarsim.analog.regions import Region, contrast, surroundings
+from polarsim.photo import HEIGHT, WIDTH
 
 _SIZES = np.array([25, 35, 50, 80, 120])  # px, upper bounds of the classes but the last
 _ROBUST = np.array(
@@ -25,7 +25,7 @@ _SHADOW_FORGOTTEN = 0.05
 _TAIL_SHARE, _TAIL_FACTOR = 0.12, 2.2  # a few edges are far worse than the rest
 _SHARE_OF_SIDE = 0.16  # nobody errs by more than this of a side, as standard deviation
 _TINY_PX, _TINY_MISSED = 16, 0.5
-_DARK_DN, _DARK_MISSED = 30, 0.7  # a rock that stands out by less is mostly overlooked
+_DARK_DN, _DARK_MISSED = 30, 0.7  # what stands out from its surroundings by less is mostly overlooked
 
 
 def draw_rock(region: Region, photo: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
@@ -34,8 +34,9 @@ def draw_rock(region: Region, photo: np.ndarray, rng: np.random.Generator) -> np
     size_class = int(np.searchsorted(_SIZES, np.sqrt((x1 - x0) * (y1 - y0))))
     chance, tiny, dark = rng.random(3)
     noise = _edge_noise(_ROBUST[size_class], _TAIL_FACTOR * _ROBUST[size_class], rng)
-    brightest = float(np.percentile(region.inside(photo), 95)) - BLACK_LEVEL
-    if brightest < _DARK_DN and dark < _DARK_MISSED:
+    around = surroundings(region, photo)
+    low, high = np.percentile(region.inside(photo), [10, 95])
+    if max(high - around, around - low) < _DARK_DN and dark < _DARK_MISSED:
         return None
     if (x1 - x0 < _TINY_PX and tiny < _TINY_MISSED) or chance < _FORGOTTEN[size_class]:
         return None

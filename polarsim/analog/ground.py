@@ -74,9 +74,9 @@ def make_ground(preset: Preset, step: float, rng: np.random.Generator) -> Ground
         _track(heights, axis, rng)
     grains = gaussian_filter(rng.standard_normal((count, count)), 0.8)
     heights += 0.00012 * grains / grains.std()
-    centre = count // 2
     if not preset.crater:
-        heights -= heights[centre - 20 : centre + 20, centre - 20 : centre + 20].mean()
+        window, _, _ = _window(axis, np.zeros(2), 0.1)
+        heights -= heights[window].mean()
     return Ground(axis, heights)
 
 
@@ -123,7 +123,7 @@ def _trowel(heights: np.ndarray, axis: np.ndarray, rng: np.random.Generator, str
     bed = rng.normal(0, 0.7) * across + rng.normal(0, 0.4) * along - 0.3 + 0.05 * np.cos(rng.uniform(8, 16) * across)
     ridge = np.exp(-(((across - 1.15) / 0.2) ** 2)) * expit((1 - np.abs(along)) / 0.1)
     lip = np.exp(-(((along - 1.05) * length / 0.012) ** 2)) * expit((1 - np.abs(across)) / 0.1)
-    heights[window] += strength * rng.uniform(0.001, 0.0035) * (inside * bed + 0.35 * ridge * rng.random() + 0.5 * lip)
+    heights[window] += strength * rng.uniform(0.0015, 0.006) * (inside * bed + 0.35 * ridge * rng.random() + 0.5 * lip)
 
 
 def _track(heights: np.ndarray, axis: np.ndarray, rng: np.random.Generator) -> None:

@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 
 from polarsim.analog.annotator import annotate
-from polarsim.analog.light import AMBIENT, Bounce, Lamp, direct, gather_bounce, visibility
+from polarsim.analog.bounce import AMBIENT, Bounce, gather_bounce
+from polarsim.analog.light import Lamp, direct, visibility
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.regions import Region, contrast, rock_regions, shadow_regions
 from polarsim.analog.sandbox import GROUND_OBJECT
@@ -30,7 +31,7 @@ from polarsim.survey import ROVER_LIGHT_SHARE
 # Set once, for all terrains, so that the best single exposures of terrain 11 at A agree with NASA's
 # (Sun 30: 256 ms, 180: 128, 270: 1024, 350: 256): photo-electrons a millisecond at unit radiance, lamp outputs.
 ELECTRONS = 20000.0
-LAMP_OUTPUT = {"30": 1.0, "180": 6.0, "270": 1.0, "350": 3.0, ROVER: ROVER_LIGHT_SHARE}
+LAMP_OUTPUT = {"30": 1.0, "180": 5.0, "270": 1.0, "350": 2.5, ROVER: ROVER_LIGHT_SHARE}
 _GLARE = 0.002  # radiance at the centre of a lamp's ghosts
 _SAND_ALBEDO = 0.19
 _LEAST_DN, _MOST_DN = 100, 3000  # above black: sand that a person finds well exposed
@@ -124,12 +125,13 @@ def _layers(
     rock_caster = scene.rock_caster() if scene.rocks else None
     images, shadows = {}, {}
     hall = options.hall_light_dn_per_s * options.electrons_per_dn / 1000 / ELECTRONS / _SAND_ALBEDO
-    images[AMBIENT] = through_lens(hall * bounces.at(scene, view, AMBIENT))
+    indirect = bounces.at(scene, view, [AMBIENT, *(_bounce_name(name, position) for name in lamps)])
+    images[AMBIENT] = through_lens(hall * indirect[AMBIENT])
     for name, lamp in lamps.items():
         rng = generator(options.seed, "light", made.terrain, position, camera, name)
         seen = visibility(view, made.caster, lamp, rng, threads)
         lit = direct(view, lamp, seen)
-        lit += bounces.at(scene, view, _bounce_name(name, position))
+        lit += indirect.pop(_bounce_name(name, position))
         glare = lamp_glare(lamp, lens, pose, _GLARE * lamp.intensity, rng)
         images[name] = through_lens(lit) + glare
         shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, seen, threads)
@@ -152,13 +154,16 @@ def _shoot(
         return _label_rows(key, layers, photo), well_exposed, photo if _may_be_seed(key) else None
 
     rows: list[dict[str, object]] = []
-    best: dict[str, tuple[float, PhotoKey, np.ndarray]] = {}
+    best: dict[str, tuple[tuple[bool, float], PhotoKey, np.ndarray]] = {}
     with ThreadPoolExecutor(max(1, threads)) as pool:
         for portion in (keys[n : n + 4 * threads] for n in range(0, len(keys), 4 * threads)):
             for key, (found, quality, photo) in zip(portion, pool.map(shoot, portion), strict=True):
                 rows += found
-                if photo is not None and quality > best.get(key.azimuth, (-1.0,))[0]:
-                    best[key.azimuth] = quality, key, photo
+                if photo is None:
+                    continue
+                rank = (key.exposure_ms >= options.shadows_from_ms, quality)  # a person likes a photo with shadows
+                if key.azimuth not in best or rank > best[key.azimuth][0]:
+                    best[key.azimuth] = rank, key, photo
     for _, key, photo in best.values():
         rng = generator(options.seed, "annotator", key.with_exposure(16))
         with_shadows = key.exposure_ms >= options.shadows_from_ms

@@ -73,6 +73,8 @@ def _candidate(rock: Rock, rng: np.random.Generator, preset: Preset, *, in_pile:
         return np.array([-0.8, 0.8]) + rng.normal(0, 0.35, 2)
     if preset.layout == "sides":
         return np.array([place[0], rng.uniform(-1.6, 0.2) if large else rng.uniform(0.2, 1.6)])
+    if preset.layout == "in_crater" and large:
+        return CRATER_CENTRE + rng.normal(0, 0.6, 2)
     if preset.layout == "diagonal":
         return np.array([-1.2, -1.3]) + rng.random() * np.array([2.3, 2.5]) + rng.normal(0, 0.3, 2)
     return place

@@ -84,11 +84,15 @@ def _region(rows: np.ndarray, columns: np.ndarray, rock: int) -> list[Region]:
 
 def contrast(region: Region, photo: np.ndarray) -> float:
     """Mean of a region in a photo less the mean of what surrounds it, DN."""
+    return float(region.inside(photo).astype(np.float32).mean()) - surroundings(region, photo)
+
+
+def surroundings(region: Region, photo: np.ndarray) -> float:
+    """Mean of what surrounds a region in a photo, DN."""
     x0, y0, x1, y1 = region.box
     dx, dy = max(3, round(_RING * (x1 - x0))), max(3, round(_RING * (y1 - y0)))
     left, top, right, bottom = max(0, x0 - dx), max(0, y0 - dy), min(WIDTH, x1 + dx), min(HEIGHT, y1 + dy)
     window = photo[top:bottom, left:right].astype(np.float32)
     around = np.ones(window.shape, bool)
     around[y0 - top : y1 - top, x0 - left : x1 - left] &= ~region.mask
-    inside = float(region.inside(photo).astype(np.float32).mean())
-    return inside - (float(window[around].mean()) if around.any() else 0.0)
+    return float(window[around].mean()) if around.any() else 0.0

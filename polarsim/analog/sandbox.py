@@ -197,7 +197,7 @@ def _small_box(preset: Preset, rng: np.random.Generator) -> list[_Part]:
     half = preset.half_width
     vertices, faces = icosphere(4)
     ball = _Part(vertices * 0.10 + [0.1, 0.85, _FLOOR + 0.10], faces, Material.METAL, 0.6, gloss=2.0)
-    return [*_walls(half, 0.10, 0.04, Material.DARK, 0.04, rng), *_hall(floor_albedo=0.35), ball]
+    return [*_walls(half, 0.05, 0.03, Material.DARK, 0.04, rng), *_hall(floor_albedo=0.35), ball]
 
 
 def _hall(floor_albedo: float = 0.05) -> list[_Part]:

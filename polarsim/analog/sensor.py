@@ -89,12 +89,11 @@ def expose(
     pixel_gain : (h, w) float32
         The sensor's fixed pattern.
     """
-    signal = np.minimum(
-        image * pixel_gain * np.float32(electrons * exposure_ms), np.float32(options.full_well_electrons)
-    )
+    signal = image * pixel_gain * np.float32(electrons * exposure_ms)
     noise = rng.standard_normal(image.shape, dtype=np.float32)
     noise *= np.sqrt(np.maximum(signal, 0) + np.float32(options.read_noise_electrons**2))
-    values = (signal + noise) / np.float32(options.electrons_per_dn) + np.float32(BLACK_LEVEL)
+    collected = np.minimum(signal + noise, np.float32(options.full_well_electrons))
+    values = collected / np.float32(options.electrons_per_dn) + np.float32(BLACK_LEVEL)
     return np.clip(np.rint(values), 0, WHITE_LEVEL).astype(np.uint16)
 
 

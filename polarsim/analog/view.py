@@ -16,9 +16,9 @@ _TILE = 1024  # texels of the repeating textures
 _NODE_STEP = 8  # px between the nodes at which the lens is solved; bilinear between them errs by under 0.002 px
 # Texture by material: cell of the grain, metres; contrast of grain and of patches; strength of the bumps.
 _GRAIN_CELL = np.array([0.0012, 0.0025, 0.004, 0.01, 0.002, 0.002, 0.01, 0.01, 0.01], np.float32)
-_GRAIN = np.array([0.10, 0.14, 0.03, 0.2, 0.01, 0.01, 0.2, 0.05, 0.1], np.float32)
-_PATCH = np.array([0.12, 0.10, 0.05, 0.1, 0.0, 0.0, 0.3, 0.05, 0.2], np.float32)
-_BUMP = np.array([0.10, 0.16, 0.015, 0.1, 0.0, 0.0, 0.1, 0.05, 0.05], np.float32)
+_GRAIN = np.array([0.10, 0.14, 0.03, 0.1, 0.01, 0.01, 0.02, 0.05, 0.1], np.float32)
+_PATCH = np.array([0.12, 0.10, 0.05, 0.1, 0.0, 0.0, 0.1, 0.05, 0.2], np.float32)
+_BUMP = np.array([0.10, 0.16, 0.015, 0.02, 0.0, 0.0, 0.01, 0.05, 0.05], np.float32)
 
 
 @dataclass(frozen=True)
@@ -135,8 +135,9 @@ def _textured(
     material: np.ndarray, footprint: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Albedo with grain and patches, and unit normals with bumps; both fade where a pixel spans many grains."""
-    u = places[..., 0] + np.float32(0.61) * places[..., 2]
-    v = places[..., 1] + np.float32(0.79) * places[..., 2]
+    steep = np.argmax(np.abs(normals), axis=-1)  # the texture is laid on along the axis that the surface faces most
+    u = np.where(steep == 0, places[..., 1], places[..., 0])
+    v = np.where(steep == 2, places[..., 1], places[..., 2])
 
     def texel(tile: np.ndarray, cell: np.ndarray | float) -> np.ndarray:
         row = np.floor(u / cell).astype(np.int32) & (_TILE - 1)

@@ -1,4 +1,4 @@
-"""How two levelled scans lie to each other, roughly: their height maps, turned and shifted until relief meets relief."""
+"""How two levelled scans lie to each other, roughly: height maps turned and shifted until relief meets relief."""
 
 from __future__ import annotations
 
@@ -95,8 +95,8 @@ class _Masked:
     def of(cls, heights: HeightMap) -> _Masked:
         relief, known = heights.relief(), heights.known.astype(float)
         side = fft.next_fast_len(2 * len(known), real=True)
-        spectra = [fft.rfft2(part, s=(side, side)) for part in (relief, relief**2, known)]
-        return cls(*spectra, float(known.sum()), side)
+        parts = (np.asarray(fft.rfft2(part, s=(side, side))) for part in (relief, relief**2, known))
+        return cls(next(parts), next(parts), next(parts), float(known.sum()), side)
 
     def correlate(self, moving: _Masked) -> np.ndarray:
         """(side, side) normalised correlation over the cells that both know, for every shift of `moving`.

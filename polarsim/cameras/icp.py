@@ -52,8 +52,8 @@ class Surface:
         """About `count` points, spread over slopes and, within a slope, evenly over the scan."""
         bins = np.clip(((self.normals[:, :2] + 1) / 2 * SLOPE_BINS).astype(int), 0, SLOPE_BINS - 1)
         slope = bins[:, 0] * SLOPE_BINS + bins[:, 1]
-        share = _fair_shares(np.bincount(slope, minlength=SLOPE_BINS**2), count)
-        chosen = [_evenly(np.flatnonzero(slope == k), share[k]) for k in range(SLOPE_BINS**2)]
+        shares = _fair_shares(np.bincount(slope, minlength=SLOPE_BINS**2), count)
+        chosen = [_evenly(np.flatnonzero(slope == k), int(shares[k])) for k in range(SLOPE_BINS**2)]
         rows = np.sort(np.concatenate(chosen))
         return Surface(self.points[rows], self.normals[rows])
 
@@ -184,7 +184,7 @@ def _partners(
 
 def _fair_shares(available: np.ndarray, count: int) -> np.ndarray:
     """Split `count` over bins so that none gets more than it has, and the rest share alike."""
-    share = np.zeros_like(available)
+    share = np.zeros(len(available), int)
     for _ in range(len(available)):
         short = available > share
         left = count - share.sum()

@@ -39,7 +39,7 @@ class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     edge_sd_px: float = Field(3, gt=0, description="Noise of a box edge in the last fit, px.")
     border_px: float = Field(3, ge=0, description="Edges this near to the photo's border are not measured, px.")
     match_gate_px: float = Field(40, gt=0, description="Largest distance of a reported match, px.")
-    min_boxes: int = Field(4, ge=3, description="Positions with fewer boxes or meshes are placed by the survey.")
+    min_boxes: int = Field(3, ge=2, description="Positions with fewer boxes or meshes are placed by the survey.")
     min_fit: float = Field(0.52, gt=0, lt=1, description="Sum of IoU over what could match that speaks for itself.")
     min_led_fit: float = Field(0.4, gt=0, lt=1, description="... and that suffices with a clear lead.")
     min_lead: float = Field(0.15, gt=0, lt=1, description="Such a lead over the next best pose, in the same measure.")

@@ -77,9 +77,12 @@ def outline(mesh: Mesh, trim: float, trim_share: float) -> tuple[np.ndarray, np.
 
 
 def outlines_of(meshes: dict[int, Mesh], trim: float, trim_share: float) -> Outlines:
-    """Outlines of meshes by rock id."""
+    """Outlines of meshes by rock id; none for no meshes."""
+    if not meshes:
+        return Outlines(np.zeros(0, int), np.zeros((0, 1, 3)), np.zeros((0, 1, 3)))
     parts = [outline(mesh, trim, trim_share) for mesh in meshes.values()]
-    return Outlines(np.array(list(meshes), int), _filled([whole for whole, _ in parts]), _filled([up for _, up in parts]))
+    whole, upper = _filled([full for full, _ in parts]), _filled([up for _, up in parts])
+    return Outlines(np.array(list(meshes), int), whole, upper)
 
 
 def largest_island(mesh: Mesh) -> np.ndarray:
@@ -108,7 +111,7 @@ def spread_directions(count: int) -> np.ndarray:
 
 
 def _rim_height(vertices: np.ndarray) -> np.ndarray:
-    """(n,) height of the plane through the rock's lower rim at each vertex: a robust fit to its lowest outer vertices."""
+    """(n,) height of the plane through the rock's rim at each vertex: a robust fit to its lowest outer vertices."""
     low, high = vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)
     place = (2 * vertices[:, :2] - low - high) / np.maximum(high - low, 1e-9)  # -1 to 1 over the rock's extent
     outer = np.flatnonzero(np.abs(place).max(axis=1) > 0.75)

@@ -9,7 +9,9 @@ from polarsim.geometry.poses import Pose
 
 def robust_plane(points: np.ndarray, scale: float, rounds: int = 10) -> np.ndarray:
     """(3,) a, b, c through points (n, 3) with Cauchy weights of a scale in metres; bears gross outliers."""
-    return _reweighted(points, np.array([0, 0, np.median(points[:, 2])]), [scale] * rounds, _cauchy)
+    columns = np.column_stack([points[:, :2], np.ones(len(points))])
+    start = np.linalg.lstsq(columns, points[:, 2], rcond=None)[0]
+    return _reweighted(points, start, [scale] * rounds, _cauchy)
 
 
 def tracked_plane(points: np.ndarray, start: np.ndarray, scales: list[float]) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import least_squares, linear_sum_assignment
@@ -24,7 +25,7 @@ class EdgeNoise:
 
     edge_px: float  # standard deviation of a drawn edge
     border_px: float  # edges this near to the photo's border are not measured
-    loss: str = "soft_l1"
+    loss: Literal["soft_l1", "cauchy"] = "soft_l1"
     loss_scale: float = 1.0
 
 
@@ -110,7 +111,9 @@ def judge_pose(
     whole = outlines.project(lens, pose)
     projected = _seen(whole, lens)
     rows, columns = assign(projected, boxes, gate_px)
-    overlap = box_geometry.iou(np.nan_to_num(projected[rows]), boxes[columns])[np.arange(len(rows)), np.arange(len(rows))]
+    overlap = box_geometry.iou(np.nan_to_num(projected[rows]), boxes[columns])[
+        np.arange(len(rows)), np.arange(len(rows))
+    ]
     with np.errstate(invalid="ignore", divide="ignore"):
         in_view = box_geometry.area(projected) >= MIN_IN_VIEW * box_geometry.area(whole)
     problem = _Problem(_part(outlines, rows), boxes[columns], lens, prior, noise)

@@ -134,9 +134,7 @@ def _found(fixed: str, moving: str, levelled: Mapping[str, _Levelled], options: 
     return tried[int(np.argmax(share))]
 
 
-def _measured(
-    fixed: str, moving: str, pose: Pose, levelled: Mapping[str, _Levelled], options: CamerasOptions
-) -> Pair:
+def _measured(fixed: str, moving: str, pose: Pose, levelled: Mapping[str, _Levelled], options: CamerasOptions) -> Pair:
     alignment = icp.measure(levelled[fixed].fine, levelled[moving].fine, pose, options.tukey_mm / 1000)
     return Pair(fixed, moving, alignment, _agreement(levelled[fixed], levelled[moving], pose, options))
 

@@ -141,7 +141,9 @@ def _log_stretch(points: np.ndarray) -> np.ndarray:
 
 def _pairs_of_like_size(log_rock: np.ndarray, log_box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     with np.errstate(invalid="ignore"):
-        return np.nonzero((np.abs(log_rock[:, None] - log_box[None]) < SIZE_SD).all(axis=-1))
+        alike = (np.abs(log_rock[:, None] - log_box[None]) < SIZE_SD).all(axis=-1)
+    rock, box = np.nonzero(alike)
+    return rock, box
 
 
 def _aimed(directions: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -33,8 +33,7 @@ class Judge:
 
 def write_judge(path: Path, judge: Judge) -> None:
     """Tensors and plain values only: no code to run on loading, no paths or dates, same judge same bytes."""
-    import torch
-
+    torch = _torch()
     content = {"format": _FORMAT, "classes": list(BOX_CLASSES), **vars(judge)}
     buffer = io.BytesIO()  # torch would put a file's name into the archive
     torch.save(content, buffer)
@@ -148,6 +147,9 @@ def ultralytics(folder: Path) -> SimpleNamespace:
 
 
 def _torch() -> Any:
+    # Read when torch is first imported. Its threads spin while they wait for each other; where other jobs hold the
+    # cores that makes two threads many times slower than one.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     try:
         import torch
     except ImportError as error:

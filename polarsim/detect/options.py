@@ -42,7 +42,9 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
     downsize: bool = Field(True, description="Store the pictures at imgsz; false: at full size.")
 
     confidence: float = Field(0.001, gt=0, lt=1, description="Least confidence of a prediction that is written.")
-    nms_iou: float = Field(0.7, gt=0, lt=1, description="IoU above which the less confident of two boxes is dropped.")
+    nms_iou: float = Field(
+        0.6, gt=0, lt=1, description="IoU above which the less confident of two boxes is dropped, as in YOLOv5's val."
+    )
     max_boxes: int = Field(300, ge=1, description="Most predictions a picture, the surest ones.")
     iou_confidence: float = Field(
         0.25, ge=0, lt=1, description="Least confidence of a prediction in IOU_mean and IPD; the paper states none."

@@ -7,6 +7,7 @@ They run clockwise as seen on the photo (y down), so that the shoelace sum is po
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -41,9 +42,9 @@ def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
     lines = contourpy.contour_generator(z=part, fill_type=contourpy.FillType.OuterOffset).filled(0.5, 1.5)
     rings = []
     for points, offsets in zip(*lines, strict=True):
-        parts = [points[a : b - 1] for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+        parts = [points[a : b - 1] for a, b in pairwise(offsets)]
         rings += _without_holes(parts[0], parts[1:])
-    shift = np.array([left - 0.5, top - 0.5])  # the padding's first pixel centre has index 0 and lies half a pixel before
+    shift = np.array([left - 0.5, top - 0.5])  # index 0 is the padding's centre, half a pixel before the first corner
     found = [_clockwise(_simplified(ring, simplify_px) + shift) for ring in rings if abs(signed_area(ring)) > 0]
     return sorted(found, key=lambda ring: (-signed_area(ring), ring[0, 0], ring[0, 1]))
 
@@ -106,9 +107,7 @@ def _without_holes(outer: np.ndarray, holes: list[np.ndarray]) -> list[np.ndarra
         side = region.intersection(box(low, y0 - 1, high, y1 + 1))
         for piece in getattr(side, "geoms", [side]):
             if piece.geom_type == "Polygon" and piece.area > 0:
-                exterior, *interiors = (
-                    np.asarray(line.coords)[:-1] for line in (piece.exterior, *piece.interiors)
-                )
+                exterior, *interiors = (np.asarray(line.coords)[:-1] for line in (piece.exterior, *piece.interiors))
                 rings += _without_holes(exterior, interiors)
     return rings
 

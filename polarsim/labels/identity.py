@@ -70,7 +70,8 @@ def number_domes(domes_of_views: list[list[Dome | None]]) -> tuple[list[list[int
             len(domes), len(known)
         )
         rows, columns = linear_sum_assignment(cost)
-        taken = {row: known[column] for row, column in zip(rows, columns, strict=True) if cost[row, column] < FORBIDDEN}
+        pairs = zip(rows.tolist(), columns.tolist(), strict=True)
+        taken = {row: known[column] for row, column in pairs if cost[row, column] < FORBIDDEN}
         own = []
         for row, dome in enumerate(domes):
             number = taken.get(row, following)

@@ -1,7 +1,7 @@
 """Outlines of every labelled rock and shadow, of ground and background: YOLO polygons and grey maps.
 
-A box says where a person saw a thing, the meshes say which shape it has: the visible shape of the rock's mesh, or of the
-shadow that it casts, is stretched from its own box to the label's. A view and lamp is drawn once, for all exposures.
+A box says where a person saw a thing, the meshes say which shape it has: the visible shape of the rock's mesh, or of
+the shadow that it casts, is stretched from its own box to the label's. A view and lamp is drawn once for all exposures.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from polarsim.labels.identity import dome_behind
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shadows import Ids, lamp
 from polarsim.labels.view import View
-from polarsim.labels.world import World, build_world, with_domes
+from polarsim.labels.world import Dome, World, build_world, with_domes
 from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, SHADOW, WIDTH, Azimuth, Light, PhotoKey
 
 log = logging.getLogger(__name__)
@@ -49,7 +49,7 @@ class Shape:
         """(4,) around its true pixels."""
         found = of_mask(self.mask)
         assert found is not None
-        return found + [self.left, self.top, self.left, self.top]
+        return found + np.tile([self.left, self.top], 2)
 
     def polygons(self, number: int, simplify_px: float) -> Polygons:
         shift = np.array([self.left, self.top], float)
@@ -159,12 +159,12 @@ def _fitted(shape: Shape | None, box: np.ndarray) -> Shape:
     return stretched(shape, box)
 
 
-def _domes(world: World, view: View, labels: pd.DataFrame) -> dict:
+def _domes(world: World, view: View, labels: pd.DataFrame) -> dict[int, Dome]:
     """Stand-ins of the labelled rocks of a view that have no mesh, from their mean boxes."""
-    stones = labels[(labels["kind"] == ROCK) & (labels["rock"] != NO_ROCK)]
-    boxes = stones.groupby("rock")[["x0", "y0", "x1", "y1"]].mean()
-    found = {int(rock): dome_behind(world, view, row.to_numpy(float)) for rock, row in boxes.iterrows()}  # type: ignore[arg-type]
-    return {rock: dome for rock, dome in found.items() if dome is not None and rock not in world.bodies}
+    stones = labels[(labels["kind"] == ROCK) & ~labels["rock"].isin([NO_ROCK, *world.bodies])]
+    boxes = stones.groupby("rock", as_index=False)[["x0", "y0", "x1", "y1"]].mean().to_numpy(float)
+    found = {int(row[0]): dome_behind(world, view, row[1:]) for row in boxes}
+    return {rock: dome for rock, dome in found.items() if dome is not None}
 
 
 def _wall_free(world: World, view: View, ids: Ids, wall_height: float) -> np.ndarray:
@@ -188,7 +188,10 @@ def wall_caster(world: World, height: float) -> Caster | None:
     top = np.column_stack([corners, np.full(4, world.ground_level + height)])
     following = np.roll(np.arange(4), -1)
     faces = np.concatenate(
-        [np.column_stack([np.arange(4), following, following + 4]), np.column_stack([np.arange(4), following + 4, np.arange(4) + 4])]
+        [
+            np.column_stack([np.arange(4), following, following + 4]),
+            np.column_stack([np.arange(4), following + 4, np.arange(4) + 4]),
+        ]
     )
     return caster(np.concatenate([bottom, top]), faces)
 

@@ -35,6 +35,7 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     trim_mm: float = Field(
         4.0, ge=0, description="Rock surface lower than this above the ground counts as ground (skirts of meshes), mm."
     )
+    rock_margin_px: float = Field(1.0, ge=0, description="People draw rocks this much larger on every side, px.")
     min_rock_px: float = Field(12.0, gt=0, description="Smallest projected rock that is labelled, sqrt(area), px.")
     min_seen: float = Field(
         0.2, ge=0, le=1, description="Smallest share of a projected rock that nothing else hides, for a label."
@@ -43,6 +44,11 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     # Shadows.
     ray_step_px: int = Field(2, ge=1, le=8, description="Shadows are cast at every n-th pixel along rows and columns.")
     min_shadow_px: float = Field(12.0, gt=0, description="Smallest cast shadow that is labelled, sqrt(area), px.")
+    min_rover_shadow_px: float = Field(
+        35.0, gt=0, description="The same under the rover light, whose shadows are mostly hidden slivers, px."
+    )
+
+    shadow_margin_px: float = Field(2.0, ge=0, description="People draw shadows this much larger on every side, px.")
 
     # Outlines.
     simplify_px: float = Field(0.6, ge=0, description="Largest error of a simplified outline, px.")

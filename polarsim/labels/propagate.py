@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from polarsim.errors import LabelError
 from polarsim.formats import rigs, tables, yolo
 from polarsim.formats.files import writing_folder
+from polarsim.formats.inventory import read_inventory
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.geometry.boxes import area, clip
 from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import Drawn, Seeds, drawn_camera, read_seeds
-from polarsim.labels.shadows import Ids, cast_shadows, lamp
+from polarsim.labels.shadows import Ids, lamp, shadow_box
 from polarsim.labels.tracks import Track, find_tracks
-from polarsim.labels.view import View, move_flat, move_rocks, project_rock
+from polarsim.labels.view import ProjectedRock, View, move_flat, move_rocks, project_rock
 from polarsim.labels.world import World, build_world, with_domes
-from polarsim.photo import BOX_CLASSES, CAMERAS, NO_ROCK, ROCK, SHADOW, Azimuth, Camera, Light, PhotoKey
+from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, Azimuth, Camera, Light, PhotoKey
 
 log = logging.getLogger(__name__)
 
 # How likely a person's box overlaps by IoU >= 0.5, measured on terrains 01, 03, 04, 08, 11 of the release.
 SURE = {"seed": 1.0, "fused": 0.9, "projected": 0.7, "cast": 0.5}
+SHADOW_GATE = 2.0  # shadows are long: they are matched within this many times the gate of rocks
 
 
 @dataclass(frozen=True)
@@ -50,9 +53,7 @@ class Known:
     rocks: dict[str, np.ndarray]  # (tracks,) rock ids
 
 
-def gather(
-    terrain: TerrainMesh, placed: dict[str, rigs.PlacedRig], seeds: Seeds, options: LabelsOptions
-) -> Known:
+def gather(terrain: TerrainMesh, placed: dict[str, rigs.PlacedRig], seeds: Seeds, options: LabelsOptions) -> Known:
     """Give every drawn rock its id: that of the mesh that projects there, or the number of a stand-in."""
     world = build_world(terrain, options.trim_mm / 1000)
     tracks: dict[str, list[Track]] = {}
@@ -68,7 +69,9 @@ def gather(
         )
         drawn = np.array([track.mean for track in tracks[position]]).reshape(-1, 4)
         shown = {rock: found for rock in world.bodies if (found := project_rock(world, view, rock))}
-        rows = match_boxes(drawn, np.array([found.box for found in shown.values()]).reshape(-1, 4), options.match_gate_px)
+        rows = match_boxes(
+            drawn, np.array([found.box for found in shown.values()]).reshape(-1, 4), options.match_gate_px
+        )
         matched[position] = np.where(rows >= 0, np.array([*shown, NO_ROCK])[rows], NO_ROCK)
         domes.append([dome_behind(world, view, box) for box in drawn[rows < 0]])
     numbers, stand_ins = number_domes(domes)
@@ -89,15 +92,15 @@ class PositionLabels:
         )
         self.tracks, self.ids = known.tracks.get(position, []), known.rocks.get(position, np.zeros(0, int))
         self._fused_boxes: dict[int, np.ndarray] = {}
-        self._ids: dict[Camera, Ids] = {}
-        self._cast: dict[tuple[Camera, Light, Azimuth], dict[int, np.ndarray]] = {}
+        self._seen: dict[Camera, Ids] = {}
+        self._shadow_ids: dict[tuple[Camera, bytes], np.ndarray] = {}
 
     def labels(self, camera: Camera, light: Light, azimuth: Azimuth) -> list[Label]:
         """What the photos of a camera under a lamp show, longest exposure."""
         if lamp(self.world, self.view(camera), light, azimuth) is None:
             return []
         rocks = self._rocks(camera, azimuth)
-        shadows = self._shadows(camera, light, azimuth, {label.rock for label in rocks})
+        shadows = self._shadows(camera, light, azimuth, rocks)
         return [label for label in rocks + shadows if area(label.box) > 0]
 
     def view(self, camera: Camera) -> View:
@@ -130,58 +133,68 @@ class PositionLabels:
             assert self.drawn_camera is not None
             track, body = self.tracks[row], self.world.bodies.get(int(self.ids[row]))
             weight = self.options.mesh_weight if body is not None and body.meshed else 0.0
-            shown = project_rock(self.world, self.view(self.drawn_camera), int(self.ids[row])) if weight else None
+            shown = self._projected(self.drawn_camera, int(self.ids[row])) if weight else None
             count = len(track.boxes)
             self._fused_boxes[row] = (
                 (count * track.mean + weight * shown.box) / (count + weight) if shown else track.mean
             )
         return self._fused_boxes[row]
 
+    def _projected(self, camera: Camera, rock: int) -> ProjectedRock | None:
+        """A body as a person would draw it."""
+        shown = project_rock(self.world, self.view(camera), rock)
+        margin = np.array([-1, -1, 1, 1]) * self.options.rock_margin_px
+        return ProjectedRock(clip(shown.box + margin, *self.view(camera).size), shown.seen) if shown else None
+
     def _projected_rocks(self, camera: Camera) -> list[Label]:
         labels = []
         for rock in sorted(self.world.bodies):
-            shown = project_rock(self.world, self.view(camera), rock)
+            shown = self._projected(camera, rock)
             if shown and shown.seen >= self.options.min_seen and np.sqrt(area(shown.box)) >= self.options.min_rock_px:
                 labels.append(self._label(ROCK, rock, "projected", 1.0, shown.box))
         return labels
 
-    def _shadows(self, camera: Camera, light: Light, azimuth: Azimuth, rocks: set[int]) -> list[Label]:
-        if azimuth in self.drawn and self.drawn_camera is not None:
-            boxes = self.drawn[azimuth].shadows
-            throwers = self._throwers(boxes, light, azimuth)
-            source = "seed"
-            if camera != self.drawn_camera:
-                source = "fused"
-                boxes = move_flat(self.world, self.view(self.drawn_camera), self.view(camera), boxes)
-            return [
-                self._label(SHADOW, rock, source, 1.0, box) for rock, box in zip(throwers, boxes, strict=True)
-            ]
-        return [
-            self._label(SHADOW, rock, "cast", 1.0, box)
-            for rock, box in sorted(self.cast(camera, light, azimuth).items())
-            if rock in rocks and np.sqrt(area(box)) >= self.options.min_shadow_px
-        ]
+    def _shadows(self, camera: Camera, light: Light, azimuth: Azimuth, rocks: list[Label]) -> list[Label]:
+        if azimuth not in self.drawn or self.drawn_camera is None:
+            cast = self._cast(camera, light, azimuth, {label.rock: label.box for label in rocks})
+            least = self.options.min_rover_shadow_px if azimuth == "no" else self.options.min_shadow_px
+            return [self._label(SHADOW, rock, "cast", 1.0, box) for rock, box in cast if np.sqrt(area(box)) >= least]
+        boxes = self.drawn[azimuth].shadows
+        throwers = self._throwers(boxes, light, azimuth)
+        if camera == self.drawn_camera:
+            return [self._label(SHADOW, rock, "seed", 1.0, box) for rock, box in zip(throwers, boxes, strict=True)]
+        boxes = move_flat(self.world, self.view(self.drawn_camera), self.view(camera), boxes)
+        return [self._label(SHADOW, rock, "fused", 1.0, box) for rock, box in zip(throwers, boxes, strict=True)]
 
     def _throwers(self, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
         """(n,) rock that throws each drawn shadow, by the shadows that the bodies cast."""
         assert self.drawn_camera is not None
-        cast = self.cast(self.drawn_camera, light, azimuth)
-        rows = match_boxes(boxes, np.array([*cast.values()]).reshape(-1, 4), 2 * self.options.match_gate_px, 0.1)
-        return np.where(rows >= 0, np.array([*cast, NO_ROCK])[rows], NO_ROCK)
+        cast = self._cast(self.drawn_camera, light, azimuth, dict.fromkeys(self.world.bodies))
+        expected = np.array([box for _, box in cast]).reshape(-1, 4)
+        rows = match_boxes(boxes, expected, SHADOW_GATE * self.options.match_gate_px, smallest_iou=0.1)
+        return np.where(rows >= 0, np.array([*(rock for rock, _ in cast), NO_ROCK])[rows], NO_ROCK)
 
-    def cast(self, camera: Camera, light: Light, azimuth: Azimuth) -> dict[int, np.ndarray]:
-        """Boxes (4,) of the shadows that the bodies cast under a lamp."""
+    def _cast(
+        self, camera: Camera, light: Light, azimuth: Azimuth, rock_boxes: Mapping[int, np.ndarray | None]
+    ) -> list[tuple[int, np.ndarray]]:
+        """Boxes (4,) that a person would draw around the shadows of rocks, whose own boxes are given."""
         view, step = self.view(camera), self.options.ray_step_px
         place = lamp(self.world, view, light, azimuth)
         assert place is not None
-        light = "off" if azimuth != "no" else light  # a Sun lamp outshines the rover light
-        if (camera, light, azimuth) not in self._cast:
-            if camera not in self._ids:
-                width, height = view.size
-                rows, columns = np.arange(step / 2, height, step), np.arange(step / 2, width, step)
-                self._ids[camera] = Ids(self.world, view, rows, columns)
-            self._cast[camera, light, azimuth] = cast_shadows(self.world, self._ids[camera], place, step)
-        return self._cast[camera, light, azimuth]
+        if camera not in self._seen:
+            width, height = view.size
+            self._seen[camera] = Ids(
+                self.world, view, np.arange(step / 2, height, step), np.arange(step / 2, width, step)
+            )
+        ids = self._seen[camera]
+        if (camera, place.tobytes()) not in self._shadow_ids:
+            self._shadow_ids[camera, place.tobytes()] = np.where(
+                ids.rock == NO_ROCK, ids.shadow_of(self.world, place), NO_ROCK
+            )
+        shadow = self._shadow_ids[camera, place.tobytes()]
+        margin = np.array([-1, -1, 1, 1]) * self.options.shadow_margin_px
+        found = [(rock, shadow_box(shadow, rock, box, step)) for rock, box in sorted(rock_boxes.items())]
+        return [(rock, box + margin) for rock, box in found if box is not None]
 
     def _label(self, kind: str, rock: int, source: str, share: float, box: np.ndarray) -> Label:
         box = box if source == "seed" else clip(box)
@@ -209,33 +222,55 @@ def propagate_labels(
     table: Path,
     options: LabelsOptions,
 ) -> None:
-    """Write `boxes`/KEY.txt for every key and the label table; photos without anything to see get an empty file."""
+    """Write `boxes`/KEY.txt for every key and the label table; photos with nothing to see get an empty file.
+
+    Raises
+    ------
+    LabelError
+        The inventory is another terrain's.
+    FormatError
+        A broken seed, camera or mesh file.
+    """
+    if (found := read_inventory(inventory).terrain) != terrain:
+        raise LabelError(f"{inventory}: inventory of terrain {found:02d}, expected {terrain:02d}")
+    _warn_of_gaps(photos, keys)
     known = gather(read_terrain(meshes, terrain), rigs.read_all_placed(cameras), read_seeds(seeds, terrain), options)
-    positions: dict[str, PositionLabels] = {}
-    cache: dict[tuple[str, Camera, Light, Azimuth], list[Label]] = {}
-    rows: list[dict[str, object]] = []
+    labels = grid_labels(known, keys, options)
     with writing_folder(boxes) as folder:
         for key in keys:
-            if key.position not in known.placed:
-                labels: list[Label] = []
-            else:
-                if key.position not in positions:
-                    positions[key.position] = PositionLabels(known, key.position, options)
-                view_and_lamp = (key.position, key.camera, key.light, key.azimuth)
-                if view_and_lamp not in cache:
-                    cache[view_and_lamp] = positions[key.position].labels(key.camera, key.light, key.azimuth)
-                labels = at_exposure(cache[view_and_lamp], key, options)
-            classes = np.array([BOX_CLASSES.index(label.kind) for label in labels], int)
-            yolo.write_boxes(folder / f"{key}.txt", classes, np.array([label.box for label in labels]).reshape(-1, 4))
-            for label in labels:
-                rows.append(
-                    {
-                        **tables.key_columns(key),
-                        "kind": label.kind,
-                        "rock": label.rock,
-                        "source": label.source,
-                        "confidence": label.confidence,
-                        **dict(zip(("x0", "y0", "x1", "y1"), (float(edge) for edge in label.box), strict=True)),
-                    }
-                )
-    tables.write_parquet(table, tables.label_table(rows))
+            classes = np.array([BOX_CLASSES.index(label.kind) for label in labels[key]], int)
+            drawn = np.array([label.box for label in labels[key]]).reshape(-1, 4)
+            yolo.write_boxes(folder / f"{key}.txt", classes, drawn)
+    tables.write_parquet(table, tables.label_table([_row(key, label) for key in keys for label in labels[key]]))
+
+
+def grid_labels(known: Known, keys: Sequence[PhotoKey], options: LabelsOptions) -> dict[PhotoKey, list[Label]]:
+    """Labels of every key; what photos share is computed once."""
+    positions = {position: PositionLabels(known, position, options) for position in known.placed}
+    for position in sorted({key.position for key in keys} - set(positions)):
+        log.warning("position %s: no camera pose, its photos get no labels", position)
+    sets: dict[tuple[str, Camera, Light, Azimuth], list[Label]] = {}
+    labels: dict[PhotoKey, list[Label]] = {}
+    for key in keys:
+        if key.position not in positions:
+            labels[key] = []
+            continue
+        photo_set = (key.position, key.camera, key.light, key.azimuth)
+        if photo_set not in sets:
+            sets[photo_set] = positions[key.position].labels(key.camera, key.light, key.azimuth)
+        labels[key] = at_exposure(sets[photo_set], key, options)
+    return labels
+
+
+def _warn_of_gaps(photos: Path, keys: Sequence[PhotoKey]) -> None:
+    """A source without any photo is no gap: labels alone are wanted."""
+    there = set(tables.read_parquet(photos, ["key"])["key"])
+    missing = [str(key) for key in keys if str(key) not in there]
+    if there and missing:
+        log.warning("%d of %d photos are missing, labelled all the same: %s ...", len(missing), len(keys), missing[0])
+
+
+def _row(key: PhotoKey, label: Label) -> dict[str, object]:
+    edges = dict(zip(("x0", "y0", "x1", "y1"), (float(edge) for edge in label.box), strict=True))
+    named = {"kind": label.kind, "rock": label.rock, "source": label.source, "confidence": label.confidence}
+    return {**tables.key_columns(key), **named, **edges}

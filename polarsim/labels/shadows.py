@@ -11,12 +11,13 @@ from polarsim.photo import NO_ROCK, Azimuth, Light
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, lamp_position
 
 SMALL_PART = 0.15  # of a shadow's largest connected part: smaller parts do not widen its box
+ROCK_ELLIPSE = 0.9  # of a rock's label box: the ellipse in which people see rock, never shadow
 
 
 def lamp(world: World, view: View, light: Light, azimuth: Azimuth) -> np.ndarray | None:
     """(3,) place of the lamp that throws the shadows, sandbox frame; None in the dark.
 
-    A Sun lamp outshines the rover light. It was surveyed above the sand, so it goes up and down with the ground's level.
+    A Sun lamp outshines the rover light. It was surveyed above the sand, so it goes up and down with the ground.
     """
     if azimuth != "no":
         return lamp_position(azimuth) + np.array([0.0, 0.0, world.ground_level])
@@ -44,8 +45,8 @@ class Ids:
     def shadow_of(self, world: World, lamp_place: np.ndarray) -> np.ndarray:
         """(rows, columns) rock that takes the lamp's light from the ground at each pixel; `NO_ROCK` elsewhere.
 
-        A rock hides no part of its own shadow here: its mesh may be wider than the rock (skirts, back sides that no
-        scan saw), and where the rock ends is for its label to say. Other rocks do hide it.
+        Other rocks hide a rock's shadow, its own mesh does not: where the rock ends is for its label to say, since
+        meshes may be wider than their rocks (skirts, back sides that no scan saw).
         """
         distance, face = world.rocks.nearest(self.places, lamp_place - self.places)
         blocked = distance < 1
@@ -57,21 +58,33 @@ class Ids:
         return shadow
 
 
-def cast_shadows(world: World, ids: Ids, lamp_place: np.ndarray, step: int) -> dict[int, np.ndarray]:
-    """Box (4,) in pixels of each rock's visible shadow; `ids` on a grid of every `step`-th pixel."""
+def shadow_box(shadow: np.ndarray, rock: int, rock_box: np.ndarray | None, step: int) -> np.ndarray | None:
+    """(4,) box around the visible shadow of a rock, px; None where too little of it is seen.
+
+    Parameters
+    ----------
+    shadow : (rows, columns) int
+        Rock whose shadow is seen at every `step`-th pixel.
+    rock_box : (4,) float or None
+        The rock's label in the same photo. People see rock in it, so that a shadow starts where the rock ends.
+    """
     import cv2
 
-    shadow = ids.shadow_of(world, lamp_place)
-    boxes = {}
-    for rock in (int(number) for number in np.unique(shadow) if number != NO_ROCK):
-        mask = shadow == rock
-        whole = of_mask(mask)
-        assert whole is not None
-        left, top, right, bottom = whole.astype(int)
-        part = mask[top:bottom, left:right].astype(np.uint8)
-        count, parts, figures, _ = cv2.connectedComponentsWithStats(part, connectivity=8)
-        areas = figures[1:count, cv2.CC_STAT_AREA]
-        box = of_mask(np.isin(parts, 1 + np.flatnonzero(areas >= SMALL_PART * areas.max())))
-        assert box is not None
-        boxes[rock] = (box + [left, top, left, top]) * step
-    return boxes
+    mask = shadow == rock
+    whole = of_mask(mask)
+    if whole is None:
+        return None
+    left, top, right, bottom = whole.astype(int)
+    mask = mask[top:bottom, left:right]
+    if rock_box is not None:
+        x, y = (np.arange(left, right) + 0.5) * step, (np.arange(top, bottom) + 0.5) * step
+        half = (rock_box[2:] - rock_box[:2]) / 2 * ROCK_ELLIPSE
+        centre = (rock_box[2:] + rock_box[:2]) / 2
+        mask = mask & ((((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 > 1)
+    count, parts, figures, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    areas = figures[1:count, cv2.CC_STAT_AREA]
+    if not len(areas):
+        return None
+    box = of_mask(np.isin(parts, 1 + np.flatnonzero(areas >= SMALL_PART * areas.max())))
+    assert box is not None
+    return (box + np.tile([left, top], 2)) * step

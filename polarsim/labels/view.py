@@ -53,12 +53,12 @@ class View:
     def inside(self, pixels: np.ndarray) -> np.ndarray:
         """(n,) bool: pixels (n, 2) of the photo; NaN is outside."""
         with np.errstate(invalid="ignore"):
-            return ((pixels > 0) & (pixels < self.size)).all(axis=-1)
+            return np.all((pixels > 0) & (pixels < self.size), axis=-1)
 
 
 @dataclass(frozen=True)
 class ProjectedRock:
-    """A rock's surface in a view: box (4,) cut at the border, and the share that no other rock hides and no edge cuts."""
+    """A rock in a view: its box (4,) cut at the border, and its share that no other rock hides and no border cuts."""
 
     box: np.ndarray
     seen: float
@@ -104,7 +104,7 @@ def move_rocks(world: World, source: View, target: View, boxes: np.ndarray, rock
 
 
 def move_flat(world: World, source: View, target: View, boxes: np.ndarray) -> np.ndarray:
-    """Boxes (n, 4) of things on the ground as the rig's other camera sees them: shifted as the ground at their centre."""
+    """Boxes (n, 4) of flat things as the rig's other camera sees them: moved like the ground at their centres."""
     boxes = np.asarray(boxes, float).reshape(-1, 4)
     middle = (boxes[:, :2] + boxes[:, 2:]) / 2
     return boxes + np.tile(_shift_at_depth(source, target, middle, source.ground_depth(world, middle)), 2)

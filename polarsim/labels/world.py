@@ -11,6 +11,7 @@ from polarsim.geometry.rays import Caster, caster
 from polarsim.photo import NO_ROCK
 
 HIGH = 10.0  # metres: above everything in the sandbox
+CONTACT = 1e-3  # metres: a vertex this little below the ground's surface still belongs to the rock's visible foot
 LOW_SHARE = 0.35  # of a rock's height: flat rocks are not trimmed away
 
 
@@ -61,7 +62,7 @@ class World:
     everything: Caster
     ground: Caster
     rocks: Caster
-    rock_of_rocks_face: np.ndarray  # rock of each face of `rocks`
+    rock_of_rocks_face: np.ndarray  # rock of each face of `rocks`, and `NO_ROCK` at -1 for rays that meet none
     ground_level: float  # median height of the ground: lamps were surveyed above the sand
     ground_bounds: np.ndarray  # (2, 2) lowest and highest x, y of the ground
 
@@ -88,7 +89,8 @@ class World:
         """
         directions = points - eye
         distance, face = self.rocks.nearest(np.broadcast_to(eye, points.shape), directions)
-        return (distance < 1) & (self.rock_of_rocks_face[face] != rock) & (face >= 0)
+        other = self.rock_of_rocks_face[face]
+        return (distance < 1) & (other != rock) & (other != NO_ROCK)
 
 
 def build_world(terrain: TerrainMesh, trim: float) -> World:
@@ -112,7 +114,7 @@ def build_world(terrain: TerrainMesh, trim: float) -> World:
         vertices = terrain.vertices[used]
         height = _height_above(ground, level, vertices)
         low = min(trim, LOW_SHARE * float(height.max()))
-        bodies[rock] = Body(vertices, height > 0, height > low, meshed=True)
+        bodies[rock] = Body(vertices, height > -CONTACT, height > low, meshed=True)
         rock_of_face[own[(height <= low)[corner.reshape(-1, 3)].all(axis=1)]] = NO_ROCK
     return _world(bodies, terrain.vertices, terrain.faces, rock_of_face, ground, level, bounds)
 
@@ -161,7 +163,7 @@ def _world(
         caster(vertices, faces),
         ground,
         caster(vertices, faces[of_rock]),
-        rock_of_face[of_rock],
+        np.append(rock_of_face[of_rock], NO_ROCK),
         ground_level,
         ground_bounds,
     )

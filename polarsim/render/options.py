@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, PositiveFloat
 
 Model = Literal["principled", "hapke", "lambert", "lunar_lambert"]
 MODELS: tuple[Model, ...] = ("principled", "hapke", "lambert", "lunar_lambert")
@@ -92,11 +92,16 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
     bounce: float = Field(
         0.01, ge=0, le=1, description="Light that walls return from above, over a lamp's irradiance 4 m away; 0: none."
     )
+    seat_m: float = Field(
+        0.05,
+        ge=0,
+        description="Open feet of rock meshes are drawn out downwards so far, metres: no light beneath them.",
+    )
     rim: bool = Field(True, description="Add the walls of the sandbox: they cast shadows and are seen.")
     rim_half_width_m: float = Field(2.05, gt=0, description="Half the inner width of the sandbox, metres.")
     rim_height_m: float = Field(0.28, gt=0, description="Top of the walls above the median ground, metres.")
 
-    gain: dict[Model, float] = Field(
+    gain: dict[Model, PositiveFloat] = Field(
         default_factory=dict, description="Grey values per ms and unit of radiance; a model left out is calibrated."
     )
     calibration_photos: int = Field(6, ge=0, description="Photos that a gain is calibrated on; 0: built-in gains.")

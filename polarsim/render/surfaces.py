@@ -11,6 +11,7 @@ from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.rays import Caster, RayEngine, caster
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import RenderOptions
+from polarsim.render.seats import seated
 
 BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS = 0, 1, 2, 1000, 2000  # of the instance masks
 _WALL_THICKNESS = 0.05  # metres
@@ -92,7 +93,8 @@ def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def surfaces_of(mesh: TerrainMesh, options: RenderOptions) -> Surfaces:
-    """The terrain's triangles, with the sandbox's walls where the options ask for them."""
+    """The terrain's triangles, rocks seated in the sand, with the sandbox's walls where the options ask for them."""
+    mesh = seated(mesh, options.seat_m) if options.seat_m else mesh
     id_of_face = np.where(mesh.rock_of_face == NO_ROCK, GROUND, ROCK_IDS + mesh.rock_of_face).astype(np.int32)
     if not options.rim:
         return Surfaces(mesh.vertices, mesh.faces, mesh.normals, id_of_face, options.rays)

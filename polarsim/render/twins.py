@@ -85,8 +85,9 @@ def render_twins(
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
         layers = _layers(surfaces, rigs[view[0]], view[1], views[view], model, options, threads)
         if gain is None:  # the view with the references comes first
-            gain = calibrate(references, layers, model) or default_gain(model, options)
-            log.info("terrain %02d, %s: gain %.6g from %d photos", terrain, model, gain, len(references))
+            found = calibrate(references, layers, model)
+            gain = found or default_gain(model, options)
+            log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, gain, "from photos" if found else "built in")
         lens = rigs[view[0]].rig.lens(view[1])
         write_photos(twins, views[view], {name: layer for (_, name), layer in layers.items()}, lens, gain, options,
                      threads)  # fmt: skip

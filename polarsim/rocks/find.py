@@ -17,6 +17,7 @@ from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.stereo import rectified_left
 from polarsim.photo import BOX_CLASSES, ROCK, PhotoKey
 from polarsim.rocks import table
+from polarsim.rocks.alignment import alignment
 from polarsim.rocks.clouds import surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
 from polarsim.rocks.evidence import confirming_positions
@@ -98,8 +99,8 @@ def ground_cloud(sand: Sand) -> Cloud:
 
 
 def _read_scans(inventory: Inventory, placed: Mapping[str, PlacedRig]) -> ScanPoints:
-    """All scans of a terrain in the sandbox."""
-    scans = []
+    """All scans of a terrain in the sandbox, finely aligned."""
+    scans: dict[str, ScanPoints] = {}
     for position in inventory.scanned:
         if position not in placed:
             log.warning("terrain %02d: the scan at %s has no pose and is left out", inventory.terrain, position)
@@ -112,8 +113,12 @@ def _read_scans(inventory: Inventory, placed: Mapping[str, PlacedRig]) -> ScanPo
             range_map, lens = organised(nasa.read_cloud(inventory.clouds[position]), lens)
         sandbox_from_rectified = placed[position].sandbox_from_left @ grid.left_from_rectified
         scan = place_scan(range_map, trusted_pixels(range_map, lens.fx), sandbox_from_rectified)
-        scans.append(scan.select(NEIGHBOURHOOD.contains(scan.points)))
-    return merged(scans)
+        scans[position] = scan.select(NEIGHBOURHOOD.contains(scan.points))
+    corrections = dict(zip(scans, alignment(list(scans.values())), strict=True))
+    for position, correction in corrections.items():
+        shift_mm = 1000 * np.linalg.norm(correction.translation)
+        log.info("terrain %02d: scan %s moved by %.1f mm to meet the others", inventory.terrain, position, shift_mm)
+    return merged([scan.moved(corrections[position]) for position, scan in scans.items()])
 
 
 def _row(rock: int, found: Rock, points: int) -> dict[str, object]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from polarsim.rocks.heights import FloorGrid, filled, mean_heights, smoothed
+from polarsim.rocks.heights import FloorGrid, filled, hull_mask, mean_heights, smoothed
 from polarsim.rocks.scans import WALL_HEIGHT, Extent, ScanPoints
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
@@ -15,6 +15,8 @@ WALL_MARGIN = 0.03  # metres of sand along a wall that are left out: the wall's 
 WALL_SEARCH = (1.6, 2.4)  # metres from the origin between which a wall can stand
 LEVEL_TOLERANCE = 0.010  # metres above its surroundings up to which an area within steep edges still is ground
 _SQUARE = np.ones((3, 3), bool)
+EDGE_SHARE = 0.65  # of the steepest sand's slope: from there on an edge can outline a low rock
+OUTLINE_SIDES = (0.025, 0.60)  # metres: shorter steep edges are pebbles, longer ones are no single rock's
 FOOT_MARGIN = 2  # cells around rock that do not tell the ground's height
 
 
@@ -84,8 +86,9 @@ def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float
     surface = smoothed(mean, weights, 1.0)
     seen = ndimage.binary_closing(weights > 0, _SQUARE, border_value=0) & np.isfinite(surface)
     surface = np.where(seen, surface, np.nan)
-    gentle = seen & (_slope(filled(np.nan_to_num(surface), seen), cell) < np.tan(max_slope))
-    is_ground = _level_areas(surface, gentle)
+    slope = _slope(filled(np.nan_to_num(surface), seen), cell)
+    is_ground = _level_areas(surface, seen & (slope < np.tan(max_slope)))
+    is_ground = _without_outlined(surface, seen & (slope > EDGE_SHARE * np.tan(max_slope)), is_ground, cell)
     ground = filled(np.nan_to_num(surface), is_ground)
     return Sand(grid, surface, ground, is_ground)
 
@@ -110,3 +113,23 @@ def _level_areas(surface: np.ndarray, gentle: np.ndarray) -> np.ndarray:
     level = np.concatenate([[False], np.asarray(height) < LEVEL_TOLERANCE])
     near_rock = ndimage.binary_dilation(np.isfinite(surface) & ~gentle, iterations=FOOT_MARGIN)
     return level[areas] & ~near_rock
+
+
+def _without_outlined(surface: np.ndarray, steep: np.ndarray, is_ground: np.ndarray, cell: float) -> np.ndarray:
+    """Ground without rocks that have a gentle side, up which the ground's area grew.
+
+    Steep edges that hang together outline a rock where the area within their hull is raised. Long edges are crater
+    walls and tracks.
+    """
+    edges, _ = ndimage.label(ndimage.binary_dilation(steep, _SQUARE), _SQUARE)
+    outlined = np.zeros_like(edges)
+    for number, box in enumerate(ndimage.find_objects(edges), 1):
+        sides = [(part.stop - part.start) * cell for part in box]
+        if OUTLINE_SIDES[0] < max(sides) < OUTLINE_SIDES[1]:
+            outlined[box][hull_mask(edges[box] == number)] = number
+    level = filled(np.nan_to_num(surface), is_ground & (outlined == 0))
+    seen = outlined * np.isfinite(surface)
+    above = ndimage.median(np.nan_to_num(surface - level), seen, np.arange(outlined.max() + 1))
+    raised = np.asarray(above) > LEVEL_TOLERANCE
+    raised[0] = False
+    return is_ground & ~ndimage.binary_dilation(raised[outlined], iterations=FOOT_MARGIN)

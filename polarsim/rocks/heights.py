@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
+from scipy.spatial import ConvexHull, QhullError
 
 from polarsim.rocks.scans import Extent
 
@@ -95,3 +96,15 @@ def _from_coarser(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     coarse = filled(np.divide(total, count, out=np.zeros_like(total), where=count > 0), count > 0)
     row, column = (np.arange(rows) - 0.5) / 2, (np.arange(columns) - 0.5) / 2
     return ndimage.map_coordinates(coarse, np.meshgrid(row, column, indexing="ij"), order=1, mode="nearest")
+
+
+def hull_mask(mask: np.ndarray) -> np.ndarray:
+    """Cells of a window inside the convex hull of the marked ones."""
+    points = np.argwhere(mask)
+    try:
+        hull = ConvexHull(points)
+    except QhullError:  # one line of cells
+        return mask
+    places = np.indices(mask.shape).reshape(2, -1)
+    inside = np.all(hull.equations[:, :2] @ places + hull.equations[:, 2:] <= 1e-9, axis=0)
+    return np.reshape(inside, mask.shape)

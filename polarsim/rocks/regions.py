@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
-from scipy.spatial import ConvexHull, QhullError
 
 from polarsim.rocks.ground import Sand
+from polarsim.rocks.heights import filled, hull_mask
 
 PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
 SADDLE_SHARE = 0.72  # two peaks are two rocks where the pass between them is lower than this share of the lower peak
 SPLIT_SMOOTHING = 1.2  # cells: chips and noise make no peaks
+WALL_CLEARANCE = 0.05  # metres from the sand's border within which only confirmed finds are rocks
 SMALL_SIZE = 0.055  # metres: smaller rocks are numbered last, for they come and go with noise
 SWEEP = np.array([0.83, 0.56])  # order of ids along this oblique line: rocks laid in rows along a wall do not tie
 
@@ -52,8 +53,10 @@ def find_regions(sand: Sand, limits: Limits, confirm: Confirm) -> list[Region]:
     above = np.where(sand.is_ground, 0.0, sand.above)
     standing = ndimage.binary_opening(above > limits.foot, np.ones((2, 2), bool))
     labels, _ = ndimage.label(standing, np.ones((3, 3)))
-    labels = split_peaks(above, labels, limits)
-    regions = []
+    seen = np.isfinite(sand.surface)
+    bridged, labels = _bridged(np.where(seen, above, filled(above, seen)), labels, seen)
+    labels = split_peaks(bridged, labels, limits) * seen
+    regions: list[Region] = []
     for number, box in enumerate(ndimage.find_objects(labels), 1):
         if box is None:
             continue
@@ -61,9 +64,26 @@ def find_regions(sand: Sand, limits: Limits, confirm: Confirm) -> list[Region]:
         if region.size < limits.size or region.height < limits.confirmed_height:
             continue
         confirmed = tuple(confirm(_points(sand, region.seen)))
-        if confirmed or region.height >= limits.height:
-            regions.append(Region(**{**vars(region), "confirmed": confirmed}))
+        if confirmed or (region.height >= limits.height and not _at_wall(sand, box)):
+            regions.append(replace(region, confirmed=confirmed))
     return numbered(regions)
+
+
+def _bridged(above: np.ndarray, labels: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Heights and regions with the hidden cells inside a region's hull: a rock's own shadow does not cut it in two."""
+    labels = labels.copy()
+    for number, box in enumerate(ndimage.find_objects(labels), 1):
+        inside = hull_mask(labels[box] == number) & ~seen[box] & (labels[box] == 0)
+        labels[box][inside] = number
+    return np.where(labels > 0, above, 0.0), labels
+
+
+def _at_wall(sand: Sand, box: tuple[slice, ...]) -> bool:
+    """Whether a window of the grid comes near its border: what leans on a wall is a wall's or was put there."""
+    margin = round(WALL_CLEARANCE / sand.grid.cell)
+    return any(
+        part.start < margin or part.stop > size - margin for part, size in zip(box, sand.grid.shape, strict=True)
+    )
 
 
 def numbered(regions: list[Region]) -> list[Region]:
@@ -84,7 +104,7 @@ def measured_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Reg
     """Measure the region that `mask` marks in a window of the grid."""
     rows, columns = np.nonzero(mask)
     hidden = ~np.isfinite(sand.surface[box])
-    covered = mask | (hidden & _hull_mask(mask))
+    covered = mask | (hidden & hull_mask(mask))
     footprint_rows, footprint_columns = np.nonzero(covered)
     above = np.where(mask, sand.above[box], 0.0)
     heights = above[mask]
@@ -100,18 +120,6 @@ def measured_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Reg
         height=float(np.quantile(heights, PEAK_SHARE)),
         volume=float((above.sum() + heights.mean() * (covered.sum() - mask.sum())) * sand.grid.cell**2),
     )
-
-
-def _hull_mask(mask: np.ndarray) -> np.ndarray:
-    """Cells of a window inside the convex hull of the marked ones."""
-    points = np.argwhere(mask)
-    try:
-        hull = ConvexHull(points)
-    except QhullError:  # one line of cells
-        return mask
-    places = np.indices(mask.shape).reshape(2, -1)
-    inside = np.all(hull.equations[:, :2] @ places + hull.equations[:, 2:] <= 1e-9, axis=0)
-    return np.reshape(inside, mask.shape)
 
 
 def split_peaks(above: np.ndarray, labels: np.ndarray, limits: Limits) -> np.ndarray:

@@ -31,6 +31,10 @@ class ScanPoints:
         """The points of a mask or index array (n,)."""
         return ScanPoints(self.points[chosen], self.to_scanner[chosen], self.weights[chosen])
 
+    def moved(self, pose: Pose) -> ScanPoints:
+        """The same points after a motion."""
+        return ScanPoints(pose.apply(self.points), pose.rotate(self.to_scanner), self.weights)
+
 
 @dataclass(frozen=True)
 class Extent:

@@ -31,9 +31,14 @@ def test_a_cast_shadow_is_the_sand_whose_ray_to_the_lamp_meets_the_rock(ball_sce
     to_lamp /= np.linalg.norm(to_lamp, axis=1, keepdims=True)
     to_ball = np.array([0, 0, BALL_HEIGHT]) - places
     along = np.einsum("ij,ij->i", to_ball, to_lamp)
-    assert (np.linalg.norm(to_ball - along[:, None] * to_lamp, axis=1) < BALL_RADIUS).all()
-    top = BALL_HEIGHT + BALL_RADIUS * 0.97  # the tangent to the ball's top meets the sand about there
-    assert places[:, 1].min() == pytest.approx(-top * 3.5 / (0.9 - top), rel=0.15)
+    assert (
+        np.linalg.norm(to_ball - along[:, None] * to_lamp, axis=1) < BALL_RADIUS + 0.003
+    ).all()  # rays start a bit above
+    away, up = LAMP.place[1], LAMP.place[2]
+    tangent = np.arctan2(up - BALL_HEIGHT, away) - np.arcsin(BALL_RADIUS / np.hypot(away, up - BALL_HEIGHT))
+    assert places[:, 1].min() == pytest.approx(
+        away - up / np.tan(tangent), rel=0.05
+    )  # where the ray over its top lands
 
 
 def test_sand_that_a_wall_shades_too_is_no_rocks_shadow(ball_scene, ball_caster, ball_view, rng):
@@ -55,7 +60,8 @@ def test_contrast_is_the_difference_to_the_surroundings():
     assert contrast(square(1, 0, 0, 40), photo) == pytest.approx(400)  # also at the photo's corner
 
 
-BRIGHT = np.full((1216, 1936), 1500, np.uint16)
+BRIGHT = np.full((1216, 1936), 800, np.uint16)
+BRIGHT[500:590, 500:590] = 1500  # the rock stands out of the sand
 
 
 def test_a_person_draws_whole_pixels_with_the_scatter_of_the_published_labels():

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from polarsim.analog.light import AMBIENT, Lamp, direct, gather_bounce, visibility
+from polarsim.analog.bounce import AMBIENT, gather_bounce
+from polarsim.analog.light import Lamp, direct, visibility
 from polarsim.analog.reflectance import reflect
 from polarsim.analog.sandbox import GROUND_OBJECT
 from polarsim.analog.view import lens_directions, look, make_textures
@@ -96,7 +97,7 @@ def test_a_wider_lamp_makes_a_softer_shadow(ball_view, ball_caster):
 
 def test_sand_in_shadow_gets_light_from_walls_and_rocks(ball_scene, ball_caster, ball_view, rng):
     bounce = gather_bounce(ball_scene, ball_caster, {"lamp": LAMP}, rng, 1)
-    indirect = bounce.at(ball_scene, ball_view, "lamp")
+    indirect = bounce.at(ball_scene, ball_view, [AMBIENT, "lamp"])["lamp"]
     lit = direct(ball_view, LAMP, visibility(ball_view, ball_caster, LAMP, rng, 1))
     sand = ball_view.objects == GROUND_OBJECT
     assert (indirect[sand] > 0).mean() > 0.99

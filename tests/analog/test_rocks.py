@@ -41,7 +41,7 @@ def test_rocks_are_angular_not_round():
     """A large part of a rock's surface lies on a few facets; of a ball's, next to nothing."""
 
     def share_on_facets(vertices):
-        areas, _ = face_normals(vertices, icosphere(4)[1])
+        areas, _ = face_normals(vertices, icosphere(3)[1])
         weight = np.linalg.norm(areas, axis=1)
         normals = areas / weight[:, None]
         near = normals @ normals.T > np.cos(np.radians(12))
@@ -52,8 +52,8 @@ def test_rocks_are_angular_not_round():
             left[near[best]] = 0
         return total / weight.sum()
 
-    ball = share_on_facets(icosphere(4)[0])
-    rocks = [share_on_facets(carve(np.random.default_rng(s), 1, 0.2, 4).vertices) for s in range(8)]
+    ball = share_on_facets(icosphere(3)[0])
+    rocks = [share_on_facets(carve(np.random.default_rng(s), 1, 0.2, 3).vertices) for s in range(8)]
     assert ball < 0.1
     assert np.median(rocks) > 2 * ball
 

@@ -4,7 +4,7 @@ import pytest
 from polarsim.analog import scanner
 from polarsim.analog.options import AnalogOptions
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.poses import Pose, looking
 
 BALL_RADIUS = 0.15  # metres, of the ball that conftest puts into the scene
 
@@ -62,11 +62,7 @@ def test_grazing_and_dark_surfaces_are_lost_more_often():
 def test_a_map_of_an_exact_scan_shows_the_plane_at_its_depth(ball_scene, ball_caster):
     found = scanned(ball_scene, ball_caster, range_noise_mm=0.0)
     grid = Lens(500.0, 500.0, 240.0, 150.0, width=480, height=300)
-    down = np.radians(25)
-    sandbox_from_grid = Pose(
-        np.array([[0, np.sin(down) * -1, -np.cos(down)], [1, 0, 0], [0, -np.cos(down), -np.sin(down)]]),
-        SCANNER.translation,
-    )
+    sandbox_from_grid = looking(SCANNER.translation, np.pi, np.radians(25))
     vertices, faces = scanner.surface(found, SCANNER.translation)
     points = scanner.range_map([(sandbox_from_grid.inverse().apply(vertices), faces)], grid, 1)
     at = sandbox_from_grid.apply(points.astype(float))

@@ -42,6 +42,12 @@ def blobs(key: PhotoKey) -> tuple[np.ndarray, list[dict[str, object]]]:
 
 
 @pytest.fixture(scope="session")
+def keys() -> list[PhotoKey]:
+    """Of the small world's photos."""
+    return KEYS
+
+
+@pytest.fixture(scope="session")
 def world(tmp_path_factory) -> Path:
     """Folder with photos.parquet, twins/, labels.parquet."""
     root = tmp_path_factory.mktemp("world")

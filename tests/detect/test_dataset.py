@@ -2,7 +2,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from conftest import KEYS as ALL_KEYS
 
 from polarsim.detect.dataset import make_dataset, picture_paths, read_pictures
 from polarsim.detect.options import DetectOptions
@@ -11,14 +10,18 @@ from polarsim.errors import DetectError, FormatError
 from polarsim.formats import png, tables, yolo
 
 OPTIONS = DetectOptions(imgsz=160)
-KEYS = ALL_KEYS[:8]
 
 
 @pytest.fixture
-def made(world, tmp_path):
+def few(keys):
+    return keys[:8]
+
+
+@pytest.fixture
+def made(world, few, tmp_path):
     """Make a data set of the small world with changes to the call; returns its folder."""
 
-    def make(options=OPTIONS, keys=KEYS, **changes):
+    def make(options=OPTIONS, keys=few, **changes):
         split_photos(keys=list(keys), split=tmp_path / "split.csv", options=options)
         arguments = {"pictures": world / "photos.parquet", "labels": world / "labels.parquet"} | changes
         make_dataset(
@@ -29,9 +32,9 @@ def made(world, tmp_path):
     return make
 
 
-def test_every_picture_lies_in_its_part_with_its_labels(made):
+def test_every_picture_lies_in_its_part_with_its_labels(few, made):
     folder = made()
-    for key, part in draw_split(KEYS, OPTIONS).items():
+    for key, part in draw_split(few, OPTIONS).items():
         assert png.read(folder / "images" / part / f"{key}.png").shape == (100, 160)  # 1216 / 1936 of 160 is 100.5
         assert (folder / "labels" / part / f"{key}.txt").is_file()
 
@@ -70,18 +73,18 @@ def test_twins_in_a_folder_give_the_same_data_set_as_the_photo_table(made, world
     assert from_folder == from_table
 
 
-def test_a_missing_picture_is_a_gap_and_a_warning(made, world, tmp_path, caplog):
+def test_a_missing_picture_is_a_gap_and_a_warning(few, made, world, tmp_path, caplog):
     photos = tables.read_parquet(world / "photos.parquet")
     tables.write_parquet(tmp_path / "fewer.parquet", photos.iloc[1:])
     folder = made(pictures=tmp_path / "fewer.parquet")
     listed = {key for part in ("train", "val", "test") for key in read_pictures(folder, part)}
-    assert listed == {str(key) for key in KEYS[1:]}
+    assert listed == {str(key) for key in few[1:]}
     assert "1 of 8 pictures" in caplog.text
 
 
-def test_a_photo_without_labels_gets_an_empty_file(made, world, tmp_path):
+def test_a_photo_without_labels_gets_an_empty_file(few, made, world, tmp_path):
     rows = tables.read_parquet(world / "labels.parquet")
-    key = str(KEYS[0])
+    key = str(few[0])
     tables.write_parquet(tmp_path / "labels.parquet", rows[rows["key"] != key])
     (path,) = made(labels=tmp_path / "labels.parquet").glob(f"labels/*/{key}.txt")
     assert path.read_text() == ""
@@ -98,8 +101,8 @@ def test_dark_pictures_are_left_out_where_asked(made, world, tmp_path):
     assert len(list(folder.glob("images/*/*.png"))) == 7
 
 
-def test_full_size_pictures_are_kept_where_asked(made):
-    folder = made(OPTIONS.model_copy(update={"downsize": False}), keys=KEYS[:4])
+def test_full_size_pictures_are_kept_where_asked(few, made):
+    folder = made(OPTIONS.model_copy(update={"downsize": False}), keys=few[:4])
     assert png.read(next(folder.glob("images/train/*.png"))).shape == (1216, 1936)
 
 
@@ -120,7 +123,5 @@ def test_a_domain_without_pictures_is_refused(made, tmp_path):
         made(pictures=tmp_path / "none.parquet")
 
 
-def test_pictures_of_a_folder_are_found_by_terrain_and_key(world):
-    assert picture_paths(world / "twins", KEYS[:1]) == {
-        KEYS[0]: world / "twins" / "Terrain01" / "01_A_off_30_L_0064.png"
-    }
+def test_pictures_of_a_folder_are_found_by_terrain_and_key(few, world):
+    assert picture_paths(world / "twins", few[:1]) == {few[0]: world / "twins" / "Terrain01" / "01_A_off_30_L_0064.png"}

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import KEYS
 
 from polarsim.detect import judges
 from polarsim.detect.dataset import make_dataset, read_pictures
@@ -23,10 +22,10 @@ OPTIONS = DetectOptions(imgsz=96, epochs=2, device="cpu")
 
 
 @pytest.fixture(scope="module")
-def judged(world, tmp_path_factory) -> Path:
+def judged(world, keys, tmp_path_factory) -> Path:
     """A folder with split.csv, the data set real/, real.pt, real.csv, real_on_real.parquet."""
     root = tmp_path_factory.mktemp("judged")
-    split_photos(keys=KEYS, split=root / "split.csv", options=OPTIONS)
+    split_photos(keys=keys, split=root / "split.csv", options=OPTIONS)
     make_dataset(
         domain="real",
         pictures=world / "photos.parquet",
@@ -120,7 +119,9 @@ def test_our_predictions_are_those_of_ultralytics_own_predictor(judged):
     model.model.names = {0: "rock", 1: "shadow"}
     key = read_pictures(judged / "real", "test")[0]
     picture = png.read(judged / "real" / "images" / "test" / f"{key}.png")
-    found = model.predict(picture[..., None].repeat(3, axis=2), imgsz=96, conf=0.001, iou=0.7, verbose=False)[0].boxes
+    found = model.predict(
+        picture[..., None].repeat(3, axis=2), imgsz=96, conf=0.001, iou=OPTIONS.nms_iou, verbose=False
+    )[0].boxes
     table = tables.read_parquet(judged / "real_on_real.parquet")
     table = table[table["key"] == key].sort_values("confidence", ascending=False)
     # Ultralytics gives a place one class, we give it all that are likely enough, as its validation does.

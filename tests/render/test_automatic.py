@@ -64,6 +64,17 @@ def test_shadows_where_a_wall_keeps_the_ground_dark_are_nobodys(blocks, above, l
         assert (ids == RELIEF_SHADOW).any() == rim
 
 
+def test_a_terrain_without_rocks_has_ground_and_no_boxes(blocks, above, lens, plain):
+    ids = render_ids(surfaces_of(blocks((), ()), plain), above, lens, {"sun": SUN}, threads=2)
+    assert set(np.unique(ids["sun"])) == {1}
+    assert boxes_of(ids["sun"], plain) == []
+
+
+def test_threads_do_not_change_an_id(surfaces, camera, lens):
+    one, two = (render_ids(surfaces, camera, lens, {"sun": SUN}, threads)["sun"] for threads in (1, 2))
+    np.testing.assert_array_equal(one, two)
+
+
 def test_only_parts_of_some_size_make_a_box():
     mask = np.zeros((20, 30), bool)
     mask[5:9, 6:16] = True

@@ -133,7 +133,9 @@ def test_walls_throw_shadows_onto_the_sand(blocks, above, lens):
 
 def test_albedo_of_lambert_and_of_lunar_soil():
     assert hemispherical_albedo(LambertParameters(albedo=0.3)) == pytest.approx(0.3)
-    assert hemispherical_albedo(HAPKE_SETS["chrono_lunar"]) == pytest.approx(0.1295, rel=5e-3)  # Gauss quadrature by another program
+    assert hemispherical_albedo(HAPKE_SETS["chrono_lunar"]) == pytest.approx(
+        0.1295, rel=5e-3
+    )  # Gauss quadrature by another program
 
 
 def test_the_rover_light_stands_between_the_cameras(camera):

@@ -58,7 +58,8 @@ rule tables:
         every_figure("meshes_Terrain{terrain}"),
         every_figure("crops_Terrain{terrain}"),
         of_run(
-            "results/{run}/figures/label_errors_Terrain{terrain}.png", terrain=filter(can_score_labels, TERRAINS)
+            "results/{run}/figures/label_errors_Terrain{terrain}.png",
+            terrain=filter(can_score_labels, TERRAINS),
         ),
 
 
@@ -162,11 +163,7 @@ rule score_twins:
 rule gather_quality:
     """The quality of every stage in one table."""
     input:
-        parts=of_run(
-            "results/{run}/quality/{stage}_Terrain{terrain}.csv",
-            stage=SCORED,
-            terrain=TERRAINS,
-        ),
+        parts=quality_parts,
     output:
         table=report(
             "results/{run}/tables/quality.csv",

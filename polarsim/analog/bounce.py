@@ -1,0 +1,158 @@
+"""One diffuse bounce: light off sand, rocks and walls, gathered at chosen places and spread over all vertices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+from scipy.spatial import cKDTree
+
+from polarsim.analog.light import SURFACE_OFFSET, Lamp, towards
+from polarsim.analog.rays import Caster, rays_from
+from polarsim.analog.rocks import icosphere
+from polarsim.analog.sandbox import HALL_OBJECT, Scene
+from polarsim.analog.view import View, strips
+
+AMBIENT = "ambient"  # the hall's own weak light, beside the lamps
+_CACHE_GRID = 0.06  # step of the places where the bounce is gathered, metres
+_CACHE_ROCK_DETAIL = 2
+_BOUNCE_RAYS = 36
+
+
+@dataclass(frozen=True)
+class Bounce:
+    """Indirect light at every vertex: irradiance is the light vector's part along the normal."""
+
+    vectors: dict[str, np.ndarray]  # lamp -> (v, 3) float32
+
+    def at(self, scene: Scene, view: View, lamps: Sequence[str]) -> dict[str, np.ndarray]:
+        """Radiance (h, w) that the bounce of each lamp adds to a view."""
+        vectors = np.stack([self.vectors[lamp] for lamp in lamps], axis=1)  # (v, n, 3): one look-up a corner serves all
+        out = {lamp: np.zeros(view.shape, np.float32) for lamp in lamps}
+        for rows in strips(len(view.faces)):
+            corners = scene.faces[view.faces[rows]]
+            second, third = view.weights[rows][..., :1, None], view.weights[rows][..., 1:, None]
+            vector = vectors[corners[..., 0]] * (1 - second - third)
+            vector += vectors[corners[..., 1]] * second
+            vector += vectors[corners[..., 2]] * third
+            along = np.einsum("...nk,...k->...n", vector, view.normals[rows])
+            floor = np.float32(0.1) * np.linalg.norm(vector, axis=-1)  # light from the sides does not end at once
+            radiance = view.albedo[rows][..., None] / np.float32(np.pi) * np.maximum(along, floor)
+            for number, lamp in enumerate(lamps):
+                out[lamp][rows] = radiance[..., number]
+        return out
+
+
+def gather_bounce(
+    scene: Scene, caster: Caster, lamps: Mapping[str, Lamp], rng: np.random.Generator, threads: int
+) -> Bounce:
+    """Collect the light of one diffuse bounce (and of the hall) at chosen places, and spread it over all vertices."""
+    chosen = _chosen_vertices(scene)
+    places, normals = scene.vertices[chosen], scene.normals[chosen]
+    directions = _hemisphere(normals, rng)
+    origins = (places + SURFACE_OFFSET * normals)[:, None]
+    hit = caster.first_hits(rays_from(origins, directions), threads)
+    found = np.isfinite(hit["t_hit"]) & (hit["t_hit"] > 0)
+    face = np.where(found, hit["primitive_ids"], 0)
+    far = np.where(found, hit["t_hit"], 1).astype(np.float32)
+    where = origins + far[..., None] * directions
+    facing = scene.normals[scene.faces[face, 0]]
+    facing = np.where(np.einsum("...k,...k->...", facing, directions)[..., None] > 0, -facing, facing)
+    weight = np.float32(2 * np.pi / _BOUNCE_RAYS)
+    vectors = {}
+    alike = _alike(scene, chosen[chosen >= scene.first_vertex[HALL_OBJECT]])
+    for name, lamp in lamps.items():
+        lit = _lit_radiance(scene, caster, lamp, where, facing, face, threads) * found
+        vectors[name] = _spread(scene, chosen, weight * np.einsum("nk,nkx->nx", lit, directions), alike)
+    from_hall = ((scene.object_of_face[face] == HALL_OBJECT) | ~found).astype(np.float32)
+    vectors[AMBIENT] = _spread(scene, chosen, weight * np.einsum("nk,nkx->nx", from_hall, directions), alike)
+    return Bounce(vectors)
+
+
+def _lit_radiance(
+    scene: Scene, caster: Caster, lamp: Lamp, places: np.ndarray, normals: np.ndarray, face: np.ndarray, threads: int
+) -> np.ndarray:
+    """Radiance of matte surfaces under a lamp, hard shadows."""
+    to_lamp, distance = towards(lamp, places)
+    cosine = np.einsum("...k,...k->...", normals, to_lamp)
+    lit = cosine > 0
+    start = (places + SURFACE_OFFSET * normals)[lit]
+    at = caster.first_hits(rays_from(start, (lamp.place - start).astype(np.float32)), threads)["t_hit"]
+    lit[lit] = at > 0.995
+    radiance = scene.albedo_of_face[face] / np.float32(np.pi) * cosine * lamp.irradiance(to_lamp, distance)
+    return np.where(lit, radiance, 0).astype(np.float32)
+
+
+def _hemisphere(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(n, rays, 3) float32 directions, uniform over the hemispheres about normals: one spread set, turned at random."""
+    k = np.arange(2 * _BOUNCE_RAYS) + 0.5
+    z = 1 - k / _BOUNCE_RAYS
+    angle = np.pi * (1 + 5**0.5) * k
+    sphere = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], 1)[:_BOUNCE_RAYS]
+    turn = rng.uniform(0, 2 * np.pi, len(normals))
+    side = np.where(np.abs(normals[:, 2:]) < 0.9, [[0, 0, 1.0]], [[1.0, 0, 0]])
+    first = np.cross(normals, side)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(normals, first)
+    right = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
+    ahead = np.cross(normals, right)
+    frame = np.stack([right, ahead, normals], axis=1)
+    return np.einsum("rk,nkx->nrx", sphere, frame).astype(np.float32)
+
+
+def _cache_stride(scene: Scene) -> int:
+    return max(1, round(_CACHE_GRID / scene.ground.step))
+
+
+def _chosen_vertices(scene: Scene) -> np.ndarray:
+    """Vertices where the bounce is gathered: every few of the ground, some of each rock, all of the rest."""
+    n, stride = len(scene.ground.axis), _cache_stride(scene)
+    grid = np.arange(n * n).reshape(n, n)[::stride, ::stride].ravel()
+    few = len(icosphere(_CACHE_ROCK_DETAIL)[0])
+    rocks = [scene.first_vertex[rock.rock] + np.arange(few) for rock in scene.rocks]
+    rest = np.arange(scene.first_vertex[HALL_OBJECT], len(scene.vertices))
+    return np.concatenate([grid, *rocks, rest])
+
+
+def _alike(scene: Scene, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For some vertices (n,): weights (n, 16) and numbers among them of those that lie near and face the same way."""
+    features = np.concatenate([scene.vertices[rest], 0.2 * scene.normals[rest]], axis=1)
+    far, near = cKDTree(features).query(features, k=16)
+    weights = np.exp(-((np.asarray(far) / 0.15) ** 2))
+    return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32), np.asarray(near)
+
+
+@cache
+def _from_coarse(detail: int) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (v, 4) and numbers of the vertices of the coarse sphere about each of a finer one."""
+    few = len(icosphere(_CACHE_ROCK_DETAIL)[0])
+    sphere = icosphere(detail)[0]
+    far, near = cKDTree(sphere[:few]).query(sphere, k=4)
+    weights = 1 / (np.asarray(far) + 0.05)
+    return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32), np.asarray(near)
+
+
+def _spread(scene: Scene, chosen: np.ndarray, vectors: np.ndarray, alike: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """(v, 3) light vectors at all vertices from those at the chosen ones."""
+    import cv2
+
+    out = np.zeros((len(scene.vertices), 3), np.float32)
+    n, stride = len(scene.ground.axis), _cache_stride(scene)
+    nodes = len(range(0, n, stride))
+    coarse = vectors[: nodes * nodes].reshape(nodes, nodes, 3)
+    coarse = gaussian_filter(coarse, (0.8, 0.8, 0)).astype(np.float32)
+    at = np.arange(n, dtype=np.float32) / stride
+    rows, columns = np.meshgrid(at, at, indexing="ij")
+    out[: n * n] = cv2.remap(coarse, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(-1, 3)
+    start, few = nodes * nodes, len(icosphere(_CACHE_ROCK_DETAIL)[0])
+    for rock in scene.rocks:
+        weights, near = _from_coarse(rock.detail)
+        first = scene.first_vertex[rock.rock]
+        out[first : first + len(near)] = np.einsum("nk,nkx->nx", weights, vectors[start : start + few][near])
+        start += few
+    weights, near = alike
+    out[chosen[start:]] = np.einsum("nk,nkx->nx", weights, vectors[start:][near])
+    return out

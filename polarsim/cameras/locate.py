@@ -1,0 +1,263 @@
+"""Where every rig of a terrain stood: from scans, else from labels and meshes, else from the survey."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from polarsim.cameras.consensus import consensus_boxes
+from polarsim.cameras.gauge import find_gauge
+from polarsim.cameras.labels import LabelPlacement, place_by_labels
+from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.outlines import Outlines, outlines_of
+from polarsim.cameras.scans import Pair, register_scans
+from polarsim.cameras.surveyed import pose_beside, surveyed_pose
+from polarsim.errors import RegistrationError, about
+from polarsim.formats import colmap, nasa, obj, tables, yolo
+from polarsim.formats.files import writing_folder
+from polarsim.formats.inventory import Inventory, read_inventory
+from polarsim.formats.rigs import PlacedRig, read_rig, write_placed
+from polarsim.geometry.poses import Pose, yaw_pitch_roll
+from polarsim.geometry.stereo import StereoRig, rectified_left
+from polarsim.photo import BOX_CLASSES, ROCK, PhotoKey
+
+log = logging.getLogger("polarsim")
+
+ALIGNMENT_COLUMNS = ("pair", "fitness", "rmse_mm", "points", "agreement")
+MATCH_COLUMNS = (
+    "position", "rock", "seed_x0", "seed_y0", "seed_x1", "seed_y1", "mesh_x0", "mesh_y0", "mesh_x1", "mesh_y1",
+    "iou", "dx_px", "dy_px",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Located:
+    """What a way of placing rigs found, and the table that shows how well."""
+
+    placed: dict[str, PlacedRig]
+    rows: list[dict[str, Any]]
+
+
+def locate_cameras(
+    *,
+    terrain: int,
+    positions: Sequence[str],
+    inventory: Path,
+    calibration: Path,
+    seeds: Path,
+    cameras: Path,
+    options: CamerasOptions,
+    threads: int,
+) -> None:
+    """Place the rigs of a terrain and write the folder `cameras`: `PosX.json`, `colmap/`, and how well it went.
+
+    Parameters
+    ----------
+    inventory, calibration : Path
+        What the source has, and the rig's lenses.
+    seeds : Path
+        Folder of seed labels; those of the left camera are used, where there are no scans.
+    threads : int
+        Cores for Open3D.
+
+    Raises
+    ------
+    RegistrationError
+        Scans disagree, labels and meshes contradict each other, or nothing is known of a position.
+    FormatError
+        A file is not what it should be.
+    """
+    os.environ["OMP_NUM_THREADS"] = str(threads)  # read by Open3D's OpenMP when it is first loaded
+    known, rig = read_inventory(inventory), read_rig(calibration)
+    scanned = [position for position in positions if position in known.scanned]
+    with about(f"Terrain{terrain:02d}"):
+        if scanned:
+            located = _locate_by_scans(known, scanned, rig, options)
+        else:
+            located = _locate_by_labels(known, positions, rig, seeds, options)
+        placed = _completed(located.placed, positions, rig)
+    with writing_folder(cameras) as folder:
+        for position in sorted(placed):
+            write_placed(folder / f"Pos{position}.json", placed[position])
+        colmap.write_model(folder / "colmap", placed)
+        if scanned:
+            tables.write_csv(folder / "alignment.csv", _table(located.rows, ALIGNMENT_COLUMNS))
+        else:
+            tables.write_parquet(folder / "matches.parquet", _table(located.rows, MATCH_COLUMNS))
+
+
+def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig, options: CamerasOptions) -> Located:
+    scans = {position: _read_scan(known, position, rig) for position in positions}
+    network = register_scans(scans, options)
+    gauge = find_gauge(network.points, network.normals, network.level_from_left)
+    if not gauge.walls:
+        log.warning("no two walls of the box are seen in the scans: origin and heading are the survey's")
+    placed = {}
+    for position, level_from_left in network.level_from_left.items():
+        pose = gauge.sandbox_from_level @ level_from_left
+        mine = [pair for pair in network.pairs if position in (pair.fixed, pair.moving)]
+        quality = {"walls": float(gauge.walls), "points": float(len(scans[position])), **_off_survey(position, pose)}
+        if mine:
+            quality |= {
+                "fitness": max(pair.alignment.fitness for pair in mine),
+                "rmse_mm": 1000 * min(pair.alignment.rmse for pair in mine),
+                "agreement": max(pair.agreement for pair in mine),
+            }
+        placed[position] = _placed(rig, pose, "scans", quality)
+    return Located(placed, [_alignment_row(pair) for pair in network.pairs])
+
+
+def _read_scan(known: Inventory, position: str, rig: StereoRig) -> np.ndarray:
+    """(n, 3) points of a position's scan in its left camera's frame, metres; the range map where there are both."""
+    if position in known.range_maps:
+        size = (rig.left.width, rig.left.height)
+        points = nasa.read_range_map(known.range_maps[position], size)
+        points = points[np.isfinite(points).all(axis=-1)]
+    else:
+        points = nasa.read_cloud(known.clouds[position])
+    return rectified_left(rig).left_from_rectified.apply(points.astype(float))
+
+
+def _alignment_row(pair: Pair) -> dict[str, Any]:
+    return {
+        "pair": f"{pair.fixed}-{pair.moving}",
+        "fitness": pair.alignment.fitness,
+        "rmse_mm": 1000 * pair.alignment.rmse,
+        "points": pair.alignment.points,
+        "agreement": pair.agreement,
+    }
+
+
+def _locate_by_labels(
+    known: Inventory, positions: Sequence[str], rig: StereoRig, seeds: Path, options: CamerasOptions
+) -> Located:
+    meshes = {int(rock): obj.read(path) for rock, path in sorted(known.meshes.items(), key=lambda item: int(item[0]))}
+    outlines = outlines_of(meshes, options.trim_mm / 1000, options.trim_share)
+    drawn = _drawn_boxes(known.terrain, seeds)
+    seen = {
+        position: consensus_boxes(drawn.get(position, []), options.consensus_share, options.cluster_iou)
+        for position in positions
+    }
+    placed: dict[str, PlacedRig] = {}
+    rows, refused = [], []
+    for position in sorted(seen, key=lambda name: (-len(seen[name]), name)):  # the surest helps the others
+        boxes = seen[position]
+        if min(len(boxes), len(outlines)) < options.min_boxes:
+            continue
+        expected = pose_beside(position, {name: one.sandbox_from_left for name, one in placed.items()})
+        try:
+            with about(f"position {position}"):
+                placement = place_by_labels(boxes, outlines, rig.left, expected, options)
+        except RegistrationError as error:
+            refused.append(error)
+            continue
+        pose = placement.fit.sandbox_from_left
+        quality = {**_label_quality(placement, boxes, outlines), **_off_survey(position, pose)}
+        placed[position] = _placed(rig, pose, "labels", quality)
+        rows += _match_rows(position, placement, boxes, outlines)
+    if refused and not placed:  # one view may be hopeless; a terrain without any has the wrong labels or meshes
+        raise refused[0]
+    for error in refused:
+        log.warning("%s", error)
+    rows.sort(key=lambda row: (row["position"], row["rock"]))
+    return Located(placed, rows)
+
+
+def _drawn_boxes(terrain: int, seeds: Path) -> dict[str, list[np.ndarray]]:
+    """Rock boxes (n, 4) of the left seeds by position, one array a file."""
+    drawn: dict[str, list[np.ndarray]] = {}
+    for path in sorted(seeds.glob("*.txt")):
+        with about(path):
+            key = PhotoKey.parse(path.stem)
+        if key.terrain == terrain and key.camera == "L":
+            classes, boxes = yolo.read_boxes(path)
+            drawn.setdefault(key.position, []).append(boxes[classes == BOX_CLASSES.index(ROCK)])
+    return drawn
+
+
+def _label_quality(placement: LabelPlacement, boxes: np.ndarray, outlines: Outlines) -> dict[str, float]:
+    fit = placement.fit
+    offset = _offsets(fit.projected[fit.outline], boxes[fit.box])
+    sd = np.sqrt(np.diag(fit.covariance))
+    return {
+        "boxes": float(len(boxes)),
+        "meshes": float(len(outlines)),
+        "matched": float(len(fit.iou)),
+        "mean_iou": float(fit.iou.mean()),
+        "median_dx_px": float(np.median(np.abs(offset[:, 0]))),
+        "median_dy_px": float(np.median(np.abs(offset[:, 1]))),
+        "share": placement.share,
+        "runner_up": placement.runner_up,
+        "sd_mm": float(1000 * np.linalg.norm(sd[:3])),
+        "sd_deg": float(np.degrees(np.linalg.norm(sd[3:]))),
+    }
+
+
+def _match_rows(
+    position: str, placement: LabelPlacement, boxes: np.ndarray, outlines: Outlines
+) -> list[dict[str, Any]]:
+    fit = placement.fit
+    rows = []
+    for outline, box, overlap in zip(fit.outline, fit.box, fit.iou, strict=True):
+        seed, mesh = boxes[box], fit.projected[outline]
+        dx, dy = _offsets(mesh[None], seed[None])[0]
+        values = (position, int(outlines.rocks[outline]), *seed, *mesh, overlap, dx, dy)
+        rows.append(dict(zip(MATCH_COLUMNS, values, strict=True)))
+    return rows
+
+
+def _offsets(projected: np.ndarray, drawn: np.ndarray) -> np.ndarray:
+    """(n, 2) of the projected boxes' middles from the drawn ones, pixels."""
+    return np.asarray((projected[:, :2] + projected[:, 2:] - drawn[:, :2] - drawn[:, 2:]) / 2)
+
+
+def _completed(placed: dict[str, PlacedRig], positions: Sequence[str], rig: StereoRig) -> dict[str, PlacedRig]:
+    """Positions that neither scans nor labels place stand where the survey has them, moved as the others are."""
+    complete = dict(placed)
+    poses = {position: one.sandbox_from_left for position, one in placed.items()}
+    for position in positions:
+        if position in placed:
+            continue
+        pose = pose_beside(position, poses)
+        if pose is None:
+            raise RegistrationError(
+                f"position {position} has no scan, no labels and meshes that place it, and no survey"
+            )
+        log.warning("position %s has neither a scan nor labels and meshes that place it: the survey does", position)
+        complete[position] = _placed(rig, pose, "survey", _off_survey(position, pose))
+    return complete
+
+
+def _placed(rig: StereoRig, pose: Pose, method: str, quality: Mapping[str, float]) -> PlacedRig:
+    return PlacedRig(rig, rounded(pose), method, {name: float(f"{value:.6g}") for name, value in quality.items()})
+
+
+def rounded(pose: Pose) -> Pose:
+    """To 1e-6 m and 1e-7 rad: sums in threads differ in the last bits, files must not."""
+    rotvec = np.round(Rotation.from_matrix(pose.rotation).as_rotvec(), 7)
+    return Pose.from_rotvec(rotvec, np.round(pose.translation, 6) + 0.0)
+
+
+def _off_survey(position: str, pose: Pose) -> dict[str, float]:
+    """How far a tripod stands from its surveyed place, and its heading from the nominal one."""
+    surveyed = surveyed_pose(position)
+    if surveyed is None:
+        return {}
+    turn = np.degrees(yaw_pitch_roll(pose)[0] - yaw_pitch_roll(surveyed)[0])
+    return {
+        "off_survey_m": float(np.linalg.norm(pose.translation - surveyed.translation)),
+        "off_survey_deg": float((turn + 180) % 360 - 180),
+    }
+
+
+def _table(rows: list[dict[str, Any]], columns: Sequence[str]) -> Any:
+    import pandas as pd
+
+    return pd.DataFrame(rows, columns=list(columns))

@@ -1,0 +1,156 @@
+"""Small scenes with known cameras: rocks with boxes, and a box of sand that can be scanned."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from scipy.spatial import ConvexHull
+
+from polarsim.formats.obj import Mesh
+from polarsim.geometry import boxes
+from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.stereo import StereoRig, rectified_left, stated_rig
+
+SCALE = 0.25  # of the photos on whose grid scenes are scanned
+TRUE_POSES = {  # decimetres and degrees off the survey, as real ones are
+    "A": looking(np.array([3.63, -0.40, 1.52]), np.radians(178.6), np.radians(25.2), np.radians(-0.6)),
+    "B": looking(np.array([6.15, -0.53, 1.57]), np.radians(178.4), np.radians(24.0), np.radians(1.1)),
+    "C": looking(np.array([0.86, -3.75, 1.56]), np.radians(103.9), np.radians(26.5), np.radians(1.3)),
+}
+
+
+def rock(rng: np.random.Generator, place: np.ndarray, size: float) -> Mesh:
+    """A convex rock about a place (3,), about `size` metres long."""
+    points = rng.standard_normal((60, 3))
+    points *= size / 2 * rng.uniform(0.6, 1, 3) / np.linalg.norm(points, axis=1, keepdims=True)
+    hull = ConvexHull(points)
+    number = np.full(len(points), -1)
+    number[hull.vertices] = np.arange(len(hull.vertices))
+    faces = number[hull.simplices]
+    outwards = (np.cross(*(points[hull.simplices[:, k]] - points[hull.simplices[:, 0]] for k in (1, 2)))).T
+    turned = (outwards.T * points[hull.simplices[:, 0]]).sum(axis=1) < 0
+    faces[turned] = faces[turned][:, ::-1]
+    return Mesh(points[hull.vertices] + place, faces)
+
+
+def rocks(rng: np.random.Generator, count: int) -> dict[int, Mesh]:
+    """Rocks with ids from 1 that do not touch."""
+    places: list[np.ndarray] = []
+    while len(places) < count:
+        place = np.append(rng.uniform(-1.5, 1.5, 2), 0.0)
+        if all(np.linalg.norm(place - other) > 0.4 for other in places):
+            places.append(place)
+    return {k: rock(rng, place, rng.uniform(0.08, 0.3)) for k, place in enumerate(places, 1)}
+
+
+def drawn_boxes(meshes: dict[int, Mesh], rig: StereoRig, pose: Pose, rng: np.random.Generator, sd: float) -> np.ndarray:
+    """(m, 4) boxes that a person would draw: edges off by `sd` px, then whole pixels; NaN for rocks out of sight."""
+    made = []
+    for mesh in meshes.values():
+        box = boxes.around(rig.left.project(pose.inverse().apply(mesh.vertices)))
+        cut = boxes.clip(box)
+        seen = boxes.area(cut) > 0.5 * boxes.area(box)
+        made.append(np.round(boxes.clip(cut + sd * rng.standard_normal(4))) if seen else np.full(4, np.nan))
+    return np.array(made)
+
+
+@dataclass(frozen=True)
+class Sandbox:
+    """Sand with relief, rocks and walls, ready for rays."""
+
+    scene: object
+    rig: StereoRig
+
+    def scan(self, sandbox_from_left: Pose, rng: np.random.Generator, noise: float) -> np.ndarray:
+        """(h, w, 3) range map in the rectified left frame, metres, NaN where nothing is."""
+        import open3d as o3d
+
+        grid = rectified_left(self.rig)
+        directions = grid.lens.pixel_directions()
+        camera = sandbox_from_left @ grid.left_from_rectified
+        rays = np.concatenate([np.broadcast_to(camera.translation, directions.shape), camera.rotate(directions)], -1)
+        depth = self.scene.cast_rays(o3d.core.Tensor(rays.astype(np.float32)))["t_hit"].numpy()
+        reach = np.linalg.norm(directions, axis=-1)
+        depth = np.where(depth * reach < 9, depth + noise * rng.standard_normal(depth.shape) / reach, np.nan)
+        return directions * depth[..., None]
+
+
+def make_sandbox(seed: int, walls: bool = True) -> Sandbox:
+    import open3d as o3d
+
+    rng = np.random.default_rng(seed)
+    scene = o3d.t.geometry.RaycastingScene()
+
+    def add(vertices: np.ndarray, faces: np.ndarray) -> None:
+        scene.add_triangles(o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(faces.astype(np.uint32)))
+
+    side = 400
+    step = np.linspace(-2, 2, side)
+    x, y = np.meshgrid(step, step)
+    z = np.zeros((side, side))
+    for width, height in ((16, 0.010), (6, 0.004)):
+        bumps = gaussian_filter(rng.standard_normal((side, side)), width)
+        z += height * bumps / bumps.std()
+    index = np.arange(side * side).reshape(side, side)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack(corners, -1).reshape(-1, 3) for corners in ((a, b, c), (a, c, d))])
+    add(np.stack([x, y, z], -1).reshape(-1, 3), faces)
+    for mesh in rocks(rng, 12).values():
+        add(mesh.vertices, mesh.faces)
+    for axis in (0, 1) if walls else ():
+        for sign in (-1, 1):
+            size = [4.1, 4.1, 0.8]
+            size[axis] = 0.05
+            box = o3d.geometry.TriangleMesh.create_box(*size)
+            corner = np.array([-2.05, -2.05, -0.5])
+            corner[axis] = 2.0 if sign > 0 else -2.05
+            add(np.asarray(box.vertices) + corner, np.asarray(box.triangles))
+    floor = np.array([[-8.0, -8, -0.5], [8, -8, -0.5], [8, 8, -0.5], [-8, 8, -0.5]])
+    add(floor, np.array([[0, 1, 2], [0, 2, 3]]))
+    full = stated_rig()
+    return Sandbox(scene, StereoRig(full.left.scaled(SCALE), full.right.scaled(SCALE), full.left_from_right))
+
+
+@pytest.fixture(scope="session")
+def sandbox() -> Sandbox:
+    return make_sandbox(5)
+
+
+@pytest.fixture(scope="session")
+def range_maps(sandbox: Sandbox) -> dict[str, np.ndarray]:
+    """Scans of A and C with 2 mm of noise."""
+    rng = np.random.default_rng(6)
+    return {position: sandbox.scan(TRUE_POSES[position], rng, 0.002) for position in "AC"}
+
+
+@pytest.fixture(scope="session")
+def scans(sandbox: Sandbox, range_maps: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The same as (n, 3) points in the left cameras' frames."""
+    left_from_rectified = rectified_left(sandbox.rig).left_from_rectified
+    return {p: left_from_rectified.apply(m[np.isfinite(m).all(axis=-1)]) for p, m in range_maps.items()}
+
+
+@pytest.fixture(scope="session")
+def true_poses() -> dict[str, Pose]:
+    return TRUE_POSES
+
+
+@dataclass(frozen=True)
+class LabelledRocks:
+    """Rocks with ids, and the box that a person drew round each (NaN: out of sight), by position."""
+
+    meshes: dict[int, Mesh]
+    boxes: dict[str, np.ndarray]
+
+    def seen(self, position: str) -> np.ndarray:
+        """(n, 4) boxes without the gaps."""
+        return self.boxes[position][np.isfinite(self.boxes[position]).all(axis=1)]
+
+
+@pytest.fixture(scope="session")
+def labelled() -> LabelledRocks:
+    """Fifteen rocks, edges drawn 2 px off: about what people do."""
+    rng = np.random.default_rng(11)
+    meshes = rocks(rng, 15)
+    return LabelledRocks(meshes, {p: drawn_boxes(meshes, stated_rig(), TRUE_POSES[p], rng, 2.0) for p in TRUE_POSES})

@@ -1,0 +1,36 @@
+import numpy as np
+
+from polarsim.cameras.consensus import consensus_boxes
+
+ROCK, OTHER = np.array([100.0, 100, 140, 130]), np.array([500.0, 300, 520, 315])
+
+
+def test_a_rock_drawn_under_every_lamp_becomes_its_median_box():
+    drawn = [np.array([ROCK + shift]) for shift in (-2, 0, 1, 2)]
+    np.testing.assert_allclose(consensus_boxes(drawn), [ROCK + 0.5])  # median of -2, 0, 1, 2
+
+
+def test_a_box_that_one_lamp_of_four_shows_is_left_out():
+    drawn = [np.array([ROCK, OTHER]), *[np.array([ROCK])] * 3]
+    np.testing.assert_allclose(consensus_boxes(drawn, share=0.3), [ROCK])
+    assert len(consensus_boxes(drawn, share=0.25)) == 2
+
+
+def test_the_boxes_of_a_single_azimuth_are_its_consensus():
+    np.testing.assert_array_equal(consensus_boxes([np.array([ROCK, OTHER])]), [ROCK, OTHER])
+
+
+def test_two_boxes_of_one_photo_never_share_a_rock():
+    near = ROCK + np.array([3, 0, 3, 0])  # IoU 0.86 with the first
+    boxes = consensus_boxes([np.array([ROCK, near]), np.array([ROCK, near])], same_iou=0.9)
+    assert len(boxes) == 2
+
+
+def test_doubles_of_one_rock_become_one_box():
+    near = ROCK + np.array([3, 0, 3, 0])
+    assert len(consensus_boxes([np.array([ROCK, near])])) == 1
+
+
+def test_nothing_drawn_gives_no_boxes():
+    assert consensus_boxes([]).shape == (0, 4)
+    assert consensus_boxes([np.zeros((0, 4))]).shape == (0, 4)

@@ -1,0 +1,156 @@
+import logging
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.cameras.locate import ALIGNMENT_COLUMNS, MATCH_COLUMNS, locate_cameras, rounded
+from polarsim.cameras.options import CamerasOptions
+from polarsim.errors import FormatError, RegistrationError
+from polarsim.formats import nasa, obj, yolo
+from polarsim.formats.colmap import read_model
+from polarsim.formats.inventory import Inventory, write_inventory
+from polarsim.formats.rigs import read_all_placed, write_rig
+from polarsim.geometry.poses import angle_between, looking
+from polarsim.geometry.stereo import stated_rig
+
+OPTIONS = CamerasOptions(voxel_mm=15, scan_yaw_step_deg=3)
+
+
+def locate(folder, inventory, rig, positions="ABC", seeds=None, name="cameras", threads=1):
+    write_inventory(folder / "inventory.json", inventory)
+    write_rig(folder / "calibration.json", rig, "test")
+    locate_cameras(
+        terrain=inventory.terrain,
+        positions=list(positions),
+        inventory=folder / "inventory.json",
+        calibration=folder / "calibration.json",
+        seeds=seeds or folder / "seeds",
+        cameras=folder / name,
+        options=OPTIONS,
+        threads=threads,
+    )
+    return read_all_placed(folder / name)
+
+
+def contents(folder):
+    return {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+@pytest.fixture
+def scanned(tmp_path, range_maps):
+    """An inventory of range maps of A and C."""
+    paths = {}
+    for position, points in range_maps.items():
+        path = tmp_path / f"Pos{position}_org-XYZ.tif"
+        nasa.write_range_map(path, points)
+        paths[position] = str(path)
+    return Inventory(terrain=3, kind="polar", range_maps=paths)
+
+
+@pytest.fixture
+def drawn(tmp_path, labelled):
+    """An inventory of rock meshes, and seeds of one azimuth in a folder: A and B with boxes, C with too few."""
+    (tmp_path / "meshes").mkdir()
+    meshes = {}
+    for rock, mesh in labelled.meshes.items():
+        path = tmp_path / "meshes" / obj.rock_name(3, rock)
+        obj.write(path, mesh, path.stem)
+        meshes[str(rock)] = str(path)
+    (tmp_path / "seeds").mkdir()
+    for position, boxes in (("A", labelled.seen("A")), ("B", labelled.seen("B")), ("C", labelled.seen("C")[:2])):
+        classes = np.append(np.zeros(len(boxes), int), 1)  # and one shadow, which is no rock
+        shadow = np.array([[300.0, 300, 900, 900]])
+        path = tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt"
+        yolo.write_boxes(path, classes, np.concatenate([boxes, shadow]))
+    return Inventory(terrain=3, kind="release", meshes=meshes)
+
+
+def test_scans_place_their_rigs_and_the_survey_the_others(tmp_path, scanned, sandbox, true_poses, caplog):
+    with caplog.at_level(logging.WARNING):
+        placed = locate(tmp_path, scanned, sandbox.rig)
+    assert {position: one.method for position, one in placed.items()} == {"A": "scans", "B": "survey", "C": "scans"}
+    assert [record.message[:10] for record in caplog.records] == ["position B"]
+    found, true = (
+        poses["A"].inverse() @ poses["C"]
+        for poses in ({p: one.sandbox_from_left for p, one in placed.items()}, true_poses)
+    )
+    assert np.linalg.norm(found.translation - true.translation) < 0.002
+    assert np.degrees(angle_between(found, true)) < 0.03
+    assert np.linalg.norm(placed["A"].sandbox_from_left.translation - true_poses["A"].translation) < 0.015
+    table = pd.read_csv(tmp_path / "cameras" / "alignment.csv")
+    assert tuple(table.columns) == ALIGNMENT_COLUMNS
+    assert table["pair"].tolist() in (["A-C"], ["C-A"])
+    np.testing.assert_allclose(
+        read_model(tmp_path / "cameras" / "colmap")["B"].sandbox_from_left.matrix,
+        placed["B"].sandbox_from_left.matrix,
+        atol=1e-9,
+    )
+
+
+def test_the_same_scans_give_the_same_bytes(tmp_path, scanned, sandbox):
+    for name, threads in (("one", 1), ("two", 2)):
+        locate(tmp_path, scanned, sandbox.rig, "AC", name=name, threads=threads)
+    assert contents(tmp_path / "one") == contents(tmp_path / "two")
+
+
+def test_one_scan_alone_is_placed(tmp_path, scanned, sandbox, true_poses):
+    alone = Inventory(terrain=3, kind="polar", range_maps={"A": scanned.range_maps["A"]})
+    placed = locate(tmp_path, alone, sandbox.rig, "A")["A"]
+    assert placed.method == "scans"
+    assert np.linalg.norm(placed.sandbox_from_left.translation - true_poses["A"].translation) < 0.03
+    assert len(pd.read_csv(tmp_path / "cameras" / "alignment.csv")) == 0
+
+
+def test_labels_and_meshes_place_rigs(tmp_path, drawn, true_poses, labelled, caplog):
+    with caplog.at_level(logging.WARNING):
+        placed = locate(tmp_path, drawn, stated_rig())
+    assert {position: one.method for position, one in placed.items()} == {"A": "labels", "B": "labels", "C": "survey"}
+    assert "position C" in caplog.text
+    for position in "AB":
+        pose = placed[position].sandbox_from_left
+        assert np.linalg.norm(pose.translation - true_poses[position].translation) < 0.06
+        assert np.degrees(angle_between(pose, true_poses[position])) < 0.5
+    # C has no evidence of its own but stands where the survey and the others' offset from it say.
+    assert np.linalg.norm(placed["C"].sandbox_from_left.translation - true_poses["C"].translation) < 0.7
+    table = pd.read_parquet(tmp_path / "cameras" / "matches.parquet")
+    assert tuple(table.columns) == MATCH_COLUMNS
+    rows = table[table["position"] == "A"]
+    seeds = rows[["seed_x0", "seed_y0", "seed_x1", "seed_y1"]].to_numpy()
+    np.testing.assert_allclose(seeds, labelled.boxes["A"][rows["rock"] - 1], atol=0.01)
+
+
+def test_nothing_known_of_a_position_is_an_error_and_leaves_nothing(tmp_path):
+    with pytest.raises(RegistrationError, match="Terrain13: position F has no scan, no labels"):
+        locate(tmp_path, Inventory(terrain=13, kind="release"), stated_rig(), "AF")
+    assert not (tmp_path / "cameras").exists()
+    assert not list(tmp_path.glob(".cameras*"))
+
+
+def test_a_terrain_without_rocks_or_scans_stands_as_surveyed(tmp_path):
+    placed = locate(tmp_path, Inventory(terrain=6, kind="release"), stated_rig())
+    assert {one.method for one in placed.values()} == {"survey"}
+    assert placed["A"].sandbox_from_left.translation[0] == pytest.approx(3.541)
+
+
+def test_labels_of_another_terrain_are_refused(tmp_path, drawn, rng):
+    for position in "AB":
+        corner = rng.uniform([100, 300], [1700, 1000], (14, 2))
+        boxes = np.column_stack([corner, corner + rng.uniform(30, 150, (14, 2))])
+        yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(14, int), boxes)
+    with pytest.raises(RegistrationError, match="Terrain03: position [AB]: the best pose explains 0"):
+        locate(tmp_path, drawn, stated_rig())
+
+
+def test_a_broken_seed_names_its_file_and_line(tmp_path, drawn):
+    (tmp_path / "seeds" / "03_B_off_30_L_0256.txt").write_text("0 0.5 0.5 nonsense 0.1\n")
+    with pytest.raises(FormatError, match=r"03_B_off_30_L_0256\.txt:1"):
+        locate(tmp_path, drawn, stated_rig())
+
+
+def test_rounding_keeps_a_rotation_a_rotation():
+    pose = looking(np.array([3.6000004, -0.4, 1.5]), 3.1, 0.43, 0.01)
+    kept = rounded(pose)
+    np.testing.assert_allclose(kept.rotation @ kept.rotation.T, np.eye(3), atol=1e-14)
+    assert angle_between(pose, kept) < 1e-7
+    assert kept.translation[0] == 3.6

@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+
+from polarsim.cameras.labels import place_by_labels, survey_prior
+from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.outlines import outlines_of
+from polarsim.cameras.refine import EdgeNoise, _Problem, _unknowns, assign
+from polarsim.cameras.search import candidate_centres, search_pose
+from polarsim.cameras.surveyed import pose_beside, surveyed_pose
+from polarsim.errors import RegistrationError
+from polarsim.geometry.poses import Pose, angle_between
+from polarsim.geometry.stereo import stated_rig
+
+OPTIONS = CamerasOptions()
+LENS = stated_rig().left
+
+
+@pytest.fixture(scope="module")
+def outlines(labelled):
+    return outlines_of(labelled.meshes, 0.0, 0.0)  # clean rocks without skirts
+
+
+def spoiled(boxes, rng):
+    """A fifth of the boxes gone, five false ones of real sizes added."""
+    kept = boxes[np.sort(rng.permutation(len(boxes))[: round(0.8 * len(boxes))])]
+    sizes = boxes[rng.integers(len(boxes), size=5), 2:] - boxes[rng.integers(len(boxes), size=5), :2]
+    sizes = np.clip(np.abs(sizes), 20, 200)
+    corner = rng.uniform([100, 400], [1700, 1000], (5, 2))
+    return np.concatenate([kept, np.column_stack([corner, corner + sizes])])
+
+
+@pytest.mark.parametrize("position", ["A", "C"])
+def test_the_pose_is_found_with_missing_and_false_boxes(position, labelled, outlines, true_poses, rng):
+    boxes = spoiled(labelled.seen(position), rng)
+    placement = place_by_labels(boxes, outlines, LENS, surveyed_pose(position), OPTIONS)
+    found, true = placement.fit.sandbox_from_left, true_poses[position]
+    # Edges of 2 px and 12 rocks at 4 m: about 2 px / sqrt(12) * 4 m / 2070 px = 1 mm across, ten times that in depth.
+    assert np.linalg.norm(found.translation - true.translation) < 0.03
+    assert np.degrees(angle_between(found, true)) < 0.5
+    ids = outlines.rocks[placement.fit.outline]
+    drawn = labelled.boxes[position][ids - 1]
+    real = placement.fit.box < round(0.8 * len(labelled.seen(position)))
+    np.testing.assert_array_equal(boxes[placement.fit.box][real], drawn[real])  # each rock met its own box
+
+
+def test_the_pose_is_found_without_a_survey(labelled, outlines, true_poses):
+    options = OPTIONS.model_copy(update={"azimuth_step_deg": 6.0, "distance_step_m": 0.6, "height_step_m": 0.3})
+    found = place_by_labels(labelled.seen("A"), outlines, LENS, None, options).fit.sandbox_from_left
+    assert np.linalg.norm(found.translation - true_poses["A"].translation) < 0.03
+
+
+def test_boxes_of_another_scene_are_refused(labelled, outlines, rng):
+    size = rng.uniform(30, 150, (14, 2))
+    corner = rng.uniform([100, 300], [1700, 1000], (14, 2))
+    with pytest.raises(RegistrationError, match="the best pose explains 0"):
+        place_by_labels(np.column_stack([corner, corner + size]), outlines, LENS, surveyed_pose("A"), OPTIONS)
+
+
+def test_too_few_boxes_are_refused(outlines):
+    with pytest.raises(RegistrationError, match="2 boxes and 15 meshes, a pose needs 3 of each"):
+        place_by_labels(np.zeros((2, 4)), outlines, LENS, surveyed_pose("A"), OPTIONS)
+
+
+def test_the_search_alone_comes_within_its_grid(labelled, outlines, true_poses):
+    centres = candidate_centres(0.0, 0.0, OPTIONS)
+    best = search_pose(outlines, labelled.seen("B"), LENS, centres, OPTIONS)[0]
+    # The grid has steps of 0.3 m, 4 degrees (0.43 m at B) and 0.2 m.
+    assert np.linalg.norm(best.centre - true_poses["B"].translation) < 0.5
+    assert np.degrees(angle_between(best.sandbox_from_left, true_poses["B"])) < 6
+
+
+def test_candidate_centres_cover_the_stated_ranges():
+    centres = candidate_centres(np.pi / 2, 0.5, OPTIONS)
+    assert len(centres) == 21 * 7 * 7
+    distance = np.hypot(centres[:, 0], centres[:, 1])
+    assert (distance.min(), distance.max()) == pytest.approx((1.0, 7.0))
+    assert (centres[:, 2].min(), centres[:, 2].max()) == pytest.approx((1.3, 2.5))
+    assert np.degrees(np.arctan2(centres[:, 1], centres[:, 0])).min() == pytest.approx(78)
+
+
+def test_a_box_of_another_size_is_no_partner_even_where_it_lies_right():
+    rock = np.array([[100.0, 100, 140, 130]])
+    assert len(assign(rock, np.array([[60.0, 70, 180, 160]]), 40)[0]) == 0  # three times as large
+    assert len(assign(rock, np.array([[110.0, 105, 150, 135]]), 40)[0]) == 1
+    assert len(assign(rock, np.array([[150.0, 105, 190, 135]]), 40)[0]) == 0  # too far
+
+
+def test_the_jacobian_is_that_of_the_residuals(labelled, outlines, true_poses):
+    position = "C"
+    seen = np.isfinite(labelled.boxes[position]).all(axis=1)
+    part = outlines_of({rock: labelled.meshes[rock] for rock in outlines.rocks[seen]}, 0.0, 0.0)
+    noise = EdgeNoise(3, 3)
+    problem = _Problem(part, labelled.seen(position), LENS, survey_prior(surveyed_pose(position), OPTIONS), noise)
+    at = _unknowns(true_poses[position])
+    numeric = np.stack(
+        [(problem.residuals(at + d) - problem.residuals(at - d)) / 2e-7 for d in 1e-7 * np.eye(6)], axis=1
+    )
+    np.testing.assert_allclose(problem.jacobian(at), numeric, rtol=1e-4, atol=1e-2)
+
+
+def test_a_position_beside_others_shares_their_mean_offset_from_the_survey():
+    shift = np.array([0.1, -0.2, 0.3])
+    placed = {p: Pose(surveyed_pose(p).rotation, surveyed_pose(p).translation + shift) for p in "AC"}
+    np.testing.assert_allclose(pose_beside("B", placed).translation, surveyed_pose("B").translation + shift)
+    np.testing.assert_array_equal(pose_beside("B", {}).matrix, surveyed_pose("B").matrix)
+    assert pose_beside("G", placed) is None

@@ -1,0 +1,132 @@
+import numpy as np
+import pytest
+
+from polarsim.cameras.gauge import find_gauge
+from polarsim.cameras.heightmaps import agreement, height_map, turned_and_shifted
+from polarsim.cameras.icp import Surface, align_jointly, measure
+from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.scans import level_pose, register_scans
+from polarsim.errors import RegistrationError
+from polarsim.geometry.poses import Pose, angle_between
+
+OPTIONS = CamerasOptions(voxel_mm=15, scan_yaw_step_deg=2)
+
+
+@pytest.fixture(scope="module")
+def network(scans):
+    return register_scans(scans, OPTIONS)
+
+
+def relative(poses, first, second):
+    return poses[first].inverse() @ poses[second]
+
+
+def test_scans_come_to_lie_as_their_tripods_stood(network, true_poses):
+    found, true = (relative(poses, "A", "C") for poses in (network.level_from_left, true_poses))
+    # A quarter of the photos' resolution and 2 mm of noise; 5 m between the tripods.
+    assert np.linalg.norm(found.translation - true.translation) < 0.002
+    assert np.degrees(angle_between(found, true)) < 0.03
+    assert network.pairs[0].agreement > 0.9
+
+
+def test_the_same_scans_give_the_same_poses(network, scans):
+    again = register_scans(scans, OPTIONS)
+    for position, pose in network.level_from_left.items():
+        np.testing.assert_array_equal(np.round(pose.matrix, 7), np.round(again.level_from_left[position].matrix, 7))
+
+
+def test_the_walls_give_origin_and_heading(network, true_poses):
+    gauge = find_gauge(network.points, network.normals, network.level_from_left)
+    assert gauge.walls >= 3
+    for position, pose in network.level_from_left.items():
+        found = gauge.sandbox_from_level @ pose
+        assert np.linalg.norm(found.translation - true_poses[position].translation) < 0.015
+        assert np.degrees(angle_between(found, true_poses[position])) < 0.4  # the relief tilts the sand's plane
+
+
+def test_without_walls_the_tripods_go_to_their_surveyed_places(network, true_poses):
+    low = {p: points[points[:, 2] < 0.05] for p, points in network.points.items()}
+    normals = {p: network.normals[p][network.points[p][:, 2] < 0.05] for p in low}
+    gauge = find_gauge(low, normals, network.level_from_left)
+    assert gauge.walls == 0
+    for position, pose in network.level_from_left.items():
+        found = gauge.sandbox_from_level @ pose
+        # The survey itself is off by 0.1 m (A) and 0.6 m (C) here.
+        assert np.linalg.norm(found.translation - true_poses[position].translation) < 0.45
+
+
+def test_scans_of_two_terrains_are_refused_by_name(scans):
+    # Another relief in the same box: bumps of 10 cm that only C shows.
+    level = level_pose("C", scans["C"])
+    bumpy = level.apply(scans["C"])
+    bumpy[:, 2] += 0.1 * np.sin(9 * bumpy[:, 0]) * np.sin(11 * bumpy[:, 1])
+    quick = OPTIONS.model_copy(update={"scan_candidates": 2, "scan_yaw_step_deg": 5.0})
+    with pytest.raises(RegistrationError, match="the scans of positions . and . agree on 0"):
+        register_scans({"A": scans["A"], "C": level.inverse().apply(bumpy)}, quick)
+
+
+def test_a_scan_that_shows_no_sand_is_refused_by_name():
+    with pytest.raises(RegistrationError, match="position A has 0 points where the sand should be"):
+        level_pose("A", np.full((50_000, 3), [0.0, 0.0, 30.0]))
+
+
+def test_levelling_finds_the_tilt_and_height_of_a_tripod(scans, true_poses):
+    found, true = level_pose("A", scans["A"]), true_poses["A"]
+    assert found.translation[2] == pytest.approx(true.translation[2], abs=0.02)
+    up_found, up_true = found.rotation[2], true.rotation[2]
+    assert np.degrees(np.arccos(np.clip(up_found @ up_true, -1, 1))) < 0.6
+
+
+def test_correlation_finds_a_known_turn_and_shift(rng):
+    bumps = rng.uniform(-1.2, 1.2, (60, 2))
+    grid = np.stack(np.meshgrid(*[np.arange(-1.5, 1.5, 0.01)] * 2), axis=-1).reshape(-1, 2)
+    heights = sum(0.05 * np.exp(-((grid - bump) ** 2).sum(axis=1) / 0.05**2) for bump in bumps)
+    fixed = np.column_stack([grid, heights])
+    true = Pose.from_rotvec(np.array([0, 0, np.radians(6.0)]), np.array([0.30, -0.12, 0.0]))
+    best = turned_and_shifted(
+        fixed, true.inverse().apply(fixed), 2.0, 0.02, np.radians(np.arange(-10, 11, 2.0)), 1.0, 3
+    )
+    assert np.linalg.norm(best[0].translation - true.translation) < 0.03
+    assert np.degrees(angle_between(best[0], true)) < 0.01
+
+
+def test_a_height_map_has_the_mean_of_each_cell():
+    heights = height_map(np.array([[0.01, 0.01, 1.0], [0.03, 0.03, 3.0], [-0.09, 0.07, 5.0]]), 0.1, 0.05).height
+    assert heights.shape == (4, 4)
+    assert heights[2, 2] == 2.0  # y row, x column: both first points
+    assert heights[3, 0] == 5.0
+    assert np.isfinite(heights).sum() == 2
+
+
+def test_agreement_counts_the_shared_cells_alone():
+    plane = np.column_stack([np.mgrid[0:10, 0:10].reshape(2, -1).T * 0.1 - 0.45, np.zeros(100)])
+    raised = plane[plane[:, 0] > 0] + np.array([0, 0, 0.05])
+    both = np.concatenate([plane[plane[:, 0] < -0.3], raised])
+    share, cells = agreement(plane, both, 0.5, 0.1, 0.01)
+    assert cells == 70
+    assert share == pytest.approx(20 / 70)
+
+
+def test_joint_alignment_undoes_small_motions_of_three_views(rng):
+    step = np.arange(-1, 1, 0.02)
+    x, y = (grid.ravel() for grid in np.meshgrid(step, step))
+    z, slope = 0.1 * np.sin(4 * x) * np.cos(5 * y), np.array([0.4, 0.5])
+    normals = np.column_stack(
+        [-slope[0] * np.cos(4 * x) * np.cos(5 * y), slope[1] * np.sin(4 * x) * np.sin(5 * y), np.ones_like(x)]
+    )
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    points = np.column_stack([x, y, z])
+    motions = {
+        name: Pose.from_rotvec(0.004 * rng.standard_normal(3), 0.004 * rng.standard_normal(3)) for name in "BC"
+    } | {"A": Pose.identity()}
+    surfaces = {
+        name: Surface(motion.inverse().apply(points), motion.inverse().rotate(normals))
+        for name, motion in motions.items()
+    }
+    start = {name: Pose.identity() for name in motions}
+    found = align_jointly(surfaces, start, "A", [0.05, 0.02])
+    for name, motion in motions.items():
+        np.testing.assert_allclose(found[name].matrix, motion.matrix, atol=1e-5)
+    on_itself = measure(surfaces["A"], surfaces["B"], found["B"], 0.005)
+    assert on_itself.fitness > 0.99
+    assert on_itself.rmse < 1e-4

@@ -1,0 +1,71 @@
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from polarsim.geometry.boxes import area, around, clip, iou, match, match_sum, of_mask
+
+SQUARE = np.array([[0.0, 0, 10, 10]])
+
+
+@pytest.mark.parametrize(
+    ("other", "expected"),
+    [
+        ([0, 0, 10, 10], 1),
+        ([5, 0, 15, 10], 50 / 150),  # half of each is shared
+        ([5, 5, 15, 15], 25 / 175),
+        ([2, 2, 4, 4], 4 / 100),
+        ([10, 0, 20, 10], 0),  # they touch
+        ([30, 30, 40, 40], 0),
+        ([5, 5, 5, 5], 0),  # empty
+    ],
+)
+def test_overlap_is_the_shared_area_over_the_whole(other, expected):
+    assert iou(SQUARE, np.array([other], float))[0, 0] == pytest.approx(expected)
+
+
+def test_no_boxes_give_an_empty_table():
+    assert iou(np.zeros((0, 4)), SQUARE).shape == (0, 1)
+    assert len(match(np.zeros((0, 3)))[0]) == 0
+
+
+def test_as_many_pairs_as_can_be_count_more_than_one_good_pair():
+    # Row 0 fits column 0 perfectly, but then row 1 has nobody; two pairs at 0.6 are better.
+    overlap = np.array([[1.0, 0.6], [0.6, 0.0]])
+    rows, columns = match(overlap)
+    assert sorted(zip(rows.tolist(), columns.tolist(), strict=True)) == [(0, 1), (1, 0)]
+    rows, columns = match_sum(np.array([[1.0, 0.4], [0.4, 0.0]]))
+    assert list(zip(rows.tolist(), columns.tolist(), strict=True)) == [(0, 0)]
+
+
+@given(arrays(float, (3, 3), elements=st.sampled_from([0.0, 0.3, 0.5, 0.55, 0.7, 0.9])))
+def test_no_other_pairing_is_better(overlap):
+    rows, columns = match(overlap)
+
+    def worth(order):
+        good = [overlap[row, column] for row, column in enumerate(order) if overlap[row, column] >= 0.5]
+        return len(good), sum(good)
+
+    best = max(worth(order) for order in itertools.permutations(range(3)))
+    assert len(rows) == best[0]
+    assert overlap[rows, columns].sum() == pytest.approx(best[1])
+
+
+def test_boxes_are_cut_at_the_border_of_the_photo():
+    cut = clip(np.array([[-5.0, -5, 10, 10], [1930, 1200, 1950, 1230], [2000, 0, 2010, 5]]))
+    np.testing.assert_array_equal(cut, [[0, 0, 10, 10], [1930, 1200, 1936, 1216], [1936, 0, 1936, 5]])
+    np.testing.assert_array_equal(area(cut), [100, 96, 0])
+
+
+def test_a_box_around_points_holds_them_tightly():
+    np.testing.assert_array_equal(around(np.array([[3.0, 7], [1, 9], [2, 8]])), [1, 7, 3, 9])
+
+
+def test_the_box_of_one_pixel_is_one_pixel_wide():
+    mask = np.zeros((5, 8), bool)
+    mask[2, 3] = True
+    np.testing.assert_array_equal(of_mask(mask), [3, 2, 4, 3])
+    assert of_mask(np.zeros((5, 8), bool)) is None

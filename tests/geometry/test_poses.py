@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.errors import FormatError
+from polarsim.geometry.poses import Pose, angle_between, fit_pose, looking, yaw_pitch_roll
+
+angle = st.floats(-3.0, 3.0)
+length = st.floats(-10, 10)
+
+
+@st.composite
+def any_pose(draw):
+    return Pose.from_rotvec(
+        np.array([draw(angle), draw(angle), draw(angle)]) / 2, np.array([draw(length), draw(length), draw(length)])
+    )
+
+
+POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3], [1, 1, 1]])
+
+
+@given(any_pose())
+def test_a_pose_and_its_inverse_undo_each_other(target_from_source):
+    there_and_back = target_from_source.inverse().apply(target_from_source.apply(POINTS))
+    np.testing.assert_allclose(there_and_back, POINTS, atol=1e-12)
+
+
+@given(any_pose(), any_pose())
+def test_a_product_maps_as_its_factors_one_after_the_other(c_from_b, b_from_a):
+    np.testing.assert_allclose((c_from_b @ b_from_a).apply(POINTS), c_from_b.apply(b_from_a.apply(POINTS)), atol=1e-11)
+
+
+@given(any_pose())
+def test_a_matrix_acts_on_homogeneous_points_as_its_pose(pose):
+    homogeneous = np.column_stack([POINTS, np.ones(len(POINTS))])
+    np.testing.assert_allclose((homogeneous @ pose.matrix.T)[:, :3], pose.apply(POINTS), atol=1e-12)
+    np.testing.assert_allclose(Pose.from_matrix(pose.matrix).matrix, pose.matrix, atol=1e-12)
+
+
+def test_a_camera_that_looks_down_and_ahead_has_known_axes():
+    # Yaw 180: looks to -X; 30 degrees down; level. Right is then +Y (X x Z reversed), down has -Z and -X parts.
+    pose = looking(np.array([3.0, 0, 1.5]), np.pi, np.radians(30))
+    half, root = 0.5, np.sqrt(3) / 2
+    np.testing.assert_allclose(pose.rotate(np.array([0.0, 0, 1])), [-root, 0, -half], atol=1e-12)
+    np.testing.assert_allclose(pose.rotate(np.array([1.0, 0, 0])), [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(pose.rotate(np.array([0.0, 1, 0])), [half, 0, -root], atol=1e-12)
+
+
+def test_roll_turns_the_right_axis_towards_down():
+    level, rolled = looking(np.zeros(3), 0.3, 0.4), looking(np.zeros(3), 0.3, 0.4, np.radians(90))
+    np.testing.assert_allclose(rolled.rotation[:, 0], level.rotation[:, 1], atol=1e-12)
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
+def test_yaw_pitch_and_roll_come_back(yaw, pitch, roll):
+    found = yaw_pitch_roll(looking(np.zeros(3), yaw, pitch, roll))
+    np.testing.assert_allclose(np.exp(1j * np.array(found)), np.exp(1j * np.array([yaw, pitch, roll])), atol=1e-9)
+
+
+@given(any_pose())
+def test_a_fit_undoes_any_rigid_motion(target_from_source):
+    found = fit_pose(POINTS, target_from_source.apply(POINTS))
+    np.testing.assert_allclose(found.apply(POINTS), target_from_source.apply(POINTS), atol=1e-9)
+
+
+def test_the_angle_between_poses_is_that_of_the_turn_between_them():
+    first, second = looking(np.zeros(3), 0.2, 0.3), looking(np.ones(3), 0.2, 0.3 + 0.05)
+    assert angle_between(first, second) == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "reason"),
+    [
+        (np.eye(3), "expected 4 x 4"),
+        (np.diag([1.0, 1, 1.001, 1]), "not orthogonal"),
+        (np.diag([1.0, 1, -1, 1]), "mirrors"),
+        (np.full((4, 4), np.inf), "not orthogonal"),
+    ],
+)
+def test_a_matrix_that_is_no_pose_is_refused(matrix, reason):
+    with pytest.raises(FormatError, match=reason), np.errstate(invalid="ignore"):
+        Pose.from_matrix(matrix)

@@ -1,0 +1,96 @@
+"""A small scene whose boxes and shadows follow from its construction: flat sand, two blocks, two tripods."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import inventory, obj, rigs, tables, yolo
+from polarsim.geometry.poses import looking
+from polarsim.geometry.stereo import stated_rig
+
+TERRAIN = 3
+BLOCKS = {  # rock id -> centre of the base, and full extents, metres
+    4: (np.array([0.4, -0.6, 0.0]), np.array([0.30, 0.30, 0.16])),
+    7: (np.array([-0.8, 0.5, 0.0]), np.array([0.20, 0.24, 0.12])),
+}
+
+
+def block(centre: np.ndarray, size: np.ndarray, cells: int = 6) -> obj.Mesh:
+    """A box with a grid of vertices on its top and sides, so that vertices fill its outline; open below."""
+    t = np.linspace(-0.5, 0.5, cells + 1)
+    u, v = np.meshgrid(t, t, indexing="ij")
+    half = np.full_like(u, 0.5)
+    sides = [(u, v, half), (half, u, v), (-half, v, u), (v, half, u), (u, -half, v)]
+    vertices, faces = [], []
+    corner = np.arange((cells + 1) ** 2).reshape(cells + 1, cells + 1)
+    for number, side in enumerate(sides):
+        points = np.stack([part.ravel() for part in side], axis=-1)
+        points[:, 2] += 0.5
+        vertices.append(centre + points * size)
+        a, b, c, d = corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]
+        for three in ((a, b, c), (a, c, d)):
+            faces.append(np.stack([k.ravel() for k in three], axis=-1) + number * (cells + 1) ** 2)
+    return obj.Mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+def flat_ground(half: float = 2.1, step: float = 0.1, level: float = 0.0) -> obj.Mesh:
+    axis = np.arange(-half, half + step / 2, step)
+    x, y = np.meshgrid(axis, axis)
+    corner = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
+    faces = [np.stack([k.ravel() for k in three], axis=-1) for three in ((a, b, c), (a, c, d))]
+    return obj.Mesh(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, level)]), np.concatenate(faces))
+
+
+def placed(position: str) -> rigs.PlacedRig:
+    centre, yaw = {"A": ([3.6, -0.4, 1.5], 178.0), "C": ([0.8, -3.8, 1.5], 103.0)}[position]
+    return rigs.PlacedRig(stated_rig(), looking(np.array(centre), np.radians(yaw), np.radians(25)), "labels", {})
+
+
+@dataclass(frozen=True)
+class SceneFiles:
+    """The input files of the stage."""
+
+    photos: Path
+    inventory: Path
+    seeds: Path
+    cameras: Path
+    meshes: Path
+
+    def expected_box(self, position: str, camera: str, rock: int) -> np.ndarray:
+        """(4,) around the projected corners of a block."""
+        corners = block(*BLOCKS[rock]).vertices
+        pixels = placed(position).project(camera, corners)
+        return np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+
+
+def build_scene(folder: Path) -> SceneFiles:
+    """Seeds of position A at azimuths 30 and 180: both rocks, each with a shadow box; none at position C."""
+    files = SceneFiles(*(folder / name for name in ("photos.parquet", "inventory.json", "seeds", "cameras", "meshes")))
+    obj.write(files.meshes / obj.ground_name(TERRAIN), flat_ground(), "ground")
+    for rock, (centre, size) in BLOCKS.items():
+        obj.write(files.meshes / obj.rock_name(TERRAIN, rock), block(centre, size), f"rock{rock}")
+    for position in "AC":
+        rigs.write_placed(files.cameras / f"Pos{position}.json", placed(position))
+    inventory.write_inventory(files.inventory, inventory.Inventory(TERRAIN, "release"))
+    tables.write_parquet(files.photos, pd.DataFrame({name: [] for name in tables.PHOTO_COLUMNS}))
+    rocks = np.array([files.expected_box("A", "L", rock) for rock in BLOCKS])
+    shadows = {"30": np.array([-60, -40, -60, -40]), "180": np.array([0, 40, 0, 40])}
+    for azimuth, shift in shadows.items():
+        boxes = np.concatenate([rocks, rocks + shift])
+        yolo.write_boxes(files.seeds / f"03_A_off_{azimuth}_L_0256.txt", np.array([0, 0, 1, 1]), boxes)
+    return files
+
+
+@pytest.fixture
+def scene(tmp_path) -> SceneFiles:
+    """A scene of its own, for tests that change it."""
+    return build_scene(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def untouched_scene(tmp_path_factory) -> SceneFiles:
+    return build_scene(tmp_path_factory.mktemp("scene"))

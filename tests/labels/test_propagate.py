@@ -1,0 +1,177 @@
+import logging
+
+import numpy as np
+import pytest
+
+from polarsim.errors import FormatError, LabelError
+from polarsim.formats import inventory, tables, yolo
+from polarsim.geometry.boxes import iou
+from polarsim.labels.options import LabelsOptions
+from polarsim.labels.propagate import propagate_labels
+from polarsim.photo import FIRST_UNMESHED_ROCK, PhotoKey, photo_grid
+
+from .conftest import BLOCKS, TERRAIN
+
+KEYS = [
+    key
+    for key in photo_grid(TERRAIN)
+    if key.position in "AC" and key.exposure_ms in (64, 128, 1024, 2048) and key.azimuth in ("no", "30", "270")
+]
+
+
+def propagate(scene, out, keys=KEYS, **options):
+    propagate_labels(
+        terrain=TERRAIN,
+        keys=keys,
+        photos=scene.photos,
+        inventory=scene.inventory,
+        seeds=scene.seeds,
+        cameras=scene.cameras,
+        meshes=scene.meshes,
+        boxes=out / "boxes",
+        table=out / "labels.parquet",
+        options=LabelsOptions(**{"ray_step_px": 4, **options}),
+    )
+    return {key: yolo.read_boxes(out / "boxes" / f"{key}.txt") for key in keys}
+
+
+def key(text: str) -> PhotoKey:
+    return PhotoKey.parse(f"{TERRAIN:02d}_{text}")
+
+
+def rocks(labels, text):
+    classes, boxes = labels[key(text)]
+    return boxes[classes == 0]
+
+
+def shadows(labels, text):
+    classes, boxes = labels[key(text)]
+    return boxes[classes == 1]
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    return tmp_path_factory.mktemp("propagated")
+
+
+@pytest.fixture(scope="module")
+def labels(untouched_scene, out):
+    return propagate(untouched_scene, out)
+
+
+def test_every_photo_of_the_grid_gets_a_file_and_nothing_else_is_written(out, labels):
+    assert {path.stem for path in (out / "boxes").iterdir()} == {str(k) for k in KEYS}
+
+
+@pytest.mark.parametrize("photo", ["A_off_30_L_0128", "A_off_30_L_1024", "A_on_30_L_2048"])
+def test_other_exposures_and_light_on_are_copies_of_the_seed(untouched_scene, labels, photo):
+    seed = yolo.read_boxes(untouched_scene.seeds / "03_A_off_30_L_0256.txt")
+    order = np.lexsort(seed[1].T)
+    found = labels[key(photo)]
+    np.testing.assert_array_equal(found[0][np.lexsort(found[1].T)], seed[0][order])
+    np.testing.assert_allclose(found[1][np.lexsort(found[1].T)], seed[1][order], atol=2e-3)
+
+
+def test_shadows_begin_at_their_exposure_and_rocks_are_there_before(labels):
+    assert len(rocks(labels, "A_off_30_L_0064")) == 2
+    assert len(shadows(labels, "A_off_30_L_0064")) == 0
+    assert len(shadows(labels, "A_off_30_L_0128")) == 2
+
+
+def test_a_terrain_may_have_its_own_shadow_start(scene, tmp_path):
+    found = propagate(scene, tmp_path / "early", shadow_start_ms_by_terrain={TERRAIN: 64, 1: 1024})
+    assert len(shadows(found, "A_off_30_L_0064")) == 2
+
+
+@pytest.mark.parametrize("photo", ["A_off_30_R_0128", "A_on_30_R_1024"])
+def test_the_right_camera_gets_the_rocks_where_its_lens_sees_them(untouched_scene, labels, photo):
+    expected = np.array([untouched_scene.expected_box("A", "R", rock) for rock in BLOCKS])
+    assert iou(rocks(labels, photo), expected).max(axis=1).min() > 0.85
+    assert len(shadows(labels, photo)) == 2
+
+
+def test_an_azimuth_without_a_seed_gets_the_rocks_of_the_others_and_cast_shadows(untouched_scene, labels):
+    expected = np.array([untouched_scene.expected_box("A", "L", rock) for rock in BLOCKS])
+    assert iou(rocks(labels, "A_off_270_L_0128"), expected).max(axis=1).min() > 0.9
+    found = shadows(labels, "A_off_270_L_0128")
+    assert len(found) == 2
+    assert found[:, 2].max() > expected[:, 2].max()  # the lamp stands on the left
+    assert (found[:, 0] > expected[:, 0].min()).all()
+
+
+@pytest.mark.parametrize("camera", ["L", "R"])
+def test_a_position_without_seeds_gets_the_projected_meshes(untouched_scene, labels, camera):
+    expected = np.array([untouched_scene.expected_box("C", camera, rock) for rock in BLOCKS])
+    assert iou(rocks(labels, f"C_off_30_{camera}_0128"), expected).max(axis=1).min() > 0.9
+    assert len(shadows(labels, f"C_off_30_{camera}_0128")) == 2
+
+
+def test_without_any_seed_all_labels_come_from_geometry(scene, tmp_path):
+    for path in scene.seeds.iterdir():
+        path.unlink()
+    found = propagate(scene, tmp_path / "none")
+    assert len(rocks(found, "A_off_30_L_0128")) == 2
+    table = tables.read_parquet(tmp_path / "none" / "labels.parquet", tables.LABEL_COLUMNS)
+    assert set(table["source"]) == {"projected", "cast"}
+
+
+def test_in_the_dark_nothing_is_labelled(labels):
+    assert len(labels[key("A_off_no_L_2048")][0]) == 0
+    assert len(rocks(labels, "A_on_no_L_2048")) == 2
+    assert len(rocks(labels, "A_on_no_L_0064")) == 0  # the rover light is too weak for short exposures
+
+
+def test_the_table_has_the_boxes_of_the_files_and_the_meshes_numbers(out, labels):
+    table = tables.read_parquet(out / "labels.parquet", tables.LABEL_COLUMNS)
+    assert list(table.columns) == list(tables.LABEL_COLUMNS)
+    assert len(table) == sum(len(classes) for classes, _ in labels.values())
+    assert set(table["rock"]) == set(BLOCKS)
+    own = table[(table["key"] == "03_A_off_30_L_0128") & (table["kind"] == "rock")].set_index("rock")
+    assert own.loc[4, "x0"] > own.loc[7, "x0"] or own.loc[4, "y1"] > own.loc[7, "y1"]  # block 4 lies nearer
+    sources = table.groupby(["position", "camera", "azimuth"])["source"].unique().apply(set)
+    assert sources["A", "L", "30"] == {"seed"}
+    assert sources["A", "R", "30"] == {"fused"}
+    assert sources["A", "L", "270"] == {"fused", "cast"}
+    assert table["confidence"].between(0, 1).all()
+
+
+def test_a_rock_without_a_mesh_has_one_number_under_all_lamps(scene, tmp_path):
+    (scene.meshes / "terrain03_rock7.obj").unlink()
+    propagate(scene, tmp_path / "less")
+    table = tables.read_parquet(tmp_path / "less" / "labels.parquet")
+    assert set(table["rock"]) == {4, FIRST_UNMESHED_ROCK}
+    assert "projected" in set(table[table["rock"] == FIRST_UNMESHED_ROCK]["source"])  # at position C, by its stand-in
+
+
+def test_the_same_input_gives_the_same_bytes(scene, tmp_path):
+    for name in ("first", "second"):
+        propagate(scene, tmp_path / name)
+    for path in (tmp_path / "first").rglob("*.*"):
+        assert path.read_bytes() == (tmp_path / "second" / path.relative_to(tmp_path / "first")).read_bytes()
+
+
+def test_a_position_without_a_pose_is_a_warning_and_empty_files(scene, tmp_path, caplog):
+    (scene.cameras / "PosC.json").unlink()
+    with caplog.at_level(logging.WARNING):
+        found = propagate(scene, tmp_path / "gap")
+    assert "position C" in caplog.text
+    assert len(found[key("C_off_30_L_0128")][0]) == 0
+
+
+def test_a_bare_terrain_has_no_labels(scene, tmp_path):
+    for path in [*scene.seeds.iterdir(), *scene.meshes.glob("*rock*")]:
+        path.unlink()
+    assert all(len(classes) == 0 for classes, _ in propagate(scene, tmp_path / "bare").values())
+
+
+def test_an_inventory_of_another_terrain_is_refused(scene, tmp_path):
+    inventory.write_inventory(scene.inventory, inventory.Inventory(11, "release"))
+    with pytest.raises(LabelError, match="terrain 11, expected 03"):
+        propagate(scene, tmp_path / "wrong")
+
+
+def test_a_broken_seed_line_leaves_nothing_behind(scene, tmp_path):
+    (scene.seeds / "03_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1\n")
+    with pytest.raises(FormatError, match=r"03_A_off_30_L_0256\.txt:1"):
+        propagate(scene, tmp_path / "broken")
+    assert not list(tmp_path.glob("broken/*"))

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from polarsim.formats.scene import read_terrain
+from polarsim.labels.shadows import Ids, lamp, shadow_box
+from polarsim.labels.view import View
+from polarsim.labels.world import build_world
+from polarsim.photo import NO_ROCK
+from polarsim.survey import lamp_position
+
+from .conftest import BLOCKS, TERRAIN, placed
+
+
+@pytest.fixture(scope="module")
+def world(untouched_scene):
+    return build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004)
+
+
+@pytest.fixture(scope="module")
+def ids(world):
+    return Ids(world, View(placed("A"), "L"), np.arange(1, 1216, 2), np.arange(1, 1936, 2))
+
+
+@pytest.mark.parametrize("azimuth", ["30", "180", "270", "350"])
+@pytest.mark.parametrize("rock", list(BLOCKS))
+def test_a_block_throws_its_shadow_where_its_top_corners_are_projected_from_the_lamp(world, ids, azimuth, rock):
+    place = lamp_position(azimuth)
+    centre, size = BLOCKS[rock]
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
+    bottom = np.column_stack([centre[:2] + signs * size[:2], np.zeros(4)])
+    top = bottom + np.array([0, 0, size[2]])
+    thrown = place + (top - place) * (place[2] / (place[2] - top[:, 2]))[:, None]  # on z = 0
+    # The shadow on the ground is the convex hull of base and thrown top; the box around it, in the photo, is that of
+    # its corners. The grid of every second pixel and the trim of 4 mm cost up to three pixels.
+    pixels = placed("A").project("L", np.concatenate([bottom, thrown]))
+    found = shadow_box(ids.shadow_of(world, place), rock, None, 2)
+    np.testing.assert_allclose(found, [*pixels.min(axis=0), *pixels.max(axis=0)], atol=4)
+
+
+def test_the_part_of_a_shadow_inside_its_rocks_ellipse_is_left_out():
+    shadow = np.full((120, 120), NO_ROCK)
+    shadow[40:60, :100] = 4
+    # The ellipse of 0.9 of the rock's box has half axes 27 and 45 around (30, 50). At the band's first row, 9.5 above
+    # its centre, it ends at 30 + 27 sqrt(1 - (9.5 / 45)^2) = 56.4; the sliver left of it is too small to count.
+    found = shadow_box(shadow, 4, np.array([0.0, 0, 60, 100]), 1)
+    np.testing.assert_array_equal(found, [56, 40, 100, 60])
+
+
+def test_a_rock_whose_shadow_is_not_seen_has_no_box(world, ids):
+    assert shadow_box(ids.shadow_of(world, lamp_position("30")), 99, None, 2) is None
+
+
+def test_there_is_no_lamp_in_the_dark_and_the_rover_light_is_between_the_cameras(world):
+    view = View(placed("A"), "L")
+    assert lamp(world, view, "off", "no") is None
+    cameras = [placed("A").sandbox_from(camera).translation for camera in "LR"]
+    assert np.linalg.norm(lamp(world, view, "on", "no") - np.mean(cameras, axis=0)) < 0.15
+    np.testing.assert_allclose(lamp(world, view, "on", "30"), lamp(world, view, "off", "30"))
+
+
+def test_lamps_stand_as_high_above_the_sand_in_a_frame_that_lies_lower(tmp_path):
+    from polarsim.formats import obj
+
+    from .conftest import flat_ground
+
+    obj.write(tmp_path / obj.ground_name(TERRAIN), flat_ground(level=0.2), "ground")
+    world = build_world(read_terrain(tmp_path, TERRAIN), 0.004)
+    np.testing.assert_allclose(
+        lamp(world, View(placed("A"), "L"), "off", "180") - lamp_position("180"), [0, 0, 0.2], atol=1e-6
+    )

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from polarsim.formats.scene import TerrainMesh
+from polarsim.render.automatic import NO_LAMP, render_ids
+from polarsim.render.lamps import Lamp
+from polarsim.render.seats import hang, low_rim, seated
+from polarsim.render.surfaces import surfaces_of
+
+GAP = 0.03  # metres between the ground and the block's open foot
+
+
+@pytest.fixture
+def floating(blocks):
+    """The block without its underside, lifted off the ground; no two sides share a vertex."""
+    mesh = blocks()
+    below = (mesh.vertices[mesh.faces][:, :, 2] == 0).all(axis=1) & (mesh.rock_of_face == 1)
+    vertices = mesh.vertices + np.where(np.arange(len(mesh.vertices)) >= 4, GAP, 0.0)[:, None] * [0, 0, 1]
+    return TerrainMesh(vertices, mesh.faces[~below], mesh.rock_of_face[~below], mesh.normals)
+
+
+def test_the_rim_of_a_block_without_underside_is_its_foot_and_not_its_seams(floating):
+    rim = low_rim(floating.vertices, floating.faces[floating.rock_of_face == 1])
+    assert len(rim) == 4
+    np.testing.assert_allclose(floating.vertices[rim][:, :, 2], GAP)
+    lengths = np.linalg.norm(floating.vertices[rim[:, 1]] - floating.vertices[rim[:, 0]], axis=1)
+    np.testing.assert_allclose(lengths, 0.4)
+
+
+def test_a_closed_rock_is_left_as_it_is(blocks):
+    mesh = blocks()
+    assert len(seated(mesh, 0.05).faces) == len(mesh.faces)
+
+
+def test_strips_look_to_the_side_that_the_faces_above_look_to():
+    start, end = np.array([[0.0, 0, 1]]), np.array([[1.0, 0, 1]])  # under a face whose third corner is (0, 0, 2)
+    vertices, faces, normals = hang(start, end, 0.1)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    flat = np.cross(b - a, c - a)
+    np.testing.assert_allclose(flat / np.linalg.norm(flat, axis=1, keepdims=True), [[0, -1, 0]] * 2)
+    np.testing.assert_allclose(normals, [[0, -1, 0]] * 4)
+    assert vertices[:, 2].min() == 0.9
+
+
+def test_no_light_passes_beneath_a_seated_rock(floating, camera, lens, plain):
+    lamp = Lamp(np.array([-3.5, 0.0, 0.1]))  # behind the block, low: shines through the gap towards the camera
+    for depth, leaks in ((0.0, True), (0.05, False)):
+        surfaces = surfaces_of(floating, plain.model_copy(update={"seat_m": depth}))
+        ids = render_ids(surfaces, camera, lens, {"sun": lamp}, threads=1)
+        edge = lens.project(camera.inverse().apply(np.array([0.23, 0.0, 0.0])))  # ground in front of the foot
+        column, row = np.floor(edge).astype(int)
+        assert (ids["sun"][row, column] == 1) == leaks
+        if not leaks:
+            assert (ids[NO_LAMP][row - 4, column]) == 1001  # the skirt is part of the rock
