@@ -9,6 +9,7 @@ import os
 import shutil
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -126,7 +127,7 @@ def ultralytics(folder: Path) -> SimpleNamespace:
     _torch()
     try:
         from ultralytics import YOLO, settings
-        from ultralytics.models.yolo.detect import DetectionTrainer
+        from ultralytics.models.yolo.detect import DetectionTrainer, DetectionValidator
         from ultralytics.nn.tasks import DetectionModel, load_checkpoint
         from ultralytics.utils import LOGGER
         from ultralytics.utils.nms import TorchNMS, non_max_suppression
@@ -140,9 +141,11 @@ def ultralytics(folder: Path) -> SimpleNamespace:
     return SimpleNamespace(
         YOLO=YOLO,
         DetectionTrainer=DetectionTrainer,
+        DetectionValidator=DetectionValidator,
         DetectionModel=DetectionModel,
         load_checkpoint=load_checkpoint,
-        non_max_suppression=non_max_suppression,
+        # By itself it stops after some seconds, and on a busy machine the rest of the pictures would have no boxes.
+        non_max_suppression=partial(non_max_suppression, multi_label=True, max_time_img=1e9),
     )
 
 

@@ -13,11 +13,13 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
 
     model: str = Field("yolov5n", pattern="^yolov5[nsmlx]$", description="Architecture and size of the judge.")
     pretrained: Path | None = Field(None, description="Weights to start from (.pt); none: random weights.")
-    epochs: int = Field(12, ge=1, description="Passes over the training pictures; the paper has 200.")
+    epochs: int = Field(6, ge=1, description="Passes over the training pictures; the paper has 200.")
     imgsz: int = Field(352, ge=64, multiple_of=32, description="Longer side of the judge's pictures, px.")
     batch: int = Field(4, ge=1, description="Pictures a training step.")
     learning_rate: float = Field(0.002, gt=0, description="Largest learning rate of AdamW.")
-    augment: bool = Field(True, description="Mirror, move and scale the training pictures at random.")
+    augment: bool = Field(
+        False, description="Mirror, move and scale the training pictures at random; pays off in long trainings."
+    )
     mosaic: bool = Field(False, description="Train on four pictures at once; pays off in long trainings.")
     device: Literal["auto", "cpu", "cuda"] = Field(
         "cpu", description="Where judges run; auto: cuda where there is one."

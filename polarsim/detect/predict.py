@@ -73,8 +73,6 @@ def detect(
             conf_thres=options.confidence,
             iou_thres=options.nms_iou,
             max_det=options.max_boxes,
-            multi_label=True,
-            max_time_img=1e9,  # seconds; its default stops early on a busy machine, and the result would depend on that
         )
     for result, (_, offset, scale) in zip(found, framed, strict=True):
         boxes_found = result.cpu().numpy().astype(float)

@@ -6,6 +6,7 @@ import hashlib
 import logging
 import math
 import shutil
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -120,9 +121,17 @@ def _fit(run: Path, options: DetectOptions, threads: int) -> Any:
     if options.pretrained:
         start = judges.load_start(options.pretrained, options.model, run.parent)
 
+    class Validator(library.DetectionValidator):  # type: ignore[name-defined, misc]
+        def postprocess(self, preds: Any) -> list[dict[str, Any]]:
+            found = library.non_max_suppression(preds, self.args.conf, self.args.iou, max_det=self.args.max_det)
+            return [{"bboxes": x[:, :4], "conf": x[:, 4], "cls": x[:, 5], "extra": x[:, 6:]} for x in found]
+
     class Trainer(library.DetectionTrainer):  # type: ignore[name-defined, misc]
         def get_model(self, cfg: Any = None, weights: Any = None, verbose: bool = False) -> Any:
             return super().get_model(cfg, weights or start, verbose)
+
+        def get_validator(self) -> Any:
+            return Validator(self.test_loader, save_dir=self.save_dir, args=copy(self.args), _callbacks=self.callbacks)
 
     trainer = Trainer(overrides=arguments)
     trainer.add_callback("on_train_start", lambda t: _set_up_torch(t, threads))
@@ -163,6 +172,8 @@ def _arguments(run: Path, options: DetectOptions) -> dict[str, Any]:
         "warmup_epochs": min(1.0, options.epochs / 10),
         "warmup_bias_lr": 0.0,
         "device": "0" if judges.choose_device(options.device) == "cuda" else "cpu",
+        "iou": options.nms_iou,  # of validation, as in prediction
+        "max_det": options.max_boxes,
         "seed": options.seed,
         "deterministic": True,
         "pretrained": False,  # or it would download; `Trainer.get_model` loads the weights that options name

@@ -17,6 +17,7 @@ LEVEL_TOLERANCE = 0.010  # metres above its surroundings up to which an area wit
 _SQUARE = np.ones((3, 3), bool)
 EDGE_SHARE = 0.65  # of the steepest sand's slope: from there on an edge can outline a low rock
 OUTLINE_SIDES = (0.025, 0.60)  # metres: shorter steep edges are pebbles, longer ones are no single rock's
+RAISED_SHARE = 0.15  # of an outlined area that must lie above the level tolerance: flanks and foot need not
 FOOT_MARGIN = 2  # cells around rock that do not tell the ground's height
 
 
@@ -128,8 +129,8 @@ def _without_outlined(surface: np.ndarray, steep: np.ndarray, is_ground: np.ndar
         if OUTLINE_SIDES[0] < max(sides) < OUTLINE_SIDES[1]:
             outlined[box][hull_mask(edges[box] == number)] = number
     level = filled(np.nan_to_num(surface), is_ground & (outlined == 0))
-    seen = outlined * np.isfinite(surface)
-    above = ndimage.median(np.nan_to_num(surface - level), seen, np.arange(outlined.max() + 1))
-    raised = np.asarray(above) > LEVEL_TOLERANCE
+    seen = np.isfinite(surface)
+    raised = np.bincount(outlined[seen & (surface > level + LEVEL_TOLERANCE)], minlength=outlined.max() + 1)
+    raised = raised > RAISED_SHARE * np.bincount(outlined[seen], minlength=outlined.max() + 1)
     raised[0] = False
     return is_ground & ~ndimage.binary_dilation(raised[outlined], iterations=FOOT_MARGIN)

@@ -16,7 +16,7 @@ from polarsim.photo import CAMERAS
 from polarsim.tables.gauge import fit_gauge
 from polarsim.tables.quality import Figure, summary, write_quality
 
-MATCH_COLUMNS = ("position", "rock", "iou", "dx", "dy")
+MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
 _POINTS = 4000  # true surface points that are projected, at most
 _UNITS = {"_mm": "mm", "_deg": "deg", "_px": "px", "_m": "m"}
 
@@ -94,9 +94,9 @@ def against_boxes(path: Path) -> list[Figure]:
         if len(part):
             n = len(part)
             figures.append(Figure(subject, "box_iou_mean", float(part["iou"].mean()), "1", n, "labels"))
-            for name in ("dx", "dy"):
+            for name in ("dx_px", "dy_px"):
                 offset = float(part[name].abs().median())
-                figures.append(Figure(subject, f"box_{name}_median", offset, "px", n, "labels"))
+                figures.append(Figure(subject, f"box_{name.removesuffix('_px')}_median", offset, "px", n, "labels"))
     return figures
 
 
