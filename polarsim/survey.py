@@ -6,6 +6,8 @@ Source: the POLAR-Sim release's table (from NASA's document), heights lifted to 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 HEIGHT_OFFSET = 0.20  # survey heights count from a level this far above the sand: fits to labels give 0.16 to 0.22
@@ -32,9 +34,24 @@ SANDBOX_HALF_WIDTH = 2.0  # of the sand inside the walls
 TERRAIN_NAMES = {1: "LargeOnly", 3: "MeanDistr", 6: "Smooth", 11: "FreshCrater", 12: "OldCrater"}
 
 
-def lamp_position(azimuth: str) -> np.ndarray:
-    """(3,) surveyed place of the Sun lamp of an azimuth, sandbox frame; `no` has none (KeyError)."""
-    return SUN_LAMPS[azimuth]
+def lamp_position(azimuth: str, lift: float = 0.0) -> np.ndarray:
+    """(3,) surveyed place of the Sun lamp of an azimuth, sandbox frame; `no` has none (KeyError).
+
+    `lift` is how much higher than here the survey's level lies in the terrain's own frame, metres: see `survey_lift`.
+    """
+    return SUN_LAMPS[azimuth] + np.array([0.0, 0.0, lift])
+
+
+def survey_lift(left_heights: Iterable[float]) -> float:
+    """How much higher the survey's level lies in a terrain's frame than the usual 0.20 m above the survey's zero.
+
+    Lamps and tripods were surveyed together, so lamps follow where the left cameras were found (heights, metres). The
+    frames of published meshes were placed by hand and lie up to 0.2 m off. Tried on the release against the sand's
+    median height: shadows of terrain 11 are met at F1 0.51 instead of 0.45, those of 01 and 04 alike.
+    """
+    heights = list(left_heights)
+    usual = float(np.median([place[2] for place in SURVEYED_LEFT.values()]))
+    return float(np.median(heights)) - usual if heights else 0.0
 
 
 def terrain_folder(terrain: int) -> str:

@@ -60,8 +60,10 @@ def direct(view: View, lamp: Lamp, visible: np.ndarray) -> np.ndarray:
         to_lamp, distance = towards(lamp, places)
         to_eye = view.centre.astype(np.float32) - places
         to_eye /= np.linalg.norm(to_eye, axis=-1, keepdims=True)
-        surface = (part[rows][lit] for part in (view.material, view.albedo, view.gloss, view.normals))
-        shade = reflect(*surface, to_lamp, to_eye) * lamp.irradiance(to_lamp, distance)
+        material, albedo, gloss, normals = (
+            part[rows][lit] for part in (view.material, view.albedo, view.gloss, view.normals)
+        )
+        shade = reflect(material, albedo, gloss, normals, to_lamp, to_eye) * lamp.irradiance(to_lamp, distance)
         out[rows][lit] = shade * visible[rows][lit]
     return out
 

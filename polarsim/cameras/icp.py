@@ -24,6 +24,7 @@ COARSE_SAMPLES = 6_000  # points of a scan in a coarse alignment
 FINE_SAMPLES = 20_000  # points of a scan in the joint one
 SLOPE_BINS = 5  # of the normals' two level components: every slope has its say, not only the wide flats
 TURNED_AWAY = 0.5  # cosine between normals below which two points are of different surfaces
+LEAST_GATE = 0.02  # metres: a partner may lie this far along the surface, whatever its distance from the plane
 ROUNDS = 25  # of the joint alignment, at most
 STILL = 1e-7  # metres and radians: smaller steps end it
 
@@ -173,8 +174,8 @@ def _partners(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows of the sample, their nearest points on the fixed scan, and the distances from those points' planes."""
     points = fixed_from_moving.apply(sample.points)
-    gap, partner = fixed.tree.query(points, distance_upper_bound=max(0.02, 2 * reach))
-    rows = np.flatnonzero(np.isfinite(gap))
+    gap, nearest = fixed.tree.query(points, distance_upper_bound=max(LEAST_GATE, 2 * reach))
+    rows, partner = np.flatnonzero(np.isfinite(gap)), np.asarray(nearest)
     facing = (fixed_from_moving.rotate(sample.normals[rows]) * fixed.normals[partner[rows]]).sum(axis=1)
     rows = rows[facing > TURNED_AWAY]
     partner = partner[rows]

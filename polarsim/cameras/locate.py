@@ -164,8 +164,8 @@ def _locate_by_labels(
         rows += _match_rows(position, placement, boxes, outlines)
     if refused and not placed:  # one view may be hopeless; a terrain without any has the wrong labels or meshes
         raise refused[0]
-    for error in refused:
-        log.warning("%s", error)
+    for reason in refused:
+        log.warning("%s", reason)
     rows.sort(key=lambda row: (row["position"], row["rock"]))
     return Located(placed, rows)
 

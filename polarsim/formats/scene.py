@@ -25,6 +25,12 @@ class TerrainMesh:
     def rocks(self) -> list[int]:
         return [int(rock) for rock in np.unique(self.rock_of_face) if rock != NO_ROCK]
 
+    @property
+    def sand_level(self) -> float:
+        """Median height of the ground, metres: near 0 in our own meshes, decimetres off in some published ones."""
+        corners = self.faces[self.rock_of_face == NO_ROCK, 0]
+        return float(np.median(self.vertices[corners, 2])) if len(corners) else 0.0
+
     def rock_vertices(self, rock: int) -> np.ndarray:
         """(n, 3) vertices that a rock's faces use."""
         return self.vertices[np.unique(self.faces[self.rock_of_face == rock])]

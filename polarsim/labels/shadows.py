@@ -20,7 +20,7 @@ def lamp(world: World, view: View, light: Light, azimuth: Azimuth) -> np.ndarray
     A Sun lamp outshines the rover light. It was surveyed above the sand, so it goes up and down with the ground.
     """
     if azimuth != "no":
-        return lamp_position(azimuth) + np.array([0.0, 0.0, world.ground_level])
+        return lamp_position(azimuth, world.ground_level)
     if light == "on":
         return view.placed.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)
     return None

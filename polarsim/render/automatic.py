@@ -110,7 +110,7 @@ def label_twins(
     rows: list[dict[str, object]] = []
     for position, camera in track(sorted(views), f"labels of terrain {terrain:02d}"):
         view_keys = views[position, camera]
-        pictures = _view_ids(surfaces, rigs[position], camera, view_keys, threads)
+        pictures = _view_ids(surfaces, rigs, position, camera, view_keys, threads)
         found = {name: boxes_of(picture, options) for name, picture in pictures.items()}
         written = set()
         for key in view_keys:
@@ -134,8 +134,14 @@ def label_row(key: PhotoKey, kind: str, rock: int, box: np.ndarray) -> dict[str,
 
 
 def _view_ids(
-    surfaces: Surfaces, rig: PlacedRig, camera: str, keys: Sequence[PhotoKey], threads: int
+    surfaces: Surfaces,
+    rigs: Mapping[str, PlacedRig],
+    position: str,
+    camera: str,
+    keys: Sequence[PhotoKey],
+    threads: int,
 ) -> dict[str, np.ndarray]:
     throwing = {lit_by(key)[0] for key in keys if lit_by(key)}
-    lamps = {name: lamp for name, lamp in lamps_of(rig.sandbox_from_left).items() if name in throwing}
+    rig = rigs[position]
+    lamps = {name: lamp for name, lamp in lamps_of(rigs, position).items() if name in throwing}
     return render_ids(surfaces, rig.sandbox_from(camera), rig.rig.lens(camera), lamps, threads)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.poses import Pose
+from polarsim.formats.rigs import PlacedRig
 from polarsim.photo import SUNS, PhotoKey
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE, lamp_position
+from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE, lamp_position, survey_lift
 
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
 REFERENCE_DISTANCE = 4.0  # metres at which a lamp of intensity 1 makes irradiance 1, with falloff and without
@@ -30,10 +31,11 @@ class Lamp:
         return to_lamp, self.intensity * REFERENCE_DISTANCE**2 / square
 
 
-def lamps_of(sandbox_from_left: Pose) -> dict[str, Lamp]:
-    """Sun lamps by azimuth and the rover light of a rig that stands at `sandbox_from_left`."""
-    suns: dict[str, Lamp] = {azimuth: Lamp(lamp_position(azimuth)) for azimuth in SUNS}
-    return {**suns, ROVER: Lamp(sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)}
+def lamps_of(rigs: Mapping[str, PlacedRig], position: str) -> dict[str, Lamp]:
+    """Sun lamps by azimuth, as high as the rigs of the terrain tell, and the rover light of one position's rig."""
+    lift = survey_lift(rig.sandbox_from_left.translation[2] for rig in rigs.values())
+    suns: dict[str, Lamp] = {azimuth: Lamp(lamp_position(azimuth, lift)) for azimuth in SUNS}
+    return {**suns, ROVER: Lamp(rigs[position].sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)}
 
 
 def lit_by(key: PhotoKey) -> tuple[str, ...]:

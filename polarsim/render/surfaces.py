@@ -98,8 +98,7 @@ def surfaces_of(mesh: TerrainMesh, options: RenderOptions) -> Surfaces:
     id_of_face = np.where(mesh.rock_of_face == NO_ROCK, GROUND, ROCK_IDS + mesh.rock_of_face).astype(np.int32)
     if not options.rim:
         return Surfaces(mesh.vertices, mesh.faces, mesh.normals, id_of_face, options.rays)
-    on_ground = mesh.faces[mesh.rock_of_face == NO_ROCK, 0]
-    level = float(np.median(mesh.vertices[on_ground, 2])) if len(on_ground) else 0.0
+    level = mesh.sand_level
     vertices, faces, normals = walls(options.rim_half_width_m, level - _WALL_FOOT, level + options.rim_height_m)
     return Surfaces(
         np.concatenate([mesh.vertices, vertices]),

@@ -83,7 +83,7 @@ def render_twins(
     first = {(key.position, key.camera) for key in references}
     twins.mkdir(parents=True, exist_ok=True)
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
-        layers = _layers(surfaces, rigs[view[0]], view[1], views[view], model, options, threads)
+        layers = _layers(surfaces, rigs, view, views[view], model, options, threads)
         if gain is None:  # the view with the references comes first
             found = calibrate(references, layers, model)
             gain = found or default_gain(model, options)
@@ -95,15 +95,17 @@ def render_twins(
 
 def _layers(
     surfaces: Surfaces,
-    rig: PlacedRig,
-    camera: str,
+    rigs: Mapping[str, PlacedRig],
+    view: View,
     keys: Sequence[PhotoKey],
     model: Model,
     options: RenderOptions,
     threads: int,
 ) -> dict[tuple[Model, str], np.ndarray]:
     needed = {name for key in keys for name in lit_by(key)}
-    lamps = {name: lamp for name, lamp in lamps_of(rig.sandbox_from_left).items() if name in needed}
+    position, camera = view
+    rig = rigs[position]
+    lamps = {name: lamp for name, lamp in lamps_of(rigs, position).items() if name in needed}
     lens = rig.rig.lens(camera)
     return render_layers(surfaces, rig.sandbox_from(camera), lens, lamps, [model], options, threads)
 

@@ -131,6 +131,6 @@ def _without_outlined(surface: np.ndarray, steep: np.ndarray, is_ground: np.ndar
     level = filled(np.nan_to_num(surface), is_ground & (outlined == 0))
     seen = np.isfinite(surface)
     raised = np.bincount(outlined[seen & (surface > level + LEVEL_TOLERANCE)], minlength=outlined.max() + 1)
-    raised = raised > RAISED_SHARE * np.bincount(outlined[seen], minlength=outlined.max() + 1)
-    raised[0] = False
-    return is_ground & ~ndimage.binary_dilation(raised[outlined], iterations=FOOT_MARGIN)
+    is_raised = raised > RAISED_SHARE * np.bincount(outlined[seen], minlength=outlined.max() + 1)
+    is_raised[0] = False
+    return is_ground & ~ndimage.binary_dilation(is_raised[outlined], iterations=FOOT_MARGIN)

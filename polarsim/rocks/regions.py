@@ -9,11 +9,10 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.rocks.ground import Sand
-from polarsim.rocks.heights import filled, hull_mask
+from polarsim.rocks.heights import hull_mask
+from polarsim.rocks.splitting import told_apart
 
 PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
-SADDLE_SHARE = 0.72  # two peaks are two rocks where the pass between them is lower than this share of the lower peak
-SPLIT_SMOOTHING = 1.2  # cells: chips and noise make no peaks
 WALL_CLEARANCE = 0.05  # metres from the sand's border within which only confirmed finds are rocks
 SMALL_SIZE = 0.055  # metres: smaller rocks are numbered last, for they come and go with noise
 SWEEP = np.array([0.83, 0.56])  # order of ids along this oblique line: rocks laid in rows along a wall do not tie
@@ -53,9 +52,7 @@ def find_regions(sand: Sand, limits: Limits, confirm: Confirm) -> list[Region]:
     above = np.where(sand.is_ground, 0.0, sand.above)
     standing = ndimage.binary_opening(above > limits.foot, np.ones((2, 2), bool))
     labels, _ = ndimage.label(standing, np.ones((3, 3)))
-    seen = np.isfinite(sand.surface)
-    bridged, labels = _bridged(np.where(seen, above, filled(above, seen)), labels, seen)
-    labels = split_peaks(bridged, labels, limits) * seen
+    labels = told_apart(above, labels, np.isfinite(sand.surface), limits.height)
     regions: list[Region] = []
     for number, box in enumerate(ndimage.find_objects(labels), 1):
         if box is None:
@@ -67,15 +64,6 @@ def find_regions(sand: Sand, limits: Limits, confirm: Confirm) -> list[Region]:
         if confirmed or (region.height >= limits.height and not _at_wall(sand, box)):
             regions.append(replace(region, confirmed=confirmed))
     return numbered(regions)
-
-
-def _bridged(above: np.ndarray, labels: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Heights and regions with the hidden cells inside a region's hull: a rock's own shadow does not cut it in two."""
-    labels = labels.copy()
-    for number, box in enumerate(ndimage.find_objects(labels), 1):
-        inside = hull_mask(labels[box] == number) & ~seen[box] & (labels[box] == 0)
-        labels[box][inside] = number
-    return np.where(labels > 0, above, 0.0), labels
 
 
 def _at_wall(sand: Sand, box: tuple[slice, ...]) -> bool:
@@ -120,51 +108,3 @@ def measured_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Reg
         height=float(np.quantile(heights, PEAK_SHARE)),
         volume=float((above.sum() + heights.mean() * (covered.sum() - mask.sum())) * sand.grid.cell**2),
     )
-
-
-def split_peaks(above: np.ndarray, labels: np.ndarray, limits: Limits) -> np.ndarray:
-    """Regions cut where they have several peaks with a low pass between.
-
-    Cells are visited from the highest down; a cell joins the peaks that it touches. Where it touches two, it is the
-    pass between them: both become one if either peak is low above the pass, else they stay two rocks (the merge tree
-    of a height field).
-
-    Parameters
-    ----------
-    above : (rows, columns) float
-        Heights above the ground, metres.
-    labels : (rows, columns) int
-        Connected regions, 0 outside.
-    """
-    smooth = np.pad(
-        ndimage.gaussian_filter(above, SPLIT_SMOOTHING), 1
-    )  # so that no cell's neighbour is out of the grid
-    cells = np.flatnonzero(np.pad(labels, 1))
-    cells = cells[np.argsort(-smooth.ravel()[cells], kind="stable")]
-    heights, width = smooth.ravel().tolist(), smooth.shape[1]
-    steps = [-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1]
-    owner: dict[int, int] = {}
-    parent: dict[int, int] = {}
-    for cell in cells.tolist():
-        touched = sorted(
-            {_root(parent, owner[cell + step]) for step in steps if cell + step in owner},
-            key=lambda c: (-heights[c], c),
-        )
-        if not touched:
-            parent[cell] = cell
-            owner[cell] = cell
-            continue
-        owner[cell] = touched[0]
-        for peak in touched[1:]:
-            if heights[peak] < limits.height or heights[cell] > SADDLE_SHARE * heights[peak]:
-                parent[peak] = touched[0]
-    result = np.zeros(smooth.size, np.int64)
-    roots = [_root(parent, owner[cell]) for cell in cells.tolist()]
-    result[cells] = np.unique(roots, return_inverse=True)[1] + 1 if roots else 0
-    return result.reshape(smooth.shape)[1:-1, 1:-1]
-
-
-def _root(parent: dict[int, int], peak: int) -> int:
-    while parent[peak] != peak:
-        peak = parent[peak]
-    return peak

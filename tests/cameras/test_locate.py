@@ -138,7 +138,7 @@ def test_labels_of_another_terrain_are_refused(tmp_path, drawn, rng):
         corner = rng.uniform([100, 300], [1700, 1000], (14, 2))
         boxes = np.column_stack([corner, corner + rng.uniform(30, 150, (14, 2))])
         yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(14, int), boxes)
-    with pytest.raises(RegistrationError, match="Terrain03: position [AB]: the best pose explains 0"):
+    with pytest.raises(RegistrationError, match=r"Terrain03: position [AB]: the best pose explains 0"):
         locate(tmp_path, drawn, stated_rig())
 
 

@@ -29,12 +29,6 @@ def test_scans_come_to_lie_as_their_tripods_stood(network, true_poses):
     assert network.pairs[0].agreement > 0.9
 
 
-def test_the_same_scans_give_the_same_poses(network, scans):
-    again = register_scans(scans, OPTIONS)
-    for position, pose in network.level_from_left.items():
-        np.testing.assert_array_equal(np.round(pose.matrix, 7), np.round(again.level_from_left[position].matrix, 7))
-
-
 def test_the_walls_give_origin_and_heading(network, true_poses):
     gauge = find_gauge(network.points, network.normals, network.level_from_left)
     assert gauge.walls >= 3
@@ -61,7 +55,7 @@ def test_scans_of_two_terrains_are_refused_by_name(scans):
     bumpy = level.apply(scans["C"])
     bumpy[:, 2] += 0.1 * np.sin(9 * bumpy[:, 0]) * np.sin(11 * bumpy[:, 1])
     quick = OPTIONS.model_copy(update={"scan_candidates": 2, "scan_yaw_step_deg": 5.0})
-    with pytest.raises(RegistrationError, match="the scans of positions . and . agree on 0"):
+    with pytest.raises(RegistrationError, match=r"the scans of positions [AC] and [AC] agree on 0"):
         register_scans({"A": scans["A"], "C": level.inverse().apply(bumpy)}, quick)
 
 

@@ -1,0 +1,135 @@
+"""Touching rocks told apart: by the passes between their peaks, and because two convex bodies make no convex one."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from polarsim.rocks.heights import filled, hull_mask
+
+SADDLE_SHARE = 0.88  # two peaks may be two rocks where the pass between is lower than this share of the lower peak
+SPLIT_SMOOTHING = 1.2  # cells: chips and noise make no peaks
+ABSORBED_SHARE = 0.5  # of a region's cells in the hull of a larger one that make it a part of that one
+SOLIDITY = 0.92  # share of its plan's hull that one rock fills; two discs that touch fill 0.88
+
+
+def told_apart(above: np.ndarray, labels: np.ndarray, seen: np.ndarray, lowest_peak: float) -> np.ndarray:
+    """(rows, columns) regions, each of one rock, numbered from 1; 0 outside and where nothing was seen.
+
+    Parameters
+    ----------
+    above : (rows, columns) float
+        Heights above the ground, metres; of any value where nothing was seen.
+    labels : (rows, columns) int
+        Connected regions of what stands out of the ground, 0 outside.
+    seen : (rows, columns) bool
+        Cells with a measured surface.
+    lowest_peak : float
+        Peaks below this height, metres, are no rocks of their own.
+    """
+    labels = _absorbed(labels)
+    bridged, labels = _bridged(np.where(seen, above, filled(above, seen)), labels, seen)
+    parts = split_peaks(bridged, labels, lowest_peak)
+    return _convex_joined(parts) * seen
+
+
+def _absorbed(labels: np.ndarray) -> np.ndarray:
+    """Regions that lie for the most part in the hull of a larger one joined to it: its overhang hides what joins them."""
+    labels = labels.copy()
+    boxes = ndimage.find_objects(labels)
+    sizes = np.bincount(labels.ravel())
+    for number in np.argsort(-sizes[1:], kind="stable") + 1:
+        window = labels[boxes[number - 1]]
+        inside = window[hull_mask(window == number)] if (window == number).any() else window[:0, 0]
+        shares = np.bincount(inside, minlength=len(sizes)) / np.maximum(sizes, 1)
+        others = np.flatnonzero((shares > ABSORBED_SHARE) & (sizes < sizes[number]))
+        window[np.isin(window, others[others > 0])] = number
+    return labels
+
+
+def _bridged(above: np.ndarray, labels: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Heights and regions with the hidden cells inside a region's hull: a rock's own shadow does not cut it in two."""
+    labels = labels.copy()
+    for number, box in enumerate(ndimage.find_objects(labels), 1):
+        inside = hull_mask(labels[box] == number) & ~seen[box] & (labels[box] == 0)
+        labels[box][inside] = number
+    return np.where(labels > 0, above, 0.0), labels
+
+
+def _convex_joined(parts: np.ndarray) -> np.ndarray:
+    """Parts that together fill their hull made one, those that fill it best first."""
+    parts = parts.copy()
+    pairs = {pair: _solidity(parts, pair) for pair in _neighbours(parts)}
+    while pairs and max(pairs.values()) >= SOLIDITY:
+        one, other = min(pairs, key=lambda pair: (-pairs[pair], pair))
+        parts[parts == other] = one
+        touched = {pair for pair in pairs if {one, other} & set(pair)}
+        pairs = {pair: value for pair, value in pairs.items() if pair not in touched}
+        numbers = {one if number == other else number for pair in touched for number in pair} - {one}
+        pairs |= {pair: _solidity(parts, pair) for n in numbers for pair in [(min(one, n), max(one, n))]}
+    return parts
+
+
+def _solidity(parts: np.ndarray, pair: tuple[int, int]) -> float:
+    union = (parts == pair[0]) | (parts == pair[1])
+    union = union[ndimage.find_objects(union.astype(np.int8))[0]]
+    return float(union.sum() / hull_mask(union).sum())
+
+
+def _neighbours(parts: np.ndarray) -> set[tuple[int, int]]:
+    """Pairs of parts (lower number first) with cells side by side."""
+    sides = [(parts[:, :-1], parts[:, 1:]), (parts[:-1], parts[1:])]
+    pairs = np.concatenate(
+        [np.stack([a[meet], b[meet]], axis=1) for a, b in sides for meet in [(a != b) & (a * b > 0)]]
+    )
+    return {(int(low), int(high)) for low, high in np.unique(np.sort(pairs, axis=1), axis=0)}
+
+
+def split_peaks(above: np.ndarray, labels: np.ndarray, lowest_peak: float) -> np.ndarray:
+    """Regions cut where they have several peaks with a low pass between.
+
+    Cells are visited from the highest down; a cell joins the peaks that it touches. Where it touches two, it is the
+    pass between them: both become one if either peak is low above the pass, else they stay two rocks (the merge tree
+    of a height field).
+
+    Parameters
+    ----------
+    above : (rows, columns) float
+        Heights above the ground, metres.
+    labels : (rows, columns) int
+        Connected regions, 0 outside.
+    lowest_peak : float
+        Peaks below this height, metres, are no rocks of their own.
+    """
+    smooth = np.pad(
+        ndimage.gaussian_filter(above, SPLIT_SMOOTHING), 1
+    )  # so that no cell's neighbour is out of the grid
+    cells = np.flatnonzero(np.pad(labels, 1))
+    cells = cells[np.argsort(-smooth.ravel()[cells], kind="stable")]
+    heights, width = smooth.ravel().tolist(), smooth.shape[1]
+    steps = [-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1]
+    owner: dict[int, int] = {}
+    parent: dict[int, int] = {}
+    for cell in cells.tolist():
+        touched = sorted(
+            {_root(parent, owner[cell + step]) for step in steps if cell + step in owner},
+            key=lambda c: (-heights[c], c),
+        )
+        if not touched:
+            parent[cell] = cell
+            owner[cell] = cell
+            continue
+        owner[cell] = touched[0]
+        for peak in touched[1:]:
+            if heights[peak] < lowest_peak or heights[cell] > SADDLE_SHARE * heights[peak]:
+                parent[peak] = touched[0]
+    result = np.zeros(smooth.size, np.int64)
+    roots = [_root(parent, owner[cell]) for cell in cells.tolist()]
+    result[cells] = np.unique(roots, return_inverse=True)[1] + 1 if roots else 0
+    return result.reshape(smooth.shape)[1:-1, 1:-1]
+
+
+def _root(parent: dict[int, int], peak: int) -> int:
+    while parent[peak] != peak:
+        peak = parent[peak]
+    return peak
