@@ -3,6 +3,9 @@
     python benchmarks/detect.py [longer sides in px ...]
 
 Pictures are noise with blobs; 24 train, 8 are predicted. CPU seconds, since wall time depends on what else runs.
+
+Last figures (AMD EPYC, Zen 4, busy machine): imgsz 352: data set 42 ms, training 104 ms, prediction 63 ms a picture;
+average precision 3 ms a picture and class.
 """
 
 from __future__ import annotations

@@ -7,10 +7,10 @@ from scipy import ndimage
 
 from polarsim.rocks.heights import filled, hull_mask
 
-SADDLE_SHARE = 0.88  # two peaks may be two rocks where the pass between is lower than this share of the lower peak
+SADDLE_SHARE = 0.92  # two peaks may be two rocks where the pass between is lower than this share of the lower peak
 SPLIT_SMOOTHING = 1.2  # cells: chips and noise make no peaks
 ABSORBED_SHARE = 0.5  # of a region's cells in the hull of a larger one that make it a part of that one
-SOLIDITY = 0.92  # share of its plan's hull that one rock fills; two discs that touch fill 0.88
+SOLIDITY = 0.93  # share of its plan's hull that one rock fills; two discs that touch fill 0.88
 
 
 def told_apart(above: np.ndarray, labels: np.ndarray, seen: np.ndarray, lowest_peak: float) -> np.ndarray:
@@ -34,7 +34,7 @@ def told_apart(above: np.ndarray, labels: np.ndarray, seen: np.ndarray, lowest_p
 
 
 def _absorbed(labels: np.ndarray) -> np.ndarray:
-    """Regions that lie for the most part in the hull of a larger one joined to it: its overhang hides what joins them."""
+    """Regions that lie mostly in the hull of a larger one joined to it: an overhang hides what joins them."""
     labels = labels.copy()
     boxes = ndimage.find_objects(labels)
     sizes = np.bincount(labels.ravel())

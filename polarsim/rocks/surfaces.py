@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 
-from polarsim.errors import ReconstructionError
 from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
-from polarsim.rocks.closing import closing_points
+from polarsim.rocks.closing import closing_points, hull_mesh
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.solids import is_watertight, largest_island
+
+log = logging.getLogger("polarsim")
 
 # Sides of the solver's cube over the cloud's: now and then two sheets of a surface touch in an edge; another one helps.
 SCALES = (1.30, 1.27, 1.34, 1.23, 1.40, 1.60)
@@ -58,4 +61,5 @@ def closed_rock(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.
         mesh = largest_island(poisson(whole, cell, scale))
         if is_watertight(mesh):
             return mesh
-    raise ReconstructionError(f"no closed surface through {len(cloud)} points")
+    log.warning("no closed surface through %d points: their convex hull stands for the rock", len(cloud))
+    return hull_mesh(whole.points)
