@@ -29,8 +29,9 @@ from polarsim.randomness import generator
 from polarsim.survey import ROVER_LIGHT_SHARE
 
 # Photo-electrons a millisecond at unit radiance, and lamp outputs. Set once, for all terrains, so that the exposures
-# with most pixels between 40 and 4000 DN above black of terrain 11, A, rover light off, agree with NASA's (Sun 30: 256 ms,
-# 180: 128, 270: 1024, 350: 256), counted inside the frame that its readme advises (10 % off top and sides, 30 % below).
+# with most pixels between 40 and 4000 DN above black of terrain 11, A, rover light off, agree with NASA's (Sun 30:
+# 256 ms, 180: 128, 270: 1024, 350: 256), counted inside the frame that its readme advises (10 % off top and sides,
+# 30 % below).
 ELECTRONS = 20000.0
 LAMP_OUTPUT = {"30": 1.0, "180": 6.0, "270": 1.0, "350": 3.2, ROVER: ROVER_LIGHT_SHARE}
 _GLARE = 0.002  # radiance at the centre of a lamp's ghosts

@@ -21,8 +21,8 @@ from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 GROUND_STEP = 0.04  # metres: cells that weigh alike in the ground's plane
-GROUND_SCALES = [0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.06, 0.06]
-GROUND_SHARE = 0.85  # of the half width: beyond it sand piles up at the walls
+GROUND_SCALES = [0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.05, 0.04, 0.04, 0.04]
+GROUND_SHARE = 0.9  # of the half width: beyond it sand piles up at the walls
 
 WALL_HEIGHT = (0.06, 0.28)  # metres above the sand in which a wall is looked for
 WALL_SLACK = 0.6  # metres that a wall may be off its place before the frame is known

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from polarsim.formats.files import read_json, write_json
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
+from polarsim.survey import survey_lift
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,11 @@ def read_placed(path: str | Path) -> PlacedRig:
 def read_all_placed(folder: str | Path) -> dict[str, PlacedRig]:
     """Every `PosX.json` of a terrain's folder, by position."""
     return {path.stem.removeprefix("Pos"): read_placed(path) for path in sorted(Path(folder).glob("Pos?.json"))}
+
+
+def lift_of(placed: Mapping[str, PlacedRig]) -> float:
+    """How much higher than usual the survey lies in the frame of a terrain's rigs, metres: see `survey_lift`."""
+    return survey_lift(rig.sandbox_from_left.translation[2] for rig in placed.values())
 
 
 def _rig_content(rig: StereoRig) -> dict[str, Any]:

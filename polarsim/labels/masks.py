@@ -209,8 +209,8 @@ def draw_masks(
 ) -> None:
     """Write `polygons`/KEY.txt and `masks`/KEY.png for every key: one drawing a photo set, of its fullest labels."""
     labels = tables.read_parquet(table, tables.LABEL_COLUMNS)
-    world = build_world(read_terrain(meshes, terrain), options.trim_mm / 1000)
     placed = rigs.read_all_placed(cameras)
+    world = build_world(read_terrain(meshes, terrain), options.trim_mm / 1000, rigs.lift_of(placed))
     sets: dict[tuple, list[PhotoKey]] = {}
     for key in sorted(keys):
         sets.setdefault((key.view, key.light, key.azimuth), []).append(key)

@@ -55,7 +55,7 @@ class Known:
 
 def gather(terrain: TerrainMesh, placed: dict[str, rigs.PlacedRig], seeds: Seeds, options: LabelsOptions) -> Known:
     """Give every drawn rock its id: that of the mesh that projects there, or the number of a stand-in."""
-    world = build_world(terrain, options.trim_mm / 1000)
+    world = build_world(terrain, options.trim_mm / 1000, rigs.lift_of(placed))
     tracks: dict[str, list[Track]] = {}
     matched: dict[str, np.ndarray] = {}
     domes = []

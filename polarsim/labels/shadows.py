@@ -17,10 +17,10 @@ ROCK_ELLIPSE = 0.9  # of a rock's label box: the ellipse in which people see roc
 def lamp(world: World, view: View, light: Light, azimuth: Azimuth) -> np.ndarray | None:
     """(3,) place of the lamp that throws the shadows, sandbox frame; None in the dark.
 
-    A Sun lamp outshines the rover light. It was surveyed above the sand, so it goes up and down with the ground.
+    A Sun lamp outshines the rover light.
     """
     if azimuth != "no":
-        return lamp_position(azimuth, world.ground_level)
+        return lamp_position(azimuth, world.lift)
     if light == "on":
         return view.placed.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)
     return None

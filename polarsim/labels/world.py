@@ -63,8 +63,9 @@ class World:
     ground: Caster
     rocks: Caster
     rock_of_rocks_face: np.ndarray  # rock of each face of `rocks`, and `NO_ROCK` at -1 for rays that meet none
-    ground_level: float  # median height of the ground: lamps were surveyed above the sand
+    ground_level: float  # median height of the ground
     ground_bounds: np.ndarray  # (2, 2) lowest and highest x, y of the ground
+    lift: float  # metres by which the survey lies higher than usual, see `survey.survey_lift`
 
     def height_above_ground(self, points: np.ndarray) -> np.ndarray:
         """(n,) height of points (n, 3) above the ground below or over them; above its level outside the mesh."""
@@ -93,13 +94,15 @@ class World:
         return (distance < 1) & (other != rock) & (other != NO_ROCK)
 
 
-def build_world(terrain: TerrainMesh, trim: float) -> World:
+def build_world(terrain: TerrainMesh, trim: float, lift: float = 0.0) -> World:
     """The terrain's meshes as bodies.
 
     Parameters
     ----------
     trim : float
         Rock surface lower than this above the ground counts as ground, metres.
+    lift : float
+        How much higher than usual the survey lies in the terrain's frame, metres.
     """
     ground_faces = terrain.faces[terrain.rock_of_face == NO_ROCK]
     ground = caster(terrain.vertices, ground_faces)
@@ -116,7 +119,7 @@ def build_world(terrain: TerrainMesh, trim: float) -> World:
         low = min(trim, LOW_SHARE * float(height.max()))
         bodies[rock] = Body(vertices, height > -CONTACT, height > low, meshed=True)
         rock_of_face[own[(height <= low)[corner.reshape(-1, 3)].all(axis=1)]] = NO_ROCK
-    return _world(bodies, terrain.vertices, terrain.faces, rock_of_face, ground, level, bounds)
+    return _world(bodies, terrain.vertices, terrain.faces, rock_of_face, ground, level, bounds, lift)
 
 
 def with_domes(world: World, domes: dict[int, Dome]) -> World:
@@ -142,6 +145,7 @@ def with_domes(world: World, domes: dict[int, Dome]) -> World:
         world.ground,
         world.ground_level,
         world.ground_bounds,
+        world.lift,
     )
 
 
@@ -153,6 +157,7 @@ def _world(
     ground: Caster,
     ground_level: float,
     ground_bounds: np.ndarray,
+    lift: float,
 ) -> World:
     of_rock = rock_of_face != NO_ROCK
     return World(
@@ -166,6 +171,7 @@ def _world(
         np.append(rock_of_face[of_rock], NO_ROCK),
         ground_level,
         ground_bounds,
+        lift,
     )
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import PlacedRig, lift_of
 from polarsim.photo import SUNS, PhotoKey
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE, lamp_position, survey_lift
+from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE, lamp_position
 
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
 REFERENCE_DISTANCE = 4.0  # metres at which a lamp of intensity 1 makes irradiance 1, with falloff and without
@@ -33,7 +33,7 @@ class Lamp:
 
 def lamps_of(rigs: Mapping[str, PlacedRig], position: str) -> dict[str, Lamp]:
     """Sun lamps by azimuth, as high as the rigs of the terrain tell, and the rover light of one position's rig."""
-    lift = survey_lift(rig.sandbox_from_left.translation[2] for rig in rigs.values())
+    lift = lift_of(rigs)
     suns: dict[str, Lamp] = {azimuth: Lamp(lamp_position(azimuth, lift)) for azimuth in SUNS}
     return {**suns, ROVER: Lamp(rigs[position].sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)}
 

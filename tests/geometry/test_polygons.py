@@ -1,7 +1,7 @@
 import hypothesis.extra.numpy as arrays
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Polygon
 
@@ -24,11 +24,13 @@ def disc(radius: float, size: int = 80) -> np.ndarray:
     return (x - size / 2) ** 2 + (y - size / 2) ** 2 < radius**2
 
 
+@settings(deadline=None)
 @given(mask=any_mask)
 def test_outlines_enclose_exactly_the_pixels_of_any_mask(mask):
     np.testing.assert_array_equal(covered(outlines(mask), mask.shape), mask)
 
 
+@settings(deadline=None)
 @given(mask=any_mask, simplify_px=st.sampled_from([0.0, 0.6, 2.0]))
 def test_rings_are_simple_and_run_clockwise(mask, simplify_px):
     for ring in outlines(mask, simplify_px):

@@ -58,13 +58,7 @@ def test_there_is_no_lamp_in_the_dark_and_the_rover_light_is_between_the_cameras
     np.testing.assert_allclose(lamp(world, view, "on", "30"), lamp(world, view, "off", "30"))
 
 
-def test_lamps_stand_as_high_above_the_sand_in_a_frame_that_lies_lower(tmp_path):
-    from polarsim.formats import obj
-
-    from .conftest import flat_ground
-
-    obj.write(tmp_path / obj.ground_name(TERRAIN), flat_ground(level=0.2), "ground")
-    world = build_world(read_terrain(tmp_path, TERRAIN), 0.004)
-    np.testing.assert_allclose(
-        lamp(world, View(placed("A"), "L"), "off", "180") - lamp_position("180"), [0, 0, 0.2], atol=1e-6
-    )
+def test_lamps_stand_higher_where_the_survey_does(untouched_scene):
+    lifted = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004, lift=0.2)
+    place = lamp(lifted, View(placed("A"), "L"), "off", "180")
+    np.testing.assert_allclose(place - lamp_position("180"), [0, 0, 0.2], atol=1e-6)
