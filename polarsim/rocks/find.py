@@ -22,6 +22,7 @@ from polarsim.rocks.clouds import surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
 from polarsim.rocks.evidence import confirming_positions
 from polarsim.rocks.ground import Sand, find_ground, sand_extent
+from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids
 from polarsim.rocks.regions import Limits, find_regions
@@ -91,9 +92,7 @@ def read_rock_boxes(seeds: Path) -> dict[str, np.ndarray]:
 
 def ground_cloud(sand: Sand) -> Cloud:
     """A point a cell of seen ground, with the surface's normal."""
-    along_y, along_x = np.gradient(sand.ground, sand.grid.cell)
-    normals = np.stack([-along_x, -along_y, np.ones_like(along_x)], axis=-1)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals = upward_normals(sand.grid, sand.ground)
     points = np.concatenate([sand.grid.places(), sand.ground[..., None]], axis=-1)
     return Cloud(points[sand.is_ground], normals[sand.is_ground])
 

@@ -98,6 +98,13 @@ def _from_coarser(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     return ndimage.map_coordinates(coarse, np.meshgrid(row, column, indexing="ij"), order=1, mode="nearest")
 
 
+def upward_normals(grid: FloorGrid, heights: np.ndarray) -> np.ndarray:
+    """(rows, columns, 3) unit normals of a height field."""
+    along_y, along_x = np.gradient(heights, grid.cell)
+    normals = np.stack([-along_x, -along_y, np.ones_like(along_x)], axis=-1)
+    return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+
+
 def hull_mask(mask: np.ndarray) -> np.ndarray:
     """Cells of a window inside the convex hull of the marked ones."""
     points = np.argwhere(mask)

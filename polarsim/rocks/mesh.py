@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import ReconstructionError, about
+from polarsim.errors import ReconstructionError
 from polarsim.formats import ply, tables
 from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
@@ -15,7 +15,7 @@ from polarsim.rocks.folder import height_mesh, write_meshes
 from polarsim.rocks.heights import FloorGrid, filled, mean_heights
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.scans import Extent
-from polarsim.rocks.surfaces import closed_rock
+from polarsim.rocks.surfaces import closed_rock, ground_surface
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 log = logging.getLogger("polarsim")
@@ -28,9 +28,8 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
     A rock whose points make no surface is a warning and a gap.
     """
     table = tables.read_parquet(rocks, ["rock"])
-    ground_path = Path(clouds) / "ground.ply"
-    with about(ground_path):
-        grid, ground = ground_heights(ply.read(ground_path), options.ground_cell_mm / 1000)
+    points = ply.read(Path(clouds) / "ground.ply")
+    grid, ground = ground_heights(points, options.ground_cell_mm / 1000)
     scanners = tables.read_csv(Path(clouds) / "scanners.csv", ["x", "y", "z"])[["x", "y", "z"]].to_numpy(float)
     solids: dict[int, Mesh] = {}
     for rock in table["rock"].tolist():
@@ -39,7 +38,14 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
             solids[rock] = closed_rock(cloud, grid, ground, scanners, options.rock_cell_mm / 1000)
         except ReconstructionError as error:
             log.warning("terrain %02d, rock %d has no mesh: %s", terrain, rock, error)
-    write_meshes(terrain, meshes, solids, height_mesh(grid, ground), options.decimated_share)
+    cell = options.ground_mesh_cell_mm / 1000
+    surface = ground_surface(grid, ground, cell) if options.ground_surface == "poisson" else _triangles(points, cell)
+    write_meshes(terrain, meshes, solids, surface, options.decimated_share)
+
+
+def _triangles(points: Cloud, cell: float) -> Mesh:
+    """The ground as triangles between heights on a grid of the mesh's cell."""
+    return height_mesh(*ground_heights(points, cell))
 
 
 def ground_heights(cloud: Cloud, cell: float) -> tuple[FloorGrid, np.ndarray]:

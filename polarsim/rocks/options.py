@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import BaseModel, Field
 
 
@@ -17,6 +19,10 @@ class RocksOptions(BaseModel, extra="forbid", frozen=True):
     )
     confirming_iou: float = Field(0.3, gt=0, lt=1, description="Overlap of a seed box and a rock that confirms it.")
     rock_cell_mm: float = Field(3, gt=0, description="Largest cell of a rock's Poisson reconstruction, mm.")
-    ground_cell_mm: float = Field(5, gt=0, description="Cell of the ground's reconstruction from scans, mm.")
+    ground_cell_mm: float = Field(5, gt=0, description="Cell of the grid on which heights are taken from scans, mm.")
+    ground_mesh_cell_mm: float = Field(10, gt=0, description="Largest cell of the ground's mesh, mm.")
+    ground_surface: Literal["poisson", "heights"] = Field(
+        "poisson", description="How the ground is meshed: Poisson reconstruction, or triangles between grid heights."
+    )
     fitted_ground_cell_mm: float = Field(10, gt=0, description="Cell of a ground fitted under published meshes, mm.")
     decimated_share: float = Field(0.05, gt=0, le=1, description="Share of the vertices that decimated copies keep.")

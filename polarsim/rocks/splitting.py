@@ -51,6 +51,8 @@ def _bridged(above: np.ndarray, labels: np.ndarray, seen: np.ndarray) -> tuple[n
     """Heights and regions with the hidden cells inside a region's hull: a rock's own shadow does not cut it in two."""
     labels = labels.copy()
     for number, box in enumerate(ndimage.find_objects(labels), 1):
+        if box is None:  # absorbed by another region
+            continue
         inside = hull_mask(labels[box] == number) & ~seen[box] & (labels[box] == 0)
         labels[box][inside] = number
     return np.where(labels > 0, above, 0.0), labels

@@ -9,13 +9,14 @@ import numpy as np
 from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
 from polarsim.rocks.closing import closing_points, hull_mesh
-from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.solids import is_watertight, largest_island
+from polarsim.rocks.heights import FloorGrid, upward_normals
+from polarsim.rocks.solids import compacted, is_watertight, largest_island
 
 log = logging.getLogger("polarsim")
 
 # Sides of the solver's cube over the cloud's: now and then two sheets of a surface touch in an edge; another one helps.
 SCALES = (1.30, 1.27, 1.34, 1.23, 1.40, 1.60)
+GROUND_SCALE = 1.05  # the same for the ground, whose border is cut off
 MIN_DEPTH, MAX_DEPTH = 4, 9  # of the octree
 
 
@@ -34,6 +35,22 @@ def poisson(cloud: Cloud, cell: float, scale: float) -> Mesh:
         points, depth=depth, scale=scale, linear_fit=True, n_threads=1
     )
     return Mesh(np.asarray(surface.vertices).copy(), np.asarray(surface.triangles).astype(np.int64))
+
+
+def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
+    """The Poisson surface through a ground without holes, cut at the grid's border.
+
+    Parameters
+    ----------
+    heights : (rows, columns) float
+        Heights on the grid, everywhere.
+    cell : float
+        Largest cell of the reconstruction, metres.
+    """
+    points = np.concatenate([grid.places(), heights[..., None]], axis=-1).reshape(-1, 3)
+    surface = poisson(Cloud(points, upward_normals(grid, heights).reshape(-1, 3)), cell, GROUND_SCALE)
+    inside = grid.extent.contains(surface.vertices)
+    return largest_island(compacted(surface.vertices, surface.faces[inside[surface.faces].all(axis=1)]))
 
 
 def closed_rock(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarray, cell: float) -> Mesh:

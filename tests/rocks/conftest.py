@@ -57,12 +57,18 @@ class Scene:
                 scale = (self.ground(x, y) - origin[2]) / rays[:, 2]
             scale[(rays[:, 2] > -0.1) | (np.abs(x) > 2.0) | (np.abs(y) > 2.0)] = np.inf
             for rock in self.rocks:
+                centre = rock.points.mean(axis=0)
+                reach = np.linalg.norm(rock.points - centre, axis=1).max() / np.linalg.norm(centre - origin)
+                units = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+                towards_centre = units @ ((centre - origin) / np.linalg.norm(centre - origin))
+                near = np.flatnonzero(towards_centre > np.cos(1.1 * np.arcsin(reach)))
                 normals, offsets = rock.equations[:, :3], rock.equations[:, 3]
-                towards = rays @ normals.T
+                towards = rays[near] @ normals.T
                 crossing = -(normals @ origin + offsets) / towards
                 enter = np.where(towards < 0, crossing, -np.inf).max(axis=1)
                 leave = np.where(towards > 0, crossing, np.inf).min(axis=1)
-                scale = np.where((enter < leave) & (enter > 0), np.minimum(scale, enter), scale)
+                hit = (enter < leave) & (enter > 0)
+                scale[near] = np.where(hit, np.minimum(scale[near], enter), scale[near])
         scale = scale.reshape(directions.shape[:2])
         length = np.linalg.norm(directions, axis=-1)
         scale = scale + noise * rng.normal(size=scale.shape) / length
