@@ -84,7 +84,13 @@ def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path, 
 def test_matches_of_meshes_and_boxes_give_iou_and_offsets_and_may_be_missing(tmp_path, world):
     world.write(tmp_path)
     matches = pd.DataFrame(
-        {"position": ["A", "A", "C"], "rock": [1, 2, 1], "iou": [0.6, 0.8, 0.7], "dx_px": [-3.0, 1, 5], "dy_px": [0.0, 0, -1]}
+        {
+            "position": ["A", "A", "C"],
+            "rock": [1, 2, 1],
+            "iou": [0.6, 0.8, 0.7],
+            "dx_px": [-3.0, 1, 5],
+            "dy_px": [0.0, 0, -1],
+        }
     )
     write_parquet(tmp_path / "matches.parquet", matches)
     for name in ("matches.parquet", "none.parquet"):

@@ -27,7 +27,6 @@ if KIND == "analog":
             mem_mb=2500,
             runtime=20,  # minutes
         params:
-            root=str(ROOT),
             positions=positions_here,
             grid=options("grid"),
             options=options("analog"),

@@ -1,4 +1,4 @@
-"""What every rule file uses: the checked configuration, wildcards, and functions that name files."""
+"""The checked configuration, wildcards, and all functions that name files."""
 
 import re
 import sys
@@ -24,6 +24,7 @@ ROOT = CONFIG.source.root
 TERRAINS = [f"{terrain:02d}" for terrain in CONFIG.terrains]
 DOMAINS = list(CONFIG.domains)
 MODELS = list(CONFIG.render.models)
+LABEL_ROOT = Path(CONFIG.labels.seeds.root or ROOT)
 ORIGIN = {"run": RUN, "source": KIND, "config": CONFIG.digest()}
 
 
@@ -78,3 +79,107 @@ def raw_data(wildcards):
             int(wildcards.terrain), CONFIG.source, CONFIG.labels.seeds
         )
     ]
+
+
+def override_file(wildcards):
+    """Cuboids that a person typed, where there are any."""
+    path = Path(f"config/rocks/terrain{wildcards.terrain}.yaml")
+    return [str(path)] if path.exists() else []
+
+
+def photos_for_gain(wildcards):
+    """Photos calibrate the twins' brightness where a source has photos."""
+    if KIND == "release":
+        return []
+    return f"results/{wildcards.run}/acquire/Terrain{wildcards.terrain}/photos.parquet"
+
+
+def pictures_of(wildcards):
+    """Photos stand in a table, twins in folders."""
+    if wildcards.domain == CONFIG.photo_domain:
+        return [f"results/{wildcards.run}/acquire/photos.parquet"]
+    return of_run(
+        "results/{run}/renders/{model}/Terrain{terrain}",
+        model=wildcards.domain,
+        terrain=TERRAINS,
+    )
+
+
+def pictures_place(wildcards):
+    """The table of photos, or the folder above the terrains of a model's twins."""
+    photos = f"results/{wildcards.run}/acquire/photos.parquet"
+    return (
+        photos
+        if wildcards.domain == CONFIG.photo_domain
+        else f"results/{wildcards.run}/renders/{wildcards.domain}"
+    )
+
+
+def labels_of(domain):
+    """Photos are judged by the labels that were carried to them, twins by their exact ones."""
+    return of_run(
+        "results/{run}/labels/labels.parquet"
+        if domain == CONFIG.photo_domain
+        else "results/{run}/renders/labels.parquet"
+    )
+
+
+def labels_of_domain(wildcards):
+    return labels_of(wildcards.domain)
+
+
+def truth_of(wildcards):
+    """What only the analog knows; nothing elsewhere."""
+    return f"{ROOT}/truth/Terrain{wildcards.terrain}" if KIND == "analog" else None
+
+
+def true_labels_of(wildcards):
+    """The analog's true boxes, or the folder of boxes that people drew; nothing where there is neither."""
+    if KIND == "analog":
+        return f"{truth_of(wildcards)}/labels.parquet"
+    drawn = LABEL_ROOT / "Labels" / f"Terrain{wildcards.terrain}"
+    return str(drawn) if drawn.is_dir() else None
+
+
+def can_score_labels(terrain):
+    return KIND == "analog" or (LABEL_ROOT / "Labels" / f"Terrain{terrain}").is_dir()
+
+
+def quality_parts(wildcards):
+    """The quality of each stage and terrain; labels only where there is something to compare them with."""
+    return [
+        f"results/{wildcards.run}/quality/{stage}_Terrain{terrain}.csv"
+        for terrain in TERRAINS
+        for stage in ("cameras", "rocks", "labels", "twins")
+        if stage != "labels" or can_score_labels(terrain)
+    ]
+
+
+def every_figure(name):
+    """A figure of every terrain, and of every position where the name asks for it."""
+    return [
+        path
+        for terrain in CONFIG.terrains
+        for position in (positions_of(terrain) if "{position}" in name else [""])
+        for path in of_run(
+            f"results/{{run}}/figures/{name}.png",
+            terrain=f"{terrain:02d}",
+            position=position,
+        )
+    ]
+
+
+def shown_photo(wildcards):
+    """The photo that stands for a position in the report: Sun 30 if there, rover light off, Left, near 256 ms."""
+    keys = selected_grid(int(wildcards.terrain), [wildcards.position], CONFIG.grid)
+    return str(
+        min(
+            keys,
+            key=lambda key: (
+                key.azimuth != "30",
+                key.light,
+                key.camera,
+                abs(log2(key.exposure_ms / 256)),
+            ),
+        )
+    )

@@ -1,40 +1,6 @@
 """Stage 6: judges trained on each domain and asked about every domain."""
 
 
-def pictures_of(wildcards):
-    """Photos stand in a table, twins in folders."""
-    if wildcards.domain == CONFIG.photo_domain:
-        return [f"results/{wildcards.run}/acquire/photos.parquet"]
-    return of_run(
-        "results/{run}/renders/{model}/Terrain{terrain}",
-        model=wildcards.domain,
-        terrain=TERRAINS,
-    )
-
-
-def pictures_place(wildcards):
-    """The table of photos, or the folder above the terrains of a model's twins."""
-    photos = f"results/{wildcards.run}/acquire/photos.parquet"
-    return (
-        photos
-        if wildcards.domain == CONFIG.photo_domain
-        else f"results/{wildcards.run}/renders/{wildcards.domain}"
-    )
-
-
-def labels_of(domain):
-    """Photos are judged by the labels that were carried to them, twins by their exact ones."""
-    return of_run(
-        "results/{run}/labels/labels.parquet"
-        if domain == CONFIG.photo_domain
-        else "results/{run}/renders/labels.parquet"
-    )
-
-
-def labels_of_domain(wildcards):
-    return labels_of(wildcards.domain)
-
-
 rule detect:
     """Everything of this stage."""
     input:

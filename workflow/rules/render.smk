@@ -1,13 +1,6 @@
 """Stage 5: twins of every photo, and their exact labels."""
 
 
-def photos_for_gain(wildcards):
-    """Photos calibrate the twins' brightness where a source has photos."""
-    if KIND == "release":
-        return []
-    return f"results/{wildcards.run}/acquire/Terrain{wildcards.terrain}/photos.parquet"
-
-
 rule render:
     """Everything of this stage."""
     input:

@@ -1,12 +1,6 @@
 """Stage 3: rocks and ground, as clouds and as meshes."""
 
 
-def override_file(wildcards):
-    """Cuboids that a person typed, where there are any."""
-    path = Path(f"config/rocks/terrain{wildcards.terrain}.yaml")
-    return [str(path)] if path.exists() else []
-
-
 rule rocks:
     """Everything of this stage."""
     input:

@@ -1,48 +1,5 @@
 """Stage 7: tables that papers quote, the quality of every stage, and the figures of the report."""
 
-LABEL_ROOT = Path(CONFIG.labels.seeds.root or ROOT)
-
-
-def truth_of(wildcards):
-    """What only the analog knows; nothing elsewhere."""
-    return f"{ROOT}/truth/Terrain{wildcards.terrain}" if KIND == "analog" else None
-
-
-def true_labels_of(wildcards):
-    """The analog's true boxes, or the folder of boxes that people drew; nothing where there is neither."""
-    if KIND == "analog":
-        return f"{truth_of(wildcards)}/labels.parquet"
-    drawn = LABEL_ROOT / "Labels" / f"Terrain{wildcards.terrain}"
-    return str(drawn) if drawn.is_dir() else None
-
-
-def can_score_labels(terrain):
-    return KIND == "analog" or (LABEL_ROOT / "Labels" / f"Terrain{terrain}").is_dir()
-
-
-def quality_parts(wildcards):
-    """The quality of each stage and terrain; labels only where there is something to compare them with."""
-    return [
-        f"results/{wildcards.run}/quality/{stage}_Terrain{terrain}.csv"
-        for terrain in TERRAINS
-        for stage in ("cameras", "rocks", "labels", "twins")
-        if stage != "labels" or can_score_labels(terrain)
-    ]
-
-
-def every_figure(name):
-    """A figure of every terrain, and of every position where the name asks for it."""
-    return [
-        path
-        for terrain in CONFIG.terrains
-        for position in (positions_of(terrain) if "{position}" in name else [""])
-        for path in of_run(
-            f"results/{{run}}/figures/{name}.png",
-            terrain=f"{terrain:02d}",
-            position=position,
-        )
-    ]
-
 
 rule tables:
     """Everything of this stage."""
@@ -239,22 +196,6 @@ rule tabulate_ipd:
         code=code_of("tables.ipd_table"),
     script:
         "../scripts/tabulate_ipd.py"
-
-
-def shown_photo(wildcards):
-    """The photo that stands for a position in the report: Sun 30 if there, rover light off, Left, near 256 ms."""
-    keys = selected_grid(int(wildcards.terrain), [wildcards.position], CONFIG.grid)
-    return str(
-        min(
-            keys,
-            key=lambda key: (
-                key.azimuth != "30",
-                key.light,
-                key.camera,
-                abs(log2(key.exposure_ms / 256)),
-            ),
-        )
-    )
 
 
 rule draw_comparison:

@@ -10,7 +10,7 @@ from polarsim.reporting import reporting
 with reporting(log=snakemake.log[0]):
     terrain = int(snakemake.wildcards.terrain)
     generate_terrain_at(
-        root=Path(snakemake.params.root),
+        root=Path(snakemake.output.receipt).parent.parent,
         receipt=Path(snakemake.output.receipt),
         terrain=terrain,
         keys=selected_grid(terrain, snakemake.params.positions, GridOptions(**snakemake.params.grid)),
