@@ -58,10 +58,9 @@ def validate(
     if json:
         write_json(json, report)
     for finding in report["findings"]:
-        typer.echo(f"{finding['severity']}: {finding['file']}: {finding['kind']}: {finding['text']}")
-    errors = sum(finding["severity"] == "error" for finding in report["findings"])
-    typer.echo(f"{errors} errors, {len(report['findings']) - errors} warnings")
-    if errors:
+        typer.echo(": ".join(finding[part] for part in ("severity", "file", "defect", "detail") if finding[part]))
+    typer.echo(f"{report['errors']} errors, {report['warnings']} warnings")
+    if report["errors"]:
         raise typer.Exit(1)
 
 

@@ -86,12 +86,31 @@ class Scene:
         return merged(scans)
 
 
-@pytest.fixture
+SIZES = {(0.9, 0.6): 0.25, (-0.2, -0.9): 0.12, (1.1, -0.5): 0.08}  # place (x, y): longest side, metres
+
+
+@pytest.fixture(scope="session")
 def three_rocks() -> Scene:
     """Rocks of 25, 12 and 8 cm on a hilly ground, each sunk by a third."""
     rng = np.random.default_rng(5)
-    rocks = [
-        angular_rock(rng, (x, y, float(hilly(np.array(x), np.array(y))) + 0.1 * size), size)
-        for x, y, size in ((0.9, 0.6, 0.25), (-0.2, -0.9, 0.12), (1.1, -0.5, 0.08))
-    ]
+    rocks = []
+    for (x, y), size in SIZES.items():
+        level = float(hilly(np.array(x), np.array(y)))
+        rocks.append(angular_rock(rng, (x, y, level + 0.1 * size), size))
     return Scene(hilly, rocks)
+
+
+@pytest.fixture(scope="session")
+def three_rock_scans(three_rocks: Scene) -> ScanPoints:
+    return three_rocks.scanned(np.random.default_rng(1))
+
+
+@pytest.fixture(scope="session")
+def bare_scans() -> ScanPoints:
+    return Scene(hilly).scanned(np.random.default_rng(2))
+
+
+@pytest.fixture(scope="session")
+def tripods() -> dict[str, Pose]:
+    """Poses of the rectified left cameras."""
+    return TRIPODS

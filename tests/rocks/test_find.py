@@ -1,0 +1,145 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import nasa, obj, ply, rigs
+from polarsim.formats.inventory import Inventory, write_inventory
+from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.photo import PhotoKey
+from polarsim.rocks import find
+from polarsim.rocks.find import find_rocks, read_rock_boxes
+from polarsim.rocks.mesh import mesh_rocks
+from polarsim.rocks.options import RocksOptions
+from polarsim.rocks.solids import is_watertight
+
+OPTIONS = RocksOptions(ground_cell_mm=10, ground_mesh_cell_mm=40)
+
+
+def write_scene(folder, scene, tripods, reduction=0.5):
+    """Cameras, clouds and an inventory, as the stages to the left leave them; clouds are the quick form of scans."""
+    rng, rig, clouds = np.random.default_rng(9), stated_rig(), {}
+    grid = rectified_left(rig)
+    for position, sandbox_from_rectified in tripods.items():
+        sandbox_from_left = sandbox_from_rectified @ grid.left_from_rectified.inverse()
+        rigs.write_placed(folder / "cameras" / f"Pos{position}.json", PlacedRig(rig, sandbox_from_left, "truth"))
+        points = scene.range_map(sandbox_from_rectified, grid.lens.scaled(reduction), 0.002, rng).reshape(-1, 3)
+        points = points[np.isfinite(points).all(axis=1)]
+        clouds[position] = str(folder / f"Pos{position}.xyz")
+        nasa.write_cloud(clouds[position], points, np.zeros(len(points)))
+    (folder / "seeds").mkdir()
+    write_inventory(folder / "inventory.json", Inventory(1, "polar", clouds=clouds))
+
+
+def run(folder, **changed):
+    arguments = {
+        "terrain": 1,
+        "inventory": folder / "inventory.json",
+        "cameras": folder / "cameras",
+        "seeds": folder / "seeds",
+        "overrides": None,
+        "rocks": folder / "rocks.parquet",
+        "cuboids": folder / "cuboids.yaml",
+        "clouds": folder / "clouds",
+        "options": OPTIONS,
+        **changed,
+    }
+    find_rocks(**arguments)
+    mesh_rocks(
+        terrain=1, rocks=arguments["rocks"], clouds=arguments["clouds"], meshes=folder / "meshes", options=OPTIONS
+    )
+
+
+@pytest.fixture(scope="module")
+def worked(three_rocks, tripods, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rocks")
+    write_scene(folder, three_rocks, tripods)
+    run(folder)
+    return folder
+
+
+def test_scans_become_a_table_of_rocks(worked):
+    table = pd.read_parquet(worked / "rocks.parquet")
+    assert table["rock"].tolist() == [1, 2, 3]
+    assert set(table["source"]) == {"scan"}
+    np.testing.assert_allclose(sorted(table["size_m"]), [0.08, 0.12, 0.25], atol=0.025)
+    assert (table["points"] > 100).all()
+    inside = (table["x0"] < table["x"]) & (table["x"] < table["x1"]) & (table["z0"] < table["z1"])
+    assert inside.all()
+
+
+def test_every_rock_has_a_cloud_with_unit_normals_inside_its_cuboid(worked):
+    for row in pd.read_parquet(worked / "rocks.parquet").itertuples():
+        cloud = ply.read(worked / "clouds" / f"rock{row.rock}.ply")
+        np.testing.assert_allclose(np.linalg.norm(cloud.normals, axis=1), 1, atol=1e-6)
+        assert (cloud.points >= np.array([row.x0, row.y0, row.z0]) - 0.005).all()
+        assert (cloud.points <= np.array([row.x1, row.y1, row.z1]) + 0.005).all()
+
+
+def test_every_rock_gets_a_closed_mesh_and_a_small_copy(worked):
+    figures = pd.read_csv(worked / "meshes" / "meshes.csv").set_index("mesh")
+    assert len(figures) == 7
+    assert figures.drop("terrain01_ground.obj")["watertight"].all()
+    assert (figures["islands"] == 1).all()
+    for rock in (1, 2, 3):
+        full, copy = (obj.read(worked / "meshes" / obj.rock_name(1, rock, decimated=small)) for small in (False, True))
+        assert is_watertight(full)
+        assert len(copy.vertices) < 0.1 * len(full.vertices)
+
+
+def test_the_ground_covers_the_sand(worked):
+    ground = obj.read(worked / "meshes" / "terrain01_ground.obj").vertices
+    assert (ground[:, :2].min(axis=0) < -2.0).all()
+    assert (ground[:, :2].max(axis=0) > 2.0).all()
+
+
+def test_a_second_run_writes_the_same_bytes(worked, tmp_path):
+    paths = {"rocks": tmp_path / "rocks.parquet", "cuboids": tmp_path / "cuboids.yaml", "clouds": tmp_path / "clouds"}
+    find_rocks(
+        terrain=1,
+        inventory=worked / "inventory.json",
+        cameras=worked / "cameras",
+        seeds=worked / "seeds",
+        overrides=None,
+        options=OPTIONS,
+        **paths,
+    )
+    for name in ("rocks.parquet", "cuboids.yaml", "clouds/rock1.ply", "clouds/ground.ply"):
+        assert (tmp_path / name).read_bytes() == (worked / name).read_bytes(), name
+
+
+def test_a_terrain_without_scans_is_level_ground_without_rocks(tmp_path, caplog):
+    (tmp_path / "seeds").mkdir()
+    (tmp_path / "cameras").mkdir()
+    write_inventory(tmp_path / "inventory.json", Inventory(1, "polar"))
+    run(tmp_path)
+    assert "no scan of terrain 01" in caplog.text
+    assert len(pd.read_parquet(tmp_path / "rocks.parquet")) == 0
+    assert np.abs(obj.read(tmp_path / "meshes" / "terrain01_ground.obj").vertices[:, 2]).max() < 1e-3
+    assert [path.name for path in (tmp_path / "meshes").glob("*.obj")] == ["terrain01_ground.obj"]
+
+
+def test_a_scan_without_a_pose_is_a_warning_and_a_gap(worked, tmp_path, caplog):
+    inventory = find.read_inventory(worked / "inventory.json")
+    placed = rigs.read_all_placed(worked / "cameras")
+    both = find._read_scans(inventory, placed)
+    one = find._read_scans(inventory, {"A": placed["A"]})
+    assert "the scan at C has no pose" in caplog.text
+    assert 0 < len(one) < len(both)
+
+
+def test_only_left_seeds_and_rocks_are_evidence(tmp_path):
+    for camera, lines in (("L", "0 0.5 0.5 0.1 0.1\n1 0.2 0.2 0.1 0.1\n"), ("R", "0 0.1 0.1 0.1 0.1\n")):
+        key = PhotoKey(1, "A", "off", "30", camera, 256)
+        (tmp_path / f"{key}.txt").write_text(lines)
+    boxes = read_rock_boxes(tmp_path)
+    np.testing.assert_allclose(boxes["A"], [[871.2, 547.2, 1064.8, 668.8]])  # 0.45 and 0.55 of 1936 and 1216
+
+
+def test_boxes_drawn_around_a_rock_confirm_it(worked):
+    placed = rigs.read_all_placed(worked / "cameras")
+    points = ply.read(worked / "clouds" / "rock1.ply").points
+    pixels = placed["A"].project("L", points)
+    box = np.concatenate([pixels.min(axis=0) - 4, pixels.max(axis=0) + 4])[None]
+    boxes = {"A": box, "C": box + 900, "B": box}
+    assert find.confirming_positions(points, placed, boxes, 0.3) == ["A"]

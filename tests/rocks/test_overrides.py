@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.errors import FormatError
+from polarsim.rocks.overrides import Cuboid, read_overrides, write_cuboids
+
+mm = st.integers(-2000, 2000).map(lambda value: value / 1000)
+
+
+def read_text(tmp_path, text):
+    path = tmp_path / "terrain03.yaml"
+    path.write_text(text)
+    return read_overrides(path)
+
+
+@given(low=st.tuples(mm, mm, mm), sides=st.tuples(*[st.integers(1, 500)] * 3), rock=st.integers(1, 200))
+def test_written_cuboids_are_an_override_file(tmp_path_factory, low, sides, rock):
+    path = tmp_path_factory.mktemp("overrides") / "cuboids.yaml"
+    cuboid = Cuboid(np.array(low), np.array(low) + np.array(sides) / 1000)
+    write_cuboids(path, {rock: cuboid})
+    back = read_overrides(path).cuboids
+    assert list(back) == [rock]
+    np.testing.assert_allclose(back[rock].low, cuboid.low, atol=1e-9)
+    np.testing.assert_allclose(back[rock].high, cuboid.high, atol=1e-9)
+
+
+def test_drops_and_cuboids_are_read(tmp_path):
+    read = read_text(tmp_path, "- {rock: 3, min: [0, 0, 0], max: [1, 1, 1]}\n- drop: [7, 2, 7]\n")
+    assert sorted(read.cuboids) == [3]
+    assert read.drop == (2, 7)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "# nothing\n"])
+def test_an_empty_file_changes_nothing(tmp_path, text):
+    assert read_text(tmp_path, text).cuboids == {}
+
+
+def test_no_cuboids_are_written_as_an_empty_list(tmp_path):
+    write_cuboids(tmp_path / "cuboids.yaml", {})
+    assert read_overrides(tmp_path / "cuboids.yaml").cuboids == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("rocks: 3", "expected a list"),
+        ("- {rock: 3, min: [0, 0, 0]}", "entry 1: expected the keys"),
+        ("- {rock: 0, min: [0, 0, 0], max: [1, 1, 1]}", "expected an id from 1 on"),
+        ("- {rock: 3, min: [0, 0, 2], max: [1, 1, 1]}", "min below max"),
+        ("- {rock: 3, min: [0, x, 0], max: [1, 1, 1]}", "no list of numbers"),
+        ("- {rock: 3, min: [0, 0, 0], max: [1, 1, .nan]}", "min below max"),
+        ("- {rock: 3, min: [0,0,0], max: [1,1,1]}\n- {rock: 3, min: [0,0,0], max: [1,1,1]}", "rock 3 is there twice"),
+        ("- drop: 7", "expected a list of rock ids"),
+        ("- {rock: 3", "no readable YAML"),
+    ],
+)
+def test_other_content_is_refused_in_one_line_with_the_files_name(tmp_path, text, reason):
+    with pytest.raises(FormatError, match=reason) as error:
+        read_text(tmp_path, text)
+    assert "terrain03.yaml" in str(error.value)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,124 @@
+import numpy as np
+import pytest
+import trimesh
+
+from polarsim.errors import ReconstructionError
+from polarsim.formats.obj import Mesh
+from polarsim.formats.ply import Cloud
+from polarsim.rocks.closing import hull_mesh
+from polarsim.rocks.heights import FloorGrid
+from polarsim.rocks.scans import Extent
+from polarsim.rocks.solids import decimated, is_watertight, largest_island, merged_vertices, volume
+from polarsim.rocks.surfaces import closed_rock, ground_surface
+
+GRID = FloorGrid(Extent(-0.3, -0.3, 0.3, 0.3), 0.005)
+LEVEL = np.zeros(GRID.shape)
+SCANNERS = np.array([[3.5, 0, 1.5], [0, -3.5, 1.5]])
+RADIUS = 0.08
+CENTRE = np.array([0.01, -0.02, 0.03])
+
+
+def as_mesh(other):
+    return Mesh(np.array(other.vertices, float), np.array(other.faces, np.int64))
+
+
+def as_trimesh(mesh):
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+
+
+@pytest.fixture(scope="module")
+def seen_ball():
+    """The part of a ball that two scanners see, above level ground at z = 0."""
+    directions = np.array(trimesh.creation.icosphere(subdivisions=5).vertices)
+    points = CENTRE + RADIUS * directions
+    to_scanners = SCANNERS[None] - points[:, None]
+    cosine = (to_scanners * directions[:, None]).sum(axis=-1) / np.linalg.norm(to_scanners, axis=-1)
+    seen = (cosine.max(axis=1) > 0.1) & (points[:, 2] > 0.001)
+    return Cloud(points[seen], directions[seen])
+
+
+@pytest.fixture(scope="module")
+def ball(seen_ball):
+    return closed_rock(seen_ball, GRID, LEVEL, SCANNERS, 0.003)
+
+
+def test_a_rock_is_one_closed_outward_solid_for_another_program_too(ball):
+    other = as_trimesh(ball)
+    assert other.is_watertight
+    assert other.is_winding_consistent
+    assert other.body_count == 1
+    assert other.volume == pytest.approx(volume(ball))
+    assert volume(ball) > 0
+
+
+def test_the_seen_side_is_met_to_half_a_millimetre(ball, seen_ball):
+    distance = np.abs(trimesh.proximity.closest_point(as_trimesh(ball), seen_ball.points[::20])[1])
+    assert np.median(distance) < 0.0005
+
+
+def test_the_unseen_back_makes_up_the_volume_of_the_ball(ball):
+    above = as_trimesh(ball).slice_plane([0, 0, 0], [0, 0, 1], cap=True)
+    height = RADIUS + CENTRE[2]
+    cap = np.pi * height**2 * (RADIUS - height / 3)  # of a ball, cut by the ground
+    assert above.volume == pytest.approx(cap, rel=0.12)
+
+
+def test_there_is_no_gap_at_the_ground(ball):
+    section = as_trimesh(ball).section([0, 0, 1], [0, 0, -0.002])
+    assert section is not None
+    assert section.is_closed
+    assert ball.vertices[:, 2].min() < -0.010
+
+
+def test_the_same_cloud_gives_the_same_bytes(ball, seen_ball):
+    again = closed_rock(seen_ball, GRID, LEVEL, SCANNERS, 0.003)
+    assert again.vertices.tobytes() == ball.vertices.tobytes()
+    assert again.faces.tobytes() == ball.faces.tobytes()
+
+
+def test_points_on_a_line_are_refused():
+    line = np.column_stack([np.linspace(0, 0.1, 20), np.zeros(20), np.full(20, 0.05)])
+    with pytest.raises(ReconstructionError, match="20 points"):
+        closed_rock(Cloud(line, np.tile([0.0, 0, 1], (20, 1))), GRID, LEVEL, SCANNERS, 0.003)
+
+
+def test_the_ground_is_one_sheet_at_its_heights():
+    heights = 0.02 * np.sin(9 * GRID.places()[..., 0])
+    mesh = ground_surface(GRID, heights, 0.01)
+    assert np.abs(mesh.vertices[:, 2] - 0.02 * np.sin(9 * mesh.vertices[:, 0])).max() < 0.002
+    other = as_trimesh(mesh)
+    assert other.body_count == 1
+    assert other.face_normals[:, 2].min() > 0
+    assert other.area_faces @ other.face_normals[:, 2] == pytest.approx(0.6**2, rel=0.08)  # no holes; a ragged border
+
+
+def test_a_decimated_solid_stays_closed_and_keeps_its_volume():
+    ball = as_mesh(trimesh.creation.icosphere(subdivisions=5))
+    copy = decimated(ball, 0.05)
+    assert as_trimesh(copy).is_watertight
+    assert len(copy.vertices) == pytest.approx(0.05 * len(ball.vertices), rel=0.1)
+    assert volume(copy) == pytest.approx(volume(ball), rel=0.02)
+
+
+def test_crumbs_doubles_and_loose_vertices_go():
+    box = as_mesh(trimesh.creation.box())
+    soup = box.vertices[box.faces].reshape(-1, 3)  # every triangle with corners of its own
+    crumb = np.array([[5, 5, 5], [5, 6, 5], [6, 5, 5.0]])
+    vertices = np.concatenate([soup, crumb, [[9, 9, 9]]])
+    clean = largest_island(merged_vertices(Mesh(vertices, np.arange(len(soup) + 3).reshape(-1, 3))))
+    assert len(clean.vertices) == 8
+    assert len(clean.faces) == 12
+    assert is_watertight(clean)
+
+
+def test_an_open_or_twisted_surface_is_not_watertight():
+    box = as_mesh(trimesh.creation.box())
+    assert is_watertight(box)
+    assert not is_watertight(Mesh(box.vertices, box.faces[1:]))
+    assert not is_watertight(Mesh(box.vertices, np.concatenate([box.faces[:1, ::-1], box.faces[1:]])))
+
+
+def test_a_hull_is_outward(rng):
+    hull = hull_mesh(rng.normal(size=(50, 3)))
+    assert is_watertight(hull)
+    assert volume(hull) == pytest.approx(trimesh.convex.convex_hull(hull.vertices).volume)

@@ -1,0 +1,88 @@
+"""The commands as a user calls them: results on the terminal, bad input in one line with exit code 1 or 2."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from polarsim.formats import obj, png, yolo
+from polarsim.photo import GREY_VALUES
+
+ROCK_POLYGON = (2, np.array([[100.0, 100], [300, 100], [300, 250], [100, 250]]))
+GROUND_POLYGON = (1, np.array([[0.0, 0], [1936, 0], [1936, 1216], [0, 1216]]))
+
+
+def polarsim(*arguments: object) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-c", "from polarsim.cli import main; main()", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+def test_a_folder_scored_against_itself_is_perfect(tmp_path):
+    yolo.write_boxes(
+        tmp_path / "01_A_off_30_L_0256.txt", np.array([0, 1]), np.array([[5, 5, 50, 60], [50, 5, 90, 60.0]])
+    )
+    done = polarsim("score", tmp_path, tmp_path, "--json", tmp_path / "scores.json")
+    assert done.returncode == 0, done.stderr
+    scores = json.loads((tmp_path / "scores.json").read_text())
+    assert scores["classes"]["rock"]["f1"] == scores["classes"]["shadow"]["miou"] == 1
+
+
+def test_a_broken_label_ends_in_one_line_with_file_and_number(tmp_path):
+    truth, labels = tmp_path / "truth", tmp_path / "labels"
+    for folder, text in ((truth, "0 0.5 0.5 0.1 0.1\n"), (labels, "0 0.5 0.5 0.1 0.1\n0 0.5 half 0.1 0.1\n")):
+        folder.mkdir()
+        (folder / "01_A_off_30_L_0256.txt").write_text(text)
+    done = polarsim("score", truth, labels)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ")
+    assert "01_A_off_30_L_0256.txt:2" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_masks_paint_rocks_over_the_ground_whatever_their_order(tmp_path):
+    yolo.write_polygons(tmp_path / "in/01_A_off_30_L_0256.txt", [ROCK_POLYGON, GROUND_POLYGON])
+    done = polarsim("masks", tmp_path / "in", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    grey = png.read(tmp_path / "out/01_A_off_30_L_0256.png")
+    assert grey[200, 200] == GREY_VALUES["rock"]
+    assert grey[800, 800] == GREY_VALUES["ground"]
+
+
+def test_render_writes_a_12_bit_picture_of_a_lit_plane(tmp_path):
+    corners = np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]])
+    obj.write(tmp_path / obj.ground_name(1), obj.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
+    done = polarsim("render", tmp_path, tmp_path / "twin.png", "--exposure", 128, "--model", "lambert")
+    assert done.returncode == 0, done.stderr
+    assert png.read_photo(tmp_path / "twin.png").max() > 100
+
+
+def test_a_release_with_a_malformed_line_is_refused_by_validate(tmp_path):
+    folder = tmp_path / "Labels/Terrain01"
+    folder.mkdir(parents=True)
+    (folder / "01_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1\n")
+    done = polarsim("validate", tmp_path, "--json", tmp_path / "report.json")
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert json.loads((tmp_path / "report.json").read_text())["findings"]
+
+
+@pytest.mark.parametrize("arguments", [["show", "01_A"], ["masks", "nowhere", "out"], ["report", "nowhere"]])
+def test_bad_input_ends_in_one_line(tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    done = polarsim(*arguments)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ")
+    assert len(done.stderr.splitlines()) == 1
+    assert not list(Path(tmp_path).iterdir())
+
+
+def test_help_states_units():
+    text = polarsim("render", "--help").stdout
+    assert all(unit in text for unit in ("deg", "ms", "m, sandbox"))
