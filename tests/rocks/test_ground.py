@@ -40,13 +40,6 @@ def test_a_crater_without_rocks_gives_no_rock(bare_scans):
     assert sand.is_ground.mean() > 0.8
 
 
-def test_every_rock_is_found_where_it_lies(found):
-    _, regions = found
-    assert len(regions) == 3
-    for place in PLACES:
-        assert min(np.linalg.norm(region.centre - place) for region in regions) < 0.03
-
-
 def test_sizes_are_right_to_two_cells(found):
     sizes = sorted(region.size for region in found[1])
     np.testing.assert_allclose(sizes, [0.08, 0.12, 0.25], atol=2 * CELL)

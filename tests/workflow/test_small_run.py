@@ -15,14 +15,14 @@ SMALL = {
     "terrains": [1],
     "positions": ["A", "C"],
     "source": {"kind": "analog", "root": "data/analog"},
-    "grid": {"azimuths": ["30", "180"], "lights": ["off"], "exposures_ms": [64, 256]},
+    "grid": {"azimuths": ["30"], "lights": ["off"], "exposures_ms": [64, 128, 256, 512]},
     "detect": {"epochs": 1, "imgsz": 96},
 }
 
 
 def digests(folder: Path) -> dict[str, str]:
     """sha256 of every output that must be the same in every build."""
-    parts = ("cameras", "rocks", "meshes", "labels", "renders", "quality")
+    parts = ("cameras", "rocks", "meshes", "labels", "renders")
     return {
         str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
         for part in parts
@@ -39,7 +39,7 @@ def test_a_small_run_ends_and_repeats(checkout, snakemake, tmp_path):
     results = checkout / "results/small"
 
     keys = [PhotoKey.parse(path.stem) for path in sorted((results / "labels/boxes/Terrain01").glob("*.txt"))]
-    assert len(keys) == 2 * 2 * 2 * 2  # positions, azimuths, cameras, exposures
+    assert len(keys) == 2 * 2 * 4  # positions, cameras, exposures
     for model in ("principled", "hapke"):
         assert {path.stem for path in (results / "renders" / model / "Terrain01").glob("*.png")} == set(map(str, keys))
     rocks, _ = yolo.read_boxes(results / "labels/boxes/Terrain01/01_A_off_30_R_0064.txt")
@@ -58,17 +58,6 @@ def test_a_small_run_ends_and_repeats(checkout, snakemake, tmp_path):
     first = digests(results)
     for folder in ("results", "data", ".snakemake"):
         (checkout / folder).rename(tmp_path / f"first_{folder}")
-    built = snakemake(
-        checkout,
-        "labels",
-        "render",
-        "tables",
-        "--configfile",
-        "config/small.yaml",
-        "--until",
-        "gather_quality",
-        "labels",
-        "render",
-    )
+    built = snakemake(checkout, "labels", "render", "--configfile", "config/small.yaml")
     assert built.returncode == 0, built.stderr[-3000:]
     assert digests(results) == first
