@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
 from polarsim.cameras.planes import robust_plane
 from polarsim.formats.obj import Mesh
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.topology import part_of_vertex
 
 RIM_SECTORS = 24  # the rim is the lowest outer vertex in each of these
 EDGES = 4  # of a box: left, top, right, bottom
@@ -87,10 +86,7 @@ def outlines_of(meshes: dict[int, Mesh], trim: float, trim_share: float) -> Outl
 
 def largest_island(mesh: Mesh) -> np.ndarray:
     """(n, 3) vertices of the largest connected part: cut-out scans carry crumbs and vertices that no face uses."""
-    count = len(mesh.vertices)
-    first, second = mesh.faces[:, [0, 1, 2]].ravel(), mesh.faces[:, [1, 2, 0]].ravel()
-    graph = coo_array((np.ones(len(first), np.int8), (first, second)), shape=(count, count))
-    _, part = connected_components(graph, directed=False)
+    part = part_of_vertex(mesh.faces, len(mesh.vertices))
     return np.asarray(mesh.vertices[part == np.bincount(part).argmax()])
 
 

@@ -10,8 +10,9 @@ import pandas as pd
 from polarsim.formats import obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.obj import Mesh
+from polarsim.geometry.topology import is_watertight
 from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.solids import decimated, is_watertight, islands, volume
+from polarsim.rocks.solids import decimated, islands, volume
 
 
 def height_mesh(grid: FloorGrid, heights: np.ndarray) -> Mesh:
@@ -43,7 +44,7 @@ def write_meshes(terrain: int, meshes: Path, solids: dict[int, Mesh], ground: Me
 
 def figures(name: str, mesh: Mesh) -> dict[str, object]:
     """What `meshes.csv` says of a mesh; an open mesh has no volume."""
-    closed = is_watertight(mesh)
+    closed = is_watertight(mesh.faces)
     return {
         "mesh": name,
         "vertices": len(mesh.vertices),

@@ -1,12 +1,11 @@
-"""What makes a mesh a solid: islands, watertightness, volume; and copies with fewer vertices."""
+"""What makes a mesh a solid: islands, volume; and copies with fewer vertices."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from polarsim.formats.obj import Mesh
+from polarsim.geometry.topology import is_watertight, part_of_vertex
 
 
 def compacted(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
@@ -27,10 +26,8 @@ def islands(mesh: Mesh) -> np.ndarray:
     """(f,) number of the connected part that a face belongs to; parts share no vertex."""
     if not len(mesh.faces):
         return np.zeros(0, int)
-    a, b = mesh.faces[:, [0, 1]].ravel(), mesh.faces[:, [1, 2]].ravel()
-    links = coo_array((np.ones(len(a), bool), (a, b)), shape=(len(mesh.vertices), len(mesh.vertices)))
-    part_of_vertex = connected_components(links, directed=False)[1]
-    return np.unique(part_of_vertex[mesh.faces[:, 0]], return_inverse=True)[1]
+    part = part_of_vertex(mesh.faces, len(mesh.vertices))
+    return np.unique(part[mesh.faces[:, 0]], return_inverse=True)[1]
 
 
 def largest_island(mesh: Mesh) -> Mesh:
@@ -39,18 +36,6 @@ def largest_island(mesh: Mesh) -> Mesh:
     if not len(part):
         return mesh
     return compacted(mesh.vertices, mesh.faces[part == np.argmax(np.bincount(part))])
-
-
-def is_watertight(mesh: Mesh) -> bool:
-    """Whether every edge belongs to two faces that run along it in opposite directions."""
-    if not len(mesh.faces):
-        return False
-    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
-    forward = edges[:, 0] * len(mesh.vertices) + edges[:, 1]
-    backward = edges[:, 1] * len(mesh.vertices) + edges[:, 0]
-    forward.sort()
-    backward.sort()
-    return bool((forward[1:] > forward[:-1]).all()) and np.array_equal(forward, backward)
 
 
 def volume(mesh: Mesh) -> float:
@@ -70,12 +55,12 @@ def decimated(mesh: Mesh, share: float) -> Mesh:
     source = open3d.geometry.TriangleMesh(
         open3d.utility.Vector3dVector(mesh.vertices), open3d.utility.Vector3iVector(mesh.faces.astype(np.int32))
     )
-    closed = is_watertight(mesh)
+    closed = is_watertight(mesh.faces)
     while share < 1:
         faces = max(12, round(share * len(mesh.faces)))
         fewer = source.simplify_quadric_decimation(faces)
         copy = compacted(np.asarray(fewer.vertices), np.asarray(fewer.triangles).astype(np.int64))
-        if len(copy.faces) and (is_watertight(copy) or not closed):
+        if len(copy.faces) and (is_watertight(copy.faces) or not closed):
             return largest_island(copy)
         share *= 1.25
     return mesh

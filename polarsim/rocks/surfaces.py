@@ -8,9 +8,10 @@ import numpy as np
 
 from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
+from polarsim.geometry.topology import is_watertight
 from polarsim.rocks.closing import closing_points, hull_mesh
 from polarsim.rocks.heights import FloorGrid, upward_normals
-from polarsim.rocks.solids import compacted, is_watertight, largest_island
+from polarsim.rocks.solids import compacted, largest_island
 
 log = logging.getLogger("polarsim")
 
@@ -76,7 +77,7 @@ def closed_rock(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.
     whole = Cloud(np.concatenate([cloud.points, closing.points]), np.concatenate([cloud.normals, closing.normals]))
     for scale in SCALES:
         mesh = largest_island(poisson(whole, cell, scale))
-        if is_watertight(mesh):
+        if is_watertight(mesh.faces):
             return mesh
     log.warning("no closed surface through %d points: their convex hull stands for the rock", len(cloud))
     return hull_mesh(whole.points)

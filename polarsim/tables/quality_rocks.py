@@ -13,6 +13,7 @@ from polarsim.formats import obj
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.poses import Pose, angle_between
+from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.survey import SANDBOX_HALF_WIDTH
@@ -20,7 +21,7 @@ from polarsim.tables.gauge import refine_gauge
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality import Figure, summary, write_quality
 from polarsim.tables.quality_cameras import read_gauge
-from polarsim.tables.surface import Surface, is_watertight, islands
+from polarsim.tables.surface import Surface, islands
 
 ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
 MATCH_RADIUS = 0.5  # of the true size: how far the centre of a found rock may be off
@@ -86,7 +87,7 @@ def soundness(scene: TerrainMesh) -> list[Figure]:
     meshes = [_part(scene, rock) for rock in scene.rocks]
     if meshes:
         n = len(meshes)
-        closed = np.array([is_watertight(mesh) for mesh in meshes])
+        closed = np.array([is_watertight(mesh.faces) for mesh in meshes])
         parts = np.array([islands(mesh) for mesh in meshes])
         vertices = float(np.median([len(mesh.vertices) for mesh in meshes]))
         figures += [

@@ -1,4 +1,4 @@
-"""Surfaces that are measured: points sampled on them, closest points, closedness and number of islands."""
+"""Surfaces that are measured: points sampled on them, closest points, and number of islands."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from polarsim.formats.obj import Mesh
 from polarsim.geometry.rays import Caster, caster
+from polarsim.geometry.topology import part_of_vertex
 
 _LIFT = 2e-3  # metres: sampled points are looked at from here above their own surface
 
@@ -70,19 +69,7 @@ class Surface:
         return seen
 
 
-def is_watertight(mesh: Mesh) -> bool:
-    """Every edge belongs to two triangles, once in each direction: closed, and wound alike all over."""
-    edges = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    size = len(mesh.vertices)
-    forward = np.sort(edges[:, 0] * size + edges[:, 1])
-    backward = np.sort(edges[:, 1] * size + edges[:, 0])
-    return bool((np.diff(forward) > 0).all() and np.array_equal(forward, backward))
-
-
 def islands(mesh: Mesh) -> int:
     """Number of parts that share no vertex; vertices without a triangle do not count."""
-    first, second = mesh.faces[:, [0, 1]].ravel(), mesh.faces[:, [1, 2]].ravel()
-    size = len(mesh.vertices)
-    graph = coo_array((np.ones(len(first), bool), (first, second)), shape=(size, size))
-    _, part = connected_components(graph, directed=False)
+    part = part_of_vertex(mesh.faces, len(mesh.vertices))
     return len(np.unique(part[np.unique(mesh.faces)]))

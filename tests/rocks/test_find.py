@@ -6,12 +6,12 @@ from polarsim.formats import nasa, obj, ply, rigs
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.geometry.topology import is_watertight
 from polarsim.photo import PhotoKey
 from polarsim.rocks import find
 from polarsim.rocks.find import find_rocks, read_rock_boxes
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.solids import is_watertight
 
 OPTIONS = RocksOptions(ground_cell_mm=10, ground_mesh_cell_mm=40)
 
@@ -83,7 +83,7 @@ def test_every_rock_gets_a_closed_mesh_and_a_small_copy(worked):
     assert (figures["islands"] == 1).all()
     for rock in (1, 2, 3):
         full, copy = (obj.read(worked / "meshes" / obj.rock_name(1, rock, decimated=small)) for small in (False, True))
-        assert is_watertight(full)
+        assert is_watertight(full.faces)
         assert len(copy.vertices) < 0.1 * len(full.vertices)
 
 

@@ -10,11 +10,12 @@ from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.rigs import PlacedRig, write_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.geometry.topology import is_watertight
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.solids import is_watertight, islands, volume
+from polarsim.rocks.solids import islands, volume
 
 from .conftest import TRIPODS, Scene
 
@@ -83,7 +84,7 @@ def test_rock_meshes_are_closed_outward_and_of_one_piece(three_rocks_on_disk):
     assert len(files) == 3
     for path in files.values():
         mesh = obj.read(path)
-        assert is_watertight(mesh)
+        assert is_watertight(mesh.faces)
         assert volume(mesh) > 0  # outward
         assert len(np.unique(islands(mesh))) == 1
         assert path.with_stem(path.stem + "_decimate-005").exists()

@@ -7,7 +7,7 @@ from polarsim.errors import RegistrationError
 from polarsim.formats.obj import Mesh
 from polarsim.geometry.poses import Pose, angle_between, looking
 from polarsim.tables.gauge import fit_gauge, refine_gauge
-from polarsim.tables.surface import Surface, is_watertight, islands
+from polarsim.tables.surface import Surface, islands
 
 A = looking(np.array([3.6, -0.4, 1.5]), np.pi, 0.4)
 C = looking(np.array([0.8, -3.8, 1.5]), 1.8, 0.4)
@@ -68,15 +68,6 @@ def test_an_eye_sees_the_sides_that_face_it_and_nothing_behind(cube):
     points = np.array([[1, 0.1, 0.2], [-1, 0.1, 0.2], [0.1, 0.2, 1]])
     seen = surface.seen_from(np.array([5.0, 0, 0.5]), points, np.array([[1.0, 0, 0], [-1, 0, 0], [0, 0, 1]]))
     assert seen.tolist() == [True, False, False]
-
-
-def test_a_cube_is_watertight_until_a_face_is_missing_or_turned(cube):
-    mesh = cube((0, 0, 0), 1)
-    assert is_watertight(mesh)
-    assert not is_watertight(Mesh(mesh.vertices, mesh.faces[1:]))
-    turned = mesh.faces.copy()
-    turned[0] = turned[0, ::-1]
-    assert not is_watertight(Mesh(mesh.vertices, turned))
 
 
 def test_islands_count_parts_and_not_loose_vertices(cube):

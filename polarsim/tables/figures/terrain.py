@@ -99,7 +99,7 @@ def slanted_view(scene: TerrainMesh, rays: Caster, width: int) -> np.ndarray:
     distance, face = rays.nearest(origins, directions)
     hit = np.flatnonzero(face >= 0)
     points = origins[hit] + distance[hit, None] * directions[hit]
-    to_lamp = lamp_position("30", scene.sand_level) - points
+    to_lamp = lamp_position("30", lift=scene.sand_level) - points
     flat, smooth = _normals(scene, face[hit], points)
     lit = ~rays.blocked(points + 1e-3 * flat, to_lamp, 1.0)
     towards = to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)

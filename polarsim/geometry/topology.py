@@ -1,0 +1,27 @@
+"""How triangles hang together: connected parts and closedness, from vertex numbers alone."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+
+def part_of_vertex(faces: np.ndarray, vertices: int) -> np.ndarray:
+    """(vertices,) number of the connected part of each vertex; parts of faces (f, 3) share no vertex.
+
+    A vertex that no face uses is a part of its own.
+    """
+    first, second = faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()
+    links = coo_array((np.ones(len(first), bool), (first, second)), shape=(vertices, vertices))
+    return np.asarray(connected_components(links, directed=False)[1])
+
+
+def is_watertight(faces: np.ndarray) -> bool:
+    """Whether every edge belongs to two of the faces (f, 3), once in each direction; no face closes nothing."""
+    if not len(faces):
+        return False
+    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
+    size = edges.max() + 1
+    forward, backward = np.sort(edges[:, 0] * size + edges[:, 1]), np.sort(edges[:, 1] * size + edges[:, 0])
+    return bool((np.diff(forward) > 0).all()) and np.array_equal(forward, backward)

@@ -1,0 +1,27 @@
+"""Tests of connected parts and closedness."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.geometry.topology import is_watertight, part_of_vertex
+
+TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+
+
+def test_a_tetrahedron_is_closed_until_a_face_is_missing_or_turned_or_doubled():
+    assert is_watertight(TETRAHEDRON)
+    assert not is_watertight(TETRAHEDRON[1:])
+    assert not is_watertight(np.concatenate([TETRAHEDRON[:1, ::-1], TETRAHEDRON[1:]]))
+    assert not is_watertight(np.concatenate([TETRAHEDRON, TETRAHEDRON[:1]]))
+    assert not is_watertight(np.zeros((0, 3), int))
+
+
+@given(st.permutations(range(8)), st.integers(0, 3))
+def test_parts_do_not_depend_on_the_numbers_of_vertices_and_loose_ones_stand_alone(order, loose):
+    two = np.asarray(order)[np.concatenate([TETRAHEDRON, TETRAHEDRON + 4])]
+    part = part_of_vertex(two, 8 + loose)
+    assert is_watertight(two)
+    first, second = set(part[np.asarray(order)[:4]]), set(part[np.asarray(order)[4:]])
+    assert len(first) == len(second) == 1
+    assert len(first | second | set(part[8:])) == 2 + loose
