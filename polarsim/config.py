@@ -6,10 +6,8 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from polarsim.acquire.options import SeedOptions, SourceOptions
@@ -110,26 +108,6 @@ def parse_config(content: Mapping[str, Any]) -> Config:
             for problem in error.errors()
         ]
         raise ConfigError("; ".join(problems)) from error
-
-
-def read_config(path: str | Path) -> Config:
-    """Read and check a configuration file.
-
-    Raises
-    ------
-    ConfigError
-        No readable YAML, or no configuration.
-    """
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: no readable YAML, {' '.join(str(error).split())}") from error
-    if not isinstance(content, dict):
-        raise ConfigError(f"{path}: no mapping of keys")
-    try:
-        return parse_config(content)
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from error
 
 
 def schema() -> str:

@@ -9,6 +9,15 @@ from pydantic import BaseModel, Field, field_validator
 from polarsim.photo import AZIMUTHS, CAMERAS, LIGHTS, Azimuth, Camera, Light, PhotoKey, is_exposure, photo_grid
 
 
+def words(value: object) -> object:
+    """Words of the photo grid as YAML hands them over, for a validator: numbers become text, booleans are refused."""
+    if isinstance(value, bool):
+        raise ValueError("YAML reads on, off, no as booleans: put them in quotes")
+    if isinstance(value, (list, tuple)):
+        return [words(one) for one in value]
+    return str(value) if isinstance(value, int) else value
+
+
 class GridOptions(BaseModel, extra="forbid", frozen=True):
     """Which photos of the grid are labelled, rendered and judged. The default is all of them."""
 
@@ -28,12 +37,8 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
 
     @field_validator("lights", "azimuths", mode="before")
     @classmethod
-    def _refuse_yaml_booleans(cls, values: object) -> object:
-        if isinstance(values, (list, tuple)) and any(isinstance(value, bool) for value in values):
-            raise ValueError("YAML reads on, off, no as booleans: put them in quotes")
-        if isinstance(values, (list, tuple)):
-            return [str(value) if isinstance(value, int) else value for value in values]
-        return values
+    def _words(cls, values: object) -> object:
+        return words(values)
 
     @field_validator("exposures_ms", "exposures_no_sun_ms")
     @classmethod

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -122,7 +122,3 @@ def _was_taken(terrain: int, position: str, light: Light, azimuth: Azimuth) -> b
     if terrain == 2 and azimuth == "no":
         return position == "A"
     return True
-
-
-def terrains_of(keys: Iterable[PhotoKey]) -> list[int]:
-    return sorted({key.terrain for key in keys})

@@ -7,6 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
+from polarsim.grid import words
 from polarsim.photo import SUNS, Azimuth, Camera, Light, is_exposure
 
 Kind = Literal["analog", "release", "polar"]
@@ -77,21 +78,10 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
         description="'best': the file of a photo set with most boxes, then nearest 256 ms; or an exposure in ms.",
     )
 
-    @field_validator("light", mode="before")
+    @field_validator("light", "azimuths", mode="before")
     @classmethod
-    def _refuse_yaml_boolean(cls, value: object) -> object:
-        if isinstance(value, bool):
-            raise ValueError("YAML reads on and off as booleans: put them in quotes")
-        return value
-
-    @field_validator("azimuths", mode="before")
-    @classmethod
-    def _azimuths_as_text(cls, values: object) -> object:
-        if not isinstance(values, (list, tuple)):
-            return values
-        if any(isinstance(value, bool) for value in values):
-            raise ValueError("YAML reads no as a boolean: put it in quotes")
-        return [str(value) if isinstance(value, int) else value for value in values]
+    def _words(cls, value: object) -> object:
+        return words(value)
 
     @field_validator("exposure")
     @classmethod

@@ -19,7 +19,6 @@ LABEL_COLUMNS = (
     "key", "terrain", "position", "light", "azimuth", "camera", "exposure_ms",
     "kind", "rock", "source", "confidence", "x0", "y0", "x1", "y1",
 )  # fmt: skip
-LABEL_SOURCES = ("seed", "fused", "projected", "cast", "rendered", "truth")
 
 
 def write_parquet(path: str | Path, table: pd.DataFrame) -> None:

@@ -67,10 +67,6 @@ class World:
     ground_bounds: np.ndarray  # (2, 2) lowest and highest x, y of the ground
     lift: float  # metres by which the survey lies higher than usual, see `survey.survey_lift`
 
-    def height_above_ground(self, points: np.ndarray) -> np.ndarray:
-        """(n,) height of points (n, 3) above the ground below or over them; above its level outside the mesh."""
-        return _height_above(self.ground, self.ground_level, points)
-
     def ground_distance(self, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(n,) distance to the ground along directions (n, 3), in their units; to its level beyond the mesh.
 

@@ -26,7 +26,7 @@ def test_an_impossible_source_is_refused(content, reason):
     ("content", "reason"),
     [
         ({"light": False}, "put them in quotes"),
-        ({"azimuths": [30, False]}, "put it in quotes"),
+        ({"azimuths": [30, False]}, "in quotes"),
         ({"azimuths": [90]}, "'30'"),
         ({"camera": "left"}, "'L' or 'R'"),
         ({"exposure": 300}, "expected 'best' or 16"),
