@@ -13,8 +13,8 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
 
     model: str = Field("yolov5n", pattern="^yolov5[nsmlx]$", description="Architecture and size of the judge.")
     pretrained: Path | None = Field(None, description="Weights to start from (.pt); none: random weights.")
-    epochs: int = Field(6, ge=1, description="Passes over the training pictures; the paper has 200.")
-    imgsz: int = Field(352, ge=64, multiple_of=32, description="Longer side of the judge's pictures, px.")
+    epochs: int = Field(4, ge=1, description="Passes over the training pictures; the paper has 200.")
+    imgsz: int = Field(320, ge=64, multiple_of=32, description="Longer side of the judge's pictures, px.")
     batch: int = Field(4, ge=1, description="Pictures a training step.")
     learning_rate: float = Field(0.002, gt=0, description="Largest learning rate of AdamW.")
     augment: bool = Field(

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+CONVERGED = 1e-13  # of undistortion, in units of the focal length
 HALF_PIXEL = 0.5  # OpenCV's (0, 0) is our (0.5, 0.5)
 
 
@@ -62,7 +63,10 @@ class Lens:
         if any(self.distortion):
             for _ in range(20):  # contracts by about 0.1 a step for lenses like these
                 ex, ey = self._distort(x, y)
-                x, y = x - (ex - xd), y - (ey - yd)
+                too_far_x, too_far_y = ex - xd, ey - yd
+                x, y = x - too_far_x, y - too_far_y
+                if max(np.abs(too_far_x).max(initial=0), np.abs(too_far_y).max(initial=0)) < CONVERGED:
+                    break
         return np.stack([x, y, np.ones_like(x)], axis=-1)
 
     def pixel_directions(self, rows: slice = slice(None), columns: slice = slice(None)) -> np.ndarray:

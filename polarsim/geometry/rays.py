@@ -58,6 +58,23 @@ def caster(vertices: np.ndarray, faces: np.ndarray, engine: RayEngine = "embree"
     return EmbreeCaster(vertices, faces, threads)
 
 
+class Joined:
+    """Two sets of triangles cast at as one: a few beside many, without building the many anew."""
+
+    def __init__(self, first: Caster, second: Caster, first_faces: int) -> None:
+        """`first_faces`: number of triangles of the first set; the second set's are numbered on from there."""
+        self._first, self._second, self._first_faces = first, second, first_faces
+
+    def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        distance, face = self._first.nearest(origins, directions)
+        other, other_face = self._second.nearest(origins, directions)
+        nearer = other < distance
+        return np.where(nearer, other, distance), np.where(nearer, other_face + self._first_faces, face)
+
+    def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
+        return self._first.blocked(origins, directions, far) | self._second.blocked(origins, directions, far)
+
+
 class NumpyCaster:
     """Every ray against every triangle, in double precision."""
 

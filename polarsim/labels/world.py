@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.rays import Caster, caster
+from polarsim.geometry.rays import Caster, Joined, caster
 from polarsim.photo import NO_ROCK
 
 HIGH = 10.0  # metres: above everything in the sandbox
@@ -56,9 +56,7 @@ class World:
     """What rays meet. Faces of a rock that lie lower than the trim count as ground."""
 
     bodies: dict[int, Body]
-    vertices: np.ndarray  # (v, 3)
-    faces: np.ndarray  # (f, 3)
-    rock_of_face: np.ndarray  # (f,)
+    rock_of_face: np.ndarray  # (f,) of the faces of `everything`
     everything: Caster
     ground: Caster
     rocks: Caster
@@ -115,7 +113,18 @@ def build_world(terrain: TerrainMesh, trim: float, lift: float = 0.0) -> World:
         low = min(trim, LOW_SHARE * float(height.max()))
         bodies[rock] = Body(vertices, height > -CONTACT, height > low, meshed=True)
         rock_of_face[own[(height <= low)[corner.reshape(-1, 3)].all(axis=1)]] = NO_ROCK
-    return _world(bodies, terrain.vertices, terrain.faces, rock_of_face, ground, level, bounds, lift)
+    of_rock = rock_of_face != NO_ROCK
+    return World(
+        bodies,
+        rock_of_face,
+        caster(terrain.vertices, terrain.faces),
+        ground,
+        caster(terrain.vertices, terrain.faces[of_rock]),
+        np.append(rock_of_face[of_rock], NO_ROCK),
+        level,
+        bounds,
+        lift,
+    )
 
 
 def with_domes(world: World, domes: dict[int, Dome]) -> World:
@@ -123,8 +132,8 @@ def with_domes(world: World, domes: dict[int, Dome]) -> World:
     if not domes:
         return world
     bodies = dict(world.bodies)
-    vertices, faces, rock_of_face = [world.vertices], [world.faces], [world.rock_of_face]
-    count = len(world.vertices)
+    vertices, faces, rock_of_face = [], [], []
+    count = 0
     for rock, dome in sorted(domes.items()):
         own, corners = dome.mesh()
         standing = np.ones(len(own), bool)
@@ -133,41 +142,14 @@ def with_domes(world: World, domes: dict[int, Dome]) -> World:
         faces.append(corners + count)
         rock_of_face.append(np.full(len(corners), rock))
         count += len(own)
-    return _world(
-        bodies,
-        np.concatenate(vertices),
-        np.concatenate(faces),
-        np.concatenate(rock_of_face),
-        world.ground,
-        world.ground_level,
-        world.ground_bounds,
-        world.lift,
-    )
-
-
-def _world(
-    bodies: dict[int, Body],
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    rock_of_face: np.ndarray,
-    ground: Caster,
-    ground_level: float,
-    ground_bounds: np.ndarray,
-    lift: float,
-) -> World:
-    of_rock = rock_of_face != NO_ROCK
-    return World(
-        bodies,
-        vertices,
-        faces,
-        rock_of_face,
-        caster(vertices, faces),
-        ground,
-        caster(vertices, faces[of_rock]),
-        np.append(rock_of_face[of_rock], NO_ROCK),
-        ground_level,
-        ground_bounds,
-        lift,
+    added, rocks = caster(np.concatenate(vertices), np.concatenate(faces)), np.concatenate(rock_of_face)
+    return replace(
+        world,
+        bodies=bodies,
+        rock_of_face=np.append(world.rock_of_face, rocks),
+        everything=Joined(world.everything, added, len(world.rock_of_face)),
+        rocks=Joined(world.rocks, added, len(world.rock_of_rocks_face) - 1),
+        rock_of_rocks_face=np.concatenate([world.rock_of_rocks_face[:-1], rocks, [NO_ROCK]]),
     )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.topology import is_watertight
 
 _LOWER_PART = 0.5  # of a rock's height: rims above it are holes in its back, not its foot
 _SAME_PLACE = 1e-6  # metres: vertices nearer than this are one, or seams between them would count as rims
@@ -32,6 +33,8 @@ def seated(mesh: TerrainMesh, depth: float) -> TerrainMesh:
 
 def low_rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(e, 2) vertex numbers of the edges that only one of the faces (f, 3) has, in its direction, low on the rock."""
+    if is_watertight(faces):
+        return np.zeros((0, 2), np.int64)
     used = np.unique(faces)
     _, place = np.unique(np.round(vertices[used] / _SAME_PLACE), axis=0, return_inverse=True)
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)

@@ -45,16 +45,17 @@ def views_of(keys: Iterable[PhotoKey], rigs: Mapping[str, PlacedRig], cameras: P
 def render_twins(
     *,
     terrain: int,
-    model: Model,
     keys: Sequence[PhotoKey],
     cameras: Path,
     meshes: Path,
     photos: Path | None,
-    twins: Path,
+    twins: Mapping[Model, Path],
     options: RenderOptions,
     threads: int,
 ) -> None:
-    """Write `twins/KEY.png` for every key, 16-bit PNG of 12-bit values with black level 16.
+    """Write KEY.png for every key into the folder of every model, 16-bit PNG of 12-bit values with black level 16.
+
+    Rays are cast once for all models.
 
     Parameters
     ----------
@@ -76,21 +77,23 @@ def render_twins(
     rigs = read_all_placed(cameras)
     views = views_of(keys, rigs, cameras)
     surfaces = surfaces_of(read_terrain(meshes, terrain), options)
-    gain = options.gain.get(model)
-    references = (
-        {} if gain else calibration_photos(photos, [*chain.from_iterable(views.values())], options.calibration_photos)
-    )
+    gains = {model: options.gain[model] for model in twins if options.gain.get(model)}
+    shown = [] if len(gains) == len(twins) else list(chain.from_iterable(views.values()))
+    references = calibration_photos(photos, shown, options.calibration_photos)
     first = {(key.position, key.camera) for key in references}
-    twins.mkdir(parents=True, exist_ok=True)
+    for folder in twins.values():
+        folder.mkdir(parents=True, exist_ok=True)
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
-        layers = _layers(surfaces, rigs, view, views[view], model, options, threads)
-        if gain is None:  # the view with the references comes first
-            found = calibrate(references, layers, model)
-            gain = found or default_gain(model, options)
-            log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, gain, "from photos" if found else "built in")
+        layers = _layers(surfaces, rigs, view, views[view], list(twins), options, threads)
         lens = rigs[view[0]].rig.lens(view[1])
-        write_photos(twins, views[view], {name: layer for (_, name), layer in layers.items()}, lens, gain, options,
-                     threads)  # fmt: skip
+        for model, folder in twins.items():
+            if model not in gains:  # the view with the references comes first
+                found = calibrate(references, layers, model)
+                gains[model] = found or default_gain(model, options)
+                origin = "from photos" if found else "built in"
+                log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, gains[model], origin)
+            own = {name: layer for (of, name), layer in layers.items() if of == model}
+            write_photos(folder, views[view], own, lens, gains[model], options, threads)
 
 
 def _layers(
@@ -98,7 +101,7 @@ def _layers(
     rigs: Mapping[str, PlacedRig],
     view: View,
     keys: Sequence[PhotoKey],
-    model: Model,
+    models: Sequence[Model],
     options: RenderOptions,
     threads: int,
 ) -> dict[tuple[Model, str], np.ndarray]:
@@ -106,8 +109,7 @@ def _layers(
     position, camera = view
     rig = rigs[position]
     lamps = {name: lamp for name, lamp in lamps_of(rigs, position).items() if name in needed}
-    lens = rig.rig.lens(camera)
-    return render_layers(surfaces, rig.sandbox_from(camera), lens, lamps, [model], options, threads)
+    return render_layers(surfaces, rig.sandbox_from(camera), rig.rig.lens(camera), lamps, models, options, threads)
 
 
 def write_photos(

@@ -20,8 +20,8 @@ OPTIONS = RenderOptions(rim=False, bounce=0)
 
 def render(folders, out, keys=KEYS, model="hapke", photos=None, options=OPTIONS, threads=1):
     render_twins(
-        terrain=1, model=model, keys=keys, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos,
-        twins=folders / out, options=options, threads=threads,
+        terrain=1, keys=keys, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos,
+        twins={model: folders / out}, options=options, threads=threads,
     )  # fmt: skip
     return {path.stem: png.read(path).astype(int) for path in sorted((folders / out).iterdir())}
 

@@ -32,7 +32,6 @@ wildcard_constraints:
     run=re.escape(RUN),
     terrain=r"\d\d",
     position="[A-G]",
-    model="|".join(map(re.escape, MODELS)),
     domain="|".join(map(re.escape, DOMAINS)) or "none",
     trained="|".join(map(re.escape, DOMAINS)) or "none",
     evaluated="|".join(map(re.escape, DOMAINS)) or "none",
@@ -92,6 +91,14 @@ def photos_for_gain(wildcards):
     if KIND == "release":
         return []
     return f"results/{wildcards.run}/acquire/Terrain{wildcards.terrain}/photos.parquet"
+
+
+def twins_by_model():
+    """Folder of a terrain's twins under each reflectance model."""
+    return {
+        model: directory(f"results/{{run}}/renders/{model}/Terrain{{terrain}}")
+        for model in MODELS
+    }
 
 
 def pictures_of(wildcards):

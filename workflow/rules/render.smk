@@ -14,17 +14,17 @@ rule render:
 
 
 rule render_twins:
-    """The twin of every photo of a terrain under one reflectance model."""
+    """The twin of every photo of a terrain under every reflectance model, from the same rays."""
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
         photos=photos_for_gain,
     output:
-        twins=directory("results/{run}/renders/{model}/Terrain{terrain}"),
+        **twins_by_model(),
     log:
-        "results/{run}/logs/render/render_twins_{model}_{terrain}.log",
+        "results/{run}/logs/render/render_twins_{terrain}.log",
     benchmark:
-        "results/{run}/benchmarks/render/render_twins_{model}_{terrain}.tsv"
+        "results/{run}/benchmarks/render/render_twins_{terrain}.tsv"
     threads: 1
     resources:
         mem_mb=2000,

@@ -1,4 +1,4 @@
-"""Render the twins of one terrain under one reflectance model."""
+"""Render the twins of one terrain under every reflectance model."""
 
 from pathlib import Path
 
@@ -11,12 +11,11 @@ with reporting(log=snakemake.log[0]):
     terrain = int(snakemake.wildcards.terrain)
     render_twins(
         terrain=terrain,
-        model=snakemake.wildcards.model,
         keys=selected_grid(terrain, snakemake.params.positions, GridOptions(**snakemake.params.grid)),
         cameras=Path(snakemake.input.cameras),
         meshes=Path(snakemake.input.meshes),
         photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
-        twins=Path(snakemake.output.twins),
+        twins={model: Path(folder) for model, folder in snakemake.output.items()},
         options=RenderOptions(**snakemake.params.options),
         threads=snakemake.threads,
     )
