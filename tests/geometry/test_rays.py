@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.rays import NO_FACE, START_OFFSET, caster
+from polarsim.geometry.rays import NO_FACE, START_OFFSET, Joined, caster
 
 GROUND = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float), np.array([[0, 1, 2]])
 DOWN, UP = [0, 0, -1], [0, 0, 1]
@@ -119,3 +119,13 @@ def test_embree_gives_the_same_with_one_and_two_threads(rng):
     for first, second in zip(one.nearest(origins, directions), two.nearest(origins, directions), strict=True):
         np.testing.assert_array_equal(first, second)
     np.testing.assert_array_equal(one.blocked(origins, directions, 1.0), two.blocked(origins, directions, 1.0))
+
+
+@engines
+def test_two_sets_of_triangles_cast_at_as_one(engine):
+    vertices, faces, origins, directions = random_scene(np.random.default_rng(3), rays=500)
+    whole = caster(vertices, faces, engine=engine)
+    joined = Joined(caster(vertices, faces[:150], engine=engine), caster(vertices, faces[150:], engine=engine), 150)
+    for mine, expected in zip(joined.nearest(origins, directions), whole.nearest(origins, directions), strict=True):
+        np.testing.assert_array_equal(mine, expected)
+    np.testing.assert_array_equal(joined.blocked(origins, directions, 2.0), whole.blocked(origins, directions, 2.0))

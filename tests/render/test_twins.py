@@ -36,6 +36,19 @@ def test_every_key_gets_a_twin_of_12_bits(folders, lens):
         assert twin.max() > 100
 
 
+def test_models_that_share_rays_get_the_twins_that_each_gets_alone(folders):
+    both = {model: folders / "both" / model for model in ("hapke", "principled")}
+    render_twins(
+        terrain=1, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", photos=None, twins=both,
+        options=OPTIONS, threads=1,
+    )  # fmt: skip
+    for model, together in both.items():
+        alone = render(folders, f"{model}_alone", model=model)
+        assert sorted(alone) == sorted(path.stem for path in together.iterdir())
+        for key, twin in alone.items():
+            np.testing.assert_array_equal(png.read(together / f"{key}.png"), twin)
+
+
 def test_grey_values_double_with_the_exposure_until_they_clip(folders):
     twins = render(folders, "twins")
     short, long = (twins[f"01_A_off_30_L_{ms:04d}"] - BLACK_LEVEL for ms in (64, 128))
