@@ -10,8 +10,9 @@ from polarsim.formats.obj import Mesh
 from polarsim.rocks.adopt import adopt_rocks, volume_above
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.rims import rim
+from polarsim.rocks.rims import fit_ground, rim
 from polarsim.rocks.scans import Extent
+from polarsim.rocks.solids import compacted
 
 GRID = FloorGrid(Extent(-2.1, -2.1, 2.1, 2.1), 0.02)
 
@@ -34,7 +35,7 @@ def half_ball(x, y, z, radius=0.06):
     ball = trimesh.creation.icosphere(subdivisions=4, radius=radius)
     vertices = np.array(ball.vertices)
     faces = np.array(ball.faces)[(vertices[ball.faces][:, :, 2] >= -1e-9).all(axis=1)]
-    return Mesh(vertices + np.array([x, y, z]), faces)
+    return compacted(vertices + np.array([x, y, z]), faces)
 
 
 @pytest.mark.release
@@ -75,6 +76,26 @@ def test_a_published_ground_is_used(tmp_path):
 def test_ids_that_are_no_numbers_are_refused(tmp_path):
     with pytest.raises(FormatError, match=r"inventory.json: meshes are named by rock ids, found 'x'"):
         adopt(tmp_path, 4, {"x": "somewhere.obj"})
+
+
+def test_the_ground_runs_through_rims_on_a_slope_and_ignores_one_that_is_off():
+    places = np.array([[x, y] for x in (-1.2, -0.4, 0.4, 1.2) for y in (-1.0, 0.2, 1.1)])
+    heights = 0.03 * places[:, 0] - 0.02 * places[:, 1] + 0.1
+    heights[5] += 0.15  # a rock on another
+    rims = [rim(half_ball(x, y, z)) for (x, y), z in zip(places, heights, strict=True)]
+    ground = fit_ground(rims, GRID)
+    sloping = 0.03 * GRID.places()[..., 0] - 0.02 * GRID.places()[..., 1] + 0.1
+    far = (np.linalg.norm(GRID.places()[:, :, None] - places, axis=-1) > 0.6).all(axis=-1)
+    assert np.abs(ground - sloping)[far].max() < 0.004
+    for number, foot in enumerate(rims):
+        assert np.abs(foot[:, 2] - GRID.sample(ground, foot)).max() < 0.008, number
+
+
+def test_a_rim_is_the_foot_of_a_rock():
+    foot = rim(half_ball(0.3, -0.2, 0.05))
+    assert len(foot) == 24
+    np.testing.assert_allclose(foot[:, 2], 0.05, atol=0.004)
+    assert (np.linalg.norm(foot[:, :2] - [0.3, -0.2], axis=1) > 0.045).all()
 
 
 def test_volume_above_level_ground_is_that_of_the_half_ball():

@@ -40,6 +40,13 @@ def test_a_crater_without_rocks_gives_no_rock(bare_scans):
     assert sand.is_ground.mean() > 0.8
 
 
+def test_every_rock_is_one_region_around_its_place(found):
+    sand, regions = found
+    cells = sand.grid.cell_of(np.array(PLACES))
+    assert len(regions) == len(PLACES)
+    assert sorted(n for n, region in enumerate(regions) for cell in cells if cell in region.footprint) == [0, 1, 2]
+
+
 def test_sizes_are_right_to_two_cells(found):
     sizes = sorted(region.size for region in found[1])
     np.testing.assert_allclose(sizes, [0.08, 0.12, 0.25], atol=2 * CELL)

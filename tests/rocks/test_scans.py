@@ -15,6 +15,15 @@ def seen(depth):
     return (LENS.pixel_directions() * depth[..., None]).astype(np.float32)
 
 
+def test_mixed_pixels_at_a_depth_edge_are_not_trusted():
+    depth = WALL.copy()
+    depth[:, 100] = 2.3  # neither on the near wall nor on the far one
+    trusted = trusted_pixels(seen(depth), LENS.fx)[1:-1]  # a corner of the map has too few neighbours
+    assert not trusted[:, 100].any()
+    assert trusted[:, :98].all()
+    assert trusted[:, 103:].all()
+
+
 def test_a_lone_return_is_not_trusted():
     points = np.full((120, 200, 3), np.nan, np.float32)
     points[60, 60] = [0, 0, 2]

@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import KDTree
 
 from polarsim.errors import ReconstructionError
 from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.topology import is_watertight
+from polarsim.rocks.adopt import volume_above
 from polarsim.rocks.closing import hull_mesh
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
@@ -57,6 +59,19 @@ def test_there_is_no_gap_at_the_ground(ball):
     assert section is not None
     assert section.is_closed
     assert ball.vertices[:, 2].min() < -0.010
+
+
+def test_the_seen_side_is_met_to_half_a_millimetre(ball, seen_ball):
+    near = KDTree(seen_ball.points).query(ball.vertices)[0] < 0.003
+    error = np.abs(np.linalg.norm(ball.vertices[near] - CENTRE, axis=1) - RADIUS)
+    assert near.sum() > 1000
+    assert np.median(error) < 0.0005
+
+
+def test_the_unseen_back_makes_up_the_volume_of_the_ball(ball):
+    height = RADIUS + CENTRE[2]
+    cap = np.pi * height**2 * (RADIUS - height / 3)  # of a ball, cut by the ground
+    assert volume_above(ball, GRID, LEVEL) == pytest.approx(cap, rel=0.12)
 
 
 def test_the_same_cloud_gives_the_same_bytes(ball, seen_ball):
