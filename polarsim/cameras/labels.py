@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.outlines import Outlines
-from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, judge_pose, refine_pose
+from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, judge_pose, pose_of, refine_pose
 from polarsim.cameras.search import candidate_centres, search_pose
+from polarsim.cameras.shifts import Shifts, View, fit_shifts, shifted
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
@@ -26,6 +28,7 @@ class LabelPlacement:
     fit: BoxFit
     share: float  # summed IoU over the number of pairs that could be
     runner_up: float  # the same of the next best other pose; 0 where there is none
+    prior: PosePrior  # what was known of the pose
 
 
 def place_by_labels(
@@ -51,8 +54,7 @@ def place_by_labels(
             f"{len(boxes)} boxes and {len(outlines)} meshes, a pose needs {options.min_boxes} of each"
         )
     prior = survey_prior(surveyed, options)
-    rough = EdgeNoise(options.start_edge_sd_px, options.border_px)
-    fine = EdgeNoise(options.edge_sd_px, options.border_px, "cauchy", FINAL_LOSS_SCALE)
+    rough, fine = EdgeNoise(options.start_edge_sd_px, options.border_px), final_noise(options)
     azimuth = None if surveyed is None else float(np.arctan2(surveyed.translation[1], surveyed.translation[0]))
     centres = candidate_centres(azimuth, float(np.median(outlines.centres[:, 2])), options)
     starts = search_pose(outlines, boxes, lens, centres, options)
@@ -69,7 +71,31 @@ def place_by_labels(
     pose = refine_pose(best.sandbox_from_left, outlines, boxes, lens, prior, options.final_gates_px, fine)
     fit = judge_pose(pose, outlines, boxes, lens, prior, options.match_gate_px, fine)
     possible = max(1, min(fit.in_view, len(boxes)))
-    return checked(LabelPlacement(fit, fit.sum_iou / possible, rival / possible), options)
+    return checked(LabelPlacement(fit, fit.sum_iou / possible, rival / possible, prior), options)
+
+
+def final_noise(options: CamerasOptions) -> EdgeNoise:
+    """Of the last fits: edges that are far off hardly count."""
+    return EdgeNoise(options.edge_sd_px, options.border_px, "cauchy", FINAL_LOSS_SCALE)
+
+
+def with_shifts(
+    placements: Mapping[str, LabelPlacement],
+    boxes: Mapping[str, np.ndarray],
+    outlines: Outlines,
+    lens: Lens,
+    options: CamerasOptions,
+) -> tuple[dict[str, LabelPlacement], Shifts]:
+    """All positions placed anew together with small shifts of the rocks, by the boxes (b, 4) of each."""
+    noise, gate = final_noise(options), options.match_gate_px
+    views = {position: View(boxes[position], one.fit, one.prior) for position, one in placements.items()}
+    unknowns, shifts = fit_shifts(views, outlines, lens, options.rock_shift_sd_mm / 1000, gate, noise)
+    moved = shifted(outlines, shifts.metres)
+    placed = {}
+    for position, one in placements.items():
+        fit = judge_pose(pose_of(unknowns[position]), moved, boxes[position], lens, one.prior, gate, noise)
+        placed[position] = replace(one, fit=fit)
+    return placed, shifts
 
 
 def checked(placement: LabelPlacement, options: CamerasOptions) -> LabelPlacement:

@@ -10,20 +10,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from polarsim.cameras.consensus import consensus_boxes
 from polarsim.cameras.gauge import find_gauge
-from polarsim.cameras.labels import LabelPlacement, place_by_labels
+from polarsim.cameras.labels import LabelPlacement, place_by_labels, with_shifts
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.outlines import Outlines, outlines_of
 from polarsim.cameras.scans import Pair, register_scans
+from polarsim.cameras.shifts import shift_table
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
 from polarsim.errors import RegistrationError, about
 from polarsim.formats import colmap, nasa, obj, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.rigs import PlacedRig, read_rig, write_placed
+from polarsim.formats.rock_shifts import FILE as SHIFT_FILE
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.photo import BOX_CLASSES, ROCK, PhotoKey
@@ -39,10 +42,10 @@ MATCH_COLUMNS = (
 
 @dataclass(frozen=True)
 class Located:
-    """What a way of placing rigs found, and the table that shows how well."""
+    """What a way of placing rigs found, and the tables that show how well; file name -> table."""
 
     placed: dict[str, PlacedRig]
-    rows: list[dict[str, Any]]
+    details: dict[str, pd.DataFrame]
 
 
 def locate_cameras(
@@ -87,10 +90,9 @@ def locate_cameras(
         for position in sorted(placed):
             write_placed(folder / f"Pos{position}.json", placed[position])
         colmap.write_model(folder / "colmap", placed)
-        if scanned:
-            tables.write_csv(folder / "alignment.csv", _table(located.rows, ALIGNMENT_COLUMNS))
-        else:
-            tables.write_parquet(folder / "matches.parquet", _table(located.rows, MATCH_COLUMNS))
+        for name, table in located.details.items():
+            write = tables.write_csv if name.endswith(".csv") else tables.write_parquet
+            write(folder / name, table)
 
 
 def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig, options: CamerasOptions) -> Located:
@@ -111,7 +113,8 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig, opt
                 "agreement": max(pair.agreement for pair in mine),
             }
         placed[position] = _placed(rig, pose, "scans", quality)
-    return Located(placed, [_alignment_row(pair) for pair in network.pairs])
+    rows = [_alignment_row(pair) for pair in network.pairs]
+    return Located(placed, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT_COLUMNS))})
 
 
 def _read_scan(known: Inventory, position: str, rig: StereoRig) -> np.ndarray:
@@ -145,29 +148,44 @@ def _locate_by_labels(
         position: consensus_boxes(drawn.get(position, []), options.consensus_share, options.cluster_iou)
         for position in positions
     }
-    placed: dict[str, PlacedRig] = {}
-    rows, refused = [], []
-    for position in sorted(seen, key=lambda name: (-len(seen[name]), name)):  # the surest helps the others
+    placements = _place_by_labels(seen, outlines, rig, options)
+    details = {}
+    if options.rock_shift_sd_mm and placements:
+        unshifted = placements
+        placements, shifts = with_shifts(placements, seen, outlines, rig.left, options)
+        before, after = ([one.fit for one in found.values()] for found in (unshifted, placements))
+        details[SHIFT_FILE] = shift_table(outlines.rocks, shifts, before, after)
+    placed, rows = {}, []
+    for position, placement in sorted(placements.items()):
+        pose = placement.fit.sandbox_from_left
+        quality = {**_label_quality(placement, seen[position], outlines), **_off_survey(position, pose)}
+        placed[position] = _placed(rig, pose, "labels", quality)
+        rows += _match_rows(position, placement, seen[position], outlines)
+    rows.sort(key=lambda row: (row["position"], row["rock"]))
+    return Located(placed, {**details, "matches.parquet": pd.DataFrame(rows, columns=list(MATCH_COLUMNS))})
+
+
+def _place_by_labels(
+    seen: Mapping[str, np.ndarray], outlines: Outlines, rig: StereoRig, options: CamerasOptions
+) -> dict[str, LabelPlacement]:
+    """Every position whose boxes and meshes suffice, the surest first: it helps the others."""
+    placements: dict[str, LabelPlacement] = {}
+    refused = []
+    for position in sorted(seen, key=lambda name: (-len(seen[name]), name)):
         boxes = seen[position]
         if min(len(boxes), len(outlines)) < options.min_boxes:
             continue
-        expected = pose_beside(position, {name: one.sandbox_from_left for name, one in placed.items()})
+        poses = {name: one.fit.sandbox_from_left for name, one in placements.items()}
         try:
             with about(f"position {position}"):
-                placement = place_by_labels(boxes, outlines, rig.left, expected, options)
+                placements[position] = place_by_labels(boxes, outlines, rig.left, pose_beside(position, poses), options)
         except RegistrationError as error:
             refused.append(error)
-            continue
-        pose = placement.fit.sandbox_from_left
-        quality = {**_label_quality(placement, boxes, outlines), **_off_survey(position, pose)}
-        placed[position] = _placed(rig, pose, "labels", quality)
-        rows += _match_rows(position, placement, boxes, outlines)
-    if refused and not placed:  # one view may be hopeless; a terrain without any has the wrong labels or meshes
+    if refused and not placements:  # one view may be hopeless; a terrain without any has the wrong labels or meshes
         raise refused[0]
     for reason in refused:
         log.warning("%s", reason)
-    rows.sort(key=lambda row: (row["position"], row["rock"]))
-    return Located(placed, rows)
+    return placements
 
 
 def _drawn_boxes(terrain: int, seeds: Path) -> dict[str, list[np.ndarray]]:
@@ -255,9 +273,3 @@ def _off_survey(position: str, pose: Pose) -> dict[str, float]:
         "off_survey_m": float(np.linalg.norm(pose.translation - surveyed.translation)),
         "off_survey_deg": float((turn + 180) % 360 - 180),
     }
-
-
-def _table(rows: list[dict[str, Any]], columns: Sequence[str]) -> Any:
-    import pandas as pd
-
-    return pd.DataFrame(rows, columns=list(columns))

@@ -38,6 +38,11 @@ class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     start_edge_sd_px: float = Field(6, gt=0, description="Noise of a box edge in the first fits, px.")
     edge_sd_px: float = Field(3, gt=0, description="Noise of a box edge in the last fit, px.")
     border_px: float = Field(3, ge=0, description="Edges this near to the photo's border are not measured, px.")
+    rock_shift_sd_mm: float = Field(
+        7,
+        ge=0,
+        description="Prior on how far published rock meshes lie off their places, mm on each axis; 0: not at all.",
+    )
     match_gate_px: float = Field(40, gt=0, description="Largest distance of a reported match, px.")
     min_boxes: int = Field(3, ge=2, description="Positions with fewer boxes or meshes are placed by the survey.")
     min_fit: float = Field(0.52, gt=0, lt=1, description="Sum of IoU over what could match that speaks for itself.")

@@ -38,6 +38,10 @@ class Outlines:
         """(m, 3) middles of the rocks' extents."""
         return np.asarray((self.whole.min(axis=1) + self.whole.max(axis=1)) / 2)
 
+    def part(self, rows: np.ndarray) -> Outlines:
+        """Some of the rocks, by number or mask."""
+        return Outlines(self.rocks[rows], self.whole[rows], self.upper[rows])
+
     def thinned(self, directions: int) -> Outlines:
         """The same with at most so many points a rock: those furthest out in directions spread over the sphere."""
         spread = spread_directions(directions)

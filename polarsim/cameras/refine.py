@@ -43,7 +43,7 @@ class PosePrior:
         return np.asarray(off / self.sd)
 
     def chi2(self, pose: Pose) -> float:
-        return float((self.residuals(_unknowns(pose)) ** 2).sum())
+        return float((self.residuals(unknowns_of(pose)) ** 2).sum())
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def refine_pose(
         rows, columns = assign(_seen(outlines.project(lens, pose), lens), boxes, gate)
         if not len(rows):
             return pose
-        pose = _solve(pose, _Problem(_part(outlines, rows), boxes[columns], lens, prior, noise))
+        pose = _solve(pose, EdgeProblem(outlines.part(rows), boxes[columns], lens, prior, noise))
     return pose
 
 
@@ -116,12 +116,12 @@ def judge_pose(
     ]
     with np.errstate(invalid="ignore", divide="ignore"):
         in_view = box_geometry.area(projected) >= MIN_IN_VIEW * box_geometry.area(whole)
-    problem = _Problem(_part(outlines, rows), boxes[columns], lens, prior, noise)
+    problem = EdgeProblem(outlines.part(rows), boxes[columns], lens, prior, noise)
     return BoxFit(pose, rows, columns, projected, overlap, int(in_view.sum()), problem.covariance(pose))
 
 
 @dataclass(frozen=True)
-class _Problem:
+class EdgeProblem:
     """Matched outlines and boxes; unknowns are the centre (3), yaw, pitch and roll."""
 
     outlines: Outlines
@@ -136,14 +136,14 @@ class _Problem:
         return (self.boxes > self.noise.border_px) & (self.boxes < far - self.noise.border_px)
 
     def residuals(self, unknowns: np.ndarray) -> np.ndarray:
-        projected = self.outlines.project(self.lens, _pose(unknowns))
+        projected = self.outlines.project(self.lens, pose_of(unknowns))
         edges = np.where(self.measured(), projected - self.boxes, 0.0)
         edges = np.nan_to_num(edges, nan=1e3, posinf=1e3, neginf=-1e3)
         return np.concatenate([edges.ravel() / self.noise.edge_px, self.prior.residuals(unknowns)])
 
     def jacobian(self, unknowns: np.ndarray) -> np.ndarray:
         """(4 n + 6, 6): the edges move with the points that make them."""
-        pose = _pose(unknowns)
+        pose = pose_of(unknowns)
         _, points = self.outlines.edges(self.lens, pose)
         camera_from_sandbox = pose.inverse()
         in_camera = camera_from_sandbox.apply(points)
@@ -157,31 +157,33 @@ class _Problem:
 
     def covariance(self, pose: Pose) -> np.ndarray:
         """(6, 6) formal covariance, scaled by the robust spread of the edges where that is larger."""
-        unknowns = _unknowns(pose)
+        unknowns = unknowns_of(pose)
         residuals, jacobian = self.residuals(unknowns), self.jacobian(unknowns)
         edges = residuals[:-6]
         spread = 1.4826 * np.median(np.abs(edges)) if len(edges) else 0.0
         return np.asarray(np.linalg.pinv(jacobian.T @ jacobian) * max(1.0, spread) ** 2)
 
 
-def _solve(start: Pose, problem: _Problem) -> Pose:
+def _solve(start: Pose, problem: EdgeProblem) -> Pose:
     found = least_squares(
         problem.residuals,
-        _unknowns(start),
+        unknowns_of(start),
         problem.jacobian,
         loss=problem.noise.loss,
         f_scale=problem.noise.loss_scale,
         x_scale=np.array([0.1, 0.1, 0.1, 0.03, 0.03, 0.03]),
         max_nfev=30,
     )
-    return _pose(found.x)
+    return pose_of(found.x)
 
 
-def _unknowns(pose: Pose) -> np.ndarray:
+def unknowns_of(pose: Pose) -> np.ndarray:
+    """(6,) centre in metres, yaw, pitch, roll in radians."""
     return np.concatenate([pose.translation, yaw_pitch_roll(pose)])
 
 
-def _pose(unknowns: np.ndarray) -> Pose:
+def pose_of(unknowns: np.ndarray) -> Pose:
+    """The inverse of `unknowns_of`."""
     return looking(unknowns[:3], *unknowns[3:])
 
 
@@ -203,10 +205,6 @@ def _projection_slope(lens: Lens, points: np.ndarray) -> np.ndarray:
     step = 1e-6
     columns = [(lens.project(points + shift) - lens.project(points - shift)) / (2 * step) for shift in step * np.eye(3)]
     return np.stack(columns, axis=-1)
-
-
-def _part(outlines: Outlines, rows: np.ndarray) -> Outlines:
-    return Outlines(outlines.rocks[rows], outlines.whole[rows], outlines.upper[rows])
 
 
 def _seen(boxes: np.ndarray, lens: Lens) -> np.ndarray:

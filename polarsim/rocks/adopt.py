@@ -11,6 +11,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import obj, tables
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.obj import Mesh
+from polarsim.formats.rock_shifts import read_shifts
 from polarsim.rocks import table
 from polarsim.rocks.folder import height_mesh, write_meshes
 from polarsim.rocks.heights import FloorGrid
@@ -25,14 +26,27 @@ HALF_WIDTH = 2.10  # metres: published frames are not centred on the box to bett
 
 
 def adopt_rocks(
-    *, terrain: int, inventory: Path, rocks: Path, cuboids: Path, meshes: Path, options: RocksOptions
+    *,
+    terrain: int,
+    inventory: Path,
+    cameras: Path,
+    rocks: Path,
+    cuboids: Path,
+    meshes: Path,
+    options: RocksOptions,
 ) -> None:
     """Take over a terrain's published rock meshes under their ids; fit a ground where none is published.
+
+    Rocks are moved as `cameras/rock_shifts.csv` says, where there is one.
 
     A terrain without meshes has an empty table and level ground at z = 0.
     """
     published = read_inventory(inventory)
-    adopted = {rock: cleaned(obj.read(path)) for rock, path in _by_rock(inventory, published.meshes).items()}
+    shifts = read_shifts(cameras)
+    adopted = {
+        rock: moved(cleaned(obj.read(path)), shifts.get(rock, np.zeros(3)))
+        for rock, path in _by_rock(inventory, published.meshes).items()
+    }
     half = HALF_WIDTH
     grid = FloorGrid(Extent(-half, -half, half, half), options.fitted_ground_cell_mm / 1000)
     heights = fit_ground([rim(mesh) for mesh in adopted.values()], grid)
@@ -49,6 +63,11 @@ def adopt_rocks(
 def cleaned(mesh: Mesh) -> Mesh:
     """The largest island; crumbs, doubled and unused vertices go."""
     return largest_island(merged_vertices(mesh))
+
+
+def moved(mesh: Mesh, shift: np.ndarray) -> Mesh:
+    """The mesh shifted by (3,) metres."""
+    return Mesh(mesh.vertices + shift, mesh.faces)
 
 
 def cuboid_of(mesh: Mesh) -> Cuboid:

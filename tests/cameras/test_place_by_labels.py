@@ -4,7 +4,7 @@ import pytest
 from polarsim.cameras.labels import place_by_labels, survey_prior
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.outlines import outlines_of
-from polarsim.cameras.refine import EdgeNoise, _Problem, _unknowns, assign
+from polarsim.cameras.refine import EdgeNoise, EdgeProblem, assign, unknowns_of
 from polarsim.cameras.search import candidate_centres, search_pose
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
 from polarsim.errors import RegistrationError
@@ -90,8 +90,8 @@ def test_the_jacobian_is_that_of_the_residuals(labelled, outlines, true_poses):
     seen = np.isfinite(labelled.boxes[position]).all(axis=1)
     part = outlines_of({rock: labelled.meshes[rock] for rock in outlines.rocks[seen]}, 0.0, 0.0)
     noise = EdgeNoise(3, 3)
-    problem = _Problem(part, labelled.seen(position), LENS, survey_prior(surveyed_pose(position), OPTIONS), noise)
-    at = _unknowns(true_poses[position])
+    problem = EdgeProblem(part, labelled.seen(position), LENS, survey_prior(surveyed_pose(position), OPTIONS), noise)
+    at = unknowns_of(true_poses[position])
     numeric = np.stack(
         [(problem.residuals(at + d) - problem.residuals(at - d)) / 2e-7 for d in 1e-7 * np.eye(6)], axis=1
     )

@@ -22,6 +22,7 @@ def adopt(folder, terrain, meshes, **inventory):
     adopt_rocks(
         terrain=terrain,
         inventory=folder / "inventory.json",
+        cameras=folder / "cameras",
         rocks=folder / "rocks.parquet",
         cuboids=folder / "cuboids.yaml",
         meshes=folder / "meshes",

@@ -126,6 +126,7 @@ def test_published_meshes_keep_their_ids_on_a_ground_that_meets_them(release_roo
     adopt_rocks(
         terrain=11,
         inventory=tmp_path / "inventory.json",
+        cameras=tmp_path / "cameras",
         rocks=tmp_path / "rocks.parquet",
         cuboids=tmp_path / "cuboids.yaml",
         meshes=tmp_path / "meshes",

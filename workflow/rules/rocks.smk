@@ -11,9 +11,10 @@ rule rocks:
 if KIND == "release":
 
     rule adopt_rocks:
-        """The published rock meshes, cleaned, on a ground that is fitted under them."""
+        """The published rock meshes, cleaned, where the boxes see them, on a ground that is fitted under them."""
         input:
             inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+            cameras="results/{run}/cameras/Terrain{terrain}",
         output:
             rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
             cuboids="results/{run}/rocks/Terrain{terrain}/cuboids.yaml",

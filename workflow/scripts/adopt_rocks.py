@@ -10,6 +10,7 @@ with reporting(log=snakemake.log[0]):
     adopt_rocks(
         terrain=int(snakemake.wildcards.terrain),
         inventory=Path(snakemake.input.inventory),
+        cameras=Path(snakemake.input.cameras),
         rocks=Path(snakemake.output.rocks),
         cuboids=Path(snakemake.output.cuboids),
         meshes=Path(snakemake.output.meshes),

@@ -1,0 +1,142 @@
+"""Rocks shifted by millimetres so that the boxes of all views agree: published meshes were cut and placed by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from polarsim.cameras.outlines import Outlines
+from polarsim.cameras.refine import BoxFit, EdgeNoise, EdgeProblem, PosePrior, assign, pose_of, unknowns_of
+from polarsim.formats.rock_shifts import SHIFT_COLUMNS
+from polarsim.geometry.boxes import clip
+from polarsim.geometry.lens import Lens
+
+ROUNDS = 3  # of pairing rocks and boxes anew
+STEPS = 30  # of a fit, at most
+SETTLED = 1e-6  # metres and radians: a fit whose unknowns move less has ended
+
+
+@dataclass(frozen=True)
+class View:
+    """What is known of a position: the boxes of its left photo, the pose found so far, and its prior."""
+
+    boxes: np.ndarray  # (b, 4) pixels
+    fit: BoxFit
+    prior: PosePrior
+
+
+@dataclass(frozen=True)
+class Shifts:
+    """Where rocks belong, sandbox frame."""
+
+    metres: np.ndarray  # (m, 3)
+    sd: np.ndarray  # (m, 3) metres; the prior's where no box tells
+    boxes: np.ndarray  # (m,) boxes that a shift rests on
+
+
+def shifted(outlines: Outlines, metres: np.ndarray) -> Outlines:
+    """Outlines moved by shifts (m, 3)."""
+    return replace(outlines, whole=outlines.whole + metres[:, None], upper=outlines.upper + metres[:, None])
+
+
+def fit_shifts(
+    views: Mapping[str, View], outlines: Outlines, lens: Lens, sd: float, gate_px: float, noise: EdgeNoise
+) -> tuple[dict[str, np.ndarray], Shifts]:
+    """Poses of all views and shifts of all rocks together; iterated least squares with Cauchy weights of the edges.
+
+    A Gaussian prior of `sd` metres on each axis holds the rocks, and with them the terrain's frame: moving all rocks
+    and all cameras alike changes no box.
+
+    Returns
+    -------
+    unknowns : position -> (6,) float
+        Centre (metres), yaw, pitch and roll (radians) of the left cameras.
+    shifts : Shifts
+    """
+    unknowns = {position: unknowns_of(view.fit.sandbox_from_left) for position, view in views.items()}
+    metres = np.zeros((len(outlines), 3))
+    pairs: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for _ in range(ROUNDS):
+        moved = shifted(outlines, metres)
+        pairs = {
+            position: assign(
+                clip(moved.project(lens, pose_of(unknowns[position])), lens.width, lens.height), view.boxes, gate_px
+            )
+            for position, view in views.items()
+        }
+        for _ in range(STEPS):
+            normal_matrix, right_side = _normal_equations(views, pairs, unknowns, outlines, metres, lens, sd, noise)
+            step = np.linalg.solve(normal_matrix, right_side)
+            for number, position in enumerate(unknowns):
+                unknowns[position] = unknowns[position] + step[6 * number : 6 * number + 6]
+            metres = metres + step[6 * len(views) :].reshape(-1, 3)
+            if np.abs(step).max() < SETTLED:
+                break
+    normal_matrix, _ = _normal_equations(views, pairs, unknowns, outlines, metres, lens, sd, noise)
+    variance = np.diag(np.linalg.inv(normal_matrix))[6 * len(views) :].reshape(-1, 3)
+    seen = np.concatenate([rows for rows, _ in pairs.values()])
+    return unknowns, Shifts(metres, np.sqrt(variance), np.bincount(seen, minlength=len(outlines)))
+
+
+def _normal_equations(
+    views: Mapping[str, View],
+    pairs: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    unknowns: Mapping[str, np.ndarray],
+    outlines: Outlines,
+    metres: np.ndarray,
+    lens: Lens,
+    sd: float,
+    noise: EdgeNoise,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Matrix and right side for the poses' unknowns (6 a view), then the shifts (3 a rock)."""
+    poses = 6 * len(views)
+    size = poses + 3 * len(outlines)
+    moved = shifted(outlines, metres)
+    matrix, side = np.zeros((size, size)), np.zeros(size)
+    for number, (position, view) in enumerate(views.items()):
+        rows, columns = pairs[position]
+        problem = EdgeProblem(moved.part(rows), view.boxes[columns], lens, view.prior, noise)
+        residuals, slopes = problem.residuals(unknowns[position]), problem.jacobian(unknowns[position])
+        weights = 1 / (1 + (residuals / noise.loss_scale) ** 2)
+        weights[-6:] = 1  # the prior is no outlier
+        jacobian = np.zeros((len(residuals), size))
+        jacobian[:, 6 * number : 6 * number + 6] = slopes
+        for pair, rock in enumerate(rows):  # a rock that moves is a camera that moves the other way
+            edges = slice(4 * pair, 4 * pair + 4)
+            jacobian[edges, poses + 3 * rock : poses + 3 * rock + 3] = -slopes[edges, :3]
+        matrix += (jacobian * weights[:, None]).T @ jacobian
+        side -= jacobian.T @ (weights * residuals)
+    held = np.arange(poses, size)
+    matrix[held, held] += sd**-2
+    side[poses:] -= metres.ravel() / sd**2
+    return matrix, side
+
+
+def shift_table(rocks: np.ndarray, shifts: Shifts, before: Sequence[BoxFit], after: Sequence[BoxFit]) -> pd.DataFrame:
+    """A row a rock, to a hundredth of a millimetre; IoU are means over the views that show the rock, NaN without one.
+
+    Parameters
+    ----------
+    before, after : sequence of BoxFit
+        Fits of all views without and with the shifts.
+    """
+    millimetres = np.round(1000 * shifts.metres, 2) + 0.0
+    columns = {
+        "rock": rocks,
+        **dict(zip(SHIFT_COLUMNS, millimetres.T, strict=True)),
+        "sd_mm": np.round(1000 * np.linalg.norm(shifts.sd, axis=1), 2),
+        "boxes": shifts.boxes,
+        "iou_before": _mean_iou(before, len(rocks)),
+        "iou_after": _mean_iou(after, len(rocks)),
+    }
+    return pd.DataFrame(columns).sort_values("rock", ignore_index=True)
+
+
+def _mean_iou(fits: Sequence[BoxFit], rocks: int) -> np.ndarray:
+    outline = np.concatenate([fit.outline for fit in fits])
+    total = np.bincount(outline, np.concatenate([fit.iou for fit in fits]), rocks)
+    count = np.bincount(outline, minlength=rocks)
+    return np.round(np.divide(total, count, out=np.full(rocks, np.nan), where=count > 0), 4)

@@ -1,0 +1,29 @@
+"""`rock_shifts.csv`: how far published rock meshes belong from where they were placed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats import tables
+
+FILE = "rock_shifts.csv"
+SHIFT_COLUMNS = ("dx_mm", "dy_mm", "dz_mm")
+COLUMNS = ("rock", *SHIFT_COLUMNS, "sd_mm", "boxes", "iou_before", "iou_after")
+
+
+def read_shifts(cameras: Path) -> dict[int, np.ndarray]:
+    """Shift (3,) in metres, sandbox frame, by rock id; none where a terrain's cameras shift no rock.
+
+    Raises
+    ------
+    FormatError
+        The table lacks a column.
+    """
+    path = cameras / FILE
+    if not path.is_file():
+        return {}
+    table = tables.read_csv(path, COLUMNS)
+    shifts = table[list(SHIFT_COLUMNS)].to_numpy(float) / 1000
+    return dict(zip(table["rock"].astype(int).tolist(), shifts, strict=True))
