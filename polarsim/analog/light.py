@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.analog.rays import Caster, rays_from
+from polarsim.analog.rays import Caster, lengths, rays_from
 from polarsim.analog.reflectance import reflect
 from polarsim.analog.sandbox import Material
 from polarsim.analog.view import View, strips
@@ -47,7 +47,7 @@ class Lamp:
 def towards(lamp: Lamp, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit vectors (..., 3) and distances (...) from places to a lamp's centre."""
     to_lamp = lamp.place.astype(np.float32) - places
-    distance = np.linalg.norm(to_lamp, axis=-1)
+    distance = lengths(to_lamp)
     return to_lamp / distance[..., None], distance
 
 
@@ -59,7 +59,7 @@ def direct(view: View, lamp: Lamp, visible: np.ndarray) -> np.ndarray:
         places = view.places[rows][lit]
         to_lamp, distance = towards(lamp, places)
         to_eye = view.centre.astype(np.float32) - places
-        to_eye /= np.linalg.norm(to_eye, axis=-1, keepdims=True)
+        to_eye /= lengths(to_eye)[..., None]
         material, albedo, gloss, normals = (
             part[rows][lit] for part in (view.material, view.albedo, view.gloss, view.normals)
         )

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from polarsim.analog.rays import lengths
+
 # By material (sand, rock, cloth, dark, grey, white, floor, curtain, metal).
 _ROUGHNESS = np.radians([18, 22, 12, 25, 10, 5, 20, 25, 15]).astype(np.float32)  # sd of facet slopes
 _SURGE = np.array([0.55, 0.35, 0.10, 0.1, 0.02, 0.02, 0.1, 0.1, 0.0], np.float32)  # height of the opposition surge
@@ -45,7 +47,7 @@ def reflect(
     brdf = albedo / np.float32(np.pi) * matte * surge * onwards
     if gloss.any():
         half = to_light + to_eye
-        half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-6)
+        half /= np.maximum(lengths(half), 1e-6)[..., None]
         shine = np.maximum(np.einsum("...k,...k->...", normals, half), 0) ** _GLOSS_POWER
         brdf = brdf + np.float32(0.1) * gloss * shine
     return np.where(cos_i > 0, brdf * cos_i, 0).astype(np.float32)

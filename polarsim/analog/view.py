@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.analog.rays import Caster, rays_from
+from polarsim.analog.rays import Caster, lengths, rays_from
 from polarsim.analog.sandbox import HALL_OBJECT, Material, Scene
 from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.geometry.poses import Pose
@@ -119,7 +119,7 @@ def _surface(
         + scene.normals[corners[..., 2]] * third
     )
     material = scene.material[face]
-    footprint = distance * np.linalg.norm(turned, axis=-1) / np.float32(focal)
+    footprint = distance * lengths(turned) / np.float32(focal)
     albedo, bumpy = _textured(scene, textures, face, places, normals, material, footprint)
     missed = ~np.isfinite(hit["t_hit"])
     objects = np.where(missed, HALL_OBJECT, scene.object_of_face[face])
@@ -155,5 +155,5 @@ def _textured(
         [texel(textures.slope_u, cell * 2), texel(textures.slope_v, cell * 2), texel(textures.grain, cell * 3)], axis=-1
     )
     bumpy = normals + strength * slopes
-    bumpy /= np.maximum(np.linalg.norm(bumpy, axis=-1, keepdims=True), 1e-6)
+    bumpy /= np.maximum(lengths(bumpy), 1e-6)[..., None]
     return np.minimum(albedo, 0.9).astype(np.float32), bumpy.astype(np.float32)

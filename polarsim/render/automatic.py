@@ -35,12 +35,11 @@ def render_ids(
     BACKGROUND, GROUND, RELIEF_SHADOW (ground that the relief or a wall hides from the lamp), ROCK_IDS + k for rock k,
     SHADOW_IDS + k for ground that rock k hides from the lamp.
     """
-    surfaces.prepare()
-    _ = surfaces.rocks, surfaces.rest
+    _ = surfaces.all, surfaces.planes, surfaces.rocks, surfaces.rest  # built before threads would race for it
     pictures = {name: np.zeros((lens.height, lens.width), np.uint16) for name in (NO_LAMP, *lamps)}
 
     def work(rows: slice) -> None:
-        hits = cast_strip(surfaces, sandbox_from_camera, lens, rows)
+        hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, smooth=False)
         ids = surfaces.id_of_face[hits.face]
         pictures[NO_LAMP][rows].reshape(-1)[hits.pixel] = ids
         for name, lamp in lamps.items():

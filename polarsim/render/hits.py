@@ -31,9 +31,15 @@ class Hits:
 
 
 def cast_strip(
-    surfaces: Surfaces, sandbox_from_camera: Pose, lens: Lens, rows: slice, offset: tuple[float, float] = (0.0, 0.0)
+    surfaces: Surfaces,
+    sandbox_from_camera: Pose,
+    lens: Lens,
+    rows: slice,
+    offset: tuple[float, float] = (0.0, 0.0),
+    *,
+    smooth: bool = True,
 ) -> Hits:
-    """Cast a ray through every pixel of the rows, `offset` pixels off its centre."""
+    """Cast a ray through every pixel of the rows, `offset` pixels off its centre; normals are flat unless `smooth`."""
     origin = sandbox_from_camera.translation
     directions = _turn(sandbox_from_camera.rotation, pixel_directions(lens, rows, offset).reshape(-1, 3))
     distance, face = surfaces.all.nearest(np.broadcast_to(origin, directions.shape), directions)
@@ -44,6 +50,8 @@ def cast_strip(
     plane = surfaces.planes[face]
     behind = dot(plane, to_viewer) < 0  # open meshes may be seen from inside
     side = np.where(behind, np.float32(-1), np.float32(1))[:, None]
+    if not smooth:
+        return Hits(rows, pixel, face, point, to_viewer, plane * side, plane * side)
     normal = _smooth_normals(surfaces, face, point, plane) * side
     plane = plane * side
     away = dot(normal, to_viewer) < _LEAST_SLOPE

@@ -34,23 +34,25 @@ def render_layers(
     albedo = {model: hemispherical_albedo(options.parameters(model)) for model in models}
     offsets = sample_offsets(options.samples)
     surfaces.prepare()
-    layers = {(model, name): np.zeros((lens.height, lens.width), np.float32) for model in models for name in lamps}
+    size = (lens.height, lens.width)
+    layers = {(model, name): np.zeros(size, np.float32) for model in models for name in lamps}
+    from_above = np.zeros(size, np.float32)  # share of the sky that a surface faces: light bounced from all around
 
     def work(rows: slice) -> None:
         for offset in offsets:
             hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, offset)
-            from_above = (1 + hits.normal[:, 2]) / 2
+            from_above[rows].reshape(-1)[hits.pixel] += (1 + hits.normal[:, 2]) / np.float32(2 * len(offsets))
             for name, lamp in lamps.items():
                 lit, to_lamp, irradiance = lighting(surfaces, hits, lamp, falloff=options.falloff)
                 for model in models:
                     strip = layers[model, name][rows].reshape(-1)  # a view: rows are whole
-                    if options.bounce:
-                        share = options.bounce * lamp.intensity * albedo[model] / np.pi / len(offsets)
-                        strip[hits.pixel] += np.float32(share) * from_above
                     value = reflectance(options.parameters(model), hits.normal[lit], to_lamp, hits.to_viewer[lit])
                     strip[hits.pixel[lit]] += value * irradiance / np.float32(len(offsets))
 
     for_strips(lens.height, 1 if options.engine == "taichi" else threads, work)
+    if options.bounce:
+        for (model, name), layer in layers.items():
+            layer += np.float32(options.bounce * lamps[name].intensity * albedo[model] / np.pi) * from_above
     return layers
 
 
