@@ -34,6 +34,14 @@ def consensus_boxes(drawn: Sequence[np.ndarray], share: float = 0.3, same_iou: f
     return np.array(kept).reshape(-1, 4)
 
 
+def consensus_of_sets(sets: Sequence[Sequence[np.ndarray]], share: float = 0.3, same_iou: float = 0.5) -> np.ndarray:
+    """(m, 4) boxes that the photo sets of one view agree on, one set for each light and azimuth.
+
+    Each set speaks with one voice, the medians over its exposures, however many of them were labelled.
+    """
+    return consensus_boxes([consensus_boxes(drawn, 0.0, same_iou) for drawn in sets], share, same_iou)
+
+
 def _add_photo(clusters: list[list[np.ndarray]], boxes: np.ndarray, same_iou: float) -> None:
     """Give each box to its best cluster, best pairs first, one box a cluster; boxes left over found new ones."""
     overlap = iou(boxes, np.array([_median(cluster) for cluster in clusters]))

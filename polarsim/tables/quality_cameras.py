@@ -7,21 +7,38 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.cameras.consensus import consensus_of_sets
+from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.outlines import outlines_of
+from polarsim.cameras.refine import assign
 from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import obj
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.tables import read_parquet
+from polarsim.geometry.boxes import clip, iou
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.photo import CAMERAS
+from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, PhotoKey
 from polarsim.tables.gauge import fit_gauge
 from polarsim.tables.quality import Figure, summary, write_quality
+from polarsim.tables.quality_labels import read_drawn
+from polarsim.tables.score import Labels
 
 MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
 _POINTS = 4000  # true surface points that are projected, at most
 _UNITS = {"_mm": "mm", "_deg": "deg", "_px": "px", "_m": "m"}
 
 
-def score_cameras(*, terrain: int, cameras: Path, truth: Path | None, matches: Path | None, quality: Path) -> None:
+def score_cameras(
+    *,
+    terrain: int,
+    cameras: Path,
+    truth: Path | None,
+    matches: Path | None,
+    drawn: Path | None,
+    meshes: Path,
+    quality: Path,
+    options: CamerasOptions,
+) -> None:
     """Write the quality of a terrain's cameras.
 
     Parameters
@@ -32,6 +49,10 @@ def score_cameras(*, terrain: int, cameras: Path, truth: Path | None, matches: P
         The analog's truth/TerrainTT; None where there is none.
     matches
         matches.parquet of the cameras stage; may be None or missing.
+    drawn
+        Folder of all label files that people drew; None where there is none.
+    meshes
+        Folder of the terrain's meshes.
     """
     placed = read_all_placed(cameras)
     figures = stated(placed)
@@ -39,6 +60,8 @@ def score_cameras(*, terrain: int, cameras: Path, truth: Path | None, matches: P
         figures += against_truth(placed, read_all_placed(truth / "cameras"), _true_points(truth, terrain))
     if matches is not None and matches.exists():
         figures += against_boxes(matches)
+    if drawn is not None:
+        figures += against_drawn(placed, obj.rock_files(meshes), read_drawn(drawn, terrain), options)
     write_quality(quality, "cameras", terrain, figures)
 
 
@@ -91,13 +114,56 @@ def against_boxes(path: Path) -> list[Figure]:
     figures = []
     parts = [(str(position), part) for position, part in table.groupby("position")]
     for subject, part in [*parts, ("all positions", table)]:
-        if len(part):
-            n = len(part)
-            figures.append(Figure(subject, "box_iou_mean", float(part["iou"].mean()), "1", n, "labels"))
-            for name in ("dx_px", "dy_px"):
-                offset = float(part[name].abs().median())
-                figures.append(Figure(subject, f"box_{name.removesuffix('_px')}_median", offset, "px", n, "labels"))
+        offset_px = part[["dx_px", "dy_px"]].abs().to_numpy(float)
+        figures += _overlap_figures(subject, part["iou"].to_numpy(float), offset_px)
     return figures
+
+
+def against_drawn(
+    placed: Mapping[str, PlacedRig],
+    meshes: Mapping[int, Path],
+    drawn: Mapping[PhotoKey, Labels],
+    options: CamerasOptions,
+) -> list[Figure]:
+    """Overlap of the projected meshes with what all drawn boxes of a view agree on; fits know of no right photo."""
+    outlines = outlines_of(
+        {rock: obj.read(path) for rock, path in meshes.items()}, options.trim_mm / 1000, options.trim_share
+    )
+    figures = []
+    for camera in CAMERAS:
+        pairs = [np.zeros((0, 2, 4))]  # projected and drawn
+        for position, rig in placed.items():
+            boxes, lens = _agreed_boxes(drawn, position, camera, options), rig.rig.lens(camera)
+            projected = clip(outlines.project(lens, rig.sandbox_from(camera)), lens.width, lens.height)
+            rows, columns = assign(projected, boxes, options.match_gate_px)
+            pairs.append(np.stack([projected[rows], boxes[columns]], axis=1))
+        first, second = np.concatenate(pairs).swapaxes(0, 1)
+        offset_px = np.abs(first[:, :2] + first[:, 2:] - second[:, :2] - second[:, 2:]) / 2
+        figures += _overlap_figures(f"all boxes of {camera}", np.diag(iou(first, second)), offset_px)
+    return figures
+
+
+def _agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str, options: CamerasOptions) -> np.ndarray:
+    """(m, 4) rock boxes of one view that its photo sets agree on."""
+    sets: dict[tuple[str, str], list[np.ndarray]] = {}
+    for key, labels in drawn.items():
+        if (key.position, key.camera) == (position, camera):
+            rocks = labels.boxes[labels.classes == BOX_CLASSES.index(ROCK)]
+            sets.setdefault((key.light, key.azimuth), []).append(rocks)
+    return consensus_of_sets(list(sets.values()), options.consensus_share, options.cluster_iou)
+
+
+def _overlap_figures(subject: str, overlap: np.ndarray, offset_px: np.ndarray) -> list[Figure]:
+    """Mean IoU, and medians of the offsets (n, 2) along x and y; none for no pair."""
+    n = len(overlap)
+    if not n:
+        return []
+    across, down = np.median(offset_px, axis=0)
+    return [
+        Figure(subject, "box_iou_mean", float(overlap.mean()), "1", n, "labels"),
+        Figure(subject, "box_dx_median", float(across), "px", n, "labels"),
+        Figure(subject, "box_dy_median", float(down), "px", n, "labels"),
+    ]
 
 
 def stated(placed: Mapping[str, PlacedRig]) -> list[Figure]:

@@ -112,7 +112,7 @@ def read_truth(
     """
     if not truth.is_file():
         folder = release.label_folder(truth, terrain) if (truth / release.BOXES).is_dir() else truth
-        return _read_drawn(folder, terrain)
+        return read_drawn(folder, terrain)
     table = read_parquet(truth, LABEL_COLUMNS)
     table = visible(table[table["terrain"] == terrain], options)
     found = {
@@ -139,7 +139,7 @@ def visible(truth: pd.DataFrame, options: TablesOptions) -> pd.DataFrame:
     return truth
 
 
-def _read_drawn(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
+def read_drawn(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
     """As `read_folder`, but a broken file is left out with a warning: the release has one, nobody's result."""
     found = {}
     for key, path in release.key_files(folder).files.items():

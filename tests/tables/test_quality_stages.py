@@ -4,11 +4,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import FormatError
-from polarsim.formats import png, yolo
+from polarsim.formats import obj, png, yolo
 from polarsim.formats.rigs import PlacedRig, read_placed, write_placed
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, write_parquet
+from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality_cameras import score_cameras
@@ -29,15 +33,16 @@ def figures(path):
 # cameras
 
 
+def cameras_scored(folder, **changes):
+    paths = {"truth": None, "matches": None, "drawn": None, "meshes": folder / "meshes"}
+    score_cameras(terrain=3, options=CamerasOptions(), **{**paths, **changes})
+
+
 def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path, world):
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own", OTHER_FROM_TRUTH)
-    score_cameras(
-        terrain=3,
-        cameras=tmp_path / "own/cameras",
-        truth=tmp_path / "truth",
-        matches=None,
-        quality=tmp_path / "q.csv",
+    cameras_scored(
+        tmp_path, cameras=tmp_path / "own/cameras", truth=tmp_path / "truth", matches=None, quality=tmp_path / "q.csv"
     )
     found = figures(tmp_path / "q.csv")
     assert found["worst position", "position_error_aligned"] < 1e-3  # mm
@@ -55,12 +60,8 @@ def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path, wor
     left = placed.sandbox_from_left
     up = Pose(left.rotation, left.translation + np.array([0, 0, 0.01]))
     write_placed(path, PlacedRig(placed.rig, up))
-    score_cameras(
-        terrain=3,
-        cameras=tmp_path / "own/cameras",
-        truth=tmp_path / "truth",
-        matches=None,
-        quality=tmp_path / "q.csv",
+    cameras_scored(
+        tmp_path, cameras=tmp_path / "own/cameras", truth=tmp_path / "truth", matches=None, quality=tmp_path / "q.csv"
     )
     found = figures(tmp_path / "q.csv")
     assert found["A", "position_error_before"] == pytest.approx(10)
@@ -71,14 +72,30 @@ def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path, wor
 def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path, world):
     world.write(tmp_path / "truth")
     replace(world, poses={"A": world.poses["A"]}).write(tmp_path / "own")
-    score_cameras(
-        terrain=3,
-        cameras=tmp_path / "own/cameras",
-        truth=tmp_path / "truth",
-        matches=None,
-        quality=tmp_path / "q.csv",
+    cameras_scored(
+        tmp_path, cameras=tmp_path / "own/cameras", truth=tmp_path / "truth", matches=None, quality=tmp_path / "q.csv"
     )
     assert not [name for _, name in figures(tmp_path / "q.csv") if name.endswith("aligned")]
+
+
+def test_cameras_are_scored_on_the_boxes_that_all_photos_of_a_view_agree_on(tmp_path, cube):
+    rig = PlacedRig(stated_rig(), surveyed_pose("A"))
+    write_placed(tmp_path / "cameras" / "PosA.json", rig)
+    places = {1: (0.2, 0.4, 0.0), 2: (-0.5, -0.3, 0.0), 3: (0.9, -0.7, 0.0)}
+    for rock, place in places.items():
+        obj.write(tmp_path / "meshes" / obj.rock_name(3, rock), cube(place, 0.15), "rock")
+    for camera in "LR":
+        around = [box_geometry.around(rig.project(camera, cube(place, 0.15).vertices)) for place in places.values()]
+        for azimuth, off_px in (("30", 0.0), ("180", 0.0), ("270", 30.0)):  # one azimuth drawn badly
+            moved = np.array(around) + (off_px if camera == "R" else 0.0)
+            path = tmp_path / "drawn" / f"03_A_off_{azimuth}_{camera}_0256.txt"
+            path.parent.mkdir(exist_ok=True)
+            yolo.write_boxes(path, np.zeros(3, int), moved)
+    cameras_scored(tmp_path, cameras=tmp_path / "cameras", drawn=tmp_path / "drawn", quality=tmp_path / "q.csv")
+    found = figures(tmp_path / "q.csv")
+    for camera in "LR":
+        assert found[f"all boxes of {camera}", "box_iou_mean"] > 0.95  # sides are trimmed at the foot
+        assert found[f"all boxes of {camera}", "box_dy_median"] < 0.5
 
 
 def test_matches_of_meshes_and_boxes_give_iou_and_offsets_and_may_be_missing(tmp_path, world):
@@ -94,8 +111,8 @@ def test_matches_of_meshes_and_boxes_give_iou_and_offsets_and_may_be_missing(tmp
     )
     write_parquet(tmp_path / "matches.parquet", matches)
     for name in ("matches.parquet", "none.parquet"):
-        score_cameras(
-            terrain=3,
+        cameras_scored(
+            tmp_path,
             cameras=tmp_path / "cameras",
             truth=None,
             matches=tmp_path / name,

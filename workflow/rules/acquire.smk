@@ -22,6 +22,7 @@ if KIND == "analog":
             of_run("results/{run}/benchmarks/acquire/generate_analog_{{terrain}}.tsv")[
                 0
             ]
+        priority: TRAINING_WAITS
         threads: 1
         resources:
             mem_mb=2500,
@@ -44,6 +45,7 @@ else:
             of_run("results/{run}/logs/acquire/fetch_terrain_{{terrain}}.log"),
         benchmark:
             of_run("results/{run}/benchmarks/acquire/fetch_terrain_{{terrain}}.tsv")[0]
+        priority: TRAINING_WAITS
         threads: 1
         resources:
             mem_mb=500,
@@ -68,6 +70,7 @@ rule index_terrain:
         "results/{run}/logs/acquire/index_terrain_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/acquire/index_terrain_{terrain}.tsv"
+    priority: TRAINING_WAITS
     threads: 1
     resources:
         mem_mb=500,
@@ -94,6 +97,7 @@ rule merge_photos:
         "results/{run}/logs/acquire/merge_photos.log",
     benchmark:
         "results/{run}/benchmarks/acquire/merge_photos.tsv"
+    priority: TRAINING_WAITS
     threads: 1
     resources:
         mem_mb=500,

@@ -19,6 +19,7 @@ rule locate_cameras:
         "results/{run}/logs/cameras/locate_cameras_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/cameras/locate_cameras_{terrain}.tsv"
+    priority: TRAINING_WAITS
     threads: 1
     resources:
         mem_mb=2500,

@@ -24,6 +24,8 @@ ROOT = CONFIG.source.root
 TERRAINS = [f"{terrain:02d}" for terrain in CONFIG.terrains]
 DOMAINS = list(CONFIG.domains)
 MODELS = list(CONFIG.render.models)
+# Trainings are the longest jobs: what they wait for goes first, figures and scores fill the gaps.
+TRAINING_WAITS, TWINS_WAIT = 2, 1
 LABEL_ROOT = Path(CONFIG.labels.seeds.root or ROOT)
 ORIGIN = {"run": RUN, "source": KIND, "config": CONFIG.digest()}
 
@@ -140,12 +142,17 @@ def truth_of(wildcards):
     return f"{ROOT}/truth/Terrain{wildcards.terrain}" if KIND == "analog" else None
 
 
+def drawn_labels_of(wildcards):
+    """The folder of boxes that people drew, where there is one; the analog's are made up."""
+    drawn = LABEL_ROOT / "Labels" / f"Terrain{wildcards.terrain}"
+    return str(drawn) if KIND != "analog" and drawn.is_dir() else None
+
+
 def true_labels_of(wildcards):
-    """The analog's true boxes, or the folder of boxes that people drew; nothing where there is neither."""
+    """The analog's true boxes, or those that people drew; nothing where there is neither."""
     if KIND == "analog":
         return f"{truth_of(wildcards)}/labels.parquet"
-    drawn = LABEL_ROOT / "Labels" / f"Terrain{wildcards.terrain}"
-    return str(drawn) if drawn.is_dir() else None
+    return drawn_labels_of(wildcards)
 
 
 def can_score_labels(terrain):

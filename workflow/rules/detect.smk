@@ -16,6 +16,7 @@ rule split_photos:
         "results/{run}/logs/detect/split_photos.log",
     benchmark:
         "results/{run}/benchmarks/detect/split_photos.tsv"
+    priority: TRAINING_WAITS
     threads: 1
     resources:
         mem_mb=500,
@@ -42,6 +43,7 @@ rule make_dataset:
         "results/{run}/logs/detect/make_dataset_{domain}.log",
     benchmark:
         "results/{run}/benchmarks/detect/make_dataset_{domain}.tsv"
+    priority: TRAINING_WAITS
     threads: 1
     resources:
         mem_mb=1000,
@@ -65,6 +67,7 @@ rule train_judge:
         "results/{run}/logs/detect/train_judge_{domain}.log",
     benchmark:
         "results/{run}/benchmarks/detect/train_judge_{domain}.tsv"
+    priority: TRAINING_WAITS
     threads: 1
     resources:
         mem_mb=2500,

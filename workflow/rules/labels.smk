@@ -25,6 +25,7 @@ rule propagate_labels:
         "results/{run}/logs/labels/propagate_labels_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/labels/propagate_labels_{terrain}.tsv"
+    priority: TRAINING_WAITS
     threads: 1
     resources:
         mem_mb=2000,
@@ -76,6 +77,7 @@ rule merge_labels:
         "results/{run}/logs/labels/merge_labels.log",
     benchmark:
         "results/{run}/benchmarks/labels/merge_labels.tsv"
+    priority: TRAINING_WAITS
     threads: 1
     resources:
         mem_mb=500,

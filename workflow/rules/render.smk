@@ -25,6 +25,7 @@ rule render_twins:
         "results/{run}/logs/render/render_twins_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/render/render_twins_{terrain}.tsv"
+    priority: TWINS_WAIT
     threads: 1
     resources:
         mem_mb=2000,
@@ -51,6 +52,7 @@ rule label_twins:
         "results/{run}/logs/render/label_twins_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/render/label_twins_{terrain}.tsv"
+    priority: TWINS_WAIT
     threads: 1
     resources:
         mem_mb=2000,
@@ -76,6 +78,7 @@ rule merge_twin_labels:
         "results/{run}/logs/render/merge_twin_labels.log",
     benchmark:
         "results/{run}/benchmarks/render/merge_twin_labels.tsv"
+    priority: TWINS_WAIT
     threads: 1
     resources:
         mem_mb=500,

@@ -23,6 +23,7 @@ if KIND == "release":
             "results/{run}/logs/rocks/adopt_rocks_{terrain}.log",
         benchmark:
             "results/{run}/benchmarks/rocks/adopt_rocks_{terrain}.tsv"
+        priority: TRAINING_WAITS
         threads: 1
         resources:
             mem_mb=1500,
@@ -50,6 +51,7 @@ else:
             "results/{run}/logs/rocks/find_rocks_{terrain}.log",
         benchmark:
             "results/{run}/benchmarks/rocks/find_rocks_{terrain}.tsv"
+        priority: TRAINING_WAITS
         threads: 1
         resources:
             mem_mb=2500,
@@ -71,6 +73,7 @@ else:
             "results/{run}/logs/rocks/mesh_rocks_{terrain}.log",
         benchmark:
             "results/{run}/benchmarks/rocks/mesh_rocks_{terrain}.tsv"
+        priority: TRAINING_WAITS
         threads: 1
         resources:
             mem_mb=2500,

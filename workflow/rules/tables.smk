@@ -25,6 +25,7 @@ rule score_cameras:
     input:
         raw=raw_data,
         cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
     output:
         quality="results/{run}/quality/cameras_Terrain{terrain}.csv",
     log:
@@ -37,6 +38,8 @@ rule score_cameras:
         runtime=10,
     params:
         truth=truth_of,
+        drawn=drawn_labels_of,
+        options=options("cameras"),
         code=code_of("tables.quality_cameras"),
     script:
         "../scripts/score_cameras.py"

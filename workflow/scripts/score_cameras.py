@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from polarsim.cameras.options import CamerasOptions
 from polarsim.reporting import reporting
 from polarsim.tables.quality_cameras import score_cameras
 
@@ -11,5 +12,8 @@ with reporting(log=snakemake.log[0]):
         cameras=Path(snakemake.input.cameras),
         truth=Path(snakemake.params.truth) if snakemake.params.truth else None,
         matches=Path(snakemake.input.cameras) / "matches.parquet",
+        drawn=Path(snakemake.params.drawn) if snakemake.params.drawn else None,
+        meshes=Path(snakemake.input.meshes),
+        options=CamerasOptions(**snakemake.params.options),
         quality=Path(snakemake.output.quality),
     )
