@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
@@ -17,6 +18,7 @@ log = logging.getLogger("polarsim")
 
 # Sides of the solver's cube over the cloud's: now and then two sheets of a surface touch in an edge; another one helps.
 SCALES = (1.30, 1.27, 1.34, 1.23, 1.40, 1.60)
+DENSE_STEP = 0.35  # of the points' spacing
 GROUND_SCALE = 1.05  # the same for the ground, whose border is cut off
 MIN_DEPTH, MAX_DEPTH = 4, 9  # of the octree
 
@@ -54,6 +56,24 @@ def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
     return largest_island(compacted(surface.vertices, surface.faces[inside[surface.faces].all(axis=1)]))
 
 
+def densified(cloud: Cloud) -> Cloud:
+    """The cloud with points about each point on its tangent plane.
+
+    Where cells hold few points the solver smooths over several of them, and a ball comes out too large: one of 80 mm
+    by 0.8 mm with points 2.5 mm apart, by 0.03 mm with these.
+    """
+    if len(cloud) < 2:
+        return cloud
+    spacing = float(np.median(KDTree(cloud.points).query(cloud.points, k=2)[0][:, 1]))
+    upright = np.abs(cloud.normals[:, [2]]) < 0.9
+    across = np.cross(cloud.normals, np.where(upright, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]]))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    along = np.cross(cloud.normals, across)
+    steps = DENSE_STEP * spacing * np.stack([across, -across, along, -along])
+    points = np.concatenate([cloud.points, (cloud.points + steps).reshape(-1, 3)])
+    return Cloud(points, np.tile(cloud.normals, (len(steps) + 1, 1)))
+
+
 def closed_rock(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarray, cell: float) -> Mesh:
     """A watertight rock: the seen surface, its unseen back and its underside below the ground closed smoothly.
 
@@ -74,7 +94,8 @@ def closed_rock(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.
         The points span no volume.
     """
     closing = closing_points(cloud, grid, ground, scanners, cell)
-    whole = Cloud(np.concatenate([cloud.points, closing.points]), np.concatenate([cloud.normals, closing.normals]))
+    seen = densified(cloud)
+    whole = Cloud(np.concatenate([seen.points, closing.points]), np.concatenate([seen.normals, closing.normals]))
     for scale in SCALES:
         mesh = largest_island(poisson(whole, cell, scale))
         if is_watertight(mesh.faces):
