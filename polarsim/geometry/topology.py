@@ -25,3 +25,11 @@ def is_watertight(faces: np.ndarray) -> bool:
     size = edges.max() + 1
     forward, backward = np.sort(edges[:, 0] * size + edges[:, 1]), np.sort(edges[:, 1] * size + edges[:, 0])
     return bool((np.diff(forward) > 0).all()) and np.array_equal(forward, backward)
+
+
+def open_edges(faces: np.ndarray) -> np.ndarray:
+    """(e, 2) edges of faces (f, 3), in their direction, that no face runs along the other way: rims and holes."""
+    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
+    size = edges.max(initial=0) + 1
+    forward, backward = edges[:, 0] * size + edges[:, 1], edges[:, 1] * size + edges[:, 0]
+    return np.asarray(edges[~np.isin(forward, backward)])

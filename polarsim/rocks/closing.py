@@ -34,7 +34,7 @@ def closing_points(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: 
     to_scanners = scanners[None] - points[:, None]
     cosine = (to_scanners * normals[:, None]).sum(axis=-1) / np.linalg.norm(to_scanners, axis=-1)
     buried = above < -spacing  # ends below the ground: no plinth is seen
-    back = (above >= -spacing) & (cosine.max(axis=1) < UNSEEN_COSINE) & (gap > GAP * spacing)
+    back = (above >= -spacing) & (cosine.max(axis=1, initial=-1) < UNSEEN_COSINE) & (gap > GAP * spacing)
     points = points + np.where(back, BULGE * np.minimum(gap, np.maximum(above, 0)), 0)[:, None] * normals
     return Cloud(points[buried | back], normals[buried | back])
 

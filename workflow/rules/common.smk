@@ -88,6 +88,13 @@ def override_file(wildcards):
     return [str(path)] if path.exists() else []
 
 
+def repaired_copies():
+    """Published meshes get closed copies; our own are closed."""
+    if KIND != "release":
+        return []
+    return of_run("results/{run}/repaired/Terrain{terrain}", terrain=TERRAINS)
+
+
 def photos_for_gain(wildcards):
     """Photos calibrate the twins' brightness where a source has photos."""
     if KIND == "release":

@@ -6,6 +6,7 @@ rule rocks:
     input:
         of_run("results/{run}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS),
         of_run("results/{run}/meshes/Terrain{terrain}", terrain=TERRAINS),
+        repaired_copies(),
 
 
 if KIND == "release":
@@ -33,6 +34,28 @@ if KIND == "release":
             code=code_of("rocks.adopt"),
         script:
             "../scripts/adopt_rocks.py"
+
+    rule repair_rocks:
+        """Watertight copies of the published rocks without their skirts, and a table of their defects."""
+        input:
+            inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+            cameras="results/{run}/cameras/Terrain{terrain}",
+            meshes="results/{run}/meshes/Terrain{terrain}",
+        output:
+            copies=directory("results/{run}/repaired/Terrain{terrain}"),
+        log:
+            "results/{run}/logs/rocks/repair_rocks_{terrain}.log",
+        benchmark:
+            "results/{run}/benchmarks/rocks/repair_rocks_{terrain}.tsv"
+        threads: 1
+        resources:
+            mem_mb=1500,
+            runtime=20,
+        params:
+            options=options("rocks"),
+            code=code_of("rocks.repair"),
+        script:
+            "../scripts/repair_rocks.py"
 
 else:
 

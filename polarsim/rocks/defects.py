@@ -1,0 +1,97 @@
+"""What is wrong with published rock meshes, and copies without it: closed below the ground, no skirt, no crumbs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from polarsim.cameras.planes import robust_plane
+from polarsim.formats.obj import Mesh
+from polarsim.formats.ply import Cloud
+from polarsim.geometry.topology import is_watertight, open_edges, part_of_vertex
+from polarsim.rocks.heights import FloorGrid
+from polarsim.rocks.rims import rim
+from polarsim.rocks.solids import islands, largest_island, merged_vertices
+from polarsim.rocks.surfaces import closed_rock
+
+FILE = "defects.csv"
+SKIRT = 0.004  # metres above the plane through a rock's rim: what lies lower is sand that was cut out with the rock
+SKIRT_SHARE = 0.35  # of a rock's height: flat rocks are no skirts
+RIM_SCALE = 0.003  # metres: rim points further off their plane count less
+
+
+def defect_table(published: Mapping[int, Mesh]) -> pd.DataFrame:
+    """A row a rock as it was published, see `docs/formats.md`."""
+    return pd.DataFrame([{"rock": rock, **defects(mesh)} for rock, mesh in published.items()], columns=list(COLUMNS))
+
+
+COLUMNS = (
+    "rock", "vertices", "faces", "unused_vertices", "doubled_vertices", "islands", "crumb_faces", "watertight",
+    "holes", "rim_m", "skirt_share",
+)  # fmt: skip
+
+
+def defects(mesh: Mesh) -> dict[str, object]:
+    """Counts of what a solid does not have; lengths in metres."""
+    used = np.unique(mesh.faces)
+    joined = merged_vertices(mesh)
+    part = islands(joined)
+    main = largest_island(joined)
+    edges = open_edges(main.faces)
+    lengths = np.linalg.norm(main.vertices[edges[:, 0]] - main.vertices[edges[:, 1]], axis=1)
+    loop = part_of_vertex(np.column_stack([edges, edges[:, :1]]), len(main.vertices))[edges[:, 0]]
+    loops = np.bincount(loop, lengths)
+    loops = loops[loops > 0]
+    return {
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "unused_vertices": len(mesh.vertices) - len(used),
+        "doubled_vertices": len(used) - len(np.unique(mesh.vertices[used], axis=0)),
+        "islands": int(part.max(initial=-1)) + 1,
+        "crumb_faces": len(joined.faces) - len(main.faces),
+        "watertight": is_watertight(main.faces),
+        "holes": max(0, len(loops) - 1),  # the longest loop is the rim
+        "rim_m": round(float(loops.max(initial=0.0)), 4),
+        "skirt_share": round(_skirt_share(main), 4),
+    }
+
+
+def repaired(mesh: Mesh, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarray, cell: float) -> Mesh:
+    """A closed copy: the surface above the skirt, the unseen back and an underside below the ground.
+
+    Parameters
+    ----------
+    ground : (rows, columns) float
+        Heights of the ground on `grid`, also under the rock.
+    scanners : (s, 3) float
+        Where the scanners stood: tells seen sides from unseen ones.
+    cell : float
+        Largest cell of the reconstruction, metres.
+
+    Raises
+    ------
+    ReconstructionError
+        The surface spans no volume.
+    """
+    normals = mesh.normals()
+    directed = np.linalg.norm(normals, axis=1) > 0.5  # vertices of faces without area have none
+    rock = directed & (mesh.vertices[:, 2] > _skirt_height(mesh, mesh.vertices))
+    return closed_rock(Cloud(mesh.vertices[rock], normals[rock]), grid, ground, scanners, cell)
+
+
+def _skirt_share(mesh: Mesh) -> float:
+    """Share of a surface's area that lies in its skirt."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    middle = (a + b + c) / 3
+    return float(area[middle[:, 2] < _skirt_height(mesh, middle)].sum() / max(area.sum(), 1e-30))
+
+
+def _skirt_height(mesh: Mesh, places: np.ndarray) -> np.ndarray:
+    """(n,) height of the skirt's upper end at places (n, 3)."""
+    slope_x, slope_y, level = robust_plane(rim(mesh), RIM_SCALE)
+    bottom, top = mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()
+    over_rim = slope_x * places[:, 0] + slope_y * places[:, 1] + level + SKIRT
+    return np.minimum(over_rim, bottom + SKIRT_SHARE * (top - bottom))

@@ -1,0 +1,109 @@
+"""Defects of open meshes are counted, and closed copies keep the surface."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import KDTree
+
+from polarsim.formats import obj
+from polarsim.formats.obj import Mesh
+from polarsim.geometry.topology import is_watertight, open_edges
+from polarsim.rocks.adopt import cleaned, volume_above
+from polarsim.rocks.defects import COLUMNS, defect_table, defects, repaired
+from polarsim.rocks.heights import FloorGrid
+from polarsim.rocks.rims import fit_ground, rim
+from polarsim.rocks.scans import Extent
+from polarsim.rocks.solids import compacted, islands
+
+RADIUS = 0.08
+GRID = FloorGrid(Extent(-0.5, -0.5, 0.5, 0.5), 0.01)
+LEVEL = np.zeros(GRID.shape)
+SCANNERS = np.array([[3.5, 0, 1.5], [0, -3.5, 1.5]])
+
+
+def half_ball():
+    """The upper half of a ball on level ground, open below."""
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=RADIUS)
+    vertices, faces = np.array(ball.vertices), np.array(ball.faces)
+    return compacted(vertices, faces[(vertices[faces][:, :, 2] >= -1e-9).all(axis=1)])
+
+
+def with_skirt(mesh, reach=0.03):
+    """The same with a level ring of sand around its foot."""
+    turn = np.linspace(0, 2 * np.pi, 121)
+    inner, outer = (radius * np.column_stack([np.cos(turn), np.sin(turn)]) for radius in (RADIUS, RADIUS + reach))
+    ring = np.column_stack([np.concatenate([inner, outer]), np.zeros(2 * len(turn))])
+    a = np.arange(len(turn) - 1)
+    faces = np.concatenate([np.stack([a, a + 121, a + 1], 1), np.stack([a + 1, a + 121, a + 122], 1)])
+    return Mesh(np.concatenate([mesh.vertices, ring]), np.concatenate([mesh.faces, faces + len(mesh.vertices)]))
+
+
+def test_a_clean_half_ball_is_open_at_its_rim_alone():
+    found = defects(half_ball())
+    assert 1.0 < found["rim_m"] / (2 * np.pi * RADIUS) < 1.2  # it zigzags along the triangles
+    clean = {
+        "unused_vertices": 0,
+        "doubled_vertices": 0,
+        "islands": 1,
+        "crumb_faces": 0,
+        "holes": 0,
+        "watertight": False,
+    }
+    assert {name: found[name] for name in clean} == clean
+    assert found["skirt_share"] < 0.08  # the lowest 4 mm of its 80
+
+
+def test_what_was_spoiled_is_counted():
+    ball = half_ball()
+    top = np.flatnonzero((ball.vertices[ball.faces][:, :, 2] > 0.9 * RADIUS).all(axis=1))
+    spoiled = np.delete(ball.faces, top[:1], axis=0)  # a hole
+    corner = len(ball.vertices)
+    crumb = np.array([[1, 1, 0.1], [1.01, 1, 0.1], [1, 1.01, 0.1]])
+    twin = ball.vertices[spoiled[0, 0]][None]
+    spoiled[0, 0] = corner + 3  # a corner of its own, at the same place
+    vertices = np.concatenate([ball.vertices, crumb, twin, [[5.0, 5, 5]]])  # the last one is used by nobody
+    found = defects(Mesh(vertices, np.concatenate([spoiled, [[corner, corner + 1, corner + 2]]])))
+    expected = {"unused_vertices": 1, "doubled_vertices": 1, "islands": 2, "crumb_faces": 1, "holes": 1}
+    assert {name: found[name] for name in expected} == expected
+
+
+def test_a_closed_mesh_has_no_open_edge():
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    faces = np.array(ball.faces)
+    assert len(open_edges(faces)) == 0
+    assert len(open_edges(faces[1:])) == 3
+
+
+def test_the_table_has_a_row_a_rock():
+    table = defect_table({3: half_ball(), 7: with_skirt(half_ball())})
+    assert list(table.columns) == list(COLUMNS)
+    assert table["rock"].tolist() == [3, 7]
+    assert len(defect_table({})) == 0
+
+
+def test_a_closed_copy_keeps_the_surface_and_loses_the_skirt():
+    copy = repaired(with_skirt(half_ball()), GRID, LEVEL, SCANNERS, 0.003)
+    assert is_watertight(copy.faces)
+    assert islands(copy).max() == 0
+    high = copy.vertices[copy.vertices[:, 2] > 0.01]
+    assert np.median(np.abs(np.linalg.norm(high, axis=1) - RADIUS)) < 0.0005
+    above = copy.vertices[copy.vertices[:, 2] > 0.001]
+    assert np.hypot(above[:, 0], above[:, 1]).max() < RADIUS + 0.005
+    assert volume_above(copy, GRID, LEVEL) == pytest.approx(2 / 3 * np.pi * RADIUS**3, rel=0.05)
+
+
+@pytest.mark.release
+@pytest.mark.parametrize("terrain", [8, 11])
+def test_published_rocks_become_closed_solids(release_root, terrain):
+    rocks = {
+        k: obj.read(p) for k, p in obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}").items()
+    }
+    assert not defect_table(rocks)["watertight"].any()  # scans see no underside
+    adopted = {rock: cleaned(mesh) for rock, mesh in rocks.items()}
+    grid = FloorGrid(Extent(-2.1, -2.1, 2.1, 2.1), 0.02)
+    ground = fit_ground([rim(mesh) for mesh in adopted.values()], grid)
+    for rock, mesh in list(adopted.items())[:4]:
+        copy = repaired(mesh, grid, ground, np.array([[3.6, -0.4, 1.5], [0.4, -3.6, 1.5]]), 0.003)
+        assert is_watertight(copy.faces), rock
+        upper = mesh.vertices[mesh.vertices[:, 2] > np.median(mesh.vertices[:, 2])]
+        assert np.median(KDTree(copy.vertices).query(upper)[0]) < 0.002  # vertices of both are millimetres apart
