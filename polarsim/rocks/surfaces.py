@@ -64,7 +64,7 @@ def densified(cloud: Cloud) -> Cloud:
     """
     if len(cloud) < 2:
         return cloud
-    spacing = float(np.median(KDTree(cloud.points).query(cloud.points, k=2)[0][:, 1]))
+    spacing = float(np.median(np.asarray(KDTree(cloud.points).query(cloud.points, k=2)[0])[:, 1]))
     upright = np.abs(cloud.normals[:, [2]]) < 0.9
     across = np.cross(cloud.normals, np.where(upright, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]]))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
