@@ -15,8 +15,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from polarsim.cameras.heightmaps import height_map
-from polarsim.cameras.planes import level_from, tracked_plane
 from polarsim.cameras.surveyed import surveyed_pose
+from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.survey import SANDBOX_HALF_WIDTH
 

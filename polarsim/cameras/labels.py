@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from polarsim.cameras.options import CamerasOptions
-from polarsim.cameras.outlines import Outlines
 from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, judge_pose, pose_of, refine_pose
 from polarsim.cameras.search import candidate_centres, search_pose
 from polarsim.cameras.shifts import Shifts, View, fit_shifts, shifted
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 
 START_DIRECTIONS = 64  # points a rock while hypotheses are compared

@@ -13,11 +13,9 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from polarsim.cameras.consensus import consensus_boxes
 from polarsim.cameras.gauge import find_gauge
 from polarsim.cameras.labels import LabelPlacement, place_by_labels, with_shifts
 from polarsim.cameras.options import CamerasOptions
-from polarsim.cameras.outlines import Outlines, outlines_of
 from polarsim.cameras.scans import Pair, register_scans
 from polarsim.cameras.shifts import shift_table
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
@@ -27,6 +25,8 @@ from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.rigs import PlacedRig, read_rig, write_placed
 from polarsim.formats.rock_shifts import FILE as SHIFT_FILE
+from polarsim.geometry.consensus import consensus_boxes
+from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.photo import BOX_CLASSES, ROCK, PhotoKey

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import least_squares, linear_sum_assignment
+from scipy.optimize import least_squares
 
-from polarsim.cameras.outlines import EDGES, Outlines
 from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.matching import assign
+from polarsim.geometry.outlines import EDGES, Outlines
 from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
 
-FORBIDDEN = 1e3
-MAX_LOG_SIZE = 1.6  # |log width ratio| + |log height ratio| of a pair
 MIN_IN_VIEW = 0.5  # a rock with less of its box inside the photo is out of view
 
 
@@ -61,22 +60,6 @@ class BoxFit:
     @property
     def sum_iou(self) -> float:
         return float(self.iou.sum())
-
-
-def assign(projected: np.ndarray, drawn: np.ndarray, gate_px: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs (rows, columns) of projected (m, 4) and drawn (b, 4) boxes that are near each other and alike in size."""
-    if not len(projected) or not len(drawn):
-        return np.zeros(0, int), np.zeros(0, int)
-    size = np.maximum(projected[:, 2:] - projected[:, :2], 1e-3)
-    size_drawn = drawn[:, 2:] - drawn[:, :2]
-    offset = (projected[:, None, :2] + projected[:, None, 2:] - drawn[None, :, :2] - drawn[None, :, 2:]) / 2
-    distance = np.linalg.norm(offset, axis=-1)
-    log_size = np.abs(np.log(size[:, None] / size_drawn[None])).sum(axis=-1)
-    cost = distance / gate_px + 0.5 * log_size - 0.5 * box_geometry.iou(np.nan_to_num(projected), drawn)
-    allowed = (distance <= gate_px) & (log_size <= MAX_LOG_SIZE)  # NaN is not allowed either
-    rows, columns = linear_sum_assignment(np.where(allowed, cost, FORBIDDEN))
-    good = allowed[rows, columns]
-    return rows[good], columns[good]
 
 
 def refine_pose(

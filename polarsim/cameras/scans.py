@@ -11,9 +11,9 @@ import numpy as np
 from polarsim.cameras import icp
 from polarsim.cameras.heightmaps import agreement, turned_and_shifted
 from polarsim.cameras.options import CamerasOptions
-from polarsim.cameras.planes import level_from, tracked_plane
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import RegistrationError
+from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose, looking
 from polarsim.survey import NOMINAL_PITCH_DEG
 

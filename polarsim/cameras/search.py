@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.cameras.options import CamerasOptions
-from polarsim.cameras.outlines import Outlines
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, looking
 
 SIZE_SD = 0.5  # tolerance of log width and log height

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from polarsim.cameras.outlines import Outlines
-from polarsim.cameras.refine import BoxFit, EdgeNoise, EdgeProblem, PosePrior, assign, pose_of, unknowns_of
+from polarsim.cameras.refine import BoxFit, EdgeNoise, EdgeProblem, PosePrior, pose_of, unknowns_of
 from polarsim.formats.rock_shifts import SHIFT_COLUMNS
 from polarsim.geometry.boxes import clip
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.matching import assign
+from polarsim.geometry.outlines import Outlines
 
 ROUNDS = 3  # of pairing rocks and boxes anew
 STEPS = 30  # of a fit, at most

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from polarsim.cameras.consensus import consensus_of_sets
-from polarsim.cameras.options import CamerasOptions
-from polarsim.cameras.outlines import outlines_of
-from polarsim.cameras.refine import assign
 from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import obj
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.boxes import clip, iou
+from polarsim.geometry.consensus import consensus_of_sets
+from polarsim.geometry.matching import assign
+from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, PhotoKey
 from polarsim.tables.gauge import fit_gauge
@@ -28,6 +28,17 @@ _POINTS = 4000  # true surface points that are projected, at most
 _UNITS = {"_mm": "mm", "_deg": "deg", "_px": "px", "_m": "m"}
 
 
+@dataclass(frozen=True)
+class MatchRule:
+    """How meshes and drawn boxes are compared: as the cameras stage compares them."""
+
+    trim: float  # metres above a rock's rim from which its sides count
+    trim_share: float  # ... but from this share of its height on in any case
+    consensus_share: float  # of the photo sets that must show a box
+    same_iou: float  # boxes of two photos that overlap by more are one rock's
+    gate_px: float  # between centres of a pair
+
+
 def score_cameras(
     *,
     terrain: int,
@@ -37,7 +48,7 @@ def score_cameras(
     drawn: Path | None,
     meshes: Path,
     quality: Path,
-    options: CamerasOptions,
+    rule: MatchRule,
 ) -> None:
     """Write the quality of a terrain's cameras.
 
@@ -61,7 +72,7 @@ def score_cameras(
     if matches is not None and matches.exists():
         figures += against_boxes(matches)
     if drawn is not None:
-        figures += against_drawn(placed, obj.rock_files(meshes), read_drawn(drawn, terrain), options)
+        figures += against_drawn(placed, obj.rock_files(meshes), read_drawn(drawn, terrain), rule)
     write_quality(quality, "cameras", terrain, figures)
 
 
@@ -123,19 +134,17 @@ def against_drawn(
     placed: Mapping[str, PlacedRig],
     meshes: Mapping[int, Path],
     drawn: Mapping[PhotoKey, Labels],
-    options: CamerasOptions,
+    rule: MatchRule,
 ) -> list[Figure]:
     """Overlap of the projected meshes with what all drawn boxes of a view agree on; fits know of no right photo."""
-    outlines = outlines_of(
-        {rock: obj.read(path) for rock, path in meshes.items()}, options.trim_mm / 1000, options.trim_share
-    )
+    outlines = outlines_of({rock: obj.read(path) for rock, path in meshes.items()}, rule.trim, rule.trim_share)
     figures = []
     for camera in CAMERAS:
         pairs = [np.zeros((0, 2, 4))]  # projected and drawn
         for position, rig in placed.items():
-            boxes, lens = _agreed_boxes(drawn, position, camera, options), rig.rig.lens(camera)
+            boxes, lens = _agreed_boxes(drawn, position, camera, rule), rig.rig.lens(camera)
             projected = clip(outlines.project(lens, rig.sandbox_from(camera)), lens.width, lens.height)
-            rows, columns = assign(projected, boxes, options.match_gate_px)
+            rows, columns = assign(projected, boxes, rule.gate_px)
             pairs.append(np.stack([projected[rows], boxes[columns]], axis=1))
         first, second = np.concatenate(pairs).swapaxes(0, 1)
         offset_px = np.abs(first[:, :2] + first[:, 2:] - second[:, :2] - second[:, 2:]) / 2
@@ -143,14 +152,14 @@ def against_drawn(
     return figures
 
 
-def _agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str, options: CamerasOptions) -> np.ndarray:
+def _agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str, rule: MatchRule) -> np.ndarray:
     """(m, 4) rock boxes of one view that its photo sets agree on."""
     sets: dict[tuple[str, str], list[np.ndarray]] = {}
     for key, labels in drawn.items():
         if (key.position, key.camera) == (position, camera):
             rocks = labels.boxes[labels.classes == BOX_CLASSES.index(ROCK)]
             sets.setdefault((key.light, key.azimuth), []).append(rocks)
-    return consensus_of_sets(list(sets.values()), options.consensus_share, options.cluster_iou)
+    return consensus_of_sets(list(sets.values()), rule.consensus_share, rule.same_iou)
 
 
 def _overlap_figures(subject: str, overlap: np.ndarray, offset_px: np.ndarray) -> list[Figure]:

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from polarsim.cameras.consensus import consensus_boxes
 from polarsim.cameras.labels import place_by_labels
 from polarsim.cameras.options import CamerasOptions
-from polarsim.cameras.outlines import outlines_of
-from polarsim.cameras.refine import assign
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.formats import obj, release, yolo
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.boxes import clip, iou
+from polarsim.geometry.consensus import consensus_boxes
+from polarsim.geometry.matching import assign
+from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import SUNS
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from polarsim.cameras.outlines import largest_island, outline, outlines_of, spread_directions
-from polarsim.cameras.planes import level_from, robust_plane, tracked_plane
 from polarsim.formats.obj import Mesh
 from polarsim.geometry.boxes import around
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.outlines import largest_island, outline, outlines_of, spread_directions
+from polarsim.geometry.planes import level_from, robust_plane, tracked_plane
 from polarsim.geometry.poses import looking
 
 CUBE = np.array([[x, y, z] for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (0.0, 0.1)])

@@ -5,12 +5,12 @@ import pytest
 
 from polarsim.cameras.labels import place_by_labels, with_shifts
 from polarsim.cameras.options import CamerasOptions
-from polarsim.cameras.outlines import outlines_of
 from polarsim.cameras.shifts import shift_table, shifted
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.rock_shifts import FILE, read_shifts
 from polarsim.geometry import boxes as box_geometry
+from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.stereo import stated_rig
 
 from .conftest import TRUE_POSES, drawn_boxes

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, yolo
@@ -15,13 +14,14 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
 from polarsim.tables.options import TablesOptions
-from polarsim.tables.quality_cameras import score_cameras
+from polarsim.tables.quality_cameras import MatchRule, score_cameras
 from polarsim.tables.quality_labels import score_labels, task_of, visible
 from polarsim.tables.quality_rocks import RockPairs, pair_rocks, recall_and_precision, score_rocks
 from polarsim.tables.quality_twins import compare_pictures, log_ratio, score_twins, similarity, typical_photos
 
 OPTIONS = TablesOptions(surface_samples=3000)
 OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
+RULE = MatchRule(trim=0.004, trim_share=0.35, consensus_share=0.3, same_iou=0.5, gate_px=40)
 BOX = [100.0, 200.0, 160.0, 240.0]
 
 
@@ -35,7 +35,7 @@ def figures(path):
 
 def cameras_scored(folder, **changes):
     paths = {"truth": None, "matches": None, "drawn": None, "meshes": folder / "meshes"}
-    score_cameras(terrain=3, options=CamerasOptions(), **{**paths, **changes})
+    score_cameras(terrain=3, rule=RULE, **{**paths, **changes})
 
 
 def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path, world):

@@ -39,7 +39,7 @@ rule score_cameras:
     params:
         truth=truth_of,
         drawn=drawn_labels_of,
-        options=options("cameras"),
+        rule=match_rule(),
         code=code_of("tables.quality_cameras"),
     script:
         "../scripts/score_cameras.py"

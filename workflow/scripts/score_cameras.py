@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from polarsim.cameras.options import CamerasOptions
 from polarsim.reporting import reporting
-from polarsim.tables.quality_cameras import score_cameras
+from polarsim.tables.quality_cameras import MatchRule, score_cameras
 
 with reporting(log=snakemake.log[0]):
     score_cameras(
@@ -14,6 +13,6 @@ with reporting(log=snakemake.log[0]):
         matches=Path(snakemake.input.cameras) / "matches.parquet",
         drawn=Path(snakemake.params.drawn) if snakemake.params.drawn else None,
         meshes=Path(snakemake.input.meshes),
-        options=CamerasOptions(**snakemake.params.options),
+        rule=MatchRule(**snakemake.params.rule),
         quality=Path(snakemake.output.quality),
     )

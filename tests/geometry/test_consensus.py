@@ -1,6 +1,6 @@
 import numpy as np
 
-from polarsim.cameras.consensus import consensus_boxes
+from polarsim.geometry.consensus import consensus_boxes
 
 ROCK, OTHER = np.array([100.0, 100, 140, 130]), np.array([500.0, 300, 520, 315])
 
