@@ -141,7 +141,7 @@ def _alignment_row(pair: Pair) -> dict[str, Any]:
 def _locate_by_labels(
     known: Inventory, positions: Sequence[str], rig: StereoRig, seeds: Path, options: CamerasOptions
 ) -> Located:
-    meshes = {int(rock): obj.read(path) for rock, path in sorted(known.meshes.items(), key=lambda item: int(item[0]))}
+    meshes = {rock: obj.read(path) for rock, path in known.rock_meshes().items()}
     outlines = outlines_of(meshes, options.trim_mm / 1000, options.trim_share)
     drawn = _drawn_boxes(known.terrain, seeds)
     seen = {

@@ -74,7 +74,7 @@ def refine_pose(
     """Pose after one least-squares fit a gate, each to the pairs that the fit before it suggests."""
     pose = start
     for gate in gates_px:
-        rows, columns = assign(_seen(outlines.project(lens, pose), lens), boxes, gate)
+        rows, columns = assign(outlines.seen(lens, pose), boxes, gate)
         if not len(rows):
             return pose
         pose = _solve(pose, EdgeProblem(outlines.part(rows), boxes[columns], lens, prior, noise))
@@ -92,7 +92,7 @@ def judge_pose(
 ) -> BoxFit:
     """Pairs, overlap and covariance at a pose."""
     whole = outlines.project(lens, pose)
-    projected = _seen(whole, lens)
+    projected = box_geometry.clip(whole, lens.width, lens.height)
     rows, columns = assign(projected, boxes, gate_px)
     overlap = box_geometry.iou(np.nan_to_num(projected[rows]), boxes[columns])[
         np.arange(len(rows)), np.arange(len(rows))
@@ -188,7 +188,3 @@ def _projection_slope(lens: Lens, points: np.ndarray) -> np.ndarray:
     step = 1e-6
     columns = [(lens.project(points + shift) - lens.project(points - shift)) / (2 * step) for shift in step * np.eye(3)]
     return np.stack(columns, axis=-1)
-
-
-def _seen(boxes: np.ndarray, lens: Lens) -> np.ndarray:
-    return box_geometry.clip(boxes, lens.width, lens.height)

@@ -10,7 +10,6 @@ import pandas as pd
 
 from polarsim.cameras.refine import BoxFit, EdgeNoise, EdgeProblem, PosePrior, pose_of, unknowns_of
 from polarsim.formats.rock_shifts import SHIFT_COLUMNS
-from polarsim.geometry.boxes import clip
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import Outlines
@@ -63,9 +62,7 @@ def fit_shifts(
     for _ in range(ROUNDS):
         moved = shifted(outlines, metres)
         pairs = {
-            position: assign(
-                clip(moved.project(lens, pose_of(unknowns[position])), lens.width, lens.height), view.boxes, gate_px
-            )
+            position: assign(moved.seen(lens, pose_of(unknowns[position])), view.boxes, gate_px)
             for position, view in views.items()
         }
         for _ in range(STEPS):

@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 
 
 class DetectOptions(BaseModel, extra="forbid", frozen=True):
-    """The defaults are the demo's: trained small and short, from scratch. The paper trains 200 epochs, pre-trained."""
+    """The defaults train small and short, from scratch, as the demo does. The paper: 200 epochs, pre-trained."""
 
     model: str = Field("yolov5n", pattern="^yolov5[nsmlx]$", description="Architecture and size of the judge.")
     pretrained: Path | None = Field(None, description="Weights to start from (.pt); none: random weights.")

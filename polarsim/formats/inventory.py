@@ -28,6 +28,18 @@ class Inventory:
         """Positions with a scan of any kind."""
         return sorted(set(self.range_maps) | set(self.clouds))
 
+    def rock_meshes(self) -> dict[int, str]:
+        """OBJ files of the published rocks by id, in the order of ids.
+
+        Raises
+        ------
+        FormatError
+            An id is no number.
+        """
+        if not all(name.isdigit() for name in self.meshes):
+            raise FormatError(f"meshes are named by rock ids, found {sorted(self.meshes)[-1]!r}")
+        return dict(sorted((int(name), path) for name, path in self.meshes.items()))
+
 
 def write_inventory(path: str | Path, inventory: Inventory) -> None:
     write_json(path, asdict(inventory))

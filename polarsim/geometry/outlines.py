@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from polarsim.formats.obj import Mesh
+from polarsim.geometry.boxes import clip
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.planes import robust_plane
 from polarsim.geometry.poses import Pose
@@ -50,6 +51,10 @@ class Outlines:
     def project(self, lens: Lens, sandbox_from_camera: Pose) -> np.ndarray:
         """(m, 4) boxes in pixels, not cut at the photo's border; NaN for rocks that reach behind the camera."""
         return self.edges(lens, sandbox_from_camera)[0]
+
+    def seen(self, lens: Lens, sandbox_from_camera: Pose) -> np.ndarray:
+        """(m, 4) the same boxes cut at the photo's border."""
+        return clip(self.project(lens, sandbox_from_camera), lens.width, lens.height)
 
     def edges(self, lens: Lens, sandbox_from_camera: Pose) -> tuple[np.ndarray, np.ndarray]:
         """The boxes (m, 4), and the points (m, 4, 3) that make their left, top, right and bottom edges."""

@@ -21,15 +21,20 @@ def is_watertight(faces: np.ndarray) -> bool:
     """Whether every edge belongs to two of the faces (f, 3), once in each direction; no face closes nothing."""
     if not len(faces):
         return False
-    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
-    size = edges.max() + 1
-    forward, backward = np.sort(edges[:, 0] * size + edges[:, 1]), np.sort(edges[:, 1] * size + edges[:, 0])
+    _, forward, backward = _numbered_edges(faces)
+    forward.sort()
+    backward.sort()
     return bool((np.diff(forward) > 0).all()) and np.array_equal(forward, backward)
 
 
 def open_edges(faces: np.ndarray) -> np.ndarray:
     """(e, 2) edges of faces (f, 3), in their direction, that no face runs along the other way: rims and holes."""
+    edges, forward, backward = _numbered_edges(faces)
+    return np.asarray(edges[~np.isin(forward, backward)])
+
+
+def _numbered_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Edges (e, 2) of faces (f, 3) in their direction, a number (e,) for each, and that of the way back."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
     size = edges.max(initial=0) + 1
-    forward, backward = edges[:, 0] * size + edges[:, 1], edges[:, 1] * size + edges[:, 0]
-    return np.asarray(edges[~np.isin(forward, backward)])
+    return edges, edges[:, 0] * size + edges[:, 1], edges[:, 1] * size + edges[:, 0]

@@ -41,7 +41,8 @@ def render_layers(
     def work(rows: slice) -> None:
         for offset in offsets:
             hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, offset)
-            from_above[rows].reshape(-1)[hits.pixel] += (1 + hits.normal[:, 2]) / np.float32(2 * len(offsets))
+            if options.bounce:
+                from_above[rows].reshape(-1)[hits.pixel] += (1 + hits.normal[:, 2]) / np.float32(2 * len(offsets))
             for name, lamp in lamps.items():
                 lit, to_lamp, irradiance = lighting(surfaces, hits, lamp, falloff=options.falloff)
                 for model in models:

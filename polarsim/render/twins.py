@@ -78,8 +78,8 @@ def render_twins(
     views = views_of(keys, rigs, cameras)
     surfaces = surfaces_of(read_terrain(meshes, terrain), options)
     gains = {model: options.gain[model] for model in twins if options.gain.get(model)}
-    shown = [] if len(gains) == len(twins) else list(chain.from_iterable(views.values()))
-    references = calibration_photos(photos, shown, options.calibration_photos)
+    shown = list(chain.from_iterable(views.values()))
+    references = calibration_photos(photos, shown, options.calibration_photos) if len(gains) < len(twins) else {}
     first = {(key.position, key.camera) for key in references}
     for folder in twins.values():
         folder.mkdir(parents=True, exist_ok=True)

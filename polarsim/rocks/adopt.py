@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import FormatError
+from polarsim.errors import about
 from polarsim.formats import obj, tables
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.obj import Mesh
@@ -42,11 +42,10 @@ def adopt_rocks(
     A terrain without meshes has an empty table and level ground at z = 0.
     """
     published = read_inventory(inventory)
+    with about(inventory):
+        files = published.rock_meshes()
     shifts = read_shifts(cameras)
-    adopted = {
-        rock: moved(cleaned(obj.read(path)), shifts.get(rock, np.zeros(3)))
-        for rock, path in _by_rock(inventory, published.meshes).items()
-    }
+    adopted = {rock: moved(cleaned(obj.read(path)), shifts.get(rock, np.zeros(3))) for rock, path in files.items()}
     half = HALF_WIDTH
     grid = FloorGrid(Extent(-half, -half, half, half), options.fitted_ground_cell_mm / 1000)
     heights = fit_ground([rim(mesh) for mesh in adopted.values()], grid)
@@ -85,13 +84,6 @@ def volume_above(mesh: Mesh, grid: FloorGrid, ground: np.ndarray) -> float:
     area = np.cross(b - a, c - a)[:, 2] / 2
     centre = (a + b + c) / 3
     return float((area * np.maximum(centre[:, 2] - grid.sample(ground, centre), 0)).sum())
-
-
-def _by_rock(inventory: Path, paths: dict[str, str]) -> dict[int, str]:
-    """Paths by rock id, in the order of ids."""
-    if not all(name.isdigit() for name in paths):
-        raise FormatError(f"{inventory}: meshes are named by rock ids, found {sorted(paths)[-1]!r}")
-    return dict(sorted((int(name), path) for name, path in paths.items()))
 
 
 def _row(rock: int, mesh: Mesh, cuboid: Cuboid, grid: FloorGrid, ground: np.ndarray) -> dict[str, object]:

@@ -17,6 +17,10 @@ from polarsim.rocks.solids import islands, largest_island, merged_vertices
 from polarsim.rocks.surfaces import closed_rock
 
 FILE = "defects.csv"
+COLUMNS = (
+    "rock", "vertices", "faces", "unused_vertices", "doubled_vertices", "islands", "crumb_faces", "watertight",
+    "holes", "rim_m", "skirt_share",
+)  # fmt: skip
 SKIRT = 0.004  # metres above the plane through a rock's rim: what lies lower is sand that was cut out with the rock
 SKIRT_SHARE = 0.35  # of a rock's height: flat rocks are no skirts
 RIM_SCALE = 0.003  # metres: rim points further off their plane count less
@@ -25,12 +29,6 @@ RIM_SCALE = 0.003  # metres: rim points further off their plane count less
 def defect_table(published: Mapping[int, Mesh]) -> pd.DataFrame:
     """A row a rock as it was published, see `docs/formats.md`."""
     return pd.DataFrame([{"rock": rock, **defects(mesh)} for rock, mesh in published.items()], columns=list(COLUMNS))
-
-
-COLUMNS = (
-    "rock", "vertices", "faces", "unused_vertices", "doubled_vertices", "islands", "crumb_faces", "watertight",
-    "holes", "rim_m", "skirt_share",
-)  # fmt: skip
 
 
 def defects(mesh: Mesh) -> dict[str, object]:

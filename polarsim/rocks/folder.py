@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -30,16 +31,19 @@ def height_mesh(grid: FloorGrid, heights: np.ndarray) -> Mesh:
 
 def write_meshes(terrain: int, meshes: Path, solids: dict[int, Mesh], ground: Mesh, decimated_share: float) -> None:
     """Write a terrain's meshes under the release's names, with a table of their figures."""
-    rows = []
     with writing_folder(meshes) as folder:
-        named = [(obj.ground_name(terrain), ground)]
+        named = {obj.ground_name(terrain): ground}
         for rock, mesh in sorted(solids.items()):
-            named.append((obj.rock_name(terrain, rock), mesh))
-            named.append((obj.rock_name(terrain, rock, decimated=True), decimated(mesh, decimated_share)))
-        for name, mesh in named:
-            obj.write(folder / name, mesh, Path(name).stem)
-            rows.append(figures(name, mesh))
-        tables.write_csv(folder / "meshes.csv", pd.DataFrame(rows))
+            named[obj.rock_name(terrain, rock)] = mesh
+            named[obj.rock_name(terrain, rock, decimated=True)] = decimated(mesh, decimated_share)
+        write_named(folder, named)
+
+
+def write_named(folder: Path, named: Mapping[str, Mesh]) -> None:
+    """Write meshes by file name, and `meshes.csv` with their figures."""
+    for name, mesh in named.items():
+        obj.write(folder / name, mesh, Path(name).stem)
+    tables.write_csv(folder / "meshes.csv", pd.DataFrame([figures(name, mesh) for name, mesh in named.items()]))
 
 
 def figures(name: str, mesh: Mesh) -> dict[str, object]:

@@ -6,9 +6,8 @@ import logging
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
-from polarsim.errors import ReconstructionError
+from polarsim.errors import ReconstructionError, about
 from polarsim.formats import obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import read_inventory
@@ -16,7 +15,7 @@ from polarsim.formats.ply import Cloud
 from polarsim.formats.rigs import read_all_placed
 from polarsim.progress import track
 from polarsim.rocks.defects import FILE, defect_table, repaired
-from polarsim.rocks.folder import figures
+from polarsim.rocks.folder import write_named
 from polarsim.rocks.mesh import ground_heights
 from polarsim.rocks.options import RocksOptions
 
@@ -35,21 +34,20 @@ def repair_rocks(
 
     A rock whose surface spans no volume is a warning and a gap.
     """
-    published = {int(rock): obj.read(path) for rock, path in read_inventory(inventory).meshes.items()}
+    with about(inventory):
+        published = {rock: obj.read(path) for rock, path in read_inventory(inventory).rock_meshes().items()}
     ground = obj.read(meshes / obj.ground_name(terrain)).vertices
     grid, heights = ground_heights(Cloud(ground, np.zeros_like(ground)), options.fitted_ground_cell_mm / 1000)
     rigs = read_all_placed(cameras).values()
     scanners = np.array([rig.sandbox_from_left.translation for rig in rigs]).reshape(-1, 3)
-    rows = []
+    closed = {}
+    for rock, path in track(list(obj.rock_files(meshes).items()), f"repair of terrain {terrain:02d}"):
+        try:
+            copy = repaired(obj.read(path), grid, heights, scanners, options.rock_cell_mm / 1000)
+        except ReconstructionError as error:
+            log.warning("terrain %02d, rock %d cannot be closed: %s", terrain, rock, error)
+            continue
+        closed[obj.rock_name(terrain, rock)] = copy
     with writing_folder(copies) as folder:
-        for rock, path in track(list(obj.rock_files(meshes).items()), f"repair of terrain {terrain:02d}"):
-            try:
-                copy = repaired(obj.read(path), grid, heights, scanners, options.rock_cell_mm / 1000)
-            except ReconstructionError as error:
-                log.warning("terrain %02d, rock %d cannot be closed: %s", terrain, rock, error)
-                continue
-            name = obj.rock_name(terrain, rock)
-            obj.write(folder / name, copy, Path(name).stem)
-            rows.append(figures(name, copy))
-        tables.write_csv(folder / "meshes.csv", pd.DataFrame(rows))
-        tables.write_csv(folder / FILE, defect_table(dict(sorted(published.items()))))
+        write_named(folder, closed)
+        tables.write_csv(folder / FILE, defect_table(published))

@@ -12,7 +12,7 @@ from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import obj
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.tables import read_parquet
-from polarsim.geometry.boxes import clip, iou
+from polarsim.geometry.boxes import iou
 from polarsim.geometry.consensus import consensus_of_sets
 from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import outlines_of
@@ -142,8 +142,8 @@ def against_drawn(
     for camera in CAMERAS:
         pairs = [np.zeros((0, 2, 4))]  # projected and drawn
         for position, rig in placed.items():
-            boxes, lens = _agreed_boxes(drawn, position, camera, rule), rig.rig.lens(camera)
-            projected = clip(outlines.project(lens, rig.sandbox_from(camera)), lens.width, lens.height)
+            boxes = _agreed_boxes(drawn, position, camera, rule)
+            projected = outlines.seen(rig.rig.lens(camera), rig.sandbox_from(camera))
             rows, columns = assign(projected, boxes, rule.gate_px)
             pairs.append(np.stack([projected[rows], boxes[columns]], axis=1))
         first, second = np.concatenate(pairs).swapaxes(0, 1)

@@ -149,10 +149,14 @@ def truth_of(wildcards):
     return f"{ROOT}/truth/Terrain{wildcards.terrain}" if KIND == "analog" else None
 
 
-def drawn_labels_of(wildcards):
+def drawn_labels(terrain):
     """The folder of boxes that people drew, where there is one; the analog's are made up."""
-    drawn = LABEL_ROOT / "Labels" / f"Terrain{wildcards.terrain}"
+    drawn = LABEL_ROOT / "Labels" / f"Terrain{terrain}"
     return str(drawn) if KIND != "analog" and drawn.is_dir() else None
+
+
+def drawn_labels_of(wildcards):
+    return drawn_labels(wildcards.terrain)
 
 
 def match_rule():
@@ -175,7 +179,7 @@ def true_labels_of(wildcards):
 
 
 def can_score_labels(terrain):
-    return KIND == "analog" or (LABEL_ROOT / "Labels" / f"Terrain{terrain}").is_dir()
+    return KIND == "analog" or drawn_labels(terrain) is not None
 
 
 def quality_parts(wildcards):
