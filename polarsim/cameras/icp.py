@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -115,10 +116,8 @@ def align_jointly(
     for scale in scales:
         for _ in range(ROUNDS):
             normal, right = np.zeros((6 * len(names), 6 * len(names))), np.zeros(6 * len(names))
-            for moving in sorted(surfaces):
-                for fixed in sorted(surfaces):
-                    if fixed != moving:
-                        _add_pair(normal, right, names, fixed, moving, surfaces, samples, poses, scale)
+            for moving, fixed in permutations(sorted(surfaces), 2):
+                _add_pair(normal, right, names, fixed, moving, surfaces, samples, poses, scale)
             step = np.linalg.solve(normal + 1e-9 * np.eye(len(normal)), right).reshape(-1, 6)
             for name, change in zip(names, step, strict=True):
                 turn = Pose(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:])
@@ -126,6 +125,23 @@ def align_jointly(
             if np.abs(step).max(initial=0) < STILL:
                 break
     return poses
+
+
+def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose], scale: float) -> dict[str, np.ndarray]:
+    """(6, 6) formal covariance of each scan's turn (radians) and shift (metres), the mean of all scans held.
+
+    All scans together may move freely; so the pseudo-inverse of the joint normal equations is taken, times the weighted
+    variance of the distances. Errors that neighbouring points share make true errors larger.
+    """
+    names = sorted(surfaces)
+    normal, right = np.zeros((6 * len(names), 6 * len(names))), np.zeros(6 * len(names))
+    samples = {name: surfaces[name].sample(FINE_SAMPLES) for name in names}
+    squares, weights = 0.0, 0.0
+    for fixed, moving in permutations(names, 2):
+        more_squares, more_weights = _add_pair(normal, right, names, fixed, moving, surfaces, samples, poses, scale)
+        squares, weights = squares + more_squares, weights + more_weights
+    spread = squares / max(weights - 6 * len(names), 1.0) * np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
+    return {name: spread[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k, name in enumerate(names)}
 
 
 def measure(fixed: Surface, moving: Surface, fixed_from_moving: Pose, tolerance: float) -> Alignment:
@@ -147,8 +163,11 @@ def _add_pair(
     samples: Mapping[str, Surface],
     poses: Mapping[str, Pose],
     scale: float,
-) -> None:
-    """Add one ordered pair's normal equations; unknowns are a turn and a shift of each scan in the reference frame."""
+) -> tuple[float, float]:
+    """Add one ordered pair's normal equations; unknowns are a turn and a shift of each scan in the reference frame.
+
+    Gives the weighted sum of squared distances, and the sum of weights.
+    """
     fixed_from_moving = poses[fixed].inverse() @ poses[moving]
     rows, partner, distance = _partners(surfaces[fixed], samples[moving], fixed_from_moving, scale)
     weight = np.clip(1 - (distance / scale) ** 2, 0, None) ** 2
@@ -167,6 +186,7 @@ def _add_pair(
         i, j = 6 * names.index(moving), 6 * names.index(fixed)
         normal[i : i + 6, j : j + 6] -= own
         normal[j : j + 6, i : i + 6] -= own
+    return float((weight * distance**2).sum()), float(weight.sum())
 
 
 def _partners(

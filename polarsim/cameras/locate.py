@@ -111,10 +111,25 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig, opt
                 "fitness": max(pair.alignment.fitness for pair in mine),
                 "rmse_mm": 1000 * min(pair.alignment.rmse for pair in mine),
                 "agreement": max(pair.agreement for pair in mine),
+                **_formal_errors(network.covariances[position], level_from_left.translation),
             }
         placed[position] = _placed(rig, pose, "scans", quality)
     rows = [_alignment_row(pair) for pair in network.pairs]
     return Located(placed, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT_COLUMNS))})
+
+
+def _formal_errors(covariance: np.ndarray, place: np.ndarray) -> dict[str, float]:
+    """Standard deviations of a tripod at `place` (3,), from the covariance (6, 6) of turn and shift about the origin.
+
+    They are relative to the mean of the terrain's scans, whose common frame rests on the walls or on the survey.
+    """
+    x, y, z = place
+    lever = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # of the turn's cross product with the place
+    moves = np.hstack([lever, np.eye(3)])
+    return {
+        "sd_mm": float(1000 * np.sqrt(np.trace(moves @ covariance @ moves.T))),
+        "sd_deg": float(np.degrees(np.sqrt(np.trace(covariance[:3, :3])))),
+    }
 
 
 def _read_scan(known: Inventory, position: str, rig: StereoRig) -> np.ndarray:

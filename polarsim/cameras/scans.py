@@ -21,6 +21,7 @@ SAND_REACH = 1.6  # metres about the centre where a scan shows sand and rocks on
 SAND_SCALES = [0.4, 0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.06, 0.06]  # metres: what belongs to the sand, ever closer
 MIN_SAND_POINTS = 1000
 HEIGHT_REACH = 1.0  # metres about the sand's level: above are curtains and stands
+LEVEL, FLAT = 0.2, 0.8  # metres about the sand's level, and |z| of normals, of what counts as sand near the walls
 COARSE_VOXELS = [0.04, 0.02]  # metres
 AGREE = 0.015  # metres between heights of one cell in two scans
 GUESSED_PLACE = np.array([3.6, 0.0, 1.55])  # metres: of a position that the survey does not have
@@ -42,6 +43,7 @@ class Network:
 
     level_from_left: dict[str, Pose]
     pairs: list[Pair]
+    covariances: dict[str, np.ndarray]  # (6, 6) of turn and shift in the level frame, the mean of all scans held
     points: dict[str, np.ndarray]  # (n, 3) thinned, in the level frame
     normals: dict[str, np.ndarray]  # (n, 3)
 
@@ -53,6 +55,13 @@ class _Levelled:
     level_from_left: Pose
     coarse: list[icp.Surface]
     fine: icp.Surface
+
+    def sand(self) -> icp.Surface:
+        """The fine grid without walls: they have two sides, and cloth on them hangs otherwise in every scan."""
+        points, normals = self.fine.points, self.fine.normals
+        inside = (np.abs(points[:, :2]) < SAND_REACH).all(axis=1)
+        level = (np.abs(points[:, 2]) < LEVEL) & (np.abs(normals[:, 2]) > FLAT)
+        return icp.Surface(points[inside | level], normals[inside | level])
 
 
 def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> Network:
@@ -74,9 +83,9 @@ def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> 
     for position in levelled:
         if position != reference:
             start[position] = _found(reference, position, levelled, options)
-    surfaces = {position: scan.fine for position, scan in levelled.items()}
+    sands = {position: scan.sand() for position, scan in levelled.items()}
     wide = max(2 * options.tukey_mm, options.voxel_mm) / 1000
-    moves = icp.align_jointly(surfaces, start, reference, [wide, options.tukey_mm / 1000])
+    moves = icp.align_jointly(sands, start, reference, [wide, options.tukey_mm / 1000])
     pairs = [
         _measured(fixed, moving, moves[fixed].inverse() @ moves[moving], levelled, options)
         for fixed, moving in combinations(levelled, 2)
@@ -84,8 +93,9 @@ def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> 
     return Network(
         {position: moves[position] @ scan.level_from_left for position, scan in levelled.items()},
         pairs,
-        {position: moves[position].apply(surface.points) for position, surface in surfaces.items()},
-        {position: moves[position].rotate(surface.normals) for position, surface in surfaces.items()},
+        icp.covariances(sands, moves, options.tukey_mm / 1000),
+        {position: moves[position].apply(scan.fine.points) for position, scan in levelled.items()},
+        {position: moves[position].rotate(scan.fine.normals) for position, scan in levelled.items()},
     )
 
 
