@@ -12,15 +12,17 @@ from polarsim.rocks.heights import FloorGrid
 
 SINK = 0.015  # metres that a rock's closed underside lies below the ground
 UNSEEN_COSINE = 0.05  # a facet whose normal turns away further than this from every scanner was not seen
-GAP = 2.5  # spacings from the seen surface from which the unseen one begins
+GAP = 0.0075  # metres from the seen surface from which the unseen one begins
+BARE = 0.03  # metres along a facet to the nearest seen point from which on nothing was seen below it, no hollow either
 BULGE = 0.25  # rocks bulge beyond the hull of their seen side: metres outward per metre from what was seen
 
 
 def closing_points(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarray, spacing: float) -> Cloud:
     """Points that close a rock: on its back, at its foot and on a floor below the ground.
 
-    The convex hull of the seen points and of their outline sunk below the ground has facets below the ground and
-    facets that face away from every scanner; points on these close the rock, the latter ones bulging outward.
+    The convex hull of the seen points and of their outline sunk below the ground has facets below the ground, and
+    facets that face away from every scanner or that nothing was seen of; points on these close the rock, the latter
+    ones bulging outward.
 
     Raises
     ------
@@ -30,11 +32,14 @@ def closing_points(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: 
     floor = _sunk(_outline(cloud.points), grid, ground)
     points, normals = _sampled(hull_mesh(np.concatenate([cloud.points, floor])), spacing)
     above = points[:, 2] - grid.sample(ground, points)
-    gap = KDTree(cloud.points).query(points)[0]
+    gap, nearest = KDTree(cloud.points).query(points)
+    offset = cloud.points[nearest] - points
+    beside = np.linalg.norm(offset - (offset * normals).sum(axis=1, keepdims=True) * normals, axis=1)
     to_scanners = scanners[None] - points[:, None]
     cosine = (to_scanners * normals[:, None]).sum(axis=-1) / np.linalg.norm(to_scanners, axis=-1)
     buried = above < -spacing  # ends below the ground: no plinth is seen
-    back = (above >= -spacing) & (cosine.max(axis=1, initial=-1) < UNSEEN_COSINE) & (gap > GAP * spacing)
+    turned_away = cosine.max(axis=1, initial=-1) < UNSEEN_COSINE
+    back = (above >= -spacing) & (gap > GAP) & (turned_away | (beside > BARE))
     points = points + np.where(back, BULGE * np.minimum(gap, np.maximum(above, 0)), 0)[:, None] * normals
     return Cloud(points[buried | back], normals[buried | back])
 

@@ -11,7 +11,14 @@ from polarsim.geometry.poses import Pose
 
 GRAZING_JUMP = 8.0  # range steps over pixel spacings between neighbours: surface seen under less than 7 degrees
 NOISE_JUMP = 0.010  # metres that noise alone (2 mm, 5 sigma) may put between neighbours
-MIN_NEIGHBOURS = 4  # of 8 that a measured pixel must have: a lone return is dust or a mixed pixel
+MIN_ALIKE = 5  # of 8 neighbours that must lie on a pixel's surface: so many do at a straight edge
+_ALL, _BUT_LAST, _BUT_FIRST = slice(None), slice(None, -1), slice(1, None)
+_NEIGHBOURS = (  # each pair of neighbours once: rows and columns of the one and of the other
+    ((_ALL, _BUT_LAST), (_ALL, _BUT_FIRST)),
+    ((_BUT_LAST, _ALL), (_BUT_FIRST, _ALL)),
+    ((_BUT_LAST, _BUT_LAST), (_BUT_FIRST, _BUT_FIRST)),
+    ((_BUT_LAST, _BUT_FIRST), (_BUT_FIRST, _BUT_LAST)),
+)
 FILLING = 0.7  # pixels a point, along a side, of the map that a cloud is put on: 7 of 8 pixels get one
 WALL_HEIGHT = 0.12  # metres above the sand: what stands higher at the rim of the box is wall
 
@@ -65,26 +72,19 @@ class Extent:
 def trusted_pixels(range_map: np.ndarray, focal_px: float) -> np.ndarray:
     """(h, w) bool: pixels of a range map (h, w, 3) that lie on a surface.
 
-    A beam that meets an edge returns a range between both surfaces: such mixed pixels differ from their neighbours by
-    more than a surface that is seen well. Surfaces seen at grazing angles go the same way.
+    A beam that meets an edge returns a range between both surfaces, and some returns are wild: such pixels are alone.
+    A pixel on a surface, also at its edge, has neighbours whose range differs by no more than that of a surface that
+    is seen well; surfaces seen at grazing angles go with the mixed pixels.
     """
     distance = np.linalg.norm(range_map, axis=-1)
     allowed = np.maximum(NOISE_JUMP, GRAZING_JUMP * distance / focal_px)
-    trusted = np.isfinite(distance)
+    alike = np.zeros(distance.shape, np.uint8)
     with np.errstate(invalid="ignore"):
-        for axis in (0, 1):
-            jumps = np.abs(np.diff(distance, axis=axis)) > np.delete(allowed, -1, axis=axis)
-            before = [(0, 1), (0, 0)] if axis == 0 else [(0, 0), (0, 1)]
-            after = [(1, 0), (0, 0)] if axis == 0 else [(0, 0), (1, 0)]
-            trusted &= ~np.pad(jumps, before) & ~np.pad(jumps, after)
-    return trusted & (_neighbours(trusted) >= MIN_NEIGHBOURS)
-
-
-def _neighbours(mask: np.ndarray) -> np.ndarray:
-    """How many of the 8 neighbours of each pixel are set."""
-    padded = np.pad(mask, 1).astype(np.uint8)
-    rows = padded[:-2] + padded[1:-1] + padded[2:]
-    return rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:] - mask
+        for one, other in _NEIGHBOURS:
+            agree = np.abs(distance[one] - distance[other]) < allowed[one]
+            alike[one] += agree
+            alike[other] += agree
+    return alike >= MIN_ALIKE
 
 
 def place_scan(range_map: np.ndarray, trusted: np.ndarray, sandbox_from_rectified: Pose) -> ScanPoints:

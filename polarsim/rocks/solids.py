@@ -6,6 +6,7 @@ import numpy as np
 
 from polarsim.formats.obj import Mesh
 from polarsim.geometry.topology import is_watertight, part_of_vertex
+from polarsim.rocks.parting import parted
 
 
 def compacted(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
@@ -59,7 +60,7 @@ def decimated(mesh: Mesh, share: float) -> Mesh:
     while share < 1:
         faces = max(12, round(share * len(mesh.faces)))
         fewer = source.simplify_quadric_decimation(faces)
-        copy = compacted(np.asarray(fewer.vertices), np.asarray(fewer.triangles).astype(np.int64))
+        copy = parted(compacted(np.asarray(fewer.vertices), np.asarray(fewer.triangles).astype(np.int64)))
         if len(copy.faces) and (is_watertight(copy.faces) or not closed):
             return largest_island(copy)
         share *= 1.25

@@ -11,31 +11,33 @@ from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks.closing import closing_points, hull_mesh
+from polarsim.rocks.clouds import tangents
 from polarsim.rocks.heights import FloorGrid, upward_normals
+from polarsim.rocks.parting import parted
 from polarsim.rocks.solids import compacted, largest_island
 
 log = logging.getLogger("polarsim")
 
-# Sides of the solver's cube over the cloud's: now and then two sheets of a surface touch in an edge; another one helps.
-SCALES = (1.30, 1.27, 1.34, 1.23, 1.40, 1.60)
+CELL_SHARES = (1.0, 0.97, 0.94)  # of the cell asked for, tried in turn: now and then a grid leaves a hole
 DENSE_STEP = 0.35  # of the points' spacing
-GROUND_SCALE = 1.05  # the same for the ground, whose border is cut off
-MIN_DEPTH, MAX_DEPTH = 4, 9  # of the octree
+ROOM, GROUND_ROOM = 1.2, 1.02  # least side of the solver's cube over the cloud's; the ground's border is cut off
+MIN_DEPTH, MAX_DEPTH = 4, 11  # of the octree
 
 
-def poisson(cloud: Cloud, cell: float, scale: float) -> Mesh:
-    """Poisson surface whose finest cells are at most `cell` metres (down to the octree's greatest depth).
+def poisson(cloud: Cloud, cell: float, room: float = ROOM) -> Mesh:
+    """Poisson surface whose finest cells measure `cell` metres (larger ones at the octree's greatest depth).
 
-    One thread: with more, the same cloud gives other meshes from run to run.
+    The cube is grown to a power of two of cells, so the surface is as fine as asked for and no finer. One thread: with
+    more, the same cloud gives other meshes from run to run.
     """
     import open3d
 
     points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(cloud.points))
     points.normals = open3d.utility.Vector3dVector(cloud.normals)
-    side = np.ptp(cloud.points, axis=0).max() * scale
-    depth = int(np.clip(np.ceil(np.log2(side / cell)), MIN_DEPTH, MAX_DEPTH))
+    side = np.ptp(cloud.points, axis=0).max()
+    depth = int(np.clip(np.ceil(np.log2(room * side / cell)), MIN_DEPTH, MAX_DEPTH))
     surface, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
-        points, depth=depth, scale=scale, linear_fit=True, n_threads=1
+        points, depth=depth, scale=max(room, cell * 2**depth / side), linear_fit=True, n_threads=1
     )
     return Mesh(np.asarray(surface.vertices).copy(), np.asarray(surface.triangles).astype(np.int64))
 
@@ -51,7 +53,7 @@ def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
         Largest cell of the reconstruction, metres.
     """
     points = np.concatenate([grid.places(), heights[..., None]], axis=-1).reshape(-1, 3)
-    surface = poisson(Cloud(points, upward_normals(grid, heights).reshape(-1, 3)), cell, GROUND_SCALE)
+    surface = poisson(Cloud(points, upward_normals(grid, heights).reshape(-1, 3)), cell, GROUND_ROOM)
     inside = grid.extent.contains(surface.vertices)
     return largest_island(compacted(surface.vertices, surface.faces[inside[surface.faces].all(axis=1)]))
 
@@ -65,10 +67,7 @@ def densified(cloud: Cloud) -> Cloud:
     if len(cloud) < 2:
         return cloud
     spacing = float(np.median(np.asarray(KDTree(cloud.points).query(cloud.points, k=2)[0])[:, 1]))
-    upright = np.abs(cloud.normals[:, [2]]) < 0.9
-    across = np.cross(cloud.normals, np.where(upright, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]]))
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    along = np.cross(cloud.normals, across)
+    across, along = tangents(cloud.normals)
     steps = DENSE_STEP * spacing * np.stack([across, -across, along, -along])
     points = np.concatenate([cloud.points, (cloud.points + steps).reshape(-1, 3)])
     return Cloud(points, np.tile(cloud.normals, (len(steps) + 1, 1)))
@@ -96,8 +95,8 @@ def closed_rock(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.
     closing = closing_points(cloud, grid, ground, scanners, cell)
     seen = densified(cloud)
     whole = Cloud(np.concatenate([seen.points, closing.points]), np.concatenate([seen.normals, closing.normals]))
-    for scale in SCALES:
-        mesh = largest_island(poisson(whole, cell, scale))
+    for share in CELL_SHARES:
+        mesh = largest_island(parted(poisson(whole, share * cell)))
         if is_watertight(mesh.faces):
             return mesh
     log.warning("no closed surface through %d points: their convex hull stands for the rock", len(cloud))

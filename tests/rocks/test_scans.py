@@ -67,6 +67,21 @@ def test_a_noisy_plane_becomes_flat_with_normals_to_the_scanner(rng):
     assert (cloud.normals[:, 2] > 0.95).mean() > 0.95
 
 
+@pytest.mark.parametrize("radius", [0.03, 0.05, 0.1])
+def test_a_noisy_ball_keeps_its_radius(rng, radius):
+    # Planes through the same neighbours made it smaller by 0.8, 0.5 and 0.3 mm.
+    outward = rng.normal(size=(round(5e6 * radius**2), 3))
+    outward = outward[outward[:, 2] > 0] / np.linalg.norm(outward[outward[:, 2] > 0], axis=1, keepdims=True)
+    noise = 0.002 * rng.normal(size=len(outward))  # along the beams of a scanner high above
+    points = radius * outward + noise[:, None] * [0, 0, 1]
+    scan = ScanPoints(points, np.tile([0.0, 0, 1], (len(points), 1)), np.ones(len(points)))
+    cloud = surface_cloud(voxel_means(scan, 0.002))
+    error = np.linalg.norm(cloud.points, axis=1) - radius
+    well_seen = cloud.points[:, 2] > 0.5 * radius
+    assert abs(np.median(error[well_seen])) < 0.0002
+    assert np.median(np.abs(error[well_seen])) < 0.0003
+
+
 def test_too_few_points_make_an_empty_cloud():
     assert len(surface_cloud(ScanPoints(np.zeros((3, 3)), np.zeros((3, 3)), np.ones(3)))) == 0
 

@@ -1,0 +1,93 @@
+"""Closed surfaces whose sheets touch, made manifold: octrees leave edges of four faces where a surface meets itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from polarsim.formats.obj import Mesh
+
+FLAT = 1e-6  # radians: sheets that lie on each other have nothing between them, not a full turn
+PARTING = 1e-5  # metres that touching sheets of a surface are set apart
+
+
+def parted(mesh: Mesh) -> Mesh:
+    """Sheets of a closed surface that touch along an edge or in a vertex, set a little apart: each edge has two faces.
+
+    Where four faces meet in an edge, the edge is halved, and those two go together that have solid between them.
+    Corners of faces that hang together over edges then are one vertex; vertices that become several move inward.
+    """
+    crowded = _crowded_edges(mesh.faces)
+    if len(crowded):
+        mesh = _halved(mesh, crowded)
+    faces, size = mesh.faces, len(mesh.vertices)
+    starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()  # edge k of face f is row 3 f + k
+    order, first, count = _grouped_edges(faces)
+    pairs = [np.stack([order[first[count == 2]], order[first[count == 2] + 1]], axis=1)]
+    for at, number in zip(first[count > 2], count[count > 2], strict=True):
+        pairs.append(_solid_pairs(mesh, order[at : at + number], starts, ends))
+    one, other = np.concatenate(pairs).T
+    following = np.arange(len(starts)).reshape(-1, 3)[:, [1, 2, 0]].ravel()  # corner at the end of each edge
+    links = np.concatenate([np.stack([one, following[other]], axis=1), np.stack([following[one], other], axis=1)])
+    graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(len(starts), len(starts)))
+    number, vertex = connected_components(graph, directed=False)
+    if number == len(np.unique(starts)):
+        return mesh
+    origin = np.empty(number, np.int64)
+    origin[vertex] = starts
+    apart = Mesh(mesh.vertices[origin], vertex.reshape(-1, 3).astype(np.int64))
+    several = np.bincount(origin, minlength=size)[origin] > 1
+    return Mesh(apart.vertices - np.where(several[:, None], PARTING * apart.normals(), 0.0), apart.faces)
+
+
+def _grouped_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of all faces' edges in the order of their ends, where each edge begins, and how many faces it has."""
+    starts, ends = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel().astype(np.int64)
+    number = np.minimum(starts, ends) * (faces.max(initial=0) + 1) + np.maximum(starts, ends)
+    order = np.argsort(number, kind="stable")
+    first = np.flatnonzero(np.diff(number[order], prepend=-1))
+    return order, first, np.diff(np.append(first, len(order)))
+
+
+def _crowded_edges(faces: np.ndarray) -> np.ndarray:
+    """(n, 2) edges of more than two faces, the lower vertex first."""
+    order, first, count = _grouped_edges(faces)
+    rows = order[first[count > 2]]
+    return np.sort(np.stack([faces.ravel()[rows], np.roll(faces, -1, axis=1).ravel()[rows]], axis=1), axis=1)
+
+
+def _halved(mesh: Mesh, edges: np.ndarray) -> Mesh:
+    """The mesh with a vertex in the middle of some edges (n, 2), and their faces cut there."""
+    middles = mesh.vertices[edges].mean(axis=1)
+    middle = {(int(a), int(b)): len(mesh.vertices) + k for k, (a, b) in enumerate(edges)}
+
+    def cut(face: tuple[int, int, int]) -> list[tuple[int, int, int]]:
+        for a, b, c in (face, (face[1], face[2], face[0]), (face[2], face[0], face[1])):
+            if (min(a, b), max(a, b)) in middle:
+                half = middle[min(a, b), max(a, b)]
+                return [*cut((a, half, c)), *cut((half, b, c))]
+        return [face]
+
+    touched = np.isin(mesh.faces, edges).sum(axis=1) >= 2
+    parts = [part for a, b, c in mesh.faces[touched].tolist() for part in cut((a, b, c))]
+    faces = np.concatenate([mesh.faces[~touched], np.array(parts, np.int64).reshape(-1, 3)])
+    return Mesh(np.concatenate([mesh.vertices, middles]), faces)
+
+
+def _solid_pairs(mesh: Mesh, edges: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """(n, 2) of the edges (2 n,) of faces about one line, those together that have least solid between them.
+
+    Seen along the line, solid lies before a face that runs along it and behind one that runs against it.
+    """
+    low, high = np.sort([starts[edges[0]], ends[edges[0]]])
+    line = mesh.vertices[high] - mesh.vertices[low]
+    apex = mesh.vertices[mesh.faces[edges // 3, (edges + 2) % 3]] - mesh.vertices[low]
+    across = np.cross(line, apex[0])
+    along = np.cross(across, line)
+    angle = np.arctan2(apex @ across * np.linalg.norm(line), apex @ along)
+    forward = starts[edges] == low
+    solid = np.mod(angle[forward][:, None] - angle[~forward][None] + FLAT, 2 * np.pi)
+    rows, columns = linear_sum_assignment(np.sqrt(solid))  # of sums that are alike, the one with the thinnest part
+    return np.stack([edges[forward][rows], edges[~forward][columns]], axis=1)

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+import trimesh
+
+from polarsim.formats.obj import Mesh
+from polarsim.geometry.topology import is_watertight
+from polarsim.rocks.parting import PARTING, parted
+from polarsim.rocks.solids import islands, volume
+
+
+def joined(*boxes):
+    """Boxes (low corner, high corner) that share the vertices where they touch."""
+    bodies = [trimesh.creation.box(bounds=box) for box in boxes]
+    whole = trimesh.util.concatenate(bodies)
+    whole.merge_vertices()
+    return Mesh(np.asarray(whole.vertices, float), np.asarray(whole.faces, np.int64))
+
+
+@pytest.mark.parametrize("far", [(2, 2, 1), (2, 2, 2)], ids=["edge", "vertex"])
+def test_two_boxes_that_touch_become_two_solids(far):
+    low = np.array(far) - 1
+    touching = joined([(0, 0, 0), (1, 1, 1)], [tuple(low), far])
+    apart = parted(touching)
+    assert is_watertight(apart.faces)
+    assert islands(apart).max() == 1
+    assert volume(apart) == pytest.approx(2, abs=20 * PARTING)
+    # In the rounded places of a file they stay apart, so that a reader who merges equal vertices finds two solids too.
+    assert len(np.unique(np.round(apart.vertices, 6), axis=0)) == len(apart.vertices)
+
+
+def test_a_solid_stays_what_it_is():
+    box = joined([(0, 0, 0), (1, 1, 1)])
+    assert parted(box) is box
+
+
+def test_sheets_that_lie_on_each_other_are_closed_one_way_or_the_other():
+    # Two boxes with a face in common, each cut along another diagonal there: nothing lies between, no edge fits.
+    one, other = (trimesh.creation.box(bounds=[(x, 0, 0), (x + 1, 1, 1)]) for x in (0, 1))
+    other.apply_transform(trimesh.transformations.reflection_matrix([1.5, 0.5, 0.5], [0, 1, 0]))
+    whole = trimesh.util.concatenate([one, other])
+    whole.merge_vertices()
+    apart = parted(Mesh(np.asarray(whole.vertices, float), np.asarray(whole.faces, np.int64)))
+    assert is_watertight(apart.faces)
+    assert volume(apart) == pytest.approx(2, abs=1e-3)
+
+
+def test_a_ball_with_pinched_places_is_mended(rng):
+    ball = trimesh.creation.icosphere(3)
+    number = np.arange(len(ball.vertices))
+    for one, other in rng.choice(len(number), (6, 2), replace=False):
+        number[number == number[other]] = number[one]  # far vertices become one: the surface touches itself
+    apart = parted(Mesh(np.asarray(ball.vertices, float), number[np.asarray(ball.faces, np.int64)]))
+    assert is_watertight(apart.faces)
+    assert len(np.unique(apart.faces)) == len(ball.vertices)
