@@ -231,8 +231,8 @@ def _true_points(truth: Path, terrain: int) -> np.ndarray:
     return points[:: max(1, len(points) // _POINTS)]
 
 
-def read_gauge(cameras: Path, truth: Path) -> tuple[Pose, list[np.ndarray]]:
-    """`truth_from_sandbox` of a terrain by its cameras, and the true centres (3,) of those cameras.
+def read_gauge(cameras: Path, truth: Path) -> Pose:
+    """`truth_from_sandbox` of a terrain by its cameras.
 
     Raises
     ------
@@ -245,10 +245,9 @@ def read_gauge(cameras: Path, truth: Path) -> tuple[Pose, list[np.ndarray]]:
     if not true:
         raise FormatError(f"{truth / 'cameras'}: no PosX.json")
     try:
-        gauge = fit_gauge(
+        return fit_gauge(
             {position: rig.sandbox_from_left for position, rig in placed.items()},
             {position: rig.sandbox_from_left for position, rig in true.items()},
         )
     except RegistrationError as error:
         raise RegistrationError(f"{cameras}: {error}") from error
-    return gauge, [true[position].sandbox_from_left.translation for position in sorted(set(placed) & set(true))]

@@ -10,22 +10,27 @@ import pandas as pd
 from scipy.optimize import linear_sum_assignment
 
 from polarsim.formats import obj
+from polarsim.formats.inventory import read_inventory
+from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import TerrainMesh, read_terrain
-from polarsim.formats.tables import read_parquet
+from polarsim.formats.tables import read_parquet, write_csv
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.survey import SANDBOX_HALF_WIDTH
 from polarsim.tables.gauge import refine_gauge
+from polarsim.tables.mesh_scores import accuracy, f_score, mesh_table, soundness_rows
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality import Figure, summary, write_quality
 from polarsim.tables.quality_cameras import read_gauge
+from polarsim.tables.sight import Sight, sights
 from polarsim.tables.surface import Surface, islands
 
 ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
 MATCH_RADIUS = 0.5  # of the true size: how far the centre of a found rock may be off
 SMALLEST_RADIUS = 0.03  # metres
+HAUSDORFF_SAMPLES = 4000  # points on a rock and on its thinned copy, besides all their vertices
 EDGE = 0.1  # metres: a strip along the walls does not count as ground
 
 
@@ -44,10 +49,12 @@ def score_rocks(
     meshes: Path,
     cameras: Path,
     truth: Path | None,
+    inventory: Path | None,
     quality: Path,
+    scores: Path,
     options: TablesOptions,
 ) -> None:
-    """Write the quality of a terrain's rocks and meshes.
+    """Write the quality of a terrain's rocks and meshes, and a row of scores for every mesh.
 
     Frames are brought together by the camera poses, then by one small rigid ICP of the terrain's ground; how far that
     went is a figure of its own.
@@ -58,15 +65,22 @@ def score_rocks(
         rocks.parquet.
     meshes, cameras
         Folders of the terrain.
+    scores
+        Table of the meshes that is written, see `mesh_scores.COLUMNS`.
     truth
         The analog's truth/TerrainTT; None where there is none.
     """
     found = read_parquet(rocks, ROCK_COLUMNS)
     scene = read_terrain(meshes, terrain)
     figures = counts(found, options) + soundness(scene)
+    rows = soundness_rows(meshes, terrain, generator(options.seed, "mesh samples", terrain), HAUSDORFF_SAMPLES)
     if truth is not None:
-        figures += _against_truth(terrain, found, scene, cameras, truth, options)
-    write_quality(quality, "rocks", terrain, figures)
+        more, own = _against_truth(terrain, found, scene, cameras, truth, inventory, options)
+        figures += more
+        rows = [{**row, **own.get(int(str(row["rock"])), {})} for row in rows]
+    table = mesh_table(rows)
+    write_quality(quality, "rocks", terrain, figures + _copies(table) + _by_rock(table, options))
+    write_csv(scores, table)
 
 
 def counts(found: pd.DataFrame, options: TablesOptions) -> list[Figure]:
@@ -146,16 +160,64 @@ def recall_and_precision(
     return figures + summary("paired rocks", "volume_ratio", ratio, "1", "truth", p90=False)
 
 
+def _copies(table: pd.DataFrame) -> list[Figure]:
+    """How rocks meet the ground, and how near their thinned copies are."""
+    rocks = table[table["rock"] != NO_ROCK]
+    if not len(rocks):
+        return []
+    n, copies = len(rocks), rocks.dropna(subset=["copy_hausdorff_mm"])
+    figures = [Figure("rock meshes", "contact_share", float(rocks["contact_share"].mean()), "1", n, "own")]
+    if len(copies):
+        worst, sound = copies["copy_hausdorff_mm"].max(), copies["copy_watertight"].mean()
+        share = copies["copy_vertex_share"].median()
+        figures += [
+            Figure("thinned copies", "hausdorff_max", float(worst), "mm", len(copies), "own"),
+            Figure("thinned copies", "watertight_share", float(sound), "1", len(copies), "own"),
+            Figure("thinned copies", "vertex_share_median", float(share), "1", len(copies), "own"),
+        ]
+    return figures
+
+
+def _by_rock(table: pd.DataFrame, options: TablesOptions) -> list[Figure]:
+    """Medians over rocks of each rock's own figures, by true size; and the ground's F-score."""
+    figures = []
+    scored = table.dropna(subset=["surface_median_mm"])
+    for name, members in zip(
+        (_large(options), _small(options)),
+        _size_classes(100 * scored["true_size_m"].to_numpy(float), options),
+        strict=True,
+    ):
+        rocks = scored[members]
+        for column, figure, unit in (
+            ("surface_median_mm", "surface_median_by_rock", "mm"),
+            ("surface_p90_mm", "surface_p90_by_rock", "mm"),
+            ("f_score_5mm", "f_score_5mm_by_rock", "1"),
+        ):
+            if len(rocks):
+                figures.append(Figure(name, figure, float(rocks[column].median()), unit, len(rocks), "truth"))
+    ground = scored[scored["rock"] == NO_ROCK]
+    if len(ground):
+        figures.append(Figure("ground", "f_score_5mm", float(ground["f_score_5mm"].iloc[0]), "1", 1, "truth"))
+    return figures
+
+
 def _against_truth(
-    terrain: int, found: pd.DataFrame, our_scene: TerrainMesh, cameras: Path, truth: Path, options: TablesOptions
-) -> list[Figure]:
+    terrain: int,
+    found: pd.DataFrame,
+    our_scene: TerrainMesh,
+    cameras: Path,
+    truth: Path,
+    inventory: Path | None,
+    options: TablesOptions,
+) -> tuple[list[Figure], dict[int, dict[str, float]]]:
+    """Figures of the terrain, and those of each found rock and of the ground."""
     true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
-    by_cameras, eyes = read_gauge(cameras, truth)
+    by_cameras, views = read_gauge(cameras, truth), _sights(cameras, truth, inventory)
     true_scene = read_terrain(truth / "meshes", terrain)
     true_surface = Surface(true_scene.vertices, true_scene.faces)
     our_surface = Surface(our_scene.vertices, our_scene.faces)
     rng = generator(options.seed, "surface samples", terrain)
-    points, rock = _visible_points(true_surface, true_scene.rock_of_face, eyes, options.surface_samples, rng)
+    points, rock = _seen_points(true_surface, true_scene.rock_of_face, views, options.surface_samples, rng)
     gauge = refine_gauge(by_cameras, points[rock == NO_ROCK], our_surface)
 
     in_truth = found.copy()
@@ -167,15 +229,34 @@ def _against_truth(
     paired = np.isin(rock, true["rock"].to_numpy()[pairs.true])
     figures += summary("paired rocks", "surface_distance", distance_mm[paired], "mm", "truth")
     figures += summary("ground", "surface_distance", distance_mm[rock == NO_ROCK], "mm", "truth")
-    return figures + _gauge_figures(by_cameras, gauge, points)
+    moved = Surface(gauge.apply(our_scene.vertices), our_scene.faces)
+    ours, our_rock = _seen_points(moved, our_scene.rock_of_face, views, options.surface_samples, rng)
+    back = true_surface.distance(ours)
+    size_of_true = dict(zip(true["rock"].tolist(), true["size_m"].tolist(), strict=True))
+    true_of_found = dict(
+        zip(found["rock"].to_numpy()[pairs.found].tolist(), true["rock"].to_numpy()[pairs.true].tolist(), strict=True)
+    )
+    paired_back = back[np.isin(our_rock, list(true_of_found))]
+    if paired.any():
+        score = f_score(distance_mm[paired] / 1000, paired_back)
+        figures.append(Figure("paired rocks", "f_score_5mm", score, "1", int(paired.sum()), "truth"))
+    own = accuracy(rock, distance_mm / 1000, our_rock, back, true_of_found)
+    for one, true_rock in true_of_found.items():
+        own.setdefault(one, {})["true_size_m"] = size_of_true[true_rock]
+    return figures + _gauge_figures(by_cameras, gauge, points), own
 
 
-def _visible_points(
-    surface: Surface, rock_of_face: np.ndarray, eyes: list[np.ndarray], n: int, rng: np.random.Generator
+def _sights(cameras: Path, truth: Path, inventory: Path | None) -> list[Sight]:
+    known = read_inventory(inventory) if inventory is not None else None
+    return sights(read_all_placed(truth / "cameras"), set(read_all_placed(cameras)), known)
+
+
+def _seen_points(
+    surface: Surface, rock_of_face: np.ndarray, views: list[Sight], n: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points on the true surface that some camera sees, and the rock of each: of n on the rocks and n on the ground.
+    """Points on a surface in the true frame that were seen, and the rock of each: of n on rocks and n on ground.
 
-    What no camera sees nobody can measure: undersides, and ground below rocks. A strip along the walls is left out.
+    What nobody saw nobody can measure: undersides, and ground below rocks. A strip along the walls is left out.
     """
     parts = []
     for wanted in (rock_of_face != NO_ROCK, rock_of_face == NO_ROCK):
@@ -184,8 +265,7 @@ def _visible_points(
         faces = np.flatnonzero(wanted)
         part = Surface(surface.vertices, surface.faces[faces])
         points, face = part.sample(n, rng)
-        normals = part.normals[face]
-        seen = np.logical_or.reduce([surface.seen_from(eye, points, normals) for eye in eyes])
+        seen = np.logical_or.reduce([view.sees(surface, points, part.normals[face]) for view in views])
         seen &= (np.abs(points[:, :2]) < SANDBOX_HALF_WIDTH - EDGE).all(axis=1)
         parts.append((points[seen], rock_of_face[faces[face[seen]]]))
     return np.concatenate([points for points, _ in parts]), np.concatenate([rock for _, rock in parts])

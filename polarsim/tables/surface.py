@@ -59,6 +59,13 @@ class Surface:
         """(n,) metres from each point (n, 3) to the surface."""
         return np.linalg.norm(self.closest(points)[0] - points, axis=1)
 
+    def height_below(self, points: np.ndarray) -> np.ndarray:
+        """(n,) how far points (n, 3) lie above the surface, metres, straight down or up; NaN beside it."""
+        high = np.column_stack([points[:, :2], np.full(len(points), self.vertices[:, 2].max() + 1.0)])
+        down = np.broadcast_to([0.0, 0.0, -1.0], high.shape)
+        distance = self._rays.nearest(high, down)[0]
+        return np.where(np.isfinite(distance), points[:, 2] - (high[:, 2] - distance), np.nan)
+
     def seen_from(self, eye: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """(n,) bool: points on the surface, with their normals, that an eye (3,) can see."""
         towards = eye - points

@@ -174,10 +174,13 @@ def test_without_truth_there_are_counts_and_soundness(tmp_path, world):
         meshes=tmp_path / "meshes",
         cameras=tmp_path / "cameras",
         truth=None,
+        inventory=None,
         quality=quality,
+        scores=tmp_path / "scores.csv",
         options=OPTIONS,
     )
     assert set(read_csv(quality)["against"]) == {"own"}
+    assert read_csv(tmp_path / "scores.csv")["rock"].tolist() == [-1, 1, 2]
     assert figures(quality)["rocks", "count"] == 2
 
 
@@ -208,7 +211,9 @@ def scored_rocks(folder):
         meshes=own / "meshes",
         cameras=own / "cameras",
         truth=folder / "truth",
+        inventory=None,
         quality=quality,
+        scores=folder / "scores.csv",
         options=OPTIONS,
     )
     return figures(quality)

@@ -5,6 +5,7 @@ rule tables:
     """Everything of this stage."""
     input:
         of_run("results/{run}/tables/quality.csv"),
+        of_run("results/{run}/tables/{name}.csv", name=["cameras", "rocks"]),
         of_run("results/{run}/tables/{name}.csv", name=["detection", "ipd"])
         if DOMAINS
         else [],
@@ -49,11 +50,13 @@ rule score_rocks:
     """Rocks found and surfaces meshed, against truth where there is one."""
     input:
         raw=raw_data,
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
         meshes="results/{run}/meshes/Terrain{terrain}",
         cameras="results/{run}/cameras/Terrain{terrain}",
     output:
         quality="results/{run}/quality/rocks_Terrain{terrain}.csv",
+        scores="results/{run}/quality/meshes_Terrain{terrain}.csv",
     log:
         "results/{run}/logs/tables/score_rocks_{terrain}.log",
     benchmark:
@@ -145,6 +148,73 @@ rule gather_quality:
         code=code_of("tables.quality"),
     script:
         "../scripts/gather_quality.py"
+
+
+rule tabulate_cameras:
+    """Every camera, and how scans or labels and meshes lie on each other."""
+    input:
+        cameras=of_every_terrain("results/{run}/cameras/Terrain{terrain}"),
+        quality=of_every_terrain("results/{run}/quality/cameras_Terrain{terrain}.csv"),
+    output:
+        table=report(
+            "results/{run}/tables/cameras.csv",
+            caption="../report/cameras_table.rst",
+            category="Tables",
+            labels={"table": "cameras"},
+        ),
+        alignment="results/{run}/tables/alignment.csv",
+        others=multiext("results/{run}/tables/cameras", ".md", ".tex", ".parquet")
+        + multiext("results/{run}/tables/alignment", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/tables/tabulate_cameras.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_cameras.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        terrains=CONFIG.terrains,
+        origin=ORIGIN,
+        code=code_of("tables.stage_tables"),
+    script:
+        "../scripts/tabulate_cameras.py"
+
+
+rule tabulate_rocks:
+    """Every rock and every mesh of the run."""
+    input:
+        rocks=of_every_terrain("results/{run}/rocks/Terrain{terrain}/rocks.parquet"),
+        scores=of_every_terrain("results/{run}/quality/meshes_Terrain{terrain}.csv"),
+    output:
+        table=report(
+            "results/{run}/tables/rocks.csv",
+            caption="../report/rocks_table.rst",
+            category="Tables",
+            labels={"table": "rocks"},
+        ),
+        meshes=report(
+            "results/{run}/tables/meshes.csv",
+            caption="../report/meshes_table.rst",
+            category="Tables",
+            labels={"table": "meshes"},
+        ),
+        others=multiext("results/{run}/tables/rocks", ".md", ".tex", ".parquet")
+        + multiext("results/{run}/tables/meshes", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/tables/tabulate_rocks.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_rocks.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        terrains=CONFIG.terrains,
+        origin=ORIGIN,
+        code=code_of("tables.stage_tables"),
+    script:
+        "../scripts/tabulate_rocks.py"
 
 
 rule tabulate_detection:

@@ -13,6 +13,8 @@ with reporting(log=snakemake.log[0]):
         meshes=Path(snakemake.input.meshes),
         cameras=Path(snakemake.input.cameras),
         truth=Path(snakemake.params.truth) if snakemake.params.truth else None,
+        inventory=Path(snakemake.input.inventory),
         quality=Path(snakemake.output.quality),
+        scores=Path(snakemake.output.scores),
         options=TablesOptions(**snakemake.params.options),
     )

@@ -1,0 +1,15 @@
+"""Tabulate cameras and alignments of all terrains."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.stage_tables import tabulate_cameras
+
+with reporting(log=snakemake.log[0]):
+    tabulate_cameras(
+        cameras=dict(zip(snakemake.params.terrains, map(Path, snakemake.input.cameras), strict=True)),
+        quality=[Path(path) for path in snakemake.input.quality],
+        table=Path(snakemake.output.table).with_suffix(""),
+        alignment=Path(snakemake.output.alignment).with_suffix(""),
+        origin=snakemake.params.origin,
+    )

@@ -1,0 +1,15 @@
+"""Tabulate rocks and meshes of all terrains."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.stage_tables import tabulate_rocks
+
+with reporting(log=snakemake.log[0]):
+    tabulate_rocks(
+        rocks=dict(zip(snakemake.params.terrains, map(Path, snakemake.input.rocks), strict=True)),
+        scores=dict(zip(snakemake.params.terrains, map(Path, snakemake.input.scores), strict=True)),
+        table=Path(snakemake.output.table).with_suffix(""),
+        meshes=Path(snakemake.output.meshes).with_suffix(""),
+        origin=snakemake.params.origin,
+    )
