@@ -1,0 +1,291 @@
+"""Scans that the analog did not make, and what becomes of them: `python benchmarks/foreign.py FOLDER [seed] [meshes]`.
+
+Another sandbox, another scanner: real scanned rocks (OBJ files of the published release, turned and scaled; lumpy
+ellipsoids where there are none) on waves, craters and ripples, in a box of thick boards that loose cloth hangs over
+differently in every scan. Ranges have noise that grows with range and incidence, stripes along rows and columns, mixed
+pixels by the width of the beam, gross outliers, and nothing from grazing surfaces. Files are in NASA's form, full size.
+
+Nothing here is shared with the analog; poses, lenses and file formats are the library's.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+import pandas as pd
+from scipy import ndimage
+
+from polarsim.cameras.locate import locate_cameras
+from polarsim.cameras.options import CamerasOptions
+from polarsim.formats import nasa, obj, tables
+from polarsim.formats.inventory import Inventory, write_inventory
+from polarsim.formats.rigs import PlacedRig, write_placed, write_rig
+from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.rocks.find import find_rocks
+from polarsim.rocks.mesh import mesh_rocks
+from polarsim.rocks.options import RocksOptions
+from polarsim.tables.options import TablesOptions
+from polarsim.tables.quality_cameras import MatchRule, score_cameras
+from polarsim.tables.quality_rocks import score_rocks
+
+TERRAIN = 2
+TRIPODS = {"A": ((3.55, -0.35, 1.55), 179, 25), "B": ((6.1, -0.45, 1.55), 178, 23), "C": ((0.75, -3.6, 1.52), 103, 26)}
+HALF, STEP = 2.0, 0.005  # metres: inner half width of the box, cell of the ground
+BOARD, RIM, FLOOR = 0.076, 0.30, -0.6  # metres: thickness and top of the walls, level of the hall
+LARGEST, SMALLEST = 0.34, 0.05  # metres: longest sides of rocks
+BEAM_PX = 0.7  # half the width of the scanner's beam
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Triangles of one rock, sandbox frame, metres."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+def ground_heights(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates (n,) along both sides, and heights (n, n) of waves, craters with rims, and ripples."""
+    axis = np.arange(-HALF - BOARD, HALF + BOARD + STEP / 2, STEP)
+    x, y = np.meshgrid(axis, axis)
+    height = 0.02 * np.sin(1.1 * x + rng.uniform(0, 6)) + 0.02 * np.sin(0.9 * y + rng.uniform(0, 6))
+    for _ in range(4):
+        radius, (u, v) = rng.uniform(0.15, 0.5), rng.uniform(-1.5, 1.5, 2)
+        r = np.hypot(x - u, y - v) / radius
+        height += radius * (0.10 * np.exp(-(((r - 1) / 0.25) ** 2)) - 0.16 * np.exp(-((r / 0.7) ** 2)))
+    for scale, size in ((0.10, 0.006), (0.03, 0.0015), (0.012, 0.0006)):
+        noise = ndimage.gaussian_filter(rng.normal(size=x.shape), scale / STEP)
+        height += size * noise / noise.std()
+    return axis, height
+
+
+def at(axis: np.ndarray, height: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(n,) heights of the ground at points (n, 2 or 3)."""
+    place = (points[:, [1, 0]] - axis[0]) / STEP
+    return ndimage.map_coordinates(height, place.T, order=1, mode="nearest")
+
+
+def shapes(meshes: Path | None, rng: np.random.Generator) -> list[Solid]:
+    """Real rocks where there are any, else lumpy ellipsoids; centred, longest horizontal side 1."""
+    files = sorted(meshes.glob("*/*_rock*.obj")) if meshes else []
+    found = [obj.read(path) for path in files if "decimate" not in path.name] or [_lump(rng) for _ in range(40)]
+    solids = []
+    for mesh in found:
+        used, faces = np.unique(mesh.faces, return_inverse=True)
+        vertices = mesh.vertices[used]
+        middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        side = np.ptp(vertices[:, :2], axis=0).max()
+        if np.ptp(vertices[:, 2]) > 0.25 * side:  # flat ones would vanish in the sand
+            solids.append(Solid((vertices - middle) / side, faces.reshape(-1, 3)))
+    return solids
+
+
+def _lump(rng: np.random.Generator) -> obj.Mesh:
+    ball = o3d.geometry.TriangleMesh.create_sphere(0.5, 60)
+    points = np.asarray(ball.vertices).copy()
+    for size in (0.12, 0.06, 0.03):
+        along = rng.normal(size=(6, 3)) / size
+        points += (
+            size * 0.15 * points * np.sin(points @ along.T * 0.8 + rng.uniform(0, 6, 6)).sum(axis=1, keepdims=True)
+        )
+    return obj.Mesh(points * rng.uniform(0.6, 1, 3), np.asarray(ball.triangles).astype(np.int64))
+
+
+def strewn(
+    axis: np.ndarray, height: np.ndarray, count: int, given: list[Solid], rng: np.random.Generator
+) -> list[Solid]:
+    """Rocks of a power law of sizes, turned about the vertical, sunk into the ground, none touching another."""
+    placed: list[Solid] = []
+    taken = np.zeros((0, 3))
+    sizes = np.clip(SMALLEST * rng.uniform(0, 1, count) ** -0.8, SMALLEST, LARGEST)
+    for size in np.sort(sizes)[::-1]:
+        shape = given[rng.integers(len(given))]
+        turn = Pose.from_rotvec(np.array([0, 0, rng.uniform(0, 6.28)]), np.zeros(3))
+        vertices = size * turn.apply(shape.vertices)
+        for _ in range(200):
+            x, y = rng.uniform(-1.75, 1.75, 2)
+            if (np.hypot(*(taken[:, :2] - [x, y]).T) > taken[:, 2] + 0.6 * size + 0.02).all():
+                break
+        else:
+            continue
+        vertices = vertices + np.array([x, y, 0])
+        foot = vertices[vertices[:, 2] < np.quantile(vertices[:, 2], 0.1)]
+        sunk = rng.uniform(0.05, 0.3) * np.ptp(vertices[:, 2])
+        vertices[:, 2] += np.median(at(axis, height, foot) - foot[:, 2]) - sunk
+        placed.append(Solid(vertices, shape.faces))
+        taken = np.vstack([taken, [x, y, 0.6 * size]])
+    return placed
+
+
+def box(cloth: float, rng: np.random.Generator) -> Solid:
+    """Boards around the sand, cloth over them that bulges by up to `cloth` metres, another way in every scan."""
+    parts, faces, start = [], [], 0
+    along = np.linspace(-HALF - BOARD, HALF + BOARD, 300)
+    profile = [(0.0, FLOOR), (0.0, RIM), (BOARD, RIM), (BOARD, FLOOR)]
+    steps = np.concatenate([np.linspace(a, b, 25)[:-1] for a, b in pairwise(profile)])
+    for side in range(4):
+        bulge = ndimage.gaussian_filter(rng.normal(size=(len(steps), len(along))), (4, 9))
+        bulge *= cloth / np.abs(bulge).max()
+        outward = HALF + steps[:, :1] + bulge
+        wall = np.stack(
+            [outward, np.broadcast_to(along, outward.shape), np.broadcast_to(steps[:, 1:], outward.shape)], -1
+        )
+        turn = Pose.from_rotvec(np.array([0, 0, side * np.pi / 2]), np.zeros(3))
+        parts.append(turn.apply(wall.reshape(-1, 3)))
+        faces.append(_grid_faces(*outward.shape) + start)
+        start += outward.size
+    floor = np.array([[-9, -9, FLOOR], [9, -9, FLOOR], [9, 9, FLOOR], [-9, 9, FLOOR]], float)
+    parts.append(floor)
+    faces.append(np.array([[0, 1, 2], [0, 2, 3]]) + start)
+    return Solid(np.concatenate(parts), np.concatenate(faces))
+
+
+def _grid_faces(rows: int, columns: int) -> np.ndarray:
+    a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    return np.concatenate([np.stack([a, a + 1, a + columns], 1), np.stack([a + 1, a + columns + 1, a + columns], 1)])
+
+
+def swept(solids: list[Solid], sandbox_from_eye: Pose, directions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(h, w, 3) float32 points in the eye's frame along directions (h, w, 3); NaN where nothing came back."""
+    scene = o3d.t.geometry.RaycastingScene()
+    for solid in solids:
+        scene.add_triangles(
+            o3d.core.Tensor(solid.vertices.astype(np.float32)), o3d.core.Tensor(solid.faces.astype(np.uint32))
+        )
+    rays = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    distance, cosine = _hits(scene, sandbox_from_eye, rays)
+    pixel = np.abs(np.diff(rays[:, :, 0], axis=1)).mean()
+    beside = rays.copy()
+    beside[..., :2] += BEAM_PX * pixel * rng.choice([-1.0, 1.0], (*distance.shape, 2))
+    other = _hits(scene, sandbox_from_eye, beside / np.linalg.norm(beside, axis=-1, keepdims=True))[0]
+    mixed = (np.abs(other - distance) > 0.015) & (rng.random(distance.shape) < 0.6)
+    share = rng.random(distance.shape)
+    distance = np.where(mixed, share * distance + (1 - share) * other, distance)
+    noise = 0.002 * (0.4 + 0.15 * distance + 0.3 * np.minimum(1 / np.maximum(cosine, 0.05) - 1, 6))
+    rows, columns = np.indices(distance.shape)
+    stripes = 0.0006 * np.sin(rows / 3.1) + 0.0012 * (rows % 48 == 0) - 0.0010 * (columns % 61 == 0)
+    measured = distance + noise * rng.normal(size=distance.shape) + stripes
+    wild = rng.random(distance.shape) < 0.002
+    measured[wild] *= rng.uniform(0.6, 1.4, wild.sum())
+    lost = rng.random(distance.shape) < 0.003 + 0.95 * np.clip((0.12 - cosine) / 0.12, 0, 1) ** 1.5
+    measured[lost] = np.nan
+    return (measured[..., None] * rays).astype(np.float32)
+
+
+def _hits(scene: o3d.t.geometry.RaycastingScene, pose: Pose, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances and cosines of incidence (h, w) along unit rays (h, w, 3)."""
+    turned = pose.rotate(rays.reshape(-1, 3)).reshape(rays.shape)
+    start = np.broadcast_to(pose.translation, turned.shape)
+    hit = scene.cast_rays(o3d.core.Tensor(np.concatenate([start, turned], axis=-1).astype(np.float32)))
+    distance, normals = hit["t_hit"].numpy().astype(float), hit["primitive_normals"].numpy()
+    return np.where(distance < 10, distance, np.nan), np.abs((normals * turned).sum(axis=-1))
+
+
+def make(folder: Path, seed: int, meshes: Path | None, count: int = 26) -> None:
+    """Write range maps and calibration as NASA would, and the truth beside them."""
+    rng = np.random.default_rng(seed)
+    axis, height = ground_heights(rng)
+    x, y = np.meshgrid(axis, axis)
+    ground = Solid(np.stack([x, y, height], -1).reshape(-1, 3), _grid_faces(len(axis), len(axis)))
+    rocks = strewn(axis, height, count, shapes(meshes, rng), rng)
+    rig, grid = stated_rig(), rectified_left(stated_rig())
+    maps = {}
+    for position, (place, yaw, pitch) in TRIPODS.items():
+        centre = np.array(place) + rng.normal(0, 0.08, 3)
+        turned = np.radians([yaw + rng.normal(0, 2), pitch + rng.normal(0, 1.5), rng.normal(0, 1)])
+        sandbox_from_left = looking(centre, *turned)
+        solids = [ground, *rocks, box(0.02, rng)]
+        points = swept(solids, sandbox_from_left @ grid.left_from_rectified, grid.lens.pixel_directions(), rng)
+        maps[position] = str(folder / f"Pos{position}_org-XYZ.tif")
+        nasa.write_range_map(maps[position], points)
+        write_placed(folder / f"truth/cameras/Pos{position}.json", PlacedRig(rig, sandbox_from_left, "truth"))
+    write_inventory(folder / "inventory.json", Inventory(TERRAIN, "polar", range_maps=maps))
+    write_rig(folder / "calibration.json", rig, "stated")
+    _write_truth(folder / "truth", ground, rocks, axis, height)
+
+
+def _write_truth(truth: Path, ground: Solid, rocks: list[Solid], axis: np.ndarray, height: np.ndarray) -> None:
+    rows = []
+    for number, rock in enumerate(rocks, 1):
+        above = rock.vertices[:, 2] - at(axis, height, rock.vertices)
+        faces = rock.faces[(above > -0.003)[rock.faces].any(axis=1)]
+        used, index = np.unique(faces, return_inverse=True)
+        part = rock.vertices[used]
+        low, high = part.min(axis=0), part.max(axis=0)
+        name = obj.rock_name(TERRAIN, number)
+        obj.write(truth / "meshes" / name, obj.Mesh(part, index.reshape(-1, 3)), Path(name).stem)
+        rows.append((number, *(low + high) / 2, (high - low)[:2].max(), above[used].max(), np.nan))
+    columns = ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3"]
+    tables.write_parquet(truth / "rocks.parquet", pd.DataFrame(rows, columns=columns))
+    name = obj.ground_name(TERRAIN)
+    obj.write(truth / "meshes" / name, obj.Mesh(ground.vertices, ground.faces), Path(name).stem)
+
+
+def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict[str, float]:
+    """Cameras, rocks and meshes of the scans in a folder, and their scores; CPU seconds of each stage."""
+    options = rocks_options or RocksOptions()
+    (folder / "seeds").mkdir(exist_ok=True)
+    seconds, start = {}, time.process_time()
+    locate_cameras(
+        terrain=TERRAIN,
+        positions=sorted(TRIPODS),
+        inventory=folder / "inventory.json",
+        calibration=folder / "calibration.json",
+        seeds=folder / "seeds",
+        cameras=folder / "cameras",
+        options=CamerasOptions(),
+        threads=1,
+    )
+    seconds["cameras"], start = time.process_time() - start, time.process_time()
+    find_rocks(
+        terrain=TERRAIN,
+        inventory=folder / "inventory.json",
+        cameras=folder / "cameras",
+        seeds=folder / "seeds",
+        overrides=None,
+        rocks=folder / "rocks.parquet",
+        cuboids=folder / "cuboids.yaml",
+        clouds=folder / "clouds",
+        options=options,
+    )
+    seconds["find"], start = time.process_time() - start, time.process_time()
+    mesh_rocks(
+        terrain=TERRAIN,
+        rocks=folder / "rocks.parquet",
+        clouds=folder / "clouds",
+        meshes=folder / "meshes",
+        options=options,
+    )
+    seconds["mesh"] = time.process_time() - start
+    return seconds
+
+
+def scored(folder: Path) -> pd.DataFrame:
+    """Figures of cameras and rocks against the truth."""
+    common = {"terrain": TERRAIN, "cameras": folder / "cameras", "truth": folder / "truth", "meshes": folder / "meshes"}
+    rule = MatchRule(0.004, 0.35, 0.3, 0.5, 40)
+    score_cameras(**common, matches=None, drawn=None, quality=folder / "cameras.csv", rule=rule)
+    rocks = {"rocks": folder / "rocks.parquet", "quality": folder / "rocks.csv", "scores": folder / "scores.csv"}
+    rocks["inventory"] = folder / "inventory.json"
+    score_rocks(**common, **rocks, options=TablesOptions())
+    return pd.concat([pd.read_csv(folder / f"{name}.csv") for name in ("cameras", "rocks")], ignore_index=True)
+
+
+def main() -> None:
+    folder, seed = Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    meshes = Path(sys.argv[3]) if len(sys.argv) > 3 else None
+    if not (folder / "truth").exists():
+        make(folder, seed, meshes)
+    print("CPU seconds:", {name: round(value, 1) for name, value in reconstruct(folder).items()})
+    print(scored(folder)[["stage", "subject", "figure", "value", "unit", "n"]].to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
