@@ -8,12 +8,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats import obj, tables
+from polarsim.formats import gltf, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.obj import Mesh
 from polarsim.geometry.topology import is_watertight
+from polarsim.photo import NO_ROCK
 from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.solids import decimated, islands, volume
+from polarsim.rocks.solids import decimated, islands, thinned, volume
+from polarsim.rocks.support import FILE as SUPPORT_FILE
+from polarsim.rocks.support import Scanned, support, support_table
+
+MOST_SHOWN = 250_000  # vertices of the ground in the file for viewers
 
 
 def height_mesh(grid: FloorGrid, heights: np.ndarray) -> Mesh:
@@ -29,14 +34,34 @@ def height_mesh(grid: FloorGrid, heights: np.ndarray) -> Mesh:
     return Mesh(vertices, np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)]))
 
 
-def write_meshes(terrain: int, meshes: Path, solids: dict[int, Mesh], ground: Mesh, decimated_share: float) -> None:
-    """Write a terrain's meshes under the release's names, with a table of their figures."""
+def write_meshes(
+    terrain: int,
+    meshes: Path,
+    solids: Mapping[int, Mesh],
+    ground: Mesh,
+    decimated_share: float,
+    scanned: Mapping[int, Scanned] | None = None,
+) -> None:
+    """Write a terrain's meshes under the release's names, a table of their figures, and a glTF file for viewers.
+
+    With what was `scanned` of each rock (of the ground under `NO_ROCK`) goes a table of the vertices' support.
+    """
+    scanned = scanned or {}
     with writing_folder(meshes) as folder:
         named = {obj.ground_name(terrain): ground}
         for rock, mesh in sorted(solids.items()):
             named[obj.rock_name(terrain, rock)] = mesh
             named[obj.rock_name(terrain, rock, decimated=True)] = decimated(mesh, decimated_share)
         write_named(folder, named)
+        if scanned:
+            full = {obj.ground_name(terrain): (NO_ROCK, ground)}
+            full |= {obj.rock_name(terrain, rock): (rock, mesh) for rock, mesh in sorted(solids.items())}
+            values = {name: support(mesh.vertices, scanned[rock]) for name, (rock, mesh) in full.items()}
+            tables.write_parquet(folder / SUPPORT_FILE, support_table(values))
+        shown = thinned(ground, MOST_SHOWN)
+        parts = {gltf.GROUND: (NO_ROCK, shown), **{f"rock{rock}": (rock, mesh) for rock, mesh in solids.items()}}
+        known = {name: support(mesh.vertices, scanned[rock]) for name, (rock, mesh) in parts.items() if rock in scanned}
+        gltf.write(folder / gltf.name(terrain), {name: mesh for name, (_, mesh) in parts.items()}, known)
 
 
 def write_named(folder: Path, named: Mapping[str, Mesh]) -> None:

@@ -11,10 +11,12 @@ from polarsim.errors import ReconstructionError
 from polarsim.formats import ply, tables
 from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
+from polarsim.photo import NO_ROCK
 from polarsim.rocks.folder import height_mesh, write_meshes
 from polarsim.rocks.heights import FloorGrid, filled, mean_heights
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.scans import Extent
+from polarsim.rocks.support import Scanned
 from polarsim.rocks.surfaces import closed_rock, ground_surface
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
@@ -23,7 +25,7 @@ WALL_REACH = 0.05  # metres that the ground's mesh reaches beyond the surveyed s
 
 
 def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options: RocksOptions) -> None:
-    """Reconstruct every rock and the ground of a terrain; write OBJ files, decimated copies and `meshes.csv`.
+    """Reconstruct every rock and the ground of a terrain; write OBJ files, decimated copies, tables, glTF.
 
     A rock whose points make no surface is a warning and a gap.
     """
@@ -32,15 +34,17 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
     grid, ground = ground_heights(points, options.ground_cell_mm / 1000)
     scanners = tables.read_csv(Path(clouds) / "scanners.csv", ["x", "y", "z"])[["x", "y", "z"]].to_numpy(float)
     solids: dict[int, Mesh] = {}
+    scanned = {NO_ROCK: Scanned(points.points, options.ground_cell_mm / 1000)}
     for rock in table["rock"].tolist():
         cloud = ply.read(Path(clouds) / f"rock{rock}.ply")
+        scanned[rock] = Scanned(cloud.points, options.rock_cell_mm / 1000)
         try:
             solids[rock] = closed_rock(cloud, grid, ground, scanners, options.rock_cell_mm / 1000)
         except ReconstructionError as error:
             log.warning("terrain %02d, rock %d has no mesh: %s", terrain, rock, error)
     cell = options.ground_mesh_cell_mm / 1000
     surface = ground_surface(grid, ground, cell) if options.ground_surface == "poisson" else _triangles(points, cell)
-    write_meshes(terrain, meshes, solids, surface, options.decimated_share)
+    write_meshes(terrain, meshes, solids, surface, options.decimated_share, scanned)
 
 
 def _triangles(points: Cloud, cell: float) -> Mesh:

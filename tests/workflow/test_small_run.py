@@ -15,6 +15,7 @@ SMALL = {
     "terrains": [1],
     "positions": ["A", "C"],
     "source": {"kind": "analog", "root": "data/analog"},
+    "rocks": {"rock_cell_mm": 3, "ground_mesh_cell_mm": 10},
     "grid": {"azimuths": ["30"], "lights": ["off"], "exposures_ms": [64, 128, 256, 512]},
     "detect": {"epochs": 1, "imgsz": 96},
 }

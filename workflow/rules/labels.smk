@@ -28,7 +28,7 @@ rule propagate_labels:
     priority: TRAINING_WAITS
     threads: 1
     resources:
-        mem_mb=2000,
+        mem_mb=4000,
         runtime=20,
     params:
         positions=positions_here,
@@ -54,7 +54,7 @@ rule draw_masks:
         "results/{run}/benchmarks/labels/draw_masks_{terrain}.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
+        mem_mb=4000,
         runtime=20,
     params:
         positions=positions_here,

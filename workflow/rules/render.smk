@@ -28,7 +28,7 @@ rule render_twins:
     priority: TWINS_WAIT
     threads: 1
     resources:
-        mem_mb=2000,
+        mem_mb=4000,
         runtime=30,
     params:
         positions=positions_here,
@@ -55,7 +55,7 @@ rule label_twins:
     priority: TWINS_WAIT
     threads: 1
     resources:
-        mem_mb=2000,
+        mem_mb=4000,
         runtime=20,
     params:
         positions=positions_here,

@@ -99,7 +99,7 @@ else:
         priority: TRAINING_WAITS
         threads: 1
         resources:
-            mem_mb=2500,
+            mem_mb=4000,
             runtime=20,
         params:
             options=options("rocks"),

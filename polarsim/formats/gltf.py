@@ -1,0 +1,43 @@
+"""Binary glTF 2.0 of a whole terrain, for viewers: ground and rocks as named nodes, in metres, +Y up as glTF asks.
+
+Vertices that no scan supports are tinted; their support, 0 to 1, is the vertex attribute `_SUPPORT`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats.files import writing
+from polarsim.formats.obj import Mesh
+
+GROUND = "ground"  # name of the ground's node; all others are rocks
+SAND, ROCK, UNSEEN = np.array([176, 168, 152]), np.array([110, 106, 100]), np.array([168, 92, 72])  # sRGB
+Y_UP_FROM_SANDBOX = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+
+
+def name(terrain: int) -> str:
+    return f"terrain{terrain:02d}.glb"
+
+
+def write(path: str | Path, parts: Mapping[str, Mesh], support: Mapping[str, np.ndarray]) -> None:
+    """Write meshes by the names of their nodes, with the support (v,) of their vertices where it is known."""
+    import trimesh
+
+    scene = trimesh.Scene(base_frame="sandbox")
+    for node, mesh in parts.items():
+        known = support.get(node, np.ones(len(mesh.vertices)))[:, None]
+        colour = known * (SAND if node == GROUND else ROCK) + (1 - known) * UNSEEN
+        body = trimesh.Trimesh(
+            mesh.vertices.astype(np.float32),
+            mesh.faces,
+            process=False,
+            vertex_normals=mesh.normals(),
+            vertex_colors=np.hstack([np.round(colour), np.full_like(known, 255)]).astype(np.uint8),
+            vertex_attributes={"_SUPPORT": known.astype(np.float32)},
+        )
+        scene.add_geometry(body, node_name=node, geom_name=node, transform=Y_UP_FROM_SANDBOX)
+    with writing(path) as temporary:
+        temporary.write_bytes(scene.export(file_type="glb", include_normals=True))

@@ -1,0 +1,36 @@
+"""Scans of another simulator, from files in NASA's form to scored meshes: what holds on the analog must hold there."""
+
+import importlib.util
+from pathlib import Path
+
+from polarsim.rocks.options import RocksOptions
+
+SCRIPT = Path(__file__).parents[2] / "benchmarks/foreign.py"
+AT_MOST = {
+    ("worst position", "position_error_aligned"): 1.0,  # mm: loose cloth on thick walls does not pull the cameras
+    ("worst position", "angle_error_aligned"): 0.02,  # degrees
+    ("rocks of 8 cm and more", "surface_median_by_rock"): 0.8,  # mm, where a scan returned from
+    ("rocks of 8 cm and more", "surface_p90_by_rock"): 2.0,
+    ("ground", "surface_distance_median"): 0.5,
+    ("ground", "surface_distance_p90"): 1.5,
+    ("thinned copies", "hausdorff_max"): 5.0,
+}
+AT_LEAST = {
+    ("rocks of 8 cm and more", "recall"): 0.95,
+    ("rocks of 8 cm and more", "precision"): 0.95,
+    ("rock meshes", "watertight_share"): 1.0,
+    ("rock meshes", "one_island_share"): 1.0,
+    ("rock meshes", "contact_share"): 0.95,
+    ("thinned copies", "watertight_share"): 1.0,
+}
+
+
+def test_foreign_scans_become_true_cameras_rocks_and_meshes(tmp_path):
+    spec = importlib.util.spec_from_file_location("foreign", SCRIPT)
+    foreign = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(foreign)
+    foreign.make(tmp_path, seed=5, meshes=None, count=10)
+    foreign.reconstruct(tmp_path, RocksOptions(rock_cell_mm=3, ground_mesh_cell_mm=12))
+    found = foreign.scored(tmp_path).set_index(["subject", "figure"])["value"]
+    assert {name: found[name] for name, bound in AT_MOST.items() if not found[name] <= bound} == {}
+    assert {name: found[name] for name, bound in AT_LEAST.items() if not found[name] >= bound} == {}
