@@ -12,7 +12,8 @@ NEIGHBOURS = 128  # points that tell the surface about one
 NEIGHBOUR_SCALE = 0.007  # metres: Gaussian weight of neighbours; 2 mm noise of single points falls below 0.3 mm
 NORMAL_SCALE = 0.35  # of |n_i - n_j|: across an edge of a rock neighbours do not count (bilateral weight)
 PASSES = 2  # the second one knows better normals, so it keeps edges
-RIDGE = 1e-3  # on second-order terms in neighbour scales: a rim with neighbours on one side stays plane
+# On slopes and second-order terms in neighbour scales: a rim with neighbours on one side stays plane, a lone point put.
+RIDGE = np.diag([0, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3])
 BLOCK = 4096  # points that are worked on at once: memory stays small
 
 
@@ -57,7 +58,8 @@ def _plane_normals(scan: ScanPoints, near: np.ndarray, weights: np.ndarray, rows
     shares = weights / weights.sum(axis=1, keepdims=True)
     neighbours = scan.points[near]
     offsets = neighbours - np.einsum("nk,nkc->nc", shares, neighbours)[:, None]
-    normals = np.linalg.eigh(np.einsum("nk,nkc,nkd->ncd", shares, offsets, offsets))[1][:, :, 0]
+    covariance = (shares[..., None] * offsets).swapaxes(1, 2) @ offsets
+    normals = np.linalg.eigh(covariance)[1][:, :, 0]
     away = (normals * scan.to_scanner[rows]).sum(axis=1, keepdims=True) < 0
     return np.where(away, -normals, normals)
 
@@ -72,11 +74,11 @@ def _on_quadrics(
     weights = weights / weights.sum(axis=1, keepdims=True)
     across, along = tangents(own)
     offsets = (points[near] - points[rows, None]) / NEIGHBOUR_SCALE
-    x, y, z = (np.einsum("nkc,nc->nk", offsets, axis) for axis in (across, along, own))
+    x, y, z = np.moveaxis(offsets @ np.stack([across, along, own], axis=-1), -1, 0)
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-    weighted = terms * weights[..., None]
-    normal_matrix = np.einsum("nki,nkj->nij", weighted, terms) + RIDGE * np.diag([0, 0, 0, 1, 1, 1])
-    heights = np.linalg.solve(normal_matrix, np.einsum("nki,nk->ni", weighted, z)[..., None])[..., 0]
+    weighted = (terms * weights[..., None]).swapaxes(1, 2)
+    normal_matrix = weighted @ terms + RIDGE
+    heights = np.linalg.solve(normal_matrix, weighted @ z[..., None])[..., 0]
     turned = own - heights[:, [1]] * across - heights[:, [2]] * along
     return (
         points[rows] + NEIGHBOUR_SCALE * heights[:, [0]] * own,

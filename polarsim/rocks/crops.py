@@ -11,12 +11,13 @@ from scipy import ndimage
 from polarsim.rocks.ground import FOOT_MARGIN, Sand
 from polarsim.rocks.heights import filled
 from polarsim.rocks.overrides import Cuboid, Overrides
-from polarsim.rocks.regions import Region, measured_region
+from polarsim.rocks.regions import WALL_CLEARANCE, Region, measured_region
 from polarsim.rocks.scans import ScanPoints
 
 log = logging.getLogger("polarsim")
 CUBOID_BELOW = 0.010  # metres that a cuboid reaches below the lowest ground at its rock
 CUBOID_ABOVE = 0.005  # and above the rock's highest point
+LEANING_HEIGHT = 0.03  # metres above the ground from which what reaches the border is no sand
 LOWEST_POINT = 0.001  # metres above ground from which points near a rock are the rock's
 
 
@@ -114,11 +115,21 @@ def _around(sand: Sand, region: Region) -> Cuboid:
     return Cuboid(np.floor(low * 1000) / 1000, np.ceil(high * 1000) / 1000)
 
 
+def _leaning(sand: Sand) -> np.ndarray:
+    """(rows, columns) bool: what stands out of the sand and reaches the border: cloth that hangs in, a board."""
+    standing, _ = ndimage.label(sand.above > LEANING_HEIGHT, np.ones((3, 3)))
+    inner = np.zeros(standing.shape, bool)
+    margin = round(WALL_CLEARANCE / sand.grid.cell)
+    inner[margin:-margin, margin:-margin] = True
+    return np.isin(standing, np.setdiff1d(standing[~inner], 0))
+
+
 def _with_rest_as_ground(sand: Sand, regions: list[Region]) -> Sand:
-    """Pebbles, ripples and steep sand belong to the ground: all that was seen and is not at a rock."""
+    """Pebbles, ripples and steep sand belong to the ground: all that was seen, and is neither a rock nor on a wall."""
     taken = np.zeros(sand.surface.shape, bool)
     for region in regions:
         taken.ravel()[region.footprint] = True
+    taken |= _leaning(sand)
     taken = ndimage.binary_dilation(taken, np.ones((3, 3), bool), iterations=FOOT_MARGIN)
     is_ground = np.isfinite(sand.surface) & ~taken | sand.is_ground
     return replace(sand, is_ground=is_ground, ground=filled(np.nan_to_num(sand.surface), is_ground))

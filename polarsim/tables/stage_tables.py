@@ -71,12 +71,17 @@ def tabulate_rocks(
     `table` and `meshes` are stems: four forms each.
     """
     for stem, caption, parts in (
-        (table, ROCK_CAPTION, {terrain: read_parquet(path, ["rock"]) for terrain, path in rocks.items()}),
+        (table, ROCK_CAPTION, {terrain: _rocks(path) for terrain, path in rocks.items()}),
         (meshes, MESH_CAPTION, {terrain: read_csv(path, ["mesh"]) for terrain, path in scores.items()}),
     ):
         whole = pd.concat([part.assign(terrain=terrain) for terrain, part in sorted(parts.items())], ignore_index=True)
         whole = whole[["terrain", *(name for name in whole.columns if name != "terrain")]]
         _write_frame(stem, whole, caption, origin)
+
+
+def _rocks(path: Path) -> pd.DataFrame:
+    """A terrain's rocks; `source` is the run's in every table, so what found a rock is `found_by`."""
+    return read_parquet(path, ["rock", "source"]).rename(columns={"source": "found_by"})
 
 
 def _camera_row(terrain: int, position: str, rig: PlacedRig, figures: pd.DataFrame) -> dict[str, Any]:

@@ -91,6 +91,18 @@ def test_a_find_whose_id_is_taken_gets_the_next_free_one(found):
     np.testing.assert_array_equal(rocks[4].region.seen, regions[2].seen)
 
 
+def test_cloth_that_hangs_into_the_box_becomes_no_ground(bare_scans, rng):
+    corner = rng.uniform([-1.9, -1.9], [-1.7, -1.7], (40_000, 2))
+    cloth = np.column_stack([corner, 0.15 + 0.03 * rng.normal(size=len(corner))])
+    away = bare_scans.points[:, :2].max(axis=1) > -1.7
+    points = np.concatenate([bare_scans.points[away], cloth])
+    scans = ScanPoints(points, np.tile([0.0, 0, 1], (len(points), 1)), np.ones(len(points)))
+    sand, regions = regions_of(scans)
+    sand, _ = crop_rocks(sand, regions, Overrides(), LIMITS.foot)
+    error = sand.ground - hills(sand.grid.places())
+    assert np.abs(error[:30, :30]).max() < 0.08  # 24 cm of the corner, filled from beside it
+
+
 def test_a_low_find_is_kept_where_labels_confirm_it(three_rock_scans):
     sand = find_ground(three_rock_scans.select(SAND.contains(three_rock_scans.points)), SAND, CELL, SLOPE)
     high = Limits(foot=0.006, height=0.2, confirmed_height=0.010, size=0.035)

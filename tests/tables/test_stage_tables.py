@@ -52,7 +52,8 @@ def test_a_camera_placed_by_labels_is_aligned_with_its_boxes(tmp_path):
 
 def test_rocks_and_meshes_of_all_terrains_stand_in_one_table_each(tmp_path):
     for terrain in (1, 11):
-        write_parquet(tmp_path / f"rocks{terrain}.parquet", pd.DataFrame({"rock": [1, 2], "size_m": [0.1, 0.2]}))
+        found = pd.DataFrame({"rock": [1, 2], "size_m": [0.1, 0.2], "source": ["scan", "override"]})
+        write_parquet(tmp_path / f"rocks{terrain}.parquet", found)
         rows = [
             {"mesh": f"m{k}", "rock": k, "vertices": 4, "faces": 4, "watertight": True, "islands": 1} for k in (1, 2)
         ]
@@ -66,6 +67,8 @@ def test_rocks_and_meshes_of_all_terrains_stand_in_one_table_each(tmp_path):
     )
     rocks, meshes = (read_csv(tmp_path / f"tables/{name}.csv") for name in ("rocks", "meshes"))
     assert rocks["terrain"].tolist() == meshes["terrain"].tolist() == [1, 1, 11, 11]
+    assert rocks["source"].unique().tolist() == ["analog"]
+    assert rocks["found_by"].tolist() == ["scan", "override"] * 2
     shown = (tmp_path / "tables/meshes.md").read_text()
     assert "m2" in shown
     assert "hausdorff" not in shown  # a column without any value is not shown
