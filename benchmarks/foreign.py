@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -31,6 +30,7 @@ from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import CamerasOptions
 from polarsim.formats import nasa, obj, tables
 from polarsim.formats.inventory import Inventory, write_inventory
+from polarsim.formats.obj import Mesh
 from polarsim.formats.rigs import PlacedRig, write_placed, write_rig
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import rectified_left, stated_rig
@@ -47,14 +47,6 @@ HALF, STEP = 2.0, 0.005  # metres: inner half width of the box, cell of the grou
 BOARD, RIM, FLOOR = 0.076, 0.30, -0.6  # metres: thickness and top of the walls, level of the hall
 LARGEST, SMALLEST = 0.34, 0.05  # metres: longest sides of rocks
 BEAM_PX = 0.7  # half the width of the scanner's beam
-
-
-@dataclass(frozen=True)
-class Solid:
-    """Triangles of one rock, sandbox frame, metres."""
-
-    vertices: np.ndarray
-    faces: np.ndarray
 
 
 def ground_heights(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -78,7 +70,7 @@ def at(axis: np.ndarray, height: np.ndarray, points: np.ndarray) -> np.ndarray:
     return ndimage.map_coordinates(height, place.T, order=1, mode="nearest")
 
 
-def shapes(meshes: Path | None, rng: np.random.Generator) -> list[Solid]:
+def shapes(meshes: Path | None, rng: np.random.Generator) -> list[Mesh]:
     """Real rocks where there are any, else lumpy ellipsoids; centred, longest horizontal side 1."""
     files = sorted(meshes.glob("*/*_rock*.obj")) if meshes else []
     found = [obj.read(path) for path in files if "decimate" not in path.name] or [_lump(rng) for _ in range(40)]
@@ -89,11 +81,11 @@ def shapes(meshes: Path | None, rng: np.random.Generator) -> list[Solid]:
         middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
         side = np.ptp(vertices[:, :2], axis=0).max()
         if np.ptp(vertices[:, 2]) > 0.25 * side:  # flat ones would vanish in the sand
-            solids.append(Solid((vertices - middle) / side, faces.reshape(-1, 3)))
+            solids.append(Mesh((vertices - middle) / side, faces.reshape(-1, 3)))
     return solids
 
 
-def _lump(rng: np.random.Generator) -> obj.Mesh:
+def _lump(rng: np.random.Generator) -> Mesh:
     ball = o3d.geometry.TriangleMesh.create_sphere(0.5, 60)
     points = np.asarray(ball.vertices).copy()
     for size in (0.12, 0.06, 0.03):
@@ -101,14 +93,12 @@ def _lump(rng: np.random.Generator) -> obj.Mesh:
         points += (
             size * 0.15 * points * np.sin(points @ along.T * 0.8 + rng.uniform(0, 6, 6)).sum(axis=1, keepdims=True)
         )
-    return obj.Mesh(points * rng.uniform(0.6, 1, 3), np.asarray(ball.triangles).astype(np.int64))
+    return Mesh(points * rng.uniform(0.6, 1, 3), np.asarray(ball.triangles).astype(np.int64))
 
 
-def strewn(
-    axis: np.ndarray, height: np.ndarray, count: int, given: list[Solid], rng: np.random.Generator
-) -> list[Solid]:
+def strewn(axis: np.ndarray, height: np.ndarray, count: int, given: list[Mesh], rng: np.random.Generator) -> list[Mesh]:
     """Rocks of a power law of sizes, turned about the vertical, sunk into the ground, none touching another."""
-    placed: list[Solid] = []
+    placed: list[Mesh] = []
     taken = np.zeros((0, 3))
     sizes = np.clip(SMALLEST * rng.uniform(0, 1, count) ** -0.8, SMALLEST, LARGEST)
     for size in np.sort(sizes)[::-1]:
@@ -125,12 +115,12 @@ def strewn(
         foot = vertices[vertices[:, 2] < np.quantile(vertices[:, 2], 0.1)]
         sunk = rng.uniform(0.05, 0.3) * np.ptp(vertices[:, 2])
         vertices[:, 2] += np.median(at(axis, height, foot) - foot[:, 2]) - sunk
-        placed.append(Solid(vertices, shape.faces))
+        placed.append(Mesh(vertices, shape.faces))
         taken = np.vstack([taken, [x, y, 0.6 * size]])
     return placed
 
 
-def box(cloth: float, rng: np.random.Generator) -> Solid:
+def box(cloth: float, rng: np.random.Generator) -> Mesh:
     """Boards around the sand, cloth over them that bulges by up to `cloth` metres, another way in every scan."""
     parts, faces, start = [], [], 0
     along = np.linspace(-HALF - BOARD, HALF + BOARD, 300)
@@ -150,7 +140,7 @@ def box(cloth: float, rng: np.random.Generator) -> Solid:
     floor = np.array([[-9, -9, FLOOR], [9, -9, FLOOR], [9, 9, FLOOR], [-9, 9, FLOOR]], float)
     parts.append(floor)
     faces.append(np.array([[0, 1, 2], [0, 2, 3]]) + start)
-    return Solid(np.concatenate(parts), np.concatenate(faces))
+    return Mesh(np.concatenate(parts), np.concatenate(faces))
 
 
 def _grid_faces(rows: int, columns: int) -> np.ndarray:
@@ -158,7 +148,7 @@ def _grid_faces(rows: int, columns: int) -> np.ndarray:
     return np.concatenate([np.stack([a, a + 1, a + columns], 1), np.stack([a + 1, a + columns + 1, a + columns], 1)])
 
 
-def swept(solids: list[Solid], sandbox_from_eye: Pose, directions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def swept(solids: list[Mesh], sandbox_from_eye: Pose, directions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(h, w, 3) float32 points in the eye's frame along directions (h, w, 3); NaN where nothing came back."""
     scene = o3d.t.geometry.RaycastingScene()
     for solid in solids:
@@ -199,7 +189,7 @@ def make(folder: Path, seed: int, meshes: Path | None, count: int = 26) -> None:
     rng = np.random.default_rng(seed)
     axis, height = ground_heights(rng)
     x, y = np.meshgrid(axis, axis)
-    ground = Solid(np.stack([x, y, height], -1).reshape(-1, 3), _grid_faces(len(axis), len(axis)))
+    ground = Mesh(np.stack([x, y, height], -1).reshape(-1, 3), _grid_faces(len(axis), len(axis)))
     rocks = strewn(axis, height, count, shapes(meshes, rng), rng)
     rig, grid = stated_rig(), rectified_left(stated_rig())
     maps = {}
@@ -217,7 +207,7 @@ def make(folder: Path, seed: int, meshes: Path | None, count: int = 26) -> None:
     _write_truth(folder / "truth", ground, rocks, axis, height)
 
 
-def _write_truth(truth: Path, ground: Solid, rocks: list[Solid], axis: np.ndarray, height: np.ndarray) -> None:
+def _write_truth(truth: Path, ground: Mesh, rocks: list[Mesh], axis: np.ndarray, height: np.ndarray) -> None:
     rows = []
     for number, rock in enumerate(rocks, 1):
         above = rock.vertices[:, 2] - at(axis, height, rock.vertices)
@@ -226,12 +216,12 @@ def _write_truth(truth: Path, ground: Solid, rocks: list[Solid], axis: np.ndarra
         part = rock.vertices[used]
         low, high = part.min(axis=0), part.max(axis=0)
         name = obj.rock_name(TERRAIN, number)
-        obj.write(truth / "meshes" / name, obj.Mesh(part, index.reshape(-1, 3)), Path(name).stem)
+        obj.write(truth / "meshes" / name, Mesh(part, index.reshape(-1, 3)), Path(name).stem)
         rows.append((number, *(low + high) / 2, (high - low)[:2].max(), above[used].max(), np.nan))
     columns = ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3"]
     tables.write_parquet(truth / "rocks.parquet", pd.DataFrame(rows, columns=columns))
     name = obj.ground_name(TERRAIN)
-    obj.write(truth / "meshes" / name, obj.Mesh(ground.vertices, ground.faces), Path(name).stem)
+    obj.write(truth / "meshes" / name, ground, Path(name).stem)
 
 
 def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict[str, float]:

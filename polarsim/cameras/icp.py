@@ -115,9 +115,7 @@ def align_jointly(
     samples = {name: surfaces[name].sample(FINE_SAMPLES) for name in surfaces}
     for scale in scales:
         for _ in range(ROUNDS):
-            normal, right = np.zeros((6 * len(names), 6 * len(names))), np.zeros(6 * len(names))
-            for moving, fixed in permutations(sorted(surfaces), 2):
-                _add_pair(normal, right, names, fixed, moving, surfaces, samples, poses, scale)
+            normal, right, _ = _normal_equations(names, surfaces, samples, poses, scale)
             step = np.linalg.solve(normal + 1e-9 * np.eye(len(normal)), right).reshape(-1, 6)
             for name, change in zip(names, step, strict=True):
                 turn = Pose(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:])
@@ -134,12 +132,8 @@ def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose], scal
     variance of the distances. Errors that neighbouring points share make true errors larger.
     """
     names = sorted(surfaces)
-    normal, right = np.zeros((6 * len(names), 6 * len(names))), np.zeros(6 * len(names))
     samples = {name: surfaces[name].sample(FINE_SAMPLES) for name in names}
-    squares, weights = 0.0, 0.0
-    for fixed, moving in permutations(names, 2):
-        more_squares, more_weights = _add_pair(normal, right, names, fixed, moving, surfaces, samples, poses, scale)
-        squares, weights = squares + more_squares, weights + more_weights
+    normal, _, (squares, weights) = _normal_equations(names, surfaces, samples, poses, scale)
     spread = squares / max(weights - 6 * len(names), 1.0) * np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
     return {name: spread[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k, name in enumerate(names)}
 
@@ -151,6 +145,20 @@ def measure(fixed: Surface, moving: Surface, fixed_from_moving: Pose, tolerance:
     near = np.abs(distance) < tolerance
     rmse = float(np.sqrt(np.mean(distance[near] ** 2))) if near.any() else 0.0
     return Alignment(fixed_from_moving, float(near.sum() / len(sample.points)), rmse, len(sample.points))
+
+
+def _normal_equations(
+    names: list[str],
+    surfaces: Mapping[str, Surface],
+    samples: Mapping[str, Surface],
+    poses: Mapping[str, Pose],
+    scale: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normal matrix and right side of all ordered pairs, unknowns of `names`; summed squares and weights (2,)."""
+    normal, right, sums = np.zeros((6 * len(names), 6 * len(names))), np.zeros(6 * len(names)), np.zeros(2)
+    for moving, fixed in permutations(sorted(surfaces), 2):
+        sums += _add_pair(normal, right, names, fixed, moving, surfaces, samples, poses, scale)
+    return normal, right, sums
 
 
 def _add_pair(

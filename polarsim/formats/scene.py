@@ -31,6 +31,12 @@ class TerrainMesh:
         corners = self.faces[self.rock_of_face == NO_ROCK, 0]
         return float(np.median(self.vertices[corners, 2])) if len(corners) else 0.0
 
+    def part(self, rock: int) -> obj.Mesh:
+        """The mesh of one rock, or of the ground (`NO_ROCK`)."""
+        faces = self.faces[self.rock_of_face == rock]
+        used, numbers = np.unique(faces, return_inverse=True)
+        return obj.Mesh(self.vertices[used], numbers.reshape(faces.shape))
+
     def rock_vertices(self, rock: int) -> np.ndarray:
         """(n, 3) vertices that a rock's faces use."""
         return self.vertices[np.unique(self.faces[self.rock_of_face == rock])]

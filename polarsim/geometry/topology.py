@@ -21,7 +21,7 @@ def is_watertight(faces: np.ndarray) -> bool:
     """Whether every edge belongs to two of the faces (f, 3), once in each direction; no face closes nothing."""
     if not len(faces):
         return False
-    _, forward, backward = _numbered_edges(faces)
+    _, forward, backward = numbered_edges(faces)
     forward.sort()
     backward.sort()
     return bool((np.diff(forward) > 0).all()) and np.array_equal(forward, backward)
@@ -29,12 +29,12 @@ def is_watertight(faces: np.ndarray) -> bool:
 
 def open_edges(faces: np.ndarray) -> np.ndarray:
     """(e, 2) edges of faces (f, 3), in their direction, that no face runs along the other way: rims and holes."""
-    edges, forward, backward = _numbered_edges(faces)
+    edges, forward, backward = numbered_edges(faces)
     return np.asarray(edges[~np.isin(forward, backward)])
 
 
-def _numbered_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Edges (e, 2) of faces (f, 3) in their direction, a number (e,) for each, and that of the way back."""
+def numbered_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Edges (3 f, 2) of faces (f, 3) in their direction, face by face; a number for each, and that of the way back."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
     size = edges.max(initial=0) + 1
     return edges, edges[:, 0] * size + edges[:, 1], edges[:, 1] * size + edges[:, 0]

@@ -66,7 +66,7 @@ def repaired(mesh: Mesh, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarr
     scanners : (s, 3) float
         Where the scanners stood: tells seen sides from unseen ones.
     cell : float
-        Largest cell of the reconstruction, metres.
+        Cell of the reconstruction, metres.
 
     Raises
     ------

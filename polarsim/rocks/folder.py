@@ -53,15 +53,24 @@ def write_meshes(
             named[obj.rock_name(terrain, rock)] = mesh
             named[obj.rock_name(terrain, rock, decimated=True)] = decimated(mesh, decimated_share)
         write_named(folder, named)
+        parts = {NO_ROCK: ground, **dict(sorted(solids.items()))}
+        known = {rock: support(mesh.vertices, scanned[rock]) for rock, mesh in parts.items() if rock in scanned}
         if scanned:
-            full = {obj.ground_name(terrain): (NO_ROCK, ground)}
-            full |= {obj.rock_name(terrain, rock): (rock, mesh) for rock, mesh in sorted(solids.items())}
-            values = {name: support(mesh.vertices, scanned[rock]) for name, (rock, mesh) in full.items()}
-            tables.write_parquet(folder / SUPPORT_FILE, support_table(values))
-        shown = thinned(ground, MOST_SHOWN)
-        parts = {gltf.GROUND: (NO_ROCK, shown), **{f"rock{rock}": (rock, mesh) for rock, mesh in solids.items()}}
-        known = {name: support(mesh.vertices, scanned[rock]) for name, (rock, mesh) in parts.items() if rock in scanned}
-        gltf.write(folder / gltf.name(terrain), {name: mesh for name, (_, mesh) in parts.items()}, known)
+            files = {rock: _file_name(terrain, rock) for rock in known}
+            tables.write_parquet(folder / SUPPORT_FILE, support_table({files[rock]: known[rock] for rock in known}))
+        parts[NO_ROCK] = thinned(ground, MOST_SHOWN)
+        if scanned and parts[NO_ROCK] is not ground:
+            known[NO_ROCK] = support(parts[NO_ROCK].vertices, scanned[NO_ROCK])
+        nodes = {rock: gltf.GROUND if rock == NO_ROCK else f"rock{rock}" for rock in parts}
+        gltf.write(
+            folder / gltf.name(terrain),
+            {nodes[rock]: mesh for rock, mesh in parts.items()},
+            {nodes[rock]: values for rock, values in known.items()},
+        )
+
+
+def _file_name(terrain: int, rock: int) -> str:
+    return obj.ground_name(terrain) if rock == NO_ROCK else obj.rock_name(terrain, rock)
 
 
 def write_named(folder: Path, named: Mapping[str, Mesh]) -> None:

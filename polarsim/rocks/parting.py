@@ -8,6 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from polarsim.formats.obj import Mesh
+from polarsim.geometry.topology import numbered_edges
 
 FLAT = 1e-6  # radians: sheets that lie on each other have nothing between them, not a full turn
 PARTING = 1e-5  # metres that touching sheets of a surface are set apart
@@ -19,15 +20,14 @@ def parted(mesh: Mesh) -> Mesh:
     Where four faces meet in an edge, the edge is halved, and those two go together that have solid between them.
     Corners of faces that hang together over edges then are one vertex; vertices that become several move inward.
     """
-    crowded = _crowded_edges(mesh.faces)
-    if len(crowded):
-        mesh = _halved(mesh, crowded)
-    faces, size = mesh.faces, len(mesh.vertices)
-    starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()  # edge k of face f is row 3 f + k
-    order, first, count = _grouped_edges(faces)
+    edges, order, first, count = _grouped_edges(mesh.faces)
+    if (count > 2).any():
+        mesh = _halved(mesh, np.sort(edges[order[first[count > 2]]], axis=1))
+        edges, order, first, count = _grouped_edges(mesh.faces)
+    starts, size = edges[:, 0], len(mesh.vertices)
     pairs = [np.stack([order[first[count == 2]], order[first[count == 2] + 1]], axis=1)]
     for at, number in zip(first[count > 2], count[count > 2], strict=True):
-        pairs.append(_solid_pairs(mesh, order[at : at + number], starts, ends))
+        pairs.append(_solid_pairs(mesh, order[at : at + number], edges))
     one, other = np.concatenate(pairs).T
     following = np.arange(len(starts)).reshape(-1, 3)[:, [1, 2, 0]].ravel()  # corner at the end of each edge
     links = np.concatenate([np.stack([one, following[other]], axis=1), np.stack([following[one], other], axis=1)])
@@ -42,20 +42,16 @@ def parted(mesh: Mesh) -> Mesh:
     return Mesh(apart.vertices - np.where(several[:, None], PARTING * apart.normals(), 0.0), apart.faces)
 
 
-def _grouped_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows of all faces' edges in the order of their ends, where each edge begins, and how many faces it has."""
-    starts, ends = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel().astype(np.int64)
-    number = np.minimum(starts, ends) * (faces.max(initial=0) + 1) + np.maximum(starts, ends)
+def _grouped_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """All faces' edges, their rows in the order of their ends, where each edge begins, and how many faces it has.
+
+    Row 3 f + k is edge k of face f.
+    """
+    edges, forward, backward = numbered_edges(faces)
+    number = np.minimum(forward, backward)
     order = np.argsort(number, kind="stable")
     first = np.flatnonzero(np.diff(number[order], prepend=-1))
-    return order, first, np.diff(np.append(first, len(order)))
-
-
-def _crowded_edges(faces: np.ndarray) -> np.ndarray:
-    """(n, 2) edges of more than two faces, the lower vertex first."""
-    order, first, count = _grouped_edges(faces)
-    rows = order[first[count > 2]]
-    return np.sort(np.stack([faces.ravel()[rows], np.roll(faces, -1, axis=1).ravel()[rows]], axis=1), axis=1)
+    return edges, order, first, np.diff(np.append(first, len(order)))
 
 
 def _halved(mesh: Mesh, edges: np.ndarray) -> Mesh:
@@ -76,18 +72,18 @@ def _halved(mesh: Mesh, edges: np.ndarray) -> Mesh:
     return Mesh(np.concatenate([mesh.vertices, middles]), faces)
 
 
-def _solid_pairs(mesh: Mesh, edges: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """(n, 2) of the edges (2 n,) of faces about one line, those together that have least solid between them.
+def _solid_pairs(mesh: Mesh, rows: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """(n, 2) of the rows (2 n,) of `edges` about one line, those together whose faces have least solid between them.
 
     Seen along the line, solid lies before a face that runs along it and behind one that runs against it.
     """
-    low, high = np.sort([starts[edges[0]], ends[edges[0]]])
+    low, high = np.sort(edges[rows[0]])
     line = mesh.vertices[high] - mesh.vertices[low]
-    apex = mesh.vertices[mesh.faces[edges // 3, (edges + 2) % 3]] - mesh.vertices[low]
+    apex = mesh.vertices[mesh.faces[rows // 3, (rows + 2) % 3]] - mesh.vertices[low]
     across = np.cross(line, apex[0])
     along = np.cross(across, line)
     angle = np.arctan2(apex @ across * np.linalg.norm(line), apex @ along)
-    forward = starts[edges] == low
+    forward = edges[rows, 0] == low
     solid = np.mod(angle[forward][:, None] - angle[~forward][None] + FLAT, 2 * np.pi)
-    rows, columns = linear_sum_assignment(np.sqrt(solid))  # of sums that are alike, the one with the thinnest part
-    return np.stack([edges[forward][rows], edges[~forward][columns]], axis=1)
+    along_it, against_it = linear_sum_assignment(np.sqrt(solid))  # of like sums, the one with the thinnest part
+    return np.stack([rows[forward][along_it], rows[~forward][against_it]], axis=1)

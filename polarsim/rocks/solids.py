@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from polarsim.formats.obj import Mesh
@@ -51,16 +53,12 @@ def decimated(mesh: Mesh, share: float) -> Mesh:
 
     Raising the share finds a sound copy where a collapse folded the surface; the mesh itself is one at last.
     """
-    import open3d
-
-    source = open3d.geometry.TriangleMesh(
-        open3d.utility.Vector3dVector(mesh.vertices), open3d.utility.Vector3iVector(mesh.faces.astype(np.int32))
-    )
+    source = _in_open3d(mesh)
     closed = is_watertight(mesh.faces)
     while share < 1:
         faces = max(12, round(share * len(mesh.faces)))
         fewer = source.simplify_quadric_decimation(faces)
-        copy = parted(compacted(np.asarray(fewer.vertices), np.asarray(fewer.triangles).astype(np.int64)))
+        copy = parted(_from_open3d(fewer))
         if len(copy.faces) and (is_watertight(copy.faces) or not closed):
             return largest_island(copy)
         share *= 1.25
@@ -71,11 +69,18 @@ def thinned(mesh: Mesh, most: int) -> Mesh:
     """About `most` vertices for looking at, by clusters on a grid; the mesh itself where it has no more."""
     if len(mesh.vertices) <= most:
         return mesh
+    cell = np.sqrt(np.ptp(mesh.vertices[:, 0]) * np.ptp(mesh.vertices[:, 1]) / most)
+    return _from_open3d(_in_open3d(mesh).simplify_vertex_clustering(cell))
+
+
+def _in_open3d(mesh: Mesh) -> Any:
     import open3d
 
-    cell = np.sqrt(np.ptp(mesh.vertices[:, 0]) * np.ptp(mesh.vertices[:, 1]) / most)
-    source = open3d.geometry.TriangleMesh(
+    return open3d.geometry.TriangleMesh(
         open3d.utility.Vector3dVector(mesh.vertices), open3d.utility.Vector3iVector(mesh.faces.astype(np.int32))
     )
-    fewer = source.simplify_vertex_clustering(cell)
-    return compacted(np.asarray(fewer.vertices), np.asarray(fewer.triangles).astype(np.int64))
+
+
+def _from_open3d(mesh: Any) -> Mesh:
+    """The mesh without vertices that no face uses."""
+    return compacted(np.asarray(mesh.vertices), np.asarray(mesh.triangles).astype(np.int64))

@@ -50,7 +50,7 @@ def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
     heights : (rows, columns) float
         Heights on the grid, everywhere.
     cell : float
-        Largest cell of the reconstruction, metres.
+        Cell of the reconstruction, metres.
     """
     points = np.concatenate([grid.places(), heights[..., None]], axis=-1).reshape(-1, 3)
     surface = poisson(Cloud(points, upward_normals(grid, heights).reshape(-1, 3)), cell, GROUND_ROOM)
@@ -85,7 +85,7 @@ def closed_rock(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.
     scanners : (s, 3) float
         Where the scanners stood.
     cell : float
-        Largest cell of the reconstruction, metres.
+        Cell of the reconstruction, metres.
 
     Raises
     ------

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import obj
+from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.tables.surface import Surface, islands
@@ -32,13 +33,15 @@ def mesh_table(rows: list[dict[str, object]]) -> pd.DataFrame:
     return table.astype(COLUMNS).round({name: 6 for name, kind in COLUMNS.items() if kind == "float64"})
 
 
-def soundness_rows(folder: Path, terrain: int, rng: np.random.Generator, samples: int) -> list[dict[str, object]]:
-    """A row for the ground and for every rock of a folder of meshes, by the order of ids."""
-    ground = obj.read(folder / obj.ground_name(terrain))
+def soundness_rows(
+    scene: TerrainMesh, folder: Path, terrain: int, rng: np.random.Generator, samples: int
+) -> list[dict[str, object]]:
+    """A row for the ground and for every rock of a scene, by the order of ids; thinned copies lie in the folder."""
+    ground = scene.part(NO_ROCK)
     level = Surface(ground.vertices, ground.faces)
     rows = [{"mesh": obj.ground_name(terrain), "rock": NO_ROCK, **_counts(ground)}]
     for rock, path in obj.rock_files(folder).items():
-        mesh = obj.read(path)
+        mesh = scene.part(rock)
         row = {"mesh": path.name, "rock": rock, **_counts(mesh), "contact_share": contact_share(mesh, level)}
         copy = path.with_name(obj.rock_name(terrain, rock, decimated=True))
         if copy.exists() and copy != path:

@@ -9,13 +9,11 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import linear_sum_assignment
 
-from polarsim.formats import obj
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tables import read_parquet, write_csv
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.survey import SANDBOX_HALF_WIDTH
@@ -25,7 +23,7 @@ from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality import Figure, summary, write_quality
 from polarsim.tables.quality_cameras import read_gauge
 from polarsim.tables.sight import Sight, sights
-from polarsim.tables.surface import Surface, islands
+from polarsim.tables.surface import Surface
 
 ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
 MATCH_RADIUS = 0.5  # of the true size: how far the centre of a found rock may be off
@@ -72,14 +70,14 @@ def score_rocks(
     """
     found = read_parquet(rocks, ROCK_COLUMNS)
     scene = read_terrain(meshes, terrain)
-    figures = counts(found, options) + soundness(scene)
-    rows = soundness_rows(meshes, terrain, generator(options.seed, "mesh samples", terrain), HAUSDORFF_SAMPLES)
+    against_truth: list[Figure] = []
+    rows = soundness_rows(scene, meshes, terrain, generator(options.seed, "mesh samples", terrain), HAUSDORFF_SAMPLES)
     if truth is not None:
-        more, own = _against_truth(terrain, found, scene, cameras, truth, inventory, options)
-        figures += more
+        against_truth, own = _against_truth(terrain, found, scene, cameras, truth, inventory, options)
         rows = [{**row, **own.get(int(str(row["rock"])), {})} for row in rows]
     table = mesh_table(rows)
-    write_quality(quality, "rocks", terrain, figures + _copies(table) + _by_rock(table, options))
+    figures = counts(found, options) + soundness(table) + against_truth + _copies(table) + _by_rock(table, options)
+    write_quality(quality, "rocks", terrain, figures)
     write_csv(scores, table)
 
 
@@ -95,31 +93,20 @@ def counts(found: pd.DataFrame, options: TablesOptions) -> list[Figure]:
     ]
 
 
-def soundness(scene: TerrainMesh) -> list[Figure]:
-    """Closedness, islands and sizes of the full meshes."""
+def soundness(table: pd.DataFrame) -> list[Figure]:
+    """Closedness, islands and sizes of the full meshes, from their rows."""
     figures: list[Figure] = []
-    meshes = [_part(scene, rock) for rock in scene.rocks]
-    if meshes:
-        n = len(meshes)
-        closed = np.array([is_watertight(mesh.faces) for mesh in meshes])
-        parts = np.array([islands(mesh) for mesh in meshes])
-        vertices = float(np.median([len(mesh.vertices) for mesh in meshes]))
+    rocks, ground = table[table["rock"] != NO_ROCK], table[table["rock"] == NO_ROCK].iloc[0]
+    if len(rocks):
+        n = len(rocks)
         figures += [
-            Figure("rock meshes", "watertight_share", float(closed.mean()), "1", n, "own"),
-            Figure("rock meshes", "one_island_share", float((parts == 1).mean()), "1", n, "own"),
-            Figure("rock meshes", "vertices_median", vertices, "vertices", n, "own"),
+            Figure("rock meshes", "watertight_share", float(rocks["watertight"].mean()), "1", n, "own"),
+            Figure("rock meshes", "one_island_share", float((rocks["islands"] == 1).mean()), "1", n, "own"),
+            Figure("rock meshes", "vertices_median", float(rocks["vertices"].median()), "vertices", n, "own"),
         ]
-    ground = _part(scene, NO_ROCK)
-    figures.append(Figure("ground mesh", "islands", islands(ground), "islands", 1, "own"))
-    figures.append(Figure("ground mesh", "vertices", len(ground.vertices), "vertices", 1, "own"))
+    figures.append(Figure("ground mesh", "islands", int(ground["islands"]), "islands", 1, "own"))
+    figures.append(Figure("ground mesh", "vertices", int(ground["vertices"]), "vertices", 1, "own"))
     return figures
-
-
-def _part(scene: TerrainMesh, rock: int) -> obj.Mesh:
-    """The mesh of one rock, or of the ground."""
-    faces = scene.faces[scene.rock_of_face == rock]
-    used, numbers = np.unique(faces, return_inverse=True)
-    return obj.Mesh(scene.vertices[used], numbers.reshape(faces.shape))
 
 
 def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:

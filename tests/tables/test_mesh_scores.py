@@ -3,6 +3,7 @@ import pytest
 import trimesh
 
 from polarsim.formats import obj
+from polarsim.formats.scene import read_terrain
 from polarsim.tables.mesh_scores import COLUMNS, accuracy, contact_share, f_score, mesh_table, soundness_rows
 from polarsim.tables.surface import Surface
 
@@ -60,7 +61,7 @@ def test_a_folder_gives_a_row_for_the_ground_and_each_rock(tmp_path, rng):
     obj.write(tmp_path / obj.ground_name(1), LEVEL, "ground")
     obj.write(tmp_path / obj.rock_name(1, 4), ball(0.03), "rock")
     obj.write(tmp_path / obj.rock_name(1, 4, decimated=True), ball(0.03, radius=0.052, detail=2), "copy")
-    table = mesh_table(soundness_rows(tmp_path, 1, rng, 500))
+    table = mesh_table(soundness_rows(read_terrain(tmp_path, 1), tmp_path, 1, rng, 500))
     assert list(table.columns) == list(COLUMNS)
     ground, rock = table.to_dict("records")
     assert (ground["rock"], ground["watertight"]) == (-1, False)

@@ -14,7 +14,7 @@ ORIGIN = {"run": "here", "source": "analog", "config": "abc"}
 POSE = looking(np.array([3.5, -0.3, 1.5]), np.radians(178), np.radians(25), np.radians(1))
 
 
-def tabulated(folder, **terrains):
+def tabulated(folder):
     tabulate_cameras(
         cameras={1: folder / "cameras"},
         quality=[folder / "quality.csv"],

@@ -44,11 +44,6 @@ def of_run(pattern, **wildcards):
     return expand(pattern, run=RUN, **wildcards)
 
 
-def of_every_terrain(pattern):
-    """Files of the run's terrains, in the order of CONFIG.terrains; {run} stays a wildcard."""
-    return [pattern.replace("{terrain}", terrain) for terrain in TERRAINS]
-
-
 def options(section):
     """A section of the configuration as plain values, for `params`."""
     chosen = getattr(CONFIG, section)

@@ -153,8 +153,10 @@ rule gather_quality:
 rule tabulate_cameras:
     """Every camera, and how scans or labels and meshes lie on each other."""
     input:
-        cameras=of_every_terrain("results/{run}/cameras/Terrain{terrain}"),
-        quality=of_every_terrain("results/{run}/quality/cameras_Terrain{terrain}.csv"),
+        cameras=expand("results/{{run}}/cameras/Terrain{terrain}", terrain=TERRAINS),
+        quality=expand(
+            "results/{{run}}/quality/cameras_Terrain{terrain}.csv", terrain=TERRAINS
+        ),
     output:
         table=report(
             "results/{run}/tables/cameras.csv",
@@ -184,8 +186,12 @@ rule tabulate_cameras:
 rule tabulate_rocks:
     """Every rock and every mesh of the run."""
     input:
-        rocks=of_every_terrain("results/{run}/rocks/Terrain{terrain}/rocks.parquet"),
-        scores=of_every_terrain("results/{run}/quality/meshes_Terrain{terrain}.csv"),
+        rocks=expand(
+            "results/{{run}}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS
+        ),
+        scores=expand(
+            "results/{{run}}/quality/meshes_Terrain{terrain}.csv", terrain=TERRAINS
+        ),
     output:
         table=report(
             "results/{run}/tables/rocks.csv",
