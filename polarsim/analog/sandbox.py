@@ -14,7 +14,8 @@ from polarsim.analog.rays import Caster
 from polarsim.analog.rocks import Rock, icosphere
 
 GROUND_OBJECT, HALL_OBJECT = -1, -2  # objects; rocks have their numbers
-_WALL_TOP, _WALL_THICKNESS, _FLOOR = 0.31, 0.09, -0.20  # metres
+_WALL_TOP, _WALL_THICKNESS = 0.31, 0.09  # metres
+HALL_FLOOR = -0.40  # metres: below the deepest crater, or the hall would show in it
 
 
 class Material(IntEnum):
@@ -155,10 +156,10 @@ def _walls(
     parts = []
     for low, high in spans:
         height = top + rng.normal(0, 0.008)
-        for part in _block([*low, _FLOOR], [*high, height], material, albedo, 0.06):
+        for part in _block([*low, HALL_FLOOR], [*high, height], material, albedo, 0.06):
             wavy = part.vertices.copy()  # cloth hangs and bulges
             s = wavy[:, 0] + wavy[:, 1]
-            up = np.clip((wavy[:, 2] - _FLOOR) / (height - _FLOOR), 0, 1)
+            up = np.clip((wavy[:, 2] - HALL_FLOOR) / (height - HALL_FLOOR), 0, 1)
             wavy[:, 2] += up * (0.006 * np.sin(5 * s + rng.uniform(0, 6)) + 0.004 * np.sin(17 * s))
             bent = _normals(_Part(wavy, part.faces, material, albedo))
             bent += 0.10 * np.stack(
@@ -183,11 +184,11 @@ def _big_box(preset: Preset, rng: np.random.Generator) -> list[_Part]:
     parts += _block([-half - 0.1, -half - 0.1, 0], [-half + 0.16, -half + 0.14, 0.33], Material.DARK, 0.02, 0.1)
     parts += _hall()
     for y0, y1 in ((-2.5, -0.72), (-0.66, 0.33), (0.39, 2.1)):  # curtains with folds
-        vertices, faces = _sheet([-4.0, y0, _FLOOR], [0, y1 - y0, 0], [0, 0, 3.0], 0.05)
+        vertices, faces = _sheet([-4.0, y0, HALL_FLOOR], [0, y1 - y0, 0], [0, 0, 3.0], 0.05)
         vertices[:, 0] += 0.02 * np.sin(vertices[:, 1] * rng.uniform(18, 26)) + 0.01 * np.sin(vertices[:, 1] * 61)
         parts.append(_Part(vertices, faces, Material.CURTAIN, rng.uniform(0.16, 0.3)))
     for x, y, width in ((-3.2, 0.06, 0.04), (-3.5, 0.9, 0.02), (-3.4, 1.0, 0.02), (0.4, 3.4, 0.03), (-2.6, 3.0, 0.03)):
-        parts += _block([x, y, _FLOOR], [x + width, y + width, 2.4], Material.METAL, 0.12, 0.5)
+        parts += _block([x, y, HALL_FLOOR], [x + width, y + width, 2.4], Material.METAL, 0.12, 0.5)
     parts.append(_duct(np.array([-2.35, 2.35, 0.0]), 0.13, 0.75))
     return parts
 
@@ -196,13 +197,13 @@ def _small_box(preset: Preset, rng: np.random.Generator) -> list[_Part]:
     """Terrain 13: a black box on a tiled floor with a bright ball beside it."""
     half = preset.half_width
     vertices, faces = icosphere(4)
-    ball = _Part(vertices * 0.10 + [0.1, 0.85, _FLOOR + 0.10], faces, Material.METAL, 0.6, gloss=2.0)
+    ball = _Part(vertices * 0.10 + [0.1, 0.85, HALL_FLOOR + 0.10], faces, Material.METAL, 0.6, gloss=2.0)
     return [*_walls(half, 0.05, 0.03, Material.DARK, 0.04, rng), *_hall(floor_albedo=0.35), ball]
 
 
 def _hall(floor_albedo: float = 0.05) -> list[_Part]:
     """A dark room seen from inside."""
-    low, high = np.array([-5.5, -6.5, _FLOOR]), np.array([9.5, 6.0, 3.8])
+    low, high = np.array([-5.5, -6.5, HALL_FLOOR]), np.array([9.5, 6.0, 3.8])
     dx, dy, dz = high - low
     x0, y0, z0 = low
     sides = [

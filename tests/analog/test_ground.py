@@ -3,6 +3,7 @@ import pytest
 
 from polarsim.analog.ground import CRATER_CENTRE, Ground, make_ground, pile_sand
 from polarsim.analog.presets import PRESETS
+from polarsim.analog.sandbox import HALL_FLOOR
 
 
 def test_every_terrain_of_the_data_set_has_a_preset():
@@ -63,3 +64,10 @@ def test_sand_is_swept_up_at_the_foot_of_a_rock_and_nowhere_else():
     assert 0 < piled.heights.max() < 0.03
     assert foot > -0.01
     assert piled.height_at(np.array([-0.5]), np.array([0.3]))[0] == 0
+
+
+@pytest.mark.parametrize("terrain", [number for number, preset in PRESETS.items() if preset.crater])
+def test_no_crater_reaches_the_floor_of_the_hall(terrain):
+    for seed in range(5):
+        ground = make_ground(PRESETS[terrain], 0.02, np.random.default_rng(seed))
+        assert ground.heights.min() > HALL_FLOOR + 0.02
