@@ -20,16 +20,16 @@ from polarsim.cameras.scans import Pair, register_scans
 from polarsim.cameras.shifts import shift_table
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
 from polarsim.errors import RegistrationError, about
-from polarsim.formats import colmap, nasa, obj, tables, yolo
+from polarsim.formats import colmap, nasa, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.rigs import PlacedRig, read_rig, write_placed
 from polarsim.formats.rock_shifts import FILE as SHIFT_FILE
+from polarsim.formats.seeds import read_rock_boxes
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig, rectified_left
-from polarsim.photo import BOX_CLASSES, ROCK, PhotoKey
 
 log = logging.getLogger("polarsim")
 
@@ -158,7 +158,7 @@ def _locate_by_labels(
 ) -> Located:
     meshes = {rock: obj.read(path) for rock, path in known.rock_meshes().items()}
     outlines = outlines_of(meshes, options.trim_mm / 1000, options.trim_share)
-    drawn = _drawn_boxes(known.terrain, seeds)
+    drawn = read_rock_boxes(seeds, known.terrain)
     seen = {
         position: consensus_boxes(drawn.get(position, []), options.consensus_share, options.cluster_iou)
         for position in positions
@@ -201,18 +201,6 @@ def _place_by_labels(
     for reason in refused:
         log.warning("%s", reason)
     return placements
-
-
-def _drawn_boxes(terrain: int, seeds: Path) -> dict[str, list[np.ndarray]]:
-    """Rock boxes (n, 4) of the left seeds by position, one array a file."""
-    drawn: dict[str, list[np.ndarray]] = {}
-    for path in sorted(seeds.glob("*.txt")):
-        with about(path):
-            key = PhotoKey.parse(path.stem)
-        if key.terrain == terrain and key.camera == "L":
-            classes, boxes = yolo.read_boxes(path)
-            drawn.setdefault(key.position, []).append(boxes[classes == BOX_CLASSES.index(ROCK)])
-    return drawn
 
 
 def _label_quality(placement: LabelPlacement, boxes: np.ndarray, outlines: Outlines) -> dict[str, float]:

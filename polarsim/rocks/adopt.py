@@ -93,7 +93,5 @@ def _row(rock: int, mesh: Mesh, cuboid: Cuboid, grid: FloorGrid, ground: np.ndar
         size=float(np.ptp(mesh.vertices[:, :2], axis=0).max()),
         height=float((mesh.vertices[:, 2] - grid.sample(ground, mesh.vertices)).max()),
         volume=volume_above(mesh, grid, ground),
-        points=0,
         source="published",
-        confirmed="",
     )

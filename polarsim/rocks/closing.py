@@ -17,12 +17,19 @@ BARE = 0.03  # metres along a facet to the nearest seen point from which on noth
 BULGE = 0.25  # rocks bulge beyond the hull of their seen side: metres outward per metre from what was seen
 
 
-def closing_points(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarray, spacing: float) -> Cloud:
+def closing_points(
+    cloud: Cloud, grid: FloorGrid, ground: np.ndarray, bare: np.ndarray, scanners: np.ndarray, spacing: float
+) -> Cloud:
     """Points that close a rock: on its back, at its foot and on a floor below the ground.
 
     The convex hull of the seen points and of their outline sunk below the ground has facets below the ground, and
     facets that face away from every scanner or that nothing was seen of; points on these close the rock, the latter
-    ones bulging outward.
+    ones bulging outward. Where bare ground was seen there is no rock, whatever its hull.
+
+    Parameters
+    ----------
+    bare : (rows, columns) bool
+        Cells of `grid` whose ground was seen.
 
     Raises
     ------
@@ -41,7 +48,8 @@ def closing_points(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: 
     turned_away = cosine.max(axis=1, initial=-1) < UNSEEN_COSINE
     back = (above >= -spacing) & (gap > GAP) & (turned_away | (beside > BARE))
     points = points + np.where(back, BULGE * np.minimum(gap, np.maximum(above, 0)), 0)[:, None] * normals
-    return Cloud(points[buried | back], normals[buried | back])
+    kept = (buried | back) & ~bare.ravel()[np.maximum(grid.cell_of(points), 0)]
+    return Cloud(points[kept], normals[kept])
 
 
 def hull_mesh(points: np.ndarray) -> Mesh:

@@ -13,6 +13,7 @@ from polarsim.rocks.heights import filled
 from polarsim.rocks.overrides import Cuboid, Overrides
 from polarsim.rocks.regions import WALL_CLEARANCE, Region, measured_region
 from polarsim.rocks.scans import ScanPoints
+from polarsim.rocks.splitting import is_upright
 
 log = logging.getLogger("polarsim")
 CUBOID_BELOW = 0.010  # metres that a cuboid reaches below the lowest ground at its rock
@@ -53,10 +54,11 @@ def crop_rocks(sand: Sand, regions: list[Region], overrides: Overrides, foot: fl
     return _with_rest_as_ground(sand, [rock.region for rock in rocks.values()]), dict(sorted(rocks.items()))
 
 
-def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints) -> np.ndarray:
+def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints, foot: float) -> np.ndarray:
     """(n,) id of the rock of each point; 0 for all others.
 
-    Points in cells beside a rock's, where the ground is not seen, are its foot.
+    Points in cells beside a rock's are its own from the foot height on: its flank leans out over them. Lower ones
+    there are sand that lies against it.
     """
     owner = np.zeros(sand.surface.size, np.int64)
     for rock, found in rocks.items():
@@ -66,7 +68,9 @@ def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints) -> np.
     owner[(distance > FOOT_MARGIN) | sand.is_ground] = 0
     cells = sand.grid.cell_of(scans.points)
     rock_of_point = np.where(cells >= 0, owner.ravel()[cells], 0)
-    rock_of_point[scans.points[:, 2] < sand.grid.sample(sand.ground, scans.points) + LOWEST_POINT] = 0
+    above = scans.points[:, 2] - sand.grid.sample(sand.ground, scans.points)
+    beside = (distance > 0).ravel()[cells]
+    rock_of_point[above < np.where(beside, foot, LOWEST_POINT)] = 0
     for rock, found in rocks.items():
         if found.source == "override":
             outside = ((scans.points < found.cuboid.low) | (scans.points > found.cuboid.high)).any(axis=1)
@@ -124,12 +128,24 @@ def _leaning(sand: Sand) -> np.ndarray:
     return np.isin(standing, np.setdiff1d(standing[~inner], 0))
 
 
+def _upright(sand: Sand, taken: np.ndarray) -> np.ndarray:
+    """(rows, columns) bool: what stands upright outside the cells that are taken."""
+    above = np.where(taken | sand.is_ground, 0.0, sand.above)
+    parts, _ = ndimage.label(above > LEANING_HEIGHT / 2, np.ones((3, 3)))
+    upright = [
+        number
+        for number, box in enumerate(ndimage.find_objects(parts), 1)
+        if is_upright(above[box][parts[box] == number].max(), max(parts[box].shape) * sand.grid.cell)
+    ]
+    return np.isin(parts, upright)
+
+
 def _with_rest_as_ground(sand: Sand, regions: list[Region]) -> Sand:
-    """Pebbles, ripples and steep sand belong to the ground: all that was seen, and is neither a rock nor on a wall."""
+    """Pebbles, ripples and steep sand are ground: all seen that is no rock, leans on no wall, is not upright."""
     taken = np.zeros(sand.surface.shape, bool)
     for region in regions:
         taken.ravel()[region.footprint] = True
-    taken |= _leaning(sand)
+    taken |= _leaning(sand) | _upright(sand, taken)
     taken = ndimage.binary_dilation(taken, np.ones((3, 3), bool), iterations=FOOT_MARGIN)
     is_ground = np.isfinite(sand.surface) & ~taken | sand.is_ground
     return replace(sand, is_ground=is_ground, ground=filled(np.nan_to_num(sand.surface), is_ground))

@@ -76,7 +76,9 @@ def repaired(mesh: Mesh, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarr
     normals = mesh.normals()
     directed = np.linalg.norm(normals, axis=1) > 0.5  # vertices of faces without area have none
     rock = directed & (mesh.vertices[:, 2] > _skirt_height(mesh, mesh.vertices))
-    return closed_rock(Cloud(mesh.vertices[rock], normals[rock]), grid, ground, scanners, cell)
+    return closed_rock(
+        Cloud(mesh.vertices[rock], normals[rock]), grid, ground, np.zeros(grid.shape, bool), scanners, cell
+    )
 
 
 def _skirt_share(mesh: Mesh) -> float:

@@ -1,36 +1,70 @@
-"""Seed boxes as evidence: which positions' labels show a rock."""
+"""Seed boxes as evidence: which positions' labels show a rock, whether they show two, which boxes no rock explains."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.boxes import around, iou
+from polarsim.geometry.consensus import consensus_boxes
+
+LOSS_APART = 0.05  # of IoU a position, by which two boxes may fit two parts worse than one box fits both
 
 
-def confirming_positions(
-    points: np.ndarray, placed: Mapping[str, PlacedRig], boxes: Mapping[str, np.ndarray], min_iou: float
-) -> list[str]:
-    """Positions in whose left photos a drawn rock box overlaps the points' box by at least `min_iou`.
+@dataclass(frozen=True)
+class Evidence:
+    """What people drew in the left photos of a terrain's positions."""
 
-    Parameters
-    ----------
-    points : (n, 3) float
-        Of one rock, sandbox frame, metres.
-    boxes : position -> (b, 4) float
-        Rock boxes of the position's seeds, pixels of the left photo.
-    """
-    found = []
-    for position, drawn in sorted(boxes.items()):
-        if position not in placed or not len(drawn):
-            continue
-        pixels = placed[position].project("L", points)
+    placed: Mapping[str, PlacedRig]
+    drawn: Mapping[str, Sequence[np.ndarray]]  # position -> rock boxes (n, 4) in pixels, one array a seed file
+    min_iou: float  # of a drawn box and a rock's own that belong together
+
+    @cached_property
+    def agreed(self) -> dict[str, np.ndarray]:
+        """(n, 4) one box a rock by position, where there are any."""
+        boxes = {position: consensus_boxes(drawn) for position, drawn in sorted(self.drawn.items())}
+        return {position: found for position, found in boxes.items() if position in self.placed and len(found)}
+
+    def confirming(self, points: np.ndarray) -> list[str]:
+        """Positions of which some seed shows a rock, by its points (n, 3) in the sandbox, metres."""
+        found = []
+        for position, drawn in sorted(self.drawn.items()):
+            if position not in self.placed or not len(drawn):
+                continue
+            box = self._box(position, points)
+            if box is not None and iou(box[None], np.concatenate(drawn)).max(initial=0) >= self.min_iou:
+                found.append(position)
+        return found
+
+    def apart(self, first: np.ndarray, second: np.ndarray) -> bool:
+        """Whether two boxes explain two sets of points (n, 3) about as well as one box explains both."""
+        gain = []
+        for position, drawn in self.agreed.items():
+            boxes = [self._box(position, points) for points in (first, second, np.concatenate([first, second]))]
+            if any(box is None for box in boxes):
+                continue
+            one, other, both = iou(np.array(boxes), drawn)
+            pairs = (one[:, None] + other) / 2
+            fit = (one[:, None] >= self.min_iou) & (other >= self.min_iou) & ~np.eye(len(drawn), dtype=bool)
+            if both.max() >= self.min_iou or fit.any():
+                gain.append(pairs[fit].max(initial=0) - both.max())
+        return bool(gain) and float(np.mean(gain)) > -LOSS_APART
+
+    def unexplained(self, rocks: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
+        """(n, 4) agreed boxes by position on which none of the rocks, given by points (n, 3), lies."""
+        left = {}
+        for position, drawn in self.agreed.items():
+            boxes = [box for box in (self._box(position, points) for points in rocks) if box is not None]
+            overlap = iou(drawn, np.array(boxes).reshape(-1, 4)).max(axis=1, initial=0)
+            left[position] = drawn[overlap < self.min_iou]
+        return left
+
+    def _box(self, position: str, points: np.ndarray) -> np.ndarray | None:
+        """(4,) around points in a position's left photo; None where none of them is seen."""
+        pixels = self.placed[position].project("L", points)
         pixels = pixels[np.isfinite(pixels).all(axis=1)]
-        if not len(pixels):
-            continue
-
-        if iou(around(pixels)[None], drawn).max() >= min_iou:
-            found.append(position)
-    return found
+        return around(pixels) if len(pixels) else None

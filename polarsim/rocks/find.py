@@ -9,18 +9,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats import nasa, ply, rigs, tables, yolo
+from polarsim.formats import nasa, ply, rigs, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.ply import Cloud
 from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.seeds import read_rock_boxes
 from polarsim.geometry.stereo import rectified_left
-from polarsim.photo import BOX_CLASSES, ROCK, PhotoKey
 from polarsim.rocks import table
 from polarsim.rocks.alignment import alignment
 from polarsim.rocks.clouds import surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
-from polarsim.rocks.evidence import confirming_positions
+from polarsim.rocks.drawn import with_drawn
+from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand, find_ground, sand_extent
 from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
@@ -51,7 +52,7 @@ def find_rocks(
     """
     placed = rigs.read_all_placed(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()
-    boxes = read_rock_boxes(seeds)
+    evidence = Evidence(placed, read_rock_boxes(seeds, terrain), options.confirming_iou)
     scans = _read_scans(read_inventory(inventory), placed)
     if not len(scans):
         log.warning("%s: no scan of terrain %02d, so no rock and no ground", inventory, terrain)
@@ -66,28 +67,15 @@ def find_rocks(
         confirmed_height=options.confirmed_height_mm / 1000,
         size=options.min_size_mm / 1000,
     )
-    regions = find_regions(
-        sand, limits, lambda points: confirming_positions(points, placed, boxes, options.confirming_iou)
-    )
+    sand, regions = with_drawn(sand, find_regions(sand, limits, evidence), limits, evidence)
     sand, found = crop_rocks(sand, regions, typed, limits.foot)
-    rock_of_point = rock_of_points(sand, found, scans)
+    rock_of_point = rock_of_points(sand, found, scans, limits.foot)
     points = {rock: scans.select(rock_of_point == rock) for rock in found}
     unlabelled = [rock for rock, one in found.items() if not one.region.confirmed]
     log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(found), unlabelled or "none")
-    rows = [_row(rock, one, len(points[rock])) for rock, one in found.items()]
+    rows = [_row(rock, one, _by_scan(points[rock], placed)) for rock, one in found.items()]
     rock_clouds = {rock: surface_cloud(voxel_means(seen, options.rock_cell_mm / 1000)) for rock, seen in points.items()}
     _write(rocks, cuboids, clouds, rows, found, rock_clouds, ground_cloud(sand), placed)
-
-
-def read_rock_boxes(seeds: Path) -> dict[str, np.ndarray]:
-    """Rock boxes (n, 4) of a terrain's seeds in left photos, by position; pixels."""
-    boxes: dict[str, list[np.ndarray]] = {}
-    for path in sorted(Path(seeds).glob("*.txt")):
-        key = PhotoKey.parse(path.stem)
-        if key.camera == "L":
-            classes, drawn = yolo.read_boxes(path)
-            boxes.setdefault(key.position, []).append(drawn[classes == BOX_CLASSES.index(ROCK)])
-    return {position: np.concatenate(drawn) for position, drawn in boxes.items()}
 
 
 def ground_cloud(sand: Sand) -> Cloud:
@@ -120,7 +108,15 @@ def _read_scans(inventory: Inventory, placed: Mapping[str, PlacedRig]) -> ScanPo
     return merged([scan.moved(corrections[position]) for position, scan in scans.items()])
 
 
-def _row(rock: int, found: Rock, points: int) -> dict[str, object]:
+def _by_scan(points: ScanPoints, placed: Mapping[str, PlacedRig]) -> dict[str, int]:
+    """How many of the points each position's scan saw; positions that saw none are left out."""
+    positions = sorted(placed)
+    eyes = np.array([placed[position].sandbox_from_left.translation for position in positions])  # those of the maps
+    counts = np.bincount(points.scanner(eyes), minlength=len(positions))
+    return {position: int(count) for position, count in zip(positions, counts, strict=True) if count}
+
+
+def _row(rock: int, found: Rock, points: Mapping[str, int]) -> dict[str, object]:
     region = found.region
     return table.row(
         rock,
@@ -129,8 +125,9 @@ def _row(rock: int, found: Rock, points: int) -> dict[str, object]:
         height=region.height,
         volume=region.volume,
         points=points,
+        visible_share=len(region.seen) / len(region.footprint),
         source=found.source,
-        confirmed=" ".join(region.confirmed),
+        confirmed=region.confirmed,
     )
 
 

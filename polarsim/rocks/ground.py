@@ -26,7 +26,8 @@ class Sand:
     """The sand's surface on a grid; arrays are (rows, columns)."""
 
     grid: FloorGrid
-    surface: np.ndarray  # heights of the scanned surface, rocks included; NaN where nothing was seen
+    surface: np.ndarray  # heights of the scanned surface, rocks included, smoothed; NaN where nothing was seen
+    mean: np.ndarray  # the same as each cell's own points have it; NaN in cells without any
     ground: np.ndarray  # heights of the ground, everywhere
     is_ground: np.ndarray  # cells whose surface was seen and is ground
 
@@ -34,6 +35,13 @@ class Sand:
     def above(self) -> np.ndarray:
         """Heights of the surface above the ground; 0 where nothing was seen."""
         return np.nan_to_num(self.surface - self.ground)
+
+    @property
+    def standing(self) -> np.ndarray:
+        """Heights above the ground that no neighbour lends: those of each cell's own points where it has some."""
+        return np.nan_to_num(
+            np.where(np.isfinite(self.mean), np.fmin(self.mean, self.surface), self.surface) - self.ground
+        )
 
 
 def sand_extent(scans: ScanPoints, cell: float = 0.02) -> Extent:
@@ -91,7 +99,7 @@ def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float
     is_ground = _level_areas(surface, seen & (slope < np.tan(max_slope)))
     is_ground = _without_outlined(surface, seen & (slope > EDGE_SHARE * np.tan(max_slope)), is_ground, cell)
     ground = filled(np.nan_to_num(surface), is_ground)
-    return Sand(grid, surface, ground, is_ground)
+    return Sand(grid, surface, mean, ground, is_ground)
 
 
 def _slope(heights: np.ndarray, cell: float) -> np.ndarray:

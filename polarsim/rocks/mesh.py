@@ -32,6 +32,8 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
     table = tables.read_parquet(rocks, ["rock"])
     points = ply.read(Path(clouds) / "ground.ply")
     grid, ground = ground_heights(points, options.ground_cell_mm / 1000)
+    bare = np.zeros(grid.shape, bool)
+    bare.ravel()[grid.cell_of(points.points)] = True
     scanners = tables.read_csv(Path(clouds) / "scanners.csv", ["x", "y", "z"])[["x", "y", "z"]].to_numpy(float)
     solids: dict[int, Mesh] = {}
     scanned = {NO_ROCK: Scanned(points.points, options.ground_cell_mm / 1000)}
@@ -39,7 +41,7 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
         cloud = ply.read(Path(clouds) / f"rock{rock}.ply")
         scanned[rock] = Scanned(cloud.points, options.rock_cell_mm / 1000)
         try:
-            solids[rock] = closed_rock(cloud, grid, ground, scanners, options.rock_cell_mm / 1000)
+            solids[rock] = closed_rock(cloud, grid, ground, bare, scanners, options.rock_cell_mm / 1000)
         except ReconstructionError as error:
             log.warning("terrain %02d, rock %d has no mesh: %s", terrain, rock, error)
     cell = options.ground_mesh_cell_mm / 1000

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
 
+from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.heights import hull_mask
-from polarsim.rocks.splitting import told_apart
+from polarsim.rocks.splitting import is_upright, slivers_joined, told_apart
 
 PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
 WALL_CLEARANCE = 0.05  # metres from the sand's border within which only confirmed finds are rocks
+FLATTEST = 0.1  # height over size of the flattest rock that nobody drew: lower things are rims and swells of sand
 SMALL_SIZE = 0.055  # metres: smaller rocks are numbered last, for they come and go with noise
 SWEEP = np.array([0.83, 0.56])  # order of ids along this oblique line: rocks laid in rows along a wall do not tie
-
-Confirm = Callable[[np.ndarray], list[str]]  # points (n, 3) of a rock -> positions whose seed boxes show it
 
 
 @dataclass(frozen=True)
@@ -43,16 +42,24 @@ class Region:
     confirmed: tuple[str, ...] = ()  # positions whose seed boxes show it
 
 
-def find_regions(sand: Sand, limits: Limits, confirm: Confirm) -> list[Region]:
+def find_regions(sand: Sand, limits: Limits, evidence: Evidence) -> list[Region]:
     """Every rock of a sand box, in the order of their ids.
 
-    A region is what stands higher than the foot height and somewhere higher than the rock height; a lower height is
-    enough where seed boxes confirm it.
+    A region is what stands higher than the foot height and somewhere higher than the rock height, and is shaped like a
+    rock; where seed boxes confirm it a lower height is enough, and any shape.
     """
     above = np.where(sand.is_ground, 0.0, sand.above)
-    standing = ndimage.binary_opening(above > limits.foot, np.ones((2, 2), bool))
+    standing = ndimage.binary_opening((above > limits.foot) & (sand.standing > limits.foot), np.ones((2, 2), bool))
     labels, _ = ndimage.label(standing, np.ones((3, 3)))
-    labels = told_apart(above, labels, np.isfinite(sand.surface), limits.height)
+    seen = np.isfinite(sand.surface)
+
+    def points_of(mask: np.ndarray) -> np.ndarray:
+        return surface_points(sand, np.flatnonzero(mask & seen))
+
+    labels = told_apart(
+        above, labels, seen, limits.height, lambda one, other: evidence.apart(points_of(one), points_of(other))
+    )
+    labels = slivers_joined(above, labels, sand.grid.cell, lambda mask: bool(evidence.confirming(points_of(mask))))
     regions: list[Region] = []
     for number, box in enumerate(ndimage.find_objects(labels), 1):
         if box is None:
@@ -60,10 +67,15 @@ def find_regions(sand: Sand, limits: Limits, confirm: Confirm) -> list[Region]:
         region = measured_region(sand, box, labels[box] == number)
         if region.size < limits.size or region.height < limits.confirmed_height:
             continue
-        confirmed = tuple(confirm(_points(sand, region.seen)))
-        if confirmed or (region.height >= limits.height and not _at_wall(sand, box)):
+        confirmed = tuple(evidence.confirming(surface_points(sand, region.seen)))
+        if confirmed or (_looks_like_rock(region, limits) and not _at_wall(sand, box)):
             regions.append(replace(region, confirmed=confirmed))
     return numbered(regions)
+
+
+def _looks_like_rock(region: Region, limits: Limits) -> bool:
+    """By shape alone: high enough, no swell of the sand, and nothing that stands upright."""
+    return region.height >= max(limits.height, FLATTEST * region.size) and not is_upright(region.height, region.size)
 
 
 def _at_wall(sand: Sand, box: tuple[slice, ...]) -> bool:
@@ -83,7 +95,8 @@ def numbered(regions: list[Region]) -> list[Region]:
     return sorted(regions, key=lambda region: (region.size < SMALL_SIZE, float(region.centre @ SWEEP)))
 
 
-def _points(sand: Sand, cells: np.ndarray) -> np.ndarray:
+def surface_points(sand: Sand, cells: np.ndarray) -> np.ndarray:
+    """(n, 3) places on the scanned surface of flat cells (n,)."""
     places = sand.grid.places().reshape(-1, 2)[cells]
     return np.column_stack([places, sand.surface.ravel()[cells]])
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy import ndimage
 
@@ -10,10 +12,15 @@ from polarsim.rocks.heights import filled, hull_mask
 SADDLE_SHARE = 0.92  # two peaks may be two rocks where the pass between is lower than this share of the lower peak
 SPLIT_SMOOTHING = 1.2  # cells: chips and noise make no peaks
 ABSORBED_SHARE = 0.5  # of a region's cells in the hull of a larger one that make it a part of that one
+UPRIGHT_HEIGHT = 0.03  # metres: lower things may be pebbles
+SLIVER_REACH = 0.12  # metres from a sliver to the rock that it belongs to
+Apart = Callable[[np.ndarray, np.ndarray], bool]  # two masks (rows, columns): whether people drew them as two rocks
 SOLIDITY = 0.93  # share of its plan's hull that one rock fills; two discs that touch fill 0.88
 
 
-def told_apart(above: np.ndarray, labels: np.ndarray, seen: np.ndarray, lowest_peak: float) -> np.ndarray:
+def told_apart(
+    above: np.ndarray, labels: np.ndarray, seen: np.ndarray, lowest_peak: float, drawn_apart: Apart
+) -> np.ndarray:
     """(rows, columns) regions, each of one rock, numbered from 1; 0 outside and where nothing was seen.
 
     Parameters
@@ -26,11 +33,13 @@ def told_apart(above: np.ndarray, labels: np.ndarray, seen: np.ndarray, lowest_p
         Cells with a measured surface.
     lowest_peak : float
         Peaks below this height, metres, are no rocks of their own.
+    drawn_apart : Apart
+        Has the last word on two parts that together look like one rock.
     """
     labels = _absorbed(labels)
     bridged, labels = _bridged(np.where(seen, above, filled(above, seen)), labels, seen)
     parts = split_peaks(bridged, labels, lowest_peak)
-    return _convex_joined(parts) * seen
+    return _convex_joined(parts, drawn_apart) * seen
 
 
 def _absorbed(labels: np.ndarray) -> np.ndarray:
@@ -58,17 +67,22 @@ def _bridged(above: np.ndarray, labels: np.ndarray, seen: np.ndarray) -> tuple[n
     return np.where(labels > 0, above, 0.0), labels
 
 
-def _convex_joined(parts: np.ndarray) -> np.ndarray:
+def _convex_joined(parts: np.ndarray, drawn_apart: Apart) -> np.ndarray:
     """Parts that together fill their hull made one, those that fill it best first."""
     parts = parts.copy()
-    pairs = {pair: _solidity(parts, pair) for pair in _neighbours(parts)}
+
+    def worth(pair: tuple[int, int]) -> float:
+        solidity = _solidity(parts, pair)
+        return 0.0 if solidity >= SOLIDITY and drawn_apart(parts == pair[0], parts == pair[1]) else solidity
+
+    pairs = {pair: worth(pair) for pair in _neighbours(parts)}
     while pairs and max(pairs.values()) >= SOLIDITY:
         one, other = min(pairs, key=lambda pair: (-pairs[pair], pair))
         parts[parts == other] = one
         touched = {pair for pair in pairs if {one, other} & set(pair)}
         pairs = {pair: value for pair, value in pairs.items() if pair not in touched}
         numbers = {one if number == other else number for pair in touched for number in pair} - {one}
-        pairs |= {pair: _solidity(parts, pair) for n in numbers for pair in [(min(one, n), max(one, n))]}
+        pairs |= {pair: worth(pair) for n in numbers for pair in [(min(one, n), max(one, n))]}
     return parts
 
 
@@ -76,6 +90,43 @@ def _solidity(parts: np.ndarray, pair: tuple[int, int]) -> float:
     union = (parts == pair[0]) | (parts == pair[1])
     union = union[ndimage.find_objects(union.astype(np.int8))[0]]
     return float(union.sum() / hull_mask(union).sum())
+
+
+def slivers_joined(
+    above: np.ndarray, parts: np.ndarray, cell: float, drawn: Callable[[np.ndarray], bool]
+) -> np.ndarray:
+    """Upright parts that nobody drew made one with a larger one beside: what hides lies between.
+
+    Parameters
+    ----------
+    above : (rows, columns) float
+        Heights above the ground, metres.
+    parts : (rows, columns) int
+        Numbered parts, 0 outside.
+    cell : float
+        Side of a cell, metres.
+    drawn : mask (rows, columns) -> bool
+        Whether people drew a part as a rock.
+    """
+    parts = parts.copy()
+    reach = round(SLIVER_REACH / cell)
+    sizes = np.bincount(parts.ravel())
+    for number, box in enumerate(ndimage.find_objects(parts), 1):
+        mask = parts[box] == number if box is not None else np.zeros((1, 1), bool)
+        if not mask.any() or not is_upright(above[box][mask].max(), max(mask.shape) * cell) or drawn(parts == number):
+            continue
+        window = tuple(slice(max(0, part.start - reach), part.stop + reach) for part in box)
+        sliver = parts[window] == number
+        larger = (parts[window] > 0) & (sizes[parts[window]] > sizes[number])
+        distance = np.where(larger, ndimage.distance_transform_edt(~sliver), np.inf)
+        if distance.min() <= reach:
+            parts[window][sliver] = parts[window].ravel()[distance.argmin()]
+    return parts
+
+
+def is_upright(height: float, width: float) -> bool:
+    """Whether something is taller than wide, metres: no rock stands so on sand, edges of hidden ones and cloth do."""
+    return height > max(UPRIGHT_HEIGHT, width)
 
 
 def _neighbours(parts: np.ndarray) -> set[tuple[int, int]]:

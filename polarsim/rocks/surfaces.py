@@ -73,7 +73,9 @@ def densified(cloud: Cloud) -> Cloud:
     return Cloud(points, np.tile(cloud.normals, (len(steps) + 1, 1)))
 
 
-def closed_rock(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarray, cell: float) -> Mesh:
+def closed_rock(
+    cloud: Cloud, grid: FloorGrid, ground: np.ndarray, bare: np.ndarray, scanners: np.ndarray, cell: float
+) -> Mesh:
     """A watertight rock: the seen surface, its unseen back and its underside below the ground closed smoothly.
 
     Parameters
@@ -82,6 +84,8 @@ def closed_rock(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.
         The rock's seen surface, normals outward, metres.
     ground : (rows, columns) float
         Heights of the ground on `grid`, also under the rock.
+    bare : (rows, columns) bool
+        Cells whose ground was seen.
     scanners : (s, 3) float
         Where the scanners stood.
     cell : float
@@ -92,7 +96,7 @@ def closed_rock(cloud: Cloud, grid: FloorGrid, ground: np.ndarray, scanners: np.
     ReconstructionError
         The points span no volume.
     """
-    closing = closing_points(cloud, grid, ground, scanners, cell)
+    closing = closing_points(cloud, grid, ground, bare, scanners, cell)
     seen = densified(cloud)
     whole = Cloud(np.concatenate([seen.points, closing.points]), np.concatenate([seen.normals, closing.normals]))
     for share in CELL_SHARES:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import pandas as pd
@@ -11,21 +12,46 @@ from polarsim.rocks.overrides import Cuboid
 COLUMNS = {
     "rock": "int64", "x": "float64", "y": "float64", "z": "float64",
     "size_m": "float64", "height_m": "float64", "volume_m3": "float64", "points": "int64",
+    "points_by_scan": "str", "visible_share": "float64",
     "x0": "float64", "y0": "float64", "z0": "float64", "x1": "float64", "y1": "float64", "z1": "float64",
     "source": "str", "confirmed": "str",
 }  # fmt: skip
 
 
 def row(
-    rock: int, cuboid: Cuboid, *, size: float, height: float, volume: float, points: int, source: str, confirmed: str
+    rock: int,
+    cuboid: Cuboid,
+    *,
+    size: float,
+    height: float,
+    volume: float,
+    source: str,
+    points: Mapping[str, int] | None = None,
+    visible_share: float = math.nan,
+    confirmed: Sequence[str] = (),
 ) -> dict[str, object]:
-    """One rock. The centre is the cuboid's; `confirmed` names the positions whose seed boxes show the rock."""
+    """One rock.
+
+    Parameters
+    ----------
+    cuboid : Cuboid
+        Its middle is the rock's centre.
+    points : position -> int
+        Points of each scan; none for published meshes.
+    visible_share : float
+        Part of its plan that some scan saw.
+    confirmed : sequence of str
+        Positions whose seed boxes show the rock.
+    """
     x, y, z = (cuboid.low + cuboid.high) / 2
+    points = points or {}
     return {
         "rock": rock, "x": x, "y": y, "z": z,
-        "size_m": size, "height_m": height, "volume_m3": volume, "points": points,
+        "size_m": size, "height_m": height, "volume_m3": volume, "points": sum(points.values()),
+        "points_by_scan": " ".join(f"{position}:{count}" for position, count in sorted(points.items())),
+        "visible_share": visible_share,
         **dict(zip(("x0", "y0", "z0", "x1", "y1", "z1"), (*cuboid.low, *cuboid.high), strict=True)),
-        "source": source, "confirmed": confirmed,
+        "source": source, "confirmed": " ".join(confirmed),
     }  # fmt: skip
 
 

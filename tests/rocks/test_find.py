@@ -7,9 +7,8 @@ from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.geometry.topology import is_watertight
-from polarsim.photo import PhotoKey
 from polarsim.rocks import find
-from polarsim.rocks.find import find_rocks, read_rock_boxes
+from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
 
@@ -64,6 +63,10 @@ def test_scans_become_a_table_of_rocks(worked):
     assert set(table["source"]) == {"scan"}
     np.testing.assert_allclose(sorted(table["size_m"]), [0.08, 0.12, 0.25], atol=0.025)
     assert (table["points"] > 100).all()
+    assert table["points_by_scan"].str.fullmatch(r"A:\d+ C:\d+").all()
+    counts = table["points_by_scan"].str.findall(r"\d+").map(lambda each: sum(map(int, each)))
+    assert counts.tolist() == table["points"].tolist()
+    assert table["visible_share"].between(0.3, 1).all()
     inside = (table["x0"] < table["x"]) & (table["x"] < table["x1"]) & (table["z0"] < table["z1"])
     assert inside.all()
 
@@ -126,20 +129,3 @@ def test_a_scan_without_a_pose_is_a_warning_and_a_gap(worked, tmp_path, caplog):
     one = find._read_scans(inventory, {"A": placed["A"]})
     assert "the scan at C has no pose" in caplog.text
     assert 0 < len(one) < len(both)
-
-
-def test_only_left_seeds_and_rocks_are_evidence(tmp_path):
-    for camera, lines in (("L", "0 0.5 0.5 0.1 0.1\n1 0.2 0.2 0.1 0.1\n"), ("R", "0 0.1 0.1 0.1 0.1\n")):
-        key = PhotoKey(1, "A", "off", "30", camera, 256)
-        (tmp_path / f"{key}.txt").write_text(lines)
-    boxes = read_rock_boxes(tmp_path)
-    np.testing.assert_allclose(boxes["A"], [[871.2, 547.2, 1064.8, 668.8]])  # 0.45 and 0.55 of 1936 and 1216
-
-
-def test_boxes_drawn_around_a_rock_confirm_it(worked):
-    placed = rigs.read_all_placed(worked / "cameras")
-    points = ply.read(worked / "clouds" / "rock1.ply").points
-    pixels = placed["A"].project("L", points)
-    box = np.concatenate([pixels.min(axis=0) - 4, pixels.max(axis=0) + 4])[None]
-    boxes = {"A": box, "C": box + 900, "B": box}
-    assert find.confirming_positions(points, placed, boxes, 0.3) == ["A"]

@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
 
+from polarsim.geometry.poses import Pose
+from polarsim.rocks.clouds import surface_cloud
 from polarsim.rocks.crops import crop_rocks
+from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground, sand_extent
 from polarsim.rocks.overrides import Cuboid, Overrides
 from polarsim.rocks.regions import Limits, find_regions
@@ -14,13 +17,9 @@ SAND = Extent(-1.9, -1.9, 1.9, 1.9)
 PLACES = [(0.9, 0.6), (-0.2, -0.9), (1.1, -0.5)]
 
 
-def nobody(points):
-    return []
-
-
 def regions_of(scans):
     sand = find_ground(scans.select(SAND.contains(scans.points)), SAND, CELL, SLOPE)
-    return sand, find_regions(sand, LIMITS, nobody)
+    return sand, find_regions(sand, LIMITS, Evidence({}, {}, 0.3))
 
 
 def hills(places):
@@ -47,9 +46,17 @@ def test_every_rock_is_one_region_around_its_place(found):
     assert sorted(n for n, region in enumerate(regions) for cell in cells if cell in region.footprint) == [0, 1, 2]
 
 
-def test_sizes_are_right_to_two_cells(found):
+def size_above(rock, height):
+    """Longest horizontal side of what of a rock stands higher than this above the hills, from points on its faces."""
+    weights = np.random.default_rng(0).dirichlet(np.full(3, 0.5), (len(rock.simplices), 400))
+    points = np.einsum("fks,fsd->fkd", weights, rock.points[rock.simplices]).reshape(-1, 3)
+    return np.ptp(points[points[:, 2] > hills(points[:, :2]) + height, :2], axis=0).max()
+
+
+def test_sizes_above_the_foot_are_right_to_two_cells(found, three_rocks):
     sizes = sorted(region.size for region in found[1])
-    np.testing.assert_allclose(sizes, [0.08, 0.12, 0.25], atol=2 * CELL)
+    true = sorted(size_above(rock, LIMITS.foot) for rock in three_rocks.rocks)
+    np.testing.assert_allclose(sizes, true, atol=2 * CELL)
 
 
 def test_the_ground_is_right_also_under_the_rocks(found):
@@ -66,6 +73,35 @@ def test_the_order_of_points_does_not_matter(three_rock_scans, found, rng):
     for one, other in zip(regions, found[1], strict=True):
         np.testing.assert_array_equal(one.seen, other.seen)
         assert one.height == pytest.approx(other.height, abs=1e-9)
+
+
+def test_a_motion_of_the_whole_scene_moves_the_rocks_and_changes_none(three_rock_scans, found):
+    quarter = Pose.from_rotvec(np.array([0, 0, np.pi / 2]), np.array([10 * CELL, -5 * CELL, 0.1]))
+    inside = three_rock_scans.select((np.abs(three_rock_scans.points[:, :2]) < 1.7).all(axis=1))
+    _, before = regions_of(inside)
+    _, after = regions_of(inside.moved(quarter))
+    moved = [quarter.apply(np.append(region.centre, 0)[None])[0, :2] for region in before]
+    pairs = [min(after, key=lambda other: np.linalg.norm(other.centre - place)) for place in moved]
+    assert len(after) == len(before) == len({id(other) for other in pairs})
+    for region, place, other in zip(before, moved, pairs, strict=True):
+        np.testing.assert_allclose(other.centre, place, atol=CELL)
+        assert other.height == pytest.approx(region.height, abs=0.002)
+        assert other.volume == pytest.approx(region.volume, rel=0.1)
+
+
+def test_more_noise_never_makes_ground_or_rocks_truer(three_rocks):
+    errors = []
+    for noise in (0.0005, 0.002, 0.006):
+        scans = three_rocks.scanned(np.random.default_rng(4), noise=noise)
+        sand, _ = regions_of(scans)
+        level = np.median(np.abs(sand.ground - hills(sand.grid.places())))
+        rock = three_rocks.rocks[0]
+        near = scans.select(np.linalg.norm(scans.points - rock.points.mean(axis=0), axis=1) < 0.16)
+        high = near.select(near.points[:, 2] > hills(near.points[:, :2]) + 0.03)
+        cloud = surface_cloud(high).points
+        off = np.abs((cloud @ rock.equations[:, :3].T + rock.equations[:, 3]).max(axis=1))
+        errors.append((level, np.median(off)))
+    assert np.all(np.diff(errors, axis=0) > 0)
 
 
 def test_ids_do_not_change_with_other_noise(three_rocks, found):
@@ -106,9 +142,36 @@ def test_cloth_that_hangs_into_the_box_becomes_no_ground(bare_scans, rng):
 def test_a_low_find_is_kept_where_labels_confirm_it(three_rock_scans):
     sand = find_ground(three_rock_scans.select(SAND.contains(three_rock_scans.points)), SAND, CELL, SLOPE)
     high = Limits(foot=0.006, height=0.2, confirmed_height=0.010, size=0.035)
-    assert find_regions(sand, high, nobody) == []
-    confirmed = find_regions(sand, high, lambda points: ["A"] if points[:, 0].mean() > 0.5 else [])
+    assert find_regions(sand, high, Evidence({}, {}, 0.3)) == []
+
+    class Right(Evidence):
+        def confirming(self, points):
+            return ["A"] if points[:, 0].mean() > 0.5 else []
+
+    confirmed = find_regions(sand, high, Right({}, {}, 0.3))
     assert [region.confirmed for region in confirmed] == [("A",), ("A",)]
+
+
+def with_patch(scans, size, height, rng):
+    """Scans with a level patch, `size` (x, y) metres, standing on the sand at (0.6, 1.0)."""
+    low, high = np.array([0.6, 1.0]) - np.array(size) / 2, np.array([0.6, 1.0]) + np.array(size) / 2
+    away = ((scans.points[:, :2] < low) | (scans.points[:, :2] > high)).any(axis=1)
+    places = rng.uniform(low, high, (round(2e5 * np.prod(size)), 2))
+    patch = np.column_stack([places, hills(places) + height + 0.001 * rng.normal(size=len(places))])
+    points = np.concatenate([scans.points[away], patch])
+    return ScanPoints(points, np.tile([0.0, 0, 1], (len(points), 1)), np.ones(len(points)))
+
+
+def test_a_wide_low_swell_and_an_upright_strip_are_no_rocks_but_a_stone_is(bare_scans, rng):
+    for size, height, expected in (((0.30, 0.30), 0.022, 0), ((0.06, 0.05), 0.15, 0), ((0.10, 0.10), 0.05, 1)):
+        _, regions = regions_of(with_patch(bare_scans, size, height, rng))
+        assert len(regions) == expected, (size, height)
+
+
+def test_an_upright_strip_makes_no_spike_in_the_ground(bare_scans, rng):
+    sand, regions = regions_of(with_patch(bare_scans, (0.06, 0.05), 0.15, rng))
+    sand, _ = crop_rocks(sand, regions, Overrides(), LIMITS.foot)
+    assert np.abs(sand.ground - hills(sand.grid.places())).max() < 0.02
 
 
 def test_walls_bound_the_sand(rng):

@@ -8,7 +8,7 @@ from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks.adopt import volume_above
-from polarsim.rocks.closing import hull_mesh
+from polarsim.rocks.closing import closing_points, hull_mesh
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import decimated, largest_island, merged_vertices, volume
@@ -16,6 +16,7 @@ from polarsim.rocks.surfaces import closed_rock, ground_surface
 
 GRID = FloorGrid(Extent(-0.3, -0.3, 0.3, 0.3), 0.005)
 LEVEL = np.zeros(GRID.shape)
+NOTHING_SEEN = np.zeros(GRID.shape, bool)
 SCANNERS = np.array([[3.5, 0, 1.5], [0, -3.5, 1.5]])
 RADIUS = 0.08
 CENTRE = np.array([0.01, -0.02, 0.03])
@@ -42,7 +43,7 @@ def seen_ball():
 
 @pytest.fixture(scope="module")
 def ball(seen_ball):
-    return closed_rock(seen_ball, GRID, LEVEL, SCANNERS, 0.003)
+    return closed_rock(seen_ball, GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.003)
 
 
 def test_a_rock_is_one_closed_outward_solid_for_another_program_too(ball):
@@ -75,7 +76,7 @@ def test_the_unseen_back_makes_up_the_volume_of_the_ball(ball):
 
 
 def test_the_same_cloud_gives_the_same_bytes(ball, seen_ball):
-    again = closed_rock(seen_ball, GRID, LEVEL, SCANNERS, 0.003)
+    again = closed_rock(seen_ball, GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.003)
     assert again.vertices.tobytes() == ball.vertices.tobytes()
     assert again.faces.tobytes() == ball.faces.tobytes()
 
@@ -83,7 +84,7 @@ def test_the_same_cloud_gives_the_same_bytes(ball, seen_ball):
 def test_points_on_a_line_are_refused():
     line = np.column_stack([np.linspace(0, 0.1, 20), np.zeros(20), np.full(20, 0.05)])
     with pytest.raises(ReconstructionError, match="20 points"):
-        closed_rock(Cloud(line, np.tile([0.0, 0, 1], (20, 1))), GRID, LEVEL, SCANNERS, 0.003)
+        closed_rock(Cloud(line, np.tile([0.0, 0, 1], (20, 1))), GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.003)
 
 
 def test_the_ground_is_one_sheet_at_its_heights():
@@ -126,3 +127,12 @@ def test_a_hull_is_outward(rng):
     hull = hull_mesh(rng.normal(size=(50, 3)))
     assert is_watertight(hull.faces)
     assert volume(hull) == pytest.approx(trimesh.convex.convex_hull(hull.vertices).volume)
+
+
+def test_nothing_closes_a_rock_over_ground_that_was_seen_bare(seen_ball):
+    bare = np.linalg.norm(GRID.places() - CENTRE[:2], axis=-1) > 0.9 * RADIUS
+    free = closing_points(seen_ball, GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.003).points
+    kept = closing_points(seen_ball, GRID, LEVEL, bare, SCANNERS, 0.003).points
+    over_bare = bare.ravel()[GRID.cell_of(free)]
+    assert over_bare.any()
+    np.testing.assert_array_equal(kept, free[~over_bare])

@@ -1,7 +1,7 @@
 import numpy as np
 from scipy import ndimage
 
-from polarsim.rocks.splitting import told_apart
+from polarsim.rocks.splitting import is_upright, slivers_joined, told_apart
 
 Y, X = np.mgrid[0:80, 0:120]
 
@@ -10,9 +10,13 @@ def dome(x, y, radius, height):
     return height * np.sqrt(np.clip(1 - ((X - x) ** 2 + (Y - y) ** 2) / radius**2, 0, 1))
 
 
-def count(above):
+def nobody(one, other):
+    return False
+
+
+def count(above, drawn_apart=nobody):
     labels, _ = ndimage.label(above > 0.006)
-    apart = told_apart(above, labels, np.ones_like(labels, bool), 0.015)
+    apart = told_apart(above, labels, np.ones_like(labels, bool), 0.015, drawn_apart)
     assert ((apart > 0) == (labels > 0)).all()
     return len(np.unique(apart)) - 1
 
@@ -26,6 +30,16 @@ def test_a_dome_with_a_notch_in_its_top_is_one_rock():
     assert count(dome(60, 40, 30, 0.12) * (1 - 0.5 * notch)) == 1
 
 
+def test_what_people_drew_as_two_rocks_stays_two_though_it_looks_like_one():
+    above = np.maximum(dome(50, 40, 20, 0.10), dome(70, 40, 20, 0.10))
+    assert count(above) == 1
+    assert count(above, lambda one, other: True) == 2
+
+
+def test_people_do_not_cut_a_rock_of_one_peak():
+    assert count(dome(60, 40, 30, 0.12), lambda one, other: True) == 1
+
+
 def test_rocks_apart_stay_apart():
     assert count(dome(25, 40, 15, 0.10) + dome(90, 40, 15, 0.02)) == 2
 
@@ -35,6 +49,32 @@ def test_a_hidden_strip_does_not_cut_a_rock_in_two():
     seen = np.ones_like(above, bool)
     seen[:55, 55:65] = False
     labels, _ = ndimage.label((above > 0.006) & seen)
-    apart = told_apart(above, labels, seen, 0.015)
+    apart = told_apart(above, labels, seen, 0.015, nobody)
     assert len(np.unique(apart[seen])) == 2  # one rock, and what is none
     assert not apart[~seen].any()
+
+
+def sliver_beside(distance_cells, drawn=False):
+    """Numbers of a boulder 40 cells wide and of a strip, 3 cells wide and 10 cm high, at a distance from it."""
+    parts = np.zeros(X.shape, int)
+    parts[20:60, 30:70] = 1
+    parts[30:36, 70 + distance_cells : 73 + distance_cells] = 2
+    above = np.where(parts > 0, 0.10, 0.0)
+    return slivers_joined(above, parts, 0.005, lambda mask: drawn)
+
+
+def test_an_upright_strip_beside_a_rock_is_its_edge():
+    joined = sliver_beside(8)
+    assert (joined[30:36, 78:81] == 1).all()
+    assert (joined > 0).sum() == 40 * 40 + 6 * 3
+
+
+def test_an_upright_strip_far_from_any_rock_or_drawn_as_one_stays_alone():
+    assert (sliver_beside(30) == 2).sum() == 6 * 3
+    assert (sliver_beside(8, drawn=True) == 2).sum() == 6 * 3
+
+
+def test_pebbles_are_not_upright():
+    assert not is_upright(0.02, 0.01)
+    assert is_upright(0.05, 0.04)
+    assert not is_upright(0.05, 0.06)

@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+
+from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.boxes import around
+from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.rocks.drawn import with_drawn
+from polarsim.rocks.evidence import Evidence
+from polarsim.rocks.ground import find_ground
+from polarsim.rocks.regions import Limits, find_regions
+from polarsim.rocks.scans import Extent
+from tests.rocks.conftest import Scene
+
+LIMITS = Limits(foot=0.006, height=0.015, confirmed_height=0.010, size=0.035)
+SAND = Extent(-1.9, -1.9, 1.9, 1.9)
+MOUND, ELSEWHERE = (0.3, -0.2), (-0.5, 0.4)
+
+
+@pytest.fixture(scope="module")
+def placed(tripods):
+    rig = stated_rig()
+    left_from_rectified = rectified_left(rig).left_from_rectified
+    return {name: PlacedRig(rig, pose @ left_from_rectified.inverse(), "truth") for name, pose in tripods.items()}
+
+
+def ball(x, y, radius=0.05):
+    rng = np.random.default_rng(1)
+    directions = rng.normal(size=(400, 3))
+    return np.array([x, y, radius]) + radius * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def box(placed, position, points):
+    return around(placed[position].project("L", points)) + np.array([-2, -2, 2, 2])
+
+
+def evidence(placed, **drawn):
+    """Boxes by position, as two seed files agree on them."""
+    return Evidence(placed, {name: [np.array(boxes).reshape(-1, 4)] * 2 for name, boxes in drawn.items()}, 0.3)
+
+
+def test_a_box_around_a_rock_confirms_it(placed):
+    rock = ball(0.2, 0.1)
+    found = evidence(placed, A=[box(placed, "A", rock)], C=[box(placed, "C", rock) + 400], B=[[0, 0, 9, 9]])
+    assert found.confirming(rock) == ["A"]  # C drew something else, and nobody knows where B stands
+
+
+def test_two_boxes_part_what_one_box_joins(placed):
+    first, second = ball(0.2, 0.0), ball(0.2, 0.11)
+    both = np.concatenate([first, second])
+    two = [box(placed, "A", first), box(placed, "A", second)]
+    assert evidence(placed, A=two).apart(first, second)
+    assert not evidence(placed, A=[box(placed, "A", both)]).apart(first, second)
+    assert not evidence(placed, A=two[:1]).apart(first, second)  # the other one may be anything
+    assert not evidence(placed).apart(first, second)
+
+
+def test_boxes_that_no_rock_fills_are_unexplained(placed):
+    rock, other = ball(0.2, 0.0), ball(-0.4, 0.3)
+    boxes = [box(placed, "A", rock), box(placed, "A", other)]
+    left = evidence(placed, A=boxes).unexplained([rock])
+    np.testing.assert_allclose(left["A"], boxes[1:])
+    np.testing.assert_allclose(evidence(placed, A=boxes).unexplained([])["A"], boxes)
+
+
+def mound(x, y):
+    return 0.014 * np.exp(-((x - MOUND[0]) ** 2 + (y - MOUND[1]) ** 2) / 0.025**2)
+
+
+@pytest.fixture(scope="module")
+def low_rock():
+    scans = Scene(mound).scanned(np.random.default_rng(3))
+    return find_ground(scans.select(SAND.contains(scans.points)), SAND, 0.008, np.radians(40))
+
+
+def around_place(placed, position, place):
+    x, y = place
+    corners = [(x + dx, y + dy, z) for dx in (-0.035, 0.035) for dy in (-0.035, 0.035) for z in (0.0, 0.01)]
+    return box(placed, position, np.array(corners))
+
+
+def looked_into(placed, sand, **places):
+    boxes = {name: [around_place(placed, name, place)] for name, place in places.items()}
+    shown = evidence(placed, **boxes)
+    return with_drawn(sand, find_regions(sand, LIMITS, shown), LIMITS, shown)
+
+
+def test_a_rock_too_low_for_its_shape_is_found_where_two_positions_show_it(placed, low_rock):
+    sand, regions = looked_into(placed, low_rock, A=MOUND, C=MOUND)
+    assert [region.confirmed for region in regions] == [("A", "C")]
+    np.testing.assert_allclose(regions[0].centre, MOUND, atol=0.015)
+    assert regions[0].height == pytest.approx(0.012, abs=0.004)
+    assert not sand.is_ground.ravel()[regions[0].seen].any()
+
+
+def test_one_position_alone_or_boxes_of_level_sand_give_no_rock(placed, low_rock):
+    for places in ({"A": MOUND}, {"A": ELSEWHERE, "C": ELSEWHERE}, {"A": MOUND, "C": ELSEWHERE}):
+        sand, regions = looked_into(placed, low_rock, **places)
+        assert regions == []
+        np.testing.assert_array_equal(sand.is_ground, low_rock.is_ground)
