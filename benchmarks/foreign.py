@@ -37,8 +37,9 @@ from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
+from polarsim.tables.match_rule import MatchRule
 from polarsim.tables.options import TablesOptions
-from polarsim.tables.quality_cameras import MatchRule, score_cameras
+from polarsim.tables.quality_cameras import score_cameras
 from polarsim.tables.quality_rocks import score_rocks
 
 TERRAIN = 2
@@ -269,7 +270,7 @@ def scored(folder: Path) -> pd.DataFrame:
     rule = MatchRule(0.004, 0.35, 0.3, 0.5, 40)
     score_cameras(**common, matches=None, drawn=None, quality=folder / "cameras.csv", rule=rule)
     rocks = {"rocks": folder / "rocks.parquet", "quality": folder / "rocks.csv", "scores": folder / "scores.csv"}
-    rocks["inventory"] = folder / "inventory.json"
+    rocks |= {"inventory": folder / "inventory.json", "offsets": folder / "offsets.parquet"}
     score_rocks(**common, **rocks, options=TablesOptions())
     return pd.concat([pd.read_csv(folder / f"{name}.csv") for name in ("cameras", "rocks")], ignore_index=True)
 

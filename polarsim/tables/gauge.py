@@ -56,7 +56,8 @@ def refine_gauge(truth_from_sandbox: Pose, ground_truth: np.ndarray, surface_san
     prior = np.diag(1 / np.array([TURN_SD] * 3 + [SHIFT_SD] * 3))
     for gate in np.geomspace(*ICP_GATES, ICP_STEPS):
         points = pose.inverse().apply(ground_truth)
-        closest, normals = surface_sandbox.closest(points)
+        closest, face = surface_sandbox.nearest(points)
+        normals = surface_sandbox.normals[face]
         near = np.linalg.norm(closest - points, axis=1) < gate
         if not near.any():
             return pose

@@ -13,14 +13,14 @@ from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.tables.surface import Surface, islands
+from polarsim.tables.true_surface import Samples
 
 COLUMNS = {
     "mesh": "str", "rock": "int64", "vertices": "int64", "faces": "int64", "watertight": "bool", "islands": "int64",
     "edge_mm": "float64", "contact_share": "float64", "copy_vertex_share": "float64", "copy_watertight": "float64",
     "copy_hausdorff_mm": "float64", "true_rock": "float64",
     "true_size_m": "float64",
-    "surface_median_mm": "float64", "surface_p90_mm": "float64",
-    "f_score_5mm": "float64",
+    "surface_median_mm": "float64", "surface_p90_mm": "float64", "f_score_5mm": "float64", "surface_iou": "float64",
 }  # fmt: skip
 SECTORS = 72  # about a rock, in each of which it must reach the ground
 CONTACT = 0.002  # metres: a wider gap between a rock and its ground shows
@@ -50,35 +50,37 @@ def soundness_rows(
     return rows
 
 
-def accuracy(
-    rock_of_true_point: np.ndarray,
-    to_ours: np.ndarray,
-    rock_of_our_point: np.ndarray,
-    to_true: np.ndarray,
-    true_of_found: Mapping[int, int],
-) -> dict[int, dict[str, float]]:
+def accuracy(there: Samples, back: Samples, true_of_found: Mapping[int, int]) -> dict[int, dict[str, float]]:
     """Figures by found rock, the ground's under `NO_ROCK`.
 
     Parameters
     ----------
-    rock_of_true_point, to_ours : (n,)
-        Points on the visible true surface: their rock, and their distance to our surface, metres.
-    rock_of_our_point, to_true : (m,)
-        The same the other way round.
+    there, back : Samples
+        Of the true surface and of ours.
     true_of_found
         True rock by found rock.
     """
     figures = {}
     for found, true in {NO_ROCK: NO_ROCK, **true_of_found}.items():
-        there, back = to_ours[rock_of_true_point == true], to_true[rock_of_our_point == found]
-        if len(there):
+        wanted, given = there.rock == true, back.rock == found
+        if wanted.any():
+            far = there.distance[wanted]
             figures[found] = {
                 "true_rock": float(true),
-                "surface_median_mm": 1000 * float(np.median(there)),
-                "surface_p90_mm": 1000 * float(np.percentile(there, 90)),
-                "f_score_5mm": f_score(there, back),
+                "surface_median_mm": 1000 * float(np.median(far)),
+                "surface_p90_mm": 1000 * float(np.percentile(far, 90)),
+                "f_score_5mm": f_score(far, back.distance[given]),
+                "surface_iou": surface_iou(there, back, true, found),
             }
     return figures
+
+
+def surface_iou(there: Samples, back: Samples, true: int, found: int) -> float:
+    """Seen surface that is both the true rock's and our rock's, over what is one of the two, by area."""
+    wanted = there.rock == true
+    both = there.area[wanted & (there.beside == found)].sum()
+    ours_alone = back.area[(back.rock == found) & (back.beside != true)].sum()
+    return float(both / (there.area[wanted].sum() + ours_alone))
 
 
 def f_score(there: np.ndarray, back: np.ndarray) -> float:

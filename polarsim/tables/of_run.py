@@ -1,4 +1,4 @@
-"""The files of a run that belong to one photo, and the pictures made of them."""
+"""Pictures made of what a run has of one photo."""
 
 from __future__ import annotations
 
@@ -6,30 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from polarsim.errors import LabelError
-from polarsim.formats.inventory import read_inventory
-from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey
 from polarsim.tables.figures.comparison import draw_comparison
 from polarsim.tables.options import TablesOptions
+from polarsim.tables.run_files import cover_photo_of, photo_of, twin_of
 from polarsim.tables.show import show
-
-
-def photo_of(run: Path, key: PhotoKey) -> Path | None:
-    """The raw photo of a key; None where the run's source has none."""
-    photos = read_parquet(run / "acquire" / f"Terrain{key.terrain:02d}" / "photos.parquet", ["key", "path"])
-    found = photos.loc[photos["key"] == str(key), "path"]
-    return Path(str(found.iloc[0])) if len(found) else None
-
-
-def cover_photo_of(run: Path, key: PhotoKey) -> Path | None:
-    """The release's picture with rock ids drawn in, of the key's position; None where there is none."""
-    inventory = read_inventory(run / "acquire" / f"Terrain{key.terrain:02d}" / "inventory.json")
-    path = inventory.cover_photos.get(key.position)
-    return Path(path) if path else None
-
-
-def twin_of(run: Path, model: str, key: PhotoKey) -> Path:
-    return run / "renders" / model / f"Terrain{key.terrain:02d}" / f"{key}.png"
 
 
 def show_of_run(*, key: PhotoKey, run: Path, domain: str, out: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, PhotoKey
 from polarsim.tables.gauge import fit_gauge
+from polarsim.tables.match_rule import MatchRule
 from polarsim.tables.quality import Figure, summary, write_quality
 from polarsim.tables.quality_labels import read_drawn
 from polarsim.tables.score import Labels
@@ -26,17 +26,6 @@ from polarsim.tables.score import Labels
 MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
 _POINTS = 4000  # true surface points that are projected, at most
 _UNITS = {"_mm": "mm", "_deg": "deg", "_px": "px", "_m": "m"}
-
-
-@dataclass(frozen=True)
-class MatchRule:
-    """How meshes and drawn boxes are compared: as the cameras stage compares them."""
-
-    trim: float  # metres above a rock's rim from which its sides count
-    trim_share: float  # ... but from this share of its height on in any case
-    consensus_share: float  # of the photo sets that must show a box
-    same_iou: float  # boxes of two photos that overlap by more are one rock's
-    gate_px: float  # between centres of a pair
 
 
 def score_cameras(

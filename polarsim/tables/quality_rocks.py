@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import linear_sum_assignment
 
-from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rigs import read_all_placed
-from polarsim.formats.scene import TerrainMesh, read_terrain
-from polarsim.formats.tables import read_parquet, write_csv
-from polarsim.geometry.poses import Pose, angle_between
+from polarsim.formats.scene import read_terrain
+from polarsim.formats.tables import read_parquet, write_csv, write_parquet
+from polarsim.geometry.poses import angle_between
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
-from polarsim.survey import SANDBOX_HALF_WIDTH
-from polarsim.tables.gauge import refine_gauge
 from polarsim.tables.mesh_scores import accuracy, f_score, mesh_table, soundness_rows
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality import Figure, summary, write_quality
-from polarsim.tables.quality_cameras import read_gauge
-from polarsim.tables.sight import Sight, sights
-from polarsim.tables.surface import Surface
+from polarsim.tables.rock_pairs import pair_rocks, recall_and_precision, size_classes, size_names
+from polarsim.tables.true_surface import Comparison, compare
 
 ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
-MATCH_RADIUS = 0.5  # of the true size: how far the centre of a found rock may be off
-SMALLEST_RADIUS = 0.03  # metres
 HAUSDORFF_SAMPLES = 4000  # points on a rock and on its thinned copy, besides all their vertices
-EDGE = 0.1  # metres: a strip along the walls does not count as ground
-
-
-@dataclass(frozen=True)
-class RockPairs:
-    """Found rocks and true ones: row numbers that belong together, one to one."""
-
-    true: np.ndarray  # (p,)
-    found: np.ndarray  # (p,)
+SEEN_WIDTH = 0.5  # of a rock's size that scans must have seen for the rock to count as seen
+OFFSET_COLUMNS = {"rock": "int64", **dict.fromkeys(("x", "y", "z", "offset_mm"), "float64")}
+BY_ROCK = (("surface_median_mm", "mm"), ("surface_p90_mm", "mm"), ("f_score_5mm", "1"), ("surface_iou", "1"))
 
 
 def score_rocks(
@@ -50,9 +35,10 @@ def score_rocks(
     inventory: Path | None,
     quality: Path,
     scores: Path,
+    offsets: Path,
     options: TablesOptions,
 ) -> None:
-    """Write the quality of a terrain's rocks and meshes, and a row of scores for every mesh.
+    """Write the quality of a terrain's rocks and meshes, a row of scores for every mesh, and where meshes are off.
 
     Frames are brought together by the camera poses, then by one small rigid ICP of the terrain's ground; how far that
     went is a figure of its own.
@@ -65,31 +51,39 @@ def score_rocks(
         Folders of the terrain.
     scores
         Table of the meshes that is written, see `mesh_scores.COLUMNS`.
+    offsets
+        Table that is written, a row a point on our seen surface: rock, x, y, z (true frame), offset_mm, the distance
+        to the true surface, below 0 inside it. Without truth it has no row.
     truth
         The analog's truth/TerrainTT; None where there is none.
     """
     found = read_parquet(rocks, ROCK_COLUMNS)
     scene = read_terrain(meshes, terrain)
     against_truth: list[Figure] = []
+    off = pd.DataFrame(columns=list(OFFSET_COLUMNS)).astype(OFFSET_COLUMNS)
     rows = soundness_rows(scene, meshes, terrain, generator(options.seed, "mesh samples", terrain), HAUSDORFF_SAMPLES)
     if truth is not None:
-        against_truth, own = _against_truth(terrain, found, scene, cameras, truth, inventory, options)
+        true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
+        compared = compare(terrain, scene, cameras, truth, inventory, options)
+        against_truth, own = _against_truth(true, found, compared, options)
+        off = compared.ours.table().astype(OFFSET_COLUMNS)
         rows = [{**row, **own.get(int(str(row["rock"])), {})} for row in rows]
     table = mesh_table(rows)
     figures = counts(found, options) + soundness(table) + against_truth + _copies(table) + _by_rock(table, options)
     write_quality(quality, "rocks", terrain, figures)
     write_csv(scores, table)
+    write_parquet(offsets, off)
 
 
 def counts(found: pd.DataFrame, options: TablesOptions) -> list[Figure]:
     """How many rocks of which size there are."""
     size_cm = 100 * found["size_m"].to_numpy(float)
-    large, small = _size_classes(size_cm, options)
+    (large, small), names = size_classes(size_cm, options), size_names(options)
     n = len(found)
     return [
         Figure("rocks", "count", n, "rocks", n, "own"),
-        Figure(_large(options), "count", int(large.sum()), "rocks", n, "own"),
-        Figure(_small(options), "count", int(small.sum()), "rocks", n, "own"),
+        Figure(names[0], "count", int(large.sum()), "rocks", n, "own"),
+        Figure(names[1], "count", int(small.sum()), "rocks", n, "own"),
     ]
 
 
@@ -107,44 +101,6 @@ def soundness(table: pd.DataFrame) -> list[Figure]:
     figures.append(Figure("ground mesh", "islands", int(ground["islands"]), "islands", 1, "own"))
     figures.append(Figure("ground mesh", "vertices", int(ground["vertices"]), "vertices", 1, "own"))
     return figures
-
-
-def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:
-    """One-to-one pairs of the smallest summed distance of centres, none beyond half the true rock's size.
-
-    Both tables in one frame.
-    """
-    if not len(true) or not len(found):
-        return RockPairs(np.zeros(0, int), np.zeros(0, int))
-    centres = [table[["x", "y", "z"]].to_numpy(float) for table in (true, found)]
-    distance = np.linalg.norm(centres[0][:, None] - centres[1][None], axis=-1)
-    radius = np.maximum(MATCH_RADIUS * true["size_m"].to_numpy(float), SMALLEST_RADIUS)[:, None]
-    gain = np.where(distance < radius, 2 - distance / radius, 0.0)  # many pairs first, then near ones
-    rows, columns = linear_sum_assignment(-gain)
-    good = distance[rows, columns] < radius[rows, 0]
-    return RockPairs(rows[good], columns[good])
-
-
-def recall_and_precision(
-    true: pd.DataFrame, found: pd.DataFrame, pairs: RockPairs, options: TablesOptions
-) -> list[Figure]:
-    """Share of true rocks found and of found rocks true, by size, and how sizes differ.
-
-    A rock counts by its own size: a true one for recall, a found one for precision.
-    """
-    figures = []
-    true_cm, found_cm = (100 * table["size_m"].to_numpy(float) for table in (true, found))
-    for number, subject in enumerate((_large(options), _small(options))):
-        wanted, given = _size_classes(true_cm, options)[number], _size_classes(found_cm, options)[number]
-        for name, members, hits in (("recall", wanted, pairs.true), ("precision", given, pairs.found)):
-            if members.any():
-                share = float(np.isin(np.flatnonzero(members), hits).mean())
-                figures.append(Figure(subject, name, share, "1", int(members.sum()), "truth"))
-    for column, name in (("size_m", "size_error"), ("height_m", "height_error")):
-        difference = found[column].to_numpy(float)[pairs.found] - true[column].to_numpy(float)[pairs.true]
-        figures += summary("paired rocks", name, 1000 * np.abs(difference), "mm", "truth")
-    ratio = found["volume_m3"].to_numpy(float)[pairs.found] / true["volume_m3"].to_numpy(float)[pairs.true]
-    return figures + summary("paired rocks", "volume_ratio", ratio, "1", "truth", p90=False)
 
 
 def _copies(table: pd.DataFrame) -> list[Figure]:
@@ -169,19 +125,11 @@ def _by_rock(table: pd.DataFrame, options: TablesOptions) -> list[Figure]:
     """Medians over rocks of each rock's own figures, by true size; and the ground's F-score."""
     figures = []
     scored = table.dropna(subset=["surface_median_mm"])
-    for name, members in zip(
-        (_large(options), _small(options)),
-        _size_classes(100 * scored["true_size_m"].to_numpy(float), options),
-        strict=True,
-    ):
-        rocks = scored[members]
-        for column, figure, unit in (
-            ("surface_median_mm", "surface_median_by_rock", "mm"),
-            ("surface_p90_mm", "surface_p90_by_rock", "mm"),
-            ("f_score_5mm", "f_score_5mm_by_rock", "1"),
-        ):
-            if len(rocks):
-                figures.append(Figure(name, figure, float(rocks[column].median()), unit, len(rocks), "truth"))
+    members = size_classes(100 * scored["true_size_m"].to_numpy(float), options)
+    for name, mine in zip(size_names(options), members, strict=True):
+        for column, unit in BY_ROCK if mine.any() else ():
+            value = float(scored.loc[mine, column].median())
+            figures.append(Figure(name, f"{column.removesuffix('_mm')}_by_rock", value, unit, int(mine.sum()), "truth"))
     ground = scored[scored["rock"] == NO_ROCK]
     if len(ground):
         figures.append(Figure("ground", "f_score_5mm", float(ground["f_score_5mm"].iloc[0]), "1", 1, "truth"))
@@ -189,93 +137,39 @@ def _by_rock(table: pd.DataFrame, options: TablesOptions) -> list[Figure]:
 
 
 def _against_truth(
-    terrain: int,
-    found: pd.DataFrame,
-    our_scene: TerrainMesh,
-    cameras: Path,
-    truth: Path,
-    inventory: Path | None,
-    options: TablesOptions,
+    true: pd.DataFrame, found: pd.DataFrame, compared: Comparison, options: TablesOptions
 ) -> tuple[list[Figure], dict[int, dict[str, float]]]:
     """Figures of the terrain, and those of each found rock and of the ground."""
-    true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
-    by_cameras, views = read_gauge(cameras, truth), _sights(cameras, truth, inventory)
-    true_scene = read_terrain(truth / "meshes", terrain)
-    true_surface = Surface(true_scene.vertices, true_scene.faces)
-    our_surface = Surface(our_scene.vertices, our_scene.faces)
-    rng = generator(options.seed, "surface samples", terrain)
-    points, rock = _seen_points(true_surface, true_scene.rock_of_face, views, options.surface_samples, rng)
-    gauge = refine_gauge(by_cameras, points[rock == NO_ROCK], our_surface)
-
     in_truth = found.copy()
-    in_truth[["x", "y", "z"]] = gauge.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
+    in_truth[["x", "y", "z"]] = compared.truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
     pairs = pair_rocks(true, in_truth)
-    figures = recall_and_precision(true, in_truth, pairs, options)
-
-    distance_mm = 1000 * our_surface.distance(gauge.inverse().apply(points))
-    paired = np.isin(rock, true["rock"].to_numpy()[pairs.true])
-    figures += summary("paired rocks", "surface_distance", distance_mm[paired], "mm", "truth")
-    figures += summary("ground", "surface_distance", distance_mm[rock == NO_ROCK], "mm", "truth")
-    moved = Surface(gauge.apply(our_scene.vertices), our_scene.faces)
-    ours, our_rock = _seen_points(moved, our_scene.rock_of_face, views, options.surface_samples, rng)
-    back = true_surface.distance(ours)
-    size_of_true = dict(zip(true["rock"].tolist(), true["size_m"].tolist(), strict=True))
-    true_of_found = dict(
-        zip(found["rock"].to_numpy()[pairs.found].tolist(), true["rock"].to_numpy()[pairs.true].tolist(), strict=True)
-    )
-    paired_back = back[np.isin(our_rock, list(true_of_found))]
+    there, back = compared.true, compared.ours
+    figures = recall_and_precision(true, in_truth, pairs, _wide_seen(true, there.points, there.rock), options)
+    true_rocks, found_rocks = true["rock"].to_numpy()[pairs.true], found["rock"].to_numpy()[pairs.found]
+    paired, level = np.isin(there.rock, true_rocks), there.rock == NO_ROCK
+    figures += summary("paired rocks", "surface_distance", 1000 * there.distance[paired], "mm", "truth")
+    figures += summary("ground", "surface_distance", 1000 * there.distance[level], "mm", "truth")
     if paired.any():
-        score = f_score(distance_mm[paired] / 1000, paired_back)
+        score = f_score(there.distance[paired], back.distance[np.isin(back.rock, found_rocks)])
         figures.append(Figure("paired rocks", "f_score_5mm", score, "1", int(paired.sum()), "truth"))
-    own = accuracy(rock, distance_mm / 1000, our_rock, back, true_of_found)
-    for one, true_rock in true_of_found.items():
-        own.setdefault(one, {})["true_size_m"] = size_of_true[true_rock]
-    return figures + _gauge_figures(by_cameras, gauge, points), own
+    own = accuracy(there, back, dict(zip(found_rocks.tolist(), true_rocks.tolist(), strict=True)))
+    sizes = true["size_m"].to_numpy(float)[pairs.true]
+    for rock, size in zip(found_rocks.tolist(), sizes.tolist(), strict=True):
+        own.setdefault(rock, {})["true_size_m"] = size
+    return figures + _gauge_figures(compared), own
 
 
-def _sights(cameras: Path, truth: Path, inventory: Path | None) -> list[Sight]:
-    known = read_inventory(inventory) if inventory is not None else None
-    return sights(read_all_placed(truth / "cameras"), set(read_all_placed(cameras)), known)
+def _wide_seen(true: pd.DataFrame, points: np.ndarray, rock: np.ndarray) -> np.ndarray:
+    """(n,) bool: true rocks of which scans saw enough width, by points (m, 3) on seen surface and the rock of each."""
+    width = [np.ptp(points[rock == one, :2], axis=0).max() if (rock == one).any() else 0.0 for one in true["rock"]]
+    return np.array(width) >= SEEN_WIDTH * true["size_m"].to_numpy(float)
 
 
-def _seen_points(
-    surface: Surface, rock_of_face: np.ndarray, views: list[Sight], n: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Points on a surface in the true frame that were seen, and the rock of each: of n on rocks and n on ground.
-
-    What nobody saw nobody can measure: undersides, and ground below rocks. A strip along the walls is left out.
-    """
-    parts = []
-    for wanted in (rock_of_face != NO_ROCK, rock_of_face == NO_ROCK):
-        if not wanted.any():
-            continue
-        faces = np.flatnonzero(wanted)
-        part = Surface(surface.vertices, surface.faces[faces])
-        points, face = part.sample(n, rng)
-        seen = np.logical_or.reduce([view.sees(surface, points, part.normals[face]) for view in views])
-        seen &= (np.abs(points[:, :2]) < SANDBOX_HALF_WIDTH - EDGE).all(axis=1)
-        parts.append((points[seen], rock_of_face[faces[face[seen]]]))
-    return np.concatenate([points for points, _ in parts]), np.concatenate([rock for _, rock in parts])
-
-
-def _gauge_figures(by_cameras: Pose, gauge: Pose, points: np.ndarray) -> list[Figure]:
+def _gauge_figures(compared: Comparison) -> list[Figure]:
+    points, gauge, by_cameras = compared.true.points, compared.truth_from_sandbox, compared.by_cameras
     moved_mm = 1000 * np.linalg.norm(gauge.inverse().apply(points) - by_cameras.inverse().apply(points), axis=1)
     turned_deg = float(np.degrees(angle_between(by_cameras, gauge)))
     return [
         Figure("frame", "icp_shift_median", float(np.median(moved_mm)), "mm", len(points), "truth"),
         Figure("frame", "icp_turn", turned_deg, "deg", len(points), "truth"),
     ]
-
-
-def _size_classes(size_cm: np.ndarray, options: TablesOptions) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) bool of the large and of the small rocks."""
-    large = size_cm >= options.large_rock_cm
-    return large, (size_cm >= options.small_rock_cm) & ~large
-
-
-def _large(options: TablesOptions) -> str:
-    return f"rocks of {options.large_rock_cm:g} cm and more"
-
-
-def _small(options: TablesOptions) -> str:
-    return f"rocks of {options.small_rock_cm:g} to {options.large_rock_cm:g} cm"

@@ -49,15 +49,14 @@ class Surface:
         weights = np.stack([1 - s, s * (1 - t), s * t], axis=1)
         return weights[:, :1] * a + weights[:, 1:2] * b + weights[:, 2:] * c, face
 
-    def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest place (n, 3) on the surface to each point (n, 3), and the normal (n, 3) there."""
+    def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest place (n, 3) on the surface to each point (n, 3), and the face (n,) that it lies on."""
         found = self._scene.compute_closest_points(np.ascontiguousarray(points, np.float32))
-        face = found["primitive_ids"].numpy().astype(np.int64)
-        return found["points"].numpy().astype(float), self.normals[face]
+        return found["points"].numpy().astype(float), found["primitive_ids"].numpy().astype(np.int64)
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """(n,) metres from each point (n, 3) to the surface."""
-        return np.linalg.norm(self.closest(points)[0] - points, axis=1)
+        return np.linalg.norm(self.nearest(points)[0] - points, axis=1)
 
     def height_below(self, points: np.ndarray) -> np.ndarray:
         """(n,) how far points (n, 3) lie above the surface, metres, straight down or up; NaN beside it."""

@@ -5,26 +5,31 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png, release, yolo
+from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import key_columns, label_table, write_parquet
+from polarsim.geometry.boxes import around
 from polarsim.geometry.rays import caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.tables import detection_table, ipd_table
 from polarsim.tables.figures import (
     draw_comparison,
-    draw_crops,
     draw_detection,
     draw_ipd,
     draw_label_errors,
-    draw_meshes,
+    draw_offsets,
+    draw_residuals,
+    draw_terrain,
 )
 from polarsim.tables.figures.comparison import cover_key
 from polarsim.tables.figures.labels import edge_errors
 from polarsim.tables.figures.terrain import STEP, slanted_view, top_view
+from polarsim.tables.match_rule import MatchRule
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.score import Labels
 
 OPTIONS = TablesOptions(figure_width_px=600)
+WIDE = TablesOptions(figure_width_px=1300)
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 KEY = PhotoKey.parse("03_A_off_30_L_0256")
 
@@ -41,34 +46,84 @@ def label(key, kind, rock, box):
     return key_columns(key) | row | dict(zip(("x0", "y0", "x1", "y1"), map(float, box), strict=True))
 
 
+def terrain_drawn(folder, to):
+    draw_terrain(
+        terrain=3,
+        rocks=folder / "rocks.parquet",
+        meshes=folder / "meshes",
+        meshes_figure=to / "meshes.png",
+        crops_figure=to / "crops.png",
+        options=OPTIONS,
+    )
+    return to / "meshes.png", to / "crops.png"
+
+
 def test_meshes_and_cuboids_are_drawn_twice_the_same(tmp_path, world):
     world.write(tmp_path)
-    for name in ("one", "two"):
-        draw_meshes(terrain=3, meshes=tmp_path / "meshes", figure=tmp_path / name / "meshes.png", options=OPTIONS)
-        draw_crops(
-            terrain=3,
-            rocks=tmp_path / "rocks.parquet",
-            meshes=tmp_path / "meshes",
-            figure=tmp_path / name / "crops.png",
-            options=OPTIONS,
-        )
-    for picture in ("meshes.png", "crops.png"):
-        assert is_drawn(tmp_path / "one" / picture)
-        assert (tmp_path / "one" / picture).read_bytes() == (tmp_path / "two" / picture).read_bytes()
+    for one, two in zip(terrain_drawn(tmp_path, tmp_path / "1"), terrain_drawn(tmp_path, tmp_path / "2"), strict=True):
+        assert is_drawn(one)
+        assert one.read_bytes() == two.read_bytes()
 
 
 def test_a_terrain_without_rocks_is_drawn(tmp_path, world):
     world.write(tmp_path, rocks=())
-    draw_meshes(terrain=3, meshes=tmp_path / "meshes", figure=tmp_path / "meshes.png", options=OPTIONS)
-    draw_crops(
+    assert all(is_drawn(figure) for figure in terrain_drawn(tmp_path, tmp_path))
+
+
+def offsets_drawn(folder, rows, name):
+    columns = {"rock": "int64", **dict.fromkeys(("x", "y", "z", "offset_mm"), "float64")}
+    write_parquet(folder / "offsets.parquet", pd.DataFrame(rows, columns=list(columns)).astype(columns))
+    draw_offsets(terrain=3, offsets=folder / "offsets.parquet", figure=folder / name, options=WIDE)
+    return png.read(folder / name)[..., :3].astype(int)
+
+
+def test_surface_outside_the_true_one_is_drawn_red_and_inside_blue(tmp_path):
+    rng = np.random.default_rng(1)
+    places = rng.uniform(-1.5, 1.5, (3000, 3))
+    counts = []
+    for offset in (5.0, -5.0):
+        pixels = offsets_drawn(tmp_path, [(1, *place, offset) for place in places], f"{offset:g}.png")[:, :650]
+        counts.append([((pixels[..., one] - pixels[..., other]) > 60).sum() for one, other in ((0, 2), (2, 0))])
+    (red, no_blue), (no_red, blue) = counts
+    assert red > 4 * no_blue  # the colour bar has some of both
+    assert blue > 4 * no_red
+
+
+def test_a_terrain_that_nobody_saw_has_a_page_that_says_so(tmp_path):
+    assert (offsets_drawn(tmp_path, [], "none.png") < 200).any()
+
+
+def residuals_drawn(folder, name, **photos):
+    rule = MatchRule(trim=0.004, trim_share=0.35, consensus_share=0.3, same_iou=0.5, gate_px=40)
+    draw_residuals(
         terrain=3,
-        rocks=tmp_path / "rocks.parquet",
-        meshes=tmp_path / "meshes",
-        figure=tmp_path / "crops.png",
-        options=OPTIONS,
+        cameras=folder / "cameras",
+        meshes=folder / "meshes",
+        seeds=folder / "seeds",
+        photos=photos,
+        rule=rule,
+        figure=folder / name,
+        options=WIDE,
     )
-    assert is_drawn(tmp_path / "meshes.png")
-    assert is_drawn(tmp_path / "crops.png")
+    return png.read(folder / name)[..., :3].astype(int)
+
+
+def test_boxes_beside_their_meshes_get_arrows_and_right_ones_none(tmp_path, world):
+    world.write(tmp_path)
+    placed, scene = read_all_placed(tmp_path / "cameras"), read_terrain(tmp_path / "meshes", 3)
+    position, rig = sorted(placed.items())[0]
+    boxes = np.array([around(rig.project("L", scene.rock_vertices(rock))) for rock in scene.rocks])
+    arrows = []
+    for off in (0, 8):
+        yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(len(boxes)), boxes + off)
+        pixels = residuals_drawn(tmp_path, f"{off}.png")
+        arrows.append(((pixels[..., 0] - pixels[..., 2] > 120) & (pixels[..., 1] < 140)).sum())  # vermilion
+    assert arrows[1] > 2 * arrows[0] + 50
+
+
+def test_residuals_need_neither_photos_nor_seeds(tmp_path, world):
+    world.write(tmp_path)
+    assert (residuals_drawn(tmp_path, "bare.png") < 128).any()
 
 
 def test_from_above_a_cube_has_its_area_its_height_and_its_place(tmp_path, world):

@@ -4,8 +4,17 @@ import trimesh
 
 from polarsim.formats import obj
 from polarsim.formats.scene import read_terrain
-from polarsim.tables.mesh_scores import COLUMNS, accuracy, contact_share, f_score, mesh_table, soundness_rows
+from polarsim.tables.mesh_scores import (
+    COLUMNS,
+    accuracy,
+    contact_share,
+    f_score,
+    mesh_table,
+    soundness_rows,
+    surface_iou,
+)
 from polarsim.tables.surface import Surface
+from polarsim.tables.true_surface import Samples
 
 LEVEL = obj.Mesh(
     np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
@@ -43,18 +52,24 @@ def test_f_score_is_the_harmonic_mean_of_both_shares():
     assert np.isnan(f_score(np.zeros(0), np.zeros(3)))
 
 
+def samples(rock, offset, beside, area=1.0):
+    count = len(rock)
+    return Samples(np.zeros((count, 3)), np.array(rock), np.array(offset), np.array(beside), np.full(count, area))
+
+
 def test_figures_go_to_the_found_rock_of_each_true_one():
-    own = accuracy(
-        rock_of_true_point=np.array([7, 7, -1]),
-        to_ours=np.array([0.001, 0.003, 0.0005]),
-        rock_of_our_point=np.array([2, -1]),
-        to_true=np.array([0.001, 0.0]),
-        true_of_found={2: 7, 3: 9},
-    )
+    there = samples([7, 7, -1], [0.001, -0.003, 0.0005], [2, 2, -1])
+    own = accuracy(there, samples([2, -1], [0.001, 0.0], [7, -1]), {2: 7, 3: 9})
     assert own[2]["true_rock"] == 7
     assert own[2]["surface_median_mm"] == pytest.approx(2)
     assert own[-1]["surface_median_mm"] == pytest.approx(0.5)
     assert 3 not in own  # its true rock has no visible point
+
+
+def test_surface_iou_counts_area_that_is_both_rocks_over_area_of_either():
+    there = samples([7, 7, 7, -1], [0.0] * 4, [2, 2, -1, 2], area=3.0)  # 6 in both, 3 lost to the ground
+    back = samples([2, 2, 2, -1], [0.0] * 4, [7, -1, 5, -1], area=1.5)  # 3 that are not the true rock's
+    assert surface_iou(there, back, true=7, found=2) == pytest.approx(6 / (9 + 3))
 
 
 def test_a_folder_gives_a_row_for_the_ground_and_each_rock(tmp_path, rng):

@@ -13,11 +13,13 @@ from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
+from polarsim.tables.match_rule import MatchRule
 from polarsim.tables.options import TablesOptions
-from polarsim.tables.quality_cameras import MatchRule, score_cameras
+from polarsim.tables.quality_cameras import score_cameras
 from polarsim.tables.quality_labels import score_labels, task_of, visible
-from polarsim.tables.quality_rocks import RockPairs, pair_rocks, recall_and_precision, score_rocks
+from polarsim.tables.quality_rocks import score_rocks
 from polarsim.tables.quality_twins import compare_pictures, log_ratio, score_twins, similarity, typical_photos
+from polarsim.tables.rock_pairs import RockPairs, pair_rocks, recall_and_precision
 
 OPTIONS = TablesOptions(surface_samples=3000)
 OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
@@ -177,6 +179,7 @@ def test_without_truth_there_are_counts_and_soundness(tmp_path, world):
         inventory=None,
         quality=quality,
         scores=tmp_path / "scores.csv",
+        offsets=tmp_path / "offsets.parquet",
         options=OPTIONS,
     )
     assert set(read_csv(quality)["against"]) == {"own"}
@@ -189,17 +192,17 @@ def test_rocks_are_paired_one_to_one_within_half_their_size():
     found = rock_rows([(0.04, 0, 0.18), (0.05, 0, 0.06), (1.06, 0, 0.1)])
     pairs = pair_rocks(true, found)
     assert (pairs.true.tolist(), pairs.found.tolist()) == ([0], [0])
-    shares = {
-        (figure.subject, figure.figure): figure.value for figure in recall_and_precision(true, found, pairs, OPTIONS)
-    }
+    seen = np.array([True, False])
+    figures = recall_and_precision(true, found, pairs, seen, OPTIONS)
+    shares = {(figure.subject, figure.figure): figure.value for figure in figures}
     assert shares["rocks of 8 cm and more", "recall"] == 0.5
+    assert shares["rocks of 8 cm and more", "recall_seen"] == 1
     assert shares["rocks of 8 cm and more", "precision"] == 0.5
     assert shares["rocks of 5 to 8 cm", "precision"] == 0
     assert shares["paired rocks", "size_error_median"] == pytest.approx(20)
     assert pair_rocks(true, rock_rows([])).true.size == 0
-    assert (
-        recall_and_precision(rock_rows([]), rock_rows([]), RockPairs(np.zeros(0, int), np.zeros(0, int)), OPTIONS) == []
-    )
+    nothing = RockPairs(np.zeros(0, int), np.zeros(0, int))
+    assert recall_and_precision(rock_rows([]), rock_rows([]), nothing, np.zeros(0, bool), OPTIONS) == []
 
 
 def scored_rocks(folder):
@@ -214,6 +217,7 @@ def scored_rocks(folder):
         inventory=None,
         quality=quality,
         scores=folder / "scores.csv",
+        offsets=folder / "offsets.parquet",
         options=OPTIONS,
     )
     return figures(quality)

@@ -15,6 +15,8 @@ rule tables:
         every_figure("comparison_Terrain{terrain}_Pos{position}"),
         every_figure("meshes_Terrain{terrain}"),
         every_figure("crops_Terrain{terrain}"),
+        every_figure("residuals_Terrain{terrain}"),
+        every_figure("offsets_Terrain{terrain}") if KIND == "analog" else [],
         of_run(
             "results/{run}/figures/label_errors_Terrain{terrain}.png",
             terrain=filter(can_score_labels, TERRAINS),
@@ -57,6 +59,7 @@ rule score_rocks:
     output:
         quality="results/{run}/quality/rocks_Terrain{terrain}.csv",
         scores="results/{run}/quality/meshes_Terrain{terrain}.csv",
+        offsets="results/{run}/quality/offsets_Terrain{terrain}.parquet",
     log:
         "results/{run}/logs/tables/score_rocks_{terrain}.log",
     benchmark:
@@ -309,48 +312,28 @@ rule draw_comparison:
         "../scripts/draw_comparison.py"
 
 
-rule draw_meshes:
-    """A terrain's meshes from above and aslant, rock ids written in."""
+rule draw_terrain:
+    """A terrain's meshes from above and aslant, and the cuboids that cut its rocks out."""
     input:
+        rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
         meshes="results/{run}/meshes/Terrain{terrain}",
     output:
-        figure=report(
+        meshes=report(
             "results/{run}/figures/meshes_Terrain{terrain}.png",
             caption="../report/meshes.rst",
             category="Meshes",
             labels={"terrain": "{terrain}", "picture": "meshes"},
         ),
-    log:
-        "results/{run}/logs/tables/draw_meshes_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/tables/draw_meshes_{terrain}.tsv"
-    threads: 1
-    resources:
-        mem_mb=1500,
-        runtime=5,
-    params:
-        options=options("tables"),
-        code=code_of("tables.figures.terrain"),
-    script:
-        "../scripts/draw_meshes.py"
-
-
-rule draw_crops:
-    """The cuboids that cut the rocks out, for review."""
-    input:
-        rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
-        meshes="results/{run}/meshes/Terrain{terrain}",
-    output:
-        figure=report(
+        crops=report(
             "results/{run}/figures/crops_Terrain{terrain}.png",
             caption="../report/crops.rst",
             category="Meshes",
             labels={"terrain": "{terrain}", "picture": "cuboids"},
         ),
     log:
-        "results/{run}/logs/tables/draw_crops_{terrain}.log",
+        "results/{run}/logs/tables/draw_terrain_{terrain}.log",
     benchmark:
-        "results/{run}/benchmarks/tables/draw_crops_{terrain}.tsv"
+        "results/{run}/benchmarks/tables/draw_terrain_{terrain}.tsv"
     threads: 1
     resources:
         mem_mb=1500,
@@ -359,7 +342,64 @@ rule draw_crops:
         options=options("tables"),
         code=code_of("tables.figures.terrain"),
     script:
-        "../scripts/draw_crops.py"
+        "../scripts/draw_terrain.py"
+
+
+rule draw_offsets:
+    """Our meshes coloured by their distance from the true surface."""
+    input:
+        offsets="results/{run}/quality/offsets_Terrain{terrain}.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/offsets_Terrain{terrain}.png",
+            caption="../report/offsets.rst",
+            category="Meshes",
+            labels={"terrain": "{terrain}", "picture": "distance to truth"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_offsets_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_offsets_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        options=options("tables"),
+        code=code_of("tables.figures.offsets"),
+    script:
+        "../scripts/draw_offsets.py"
+
+
+rule draw_residuals:
+    """Arrows in a photo of every position, from the boxes that people drew to those of the projected meshes."""
+    input:
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        seeds="results/{run}/acquire/Terrain{terrain}/seeds",
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        figure=report(
+            "results/{run}/figures/residuals_Terrain{terrain}.png",
+            caption="../report/residuals.rst",
+            category="Cameras",
+            labels={"terrain": "{terrain}"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_residuals_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_residuals_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        rule=match_rule(),
+        options=options("tables"),
+        code=code_of("tables.figures.residuals"),
+    script:
+        "../scripts/draw_residuals.py"
 
 
 rule draw_label_errors:

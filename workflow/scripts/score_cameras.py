@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.tables.quality_cameras import MatchRule, score_cameras
+from polarsim.tables.match_rule import MatchRule
+from polarsim.tables.quality_cameras import score_cameras
 
 with reporting(log=snakemake.log[0]):
     score_cameras(

@@ -16,5 +16,6 @@ with reporting(log=snakemake.log[0]):
         inventory=Path(snakemake.input.inventory),
         quality=Path(snakemake.output.quality),
         scores=Path(snakemake.output.scores),
+        offsets=Path(snakemake.output.offsets),
         options=TablesOptions(**snakemake.params.options),
     )

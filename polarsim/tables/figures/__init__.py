@@ -1,8 +1,18 @@
-"""Pictures of the report, each from files to one PNG."""
+"""Pictures of the report, each from files to one PNG or two."""
 
 from polarsim.tables.figures.comparison import draw_comparison
 from polarsim.tables.figures.judges import draw_detection, draw_ipd
 from polarsim.tables.figures.labels import draw_label_errors
-from polarsim.tables.figures.terrain import draw_crops, draw_meshes
+from polarsim.tables.figures.offsets import draw_offsets
+from polarsim.tables.figures.residuals import draw_residuals
+from polarsim.tables.figures.terrain import draw_terrain
 
-__all__ = ["draw_comparison", "draw_crops", "draw_detection", "draw_ipd", "draw_label_errors", "draw_meshes"]
+__all__ = [
+    "draw_comparison",
+    "draw_detection",
+    "draw_ipd",
+    "draw_label_errors",
+    "draw_offsets",
+    "draw_residuals",
+    "draw_terrain",
+]

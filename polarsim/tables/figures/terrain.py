@@ -37,41 +37,54 @@ class TopView:
     extent: tuple[float, float, float, float]  # x from, x to, y from, y to
 
 
-def draw_meshes(*, terrain: int, meshes: Path, figure: Path, options: TablesOptions) -> None:
-    """Write the meshes of a terrain from above, with rock outlines and ids, and at a slant from tripod A's side."""
+def draw_terrain(
+    *, terrain: int, rocks: Path, meshes: Path, meshes_figure: Path, crops_figure: Path, options: TablesOptions
+) -> None:
+    """Write two figures of a terrain: its meshes from above and aslant, and the cuboids of its rocks.
+
+    Parameters
+    ----------
+    rocks
+        rocks.parquet.
+    meshes
+        Folder of the terrain.
+    """
+    table = read_parquet(rocks, CUBOID_COLUMNS)
     scene = read_terrain(meshes, terrain)
     rays = caster(scene.vertices, scene.faces)
     top = top_view(scene, rays)
-    width = options.figure_width_px
-    with page(figure, width, round(width * 0.46)) as sheet:
-        above, aslant = sheet.subplots(1, 2, width_ratios=[1, 1.15])
-        _draw_top(sheet, above, top, f"Terrain {terrain:02d} from above, {len(scene.rocks)} rocks")
-        for rock in scene.rocks:
-            _draw_outline(above, top, rock)
-            _write_id(above, rock, *_middle(top, rock, scene))
-        picture(aslant, slanted_view(scene, rays, round(width * 0.52)), "From tripod A's side, lamp at Sun azimuth 30")
+    name, width = f"Terrain {terrain:02d}", options.figure_width_px
+    with page(meshes_figure, width, round(width * 0.46)) as sheet:
+        _draw_meshes(sheet, name, scene, rays, top, width)
+    with page(crops_figure, width, round(width * 0.5)) as sheet:
+        _draw_crops(sheet, name, table, top)
 
 
-def draw_crops(*, terrain: int, rocks: Path, meshes: Path, figure: Path, options: TablesOptions) -> None:
-    """Write the cuboids of the rocks over the view from above, and their heights from the side."""
-    table = read_parquet(rocks, CUBOID_COLUMNS)
-    scene = read_terrain(meshes, terrain)
-    top = top_view(scene, caster(scene.vertices, scene.faces))
-    width = options.figure_width_px
-    with page(figure, width, round(width * 0.5)) as sheet:
-        above, side = sheet.subplots(1, 2, width_ratios=[1.15, 1])
-        _draw_top(sheet, above, top, f"Terrain {terrain:02d}: cuboids of {len(table)} rocks, from above")
-        _draw_rectangles(above, table, "x", "y")
-        side.set_title("From the side")
-        side.set(xlabel="x, m", ylabel="z, m")
-        side.grid(visible=True)
-        if not len(table):
-            side.text(0.5, 0.5, "no rocks", transform=side.transAxes, ha="center")
-            return
-        _draw_rectangles(side, table, "x", "z")
-        low, high = table["z0"].min(), table["z1"].max()
-        side.set_xlim(-SANDBOX_HALF_WIDTH, SANDBOX_HALF_WIDTH)
-        side.set_ylim(low - 0.05, high + 0.1)
+def _draw_meshes(sheet: Any, name: str, scene: TerrainMesh, rays: Caster, top: TopView, width: int) -> None:
+    """The meshes from above with rock outlines and ids, and at a slant from tripod A's side."""
+    above, aslant = sheet.subplots(1, 2, width_ratios=[1, 1.15])
+    _draw_top(sheet, above, top, f"{name} from above, {len(scene.rocks)} rocks")
+    for rock in scene.rocks:
+        _draw_outline(above, top, rock)
+        _write_id(above, rock, *_middle(top, rock, scene))
+    picture(aslant, slanted_view(scene, rays, round(width * 0.52)), "From tripod A's side, lamp at Sun azimuth 30")
+
+
+def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView) -> None:
+    """The cuboids over the view from above, and their heights from the side."""
+    above, side = sheet.subplots(1, 2, width_ratios=[1.15, 1])
+    _draw_top(sheet, above, top, f"{name}: cuboids of {len(table)} rocks, from above")
+    _draw_rectangles(above, table, "x", "y")
+    side.set_title("From the side")
+    side.set(xlabel="x, m", ylabel="z, m")
+    side.grid(visible=True)
+    if not len(table):
+        side.text(0.5, 0.5, "no rocks", transform=side.transAxes, ha="center")
+        return
+    _draw_rectangles(side, table, "x", "z")
+    low, high = table["z0"].min(), table["z1"].max()
+    side.set_xlim(-SANDBOX_HALF_WIDTH, SANDBOX_HALF_WIDTH)
+    side.set_ylim(low - 0.05, high + 0.1)
 
 
 def top_view(scene: TerrainMesh, rays: Caster) -> TopView:

@@ -1,0 +1,27 @@
+"""The files of a run that belong to one photo."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from polarsim.formats.inventory import read_inventory
+from polarsim.formats.tables import read_parquet
+from polarsim.photo import PhotoKey
+
+
+def photo_of(run: Path, key: PhotoKey) -> Path | None:
+    """The raw photo of a key; None where the run's source has none."""
+    photos = read_parquet(run / "acquire" / f"Terrain{key.terrain:02d}" / "photos.parquet", ["key", "path"])
+    found = photos.loc[photos["key"] == str(key), "path"]
+    return Path(str(found.iloc[0])) if len(found) else None
+
+
+def cover_photo_of(run: Path, key: PhotoKey) -> Path | None:
+    """The release's picture with rock ids drawn in, of the key's position; None where there is none."""
+    inventory = read_inventory(run / "acquire" / f"Terrain{key.terrain:02d}" / "inventory.json")
+    path = inventory.cover_photos.get(key.position)
+    return Path(path) if path else None
+
+
+def twin_of(run: Path, model: str, key: PhotoKey) -> Path:
+    return run / "renders" / model / f"Terrain{key.terrain:02d}" / f"{key}.png"

@@ -1,0 +1,15 @@
+"""Draw how far one terrain's meshes lie from the true surface."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.figures.offsets import draw_offsets
+from polarsim.tables.options import TablesOptions
+
+with reporting(log=snakemake.log[0]):
+    draw_offsets(
+        terrain=int(snakemake.wildcards.terrain),
+        offsets=Path(snakemake.input.offsets),
+        figure=Path(snakemake.output.figure),
+        options=TablesOptions(**snakemake.params.options),
+    )

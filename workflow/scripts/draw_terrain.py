@@ -1,0 +1,17 @@
+"""Draw one terrain's meshes and the cuboids of its rocks."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.figures.terrain import draw_terrain
+from polarsim.tables.options import TablesOptions
+
+with reporting(log=snakemake.log[0]):
+    draw_terrain(
+        terrain=int(snakemake.wildcards.terrain),
+        rocks=Path(snakemake.input.rocks),
+        meshes=Path(snakemake.input.meshes),
+        meshes_figure=Path(snakemake.output.meshes),
+        crops_figure=Path(snakemake.output.crops),
+        options=TablesOptions(**snakemake.params.options),
+    )
