@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+from polarsim.detect.nms import nms
 from polarsim.errors import DetectError
 from polarsim.formats.files import writing
 from polarsim.photo import BOX_CLASSES
@@ -130,14 +131,14 @@ def ultralytics(folder: Path) -> SimpleNamespace:
         from ultralytics.models.yolo.detect import DetectionTrainer, DetectionValidator
         from ultralytics.nn.tasks import DetectionModel, load_checkpoint
         from ultralytics.utils import LOGGER
-        from ultralytics.utils.nms import TorchNMS, non_max_suppression
+        from ultralytics.utils.nms import non_max_suppression
     except ImportError as error:
         raise DetectError(f"Ultralytics cannot be imported ({error}): pip install 'polarsim[detect]'") from error
     LOGGER.setLevel(logging.ERROR)  # its progress comes through our log, from callbacks
     if settings["sync"]:
         uses = ("sync", "clearml", "comet", "dvc", "mlflow", "neptune", "raytune", "tensorboard", "wandb")
         settings.update({name: False for name in uses if name in settings})
-    _ensure_torchvision(TorchNMS.nms)
+    _ensure_torchvision()
     return SimpleNamespace(
         YOLO=YOLO,
         DetectionTrainer=DetectionTrainer,
@@ -173,11 +174,11 @@ def _isolate(config: Path) -> None:
     )
 
 
-def _ensure_torchvision(nms: Any) -> None:
+def _ensure_torchvision() -> None:
     """Put a module with `ops.nms` in torchvision's place where its wheel cannot run.
 
     The wheel on the package index is built against CUDA; beside a CPU torch its import fails, although detection needs
-    nothing of it but `nms`, which Ultralytics has in plain torch as well.
+    nothing of it but `nms`.
     """
     if getattr(sys.modules.get("torchvision"), "stands_in", False):
         return

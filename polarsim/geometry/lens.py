@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+CHUNK = 1 << 14  # pixels whose arrays stay in the cache
 CONVERGED = 1e-13  # of undistortion, in units of the focal length
 HALF_PIXEL = 0.5  # OpenCV's (0, 0) is our (0.5, 0.5)
 
@@ -57,17 +58,12 @@ class Lens:
 
     def directions(self, pixels: np.ndarray) -> np.ndarray:
         """Directions (..., 3) with z = 1 of pixels (..., 2): the inverse of `project`, to 1e-9 px inside the photo."""
-        xd = (pixels[..., 0] - self.cx) / self.fx
-        yd = (pixels[..., 1] - self.cy) / self.fy
-        x, y = xd, yd
+        distorted = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
         if any(self.distortion):
-            for _ in range(20):  # contracts by about 0.1 a step for lenses like these
-                ex, ey = self._distort(x, y)
-                too_far_x, too_far_y = ex - xd, ey - yd
-                x, y = x - too_far_x, y - too_far_y
-                if max(np.abs(too_far_x).max(initial=0), np.abs(too_far_y).max(initial=0)) < CONVERGED:
-                    break
-        return np.stack([x, y, np.ones_like(x)], axis=-1)
+            flat = distorted.reshape(-1, 2)
+            for start in range(0, len(flat), CHUNK):
+                flat[start : start + CHUNK] = self._undistorted(*flat[start : start + CHUNK].T)
+        return np.concatenate([distorted, np.ones_like(distorted[..., :1])], axis=-1)
 
     def pixel_directions(self, rows: slice = slice(None), columns: slice = slice(None)) -> np.ndarray:
         """Directions (h, w, 3) with z = 1 through the centres of the photo's pixels, or of a part of them."""
@@ -86,6 +82,17 @@ class Lens:
             round(self.width * factor),
             round(self.height * factor),
         )
+
+    def _undistorted(self, xd: np.ndarray, yd: np.ndarray) -> np.ndarray:
+        """(n, 2) the inverse of `_distort`."""
+        x, y = xd, yd
+        for _ in range(20):  # contracts by about 0.1 a step for lenses like these
+            ex, ey = self._distort(x, y)
+            too_far_x, too_far_y = ex - xd, ey - yd
+            x, y = x - too_far_x, y - too_far_y
+            if max(np.abs(too_far_x).max(initial=0), np.abs(too_far_y).max(initial=0)) < CONVERGED:
+                break
+        return np.stack([x, y], axis=-1)
 
     def _distort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         k1, k2, p1, p2, k3 = self.distortion

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations, product
 
@@ -29,26 +30,30 @@ def with_drawn(sand: Sand, regions: list[Region], limits: Limits, evidence: Evid
     left = {position: boxes for position, boxes in left.items() if len(boxes)}
     if len(left) < 2:
         return sand, regions
-    free = np.isfinite(sand.surface) & sand.is_ground
-    cells = np.flatnonzero(free)
+    cells = np.flatnonzero(np.isfinite(sand.surface) & sand.is_ground)
     points = surface_points(sand, cells)
     pixels = {position: evidence.placed[position].project("L", points) for position in left}
     found: list[Region] = []
     for one, other in combinations(sorted(left), 2):
         for pair in product(left[one], left[other]):
-            inside = np.ones(len(cells), bool)
-            for position, box in zip((one, other), pair, strict=True):
-                inside &= ((pixels[position] > box[:2]) & (pixels[position] < box[2:])).all(axis=1)
-            fits = inside.any() and all(
-                iou(around(pixels[position][inside])[None], box[None]) >= evidence.min_iou
-                for position, box in zip((one, other), pair, strict=True)
-            )
-            if fits:
-                raised = _raised(sand, cells[inside])
-                if raised is not None and raised[1].size >= limits.size:
-                    sand, region = raised
-                    found.append(replace(region, confirmed=(one, other)))
+            shared = _shared([pixels[one], pixels[other]], pair, evidence.min_iou)
+            shared &= sand.is_ground.ravel()[cells]  # two boxes of one rock find it once
+            raised = _raised(sand, cells[shared])
+            if raised is not None and raised[1].size >= limits.size:
+                sand = raised[0]
+                found.append(replace(raised[1], confirmed=(one, other)))
     return sand, numbered([*regions, *found])
+
+
+def _shared(pixels: Sequence[np.ndarray], boxes: Sequence[np.ndarray], min_iou: float) -> np.ndarray:
+    """(n,) bool: points, by their pixels (n, 2) in each photo, inside all boxes (4,); none unless they fill these."""
+    inside = np.logical_and.reduce(
+        [((seen > box[:2]) & (seen < box[2:])).all(axis=1) for seen, box in zip(pixels, boxes, strict=True)]
+    )
+    fills = inside.any() and all(
+        iou(around(seen[inside])[None], box[None]) >= min_iou for seen, box in zip(pixels, boxes, strict=True)
+    )
+    return inside if fills else np.zeros_like(inside)
 
 
 def _raised(sand: Sand, cells: np.ndarray) -> tuple[Sand, Region] | None:

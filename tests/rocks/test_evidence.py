@@ -92,6 +92,14 @@ def test_a_rock_too_low_for_its_shape_is_found_where_two_positions_show_it(place
     assert not sand.is_ground.ravel()[regions[0].seen].any()
 
 
+def test_two_boxes_of_one_low_rock_find_it_once(placed, low_rock):
+    shown = evidence(placed, A=[around_place(placed, "A", MOUND)], C=[around_place(placed, "C", MOUND)])
+    twice = Evidence(placed, {"A": shown.drawn["A"], "C": shown.drawn["C"]}, 0.3)
+    twice.agreed["C"] = np.concatenate([twice.agreed["C"], twice.agreed["C"] + 1])
+    _, regions = with_drawn(low_rock, [], LIMITS, twice)
+    assert len(regions) == 1
+
+
 def test_one_position_alone_or_boxes_of_level_sand_give_no_rock(placed, low_rock):
     for places in ({"A": MOUND}, {"A": ELSEWHERE, "C": ELSEWHERE}, {"A": MOUND, "C": ELSEWHERE}):
         sand, regions = looked_into(placed, low_rock, **places)

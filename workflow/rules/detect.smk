@@ -81,16 +81,21 @@ rule train_judge:
 
 
 rule predict:
-    """What a judge of one domain sees in the test pictures of another."""
+    """What a judge of one domain sees in the test pictures of every domain."""
     input:
         weights="results/{run}/detect/judges/{trained}.pt",
-        dataset="results/{run}/detect/datasets/{evaluated}",
+        datasets=expand(
+            "results/{{run}}/detect/datasets/{evaluated}", evaluated=DOMAINS
+        ),
     output:
-        predictions="results/{run}/detect/predictions/{trained}_on_{evaluated}.parquet",
+        predictions=expand(
+            "results/{{run}}/detect/predictions/{{trained}}_on_{evaluated}.parquet",
+            evaluated=DOMAINS,
+        ),
     log:
-        "results/{run}/logs/detect/predict_{trained}_on_{evaluated}.log",
+        "results/{run}/logs/detect/predict_{trained}.log",
     benchmark:
-        "results/{run}/benchmarks/detect/predict_{trained}_on_{evaluated}.tsv"
+        "results/{run}/benchmarks/detect/predict_{trained}.tsv"
     threads: 1
     resources:
         mem_mb=2000,

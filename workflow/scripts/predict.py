@@ -1,4 +1,4 @@
-"""Ask a judge of one domain about the test pictures of another."""
+"""Ask a judge of one domain about the test pictures of every domain."""
 
 from pathlib import Path
 
@@ -7,10 +7,11 @@ from polarsim.detect.predict import predict
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
-    predict(
-        weights=Path(snakemake.input.weights),
-        dataset=Path(snakemake.input.dataset),
-        predictions=Path(snakemake.output.predictions),
-        options=DetectOptions(**snakemake.params.options),
-        threads=snakemake.threads,
-    )
+    for dataset, predictions in zip(snakemake.input.datasets, snakemake.output.predictions, strict=True):
+        predict(
+            weights=Path(snakemake.input.weights),
+            dataset=Path(dataset),
+            predictions=Path(predictions),
+            options=DetectOptions(**snakemake.params.options),
+            threads=snakemake.threads,
+        )
