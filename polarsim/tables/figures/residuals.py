@@ -52,7 +52,7 @@ def draw_residuals(
     outlines = outlines_of(_above_ground(read_terrain(meshes, terrain)), rule.trim, rule.trim_share)
     width, columns = options.figure_width_px, min(2, max(1, len(placed)))
     rows = -(-len(placed) // columns)
-    with page(figure, width, round(width / columns * rows * 0.7)) as sheet:
+    with page(figure, width, round(width / columns * rows * 0.77)) as sheet:
         if not placed:
             note(sheet, "no position")
             return
@@ -120,3 +120,5 @@ def _draw_position(
             *(start * scale).T, *(LENGTHENED * scale * (end - start)).T, color=SERIES[1], angles="xy",
             scale_units="xy", scale=1, width=0.004,
         )  # fmt: skip
+    height, width = pixels.shape[:2]
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))  # arrows and boxes may reach out of the photo
