@@ -13,6 +13,11 @@ def area(boxes: np.ndarray) -> np.ndarray:
     return np.clip(boxes[..., 2] - boxes[..., 0], 0, None) * np.clip(boxes[..., 3] - boxes[..., 1], 0, None)
 
 
+def centres(boxes: np.ndarray) -> np.ndarray:
+    """(n, 2) middles of boxes (n, 4)."""
+    return np.asarray((boxes[:, :2] + boxes[:, 2:]) / 2)
+
+
 def iou(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """(n, m) intersection over union of every box of `first` (n, 4) with every one of `second` (m, 4)."""
     first, second = np.asarray(first, float).reshape(-1, 4), np.asarray(second, float).reshape(-1, 4)

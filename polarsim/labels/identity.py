@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from polarsim.geometry.boxes import iou
+from polarsim.geometry.boxes import centres, iou
 from polarsim.labels.view import View
 from polarsim.labels.world import Dome, World
 from polarsim.photo import FIRST_UNMESHED_ROCK
@@ -24,8 +24,7 @@ def match_boxes(drawn: np.ndarray, expected: np.ndarray, gate_px: float, smalles
     if not len(drawn) or not len(expected):
         return found
     overlap = iou(drawn, expected)
-    centres = [(boxes[:, :2] + boxes[:, 2:]) / 2 for boxes in (drawn, expected)]
-    distance = np.linalg.norm(centres[0][:, None] - centres[1][None], axis=-1)
+    distance = np.linalg.norm(centres(drawn)[:, None] - centres(expected)[None], axis=-1)
     cost = distance / gate_px - overlap
     cost[(distance > gate_px) & (overlap < smallest_iou)] = FORBIDDEN
     rows, columns = linear_sum_assignment(cost)

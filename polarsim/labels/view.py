@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
-from polarsim.geometry.boxes import clip
+from polarsim.geometry.boxes import centres, clip
 from polarsim.labels.world import World
 from polarsim.photo import Camera
 
@@ -92,7 +92,7 @@ def move_rocks(world: World, source: View, target: View, boxes: np.ndarray, rock
     foot = np.stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]], axis=-1)
     width = (boxes[:, 2] - boxes[:, 0]) / source.focal_px  # as a share of the depth
     depth = source.ground_depth(world, foot) * (1 + CENTRE_DEPTH * width)
-    shift = _shift_at_depth(source, target, (boxes[:, :2] + boxes[:, 2:]) / 2, depth)
+    shift = _shift_at_depth(source, target, centres(boxes), depth)
     for row, rock in enumerate(rocks):
         body = world.bodies.get(int(rock))
         if body is not None and body.meshed:
@@ -106,7 +106,7 @@ def move_rocks(world: World, source: View, target: View, boxes: np.ndarray, rock
 def move_flat(world: World, source: View, target: View, boxes: np.ndarray) -> np.ndarray:
     """Boxes (n, 4) of flat things as the rig's other camera sees them: moved like the ground at their centres."""
     boxes = np.asarray(boxes, float).reshape(-1, 4)
-    middle = (boxes[:, :2] + boxes[:, 2:]) / 2
+    middle = centres(boxes)
     return boxes + np.tile(_shift_at_depth(source, target, middle, source.ground_depth(world, middle)), 2)
 
 

@@ -39,9 +39,7 @@ class Sand:
     @property
     def standing(self) -> np.ndarray:
         """Heights above the ground that no neighbour lends: those of each cell's own points where it has some."""
-        return np.nan_to_num(
-            np.where(np.isfinite(self.mean), np.fmin(self.mean, self.surface), self.surface) - self.ground
-        )
+        return np.nan_to_num(np.fmin(self.mean, self.surface) - self.ground)
 
 
 def sand_extent(scans: ScanPoints, cell: float = 0.02) -> Extent:

@@ -112,8 +112,10 @@ def slivers_joined(
     reach = round(SLIVER_REACH / cell)
     sizes = np.bincount(parts.ravel())
     for number, box in enumerate(ndimage.find_objects(parts), 1):
-        mask = parts[box] == number if box is not None else np.zeros((1, 1), bool)
-        if not mask.any() or not is_upright(above[box][mask].max(), max(mask.shape) * cell) or drawn(parts == number):
+        if box is None:
+            continue
+        height = np.where(parts[box] == number, above[box], 0.0).max()
+        if not is_upright(height, max(above[box].shape) * cell) or drawn(parts == number):
             continue
         window = tuple(slice(max(0, part.start - reach), part.stop + reach) for part in box)
         sliver = parts[window] == number

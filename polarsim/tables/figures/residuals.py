@@ -13,7 +13,7 @@ from polarsim.formats.obj import Mesh
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.seeds import read_rock_boxes
-from polarsim.geometry.boxes import iou
+from polarsim.geometry.boxes import centres, iou
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import Outlines, outlines_of
@@ -103,7 +103,7 @@ def _draw_position(
     projected = outlines.seen(rig.rig.left, rig.sandbox_from("L"))
     rows, columns = assign(projected, boxes, rule.gate_px)
     ours, theirs = projected[rows], boxes[columns]
-    start, end = (theirs[:, :2] + theirs[:, 2:]) / 2, (ours[:, :2] + ours[:, 2:]) / 2
+    start, end = centres(theirs), centres(ours)
     scale = pixels.shape[1] / WIDTH
     if len(rows):
         off = np.median(np.abs(end - start), axis=0)
