@@ -3,10 +3,10 @@
 Scene: 1.28 million triangles of ground (5 mm cells), 40 rocks, 1936 x 1216 pixels, five lamps, seen from A.
 Last figures, CPU seconds on one thread (two cores shared with other work, which makes them longer; NumPy 2.4):
 
-    build 3.0    five layers of a view: lambert 4.0, principled 4.2, hapke 4.7    ids and shadows of a view 5.5
-    a photo, exposed and written 0.038
+    build 7.8    five layers of a view: lambert 4.8, principled 5.0, hapke 5.6, both of these 6.5, and ids as well 6.6
+    a photo, exposed and written 0.041
 
-So a terrain with 4 views and 128 photos takes 27 CPU seconds a model, 5 of them for its PNG files, in 0.66 GB.
+So a terrain with 4 views and 96 photos in two models takes 35 CPU seconds, 8 of them for its PNG files.
 
 Reflectance in nanoseconds a point, one thread, float32, NumPy / Taichi 1.7: Hapke 130 / 270, principled 50 / 53 where
 all points are lit; 125 / 75 and 50 / 25 where half of them are not. Taichi needs 2 s more to load and compile, so NumPy
@@ -22,14 +22,15 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import NO_ROCK, PhotoKey
-from polarsim.render.automatic import boxes_of, render_ids
+from polarsim.render.automatic import boxes_of
 from polarsim.render.gain import default_gain
 from polarsim.render.lamps import lamps_of
-from polarsim.render.layers import reflectance_engine, render_layers
+from polarsim.render.layers import reflectance_engine, render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.render.twins import write_photos
@@ -78,18 +79,23 @@ def timed(text: str, work):  # type: ignore[no-untyped-def]
 def main() -> None:
     threads = int(sys.argv[1]) if len(sys.argv) > 1 else 1
     options = RenderOptions()
-    lens = stated_rig().left
-    pose = looking(np.array([3.6, -0.4, 1.5]), np.radians(178), np.radians(25))
+    rig = PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.radians(178), np.radians(25)), "benchmark")
+    lens, pose = rig.rig.left, rig.sandbox_from_left
     mesh = scene(np.random.default_rng(1))
     surfaces = surfaces_of(mesh, options)
-    timed("build", surfaces.prepare)
-    lamps = lamps_of(pose)
+    timed("build", lambda: surfaces.prepare(shadows=True))
+    lamps = lamps_of({"A": rig}, "A")
     for models in (["lambert"], ["principled"], ["hapke"]):
         layers = timed(
             f"five layers of a view, {models[0]}",
-            lambda models=models: render_layers(surfaces, pose, lens, lamps, models, options, threads),
+            lambda models=models: render_view(surfaces, pose, lens, lamps, models, None, options, threads).layers,
         )
-    pictures = timed("ids and shadows of a view", lambda: render_ids(surfaces, pose, lens, lamps, threads))
+    models = ["principled", "hapke"]
+    timed("both models", lambda: render_view(surfaces, pose, lens, lamps, models, None, options, threads))
+    view = timed(
+        "both, with ids", lambda: render_view(surfaces, pose, lens, lamps, models, list(lamps), options, threads)
+    )
+    pictures = view.ids
     timed("boxes of five pictures of ids", lambda: [boxes_of(picture, options) for picture in pictures.values()])
     keys = [PhotoKey(4, "A", "on", azimuth, "L", 2**n) for azimuth in ("30", "180", "350") for n in range(5, 12)]
     by_lamp = {name: layer for (_, name), layer in layers.items()}

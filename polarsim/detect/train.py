@@ -130,6 +130,12 @@ def _fit(run: Path, options: DetectOptions, threads: int) -> Any:
         def get_model(self, cfg: Any = None, weights: Any = None, verbose: bool = False) -> Any:
             return super().get_model(cfg, weights or start, verbose)
 
+        def build_optimizer(self, *args: Any, **kwargs: Any) -> Any:
+            optimizer = super().build_optimizer(*args, **kwargs)
+            for group in optimizer.param_groups:
+                group["fused"] = True  # Ultralytics asks for one kernel instead of hundreds on GPUs only
+            return optimizer
+
         def get_validator(self) -> Any:
             return Validator(self.test_loader, save_dir=self.save_dir, args=copy(self.args), _callbacks=self.callbacks)
 

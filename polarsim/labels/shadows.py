@@ -37,7 +37,8 @@ class Ids:
         self.shape = (len(rows), len(columns))
         self.hit = np.isfinite(distance).reshape(self.shape)
         self.rock = np.where(self.hit, world.rock_of_face[face].reshape(self.shape), NO_ROCK)
-        distance = world.ground.nearest(origins, directions)[0]
+        hidden = np.flatnonzero(np.isfinite(distance) & ~world.is_ground[face])  # what is seen stands before the ground
+        distance[hidden] = world.ground.nearest(origins[hidden], directions[hidden])[0]
         on_ground = np.isfinite(distance)
         self.ground = on_ground.reshape(self.shape)
         self.places = view.centre + distance[on_ground, None] * directions[on_ground]  # (n, 3), row by row

@@ -57,6 +57,7 @@ class World:
 
     bodies: dict[int, Body]
     rock_of_face: np.ndarray  # (f,) of the faces of `everything`
+    is_ground: np.ndarray  # (f,) bool: faces of `everything` that `ground` has too
     everything: Caster
     ground: Caster
     rocks: Caster
@@ -98,7 +99,8 @@ def build_world(terrain: TerrainMesh, trim: float, lift: float = 0.0) -> World:
     lift : float
         How much higher than usual the survey lies in the terrain's frame, metres.
     """
-    ground_faces = terrain.faces[terrain.rock_of_face == NO_ROCK]
+    is_ground = terrain.rock_of_face == NO_ROCK
+    ground_faces = terrain.faces[is_ground]
     ground = caster(terrain.vertices, ground_faces)
     places = terrain.vertices[np.unique(ground_faces)]
     level = float(np.median(places[:, 2]))
@@ -117,6 +119,7 @@ def build_world(terrain: TerrainMesh, trim: float, lift: float = 0.0) -> World:
     return World(
         bodies,
         rock_of_face,
+        is_ground,
         caster(terrain.vertices, terrain.faces),
         ground,
         caster(terrain.vertices, terrain.faces[of_rock]),
@@ -147,6 +150,7 @@ def with_domes(world: World, domes: dict[int, Dome]) -> World:
         world,
         bodies=bodies,
         rock_of_face=np.append(world.rock_of_face, rocks),
+        is_ground=np.append(world.is_ground, np.zeros(len(rocks), bool)),
         everything=Joined(world.everything, added, len(world.rock_of_face)),
         rocks=Joined(world.rocks, added, len(world.rock_of_rocks_face) - 1),
         rock_of_rocks_face=np.concatenate([world.rock_of_rocks_face[:-1], rocks, [NO_ROCK]]),

@@ -1,8 +1,9 @@
-"""Layers: linear images of one view under one lamp. Photos are sums of them, so light is computed once a lamp."""
+"""One view under its lamps from one cast of rays: layers, of which photos are sums, and pictures of ids."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,48 +14,83 @@ from polarsim.render import brdf
 from polarsim.render.hits import Hits, cast_strip, dot, for_strips, sample_offsets, unit
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import Model, Parameters, RenderOptions
+from polarsim.render.shadows import ground_shadows
 from polarsim.render.surfaces import Surfaces
 
+NO_LAMP = "none"  # name of the picture of ids without any shadow
+_CENTRE = (0.0, 0.0)  # of a pixel: ids are those of what it meets
 Reflectance = Callable[[Parameters, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-def render_layers(
+@dataclass(frozen=True)
+class Rendering:
+    """A view: its layers by model and lamp, and its ids by the lamp that throws the shadows.
+
+    layers : (h, w) float32
+        Radiance; 1 is what unit reflectance f_r sends back under a Sun lamp that stands 4 m off, straight above the
+        surface. Nothing is black.
+    ids : (h, w) uint16
+        BACKGROUND, GROUND, RELIEF_SHADOW (ground that the relief or a wall hides from the lamp), ROCK_IDS + k for rock
+        k, SHADOW_IDS + k for ground that rock k hides from the lamp. `NO_LAMP` is without any shadow.
+    """
+
+    layers: dict[tuple[Model, str], np.ndarray]
+    ids: dict[str, np.ndarray]
+
+
+def render_view(
     surfaces: Surfaces,
     sandbox_from_camera: Pose,
     lens: Lens,
     lamps: Mapping[str, Lamp],
     models: Sequence[Model],
+    throwing: Collection[str] | None,
     options: RenderOptions,
     threads: int = 1,
-) -> dict[tuple[Model, str], np.ndarray]:
-    """Radiance (h, w) float32 of every model under every lamp; 1 is what unit reflectance f_r sends back under a Sun
-    lamp that stands 4 m off, straight above the surface. Nothing is black.
+) -> Rendering:
+    """Layers of every model under every lamp, and ids with the shadows of the lamps named in `throwing`; None: no ids.
+
+    Raises
+    ------
+    RenderError
+        The engine cannot be loaded.
     """
     reflectance = reflectance_engine(options, threads)
     albedo = {model: hemispherical_albedo(options.parameters(model)) for model in models}
     offsets = sample_offsets(options.samples)
-    surfaces.prepare()
+    surfaces.prepare(shadows=bool(throwing))
     size = (lens.height, lens.width)
     layers = {(model, name): np.zeros(size, np.float32) for model in models for name in lamps}
+    ids = {} if throwing is None else {name: np.zeros(size, np.uint16) for name in (NO_LAMP, *throwing)}
     from_above = np.zeros(size, np.float32)  # share of the sky that a surface faces: light bounced from all around
 
     def work(rows: slice) -> None:
+        lit_hits: dict[str, np.ndarray] = {}
         for offset in offsets:
             hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, offset)
             if options.bounce:
                 from_above[rows].reshape(-1)[hits.pixel] += (1 + hits.normal[:, 2]) / np.float32(2 * len(offsets))
             for name, lamp in lamps.items():
                 lit, to_lamp, irradiance = lighting(surfaces, hits, lamp, falloff=options.falloff)
+                lit_hits[name] = lit
                 for model in models:
                     strip = layers[model, name][rows].reshape(-1)  # a view: rows are whole
                     value = reflectance(options.parameters(model), hits.normal[lit], to_lamp, hits.to_viewer[lit])
                     strip[hits.pixel[lit]] += value * irradiance / np.float32(len(offsets))
+        if not ids:
+            return
+        if offset != _CENTRE:
+            hits, lit_hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, _CENTRE, smooth=False), {}
+        met = surfaces.id_of_face[hits.face]
+        for name, picture in ids.items():
+            shown = met if name == NO_LAMP else ground_shadows(surfaces, hits, met, lamps[name], lit_hits.get(name))
+            picture[rows].reshape(-1)[hits.pixel] = shown
 
     for_strips(lens.height, 1 if options.engine == "taichi" else threads, work)
     if options.bounce:
         for (model, name), layer in layers.items():
             layer += np.float32(options.bounce * lamps[name].intensity * albedo[model] / np.pi) * from_above
-    return layers
+    return Rendering(layers, ids)
 
 
 def lighting(surfaces: Surfaces, hits: Hits, lamp: Lamp, *, falloff: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

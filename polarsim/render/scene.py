@@ -13,7 +13,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.randomness import generator
 from polarsim.render.gain import default_gain
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import render_layers
+from polarsim.render.layers import render_view
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, vignette
 from polarsim.render.surfaces import surfaces_of
@@ -62,8 +62,8 @@ def render_scene(
     """
     surfaces = surfaces_of(read_terrain(meshes, terrain), options)
     placed = {name: Lamp(np.asarray(position, float), intensity) for name, (position, intensity) in lamps.items()}
-    layers = render_layers(surfaces, sandbox_from_camera, lens, placed, [model], options, threads)
-    radiance = sum(layers.values(), np.zeros((lens.height, lens.width), np.float32))
+    view = render_view(surfaces, sandbox_from_camera, lens, placed, [model], None, options, threads)
+    radiance = sum(view.layers.values(), np.zeros((lens.height, lens.width), np.float32))
     if options.vignetting:
         radiance = radiance * vignette(lens)
     gain = options.gain.get(model, default_gain(model, options))

@@ -12,15 +12,22 @@ from polarsim.render.surfaces import GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 _RELIEF_REACH = 0.15  # metres: ground nearer than this is roughness of the place, not another thing that hides the lamp
 
 
-def ground_shadows(surfaces: Surfaces, hits: Hits, ids: np.ndarray, lamp: Lamp) -> np.ndarray:
+def ground_shadows(
+    surfaces: Surfaces, hits: Hits, ids: np.ndarray, lamp: Lamp, lit: np.ndarray | None = None
+) -> np.ndarray:
     """The ids (n,) of the hits with the lamp's shadows on the ground written in.
+
+    `lit` (m,) numbers hits that the lamp is known to light, so that no ray is cast for them.
 
     Ground belongs to the shadow of the first rock on its way to the lamp, unless a wall or the relief farther than
     15 cm away keeps it dark anyway: there nobody sees the rock's shadow. Grains of sand in the dark inside a rock's
     shadow are part of it.
     """
     ids = ids.copy()
-    ground = np.flatnonzero(ids == GROUND)
+    in_question = ids == GROUND
+    if lit is not None:
+        in_question[lit] = False
+    ground = np.flatnonzero(in_question)
     point = hits.point[ground]
     to_lamp, _ = lamp.light_at(point, falloff=False)
     length = np.sqrt(dot(to_lamp, to_lamp))[:, None]

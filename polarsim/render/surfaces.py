@@ -32,9 +32,11 @@ class Surfaces:
     def all(self) -> Caster:
         return caster(self.vertices, self.faces, self.rays)
 
-    def prepare(self) -> None:
-        """Build what threads would race to build."""
+    def prepare(self, *, shadows: bool) -> None:
+        """Build what threads would race to build; `shadows`: also what tells whose shadow the ground lies in."""
         _ = self.all, self.corner, self.planes, self.normal_slopes
+        if shadows:
+            _ = self.rocks, self.rest
 
     @cached_property
     def rocks(self) -> Caster:

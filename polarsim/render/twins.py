@@ -1,31 +1,42 @@
-"""Twins of photos: the layers of a view, summed and exposed for every key."""
+"""Twins of photos: every view rendered once, its layers summed and exposed for every key, its ids made labels."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
-from polarsim.formats import png
+from polarsim.formats import png, tables
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.lens import Lens
 from polarsim.photo import PhotoKey
 from polarsim.progress import track
 from polarsim.randomness import generator
+from polarsim.render.automatic import label_view
 from polarsim.render.gain import calibrate, calibration_photos, default_gain
 from polarsim.render.lamps import lamps_of, lit_by
-from polarsim.render.layers import render_layers
+from polarsim.render.layers import Rendering, render_view
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, vignette
 from polarsim.render.surfaces import Surfaces, surfaces_of
 
 log = logging.getLogger("polarsim.render")
 View = tuple[str, str]  # position and camera
+
+
+@dataclass(frozen=True)
+class LabelPaths:
+    """Where a terrain's automatic labels go: folders of boxes `KEY.txt` and of ids, and the table of label rows."""
+
+    boxes: Path
+    instances: Path
+    table: Path
 
 
 def views_of(keys: Iterable[PhotoKey], rigs: Mapping[str, PlacedRig], cameras: Path) -> dict[View, list[PhotoKey]]:
@@ -50,12 +61,13 @@ def render_twins(
     meshes: Path,
     photos: Path | None,
     twins: Mapping[Model, Path],
+    labels: LabelPaths,
     options: RenderOptions,
     threads: int,
 ) -> None:
     """Write KEY.png for every key into the folder of every model, 16-bit PNG of 12-bit values with black level 16.
 
-    Rays are cast once for all models.
+    Rays are cast once for all models and for the labels.
 
     Parameters
     ----------
@@ -66,6 +78,8 @@ def render_twins(
     photos : Path or None
         `photos.parquet`; twins get the brightness of its photos. Without it, or without usable photos, NASA's best
         exposures set the brightness; a gain in the options goes before both.
+    labels : LabelPaths
+        Where the automatic labels go.
 
     Raises
     ------
@@ -83,20 +97,25 @@ def render_twins(
     first = {(key.position, key.camera) for key in references}
     for folder in twins.values():
         folder.mkdir(parents=True, exist_ok=True)
+    rows: dict[View, list[dict[str, object]]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
-        layers = _layers(surfaces, rigs, view, views[view], list(twins), options, threads)
+        rendering = _render(surfaces, rigs, view, views[view], list(twins), options, threads)
         lens = rigs[view[0]].rig.lens(view[1])
         for model, folder in twins.items():
             if model not in gains:  # the view with the references comes first
-                found = calibrate(references, layers, model)
+                found = calibrate(references, rendering.layers, model)
                 gains[model] = found or default_gain(model, options)
                 origin = "from photos" if found else "built in"
                 log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, gains[model], origin)
-            own = {name: layer for (of, name), layer in layers.items() if of == model}
+            own = {name: layer for (of, name), layer in rendering.layers.items() if of == model}
             write_photos(folder, views[view], own, lens, gains[model], options, threads)
+        rows[view] = label_view(views[view], rendering.ids, labels.boxes, labels.instances, options)
+    tables.write_parquet(
+        labels.table, tables.label_table(list(chain.from_iterable(rows[view] for view in sorted(rows))))
+    )
 
 
-def _layers(
+def _render(
     surfaces: Surfaces,
     rigs: Mapping[str, PlacedRig],
     view: View,
@@ -104,12 +123,15 @@ def _layers(
     models: Sequence[Model],
     options: RenderOptions,
     threads: int,
-) -> dict[tuple[Model, str], np.ndarray]:
+) -> Rendering:
+    """The view under the lamps that its photos need."""
     needed = {name for key in keys for name in lit_by(key)}
     position, camera = view
     rig = rigs[position]
     lamps = {name: lamp for name, lamp in lamps_of(rigs, position).items() if name in needed}
-    return render_layers(surfaces, rig.sandbox_from(camera), rig.rig.lens(camera), lamps, models, options, threads)
+    throwing = sorted({lit_by(key)[0] for key in keys if lit_by(key)})
+    pose, lens = rig.sandbox_from(camera), rig.rig.lens(camera)
+    return render_view(surfaces, pose, lens, lamps, models, throwing, options, threads)
 
 
 def write_photos(

@@ -9,6 +9,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import NO_ROCK
+from polarsim.render.layers import render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import box, surfaces_of
 
@@ -64,6 +65,16 @@ def above():
 @pytest.fixture
 def surfaces(plain):
     return surfaces_of(block(), plain)
+
+
+@pytest.fixture
+def ids_of():
+    """`ids_of(surfaces, pose, lens, lamps)`: pictures of ids under lamps by name, all of which throw shadows."""
+
+    def ids(surfaces, pose, lens, lamps, threads=1, options=PLAIN):
+        return render_view(surfaces, pose, lens, lamps, [], sorted(lamps), options, threads).ids
+
+    return ids
 
 
 @pytest.fixture

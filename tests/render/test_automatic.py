@@ -4,10 +4,14 @@ import pytest
 
 from polarsim.formats import png, tables, yolo
 from polarsim.photo import PhotoKey
-from polarsim.render.automatic import NO_LAMP, box_of_parts, boxes_of, label_twins, render_ids
+from polarsim.render.automatic import box_of_parts, boxes_of
+from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
+from polarsim.render.layers import NO_LAMP, lighting
 from polarsim.render.options import RenderOptions
+from polarsim.render.shadows import ground_shadows
 from polarsim.render.surfaces import RELIEF_SHADOW, surfaces_of
+from polarsim.render.twins import LabelPaths, render_twins
 
 SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
 
@@ -25,16 +29,16 @@ def projected_box(points, pose, lens):
     return np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
 
 
-def test_the_box_of_a_block_is_the_box_around_its_projected_corners(surfaces, camera, lens, plain):
-    ids = render_ids(surfaces, camera, lens, {}, threads=1)[NO_LAMP]
+def test_the_box_of_a_block_is_the_box_around_its_projected_corners(surfaces, camera, lens, plain, ids_of):
+    ids = ids_of(surfaces, camera, lens, {})[NO_LAMP]
     ((kind, rock, box),) = boxes_of(ids, plain)
     expected = projected_box(corners([-SIDE / 2, -SIDE / 2, 0], [SIDE / 2, SIDE / 2, HEIGHT]), camera, lens)
     assert (kind, rock) == ("rock", 1)
     np.testing.assert_allclose(box, expected, atol=1.0)
 
 
-def test_the_shadow_of_a_block_is_its_projection_from_the_lamp(surfaces, above, lens, plain):
-    ids = render_ids(surfaces, above, lens, {"sun": SUN}, threads=1)["sun"]
+def test_the_shadow_of_a_block_is_its_projection_from_the_lamp(surfaces, above, lens, plain, ids_of):
+    ids = ids_of(surfaces, above, lens, {"sun": SUN})["sun"]
     tips = np.array([[x, SIDE / 2, HEIGHT] for x in (-SIDE / 2, SIDE / 2)])
     tips = SUN.position + (tips - SUN.position) * SUN.position[2] / (SUN.position[2] - HEIGHT)  # down to z = 0
     shadow = next(box for kind, rock, box in boxes_of(ids, plain) if kind == "shadow")
@@ -44,9 +48,9 @@ def test_the_shadow_of_a_block_is_its_projection_from_the_lamp(surfaces, above, 
     assert np.flatnonzero(middle == 2001)[-1] + 1 == np.flatnonzero(middle == 1001)[0]
 
 
-def test_each_rock_has_the_shadow_that_it_throws(blocks, above, lens, plain):
+def test_each_rock_has_the_shadow_that_it_throws(blocks, above, lens, plain, ids_of):
     surfaces = surfaces_of(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
-    ids = render_ids(surfaces, above, lens, {"sun": SUN}, threads=1)["sun"]
+    ids = ids_of(surfaces, above, lens, {"sun": SUN})["sun"]
     found = {(kind, rock): box for kind, rock, box in boxes_of(ids, plain)}
     assert sorted(found) == [("rock", 4), ("rock", 7), ("shadow", 4), ("shadow", 7)]
     for rock in (4, 7):  # the lamp stands at -Y, so shadows lie above the rocks in the picture, straight behind them
@@ -55,24 +59,44 @@ def test_each_rock_has_the_shadow_that_it_throws(blocks, above, lens, plain):
         assert found["shadow", rock][2] > found["rock", rock][0]
 
 
-def test_shadows_where_a_wall_keeps_the_ground_dark_are_nobodys(blocks, above, lens, plain):
+def test_shadows_where_a_wall_keeps_the_ground_dark_are_nobodys(blocks, above, lens, plain, ids_of):
     lamp = Lamp(np.array([0.0, -3.0, 0.35]))
     for rim, expected in ((False, True), (True, False)):
         surfaces = surfaces_of(blocks(), RenderOptions(rim=rim, rim_half_width_m=1.0, rim_height_m=0.3))
-        ids = render_ids(surfaces, above, lens, {"sun": lamp}, threads=1)["sun"]
+        ids = ids_of(surfaces, above, lens, {"sun": lamp})["sun"]
         assert ("shadow" in [kind for kind, _, _ in boxes_of(ids, plain)]) == expected
         assert (ids == RELIEF_SHADOW).any() == rim
 
 
-def test_a_terrain_without_rocks_has_ground_and_no_boxes(blocks, above, lens, plain):
-    ids = render_ids(surfaces_of(blocks((), ()), plain), above, lens, {"sun": SUN}, threads=2)
+def test_a_terrain_without_rocks_has_ground_and_no_boxes(blocks, above, lens, plain, ids_of):
+    ids = ids_of(surfaces_of(blocks((), ()), plain), above, lens, {"sun": SUN}, threads=2)
     assert set(np.unique(ids["sun"])) == {1}
     assert boxes_of(ids["sun"], plain) == []
 
 
-def test_threads_do_not_change_an_id(surfaces, camera, lens):
-    one, two = (render_ids(surfaces, camera, lens, {"sun": SUN}, threads)["sun"] for threads in (1, 2))
+def test_threads_do_not_change_an_id(surfaces, camera, lens, ids_of):
+    one, two = (ids_of(surfaces, camera, lens, {"sun": SUN}, threads)["sun"] for threads in (1, 2))
     np.testing.assert_array_equal(one, two)
+
+
+def test_rays_that_lit_the_twin_need_not_be_cast_again_for_its_shadows(blocks, camera, lens, plain):
+    surfaces = surfaces_of(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
+    hits = cast_strip(surfaces, camera, lens, slice(0, lens.height))
+    met = surfaces.id_of_face[hits.face]
+    lit = lighting(surfaces, hits, SUN, falloff=True)[0]
+    assert 0 < len(lit) < len(met)
+    np.testing.assert_array_equal(
+        ground_shadows(surfaces, hits, met, SUN, lit), ground_shadows(surfaces, hits, met, SUN)
+    )
+
+
+def test_ids_are_those_of_the_pixels_centres_however_many_rays_a_pixel_gets(surfaces, camera, lens, plain, ids_of):
+    one, four = (
+        ids_of(surfaces, camera, lens, {"sun": SUN}, options=plain.model_copy(update={"samples": samples}))
+        for samples in (1, 4)
+    )
+    for name in ("sun", NO_LAMP):
+        np.testing.assert_array_equal(one[name], four[name])
 
 
 def test_only_parts_of_some_size_make_a_box():
@@ -90,10 +114,11 @@ def labelled(folders, lens, monkeypatch):
     monkeypatch.setattr(yolo, "_SIZE", np.array([lens.width, lens.height], float))  # the small lens's photos
     for path in (folders / "meshes").iterdir():
         path.rename(path.with_name(path.name.replace("terrain01", "terrain03")))
-    paths = {name: folders / name for name in ("boxes", "instances")}
-    label_twins(
-        terrain=3, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", **paths,
-        table=folders / "table.parquet", options=RenderOptions(rim=False), threads=1,
+    render_twins(
+        terrain=3, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", photos=None,
+        twins={"lambert": folders / "twins"},
+        labels=LabelPaths(folders / "boxes", folders / "instances", folders / "table.parquet"),
+        options=RenderOptions(rim=False), threads=1,
     )  # fmt: skip
     return folders
 

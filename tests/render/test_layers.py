@@ -10,7 +10,7 @@ from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp, lamps_of, lit_by
-from polarsim.render.layers import hemispherical_albedo, render_layers
+from polarsim.render.layers import hemispherical_albedo, render_view
 from polarsim.render.options import HAPKE_SETS, LambertParameters, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.survey import ROVER_LIGHT_SHARE, SURVEYED_LEFT, lamp_position
@@ -19,7 +19,7 @@ LAMP = Lamp(np.array([1.2, 0.9, 1.1]))
 
 
 def layer(surfaces, pose, lens, lamp, options, model="lambert", threads=1):
-    return render_layers(surfaces, pose, lens, {"lamp": lamp}, [model], options, threads)[model, "lamp"]
+    return render_view(surfaces, pose, lens, {"lamp": lamp}, [model], None, options, threads).layers[model, "lamp"]
 
 
 def ground_points(surfaces, pose, lens):

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from polarsim.formats.scene import TerrainMesh
-from polarsim.render.automatic import NO_LAMP, render_ids
 from polarsim.render.lamps import Lamp
+from polarsim.render.layers import NO_LAMP
 from polarsim.render.seats import hang, low_rim, seated
 from polarsim.render.surfaces import surfaces_of
 
@@ -42,11 +42,11 @@ def test_strips_look_to_the_side_that_the_faces_above_look_to():
     assert vertices[:, 2].min() == 0.9
 
 
-def test_no_light_passes_beneath_a_seated_rock(floating, camera, lens, plain):
+def test_no_light_passes_beneath_a_seated_rock(floating, camera, lens, plain, ids_of):
     lamp = Lamp(np.array([-3.5, 0.0, 0.1]))  # behind the block, low: shines through the gap towards the camera
     for depth, leaks in ((0.0, True), (0.05, False)):
         surfaces = surfaces_of(floating, plain.model_copy(update={"seat_m": depth}))
-        ids = render_ids(surfaces, camera, lens, {"sun": lamp}, threads=1)
+        ids = ids_of(surfaces, camera, lens, {"sun": lamp})
         edge = lens.project(camera.inverse().apply(np.array([0.23, 0.0, 0.0])))  # ground in front of the foot
         column, row = np.floor(edge).astype(int)
         assert (ids["sun"][row, column] == 1) == leaks

@@ -10,7 +10,7 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.gain import default_gain, gain_ratios
 from polarsim.render.options import RenderOptions
 from polarsim.render.scene import render_scene
-from polarsim.render.twins import render_twins
+from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 SETS = ("01_A_off_30_L", "01_A_on_30_L", "01_A_off_180_R")
@@ -18,10 +18,14 @@ KEYS = [PhotoKey.parse(f"{name}_{ms:04d}") for name in SETS for ms in (64, 128, 
 OPTIONS = RenderOptions(rim=False, bounce=0)
 
 
+def label_paths(folder):
+    return LabelPaths(folder / "boxes", folder / "instances", folder / "table.parquet")
+
+
 def render(folders, out, keys=KEYS, model="hapke", photos=None, options=OPTIONS, threads=1):
     render_twins(
         terrain=1, keys=keys, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos,
-        twins={model: folders / out}, options=options, threads=threads,
+        twins={model: folders / out}, labels=label_paths(folders / "labels"), options=options, threads=threads,
     )  # fmt: skip
     return {path.stem: png.read(path).astype(int) for path in sorted((folders / out).iterdir())}
 
@@ -40,7 +44,7 @@ def test_models_that_share_rays_get_the_twins_that_each_gets_alone(folders):
     both = {model: folders / "both" / model for model in ("hapke", "principled")}
     render_twins(
         terrain=1, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", photos=None, twins=both,
-        options=OPTIONS, threads=1,
+        labels=label_paths(folders / "labels"), options=OPTIONS, threads=1,
     )  # fmt: skip
     for model, together in both.items():
         alone = render(folders, f"{model}_alone", model=model)

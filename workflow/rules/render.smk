@@ -14,13 +14,16 @@ rule render:
 
 
 rule render_twins:
-    """The twin of every photo of a terrain under every reflectance model, from the same rays."""
+    """The twin of every photo of a terrain under every reflectance model, and their exact labels, from the same rays."""
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
         photos=photos_for_gain,
     output:
         **twins_by_model(),
+        boxes=directory("results/{run}/renders/boxes/Terrain{terrain}"),
+        instances=directory("results/{run}/renders/instances/Terrain{terrain}"),
+        table="results/{run}/renders/tables/Terrain{terrain}.parquet",
     log:
         "results/{run}/logs/render/render_twins_{terrain}.log",
     benchmark:
@@ -33,37 +36,11 @@ rule render_twins:
     params:
         positions=positions_here,
         grid=options("grid"),
+        models=MODELS,
         options=options("render"),
         code=code_of("render.twins"),
     script:
         "../scripts/render_twins.py"
-
-
-rule label_twins:
-    """Rock and shadow boxes and instance masks of the twins, from the same rays."""
-    input:
-        cameras="results/{run}/cameras/Terrain{terrain}",
-        meshes="results/{run}/meshes/Terrain{terrain}",
-    output:
-        boxes=directory("results/{run}/renders/boxes/Terrain{terrain}"),
-        instances=directory("results/{run}/renders/instances/Terrain{terrain}"),
-        table="results/{run}/renders/tables/Terrain{terrain}.parquet",
-    log:
-        "results/{run}/logs/render/label_twins_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/render/label_twins_{terrain}.tsv"
-    priority: TWINS_WAIT
-    threads: 1
-    resources:
-        mem_mb=4000,
-        runtime=20,
-    params:
-        positions=positions_here,
-        grid=options("grid"),
-        options=options("render"),
-        code=code_of("render.automatic"),
-    script:
-        "../scripts/label_twins.py"
 
 
 rule merge_twin_labels:

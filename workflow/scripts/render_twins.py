@@ -1,10 +1,10 @@
-"""Render the twins of one terrain under every reflectance model."""
+"""Render the twins of one terrain under every reflectance model, and label them."""
 
 from pathlib import Path
 
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.render.options import RenderOptions
-from polarsim.render.twins import render_twins
+from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
@@ -15,7 +15,12 @@ with reporting(log=snakemake.log[0]):
         cameras=Path(snakemake.input.cameras),
         meshes=Path(snakemake.input.meshes),
         photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
-        twins={model: Path(folder) for model, folder in snakemake.output.items()},
+        twins={model: Path(snakemake.output[model]) for model in snakemake.params.models},
+        labels=LabelPaths(
+            boxes=Path(snakemake.output.boxes),
+            instances=Path(snakemake.output.instances),
+            table=Path(snakemake.output.table),
+        ),
         options=RenderOptions(**snakemake.params.options),
         threads=snakemake.threads,
     )
