@@ -271,7 +271,7 @@ def scored(folder: Path) -> pd.DataFrame:
     score_cameras(**common, matches=None, drawn=None, quality=folder / "cameras.csv", rule=rule)
     rocks = {"rocks": folder / "rocks.parquet", "quality": folder / "rocks.csv", "scores": folder / "scores.csv"}
     rocks |= {"inventory": folder / "inventory.json", "offsets": folder / "offsets.parquet"}
-    score_rocks(**common, **rocks, options=TablesOptions())
+    score_rocks(**common, **rocks, located=folder / "cameras", options=TablesOptions())
     return pd.concat([pd.read_csv(folder / f"{name}.csv") for name in ("cameras", "rocks")], ignore_index=True)
 
 

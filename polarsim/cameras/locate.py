@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.transform import Rotation
 
 from polarsim.cameras.gauge import find_gauge
 from polarsim.cameras.labels import LabelPlacement, place_by_labels, with_shifts
 from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.rounding import rounded, rounded_figures
 from polarsim.cameras.scans import Pair, register_scans
 from polarsim.cameras.shifts import shift_table
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
@@ -257,13 +257,7 @@ def _completed(placed: dict[str, PlacedRig], positions: Sequence[str], rig: Ster
 
 
 def _placed(rig: StereoRig, pose: Pose, method: str, quality: Mapping[str, float]) -> PlacedRig:
-    return PlacedRig(rig, rounded(pose), method, {name: float(f"{value:.6g}") for name, value in quality.items()})
-
-
-def rounded(pose: Pose) -> Pose:
-    """To 1e-6 m and 1e-7 rad: sums in threads differ in the last bits, files must not."""
-    rotvec = np.round(Rotation.from_matrix(pose.rotation).as_rotvec(), 7)
-    return Pose.from_rotvec(rotvec, np.round(pose.translation, 6) + 0.0)
+    return PlacedRig(rig, rounded(pose), method, rounded_figures(dict(quality)))
 
 
 def _off_survey(position: str, pose: Pose) -> dict[str, float]:

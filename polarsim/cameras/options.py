@@ -59,3 +59,22 @@ class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     scan_radius_m: float = Field(3.2, gt=0, description="Scans are used this far about the terrain's centre, m.")
     tukey_mm: float = Field(10, gt=0, description="Scale of the robust loss of the last alignment, mm.")
     min_fitness: float = Field(0.5, gt=0, lt=1, description="Part of the overlap that must agree between scans.")
+
+    # Photos: meshes shaded at the located poses are looked for in them.
+    photo_scales: tuple[float, ...] = Field(
+        (0.25, 0.5), description="Sizes of the shaded views over the photos', coarse to fine; none: no refinement."
+    )
+    photo_window_px: int = Field(21, ge=7, description="Side of the windows that are looked for, px of a shaded view.")
+    photo_search_px: int = Field(5, ge=2, description="... so far to each side, px of a shaded view.")
+    photo_step_px: int = Field(12, ge=1, description="Step between windows, px of a shaded view.")
+    photo_likeness: float = Field(0.6, gt=0, lt=1, description="Least correlation of a window with a photo.")
+    photo_min_windows: int = Field(200, ge=10, description="Positions with fewer windows found stay as located.")
+    photo_sd_px: float = Field(0.7, gt=0, description="Noise of a window's place in the photo, px.")
+    photo_independent: int = Field(300, ge=1, description="Windows of a view that at most count: neighbours err alike.")
+    photo_pose_sd_mm: float = Field(3, gt=0, description="Prior on a located tripod's place, mm on each axis.")
+    photo_pose_sd_deg: float = Field(0.1, gt=0, description="Prior on its direction, degrees about each axis.")
+    rig_sd_mm: float = Field(0.5, gt=0, description="Prior on the calibrated baseline, mm on each axis.")
+    rig_sd_deg: float = Field(0.02, gt=0, description="Prior on the calibrated turn between cameras, degrees an axis.")
+    focal_sd_px: float = Field(1.5, gt=0, description="Prior on calibrated focal lengths, px.")
+    centre_sd_px: float = Field(1.5, gt=0, description="Prior on calibrated principal points, px on each axis.")
+    k1_sd: float = Field(0.003, gt=0, description="Prior on the calibrated distortion term k1.")

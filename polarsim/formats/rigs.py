@@ -23,7 +23,7 @@ class PlacedRig:
 
     rig: StereoRig
     sandbox_from_left: Pose
-    method: str = ""  # "scans", "labels" or "survey": what the pose rests on
+    method: str = ""  # "scans", "labels" or "survey", ", photos" behind it: what the pose rests on
     quality: dict[str, float] = field(default_factory=dict)  # figures of the fit; keys carry their units
 
     def sandbox_from(self, camera: str) -> Pose:

@@ -57,7 +57,7 @@ def score_cameras(
     placed = read_all_placed(cameras)
     figures = stated(placed)
     if truth is not None:
-        figures += against_truth(placed, read_all_placed(truth / "cameras"), _true_points(truth, terrain))
+        figures += against_truth(placed, read_all_placed(truth / "cameras"), true_points(truth, terrain))
     if matches is not None and matches.exists():
         figures += against_boxes(matches)
     if drawn is not None:
@@ -90,8 +90,8 @@ def against_truth(
         for name, truth_from_sandbox in frames.items():
             figures += _pose_errors(position, name, truth_from_sandbox @ estimated[position], wanted[position])
             if name == "aligned" or len(frames) == 1:
-                figures += _projection_errors(
-                    position, placed[position], true[position], points_truth, truth_from_sandbox
+                figures += projection_errors(
+                    "reprojection", position, placed[position], true[position], points_truth, truth_from_sandbox
                 )
         figures += _rig_errors(position, placed[position], true[position])
     for name in frames:
@@ -194,10 +194,10 @@ def _rig_errors(position: str, placed: PlacedRig, true: PlacedRig) -> list[Figur
     ]
 
 
-def _projection_errors(
-    position: str, placed: PlacedRig, true: PlacedRig, points_truth: np.ndarray, truth_from_sandbox: Pose
+def projection_errors(
+    name: str, position: str, placed: PlacedRig, true: PlacedRig, points_truth: np.ndarray, truth_from_sandbox: Pose
 ) -> list[Figure]:
-    """Distances in the picture between true points seen by the true and by our camera."""
+    """Distances in the picture between true points (n, 3) seen by the true and by our camera, as figures `name_*`."""
     figures: list[Figure] = []
     for camera in CAMERAS:
         lens = true.rig.lens(camera)
@@ -205,11 +205,11 @@ def _projection_errors(
         inside = ((wanted > 0) & (wanted < [lens.width, lens.height])).all(axis=-1)  # NaN behind the camera: outside
         found = placed.project(camera, truth_from_sandbox.inverse().apply(points_truth[inside]))
         error_px = np.linalg.norm(found - wanted[inside], axis=-1)
-        figures += summary(f"{position} {camera}", "reprojection", error_px, "px", "truth")
+        figures += summary(f"{position} {camera}", name, error_px, "px", "truth")
     return figures
 
 
-def _true_points(truth: Path, terrain: int) -> np.ndarray:
+def true_points(truth: Path, terrain: int) -> np.ndarray:
     """Vertices of the true rocks, of the ground where there is no rock, thinned to `_POINTS`."""
     files = list(obj.rock_files(truth / "meshes").values())
     ground = truth / "meshes" / obj.ground_name(terrain)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import read_parquet, write_csv, write_parquet
 from polarsim.geometry.poses import angle_between
@@ -15,6 +16,7 @@ from polarsim.randomness import generator
 from polarsim.tables.mesh_scores import accuracy, f_score, mesh_table, soundness_rows
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality import Figure, summary, write_quality
+from polarsim.tables.quality_cameras import projection_errors, true_points
 from polarsim.tables.rock_pairs import pair_rocks, recall_and_precision, size_classes, size_names
 from polarsim.tables.true_surface import Comparison, compare
 
@@ -30,6 +32,7 @@ def score_rocks(
     terrain: int,
     rocks: Path,
     meshes: Path,
+    located: Path,
     cameras: Path,
     truth: Path | None,
     inventory: Path | None,
@@ -41,14 +44,16 @@ def score_rocks(
     """Write the quality of a terrain's rocks and meshes, a row of scores for every mesh, and where meshes are off.
 
     Frames are brought together by the camera poses, then by one small rigid ICP of the terrain's ground; how far that
-    went is a figure of its own.
+    went is a figure of its own. In this frame of the meshes the refined cameras are asked where they put true rocks.
 
     Parameters
     ----------
     rocks
         rocks.parquet.
-    meshes, cameras
-        Folders of the terrain.
+    meshes
+        Folder of the terrain's meshes.
+    located, cameras
+        Folders with the poses that the meshes were made with, and with the refined ones.
     scores
         Table of the meshes that is written, see `mesh_scores.COLUMNS`.
     offsets
@@ -64,8 +69,9 @@ def score_rocks(
     rows = soundness_rows(scene, meshes, terrain, generator(options.seed, "mesh samples", terrain), HAUSDORFF_SAMPLES)
     if truth is not None:
         true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
-        compared = compare(terrain, scene, cameras, truth, inventory, options)
+        compared = compare(terrain, scene, located, truth, inventory, options)
         against_truth, own = _against_truth(true, found, compared, options)
+        against_truth += _reprojection(terrain, cameras, truth, compared)
         off = compared.ours.table().astype(OFFSET_COLUMNS)
         rows = [{**row, **own.get(int(str(row["rock"])), {})} for row in rows]
     table = mesh_table(rows)
@@ -73,6 +79,19 @@ def score_rocks(
     write_quality(quality, "rocks", terrain, figures)
     write_csv(scores, table)
     write_parquet(offsets, off)
+
+
+def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison) -> list[Figure]:
+    """How far from its true pixel a true rock's point is seen, with the meshes laid on the true surface."""
+    placed, true = read_all_placed(cameras), read_all_placed(truth / "cameras")
+    points = true_points(truth, terrain)
+    return [
+        figure
+        for position in sorted(set(placed) & set(true))
+        for figure in projection_errors(
+            "rock_reprojection", position, placed[position], true[position], points, compared.truth_from_sandbox
+        )
+    ]
 
 
 def counts(found: pd.DataFrame, options: TablesOptions) -> list[Figure]:

@@ -12,15 +12,18 @@ import pandas as pd
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.geometry.poses import yaw_pitch_roll
+from polarsim.photo import CAMERAS
 from polarsim.tables.layout import origin_note, with_origin, write_table
 from polarsim.tables.quality import COLUMNS as QUALITY_COLUMNS
 
-CAMERA_QUALITY = ("sd_mm", "sd_deg", "off_survey_m", "off_survey_deg")
+CAMERA_QUALITY = ("sd_mm", "sd_deg", "off_survey_m", "off_survey_deg", "median_off_before_px", "median_off_px")
 CAMERA_ERRORS = {"position_error_aligned": "error_mm", "angle_error_aligned": "error_deg"}
+REPROJECTIONS = ("reprojection", "rock_reprojection")
 CAMERA_COLUMNS = {
     "terrain": "int64", "position": "str", "method": "str", "x_m": "float64", "y_m": "float64", "z_m": "float64",
     "yaw_deg": "float64", "pitch_deg": "float64", "roll_deg": "float64",
-    **dict.fromkeys((*CAMERA_QUALITY, *CAMERA_ERRORS.values(), "reprojection_l_px", "reprojection_r_px"), "float64"),
+    **dict.fromkeys((*CAMERA_QUALITY, *CAMERA_ERRORS.values()), "float64"),
+    **{f"{name}_{camera}_px": "float64" for name in REPROJECTIONS for camera in "lr"},
 }  # fmt: skip
 ALIGNMENT_COLUMNS = {
     "terrain": "int64", "evidence": "str", "between": "str", "points": "float64", "fitness": "float64",
@@ -31,8 +34,9 @@ ALIGNMENT_FILE = "alignment.csv"  # of the cameras stage
 LABEL_FIGURES = ("matched", "mean_iou", "median_dx_px", "median_dy_px")
 
 CAMERA_CAPTION = (
-    "Left cameras: place and heading in the sandbox, formal standard deviations, distance from the survey, and errors "
-    "against truth after one rigid alignment of the terrain."
+    "Left cameras: place and heading in the sandbox, formal standard deviations, distance from the survey; how far "
+    "photos lie from the shaded meshes before and after the refinement; errors against truth after one rigid alignment "
+    "of the terrain's cameras. True rocks in photos: after that alignment, and with meshes laid on the true surface."
 )
 ALIGNMENT_CAPTION = (
     "How scans lie on each other, and how projected meshes lie on the boxes that cameras were fitted to."
@@ -96,7 +100,11 @@ def _camera_row(terrain: int, position: str, rig: PlacedRig, figures: pd.DataFra
         **dict(zip(("yaw_deg", "pitch_deg", "roll_deg"), angles, strict=True)),
         **{name: rig.quality.get(name, np.nan) for name in CAMERA_QUALITY},
         **{column: value.get((position, figure), np.nan) for figure, column in CAMERA_ERRORS.items()},
-        **{f"reprojection_{c.lower()}_px": value.get((f"{position} {c}", "reprojection_median"), np.nan) for c in "LR"},
+        **{
+            f"{name}_{camera.lower()}_px": value.get((f"{position} {camera}", f"{name}_median"), np.nan)
+            for name in REPROJECTIONS
+            for camera in CAMERAS
+        },
     }  # fmt: skip
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.cameras.locate import ALIGNMENT_COLUMNS, MATCH_COLUMNS, locate_cameras, rounded
+from polarsim.cameras.locate import ALIGNMENT_COLUMNS, MATCH_COLUMNS, locate_cameras
 from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.rounding import rounded
 from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import nasa, obj, yolo
 from polarsim.formats.colmap import read_model

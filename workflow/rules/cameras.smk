@@ -14,7 +14,7 @@ rule locate_cameras:
         calibration="results/{run}/acquire/Terrain{terrain}/calibration.json",
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
     output:
-        cameras=directory("results/{run}/cameras/Terrain{terrain}"),
+        cameras=directory("results/{run}/cameras/located/Terrain{terrain}"),
     log:
         "results/{run}/logs/cameras/locate_cameras_{terrain}.log",
     benchmark:
@@ -30,3 +30,27 @@ rule locate_cameras:
         code=code_of("cameras.locate"),
     script:
         "../scripts/locate_cameras.py"
+
+
+rule refine_cameras:
+    """Poses and lenses refined on photos in which the meshes are found again; as located where there are no photos."""
+    input:
+        located="results/{run}/cameras/located/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+        photos=photos_of_terrain,
+    output:
+        cameras=directory("results/{run}/cameras/Terrain{terrain}"),
+    log:
+        "results/{run}/logs/cameras/refine_cameras_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/cameras/refine_cameras_{terrain}.tsv"
+    priority: TRAINING_WAITS
+    threads: 1
+    resources:
+        mem_mb=2500,
+        runtime=20,
+    params:
+        options=options("cameras"),
+        code=code_of("cameras.photos"),
+    script:
+        "../scripts/refine_cameras.py"

@@ -95,8 +95,8 @@ def repaired_copies():
     return of_run("results/{run}/repaired/Terrain{terrain}", terrain=TERRAINS)
 
 
-def photos_for_gain(wildcards):
-    """Photos calibrate the twins' brightness where a source has photos."""
+def photos_of_terrain(wildcards):
+    """The index of a terrain's photos, where a source has photos; cover photos are none."""
     if KIND == "release":
         return []
     return f"results/{wildcards.run}/acquire/Terrain{wildcards.terrain}/photos.parquet"

@@ -18,7 +18,7 @@ rule render_twins:
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        photos=photos_for_gain,
+        photos=photos_of_terrain,
     output:
         **twins_by_model(),
         boxes=directory("results/{run}/renders/boxes/Terrain{terrain}"),

@@ -15,7 +15,7 @@ if KIND == "release":
         """The published rock meshes, cleaned, where the boxes see them, on a ground that is fitted under them."""
         input:
             inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
-            cameras="results/{run}/cameras/Terrain{terrain}",
+            cameras="results/{run}/cameras/located/Terrain{terrain}",
         output:
             rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
             cuboids="results/{run}/rocks/Terrain{terrain}/cuboids.yaml",
@@ -39,7 +39,7 @@ if KIND == "release":
         """Watertight copies of the published rocks without their skirts, and a table of their defects."""
         input:
             inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
-            cameras="results/{run}/cameras/Terrain{terrain}",
+            cameras="results/{run}/cameras/located/Terrain{terrain}",
             meshes="results/{run}/meshes/Terrain{terrain}",
         output:
             copies=directory("results/{run}/repaired/Terrain{terrain}"),
@@ -63,7 +63,7 @@ else:
         """Scans in the sandbox frame, split into rocks and ground."""
         input:
             inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
-            cameras="results/{run}/cameras/Terrain{terrain}",
+            cameras="results/{run}/cameras/located/Terrain{terrain}",
             seeds="results/{run}/acquire/Terrain{terrain}/seeds",
             overrides=override_file,
         output:

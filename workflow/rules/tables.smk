@@ -55,6 +55,7 @@ rule score_rocks:
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
         meshes="results/{run}/meshes/Terrain{terrain}",
+        located="results/{run}/cameras/located/Terrain{terrain}",
         cameras="results/{run}/cameras/Terrain{terrain}",
     output:
         quality="results/{run}/quality/rocks_Terrain{terrain}.csv",
@@ -158,7 +159,9 @@ rule tabulate_cameras:
     input:
         cameras=expand("results/{{run}}/cameras/Terrain{terrain}", terrain=TERRAINS),
         quality=expand(
-            "results/{{run}}/quality/cameras_Terrain{terrain}.csv", terrain=TERRAINS
+            "results/{{run}}/quality/{stage}_Terrain{terrain}.csv",
+            stage=["cameras", "rocks"],
+            terrain=TERRAINS,
         ),
     output:
         table=report(

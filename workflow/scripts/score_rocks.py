@@ -11,6 +11,7 @@ with reporting(log=snakemake.log[0]):
         terrain=int(snakemake.wildcards.terrain),
         rocks=Path(snakemake.input.rocks),
         meshes=Path(snakemake.input.meshes),
+        located=Path(snakemake.input.located),
         cameras=Path(snakemake.input.cameras),
         truth=Path(snakemake.params.truth) if snakemake.params.truth else None,
         inventory=Path(snakemake.input.inventory),

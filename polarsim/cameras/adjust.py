@@ -1,0 +1,153 @@
+"""Rig poses, lenses and the pose between them adjusted together, so that sandbox points fall where photos show them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+
+_STEPS = 30
+_STILL = 1e-4  # of a prior's standard deviation: steps smaller than this end the adjustment
+_NUDGE = 1e-4  # of the same, for numeric derivatives
+_OF_POSE, _OF_RIG, _OF_LENS = 6, 6, 4
+View = tuple[str, str]  # position and camera
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Points of one view: places (n, 3) in the sandbox, metres, and the pixels (n, 2) where its photos show them."""
+
+    points: np.ndarray
+    pixels: np.ndarray
+
+
+@dataclass(frozen=True)
+class Priors:
+    """Standard deviations of what was known before: poses, and the calibration."""
+
+    pose_m: float
+    pose_rad: float
+    rig_m: float
+    rig_rad: float
+    focal_px: float
+    centre_px: float
+    k1: float
+
+    def scale(self, positions: int, *, lenses: bool) -> np.ndarray:
+        """One standard deviation of every unknown: poses one by one, then the rig, then the left and the right lens."""
+        pose = [self.pose_rad] * 3 + [self.pose_m] * 3
+        rig = [self.rig_rad] * 3 + [self.rig_m] * 3
+        lens = [self.focal_px, self.centre_px, self.centre_px, self.k1]
+        return np.array(pose * positions + (rig + lens * 2 if lenses else []))
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Of sightings: their standard deviation, px, and how many of a view's at most say something of their own."""
+
+    pixel: float
+    independent: int
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """The rigs after the adjustment, and each pose's covariance (6, 6): turn (rad) and shift (m) in its left frame."""
+
+    placed: dict[str, PlacedRig]
+    covariance: dict[str, np.ndarray]
+
+
+def adjust(
+    placed: Mapping[str, PlacedRig], sightings: Mapping[View, Sightings], priors: Priors, noise: Noise, lenses: bool
+) -> Adjusted:
+    """Gauss-Newton steps with weights that outliers lose (Cauchy's, by the noise), all unknowns at once.
+
+    Slopes are those of the start: what is mended are pixels, over which they hardly change.
+
+    Parameters
+    ----------
+    placed : position -> PlacedRig
+        The start, and the middle of the priors; all with one calibration.
+    lenses : bool
+        Whether the calibration is adjusted too: one for all positions.
+    """
+    scale = priors.scale(len(placed), lenses=lenses)
+    unknowns = np.zeros(len(scale))
+    information = np.eye(len(scale))
+    slopes = _slopes(placed, sightings, scale)
+    for _ in range(_STEPS):
+        off = _residuals(_moved(placed, unknowns * scale), sightings)
+        weights = [_weights(part, noise) for part in off]
+        information, pull = np.eye(len(scale)), unknowns.copy()
+        for part, slope, weight in zip(off, slopes, weights, strict=True):
+            information += np.einsum("nku,n,nkv->uv", slope, weight, slope, optimize=True)
+            pull += np.einsum("nku,n,nk->u", slope, weight, part, optimize=True)
+        step = np.linalg.solve(information, pull)
+        unknowns = unknowns - step
+        if np.abs(step).max() < _STILL:
+            break
+    covariance = np.linalg.inv(information) * np.outer(scale, scale)
+    blocks = [slice(_OF_POSE * number, _OF_POSE * (number + 1)) for number in range(len(placed))]
+    return Adjusted(
+        _moved(placed, unknowns * scale),
+        {position: covariance[block, block] for position, block in zip(sorted(placed), blocks, strict=True)},
+    )
+
+
+def _moved(placed: Mapping[str, PlacedRig], unknowns: np.ndarray) -> dict[str, PlacedRig]:
+    rest = unknowns[_OF_POSE * len(placed) :]
+    moved = {}
+    for number, position in enumerate(sorted(placed)):
+        start = placed[position]
+        own = unknowns[_OF_POSE * number : _OF_POSE * (number + 1)]
+        rig = start.rig
+        if len(rest):
+            rig = replace(
+                rig,
+                left=_moved_lens(rig.left, rest[_OF_RIG : _OF_RIG + _OF_LENS]),
+                right=_moved_lens(rig.right, rest[_OF_RIG + _OF_LENS :]),
+                left_from_right=rig.left_from_right @ Pose.from_rotvec(rest[:3], rest[3:_OF_RIG]),
+            )
+        pose = start.sandbox_from_left @ Pose.from_rotvec(own[:3], own[3:])
+        moved[position] = replace(start, rig=rig, sandbox_from_left=pose)
+    return moved
+
+
+def _moved_lens(lens: Lens, change: np.ndarray) -> Lens:
+    focal, cx, cy, k1 = map(float, change)
+    return replace(
+        lens, fx=lens.fx + focal, fy=lens.fy + focal, cx=lens.cx + cx, cy=lens.cy + cy,
+        distortion=(lens.distortion[0] + k1, *lens.distortion[1:]),
+    )  # fmt: skip
+
+
+def offsets_px(rig: PlacedRig, camera: str, seen: Sightings) -> np.ndarray:
+    """(n, 2) from where photos show points to where a rig puts them; zero for points behind the camera."""
+    return np.nan_to_num(rig.project(camera, seen.points) - seen.pixels)
+
+
+def _residuals(placed: Mapping[str, PlacedRig], sightings: Mapping[View, Sightings]) -> list[np.ndarray]:
+    """(n, 2) px of every view."""
+    return [offsets_px(placed[position], camera, seen) for (position, camera), seen in sorted(sightings.items())]
+
+
+def _slopes(
+    placed: Mapping[str, PlacedRig], sightings: Mapping[View, Sightings], scale: np.ndarray
+) -> list[np.ndarray]:
+    """(n, 2, unknowns) of every view at the start, by central differences."""
+    columns = []
+    for nudge in _NUDGE * np.diag(scale):
+        ahead, behind = (_residuals(_moved(placed, sign * nudge), sightings) for sign in (1, -1))
+        columns.append([(a - b) / (2 * _NUDGE) for a, b in zip(ahead, behind, strict=True)])
+    return [np.stack(view, axis=-1) for view in zip(*columns, strict=True)]
+
+
+def _weights(off: np.ndarray, noise: Noise) -> np.ndarray:
+    """(n,) of one view's sightings: neighbours share their errors, so a view never counts for more than so many."""
+    share = min(1.0, noise.independent / max(1, len(off)))
+    return np.asarray(share / (noise.pixel**2 + np.einsum("nk,nk->n", off, off)))

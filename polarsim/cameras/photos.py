@@ -1,0 +1,172 @@
+"""Rig poses and lenses refined on photos: meshes shaded under the Sun lamps are looked for in them, window by window.
+
+Scans place tripods to the millimetres and hundredths of a degree by which a scan was registered to its camera, and
+nothing in the scans tells that error. Photos do.
+"""
+
+from __future__ import annotations
+
+import logging
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.cameras.adjust import Adjusted, Noise, Priors, Sightings, View, adjust, offsets_px
+from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.patches import Window, find
+from polarsim.cameras.pictures import Pictures, best_pictures
+from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
+from polarsim.cameras.shading import Surface, shade, surface_of
+from polarsim.formats import colmap, png
+from polarsim.formats.files import writing_folder
+from polarsim.formats.rigs import PlacedRig, lift_of, read_all_placed, write_placed
+from polarsim.formats.scene import read_terrain
+from polarsim.geometry.poses import angle_between
+from polarsim.progress import track
+from polarsim.survey import lamp_position
+
+log = logging.getLogger("polarsim")
+
+
+def refine_cameras(
+    *, terrain: int, located: Path, meshes: Path, photos: Path | None, cameras: Path, options: CamerasOptions
+) -> None:
+    """Write the folder `cameras` anew: what `located` holds, poses and lenses refined where photos allow it.
+
+    Parameters
+    ----------
+    located : Path
+        Folder that `locate_cameras` wrote.
+    meshes : Path
+        The terrain's meshes, in the frame of these poses.
+    photos : Path or None
+        `photos.parquet`; without it, or without photos that show the meshes, everything stays as it was located.
+
+    Raises
+    ------
+    FormatError
+        A mesh, pose or table is missing or broken.
+    """
+    start = read_all_placed(located)
+    placed = start
+    pictures = best_pictures(terrain, photos) if photos is not None and options.photo_scales else {}
+    if found := {view for view in pictures if view[0] in placed and placed[view[0]].method != "survey"}:
+        surface = surface_of(read_terrain(meshes, terrain))
+        placed = _refined(f"terrain {terrain:02d}", placed, surface, {view: pictures[view] for view in found}, options)
+    with writing_folder(cameras) as folder:
+        for path in located.iterdir():
+            if path.is_file():
+                shutil.copyfile(path, folder / path.name)
+        for position, rig in placed.items():
+            if rig is not start[position]:
+                write_placed(folder / f"Pos{position}.json", rig)
+        colmap.write_model(folder / "colmap", placed)
+
+
+def _refined(
+    name: str, located: dict[str, PlacedRig], surface: Surface, pictures: Pictures, options: CamerasOptions
+) -> dict[str, PlacedRig]:
+    """The rigs whose photos match the meshes, refined from coarse to fine; the others get the adjusted lenses alone."""
+    current = located
+    for scale in options.photo_scales:
+        seen = {
+            view: _sightings(surface, current, view, pictures, scale, options)
+            for view in track(sorted(pictures), f"cameras of {name}, scale {scale:g}")
+        }
+        seen = _of_sure_positions(name, seen, options.photo_min_windows)
+        if not seen:
+            log.warning("%s: photos do not match the meshes, cameras stay as they were located", name)
+            return located
+        sure = {position: located[position] for position, _ in seen}
+        lenses = scale == options.photo_scales[-1]
+        adjusted = adjust(sure, seen, _priors(options), Noise(options.photo_sd_px, options.photo_independent), lenses)
+        rig = next(iter(adjusted.placed.values())).rig
+        current = {position: replace(one, rig=rig) for position, one in located.items()} | adjusted.placed
+    return {
+        position: _described(position, located[position], adjusted, seen)
+        if position in sure
+        else replace(one, rig=rounded_rig(one.rig))
+        for position, one in current.items()
+    }
+
+
+def _sightings(
+    surface: Surface,
+    placed: Mapping[str, PlacedRig],
+    view: View,
+    pictures: Pictures,
+    scale: float,
+    options: CamerasOptions,
+) -> Sightings:
+    """Where the photos of a view show points of the meshes, in pixels of the full photo."""
+    import cv2
+
+    position, camera = view
+    rig = placed[position]
+    lens = rig.rig.lens(camera).scaled(scale)
+    lift = lift_of(placed)
+    lamps = {azimuth: lamp_position(azimuth, lift) for azimuth in pictures[view]}
+    shaded = shade(surface, rig.sandbox_from(camera), lens, lamps)
+    usable = np.isfinite(shaded.points[..., 0])
+    window = Window(
+        options.photo_window_px // 2, options.photo_search_px, options.photo_step_px, options.photo_likeness
+    )
+    points, pixels = [], []
+    for azimuth, path in pictures[view].items():
+        photo = cv2.resize(png.read_photo(path), (lens.width, lens.height), interpolation=cv2.INTER_AREA)
+        found = find(shaded.images[azimuth], photo.astype(np.float32), usable, window)
+        column, row = found.pixel.astype(int).T
+        points.append(shaded.points[row, column].astype(float))
+        pixels.append(found.seen / scale)
+    return Sightings(np.concatenate(points), np.concatenate(pixels))
+
+
+def _of_sure_positions(name: str, seen: Mapping[View, Sightings], least: int) -> dict[View, Sightings]:
+    """The sightings of the positions that have enough of them."""
+    counts: dict[str, int] = {}
+    for (position, _), found in seen.items():
+        counts[position] = counts.get(position, 0) + len(found.pixels)
+    for position, count in counts.items():
+        if count < least:
+            log.warning("%s, %s: %d windows of its photos match the meshes, no refinement", name, position, count)
+    return {view: found for view, found in seen.items() if counts[view[0]] >= least}
+
+
+def _priors(options: CamerasOptions) -> Priors:
+    return Priors(
+        pose_m=options.photo_pose_sd_mm / 1000,
+        pose_rad=float(np.radians(options.photo_pose_sd_deg)),
+        rig_m=options.rig_sd_mm / 1000,
+        rig_rad=float(np.radians(options.rig_sd_deg)),
+        focal_px=options.focal_sd_px,
+        centre_px=options.centre_sd_px,
+        k1=options.k1_sd,
+    )
+
+
+def _described(position: str, located: PlacedRig, adjusted: Adjusted, seen: Mapping[View, Sightings]) -> PlacedRig:
+    """The adjusted rig with how well photos and meshes agree, before and now, and its formal standard deviations."""
+    rig = adjusted.placed[position]
+    own = {camera: found for (where, camera), found in seen.items() if where == position}
+    before, now = (
+        np.concatenate([np.linalg.norm(offsets_px(one, camera, found), axis=1) for camera, found in own.items()])
+        for one in (located, rig)
+    )
+    moved = located.sandbox_from_left.inverse() @ rig.sandbox_from_left
+    sd = np.sqrt(np.diag(adjusted.covariance[position]))
+    quality = {
+        **located.quality,
+        "windows": float(len(now)),
+        "median_off_before_px": float(np.median(before)),
+        "median_off_px": float(np.median(now)),
+        "moved_mm": float(1000 * np.linalg.norm(moved.translation)),
+        "turned_deg": float(np.degrees(angle_between(located.sandbox_from_left, rig.sandbox_from_left))),
+        "sd_mm": float(1000 * np.linalg.norm(sd[3:])),
+        "sd_deg": float(np.degrees(np.linalg.norm(sd[:3]))),
+    }
+    return PlacedRig(
+        rounded_rig(rig.rig), rounded(rig.sandbox_from_left), f"{located.method}, photos", rounded_figures(quality)
+    )

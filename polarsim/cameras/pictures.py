@@ -1,0 +1,49 @@
+"""Which photo shows a view under a Sun lamp best."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+
+from polarsim.cameras.adjust import View
+from polarsim.errors import PolarsimError
+from polarsim.formats import png, tables
+from polarsim.photo import SUNS, WHITE_LEVEL, PhotoKey
+from polarsim.progress import track
+
+log = logging.getLogger("polarsim")
+
+_USABLE = (60, WHITE_LEVEL - 200)  # grey values that neither noise nor clipping moves
+_SPARSE = 8  # every so many rows and columns tell how well a photo is exposed
+_LEAST_USABLE = 0.03  # share of such pixels in a photo that is worth a look
+Pictures = Mapping[View, Mapping[str, Path]]  # by view, then by the azimuth of the Sun lamp
+
+
+def best_pictures(terrain: int, photos: Path) -> Pictures:
+    """The photo of every view and Sun lamp, rover light off, in which most pixels are well exposed.
+
+    Parameters
+    ----------
+    photos : Path
+        `photos.parquet`; a photo that cannot be read is a warning and left out.
+    """
+    index = tables.read_parquet(photos, ("key", "path"))
+    best: dict[tuple[View, str], tuple[float, Path]] = {}
+    for name, path in track(sorted(zip(index["key"], index["path"], strict=True)), f"photos of terrain {terrain:02d}"):
+        key = PhotoKey.parse(str(name))
+        if key.terrain != terrain or key.light == "on" or key.azimuth not in SUNS:
+            continue
+        try:
+            sparse = png.read_photo(path)[::_SPARSE, ::_SPARSE]
+        except PolarsimError as error:
+            log.warning("%s: not used for the cameras", error)
+            continue
+        usable = float(((sparse > _USABLE[0]) & (sparse < _USABLE[1])).mean())
+        place = ((key.position, key.camera), key.azimuth)
+        if usable > max(_LEAST_USABLE, best[place][0] if place in best else 0.0):
+            best[place] = usable, Path(path)
+    pictures: dict[View, dict[str, Path]] = {}
+    for (view, azimuth), (_, path) in sorted(best.items()):
+        pictures.setdefault(view, {})[azimuth] = path
+    return pictures

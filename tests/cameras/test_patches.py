@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter, shift
+
+from polarsim.cameras.patches import Window, find
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+
+WINDOW = Window(half=10, search=5, step=12, likeness=0.6)
+EVERYWHERE = np.ones((120, 160), bool)
+
+
+def picture(seed=1, size=(120, 160)):
+    return 1000 + 150 * gaussian_filter(np.random.default_rng(seed).normal(size=size), 2, mode="wrap") / 0.14
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(-4, 4), st.floats(-4, 4))
+def test_a_moved_picture_is_found_where_it_moved_to(dx, dy):
+    shaded = picture()
+    photo = shift(shaded, (dy, dx), order=3, mode="wrap") + BLACK_LEVEL
+    found = find(shaded.astype(np.float32), photo.astype(np.float32), EVERYWHERE, WINDOW)
+    assert len(found.pixel) > 20
+    np.testing.assert_allclose(np.median(found.seen - found.pixel, axis=0), [dx, dy], atol=0.1)  # parabolas draw peaks to whole pixels
+
+
+def test_brightness_does_not_matter_but_the_right_picture_does():
+    shaded = picture().astype(np.float32)
+    brighter = find(shaded / 5000, (3 * shaded + BLACK_LEVEL) / 1.2, EVERYWHERE, WINDOW)
+    assert np.abs(brighter.seen - brighter.pixel).max() < 0.3
+    assert len(find(shaded, picture(seed=2).astype(np.float32), EVERYWHERE, WINDOW).pixel) < 0.1 * len(brighter.pixel)
+
+
+@pytest.mark.parametrize("empty", ["unusable", "clipped", "black"])
+def test_what_tells_nothing_is_not_looked_for(empty):
+    shaded = picture().astype(np.float32)
+    photo, usable = shaded + BLACK_LEVEL, EVERYWHERE
+    if empty == "unusable":
+        usable = ~EVERYWHERE
+    elif empty == "clipped":
+        photo = np.full_like(shaded, WHITE_LEVEL)
+    else:
+        shaded = np.zeros_like(shaded)
+    found = find(shaded, photo, usable, WINDOW)
+    assert found.pixel.shape == found.seen.shape == (0, 2)

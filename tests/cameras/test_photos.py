@@ -1,0 +1,147 @@
+"""Cameras refined on photos: a rough ground with blocks, photographed from where the cameras really stood."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.photos import refine_cameras
+from polarsim.cameras.shading import shade, surface_of
+from polarsim.formats import obj, png
+from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
+from polarsim.formats.scene import read_terrain
+from polarsim.geometry.poses import Pose, angle_between, looking
+from polarsim.geometry.stereo import stated_rig
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+from polarsim.survey import lamp_position
+
+TRUE = PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans", {"rmse_mm": 2.0})
+OFF = Pose.from_rotvec(np.radians([0.08, -0.06, 0.05]), np.array([0.002, -0.001, 0.002]))  # a registration's error
+LOCATED = replace(TRUE, sandbox_from_left=TRUE.sandbox_from_left @ OFF)
+SUNS = ("30", "270")
+EXPOSURES = {64: 0.4, 256: 1.0}  # ms -> of the exposure that fills the range
+
+
+def rough_ground(cells=260):
+    x, y = np.meshgrid(*2 * [np.linspace(-2, 2, cells)])
+    rng = np.random.default_rng(1)
+    height = sum(size * gaussian_filter(rng.normal(size=x.shape), width) for size, width in ((0.1, 3), (0.5, 10)))
+    for cx, cy in ((-1, 0.3), (0, -0.8), (0.6, 0.5), (1.2, -0.4)):  # boulders with steep sides
+        height = np.maximum(height, 0.2 - 1.5 * np.maximum(np.hypot(x - cx, y - cy) - 0.12, 0) ** 0.7)
+    corner = (np.arange(cells - 1)[:, None] * cells + np.arange(cells - 1)).ravel()
+    faces = [[corner, corner + 1, corner + cells], [corner + 1, corner + cells + 1, corner + cells]]
+    return obj.Mesh(
+        np.stack([x, y, height], axis=-1).reshape(-1, 3), np.concatenate([np.stack(f, axis=1) for f in faces])
+    )
+
+
+@pytest.fixture(scope="module")
+def photographed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("photographed")
+    obj.write(folder / "meshes" / obj.ground_name(1), rough_ground(), "ground")
+    surface = surface_of(read_terrain(folder / "meshes", 1))
+    rows = []
+    rng = np.random.default_rng(2)
+    for camera in "LR":
+        pose, lens = TRUE.sandbox_from(camera), TRUE.rig.lens(camera)
+        shaded = shade(surface, pose, lens, {azimuth: lamp_position(azimuth) for azimuth in SUNS})
+        for azimuth, image in shaded.images.items():
+            for ms, share in EXPOSURES.items():
+                grey = share * 2500 * image / np.percentile(image, 98)
+                grey = BLACK_LEVEL + grey + rng.normal(0, 2 + 0.5 * np.sqrt(grey))
+                path = folder / "photos" / f"01_A_off_{azimuth}_{camera}_{ms:04d}.png"
+                png.write(path, np.clip(np.rint(grey), 0, WHITE_LEVEL).astype(np.uint16))
+                rows.append({"key": path.stem, "path": str(path)})
+    broken = folder / "photos" / "01_A_off_180_L_0256.png"
+    broken.write_bytes(b"no picture")
+    rows.append({"key": broken.stem, "path": str(broken)})
+    pd.DataFrame(rows).to_parquet(folder / "photos.parquet")
+    return folder
+
+
+def located(folder, rigs):
+    for position, rig in rigs.items():
+        write_placed(folder / "located" / f"Pos{position}.json", rig)
+    (folder / "located" / "alignment.csv").write_text("pair\nA-C\n")
+    return folder / "located"
+
+
+def refine(photographed, tmp_path, rigs, **changes):
+    asked = {"photos": photographed / "photos.parquet", "options": CamerasOptions()}
+    refine_cameras(
+        terrain=1, located=located(tmp_path, rigs), meshes=photographed / "meshes", cameras=tmp_path / "cameras",
+        **{**asked, **changes},
+    )  # fmt: skip
+    return read_all_placed(tmp_path / "cameras")
+
+
+def assert_same_files(folder):
+    for path in (folder / "located").glob("*.*"):
+        assert path.read_bytes() == (folder / "cameras" / path.name).read_bytes()
+
+
+@pytest.fixture(scope="module")
+def refined(photographed, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("refined")
+    far = replace(TRUE, sandbox_from_left=looking(np.array([6.0, -0.4, 1.5]), np.pi, np.radians(20)))
+    return refine(photographed, folder, {"A": LOCATED, "B": far}), folder
+
+
+def test_photos_bring_a_pose_back_to_where_the_camera_stood(refined):
+    found, true = refined[0]["A"].sandbox_from_left, TRUE.sandbox_from_left
+    assert np.linalg.norm(LOCATED.sandbox_from_left.translation - true.translation) > 0.0025
+    assert np.linalg.norm(found.translation - true.translation) < 0.001
+    assert np.degrees(angle_between(found, true)) < 0.015  # the principal point's prior leaves as much open
+    points = np.array([[x, y, 0.0] for x in (-1, 0, 1) for y in (-1, 0, 1)])
+    for camera in "LR":
+        off = refined[0]["A"].project(camera, points) - TRUE.project(camera, points)
+        assert np.abs(off).max() < 0.3
+
+
+def test_how_well_photos_and_meshes_agree_is_stated(refined):
+    rig = refined[0]["A"]
+    assert rig.method == "scans, photos"
+    assert rig.quality["rmse_mm"] == 2.0
+    assert rig.quality["median_off_px"] < 1 < 2 < rig.quality["median_off_before_px"]
+    assert rig.quality["windows"] > 500
+    assert 0 < rig.quality["sd_mm"] < 3
+
+
+def test_a_position_without_photos_gets_the_lenses_and_keeps_its_pose(refined):
+    placed = refined[0]
+    assert placed["B"].method == "scans"
+    assert (placed["B"].rig.left, placed["B"].rig.right) == (placed["A"].rig.left, placed["A"].rig.right)
+    np.testing.assert_allclose(placed["B"].sandbox_from_left.translation, [6.0, -0.4, 1.5], atol=1e-9)
+
+
+def test_tables_of_the_located_poses_and_a_colmap_model_come_along(refined):
+    folder = refined[1] / "cameras"
+    assert (folder / "alignment.csv").read_text() == (refined[1] / "located" / "alignment.csv").read_text()
+    assert "PosA_CamR" in (folder / "colmap" / "images.txt").read_text()
+
+
+def test_without_photos_everything_stays_as_it_was_located(photographed, tmp_path):
+    off = CamerasOptions(photo_scales=())
+    for name, changes in {"none": {"photos": None}, "switched off": {"options": off}}.items():
+        placed = refine(photographed, tmp_path / name, {"A": LOCATED}, **changes)
+        assert placed["A"].method == "scans"
+        assert_same_files(tmp_path / name)
+
+
+def test_a_surveyed_pose_is_too_far_off_for_photos(photographed, tmp_path):
+    placed = refine(photographed, tmp_path, {"A": replace(LOCATED, method="survey")})
+    assert placed["A"].method == "survey"
+
+
+def test_photos_of_another_place_move_nothing(photographed, tmp_path, caplog):
+    elsewhere = replace(TRUE, sandbox_from_left=looking(np.array([0.8, -3.6, 1.5]), np.radians(103), np.radians(27)))
+    with caplog.at_level(logging.WARNING):
+        placed = refine(photographed, tmp_path, {"A": elsewhere})
+    assert placed["A"].method == "scans"
+    assert_same_files(tmp_path)
+    assert "photos do not match the meshes" in caplog.text
+    assert "01_A_off_180_L_0256.png" in caplog.text  # the broken photo

@@ -1,0 +1,17 @@
+"""Refine one terrain's rig poses and lenses on its photos."""
+
+from pathlib import Path
+
+from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.photos import refine_cameras
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    refine_cameras(
+        terrain=int(snakemake.wildcards.terrain),
+        located=Path(snakemake.input.located),
+        meshes=Path(snakemake.input.meshes),
+        photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
+        cameras=Path(snakemake.output.cameras),
+        options=CamerasOptions(**snakemake.params.options),
+    )
