@@ -22,7 +22,8 @@ def test_a_moved_picture_is_found_where_it_moved_to(dx, dy):
     photo = shift(shaded, (dy, dx), order=3, mode="wrap") + BLACK_LEVEL
     found = find(shaded.astype(np.float32), photo.astype(np.float32), EVERYWHERE, WINDOW)
     assert len(found.pixel) > 20
-    np.testing.assert_allclose(np.median(found.seen - found.pixel, axis=0), [dx, dy], atol=0.1)  # parabolas draw peaks to whole pixels
+    moved = np.median(found.seen - found.pixel, axis=0)
+    np.testing.assert_allclose(moved, [dx, dy], atol=0.1)  # parabolas draw peaks to whole pixels
 
 
 def test_brightness_does_not_matter_but_the_right_picture_does():
