@@ -34,6 +34,7 @@ from polarsim.render.layers import reflectance_engine, render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.render.twins import write_photos
+from polarsim.survey import SUN_LAMPS
 
 CELLS, ROCKS = 800, 40
 
@@ -84,7 +85,7 @@ def main() -> None:
     mesh = scene(np.random.default_rng(1))
     surfaces = surfaces_of(mesh, options)
     timed("build", lambda: surfaces.prepare(shadows=True))
-    lamps = lamps_of({"A": rig}, "A")
+    lamps = lamps_of(SUN_LAMPS, rig)
     for models in (["lambert"], ["principled"], ["hapke"]):
         layers = timed(
             f"five layers of a view, {models[0]}",

@@ -1,4 +1,4 @@
-"""Rig poses and lenses refined on photos: meshes shaded under the Sun lamps are looked for in them, window by window.
+"""Rig poses, lenses and lamps refined on photos, in which meshes shaded under the Sun lamps are found again.
 
 Scans place tripods to the millimetres and hundredths of a degree by which a scan was registered to its camera, and
 nothing in the scans tells that error. Photos do.
@@ -15,18 +15,18 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.cameras.adjust import Adjusted, Noise, Priors, Sightings, View, adjust, offsets_px
+from polarsim.cameras.lamps import Beliefs, refine_lamp, shots_of
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.patches import Window, find
 from polarsim.cameras.pictures import Pictures, best_pictures
 from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
 from polarsim.cameras.shading import Surface, shade, surface_of
-from polarsim.formats import colmap, png
+from polarsim.formats import colmap, lamps, png
 from polarsim.formats.files import writing_folder
-from polarsim.formats.rigs import PlacedRig, lift_of, read_all_placed, write_placed
+from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.poses import angle_between
 from polarsim.progress import track
-from polarsim.survey import lamp_position
 
 log = logging.getLogger("polarsim")
 
@@ -34,7 +34,7 @@ log = logging.getLogger("polarsim")
 def refine_cameras(
     *, terrain: int, located: Path, meshes: Path, photos: Path | None, cameras: Path, options: CamerasOptions
 ) -> None:
-    """Write the folder `cameras` anew: what `located` holds, poses and lenses refined where photos allow it.
+    """Write the folder `cameras` anew: what `located` holds, poses, lenses and lamps refined where photos allow it.
 
     Parameters
     ----------
@@ -53,9 +53,12 @@ def refine_cameras(
     start = read_all_placed(located)
     placed = start
     pictures = best_pictures(terrain, photos) if photos is not None and options.photo_scales else {}
+    suns: dict[str, np.ndarray] = {}
     if found := {view for view in pictures if view[0] in placed and placed[view[0]].method != "survey"}:
-        surface = surface_of(read_terrain(meshes, terrain))
-        placed = _refined(f"terrain {terrain:02d}", placed, surface, {view: pictures[view] for view in found}, options)
+        name, surface = f"terrain {terrain:02d}", surface_of(read_terrain(meshes, terrain))
+        pictures = {view: pictures[view] for view in found}
+        placed = _refined(name, placed, surface, pictures, options)
+        suns = _found_suns(name, placed, surface, pictures, options)
     with writing_folder(cameras) as folder:
         for path in located.iterdir():
             if path.is_file():
@@ -63,6 +66,8 @@ def refine_cameras(
         for position, rig in placed.items():
             if rig is not start[position]:
                 write_placed(folder / f"Pos{position}.json", rig)
+        if suns:
+            lamps.write_suns(folder, suns)
         colmap.write_model(folder / "colmap", placed)
 
 
@@ -107,13 +112,10 @@ def _sightings(
     position, camera = view
     rig = placed[position]
     lens = rig.rig.lens(camera).scaled(scale)
-    lift = lift_of(placed)
-    lamps = {azimuth: lamp_position(azimuth, lift) for azimuth in pictures[view]}
-    shaded = shade(surface, rig.sandbox_from(camera), lens, lamps)
+    suns = {azimuth: place for azimuth, place in lamps.surveyed_suns(placed).items() if azimuth in pictures[view]}
+    shaded = shade(surface, rig.sandbox_from(camera), lens, suns)
     usable = np.isfinite(shaded.points[..., 0])
-    window = Window(
-        options.photo_window_px // 2, options.photo_search_px, options.photo_step_px, options.photo_likeness
-    )
+    window = _window(options)
     points, pixels = [], []
     for azimuth, path in pictures[view].items():
         photo = cv2.resize(png.read_photo(path), (lens.width, lens.height), interpolation=cv2.INTER_AREA)
@@ -122,6 +124,26 @@ def _sightings(
         points.append(shaded.points[row, column].astype(float))
         pixels.append(found.seen / scale)
     return Sightings(np.concatenate(points), np.concatenate(pixels))
+
+
+def _window(options: CamerasOptions) -> Window:
+    return Window(options.photo_window_px // 2, options.photo_search_px, options.photo_step_px, options.photo_likeness)
+
+
+def _found_suns(
+    name: str, placed: Mapping[str, PlacedRig], surface: Surface, pictures: Pictures, options: CamerasOptions
+) -> dict[str, np.ndarray]:
+    """The Sun lamps whose shadows photos show, where these say that they stood."""
+    beliefs = Beliefs(options.lamp_sd_mm / 1000, options.lamp_window_sd_px, options.photo_independent)
+    suns = {}
+    for azimuth, surveyed in track(sorted(lamps.surveyed_suns(placed).items()), f"lamps of {name}"):
+        shots = shots_of(placed, pictures, azimuth, options.photo_scales[0])
+        place = refine_lamp(surface, surveyed, shots, _window(options), beliefs)
+        if place is not None:
+            suns[azimuth] = place
+            off_mm = 1000 * np.linalg.norm(place - surveyed)
+            log.info("%s: lamp %s stands %.0f mm from its survey", name, azimuth, off_mm)
+    return suns
 
 
 def _of_sure_positions(name: str, seen: Mapping[View, Sightings], least: int) -> dict[View, Sightings]:

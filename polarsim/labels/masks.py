@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats import png, rigs, tables, yolo
+from polarsim.formats import lamps, png, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import iou, of_mask
@@ -210,7 +210,7 @@ def draw_masks(
     """Write `polygons`/KEY.txt and `masks`/KEY.png for every key: one drawing a photo set, of its fullest labels."""
     labels = tables.read_parquet(table, tables.LABEL_COLUMNS)
     placed = rigs.read_all_placed(cameras)
-    world = build_world(read_terrain(meshes, terrain), options.trim_mm / 1000, rigs.lift_of(placed))
+    world = build_world(read_terrain(meshes, terrain), options.trim_mm / 1000, lamps.read_suns(cameras, placed))
     sets: dict[tuple, list[PhotoKey]] = {}
     for key in sorted(keys):
         sets.setdefault((key.view, key.light, key.azimuth), []).append(key)

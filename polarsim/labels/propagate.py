@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import LabelError
-from polarsim.formats import rigs, tables, yolo
+from polarsim.formats import lamps, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.scene import TerrainMesh, read_terrain
@@ -53,9 +53,15 @@ class Known:
     rocks: dict[str, np.ndarray]  # (tracks,) rock ids
 
 
-def gather(terrain: TerrainMesh, placed: dict[str, rigs.PlacedRig], seeds: Seeds, options: LabelsOptions) -> Known:
+def gather(
+    terrain: TerrainMesh,
+    placed: dict[str, rigs.PlacedRig],
+    suns: Mapping[str, np.ndarray],
+    seeds: Seeds,
+    options: LabelsOptions,
+) -> Known:
     """Give every drawn rock its id: that of the mesh that projects there, or the number of a stand-in."""
-    world = build_world(terrain, options.trim_mm / 1000, rigs.lift_of(placed))
+    world = build_world(terrain, options.trim_mm / 1000, suns)
     tracks: dict[str, list[Track]] = {}
     matched: dict[str, np.ndarray] = {}
     domes = []
@@ -234,7 +240,9 @@ def propagate_labels(
     if (found := read_inventory(inventory).terrain) != terrain:
         raise LabelError(f"{inventory}: inventory of terrain {found:02d}, expected {terrain:02d}")
     _warn_of_gaps(photos, keys)
-    known = gather(read_terrain(meshes, terrain), rigs.read_all_placed(cameras), read_seeds(seeds, terrain), options)
+    placed = rigs.read_all_placed(cameras)
+    suns = lamps.read_suns(cameras, placed)
+    known = gather(read_terrain(meshes, terrain), placed, suns, read_seeds(seeds, terrain), options)
     labels = grid_labels(known, keys, options)
     with writing_folder(boxes) as folder:
         for key in keys:

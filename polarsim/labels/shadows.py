@@ -8,7 +8,7 @@ from polarsim.geometry.boxes import of_mask
 from polarsim.labels.view import View
 from polarsim.labels.world import World
 from polarsim.photo import NO_ROCK, Azimuth, Light
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT, lamp_position
+from polarsim.survey import ROVER_LIGHT_FROM_LEFT
 
 SMALL_PART = 0.15  # of a shadow's largest connected part: smaller parts do not widen its box
 ROCK_ELLIPSE = 0.9  # of a rock's label box: the ellipse in which people see rock, never shadow
@@ -20,7 +20,7 @@ def lamp(world: World, view: View, light: Light, azimuth: Azimuth) -> np.ndarray
     A Sun lamp outshines the rover light.
     """
     if azimuth != "no":
-        return lamp_position(azimuth, world.lift)
+        return world.suns[azimuth]
     if light == "on":
         return view.placed.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)
     return None

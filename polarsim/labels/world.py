@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.rays import Caster, Joined, caster
 from polarsim.photo import NO_ROCK
+from polarsim.survey import SUN_LAMPS
 
 HIGH = 10.0  # metres: above everything in the sandbox
 CONTACT = 1e-3  # metres: a vertex this little below the ground's surface still belongs to the rock's visible foot
@@ -64,7 +66,7 @@ class World:
     rock_of_rocks_face: np.ndarray  # rock of each face of `rocks`, and `NO_ROCK` at -1 for rays that meet none
     ground_level: float  # median height of the ground
     ground_bounds: np.ndarray  # (2, 2) lowest and highest x, y of the ground
-    lift: float  # metres by which the survey lies higher than usual, see `survey.survey_lift`
+    suns: Mapping[str, np.ndarray]  # azimuth -> (3,) place of the Sun lamp
 
     def ground_distance(self, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(n,) distance to the ground along directions (n, 3), in their units; to its level beyond the mesh.
@@ -89,15 +91,15 @@ class World:
         return (distance < 1) & (other != rock) & (other != NO_ROCK)
 
 
-def build_world(terrain: TerrainMesh, trim: float, lift: float = 0.0) -> World:
+def build_world(terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray] = SUN_LAMPS) -> World:
     """The terrain's meshes as bodies.
 
     Parameters
     ----------
     trim : float
         Rock surface lower than this above the ground counts as ground, metres.
-    lift : float
-        How much higher than usual the survey lies in the terrain's frame, metres.
+    suns : azimuth -> (3,)
+        Places of the Sun lamps.
     """
     is_ground = terrain.rock_of_face == NO_ROCK
     ground_faces = terrain.faces[is_ground]
@@ -126,7 +128,7 @@ def build_world(terrain: TerrainMesh, trim: float, lift: float = 0.0) -> World:
         np.append(rock_of_face[of_rock], NO_ROCK),
         level,
         bounds,
-        lift,
+        suns,
     )
 
 

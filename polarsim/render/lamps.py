@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.formats.rigs import PlacedRig, lift_of
-from polarsim.photo import SUNS, PhotoKey
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE, lamp_position
+from polarsim.formats.rigs import PlacedRig
+from polarsim.photo import PhotoKey
+from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
 REFERENCE_DISTANCE = 4.0  # metres at which a lamp of intensity 1 makes irradiance 1, with falloff and without
@@ -31,11 +31,10 @@ class Lamp:
         return to_lamp, self.intensity * REFERENCE_DISTANCE**2 / square
 
 
-def lamps_of(rigs: Mapping[str, PlacedRig], position: str) -> dict[str, Lamp]:
-    """Sun lamps by azimuth, as high as the rigs of the terrain tell, and the rover light of one position's rig."""
-    lift = lift_of(rigs)
-    suns: dict[str, Lamp] = {azimuth: Lamp(lamp_position(azimuth, lift)) for azimuth in SUNS}
-    return {**suns, ROVER: Lamp(rigs[position].sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)}
+def lamps_of(suns: Mapping[str, np.ndarray], rig: PlacedRig) -> dict[str, Lamp]:
+    """Sun lamps by azimuth, at their places (3,), and the rover light of a rig."""
+    rover = Lamp(rig.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)
+    return {**{azimuth: Lamp(place) for azimuth, place in suns.items()}, ROVER: rover}
 
 
 def lit_by(key: PhotoKey) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import png, tables
+from polarsim.formats.lamps import read_suns
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.lens import Lens
@@ -89,6 +90,7 @@ def render_twins(
         The engine cannot be loaded.
     """
     rigs = read_all_placed(cameras)
+    suns = read_suns(cameras, rigs)
     views = views_of(keys, rigs, cameras)
     surfaces = surfaces_of(read_terrain(meshes, terrain), options)
     gains = {model: options.gain[model] for model in twins if options.gain.get(model)}
@@ -99,7 +101,7 @@ def render_twins(
         folder.mkdir(parents=True, exist_ok=True)
     rows: dict[View, list[dict[str, object]]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
-        rendering = _render(surfaces, rigs, view, views[view], list(twins), options, threads)
+        rendering = _render(surfaces, rigs[view[0]], suns, view[1], views[view], list(twins), options, threads)
         lens = rigs[view[0]].rig.lens(view[1])
         for model, folder in twins.items():
             if model not in gains:  # the view with the references comes first
@@ -117,8 +119,9 @@ def render_twins(
 
 def _render(
     surfaces: Surfaces,
-    rigs: Mapping[str, PlacedRig],
-    view: View,
+    rig: PlacedRig,
+    suns: Mapping[str, np.ndarray],
+    camera: str,
     keys: Sequence[PhotoKey],
     models: Sequence[Model],
     options: RenderOptions,
@@ -126,9 +129,7 @@ def _render(
 ) -> Rendering:
     """The view under the lamps that its photos need."""
     needed = {name for key in keys for name in lit_by(key)}
-    position, camera = view
-    rig = rigs[position]
-    lamps = {name: lamp for name, lamp in lamps_of(rigs, position).items() if name in needed}
+    lamps = {name: lamp for name, lamp in lamps_of(suns, rig).items() if name in needed}
     throwing = sorted({lit_by(key)[0] for key in keys if lit_by(key)})
     pose, lens = rig.sandbox_from(camera), rig.rig.lens(camera)
     return render_view(surfaces, pose, lens, lamps, models, throwing, options, threads)

@@ -12,6 +12,7 @@ from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.photos import refine_cameras
 from polarsim.cameras.shading import shade, surface_of
 from polarsim.formats import obj, png
+from polarsim.formats.lamps import FILE, read_suns, surveyed_suns
 from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.poses import Pose, angle_between, looking
@@ -22,7 +23,7 @@ from polarsim.survey import lamp_position
 TRUE = PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans", {"rmse_mm": 2.0})
 OFF = Pose.from_rotvec(np.radians([0.08, -0.06, 0.05]), np.array([0.002, -0.001, 0.002]))  # a registration's error
 LOCATED = replace(TRUE, sandbox_from_left=TRUE.sandbox_from_left @ OFF)
-SUNS = ("30", "270")
+SUNS = {"30": np.array([-0.02, 0.1, 0.05]), "270": np.array([0.08, 0.03, -0.06])}  # off their survey, metres
 EXPOSURES = {64: 0.4, 256: 1.0}  # ms -> of the exposure that fills the range
 
 
@@ -48,7 +49,7 @@ def photographed(tmp_path_factory):
     rng = np.random.default_rng(2)
     for camera in "LR":
         pose, lens = TRUE.sandbox_from(camera), TRUE.rig.lens(camera)
-        shaded = shade(surface, pose, lens, {azimuth: lamp_position(azimuth) for azimuth in SUNS})
+        shaded = shade(surface, pose, lens, {azimuth: lamp_position(azimuth) + off for azimuth, off in SUNS.items()})
         for azimuth, image in shaded.images.items():
             for ms, share in EXPOSURES.items():
                 grey = share * 2500 * image / np.percentile(image, 98)
@@ -80,6 +81,7 @@ def refine(photographed, tmp_path, rigs, **changes):
 
 
 def assert_same_files(folder):
+    assert not (folder / "cameras" / FILE).exists()
     for path in (folder / "located").glob("*.*"):
         assert path.read_bytes() == (folder / "cameras" / path.name).read_bytes()
 
@@ -100,6 +102,15 @@ def test_photos_bring_a_pose_back_to_where_the_camera_stood(refined):
     for camera in "LR":
         off = refined[0]["A"].project(camera, points) - TRUE.project(camera, points)
         assert np.abs(off).max() < 0.3
+
+
+def test_lamps_are_found_across_the_line_to_the_middle(refined):
+    suns = read_suns(refined[1] / "cameras", refined[0])
+    for azimuth, off in SUNS.items():
+        line = lamp_position(azimuth) / np.linalg.norm(lamp_position(azimuth))
+        wrong = suns[azimuth] - lamp_position(azimuth) - off
+        assert np.linalg.norm(wrong - (wrong @ line) * line) < 0.03
+    np.testing.assert_allclose(suns["180"], surveyed_suns(refined[0])["180"])  # no photo shows it
 
 
 def test_how_well_photos_and_meshes_agree_is_stated(refined):

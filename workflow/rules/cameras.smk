@@ -33,7 +33,7 @@ rule locate_cameras:
 
 
 rule refine_cameras:
-    """Poses and lenses refined on photos in which the meshes are found again; as located where there are no photos."""
+    """Poses, lenses and lamps refined on photos in which the meshes are found again; as located without photos."""
     input:
         located="results/{run}/cameras/located/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",

@@ -1,4 +1,4 @@
-"""Refine one terrain's rig poses and lenses on its photos."""
+"""Refine one terrain's rig poses, lenses and lamps on its photos."""
 
 from pathlib import Path
 

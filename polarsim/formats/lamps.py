@@ -1,0 +1,58 @@
+"""Where the Sun lamps of a terrain stood: `lamps.json` beside its rig poses, azimuth -> [x, y, z] in the sandbox."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError, about
+from polarsim.formats.files import read_json, write_json
+from polarsim.formats.rigs import PlacedRig, lift_of
+from polarsim.photo import SUNS
+from polarsim.survey import lamp_position
+
+FILE = "lamps.json"
+
+
+def write_suns(folder: str | Path, suns: Mapping[str, np.ndarray]) -> None:
+    """Places (3,) by azimuth, metres; written to a tenth of a millimetre."""
+    write_json(Path(folder) / FILE, {name: [round(float(x), 4) for x in suns[name]] for name in sorted(suns)})
+
+
+def read_suns(folder: str | Path, placed: Mapping[str, PlacedRig]) -> dict[str, np.ndarray]:
+    """Place (3,) of every Sun lamp: where it was found, else where the survey has it.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of a terrain's rig poses, with or without the file.
+    placed : position -> PlacedRig
+        These poses; they tell how high the survey lies.
+
+    Raises
+    ------
+    FormatError
+        The file is broken.
+    """
+    suns = surveyed_suns(placed)
+    path = Path(folder) / FILE
+    if not path.exists():
+        return suns
+    content = read_json(path)
+    with about(path):
+        if not isinstance(content, dict) or set(content) - set(SUNS):
+            raise FormatError(f"expected places by azimuth ({', '.join(SUNS)})")
+        for azimuth, place in content.items():
+            try:
+                suns[azimuth] = np.array(place, float).reshape(3)
+            except (TypeError, ValueError) as error:
+                raise FormatError(f"{azimuth}: {place!r} is no place, expected three numbers") from error
+    return suns
+
+
+def surveyed_suns(placed: Mapping[str, PlacedRig]) -> dict[str, np.ndarray]:
+    """Places (3,) of the survey, as high as a terrain's rigs tell."""
+    lift = lift_of(placed)
+    return {azimuth: lamp_position(azimuth, lift) for azimuth in SUNS}

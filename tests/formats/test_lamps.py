@@ -1,0 +1,32 @@
+import numpy as np
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats import lamps
+from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import stated_rig
+from polarsim.survey import SURVEYED_LEFT, lamp_position
+
+LIFT = np.array([0.0, 0.0, 0.18])
+RIGS = {position: PlacedRig(stated_rig(), Pose(np.eye(3), place + LIFT)) for position, place in SURVEYED_LEFT.items()}
+
+
+def test_lamps_that_nobody_found_stand_in_the_survey_as_high_as_the_rigs_tell(tmp_path):
+    suns = lamps.read_suns(tmp_path, RIGS)
+    assert sorted(suns) == ["180", "270", "30", "350"]
+    np.testing.assert_allclose(suns["180"], lamp_position("180") + LIFT, atol=1e-12)
+
+
+def test_found_lamps_go_before_the_survey_one_by_one(tmp_path):
+    lamps.write_suns(tmp_path, {"30": np.array([3.51234, 1.3, 0.8])})
+    suns = lamps.read_suns(tmp_path, RIGS)
+    np.testing.assert_array_equal(suns["30"], [3.5123, 1.3, 0.8])
+    np.testing.assert_allclose(suns["270"], lamp_position("270") + LIFT, atol=1e-12)
+
+
+@pytest.mark.parametrize("text", ["[1, 2]", '{"40": [1, 2, 3]}', '{"30": [1, 2]}', '{"30": ["x", 1, 2]}', "{"])
+def test_a_broken_file_is_named(tmp_path, text):
+    (tmp_path / lamps.FILE).write_text(text)
+    with pytest.raises(FormatError, match=r"lamps\.json"):
+        lamps.read_suns(tmp_path, RIGS)
