@@ -48,7 +48,7 @@ class Priors:
 
 @dataclass(frozen=True)
 class Noise:
-    """Of sightings: their standard deviation, px, and how many of a view's at most say something of their own."""
+    """Of windows found in photos: their standard deviation, px, and how many at most count: neighbours err alike."""
 
     pixel: float
     independent: int
@@ -78,11 +78,10 @@ def adjust(
     """
     scale = priors.scale(len(placed), lenses=lenses)
     unknowns = np.zeros(len(scale))
-    information = np.eye(len(scale))
     slopes = _slopes(placed, sightings, scale)
     for _ in range(_STEPS):
         off = _residuals(_moved(placed, unknowns * scale), sightings)
-        weights = [_weights(part, noise) for part in off]
+        weights = [outlier_weights(part, noise) for part in off]
         information, pull = np.eye(len(scale)), unknowns.copy()
         for part, slope, weight in zip(off, slopes, weights, strict=True):
             information += np.einsum("nku,n,nkv->uv", slope, weight, slope, optimize=True)
@@ -147,7 +146,7 @@ def _slopes(
     return [np.stack(view, axis=-1) for view in zip(*columns, strict=True)]
 
 
-def _weights(off: np.ndarray, noise: Noise) -> np.ndarray:
-    """(n,) of one view's sightings: neighbours share their errors, so a view never counts for more than so many."""
+def outlier_weights(off: np.ndarray, noise: Noise) -> np.ndarray:
+    """(n,) Cauchy's weights of offsets (n, 2) px; together they never count for more than `noise.independent`."""
     share = min(1.0, noise.independent / max(1, len(off)))
     return np.asarray(share / (noise.pixel**2 + np.einsum("nk,nk->n", off, off)))

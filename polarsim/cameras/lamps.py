@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from polarsim.cameras.adjust import View
+from polarsim.cameras.adjust import Noise, outlier_weights
 from polarsim.cameras.patches import Found, Window, find
+from polarsim.cameras.pictures import Pictures, read_shrunk
 from polarsim.cameras.shading import Surface, shade
-from polarsim.formats import png
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
@@ -36,35 +35,29 @@ class Shot:
     photo: np.ndarray  # (h, w) float32 grey values
 
 
-@dataclass(frozen=True)
-class Beliefs:
-    """Standard deviations: of a lamp about its survey (m), and of a window's place (px of the shaded view)."""
-
-    lamp_m: float
-    window_px: float
-    independent: int  # windows that at most count
-
-
-def shots_of(
-    placed: Mapping[str, PlacedRig], pictures: Mapping[View, Mapping[str, Path]], azimuth: str, scale: float
-) -> list[Shot]:
+def shots_of(placed: Mapping[str, PlacedRig], pictures: Pictures, azimuth: str, scale: float) -> list[Shot]:
     """What shows a lamp's light: the left camera's photos, of cameras that photos have placed."""
-    import cv2
-
     shots = []
     for (position, camera), shown in sorted(pictures.items()):
         if camera != "L" or azimuth not in shown or not placed[position].method.endswith("photos"):
             continue
         lens = placed[position].rig.lens(camera).scaled(scale)
-        photo = cv2.resize(png.read_photo(shown[azimuth]), (lens.width, lens.height), interpolation=cv2.INTER_AREA)
-        shots.append(Shot(placed[position].sandbox_from(camera), lens, photo.astype(np.float32)))
+        shots.append(Shot(placed[position].sandbox_from(camera), lens, read_shrunk(shown[azimuth], lens)))
     return shots
 
 
 def refine_lamp(
-    surface: Surface, surveyed: np.ndarray, shots: list[Shot], window: Window, beliefs: Beliefs
+    surface: Surface, surveyed: np.ndarray, survey_sd: float, shots: list[Shot], window: Window, noise: Noise
 ) -> np.ndarray | None:
-    """(3,) place of a lamp, found across the line to the sandbox's middle; None where photos show too little of it."""
+    """(3,) place of a lamp, found across the line to the sandbox's middle; None where photos show too little of it.
+
+    Parameters
+    ----------
+    surveyed, survey_sd : (3,) and float
+        Where the survey has it, and the standard deviation of that, metres.
+    noise : Noise
+        Of windows, in pixels of the shaded view.
+    """
     across = _across(surveyed)
     moved = np.zeros(2)
     for _ in range(ROUNDS):
@@ -74,7 +67,7 @@ def refine_lamp(
         slopes = np.concatenate([np.zeros((0, 2, 2)), *(part[1] for part in parts)])
         if len(off) < _LEAST_WINDOWS:
             return None
-        moved = _fitted(moved, off, slopes, beliefs)
+        moved = _fitted(moved, off, slopes, survey_sd, noise)
     return np.asarray(surveyed + moved @ across)
 
 
@@ -90,10 +83,9 @@ def _responses(
     """How far windows lie off in the photo, (n, 2) px, and how they move with the lamp, (n, 2, 2) px a metre."""
     lamps = {"here": lamp, "aside": lamp + _NUDGE * across[0], "above": lamp + _NUDGE * across[1]}
     shaded = shade(surface, shot.pose, shot.lens, lamps)
-    usable = np.isfinite(shaded.points[..., 0])
     here = shaded.images["here"]
     pictures = [shot.photo, *(_as_photo(shaded.images[name]) for name in ("aside", "above"))]
-    moves = [_moves(find(here, picture, usable, window)) for picture in pictures]
+    moves = [_moves(find(here, picture, shaded.met, window)) for picture in pictures]
     common = sorted(set.intersection(*(set(one) for one in moves)))
     off, aside, above = (np.array([one[place] for place in common]).reshape(-1, 2) for one in moves)
     return off, np.stack([aside, above], axis=-1) / _NUDGE
@@ -108,14 +100,12 @@ def _moves(found: Found) -> dict[tuple[float, ...], np.ndarray]:
     return {tuple(pixel): move for pixel, move in zip(found.pixel.tolist(), found.seen - found.pixel, strict=True)}
 
 
-def _fitted(moved: np.ndarray, off: np.ndarray, slopes: np.ndarray, beliefs: Beliefs) -> np.ndarray:
+def _fitted(moved: np.ndarray, off: np.ndarray, slopes: np.ndarray, survey_sd: float, noise: Noise) -> np.ndarray:
     """(2,) how far the lamp stands from its survey across the line, m, by weights that outliers lose (Cauchy's)."""
     step = np.zeros(2)
-    share = min(1.0, beliefs.independent / len(off))
-    prior = np.eye(2) / beliefs.lamp_m**2
+    prior = np.eye(2) / survey_sd**2
     for _ in range(_WEIGHTS):
-        left = off - slopes @ step
-        weights = share / (beliefs.window_px**2 + np.einsum("nk,nk->n", left, left))
+        weights = outlier_weights(off - slopes @ step, noise)
         normal = np.einsum("nki,n,nkj->ij", slopes, weights, slopes) + prior
         step = np.linalg.solve(normal, np.einsum("nki,n,nk->i", slopes, weights, off) - prior @ moved)
     return moved + step

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.cameras.adjust import Adjusted, Noise, Priors, Sightings, View, adjust, offsets_px
-from polarsim.cameras.lamps import Beliefs, refine_lamp, shots_of
+from polarsim.cameras.lamps import refine_lamp, shots_of
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.patches import Window, find
-from polarsim.cameras.pictures import Pictures, best_pictures
+from polarsim.cameras.pictures import Pictures, best_pictures, read_shrunk
 from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
 from polarsim.cameras.shading import Surface, shade, surface_of
-from polarsim.formats import colmap, lamps, png
+from polarsim.formats import colmap, lamps
 from polarsim.formats.files import writing_folder
 from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
 from polarsim.formats.scene import read_terrain
@@ -107,19 +107,15 @@ def _sightings(
     options: CamerasOptions,
 ) -> Sightings:
     """Where the photos of a view show points of the meshes, in pixels of the full photo."""
-    import cv2
-
     position, camera = view
     rig = placed[position]
     lens = rig.rig.lens(camera).scaled(scale)
     suns = {azimuth: place for azimuth, place in lamps.surveyed_suns(placed).items() if azimuth in pictures[view]}
     shaded = shade(surface, rig.sandbox_from(camera), lens, suns)
-    usable = np.isfinite(shaded.points[..., 0])
     window = _window(options)
     points, pixels = [], []
     for azimuth, path in pictures[view].items():
-        photo = cv2.resize(png.read_photo(path), (lens.width, lens.height), interpolation=cv2.INTER_AREA)
-        found = find(shaded.images[azimuth], photo.astype(np.float32), usable, window)
+        found = find(shaded.images[azimuth], read_shrunk(path, lens), shaded.met, window)
         column, row = found.pixel.astype(int).T
         points.append(shaded.points[row, column].astype(float))
         pixels.append(found.seen / scale)
@@ -134,11 +130,11 @@ def _found_suns(
     name: str, placed: Mapping[str, PlacedRig], surface: Surface, pictures: Pictures, options: CamerasOptions
 ) -> dict[str, np.ndarray]:
     """The Sun lamps whose shadows photos show, where these say that they stood."""
-    beliefs = Beliefs(options.lamp_sd_mm / 1000, options.lamp_window_sd_px, options.photo_independent)
+    noise = Noise(options.lamp_window_sd_px, options.photo_independent)
     suns = {}
     for azimuth, surveyed in track(sorted(lamps.surveyed_suns(placed).items()), f"lamps of {name}"):
         shots = shots_of(placed, pictures, azimuth, options.photo_scales[0])
-        place = refine_lamp(surface, surveyed, shots, _window(options), beliefs)
+        place = refine_lamp(surface, surveyed, options.lamp_sd_mm / 1000, shots, _window(options), noise)
         if place is not None:
             suns[azimuth] = place
             off_mm = 1000 * np.linalg.norm(place - surveyed)

@@ -6,9 +6,12 @@ import logging
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from polarsim.cameras.adjust import View
 from polarsim.errors import PolarsimError
 from polarsim.formats import png, tables
+from polarsim.geometry.lens import Lens
 from polarsim.photo import SUNS, WHITE_LEVEL, PhotoKey
 from polarsim.progress import track
 
@@ -47,3 +50,11 @@ def best_pictures(terrain: int, photos: Path) -> Pictures:
     for (view, azimuth), (_, path) in sorted(best.items()):
         pictures.setdefault(view, {})[azimuth] = path
     return pictures
+
+
+def read_shrunk(path: Path, lens: Lens) -> np.ndarray:
+    """(h, w) float32 grey values of a photo, shrunk to the size of a lens."""
+    import cv2
+
+    shrunk = cv2.resize(png.read_photo(path), (lens.width, lens.height), interpolation=cv2.INTER_AREA)
+    return np.asarray(shrunk, np.float32)

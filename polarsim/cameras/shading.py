@@ -31,6 +31,11 @@ class Shaded:
     points: np.ndarray  # (h, w, 3) float32, sandbox frame, metres; NaN where nothing is met
     images: dict[str, np.ndarray]  # lamp -> (h, w) float32, zero where no light falls
 
+    @property
+    def met(self) -> np.ndarray:
+        """(h, w) bool: pixels whose rays meet a surface."""
+        return np.isfinite(self.points[..., 0])
+
 
 def surface_of(mesh: TerrainMesh) -> Surface:
     return Surface(caster(mesh.vertices, mesh.faces), mesh.normals[mesh.faces].mean(axis=1).astype(np.float32))
