@@ -1,11 +1,12 @@
 # The two commands of the README: make demo, make test. Everything they need is set up in .venv.
 PYTHON ?= python3
 CORES ?= 2
+SEEDS ?= 1 2 3
 POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --rerun-incomplete
 
-.PHONY: help setup demo release test lint clean lock schema
+.PHONY: help setup demo release accuracy test lint clean lock schema
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -25,6 +26,13 @@ release: setup ## cameras, labels, twins and tables on the published labels and 
 	POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(SNAKEMAKE) --configfile config/release.yaml
 	@POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(BIN)/polarsim report release --configfile config/release.yaml --cores $(CORES)
 
+accuracy: setup ## poses, rocks and meshes against the truth of three analog sandboxes: config/accuracy.yaml
+	for seed in $(SEEDS); do \
+	  $(SNAKEMAKE) geometry --configfile config/accuracy.yaml --config run=accuracy$$seed \
+	    "source={kind: analog, root: data/analog$$seed}" "analog={seed: $$seed}" || exit; \
+	done
+	@$(BIN)/polarsim compare $(SEEDS:%=accuracy%) --out results/accuracy
+
 test: setup lint ## lint, formats, types, dry-runs and tests
 	$(BIN)/python -m pytest -n $(CORES)
 
@@ -35,7 +43,7 @@ lint: setup
 	$(BIN)/mypy
 
 clean: ## remove results and what the analog generated
-	rm -rf results/demo results/release data/analog .snakemake
+	rm -rf results/demo results/release results/accuracy* data/analog* .snakemake
 
 schema: setup ## write config/schema.json anew
 	$(BIN)/polarsim schema > config/schema.json

@@ -28,6 +28,7 @@ localrules:
     render,
     detect,
     tables,
+    geometry,
 
 
 rule all:

@@ -193,6 +193,19 @@ def report(
 
 
 @app.command()
+def compare(
+    runs: Annotated[list[str], typer.Argument(help="Names of runs, below results/.")],
+    out: Annotated[Path, typer.Option(help="Table to write, without its ending.")] = Path("comparison"),
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Put the quality of several runs side by side: of other seeds, options, versions. In four forms."""
+    from polarsim.tables.compare import compare_runs
+
+    compare_runs(runs=[results / run for run in runs], stem=out)
+    typer.echo(f"{out}.md")
+
+
+@app.command()
 def schema() -> None:
     """Print the configuration's JSON schema, with the meaning and unit of every key."""
     from polarsim.config import schema as text

@@ -21,7 +21,7 @@ CAPTION = "Quality of every stage. Unit 1: a share or ratio; against: what a fig
 BOX_FIGURES = ("precision", "recall", "f1", "miou")  # of every box score, in this order
 
 Against = Literal["truth", "labels", "photos", "own"]
-_ROW_NAMES = ("stage", "subject", "figure", "unit", "against")
+ROW_NAMES = ("stage", "subject", "figure", "unit", "against")
 _SHOWN = {"mm": 2, "px": 2, "deg": 4, "1": 3, "%": 1, "m": 3}  # decimals by unit
 
 
@@ -76,6 +76,11 @@ def join_quality(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
         return quality_table("", 0, [])
     table = pd.concat(parts, ignore_index=True)[list(COLUMNS)]
     table = table.astype({"unit": "str", "subject": "str", "value": "float64", "terrain": "int64", "n": "int64"})
+    return in_order(table)
+
+
+def in_order(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows in the order of the stages, then of the terrains, else as they came."""
     place = [STAGES.index(stage) if stage in STAGES else len(STAGES) for stage in table["stage"]]
     order = np.lexsort((np.arange(len(table)), table["terrain"].to_numpy(), np.array(place)))
     return table.iloc[order].reset_index(drop=True)
@@ -95,7 +100,7 @@ def lay_out_quality(table: pd.DataFrame) -> pd.DataFrame:
             shown[place, terrain] = text
     order.sort(key=lambda place: STAGES.index(place[0]) if place[0] in STAGES else len(STAGES))
     rows = [[*place, *(shown.get((place, terrain), MISSING) for terrain in terrains)] for place in order]
-    return pd.DataFrame(rows, columns=[*_ROW_NAMES, *(f"T{terrain:02d}" for terrain in terrains)])
+    return pd.DataFrame(rows, columns=[*ROW_NAMES, *(f"T{terrain:02d}" for terrain in terrains)])
 
 
 def _shown_rows(table: pd.DataFrame) -> list[tuple[tuple[str, ...], str]]:
@@ -105,12 +110,13 @@ def _shown_rows(table: pd.DataFrame) -> list[tuple[tuple[str, ...], str]]:
     for entry in table.to_dict("records"):
         joined = entry["figure"] in BOX_FIGURES and (entry["stage"], entry["subject"]) in scored
         names = {**entry, "figure": " / ".join(BOX_FIGURES) if joined else entry["figure"]}
-        text = _shown(float(entry["value"]), str(entry["unit"]))
-        found.setdefault(tuple(str(names[name]) for name in _ROW_NAMES), []).append(text)
+        text = shown_value(float(entry["value"]), str(entry["unit"]))
+        found.setdefault(tuple(str(names[name]) for name in ROW_NAMES), []).append(text)
     return [(place, " / ".join(texts)) for place, texts in found.items()]
 
 
-def _shown(value: float, unit: str) -> str:
+def shown_value(value: float, unit: str) -> str:
+    """Text of a figure, with the decimals of its unit."""
     if math.isnan(value):
         return MISSING
     if unit in _SHOWN:

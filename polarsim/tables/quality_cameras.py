@@ -1,4 +1,4 @@
-"""How well the cameras were placed: against the analog's true poses, or against the boxes they were fitted to."""
+"""How well cameras and lamps were placed: against the analog's true ones, or against the boxes they were fitted to."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from polarsim.tables.gauge import fit_gauge
 from polarsim.tables.match_rule import MatchRule
 from polarsim.tables.quality import Figure, summary, write_quality
 from polarsim.tables.quality_labels import read_drawn
+from polarsim.tables.quality_lamps import lamps_against_truth
 from polarsim.tables.score import Labels
 
 MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
@@ -57,7 +58,10 @@ def score_cameras(
     placed = read_all_placed(cameras)
     figures = stated(placed)
     if truth is not None:
-        figures += against_truth(placed, read_all_placed(truth / "cameras"), true_points(truth, terrain))
+        true = read_all_placed(truth / "cameras")
+        figures += against_truth(placed, true, true_points(truth, terrain))
+        if set(placed) & set(true):
+            figures += lamps_against_truth(cameras, truth, read_gauge(cameras, truth))
     if matches is not None and matches.exists():
         figures += against_boxes(matches)
     if drawn is not None:

@@ -9,12 +9,14 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import obj
+from polarsim.formats.files import write_json
 from polarsim.formats.rigs import PlacedRig, write_placed
 from polarsim.formats.tables import write_parquet
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import stated_rig
 
 TERRAIN = 3
+SUN_LAMPS = {"30": (3.6, 1.4, 0.8), "180": (-3.2, 1.8, 0.8), "270": (-1.6, -3.4, 0.8), "350": (3.4, 0.8, 0.8)}
 ROCKS = {1: ((0.5, 0.4), 0.2), 2: ((-0.6, -0.3), 0.06)}  # centre, side in metres
 
 
@@ -33,6 +35,8 @@ class World:
         for position, pose in self.poses.items():
             placed = PlacedRig(stated_rig(), other_from_truth @ pose, "scans", {"rmse_mm": 1.5})
             write_placed(folder / "cameras" / f"Pos{position}.json", placed)
+        suns = {azimuth: other_from_truth.apply(np.array(place)) for azimuth, place in SUN_LAMPS.items()}
+        write_json(folder / "lamps.json", {azimuth: place.tolist() for azimuth, place in suns.items()})
         ground = make_sand()
         write_mesh(folder, obj.ground_name(TERRAIN), ground, other_from_truth)
         rows = []
@@ -55,6 +59,12 @@ def world() -> World:
         "C": looking(np.array([0.8, -3.8, 1.5]), np.radians(103), np.radians(25)),
     }
     return World(TERRAIN, poses)
+
+
+@pytest.fixture
+def sun_lamps() -> dict[str, tuple[float, float, float]]:
+    """Places by azimuth, true frame."""
+    return SUN_LAMPS
 
 
 @pytest.fixture

@@ -38,6 +38,14 @@ def test_every_configuration_plans_its_jobs(checkout, snakemake, release_like, n
     assert ("train_judge" in jobs) == (name != "release")  # the release has no photos
 
 
+def test_accuracy_is_measured_without_labels_and_twins(checkout, snakemake):
+    done = snakemake(checkout, "geometry", "--dry-run", "--configfile", "config/accuracy.yaml")
+    assert done.returncode == 0, done.stderr
+    jobs = planned(done)
+    assert {"refine_cameras", "mesh_rocks", "score_cameras", "score_rocks", "tabulate_cameras"} <= set(jobs)
+    assert not {"propagate_labels", "render_twins", "train_judge"} & set(jobs)
+
+
 def test_thirteen_terrains_plan_fewer_than_1000_jobs_in_ten_seconds(checkout, snakemake):
     content = yaml.safe_load((checkout / "config/config.yaml").read_text())
     content.update(terrains=list(range(1, 14)), positions=list("ABCDEFG"), grid={})

@@ -23,6 +23,14 @@ rule tables:
         ),
 
 
+rule geometry:
+    """Tables of cameras, alignments, rocks and meshes with their quality: no labels, no twins."""
+    input:
+        of_run("results/{run}/tables/{name}.csv", name=["cameras", "rocks"]),
+        every_figure("residuals_Terrain{terrain}"),
+        every_figure("offsets_Terrain{terrain}") if KIND == "analog" else [],
+
+
 rule score_cameras:
     """Poses against truth, or projected meshes against the boxes that people drew."""
     input:
