@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.ply import Cloud
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.seeds import read_rock_boxes
+from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import rectified_left
 from polarsim.rocks import table
 from polarsim.rocks.alignment import alignment
@@ -28,6 +30,7 @@ from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids
 from polarsim.rocks.regions import Limits, find_regions
 from polarsim.rocks.scans import Extent, ScanPoints, merged, organised, place_scan, trusted_pixels
+from polarsim.rocks.settling import settling_shifts
 
 log = logging.getLogger("polarsim")
 NEIGHBOURHOOD = Extent(-2.5, -2.5, 2.5, 2.5)  # of the box and its walls: nothing further out is looked at
@@ -70,11 +73,15 @@ def find_rocks(
     sand, regions = with_drawn(sand, find_regions(sand, limits, evidence), limits, evidence)
     sand, found = crop_rocks(sand, regions, typed, limits.foot)
     rock_of_point = rock_of_points(sand, found, scans, limits.foot)
-    points = {rock: scans.select(rock_of_point == rock) for rock in found}
+    points = {rock: _by_scan(scans.select(rock_of_point == rock), placed) for rock in found}
+    shifts = {rock: settling_shifts(list(parts.values())) if options.settle else None for rock, parts in points.items()}
     unlabelled = [rock for rock, one in found.items() if not one.region.confirmed]
     log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(found), unlabelled or "none")
-    rows = [_row(rock, one, _by_scan(points[rock], placed)) for rock, one in found.items()]
-    rock_clouds = {rock: surface_cloud(voxel_means(seen, options.rock_cell_mm / 1000)) for rock, seen in points.items()}
+    rows = [_row(rock, one, points[rock], shifts[rock]) for rock, one in found.items()]
+    rock_clouds = {
+        rock: surface_cloud(voxel_means(_settled(points[rock], shifts[rock]), options.rock_cell_mm / 1000))
+        for rock in found
+    }
     _write(rocks, cuboids, clouds, rows, found, rock_clouds, ground_cloud(sand), placed)
 
 
@@ -108,15 +115,23 @@ def _read_scans(inventory: Inventory, placed: Mapping[str, PlacedRig]) -> ScanPo
     return merged([scan.moved(corrections[position]) for position, scan in scans.items()])
 
 
-def _by_scan(points: ScanPoints, placed: Mapping[str, PlacedRig]) -> dict[str, int]:
-    """How many of the points each position's scan saw; positions that saw none are left out."""
+def _by_scan(points: ScanPoints, placed: Mapping[str, PlacedRig]) -> dict[str, ScanPoints]:
+    """The points of each position's scan; positions that saw none are left out."""
     positions = sorted(placed)
     eyes = np.array([placed[position].sandbox_from_left.translation for position in positions])  # those of the maps
-    counts = np.bincount(points.scanner(eyes), minlength=len(positions))
-    return {position: int(count) for position, count in zip(positions, counts, strict=True) if count}
+    scanner = points.scanner(eyes)
+    parts = {position: points.select(scanner == number) for number, position in enumerate(positions)}
+    return {position: part for position, part in parts.items() if len(part)}
 
 
-def _row(rock: int, found: Rock, points: Mapping[str, int]) -> dict[str, object]:
+def _settled(parts: Mapping[str, ScanPoints], shifts: np.ndarray | None) -> ScanPoints:
+    """The points of all scans of a rock, shifted where shifts (s, 3) are known."""
+    if shifts is None:
+        return merged(list(parts.values()))
+    return merged([part.moved(Pose(np.eye(3), shift)) for part, shift in zip(parts.values(), shifts, strict=True)])
+
+
+def _row(rock: int, found: Rock, points: Mapping[str, ScanPoints], shifts: np.ndarray | None) -> dict[str, object]:
     region = found.region
     return table.row(
         rock,
@@ -124,8 +139,9 @@ def _row(rock: int, found: Rock, points: Mapping[str, int]) -> dict[str, object]
         size=region.size,
         height=region.height,
         volume=region.volume,
-        points=points,
+        points={position: len(part) for position, part in points.items()},
         visible_share=len(region.seen) / len(region.footprint),
+        scan_shift=math.nan if shifts is None else float(np.linalg.norm(shifts, axis=1).max()),
         source=found.source,
         confirmed=region.confirmed,
     )

@@ -18,6 +18,9 @@ class RocksOptions(BaseModel, extra="forbid", frozen=True):
         40, gt=0, lt=90, description="Steepest slope of sand, degrees; steeper is rock. Loose sand rests at up to 38."
     )
     confirming_iou: float = Field(0.3, gt=0, lt=1, description="Overlap of a seed box and a rock that confirms it.")
+    settle: bool = Field(
+        True, description="Whether scans are shifted onto each other rock by rock, where points tell by how much."
+    )
     rock_cell_mm: float = Field(1.9, gt=0, description="Cell of a rock's Poisson reconstruction, mm.")
     ground_cell_mm: float = Field(5, gt=0, description="Cell of the grid on which heights are taken from scans, mm.")
     ground_mesh_cell_mm: float = Field(4, gt=0, description="Cell of the ground's mesh, mm.")

@@ -12,7 +12,7 @@ from polarsim.rocks.overrides import Cuboid
 COLUMNS = {
     "rock": "int64", "x": "float64", "y": "float64", "z": "float64",
     "size_m": "float64", "height_m": "float64", "volume_m3": "float64", "points": "int64",
-    "points_by_scan": "str", "visible_share": "float64",
+    "points_by_scan": "str", "visible_share": "float64", "scan_shift_mm": "float64",
     "x0": "float64", "y0": "float64", "z0": "float64", "x1": "float64", "y1": "float64", "z1": "float64",
     "source": "str", "confirmed": "str",
 }  # fmt: skip
@@ -28,6 +28,7 @@ def row(
     source: str,
     points: Mapping[str, int] | None = None,
     visible_share: float = math.nan,
+    scan_shift: float = math.nan,
     confirmed: Sequence[str] = (),
 ) -> dict[str, object]:
     """One rock.
@@ -40,6 +41,8 @@ def row(
         Points of each scan; none for published meshes.
     visible_share : float
         Part of its plan that some scan saw.
+    scan_shift : float
+        How far the scan that moved most was shifted to meet the others on this rock, metres; NaN where it was not.
     confirmed : sequence of str
         Positions whose seed boxes show the rock.
     """
@@ -49,7 +52,7 @@ def row(
         "rock": rock, "x": x, "y": y, "z": z,
         "size_m": size, "height_m": height, "volume_m3": volume, "points": sum(points.values()),
         "points_by_scan": " ".join(f"{position}:{count}" for position, count in sorted(points.items())),
-        "visible_share": visible_share,
+        "visible_share": visible_share, "scan_shift_mm": 1000 * scan_shift,
         **dict(zip(("x0", "y0", "z0", "x1", "y1", "z1"), (*cuboid.low, *cuboid.high), strict=True)),
         "source": source, "confirmed": " ".join(confirmed),
     }  # fmt: skip
