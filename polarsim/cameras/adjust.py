@@ -20,10 +20,11 @@ View = tuple[str, str]  # position and camera
 
 @dataclass(frozen=True)
 class Sightings:
-    """Points of one view: places (n, 3) in the sandbox, metres, and the pixels (n, 2) where its photos show them."""
+    """Points of one view."""
 
-    points: np.ndarray
-    pixels: np.ndarray
+    points: np.ndarray  # (n, 3) places in the sandbox, metres
+    pixels: np.ndarray  # (n, 2) where its photos show them
+    whitening: np.ndarray  # (n, 2, 2) turns an offset, px, into two of standard deviation 1
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,6 @@ class Priors:
 
 
 @dataclass(frozen=True)
-class Noise:
-    """Of windows found in photos: their standard deviation, px, and how many at most count: neighbours err alike."""
-
-    pixel: float
-    independent: int
-
-
-@dataclass(frozen=True)
 class Adjusted:
     """The rigs after the adjustment, and each pose's covariance (6, 6): turn (rad) and shift (m) in its left frame."""
 
@@ -63,9 +56,9 @@ class Adjusted:
 
 
 def adjust(
-    placed: Mapping[str, PlacedRig], sightings: Mapping[View, Sightings], priors: Priors, noise: Noise, lenses: bool
+    placed: Mapping[str, PlacedRig], sightings: Mapping[View, Sightings], priors: Priors, independent: int, lenses: bool
 ) -> Adjusted:
-    """Gauss-Newton steps with weights that outliers lose (Cauchy's, by the noise), all unknowns at once.
+    """Gauss-Newton steps with weights that outliers lose (Cauchy's), all unknowns at once.
 
     Slopes are those of the start: what is mended are pixels, over which they hardly change.
 
@@ -73,6 +66,8 @@ def adjust(
     ----------
     placed : position -> PlacedRig
         The start, and the middle of the priors; all with one calibration.
+    independent : int
+        How many windows of a view at most count: neighbours err alike.
     lenses : bool
         Whether the calibration is adjusted too: one for all positions.
     """
@@ -81,7 +76,7 @@ def adjust(
     slopes = _slopes(placed, sightings, scale)
     for _ in range(_STEPS):
         off = _residuals(_moved(placed, unknowns * scale), sightings)
-        weights = [outlier_weights(part, noise) for part in off]
+        weights = [outlier_weights(part, independent) for part in off]
         information, pull = np.eye(len(scale)), unknowns.copy()
         for part, slope, weight in zip(off, slopes, weights, strict=True):
             information += np.einsum("nku,n,nkv->uv", slope, weight, slope, optimize=True)
@@ -131,8 +126,11 @@ def offsets_px(rig: PlacedRig, camera: str, seen: Sightings) -> np.ndarray:
 
 
 def _residuals(placed: Mapping[str, PlacedRig], sightings: Mapping[View, Sightings]) -> list[np.ndarray]:
-    """(n, 2) px of every view."""
-    return [offsets_px(placed[position], camera, seen) for (position, camera), seen in sorted(sightings.items())]
+    """(n, 2) of every view, in standard deviations."""
+    return [
+        whitened(offsets_px(placed[position], camera, seen), seen.whitening)
+        for (position, camera), seen in sorted(sightings.items())
+    ]
 
 
 def _slopes(
@@ -146,7 +144,12 @@ def _slopes(
     return [np.stack(view, axis=-1) for view in zip(*columns, strict=True)]
 
 
-def outlier_weights(off: np.ndarray, noise: Noise) -> np.ndarray:
-    """(n,) Cauchy's weights of offsets (n, 2) px; together they never count for more than `noise.independent`."""
-    share = min(1.0, noise.independent / max(1, len(off)))
-    return np.asarray(share / (noise.pixel**2 + np.einsum("nk,nk->n", off, off)))
+def whitened(off: np.ndarray, whitening: np.ndarray) -> np.ndarray:
+    """(n, 2) offsets, px, in standard deviations."""
+    return np.einsum("nkl,nl->nk", whitening, off)
+
+
+def outlier_weights(off: np.ndarray, independent: int) -> np.ndarray:
+    """(n,) Cauchy's weights of whitened offsets (n, 2); together they never count for more than `independent`."""
+    share = min(1.0, independent / max(1, len(off)))
+    return np.asarray(share / (1 + np.einsum("nk,nk->n", off, off)))

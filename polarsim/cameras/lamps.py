@@ -11,64 +11,73 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.cameras.adjust import Noise, outlier_weights
+from polarsim.cameras.adjust import outlier_weights, whitened
 from polarsim.cameras.patches import Found, Window, find
 from polarsim.cameras.pictures import Pictures, read_shrunk
-from polarsim.cameras.shading import Surface, shade
+from polarsim.cameras.shading import Seen, Surface, look
 from polarsim.formats.rigs import PlacedRig
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
-ROUNDS = 3  # of shading anew at the lamp that was found
 _NUDGE = 0.04  # metres: about a pixel of a coarse view
 _WEIGHTS = 20  # steps of a robust fit
 _LEAST_WINDOWS = 30
+_LEAST_SHARE = 0.1  # of a window that must lie in shadow, and in light
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Where the survey has a lamp, (3,) metres, and the standard deviation of that."""
+
+    place: np.ndarray
+    sd: float
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One view of a lamp's light: its camera, and its photo shrunk to the size of that lens."""
+    """One view of a lamp's light: what its rays meet, and its photo, (h, w) float32 grey values of the same size."""
 
-    pose: Pose
-    lens: Lens
-    photo: np.ndarray  # (h, w) float32 grey values
+    seen: Seen
+    photo: np.ndarray
 
 
-def shots_of(placed: Mapping[str, PlacedRig], pictures: Pictures, azimuth: str, scale: float) -> list[Shot]:
-    """What shows a lamp's light: the left camera's photos, of cameras that photos have placed."""
-    shots = []
+def shots_of(
+    surface: Surface, placed: Mapping[str, PlacedRig], pictures: Pictures, scale: float
+) -> dict[str, list[Shot]]:
+    """What shows the light of each Sun lamp, by azimuth: the left cameras' photos, shrunk to a scale."""
+    shots: dict[str, list[Shot]] = {}
     for (position, camera), shown in sorted(pictures.items()):
-        if camera != "L" or azimuth not in shown or not placed[position].method.endswith("photos"):
+        if camera != "L" or position not in placed:
             continue
         lens = placed[position].rig.lens(camera).scaled(scale)
-        shots.append(Shot(placed[position].sandbox_from(camera), lens, read_shrunk(shown[azimuth], lens)))
+        seen = look(surface, placed[position].sandbox_from(camera), lens)
+        for azimuth, path in shown.items():
+            shots.setdefault(azimuth, []).append(Shot(seen, read_shrunk(path, lens)))
     return shots
 
 
 def refine_lamp(
-    surface: Surface, surveyed: np.ndarray, survey_sd: float, shots: list[Shot], window: Window, noise: Noise
+    start: np.ndarray, prior: Prior, shots: list[Shot], window: Window, independent: int
 ) -> np.ndarray | None:
     """(3,) place of a lamp, found across the line to the sandbox's middle; None where photos show too little of it.
 
+    One linear step: shadows move evenly with a lamp.
+
     Parameters
     ----------
-    surveyed, survey_sd : (3,) and float
-        Where the survey has it, and the standard deviation of that, metres.
-    noise : Noise
-        Of windows, in pixels of the shaded view.
+    start : (3,) float
+        Where the lamp is looked for, metres.
+    independent : int
+        How many windows of a view at most count: neighbours err alike.
     """
-    across = _across(surveyed)
-    moved = np.zeros(2)
-    for _ in range(ROUNDS):
-        lamp = surveyed + moved @ across
-        parts = [_responses(surface, lamp, across, shot, window) for shot in shots]
-        off = np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)])
-        slopes = np.concatenate([np.zeros((0, 2, 2)), *(part[1] for part in parts)])
-        if len(off) < _LEAST_WINDOWS:
-            return None
-        moved = _fitted(moved, off, slopes, survey_sd, noise)
-    return np.asarray(surveyed + moved @ across)
+    across = _across(prior.place)
+    moved = across @ (start - prior.place)
+    parts = [_responses(prior.place + moved @ across, across, shot, window) for shot in shots]
+    off = np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)])
+    slopes = np.concatenate([np.zeros((0, 2, 2)), *(part[1] for part in parts)])
+    if len(off) < _LEAST_WINDOWS:
+        return None
+    moved = _fitted(moved, off, slopes, prior.sd, independent * len(shots))
+    return np.asarray(prior.place + moved @ across)
 
 
 def _across(place: np.ndarray) -> np.ndarray:
@@ -77,18 +86,29 @@ def _across(place: np.ndarray) -> np.ndarray:
     return np.stack([side / np.linalg.norm(side), [0.0, 0.0, 1.0]])
 
 
-def _responses(
-    surface: Surface, lamp: np.ndarray, across: np.ndarray, shot: Shot, window: Window
-) -> tuple[np.ndarray, np.ndarray]:
-    """How far windows lie off in the photo, (n, 2) px, and how they move with the lamp, (n, 2, 2) px a metre."""
-    lamps = {"here": lamp, "aside": lamp + _NUDGE * across[0], "above": lamp + _NUDGE * across[1]}
-    shaded = shade(surface, shot.pose, shot.lens, lamps)
-    here = shaded.images["here"]
-    pictures = [shot.photo, *(_as_photo(shaded.images[name]) for name in ("aside", "above"))]
-    moves = [_moves(find(here, picture, shaded.met, window)) for picture in pictures]
-    common = sorted(set.intersection(*(set(one) for one in moves)))
-    off, aside, above = (np.array([one[place] for place in common]).reshape(-1, 2) for one in moves)
-    return off, np.stack([aside, above], axis=-1) / _NUDGE
+def _responses(lamp: np.ndarray, across: np.ndarray, shot: Shot, window: Window) -> tuple[np.ndarray, np.ndarray]:
+    """How far windows lie off in the photo, (n, 2), and how they move with the lamp, (n, 2, 2) a metre: whitened."""
+    here = shot.seen.under(lamp)
+    usable = shot.seen.met & _on_shadow_edges(here, window)
+    in_photo = find(here, shot.photo, usable, window)
+    nudged = [_moves(find(here, _as_photo(shot.seen.under(lamp + nudge)), usable, window)) for nudge in _NUDGE * across]
+    places = [tuple(pixel) for pixel in in_photo.pixel.tolist()]
+    rows = [row for row, place in enumerate(places) if all(place in moves for moves in nudged)]
+    slopes = [[moves[places[row]] for row in rows] for moves in nudged]
+    whitening = in_photo.whitening[rows]
+    return (
+        whitened((in_photo.seen - in_photo.pixel)[rows], whitening),
+        whitening @ np.moveaxis(np.array(slopes).reshape(2, -1, 2), 0, -1) / _NUDGE,
+    )
+
+
+def _on_shadow_edges(image: np.ndarray, window: Window) -> np.ndarray:
+    """(h, w) bool: where a window would show shadow and light; what else it shows tells little of a lamp's place."""
+    import cv2
+
+    size = 2 * window.half + 1
+    dark = cv2.blur((image == 0).astype(np.float32), (size, size))
+    return np.asarray((dark > _LEAST_SHARE) & (dark < 1 - _LEAST_SHARE))
 
 
 def _as_photo(image: np.ndarray) -> np.ndarray:
@@ -100,12 +120,12 @@ def _moves(found: Found) -> dict[tuple[float, ...], np.ndarray]:
     return {tuple(pixel): move for pixel, move in zip(found.pixel.tolist(), found.seen - found.pixel, strict=True)}
 
 
-def _fitted(moved: np.ndarray, off: np.ndarray, slopes: np.ndarray, survey_sd: float, noise: Noise) -> np.ndarray:
+def _fitted(moved: np.ndarray, off: np.ndarray, slopes: np.ndarray, survey_sd: float, independent: int) -> np.ndarray:
     """(2,) how far the lamp stands from its survey across the line, m, by weights that outliers lose (Cauchy's)."""
     step = np.zeros(2)
     prior = np.eye(2) / survey_sd**2
     for _ in range(_WEIGHTS):
-        weights = outlier_weights(off - slopes @ step, noise)
+        weights = outlier_weights(off - slopes @ step, independent)
         normal = np.einsum("nki,n,nkj->ij", slopes, weights, slopes) + prior
         step = np.linalg.solve(normal, np.einsum("nki,n,nk->i", slopes, weights, off) - prior @ moved)
     return moved + step

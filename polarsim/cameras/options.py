@@ -69,9 +69,10 @@ class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     photo_step_px: int = Field(12, ge=1, description="Step between windows, px of a shaded view.")
     photo_likeness: float = Field(0.6, gt=0, lt=1, description="Least correlation of a window with a photo.")
     lamp_sd_mm: float = Field(150, gt=0, description="Prior on a Sun lamp's place about the survey, mm.")
-    lamp_window_sd_px: float = Field(0.3, gt=0, description="Noise of a window's place there, px of a coarse view.")
     photo_min_windows: int = Field(200, ge=10, description="Positions with fewer windows found stay as located.")
-    photo_sd_px: float = Field(0.7, gt=0, description="Noise of a window's place in the photo, px.")
+    photo_noise: float = Field(
+        0.4, gt=0, description="Noise of a window's place over sqrt((1 - correlation) / bend of the correlation)."
+    )
     photo_independent: int = Field(300, ge=1, description="Windows of a view that at most count: neighbours err alike.")
     photo_pose_sd_mm: float = Field(3, gt=0, description="Prior on a located tripod's place, mm on each axis.")
     photo_pose_sd_deg: float = Field(0.1, gt=0, description="Prior on its direction, degrees about each axis.")

@@ -11,7 +11,9 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 _BLUR_PX = 1.0  # sd: photon noise and the edges of triangles are smaller than what is matched
 _CLIPPED = 0.95  # of the white level: brighter pixels tell no shape
 _MOST_CLIPPED = 0.2  # share of such pixels in a window
-_RICHEST = 0.5  # share of the windows that is tried, those with most structure in both directions
+_FLAT = 1e-6  # scatter of a window that shows nothing
+_LEAST_BEND = 1e-3  # of a correlation's peak: along a ridge it has none, and tells nothing
+_LEAST_UNLIKENESS = 0.01  # what is left of 1 for the best correlation: no photo is the shaded view
 
 
 @dataclass(frozen=True)
@@ -22,14 +24,20 @@ class Window:
     search: int  # and is looked for so far away
     step: int  # between the middles of neighbouring windows
     likeness: float  # least correlation with the photo
+    noise: float  # standard deviation of a window's place over sqrt((1 - correlation) / bend of the correlation)
 
 
 @dataclass(frozen=True)
 class Found:
-    """Windows that were found: middles (n, 2) in the shaded view, and those in the photo; pixels of the shaded view."""
+    """Windows that were found, in pixels of the shaded view.
 
-    pixel: np.ndarray
-    seen: np.ndarray
+    A window on an edge tells its place across the edge and hardly along it. That shows in how the correlation bends at
+    its peak.
+    """
+
+    pixel: np.ndarray  # (n, 2) middles in the shaded view
+    seen: np.ndarray  # (n, 2) and in the photo
+    whitening: np.ndarray  # (n, 2, 2) turns an offset, px, into two of standard deviation 1
 
 
 def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Window) -> Found:
@@ -46,44 +54,49 @@ def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Wind
     """
     import cv2
 
-    ours = cv2.GaussianBlur(np.sqrt(shaded), (0, 0), _BLUR_PX)  # root: noise of photons is alike everywhere
-    theirs = cv2.GaussianBlur(np.sqrt(np.maximum(photo - BLACK_LEVEL, 0)), (0, 0), _BLUR_PX)
+    ours = cv2.GaussianBlur(shaded, (0, 0), _BLUR_PX)  # root: noise of photons is alike everywhere
+    theirs = cv2.GaussianBlur(np.maximum(photo - BLACK_LEVEL, 0), (0, 0), _BLUR_PX)
     half, reach = window.half, window.half + window.search
     size = 2 * half + 1
     clipped = cv2.blur((photo > _CLIPPED * WHITE_LEVEL).astype(np.float32), (size, size))
-    structure = cv2.cornerMinEigenVal(ours, size)
     y, x = (part.ravel() for part in np.mgrid[tuple(slice(reach + 2, n - reach - 2, window.step) for n in ours.shape)])
-    free = usable[y, x] & (clipped[y, x] < _MOST_CLIPPED) & (structure[y, x] > 0)
-    y, x = y[free], x[free]
-    if not len(x):
-        return Found(np.zeros((0, 2)), np.zeros((0, 2)))
-    rich = structure[y, x] >= np.quantile(structure[y, x], 1 - _RICHEST)
-    middles, moves = [], []
-    for row, column in zip(y[rich], x[rich], strict=True):
+    free = usable[y, x] & (clipped[y, x] < _MOST_CLIPPED)
+    middles, corners, peaks = [], [], []
+    for row, column in zip(y[free], x[free], strict=True):
         wanted = ours[row - half : row + half + 1, column - half : column + half + 1]
+        if wanted.std() < _FLAT:
+            continue
         area = theirs[row - reach : row + reach + 1, column - reach : column + reach + 1]
-        move = _best_move(cv2.matchTemplate(area, wanted, cv2.TM_CCOEFF_NORMED), window.likeness)
-        if move is not None:
-            middles.append((column + 0.5, row + 0.5))
-            moves.append(move)
-    pixel = np.array(middles, float).reshape(-1, 2)
-    return Found(pixel, pixel + np.array(moves, float).reshape(-1, 2))
+        likeness = cv2.matchTemplate(area, wanted, cv2.TM_CCOEFF_NORMED)
+        down, across = divmod(int(likeness.argmax()), likeness.shape[1])
+        if likeness[down, across] < window.likeness or not _inside(down, across, likeness.shape):
+            continue
+        middles.append((column + 0.5, row + 0.5))
+        corners.append((across - window.search, down - window.search))
+        peaks.append(likeness[down - 1 : down + 2, across - 1 : across + 2].astype(float))
+    pixel = np.array(middles).reshape(-1, 2)
+    move, whitening = _peaks_of(np.array(peaks).reshape(-1, 3, 3), window.noise)
+    return Found(pixel, pixel + np.array(corners, float).reshape(-1, 2) + move, whitening)
 
 
-def _best_move(likeness: np.ndarray, least: float) -> tuple[float, float] | None:
-    """Where a correlation (n, n) has its peak, x and y from its middle, by parabolas; None for none inside."""
-    row, column = np.unravel_index(int(likeness.argmax()), likeness.shape)
-    last = len(likeness) - 1
-    if likeness[row, column] < least or not (0 < row < last and 0 < column < last):
-        return None
-    middle = last / 2
-    return (
-        float(column - middle + _vertex(*likeness[row, column - 1 : column + 2])),
-        float(row - middle + _vertex(*likeness[row - 1 : row + 2, column])),
-    )
+def _inside(row: int, column: int, shape: tuple[int, ...]) -> bool:
+    return 0 < row < shape[0] - 1 and 0 < column < shape[1] - 1
 
 
-def _vertex(before: float, peak: float, after: float) -> float:
-    """Where the parabola through three neighbouring values has its peak, from the middle one."""
-    bend = before - 2 * peak + after
-    return 0.5 * (before - after) / bend if bend < 0 else 0.0
+def _peaks_of(likeness: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """Peaks of correlations, given (n, 3, 3) about their largest values: places (n, 2) from the middle, whitenings.
+
+    Those of the parabola through the middle and its neighbours; never further than a pixel along its axes.
+    """
+    middle = likeness[:, 1, 1]
+    slope = np.stack([likeness[:, 1, 2] - likeness[:, 1, 0], likeness[:, 2, 1] - likeness[:, 0, 1]], axis=1) / 2
+    bend = np.empty((len(likeness), 2, 2))
+    bend[:, 0, 0] = 2 * middle - likeness[:, 1, 2] - likeness[:, 1, 0]
+    bend[:, 1, 1] = 2 * middle - likeness[:, 2, 1] - likeness[:, 0, 1]
+    mixed = likeness[:, 0, 2] + likeness[:, 2, 0] - likeness[:, 0, 0] - likeness[:, 2, 2]
+    bend[:, 0, 1] = bend[:, 1, 0] = mixed / 4
+    bends, axes = np.linalg.eigh(bend)
+    bends = np.maximum(bends, _LEAST_BEND)
+    along = np.clip(np.einsum("nki,nk->ni", axes, slope) / bends, -1, 1)
+    sharpness = np.sqrt(bends / np.maximum(1 - middle, _LEAST_UNLIKENESS)[:, None]) / noise
+    return np.einsum("nki,ni->nk", axes, along), np.einsum("nki,ni,nli->nkl", axes, sharpness, axes)

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.cameras.adjust import Adjusted, Noise, Priors, Sightings, View, adjust, offsets_px
-from polarsim.cameras.lamps import refine_lamp, shots_of
+from polarsim.cameras.adjust import Adjusted, Priors, Sightings, View, adjust, offsets_px
+from polarsim.cameras.lamps import Prior, Shot, refine_lamp, shots_of
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.patches import Window, find
 from polarsim.cameras.pictures import Pictures, best_pictures, read_shrunk
 from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
-from polarsim.cameras.shading import Surface, shade, surface_of
+from polarsim.cameras.shading import Surface, look, surface_of
 from polarsim.formats import colmap, lamps
 from polarsim.formats.files import writing_folder
 from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
@@ -56,9 +56,7 @@ def refine_cameras(
     suns: dict[str, np.ndarray] = {}
     if found := {view for view in pictures if view[0] in placed and placed[view[0]].method != "survey"}:
         name, surface = f"terrain {terrain:02d}", surface_of(read_terrain(meshes, terrain))
-        pictures = {view: pictures[view] for view in found}
-        placed = _refined(name, placed, surface, pictures, options)
-        suns = _found_suns(name, placed, surface, pictures, options)
+        placed, suns = _refined(name, placed, surface, {view: pictures[view] for view in found}, options)
     with writing_folder(cameras) as folder:
         for path in located.iterdir():
             if path.is_file():
@@ -73,29 +71,38 @@ def refine_cameras(
 
 def _refined(
     name: str, located: dict[str, PlacedRig], surface: Surface, pictures: Pictures, options: CamerasOptions
-) -> dict[str, PlacedRig]:
-    """The rigs whose photos match the meshes, refined from coarse to fine; the others get the adjusted lenses alone."""
+) -> tuple[dict[str, PlacedRig], dict[str, np.ndarray]]:
+    """Rigs and found lamps, in turn from coarse to fine.
+
+    Rigs whose photos match the meshes are refined; the others get the adjusted lenses alone.
+    """
     current = located
+    surveyed = lamps.surveyed_suns(located)
+    suns: dict[str, np.ndarray] = {}
     for scale in options.photo_scales:
         seen = {
-            view: _sightings(surface, current, view, pictures, scale, options)
+            view: _sightings(surface, current, view, pictures, scale, surveyed | suns, options)
             for view in track(sorted(pictures), f"cameras of {name}, scale {scale:g}")
         }
         seen = _of_sure_positions(name, seen, options.photo_min_windows)
         if not seen:
             log.warning("%s: photos do not match the meshes, cameras stay as they were located", name)
-            return located
+            return located, {}
         sure = {position: located[position] for position, _ in seen}
         lenses = scale == options.photo_scales[-1]
-        adjusted = adjust(sure, seen, _priors(options), Noise(options.photo_sd_px, options.photo_independent), lenses)
+        adjusted = adjust(sure, seen, _priors(options), options.photo_independent, lenses)
         rig = next(iter(adjusted.placed.values())).rig
         current = {position: replace(one, rig=rig) for position, one in located.items()} | adjusted.placed
+        suns = _found_suns(name, shots_of(surface, adjusted.placed, pictures, scale), surveyed, suns, options)
+    for azimuth, place in suns.items():
+        off_mm = 1000 * np.linalg.norm(place - surveyed[azimuth])
+        log.info("%s: lamp %s stands %.0f mm from its survey", name, azimuth, off_mm)
     return {
         position: _described(position, located[position], adjusted, seen)
         if position in sure
         else replace(one, rig=rounded_rig(one.rig))
         for position, one in current.items()
-    }
+    }, suns
 
 
 def _sightings(
@@ -104,41 +111,50 @@ def _sightings(
     view: View,
     pictures: Pictures,
     scale: float,
+    suns: Mapping[str, np.ndarray],
     options: CamerasOptions,
 ) -> Sightings:
     """Where the photos of a view show points of the meshes, in pixels of the full photo."""
     position, camera = view
     rig = placed[position]
     lens = rig.rig.lens(camera).scaled(scale)
-    suns = {azimuth: place for azimuth, place in lamps.surveyed_suns(placed).items() if azimuth in pictures[view]}
-    shaded = shade(surface, rig.sandbox_from(camera), lens, suns)
+    seen = look(surface, rig.sandbox_from(camera), lens)
     window = _window(options)
-    points, pixels = [], []
+    points, pixels, whitening = [], [], []
     for azimuth, path in pictures[view].items():
-        found = find(shaded.images[azimuth], read_shrunk(path, lens), shaded.met, window)
+        found = find(seen.under(suns[azimuth]), read_shrunk(path, lens), seen.met, window)
         column, row = found.pixel.astype(int).T
-        points.append(shaded.points[row, column].astype(float))
+        points.append(seen.points[row, column].astype(float))
         pixels.append(found.seen / scale)
-    return Sightings(np.concatenate(points), np.concatenate(pixels))
+        whitening.append(found.whitening * scale)
+    return Sightings(np.concatenate(points), np.concatenate(pixels), np.concatenate(whitening))
 
 
 def _window(options: CamerasOptions) -> Window:
-    return Window(options.photo_window_px // 2, options.photo_search_px, options.photo_step_px, options.photo_likeness)
+    return Window(
+        options.photo_window_px // 2,
+        options.photo_search_px,
+        options.photo_step_px,
+        options.photo_likeness,
+        options.photo_noise,
+    )
 
 
 def _found_suns(
-    name: str, placed: Mapping[str, PlacedRig], surface: Surface, pictures: Pictures, options: CamerasOptions
+    name: str,
+    shots: Mapping[str, list[Shot]],
+    surveyed: Mapping[str, np.ndarray],
+    found: Mapping[str, np.ndarray],
+    options: CamerasOptions,
 ) -> dict[str, np.ndarray]:
-    """The Sun lamps whose shadows photos show, where these say that they stood."""
-    noise = Noise(options.lamp_window_sd_px, options.photo_independent)
+    """The Sun lamps whose shadows photos show, where these say that they stood; a start is what was found before."""
     suns = {}
-    for azimuth, surveyed in track(sorted(lamps.surveyed_suns(placed).items()), f"lamps of {name}"):
-        shots = shots_of(placed, pictures, azimuth, options.photo_scales[0])
-        place = refine_lamp(surface, surveyed, options.lamp_sd_mm / 1000, shots, _window(options), noise)
+    for azimuth in track(sorted(shots), f"lamps of {name}"):
+        prior = Prior(surveyed[azimuth], options.lamp_sd_mm / 1000)
+        start = found.get(azimuth, prior.place)
+        place = refine_lamp(start, prior, shots[azimuth], _window(options), options.photo_independent)
         if place is not None:
             suns[azimuth] = place
-            off_mm = 1000 * np.linalg.norm(place - surveyed)
-            log.info("%s: lamp %s stands %.0f mm from its survey", name, azimuth, off_mm)
     return suns
 
 
@@ -165,12 +181,17 @@ def _priors(options: CamerasOptions) -> Priors:
     )
 
 
+def _told_off_px(off: np.ndarray, found: Sightings) -> np.ndarray:
+    """(n,) how far windows are off, (n, 2) px, along the direction that each tells best: across its edges."""
+    return np.abs(np.einsum("nk,nk->n", np.linalg.eigh(found.whitening)[1][:, :, 1], off))
+
+
 def _described(position: str, located: PlacedRig, adjusted: Adjusted, seen: Mapping[View, Sightings]) -> PlacedRig:
     """The adjusted rig with how well photos and meshes agree, before and now, and its formal standard deviations."""
     rig = adjusted.placed[position]
     own = {camera: found for (where, camera), found in seen.items() if where == position}
     before, now = (
-        np.concatenate([np.linalg.norm(offsets_px(one, camera, found), axis=1) for camera, found in own.items()])
+        np.concatenate([_told_off_px(offsets_px(one, camera, found), found) for camera, found in own.items()])
         for one in (located, rig)
     )
     moved = located.sandbox_from_left.inverse() @ rig.sandbox_from_left

@@ -5,7 +5,6 @@ Matte surfaces without texture or indirect light. The renderer does better, and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,47 +24,43 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Shaded:
-    """A view: where its pixels' rays end, and how bright that is under each lamp."""
+class Seen:
+    """What the rays of a view's pixels meet."""
 
+    surface: Surface
     points: np.ndarray  # (h, w, 3) float32, sandbox frame, metres; NaN where nothing is met
-    images: dict[str, np.ndarray]  # lamp -> (h, w) float32, zero where no light falls
+    place: np.ndarray  # (n, 3) the same of the pixels that meet something
+    normal: np.ndarray  # (n, 3) float32, to the side that is seen
 
     @property
     def met(self) -> np.ndarray:
         """(h, w) bool: pixels whose rays meet a surface."""
         return np.isfinite(self.points[..., 0])
 
+    def under(self, lamp: np.ndarray) -> np.ndarray:
+        """(h, w) float32 brightness under a point light at (3,), sandbox frame, metres; zero where no light falls."""
+        to_lamp = lamp.astype(np.float32) - self.place
+        square = np.einsum("nk,nk->n", to_lamp, to_lamp)
+        light = np.einsum("nk,nk->n", self.normal, to_lamp) / square**1.5  # cosine over distance squared
+        lit = np.flatnonzero(light > 0)
+        lit = lit[~self.surface.rays.blocked(self.place[lit], to_lamp[lit], 1.0)]
+        image = np.zeros(self.points.shape[:2], np.float32)
+        image.ravel()[np.flatnonzero(self.met)[lit]] = light[lit]
+        return image
+
 
 def surface_of(mesh: TerrainMesh) -> Surface:
     return Surface(caster(mesh.vertices, mesh.faces), mesh.normals[mesh.faces].mean(axis=1).astype(np.float32))
 
 
-def shade(surface: Surface, sandbox_from_camera: Pose, lens: Lens, lamps: Mapping[str, np.ndarray]) -> Shaded:
-    """Shade a view.
-
-    Parameters
-    ----------
-    lamps : name -> (3,)
-        Places of point lights, sandbox frame, metres.
-    """
-    size = (lens.height, lens.width)
+def look(surface: Surface, sandbox_from_camera: Pose, lens: Lens) -> Seen:
+    """Cast a ray through every pixel of a view."""
     origin = sandbox_from_camera.translation
     directions = sandbox_from_camera.rotate(lens.pixel_directions()).reshape(-1, 3).astype(np.float32)
     distance, face = surface.rays.nearest(np.broadcast_to(origin, directions.shape), directions)
     met = np.flatnonzero(np.isfinite(distance))
     points = np.full(directions.shape, np.nan, np.float32)
     points[met] = origin + distance[met, None] * directions[met]
-    place, normal = points[met], surface.normals[face[met]]
-    normal = normal * -np.sign(np.einsum("nk,nk->n", normal, directions[met]))[:, None]  # to the side that is seen
-    images = {}
-    for name, lamp in lamps.items():
-        to_lamp = lamp.astype(np.float32) - place
-        square = np.einsum("nk,nk->n", to_lamp, to_lamp)
-        light = np.einsum("nk,nk->n", normal, to_lamp) / square**1.5  # cosine over distance squared
-        lit = np.flatnonzero(light > 0)
-        lit = lit[~surface.rays.blocked(place[lit], to_lamp[lit], 1.0)]
-        image = np.zeros(len(directions), np.float32)
-        image[met[lit]] = light[lit]
-        images[name] = image.reshape(size)
-    return Shaded(points.reshape(*size, 3), images)
+    normal = surface.normals[face[met]]
+    normal = normal * -np.sign(np.einsum("nk,nk->n", normal, directions[met]))[:, None]
+    return Seen(surface, points.reshape(lens.height, lens.width, 3), points[met], normal)

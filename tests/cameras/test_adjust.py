@@ -5,20 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.cameras.adjust import Noise, Priors, Sightings, adjust
+from polarsim.cameras.adjust import Priors, Sightings, adjust
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.poses import Pose, angle_between, looking
 from polarsim.geometry.stereo import stated_rig
 
 PRIORS = Priors(0.003, np.radians(0.1), 0.0005, np.radians(0.02), 1.5, 1.5, 0.003)
-NOISE = Noise(0.7, 300)
+INDEPENDENT = 300
 TRUE = {
     "A": PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans"),
     "C": PlacedRig(stated_rig(), looking(np.array([0.8, -3.6, 1.5]), np.radians(103), np.radians(27)), "scans"),
 }
 
 
-def sightings(true, rng, noise_px=0.3, outliers=0.0, count=600):
+def sightings(true, rng, noise_px=0.3, outliers=0.0, count=600, stated_px=0.7):
     points = np.column_stack([rng.uniform(-1.8, 1.8, (count, 2)), rng.uniform(0, 0.3, count)])
     seen = {}
     for position, rig in true.items():
@@ -27,7 +27,8 @@ def sightings(true, rng, noise_px=0.3, outliers=0.0, count=600):
             wrong = rng.random(count) < outliers
             pixels[wrong] += rng.uniform(-10, 10, (wrong.sum(), 2))
             inside = ((pixels > 0) & (pixels < [1936, 1216])).all(axis=1)
-            seen[position, camera] = Sightings(points[inside], pixels[inside])
+            whitening = np.tile(np.eye(2) / stated_px, (inside.sum(), 1, 1))
+            seen[position, camera] = Sightings(points[inside], pixels[inside], whitening)
     return seen
 
 
@@ -54,7 +55,7 @@ def errors(placed, true):
 @given(st.integers(0, 10**6))
 def test_disturbed_poses_come_back_among_outliers(seed):
     rng = np.random.default_rng(seed)
-    found = adjust(disturbed(TRUE, rng), sightings(TRUE, rng, outliers=0.3), PRIORS, NOISE, lenses=False)
+    found = adjust(disturbed(TRUE, rng), sightings(TRUE, rng, outliers=0.3), PRIORS, INDEPENDENT, lenses=False)
     metres, degrees = errors(found.placed, TRUE)
     assert metres < 0.0008
     assert degrees < 0.01
@@ -66,7 +67,7 @@ def test_a_calibration_that_is_off_is_mended_for_all_positions_alike():
     bent = replace(rig.left, fx=rig.left.fx + 3, fy=rig.left.fy + 3, distortion=(-0.111, *rig.left.distortion[1:]))
     true = {p: replace(one, rig=replace(rig, left=bent)) for p, one in TRUE.items()}
     seen = sightings(true, rng, noise_px=0.1)
-    kept, mended = (adjust(TRUE, seen, PRIORS, NOISE, lenses=lenses) for lenses in (False, True))
+    kept, mended = (adjust(TRUE, seen, PRIORS, INDEPENDENT, lenses=lenses) for lenses in (False, True))
     lens = mended.placed["A"].rig.left
     assert mended.placed["C"].rig.left == lens
     assert abs(lens.fx - bent.fx) < 1.2
@@ -76,18 +77,16 @@ def test_a_calibration_that_is_off_is_mended_for_all_positions_alike():
 
 
 def test_where_nothing_is_seen_the_priors_stay():
-    nothing = {("A", "L"): Sightings(np.zeros((0, 3)), np.zeros((0, 2)))}
-    found = adjust({"A": TRUE["A"]}, nothing, PRIORS, NOISE, lenses=True)
+    nothing = {("A", "L"): Sightings(np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 2, 2)))}
+    found = adjust({"A": TRUE["A"]}, nothing, PRIORS, INDEPENDENT, lenses=True)
     np.testing.assert_allclose(found.placed["A"].sandbox_from_left.matrix, TRUE["A"].sandbox_from_left.matrix)
     sd = np.sqrt(np.diag(found.covariance["A"]))
     np.testing.assert_allclose(sd, [PRIORS.pose_rad] * 3 + [PRIORS.pose_m] * 3)
 
 
 def test_more_noise_makes_a_pose_no_surer():
-    seen = sightings(TRUE, np.random.default_rng(1))
-    sds = [
-        np.sqrt(np.diag(adjust(TRUE, seen, PRIORS, Noise(px, 300), lenses=False).covariance["A"])) for px in (0.3, 1, 3)
-    ]
+    stated = [sightings(TRUE, np.random.default_rng(1), stated_px=px) for px in (0.3, 1, 3)]
+    sds = [np.sqrt(np.diag(adjust(TRUE, s, PRIORS, INDEPENDENT, lenses=False).covariance["A"])) for s in stated]
     assert (sds[0] < sds[1]).all()
     assert (sds[1] < sds[2]).all()
 
@@ -95,6 +94,20 @@ def test_more_noise_makes_a_pose_no_surer():
 @pytest.mark.parametrize("independent", [50, 300])
 def test_many_windows_of_a_view_count_for_no_more_than_so_many(independent):
     few, many = (sightings(TRUE, np.random.default_rng(1), count=count) for count in (1000, 4000))
-    noise = Noise(0.7, independent)
-    one, other = (adjust(TRUE, seen, PRIORS, noise, lenses=False).covariance["A"] for seen in (few, many))
+    one, other = (adjust(TRUE, seen, PRIORS, independent, lenses=False).covariance["A"] for seen in (few, many))
     np.testing.assert_allclose(np.diag(one), np.diag(other), rtol=0.15)
+
+
+def test_what_windows_do_not_tell_does_not_matter():
+    """Windows on upright edges say nothing of heights: wrong heights there move no camera."""
+    rng = np.random.default_rng(4)
+    seen = {
+        view: Sightings(
+            one.points, one.pixels + np.array([0, 8]), np.tile(np.diag([1 / 0.7, 0]), (len(one.pixels), 1, 1))
+        )
+        for view, one in sightings(TRUE, rng, noise_px=0).items()
+    }
+    found = adjust(TRUE, seen, PRIORS, INDEPENDENT, lenses=False)
+    metres, degrees = errors(found.placed, TRUE)
+    assert metres < 1e-5
+    assert degrees < 1e-4

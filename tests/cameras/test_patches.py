@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter, shift
 from polarsim.cameras.patches import Window, find
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
-WINDOW = Window(half=10, search=5, step=12, likeness=0.6)
+WINDOW = Window(half=10, search=5, step=12, likeness=0.6, noise=0.4)
 EVERYWHERE = np.ones((120, 160), bool)
 
 
@@ -45,3 +45,29 @@ def test_what_tells_nothing_is_not_looked_for(empty):
         shaded = np.zeros_like(shaded)
     found = find(shaded, photo, usable, WINDOW)
     assert found.pixel.shape == found.seen.shape == (0, 2)
+    assert found.whitening.shape == (0, 2, 2)
+
+
+def test_a_window_on_an_edge_tells_its_place_across_the_edge_alone():
+    rng = np.random.default_rng(1)
+    y, x = np.mgrid[:120, :160]
+    shaded = 1000 + 400 * np.tanh((x + 0.5 * y - 110) / 2) + 0.2 * picture()
+    photo = shaded + BLACK_LEVEL + rng.normal(0, 10, shaded.shape)
+    found = find(shaded.astype(np.float32), photo.astype(np.float32), EVERYWHERE, WINDOW)
+    edge = np.abs(found.pixel @ [1, 0.5] - 110) < 5
+    assert edge.any()
+    across = np.array([1, 0.5]) / np.hypot(1, 0.5)
+    strength, axes = np.linalg.eigh(found.whitening[edge])
+    assert (np.abs(axes[:, :, 1] @ across) > 0.95).all()
+    assert (strength[:, 1] > 3 * strength[:, 0]).all()
+
+
+def test_stated_deviations_are_those_that_noise_makes():
+    rng = np.random.default_rng(2)
+    shaded = picture(size=(300, 400))
+    moves = []
+    for _ in range(5):
+        photo = shaded + BLACK_LEVEL + gaussian_filter(rng.normal(0, 300, shaded.shape), 1.5)  # as like as shadings are
+        found = find(shaded.astype(np.float32), photo.astype(np.float32), np.ones(shaded.shape, bool), WINDOW)
+        moves.append(np.einsum("nkl,nl->nk", found.whitening, found.seen - found.pixel))
+    assert 0.3 < np.concatenate(moves).std() < 1.5

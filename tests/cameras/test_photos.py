@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.photos import refine_cameras
-from polarsim.cameras.shading import shade, surface_of
+from polarsim.cameras.shading import look, surface_of
 from polarsim.formats import obj, png
 from polarsim.formats.lamps import FILE, read_suns, surveyed_suns
 from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
@@ -49,8 +49,9 @@ def photographed(tmp_path_factory):
     rng = np.random.default_rng(2)
     for camera in "LR":
         pose, lens = TRUE.sandbox_from(camera), TRUE.rig.lens(camera)
-        shaded = shade(surface, pose, lens, {azimuth: lamp_position(azimuth) + off for azimuth, off in SUNS.items()})
-        for azimuth, image in shaded.images.items():
+        seen = look(surface, pose, lens)
+        for azimuth, off in SUNS.items():
+            image = seen.under(lamp_position(azimuth) + off)
             for ms, share in EXPOSURES.items():
                 grey = share * 2500 * image / np.percentile(image, 98)
                 grey = BLACK_LEVEL + grey + rng.normal(0, 2 + 0.5 * np.sqrt(grey))
