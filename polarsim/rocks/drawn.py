@@ -38,10 +38,10 @@ def with_drawn(sand: Sand, regions: list[Region], limits: Limits, evidence: Evid
         for pair in product(left[one], left[other]):
             shared = _shared([pixels[one], pixels[other]], pair, evidence.min_iou)
             shared &= sand.is_ground.ravel()[cells]  # two boxes of one rock find it once
-            raised = _raised(sand, cells[shared])
-            if raised is not None and raised[1].size >= limits.size:
-                sand = raised[0]
-                found.append(replace(raised[1], confirmed=(one, other)))
+            standing = raised(sand, cells[shared], RAISED, LOWEST)
+            if standing is not None and standing[1].size >= limits.size:
+                sand = standing[0]
+                found.append(replace(standing[1], confirmed=(one, other)))
     return sand, numbered([*regions, *found])
 
 
@@ -56,14 +56,17 @@ def _shared(pixels: Sequence[np.ndarray], boxes: Sequence[np.ndarray], min_iou: 
     return inside if fills else np.zeros_like(inside)
 
 
-def _raised(sand: Sand, cells: np.ndarray) -> tuple[Sand, Region] | None:
-    """Sand with the ground under flat cells (n,) drawn from around them, and what stands out; None: too little."""
+def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[Sand, Region] | None:
+    """Sand with the ground under flat cells (n,) drawn from around them, and what stands out of it there.
+
+    That is what lies higher than `foot` metres, if its highest part is `lowest` metres high; else None.
+    """
     place = np.zeros(sand.surface.shape, bool)
     place.ravel()[cells] = True
     is_ground = sand.is_ground & ~ndimage.binary_dilation(place, iterations=FLANK)
     below = replace(sand, is_ground=is_ground, ground=filled(np.nan_to_num(sand.surface), is_ground))
-    raised = place & (below.above > RAISED)
-    if not raised.any() or np.quantile(below.above[raised], PEAK_SHARE) < LOWEST:
+    standing = place & (below.above > foot)
+    if not standing.any() or np.quantile(below.above[standing], PEAK_SHARE) < lowest:
         return None
-    window = ndimage.find_objects(raised.astype(np.int8))[0]
-    return below, measured_region(below, window, raised[window])
+    window = ndimage.find_objects(standing.astype(np.int8))[0]
+    return below, measured_region(below, window, standing[window])

@@ -54,6 +54,11 @@ class Evidence:
                 gain.append(pairs[fit].max(initial=0) - both.max())
         return bool(gain) and float(np.mean(gain)) > -LOSS_APART
 
+    def fit(self, position: str, points: np.ndarray, boxes: np.ndarray) -> float:
+        """Largest IoU of the box around points (n, 3) with boxes (m, 4) of a position; 0 where no point is seen."""
+        box = self._box(position, points)
+        return 0.0 if box is None else float(iou(box[None], boxes).max(initial=0))
+
     def unexplained(self, rocks: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
         """(n, 4) agreed boxes by position on which none of the rocks, given by points (n, 3), lies."""
         left = {}
@@ -64,7 +69,11 @@ class Evidence:
         return left
 
     def _box(self, position: str, points: np.ndarray) -> np.ndarray | None:
-        """(4,) around points in a position's left photo; None where none of them is seen."""
-        pixels = self.placed[position].project("L", points)
+        """(4,) around points in a position's left photo, as far as the photo shows them; None where it shows none."""
+        rig = self.placed[position]
+        size = np.array([rig.rig.left.width, rig.rig.left.height])
+        pixels = rig.project("L", points)
         pixels = pixels[np.isfinite(pixels).all(axis=1)]
-        return around(pixels) if len(pixels) else None
+        if not ((pixels > 0) & (pixels < size)).all(axis=1).any():
+            return None
+        return around(np.clip(pixels, 0, size))

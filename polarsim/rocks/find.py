@@ -20,6 +20,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import rectified_left
 from polarsim.rocks import table
 from polarsim.rocks.alignment import alignment
+from polarsim.rocks.carving import carved
 from polarsim.rocks.clouds import surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
 from polarsim.rocks.drawn import with_drawn
@@ -71,6 +72,7 @@ def find_rocks(
         size=options.min_size_mm / 1000,
     )
     sand, regions = with_drawn(sand, find_regions(sand, limits, evidence), limits, evidence)
+    sand, regions = carved(sand, regions, limits, evidence)
     sand, found = crop_rocks(sand, regions, typed, limits.foot)
     rock_of_point = rock_of_points(sand, found, scans, limits.foot)
     points = {rock: _by_scan(scans.select(rock_of_point == rock), placed) for rock in found}

@@ -1,0 +1,155 @@
+"""Rocks that a box of one position shows and no region explains: cut out of another one, or found in the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from polarsim.rocks.drawn import raised
+from polarsim.rocks.evidence import LOSS_APART, Evidence
+from polarsim.rocks.ground import Sand
+from polarsim.rocks.regions import Limits, Region, measured_region, numbered, surface_points
+
+FILLED = 0.65  # least IoU of what is cut out with its box: no second position speaks for it
+BIN_PX = 8  # side of the squares of the photo in which only what is nearest counts as seen
+DEPTH = 0.05  # metres behind the nearest within such a square that still count
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """A rock that a box shows, and what it leaves of another one."""
+
+    fit: float  # IoU of the rock with the box
+    sand: Sand
+    part: Region
+    number: int | None  # of the region that it was cut out of; None: it was ground
+    rest: Region | None
+
+
+@dataclass(frozen=True)
+class _View:
+    """All seen cells in the photo of one position."""
+
+    position: str
+    cells: np.ndarray  # (n,) flat
+    pixels: np.ndarray  # (n, 2)
+    away: np.ndarray  # (n,) metres from the camera
+
+    def shown(self, box: np.ndarray) -> np.ndarray:
+        """(m,) cells in a box (4,) that no other one hides."""
+        inside = np.flatnonzero(((self.pixels > box[:2]) & (self.pixels < box[2:])).all(axis=1))
+        if not len(inside):
+            return self.cells[inside]
+        bins = np.floor(self.pixels[inside] / BIN_PX).astype(np.int64)
+        number = np.unique(bins, axis=0, return_inverse=True)[1].ravel()
+        nearest = np.full(number.max() + 1, np.inf)
+        np.minimum.at(nearest, number, self.away[inside])
+        return self.cells[inside[self.away[inside] < nearest[number] + DEPTH]]
+
+
+def carved(sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evidence) -> tuple[Sand, list[Region]]:
+    """Sand and regions after boxes that no region explains were looked into, each on its own.
+
+    What a box shows may hang together with another rock, or have a side as gentle as sand. It counts as a rock where
+    it fills the box, stands out of the ground about it, and what is left of the other rock fits its own boxes as well
+    as before, at all positions.
+    """
+    regions = list(regions)
+    for position, boxes in evidence.unexplained(_surfaces(sand, regions)).items():
+        if not len(boxes):
+            continue
+        view = _view(sand, evidence, position)
+        for box in boxes:
+            if max((evidence.fit(position, one, box[None]) for one in _surfaces(sand, regions)), default=0) >= (
+                evidence.min_iou
+            ):
+                continue  # a box before this one cut out what it shows
+            cuts = (_cut(sand, regions, number, view, box, limits, evidence) for number in (None, *range(len(regions))))
+            best = max((cut for cut in cuts if cut is not None), key=lambda cut: cut.fit, default=None)
+            if best is None:
+                continue
+            sand = best.sand
+            if best.number is not None and best.rest is not None:
+                regions[best.number] = best.rest
+            regions.append(best.part)
+    return sand, numbered(regions)
+
+
+def _view(sand: Sand, evidence: Evidence, position: str) -> _View:
+    cells = np.flatnonzero(np.isfinite(sand.surface))
+    points, rig = surface_points(sand, cells), evidence.placed[position]
+    away = np.linalg.norm(points - rig.sandbox_from_left.translation, axis=1)
+    return _View(position, cells, rig.project("L", points), away)
+
+
+def _cut(
+    sand: Sand,
+    regions: Sequence[Region],
+    number: int | None,
+    view: _View,
+    box: np.ndarray,
+    limits: Limits,
+    evidence: Evidence,
+) -> _Cut | None:
+    """What stands out among the cells that a box shows, those of one region or of none; None for no rock."""
+    shown = view.shown(box)
+    own = np.zeros(0, np.int64) if number is None else regions[number].seen
+    if number is not None and not np.isin(shown, own).any():
+        return None
+    others = np.concatenate([own[:0], *(region.seen for other, region in enumerate(regions) if other != number)])
+    standing = raised(sand, np.setdiff1d(shown, others), limits.foot, limits.confirmed_height)
+    if standing is None:
+        return None
+    below, region = standing
+    part = _region(below, _largest(below, region.seen), evidence)
+    fit = evidence.fit(view.position, surface_points(sand, part.seen), box[None])
+    if fit < FILLED or part.size < limits.size or part.height < limits.confirmed_height:
+        return None
+    if number is None:
+        return _Cut(fit, below, part, None, None)
+    rest = np.setdiff1d(own, part.seen)
+    if not len(rest) or not _fits_as_before(evidence, surface_points(sand, own), surface_points(sand, rest)):
+        return None
+    remaining = _region(below, rest, evidence)
+    return _Cut(fit, below, part, number, remaining) if remaining.size >= limits.size else None
+
+
+def _fits_as_before(evidence: Evidence, before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether points (m, 3) that are left of a rock (n, 3) fit its boxes about as well as it did; not without a box."""
+    drawn_somewhere = False
+    for position, drawn in evidence.agreed.items():
+        fit = evidence.fit(position, before, drawn)
+        if fit < evidence.min_iou:
+            continue
+        drawn_somewhere = True
+        if evidence.fit(position, after, drawn) < fit - LOSS_APART:
+            return False
+    return drawn_somewhere
+
+
+def _surfaces(sand: Sand, regions: Sequence[Region]) -> list[np.ndarray]:
+    """(n, 3) seen points of every region."""
+    return [surface_points(sand, region.seen) for region in regions]
+
+
+def _mask(sand: Sand, cells: np.ndarray) -> np.ndarray:
+    mask = np.zeros(sand.surface.shape, bool)
+    mask.ravel()[cells] = True
+    return mask
+
+
+def _largest(sand: Sand, cells: np.ndarray) -> np.ndarray:
+    """Those of flat cells (n,) that make the largest connected piece."""
+    pieces, _ = ndimage.label(_mask(sand, cells), np.ones((3, 3)))
+    own = pieces.ravel()[cells]
+    return cells[own == np.bincount(own).argmax()]
+
+
+def _region(sand: Sand, cells: np.ndarray, evidence: Evidence) -> Region:
+    mask = _mask(sand, cells)
+    window = ndimage.find_objects(mask.astype(np.int8))[0]
+    region = measured_region(sand, window, mask[window])
+    return replace(region, confirmed=tuple(evidence.confirming(surface_points(sand, region.seen))))

@@ -1,0 +1,84 @@
+"""Rocks that hang together with another one: what boxes of a single position do about them."""
+
+import numpy as np
+import pytest
+
+from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.boxes import around
+from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.rocks.carving import carved
+from polarsim.rocks.evidence import Evidence
+from polarsim.rocks.ground import find_ground
+from polarsim.rocks.regions import Limits, find_regions
+from polarsim.rocks.scans import Extent
+from tests.rocks.conftest import Scene, angular_rock
+
+LIMITS = Limits(foot=0.006, height=0.015, confirmed_height=0.010, size=0.035)
+SAND = Extent(-1.9, -1.9, 1.9, 1.9)
+LARGE, SMALL = (0.2, -0.1, 0.03), (0.36, -0.1, 0.01)
+
+
+@pytest.fixture(scope="module")
+def placed(tripods):
+    rig = stated_rig()
+    left_from_rectified = rectified_left(rig).left_from_rectified
+    return {name: PlacedRig(rig, pose @ left_from_rectified.inverse(), "truth") for name, pose in tripods.items()}
+
+
+@pytest.fixture(scope="module")
+def rocks():
+    """The visible part of a rock of 28 cm, and of one of 12 cm that leans on it towards tripod A."""
+    rng = np.random.default_rng(8)
+    return [angular_rock(rng, LARGE, 0.28), angular_rock(rng, SMALL, 0.12)]
+
+
+@pytest.fixture(scope="module")
+def sand(rocks):
+    scans = Scene(rocks=rocks).scanned(np.random.default_rng(3))
+    return find_ground(scans.select(SAND.contains(scans.points)), SAND, 0.006, np.radians(40))
+
+
+def box(placed, position, rock):
+    points = rock.points[rock.points[:, 2] > 0]
+    feet = rock.points * [1, 1, 0]  # a person draws down to the sand
+    return around(
+        placed[position].project("L", np.concatenate([points, feet[rock.vertices] * 0.9 + 0.1 * feet.mean(0)]))
+    )
+
+
+def found(sand, placed, **drawn):
+    evidence = Evidence(placed, {name: [np.array(boxes).reshape(-1, 4)] for name, boxes in drawn.items()}, 0.3)
+    return carved(sand, find_regions(sand, LIMITS, evidence), LIMITS, evidence)[1]
+
+
+def sizes(regions):
+    return sorted(round(region.size, 2) for region in regions)
+
+
+def test_without_a_box_of_its_own_a_leaning_rock_is_part_of_the_other(sand, placed, rocks):
+    assert len(found(sand, placed)) == 1
+    assert len(found(sand, placed, A=[box(placed, "A", rocks[0])], C=[box(placed, "C", rocks[0])])) == 1
+
+
+def test_a_box_of_one_position_cuts_it_out(sand, placed, rocks):
+    boxes = {"A": [box(placed, "A", rock) for rock in rocks], "C": [box(placed, "C", rocks[0])]}
+    regions = found(sand, placed, **boxes)
+    assert len(regions) == 2
+    large, small = sorted(regions, key=lambda region: -region.size)
+    np.testing.assert_allclose(small.centre, SMALL[:2], atol=0.03)
+    np.testing.assert_allclose(large.centre, LARGE[:2], atol=0.03)
+    assert (small.confirmed, large.confirmed) == (("A",), ("A", "C"))
+    assert not set(small.seen) & set(large.seen)
+
+
+def test_a_box_that_leaves_the_other_rock_its_boxes_unfilled_cuts_nothing(sand, placed, rocks):
+    whole = np.concatenate([rock.points[rock.points[:, 2] > 0] for rock in rocks])
+    joint = around(placed["C"].project("L", whole))
+    alone = found(sand, placed, C=[joint])
+    assert sizes(found(sand, placed, A=[box(placed, "A", rocks[1])], C=[joint])) == sizes(alone)
+
+
+def test_a_box_on_bare_sand_finds_nothing(sand, placed):
+    x, y = -0.8, 0.7
+    corners = np.array([(x + dx, y + dy, z) for dx in (-0.06, 0.06) for dy in (-0.06, 0.06) for z in (0.0, 0.04)])
+    assert len(found(sand, placed, A=[around(placed["A"].project("L", corners))])) == 1
