@@ -79,8 +79,10 @@ def adjust(
         weights = [outlier_weights(part, independent) for part in off]
         information, pull = np.eye(len(scale)), unknowns.copy()
         for part, slope, weight in zip(off, slopes, weights, strict=True):
-            information += np.einsum("nku,n,nkv->uv", slope, weight, slope, optimize=True)
-            pull += np.einsum("nku,n,nk->u", slope, weight, part, optimize=True)
+            root = np.sqrt(weight)
+            rows = (slope * root[:, None, None]).reshape(-1, len(scale))
+            information += rows.T @ rows
+            pull += rows.T @ (part * root[:, None]).ravel()
         step = np.linalg.solve(information, pull)
         unknowns = unknowns - step
         if np.abs(step).max() < _STILL:

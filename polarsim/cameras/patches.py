@@ -11,7 +11,7 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 _BLUR_PX = 1.0  # sd: photon noise and the edges of triangles are smaller than what is matched
 _CLIPPED = 0.95  # of the white level: brighter pixels tell no shape
 _MOST_CLIPPED = 0.2  # share of such pixels in a window
-_FLAT = 1e-6  # scatter of a window that shows nothing
+_FLAT = 1e-6  # range of a window that shows nothing
 _LEAST_BEND = 1e-3  # of a correlation's peak: along a ridge it has none, and tells nothing
 _LEAST_UNLIKENESS = 0.01  # what is left of 1 for the best correlation: no photo is the shaded view
 
@@ -54,18 +54,18 @@ def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Wind
     """
     import cv2
 
-    ours = cv2.GaussianBlur(shaded, (0, 0), _BLUR_PX)  # root: noise of photons is alike everywhere
+    ours = cv2.GaussianBlur(shaded, (0, 0), _BLUR_PX)  # no roots: in them penumbras look shorter
     theirs = cv2.GaussianBlur(np.maximum(photo - BLACK_LEVEL, 0), (0, 0), _BLUR_PX)
     half, reach = window.half, window.half + window.search
     size = 2 * half + 1
     clipped = cv2.blur((photo > _CLIPPED * WHITE_LEVEL).astype(np.float32), (size, size))
     y, x = (part.ravel() for part in np.mgrid[tuple(slice(reach + 2, n - reach - 2, window.step) for n in ours.shape)])
-    free = usable[y, x] & (clipped[y, x] < _MOST_CLIPPED)
+    around = np.ones((size, size), np.uint8)
+    spread = cv2.dilate(ours, around) - cv2.erode(ours, around)
+    free = usable[y, x] & (clipped[y, x] < _MOST_CLIPPED) & (spread[y, x] > _FLAT)
     middles, corners, peaks = [], [], []
     for row, column in zip(y[free], x[free], strict=True):
         wanted = ours[row - half : row + half + 1, column - half : column + half + 1]
-        if wanted.std() < _FLAT:
-            continue
         area = theirs[row - reach : row + reach + 1, column - reach : column + reach + 1]
         likeness = cv2.matchTemplate(area, wanted, cv2.TM_CCOEFF_NORMED)
         down, across = divmod(int(likeness.argmax()), likeness.shape[1])
