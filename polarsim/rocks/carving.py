@@ -33,7 +33,6 @@ class _Cut:
 class _View:
     """All seen cells in the photo of one position."""
 
-    position: str
     cells: np.ndarray  # (n,) flat
     pixels: np.ndarray  # (n, 2)
     away: np.ndarray  # (n,) metres from the camera
@@ -63,11 +62,13 @@ def carved(sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evid
             continue
         view = _view(sand, evidence, position)
         for box in boxes:
-            if max((evidence.fit(position, one, box[None]) for one in _surfaces(sand, regions)), default=0) >= (
-                evidence.min_iou
-            ):
+            if any(evidence.fit(position, one, box[None]) >= evidence.min_iou for one in _surfaces(sand, regions)):
                 continue  # a box before this one cut out what it shows
-            cuts = (_cut(sand, regions, number, view, box, limits, evidence) for number in (None, *range(len(regions))))
+            shown = view.shown(box)
+            cuts = (
+                _cut(sand, regions, number, position, box, shown, limits, evidence)
+                for number in (None, *range(len(regions)))
+            )
             best = max((cut for cut in cuts if cut is not None), key=lambda cut: cut.fit, default=None)
             if best is None:
                 continue
@@ -82,20 +83,20 @@ def _view(sand: Sand, evidence: Evidence, position: str) -> _View:
     cells = np.flatnonzero(np.isfinite(sand.surface))
     points, rig = surface_points(sand, cells), evidence.placed[position]
     away = np.linalg.norm(points - rig.sandbox_from_left.translation, axis=1)
-    return _View(position, cells, rig.project("L", points), away)
+    return _View(cells, rig.project("L", points), away)
 
 
 def _cut(
     sand: Sand,
     regions: Sequence[Region],
     number: int | None,
-    view: _View,
+    position: str,
     box: np.ndarray,
+    shown: np.ndarray,
     limits: Limits,
     evidence: Evidence,
 ) -> _Cut | None:
-    """What stands out among the cells that a box shows, those of one region or of none; None for no rock."""
-    shown = view.shown(box)
+    """What stands out among the flat cells (n,) that a box shows, of one region or of none; None for no rock."""
     own = np.zeros(0, np.int64) if number is None else regions[number].seen
     if number is not None and not np.isin(shown, own).any():
         return None
@@ -105,7 +106,7 @@ def _cut(
         return None
     below, region = standing
     part = _region(below, _largest(below, region.seen), evidence)
-    fit = evidence.fit(view.position, surface_points(sand, part.seen), box[None])
+    fit = evidence.fit(position, surface_points(sand, part.seen), box[None])
     if fit < FILLED or part.size < limits.size or part.height < limits.confirmed_height:
         return None
     if number is None:
