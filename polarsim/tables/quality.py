@@ -119,6 +119,7 @@ def shown_value(value: float, unit: str) -> str:
     """Text of a figure, with the decimals of its unit."""
     if math.isnan(value):
         return MISSING
-    if unit in _SHOWN:
+    counted = unit == "1" and value > 1 and value == round(value)  # no share is larger
+    if unit in _SHOWN and not counted:
         return f"{value:.{_SHOWN[unit]}f}"
     return f"{value:.0f}" if value == round(value) else format_value(value)

@@ -9,6 +9,7 @@ from polarsim.tables.quality import (
     join_quality,
     lay_out_quality,
     quality_table,
+    shown_value,
     summary,
     write_quality,
 )
@@ -79,3 +80,9 @@ def test_empty_parts_do_not_change_column_types():
     )
     assert table.dtypes["terrain"] == np.int64
     assert isinstance(table, pd.DataFrame)
+
+
+def test_counts_have_no_decimals_and_shares_have():
+    shown = [shown_value(value, "1") for value in (1.0, 0.5, 2190130.0, float("nan"))]
+    assert shown == ["1.000", "0.500", "2190130", "–"]
+    assert (shown_value(2.0, "mm"), shown_value(12.0, "rocks")) == ("2.00", "12")
