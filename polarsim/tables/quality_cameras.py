@@ -21,7 +21,7 @@ from polarsim.tables.gauge import fit_gauge
 from polarsim.tables.match_rule import MatchRule
 from polarsim.tables.quality import Figure, summary, write_quality
 from polarsim.tables.quality_labels import read_drawn
-from polarsim.tables.quality_lamps import lamps_against_truth
+from polarsim.tables.quality_lamps import LAMPS, lamps_against_truth
 from polarsim.tables.score import Labels
 
 MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
@@ -60,7 +60,7 @@ def score_cameras(
     if truth is not None:
         true = read_all_placed(truth / "cameras")
         figures += against_truth(placed, true, true_points(truth, terrain))
-        if set(placed) & set(true):
+        if set(placed) & set(true) and (truth / LAMPS).exists():  # sandboxes without photos have no lamps
             figures += lamps_against_truth(cameras, truth, read_gauge(cameras, truth))
     if matches is not None and matches.exists():
         figures += against_boxes(matches)

@@ -13,6 +13,8 @@ from polarsim.geometry.poses import Pose
 from polarsim.photo import SUNS
 from polarsim.tables.quality import Figure
 
+LAMPS = "lamps.json"
+
 
 def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) -> list[Figure]:
     """The angle at the sandbox's middle between where a lamp is taken to stand and where it stood.
@@ -26,7 +28,7 @@ def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) ->
     truth
         The analog's truth/TerrainTT.
     """
-    placed, true = read_all_placed(cameras), read_json(truth / "lamps.json")
+    placed, true = read_all_placed(cameras), read_json(truth / LAMPS)
     figures, worst = [], {}
     for name, suns in (("surveyed_direction", surveyed_suns(placed)), ("direction", read_suns(cameras, placed))):
         found = [

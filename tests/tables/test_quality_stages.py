@@ -54,6 +54,17 @@ def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path, w
     assert found["A (scans)", "rmse_mm"] == 1.5
 
 
+def test_a_truth_without_lamps_says_nothing_of_lamps(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own")
+    scored = {"cameras": tmp_path / "own/cameras", "truth": tmp_path / "truth", "quality": tmp_path / "q.csv"}
+    cameras_scored(tmp_path, **scored)
+    assert ("worst lamp", "direction_error") in figures(tmp_path / "q.csv")
+    (tmp_path / "truth/lamps.json").unlink()
+    cameras_scored(tmp_path, **scored)
+    assert ("worst lamp", "direction_error") not in figures(tmp_path / "q.csv")
+
+
 def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path, world):
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own")
