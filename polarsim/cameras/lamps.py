@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.cameras.adjust import outlier_weights, whitened
+from polarsim.cameras.adjust import View, outlier_weights, whitened
 from polarsim.cameras.patches import Found, Window, find
-from polarsim.cameras.pictures import Pictures, read_shrunk
+from polarsim.cameras.pictures import Photos
 from polarsim.cameras.shading import Seen, Surface, look
 from polarsim.formats.rigs import PlacedRig
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
@@ -41,17 +41,17 @@ class Shot:
 
 
 def shots_of(
-    surface: Surface, placed: Mapping[str, PlacedRig], pictures: Pictures, scale: float
+    surface: Surface, placed: Mapping[str, PlacedRig], photos: Mapping[View, Photos], scale: float
 ) -> dict[str, list[Shot]]:
-    """What shows the light of each Sun lamp, by azimuth: the left cameras' photos, shrunk to a scale."""
+    """What shows the light of each Sun lamp, by azimuth: the left cameras' photos, shrunk by a scale."""
     shots: dict[str, list[Shot]] = {}
-    for (position, camera), shown in sorted(pictures.items()):
+    for (position, camera), shown in sorted(photos.items()):
         if camera != "L" or position not in placed:
             continue
         lens = placed[position].rig.lens(camera).scaled(scale)
         seen = look(surface, placed[position].sandbox_from(camera), lens)
-        for azimuth, path in shown.items():
-            shots.setdefault(azimuth, []).append(Shot(seen, read_shrunk(path, lens)))
+        for azimuth, photo in shown.items():
+            shots.setdefault(azimuth, []).append(Shot(seen, photo))
     return shots
 
 

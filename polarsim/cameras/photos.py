@@ -18,7 +18,7 @@ from polarsim.cameras.adjust import Adjusted, Priors, Sightings, View, adjust, o
 from polarsim.cameras.lamps import Prior, Shot, refine_lamp, shots_of
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.patches import Window, find
-from polarsim.cameras.pictures import Pictures, best_pictures, read_shrunk
+from polarsim.cameras.pictures import Photos, Pictures, best_pictures, read_all_shrunk
 from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
 from polarsim.cameras.shading import Surface, look, surface_of
 from polarsim.formats import colmap, lamps
@@ -80,9 +80,12 @@ def _refined(
     surveyed = lamps.surveyed_suns(located)
     suns: dict[str, np.ndarray] = {}
     for scale in options.photo_scales:
+        photos = read_all_shrunk(pictures, located, scale)
         seen = {
-            view: _sightings(surface, current, view, pictures, scale, surveyed | suns, options)
-            for view in track(sorted(pictures), f"cameras of {name}, scale {scale:g}")
+            (position, camera): _sightings(
+                surface, current[position], camera, photos[position, camera], scale, surveyed | suns, options
+            )
+            for position, camera in track(sorted(photos), f"cameras of {name}, scale {scale:g}")
         }
         seen = _of_sure_positions(name, seen, options.photo_min_windows)
         if not seen:
@@ -93,7 +96,7 @@ def _refined(
         adjusted = adjust(sure, seen, _priors(options), options.photo_independent, lenses)
         rig = next(iter(adjusted.placed.values())).rig
         current = {position: replace(one, rig=rig) for position, one in located.items()} | adjusted.placed
-        suns = _found_suns(name, shots_of(surface, adjusted.placed, pictures, scale), surveyed, suns, options)
+        suns = _found_suns(name, shots_of(surface, adjusted.placed, photos, scale), surveyed, suns, options)
     for azimuth, place in suns.items():
         off_mm = 1000 * np.linalg.norm(place - surveyed[azimuth])
         log.info("%s: lamp %s stands %.0f mm from its survey", name, azimuth, off_mm)
@@ -107,22 +110,20 @@ def _refined(
 
 def _sightings(
     surface: Surface,
-    placed: Mapping[str, PlacedRig],
-    view: View,
-    pictures: Pictures,
+    rig: PlacedRig,
+    camera: str,
+    photos: Photos,
     scale: float,
     suns: Mapping[str, np.ndarray],
     options: CamerasOptions,
 ) -> Sightings:
-    """Where the photos of a view show points of the meshes, in pixels of the full photo."""
-    position, camera = view
-    rig = placed[position]
+    """Where the photos of a view, shrunk by a scale, show points of the meshes, in pixels of the full photo."""
     lens = rig.rig.lens(camera).scaled(scale)
     seen = look(surface, rig.sandbox_from(camera), lens)
     window = _window(options)
     points, pixels, whitening = [], [], []
-    for azimuth, path in pictures[view].items():
-        found = find(seen.under(suns[azimuth]), read_shrunk(path, lens), seen.met, window)
+    for azimuth, photo in photos.items():
+        found = find(seen.under(suns[azimuth]), photo, seen.met, window)
         column, row = found.pixel.astype(int).T
         points.append(seen.points[row, column].astype(float))
         pixels.append(found.seen / scale)

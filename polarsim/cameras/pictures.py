@@ -11,6 +11,7 @@ import numpy as np
 from polarsim.cameras.adjust import View
 from polarsim.errors import PolarsimError
 from polarsim.formats import png, tables
+from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.lens import Lens
 from polarsim.photo import SUNS, WHITE_LEVEL, PhotoKey
 from polarsim.progress import track
@@ -21,6 +22,7 @@ _USABLE = (60, WHITE_LEVEL - 200)  # grey values that neither noise nor clipping
 _SPARSE = 8  # every so many rows and columns tell how well a photo is exposed
 _LEAST_USABLE = 0.03  # share of such pixels in a photo that is worth a look
 Pictures = Mapping[View, Mapping[str, Path]]  # by view, then by the azimuth of the Sun lamp
+Photos = Mapping[str, np.ndarray]  # of one view, by that azimuth: (h, w) float32 grey values
 
 
 def best_pictures(terrain: int, photos: Path) -> Pictures:
@@ -50,6 +52,15 @@ def best_pictures(terrain: int, photos: Path) -> Pictures:
     for (view, azimuth), (_, path) in sorted(best.items()):
         pictures.setdefault(view, {})[azimuth] = path
     return pictures
+
+
+def read_all_shrunk(pictures: Pictures, placed: Mapping[str, PlacedRig], scale: float) -> dict[View, Photos]:
+    """The photos of every view, by the azimuth of the Sun lamp, shrunk by a scale."""
+    lenses = {(position, camera): placed[position].rig.lens(camera).scaled(scale) for position, camera in pictures}
+    return {
+        view: {azimuth: read_shrunk(path, lenses[view]) for azimuth, path in shown.items()}
+        for view, shown in pictures.items()
+    }
 
 
 def read_shrunk(path: Path, lens: Lens) -> np.ndarray:

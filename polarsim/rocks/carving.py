@@ -11,7 +11,7 @@ from scipy import ndimage
 from polarsim.rocks.drawn import raised
 from polarsim.rocks.evidence import LOSS_APART, Evidence
 from polarsim.rocks.ground import Sand
-from polarsim.rocks.regions import Limits, Region, measured_region, numbered, surface_points
+from polarsim.rocks.regions import Limits, Region, marked_region, numbered, surface_points
 
 FILLED = 0.65  # least IoU of what is cut out with its box: no second position speaks for it
 BIN_PX = 8  # side of the squares of the photo in which only what is nearest counts as seen
@@ -20,13 +20,11 @@ DEPTH = 0.05  # metres behind the nearest within such a square that still count
 
 @dataclass(frozen=True)
 class _Cut:
-    """A rock that a box shows, and what it leaves of another one."""
+    """Sand and regions with a rock that a box shows."""
 
     fit: float  # IoU of the rock with the box
     sand: Sand
-    part: Region
-    number: int | None  # of the region that it was cut out of; None: it was ground
-    rest: Region | None
+    regions: list[Region]
 
 
 @dataclass(frozen=True)
@@ -70,12 +68,8 @@ def carved(sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evid
                 for number in (None, *range(len(regions)))
             )
             best = max((cut for cut in cuts if cut is not None), key=lambda cut: cut.fit, default=None)
-            if best is None:
-                continue
-            sand = best.sand
-            if best.number is not None and best.rest is not None:
-                regions[best.number] = best.rest
-            regions.append(best.part)
+            if best is not None:
+                sand, regions = best.sand, best.regions
     return sand, numbered(regions)
 
 
@@ -110,12 +104,14 @@ def _cut(
     if fit < FILLED or part.size < limits.size or part.height < limits.confirmed_height:
         return None
     if number is None:
-        return _Cut(fit, below, part, None, None)
+        return _Cut(fit, below, [*regions, part])
     rest = np.setdiff1d(own, part.seen)
     if not len(rest) or not _fits_as_before(evidence, surface_points(sand, own), surface_points(sand, rest)):
         return None
     remaining = _region(below, rest, evidence)
-    return _Cut(fit, below, part, number, remaining) if remaining.size >= limits.size else None
+    if remaining.size < limits.size:
+        return None
+    return _Cut(fit, below, [*regions[:number], remaining, *regions[number + 1 :], part])
 
 
 def _fits_as_before(evidence: Evidence, before: np.ndarray, after: np.ndarray) -> bool:
@@ -150,7 +146,5 @@ def _largest(sand: Sand, cells: np.ndarray) -> np.ndarray:
 
 
 def _region(sand: Sand, cells: np.ndarray, evidence: Evidence) -> Region:
-    mask = _mask(sand, cells)
-    window = ndimage.find_objects(mask.astype(np.int8))[0]
-    region = measured_region(sand, window, mask[window])
+    region = marked_region(sand, _mask(sand, cells))
     return replace(region, confirmed=tuple(evidence.confirming(surface_points(sand, region.seen))))

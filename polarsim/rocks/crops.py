@@ -11,7 +11,7 @@ from scipy import ndimage
 from polarsim.rocks.ground import FOOT_MARGIN, Sand
 from polarsim.rocks.heights import filled
 from polarsim.rocks.overrides import Cuboid, Overrides
-from polarsim.rocks.regions import WALL_CLEARANCE, Region, measured_region
+from polarsim.rocks.regions import WALL_CLEARANCE, Region, marked_region
 from polarsim.rocks.scans import ScanPoints
 from polarsim.rocks.splitting import is_upright
 
@@ -104,8 +104,7 @@ def _cropped(sand: Sand, cuboid: Cuboid, foot: float) -> Region | None:
     mask = _cells_of(sand, cuboid) & (sand.above > foot)
     if not mask.any():
         return None
-    box = ndimage.find_objects(mask.astype(int))[0]
-    return measured_region(sand, box, mask[box])
+    return marked_region(sand, mask)
 
 
 def _around(sand: Sand, region: Region) -> Cuboid:

@@ -13,7 +13,7 @@ from polarsim.geometry.boxes import around, iou
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.heights import filled
-from polarsim.rocks.regions import PEAK_SHARE, Limits, Region, measured_region, numbered, surface_points
+from polarsim.rocks.regions import PEAK_SHARE, Limits, Region, marked_region, numbered, surface_points
 
 FLANK = 3  # cells about a place that may be its flanks and do not tell the ground's height below
 LOWEST = 0.005  # metres that such a rock must rise above the ground about it: ripples and scanner's noise do not
@@ -68,5 +68,4 @@ def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[S
     standing = place & (below.above > foot)
     if not standing.any() or np.quantile(below.above[standing], PEAK_SHARE) < lowest:
         return None
-    window = ndimage.find_objects(standing.astype(np.int8))[0]
-    return below, measured_region(below, window, standing[window])
+    return below, marked_region(below, standing)

@@ -101,6 +101,12 @@ def surface_points(sand: Sand, cells: np.ndarray) -> np.ndarray:
     return np.column_stack([places, sand.surface.ravel()[cells]])
 
 
+def marked_region(sand: Sand, mask: np.ndarray) -> Region:
+    """Measure the region that `mask` (rows, columns) marks on the whole grid; it marks something."""
+    box = ndimage.find_objects(mask.astype(np.int8))[0]
+    return measured_region(sand, box, mask[box])
+
+
 def measured_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Region:
     """Measure the region that `mask` marks in a window of the grid."""
     rows, columns = np.nonzero(mask)

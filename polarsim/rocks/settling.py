@@ -41,27 +41,30 @@ def settling_shifts(scans: Sequence[ScanPoints]) -> np.ndarray | None:
     if len(usable) < 2:
         return None
     parts = [surface_cloud(thinned[number]) for number in usable]
+    trees = [KDTree(part.points) for part in parts]
     moved: np.ndarray = np.zeros((len(usable), 3))
-    unmoved_variance = _equations(parts, moved, LIMITS[0])[2]
+    variances = []
     for limit in LIMITS:
-        normal, right, variance = _equations(parts, moved, limit)
+        normal, right, variance = _equations(parts, trees, moved, limit)
+        variances.append(variance)
         pairs, least_told = np.trace(normal) / 2, np.linalg.eigvalsh(normal)[_FREE]
         if least_told < LEAST_TOLD * pairs or variance > LARGEST_SD**2 * least_told:
             return None
         moved = np.linalg.solve(normal / variance + np.eye(len(normal)) / SHIFT_SD**2, right / variance).reshape(-1, 3)
     shifts = np.zeros((len(scans), 3))
-    if _equations(parts, moved, LIMITS[0])[2] > (1 - EXPLAINED) * unmoved_variance:
+    if _equations(parts, trees, moved, LIMITS[0])[2] > (1 - EXPLAINED) * variances[0]:
         return shifts
     weights = np.array([scans[number].weights.sum() for number in usable])
     shifts[usable] = moved - weights @ moved / weights.sum()
     return np.round(shifts, 7)  # the last bits of a solver never reach a file
 
 
-def _equations(parts: list[Cloud], moved: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray, float]:
+def _equations(
+    parts: list[Cloud], trees: Sequence[KDTree], moved: np.ndarray, limit: float
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Normal matrix (3 s, 3 s) and right side of all shifts, and the variance of a distance, of all ordered pairs."""
     size = 3 * len(parts)
     normal, right, squares, total = np.zeros((size, size)), np.zeros(size), 0.0, 0.0
-    trees = [KDTree(part.points) for part in parts]
     for one, other in permutations(range(len(parts)), 2):
         between = moved[one] - moved[other]
         gap, nearest = trees[other].query(parts[one].points + between, distance_upper_bound=REACH)

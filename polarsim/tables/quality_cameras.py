@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import FormatError, RegistrationError
-from polarsim.formats import obj
+from polarsim.formats import lamps, obj
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.boxes import iou
@@ -21,7 +21,7 @@ from polarsim.tables.gauge import fit_gauge
 from polarsim.tables.match_rule import MatchRule
 from polarsim.tables.quality import Figure, summary, write_quality
 from polarsim.tables.quality_labels import read_drawn
-from polarsim.tables.quality_lamps import LAMPS, lamps_against_truth
+from polarsim.tables.quality_lamps import lamps_against_truth
 from polarsim.tables.score import Labels
 
 MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
@@ -60,8 +60,8 @@ def score_cameras(
     if truth is not None:
         true = read_all_placed(truth / "cameras")
         figures += against_truth(placed, true, true_points(truth, terrain))
-        if set(placed) & set(true) and (truth / LAMPS).exists():  # sandboxes without photos have no lamps
-            figures += lamps_against_truth(cameras, truth, read_gauge(cameras, truth))
+        if set(placed) & set(true) and (truth / lamps.FILE).exists():  # sandboxes without photos have no lamps
+            figures += lamps_against_truth(cameras, truth, _gauge(placed, true))
     if matches is not None and matches.exists():
         figures += against_boxes(matches)
     if drawn is not None:
@@ -238,9 +238,14 @@ def read_gauge(cameras: Path, truth: Path) -> Pose:
     if not true:
         raise FormatError(f"{truth / 'cameras'}: no PosX.json")
     try:
-        return fit_gauge(
-            {position: rig.sandbox_from_left for position, rig in placed.items()},
-            {position: rig.sandbox_from_left for position, rig in true.items()},
-        )
+        return _gauge(placed, true)
     except RegistrationError as error:
         raise RegistrationError(f"{cameras}: {error}") from error
+
+
+def _gauge(placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig]) -> Pose:
+    """`truth_from_sandbox` by the left cameras of all common positions."""
+    return fit_gauge(
+        {position: rig.sandbox_from_left for position, rig in placed.items()},
+        {position: rig.sandbox_from_left for position, rig in true.items()},
+    )

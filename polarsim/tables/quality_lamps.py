@@ -7,13 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats.files import read_json
-from polarsim.formats.lamps import read_suns, surveyed_suns
+from polarsim.formats.lamps import FILE, read_suns, surveyed_suns
 from polarsim.formats.rigs import read_all_placed
 from polarsim.geometry.poses import Pose
 from polarsim.photo import SUNS
 from polarsim.tables.quality import Figure
-
-LAMPS = "lamps.json"
 
 
 def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) -> list[Figure]:
@@ -28,7 +26,7 @@ def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) ->
     truth
         The analog's truth/TerrainTT.
     """
-    placed, true = read_all_placed(cameras), read_json(truth / LAMPS)
+    placed, true = read_all_placed(cameras), read_json(truth / FILE)
     figures, worst = [], {}
     for name, suns in (("surveyed_direction", surveyed_suns(placed)), ("direction", read_suns(cameras, placed))):
         found = [

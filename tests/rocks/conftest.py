@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.rocks.scans import ScanPoints, merged, place_scan, trusted_pixels
 
 TRIPODS = {
@@ -114,3 +116,11 @@ def bare_scans() -> ScanPoints:
 def tripods() -> dict[str, Pose]:
     """Poses of the rectified left cameras."""
     return TRIPODS
+
+
+@pytest.fixture(scope="session")
+def placed(tripods: dict[str, Pose]) -> dict[str, PlacedRig]:
+    """The stated rig where its rectified left cameras are the tripods."""
+    rig = stated_rig()
+    left_from_rectified = rectified_left(rig).left_from_rectified
+    return {name: PlacedRig(rig, pose @ left_from_rectified.inverse(), "truth") for name, pose in tripods.items()}

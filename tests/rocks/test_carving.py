@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.boxes import around
-from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.rocks.carving import carved
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground
@@ -16,13 +14,6 @@ from tests.rocks.conftest import Scene, angular_rock
 LIMITS = Limits(foot=0.006, height=0.015, confirmed_height=0.010, size=0.035)
 SAND = Extent(-1.9, -1.9, 1.9, 1.9)
 LARGE, SMALL = (0.2, -0.1, 0.03), (0.36, -0.1, 0.01)
-
-
-@pytest.fixture(scope="module")
-def placed(tripods):
-    rig = stated_rig()
-    left_from_rectified = rectified_left(rig).left_from_rectified
-    return {name: PlacedRig(rig, pose @ left_from_rectified.inverse(), "truth") for name, pose in tripods.items()}
 
 
 @pytest.fixture(scope="module")

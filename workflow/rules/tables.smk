@@ -1,11 +1,19 @@
 """Stage 7: tables that papers quote, the quality of every stage, and the figures of the report."""
 
 
+rule geometry:
+    """Tables of cameras, alignments, rocks and meshes with their quality: no labels, no twins."""
+    input:
+        of_run("results/{run}/tables/{name}.csv", name=["cameras", "rocks"]),
+        every_figure("residuals_Terrain{terrain}"),
+        every_figure("offsets_Terrain{terrain}") if KIND == "analog" else [],
+
+
 rule tables:
     """Everything of this stage."""
     input:
+        rules.geometry.input,
         of_run("results/{run}/tables/quality.csv"),
-        of_run("results/{run}/tables/{name}.csv", name=["cameras", "rocks"]),
         of_run("results/{run}/tables/{name}.csv", name=["detection", "ipd"])
         if DOMAINS
         else [],
@@ -15,20 +23,10 @@ rule tables:
         every_figure("comparison_Terrain{terrain}_Pos{position}"),
         every_figure("meshes_Terrain{terrain}"),
         every_figure("crops_Terrain{terrain}"),
-        every_figure("residuals_Terrain{terrain}"),
-        every_figure("offsets_Terrain{terrain}") if KIND == "analog" else [],
         of_run(
             "results/{run}/figures/label_errors_Terrain{terrain}.png",
             terrain=filter(can_score_labels, TERRAINS),
         ),
-
-
-rule geometry:
-    """Tables of cameras, alignments, rocks and meshes with their quality: no labels, no twins."""
-    input:
-        of_run("results/{run}/tables/{name}.csv", name=["cameras", "rocks"]),
-        every_figure("residuals_Terrain{terrain}"),
-        every_figure("offsets_Terrain{terrain}") if KIND == "analog" else [],
 
 
 rule score_cameras:
