@@ -249,6 +249,7 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
         overrides=None,
         rocks=folder / "rocks.parquet",
         cuboids=folder / "cuboids.yaml",
+        ids=folder / "ids.yaml",
         clouds=folder / "clouds",
         options=options,
     )

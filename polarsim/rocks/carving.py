@@ -99,7 +99,7 @@ def _cut(
     if standing is None:
         return None
     below, region = standing
-    part = _region(below, _largest(below, region.seen), evidence)
+    part = _region(below, _largest(below, region.seen), evidence, by_shape=False)
     fit = evidence.fit(position, surface_points(sand, part.seen), box[None])
     if fit < FILLED or part.size < limits.size or part.height < limits.confirmed_height:
         return None
@@ -108,7 +108,7 @@ def _cut(
     rest = np.setdiff1d(own, part.seen)
     if not len(rest) or not _fits_as_before(evidence, surface_points(sand, own), surface_points(sand, rest)):
         return None
-    remaining = _region(below, rest, evidence)
+    remaining = _region(below, rest, evidence, by_shape=regions[number].by_shape)
     if remaining.size < limits.size:
         return None
     return _Cut(fit, below, [*regions[:number], remaining, *regions[number + 1 :], part])
@@ -145,6 +145,7 @@ def _largest(sand: Sand, cells: np.ndarray) -> np.ndarray:
     return cells[own == np.bincount(own).argmax()]
 
 
-def _region(sand: Sand, cells: np.ndarray, evidence: Evidence) -> Region:
+def _region(sand: Sand, cells: np.ndarray, evidence: Evidence, *, by_shape: bool) -> Region:
     region = marked_region(sand, _mask(sand, cells))
-    return replace(region, confirmed=tuple(evidence.confirming(surface_points(sand, region.seen))))
+    confirmed = tuple(evidence.confirming(surface_points(sand, region.seen)))
+    return replace(region, confirmed=confirmed, by_shape=by_shape)

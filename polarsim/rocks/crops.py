@@ -1,9 +1,11 @@
-"""Finds and cuboids typed by hand, brought together; which points belong to which rock."""
+"""Finds, cuboids and ids typed by hand, brought together; which points belong to which rock."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 from scipy import ndimage
@@ -19,6 +21,7 @@ log = logging.getLogger("polarsim")
 CUBOID_BELOW = 0.010  # metres that a cuboid reaches below the lowest ground at its rock
 CUBOID_ABOVE = 0.005  # and above the rock's highest point
 LEANING_HEIGHT = 0.03  # metres above the ground from which what reaches the border is no sand
+PLACE_REACH = 0.03  # metres between a find and the place at which it keeps an id
 LOWEST_POINT = 0.001  # metres above ground from which points near a rock are the rock's
 
 
@@ -31,12 +34,14 @@ class Rock:
     source: str
 
 
-def crop_rocks(sand: Sand, regions: list[Region], overrides: Overrides, foot: float) -> tuple[Sand, dict[int, Rock]]:
+def crop_rocks(
+    sand: Sand, regions: Sequence[Region], overrides: Overrides, foot: float
+) -> tuple[Sand, dict[int, Rock]]:
     """Rocks by id after the overrides, and the sand with all that is no rock as ground."""
-    finds = {number: region for number, region in enumerate(regions, 1) if number not in overrides.drop}
+    finds = _keeping_ids(sand, regions, overrides.places)
     for rock in overrides.drop:
-        if rock > len(regions):
-            log.warning("rock %d is to be dropped, but there are %d finds", rock, len(regions))
+        if finds.pop(rock, None) is None:
+            log.warning("rock %d is to be dropped, but no find has this id", rock)
     sand = _without_ground(sand, overrides.cuboids)
     rocks: dict[int, Rock] = {}
     for rock, cuboid in overrides.cuboids.items():
@@ -46,10 +51,7 @@ def crop_rocks(sand: Sand, regions: list[Region], overrides: Overrides, foot: fl
         else:
             rocks[rock] = Rock(region, cuboid, "override")
     finds = {n: r for n, r in finds.items() if not any(_inside(r, c) for c in overrides.cuboids.values())}
-    free = max([*finds, *overrides.cuboids, 0]) + 1
-    for number, region in finds.items():
-        if number in overrides.cuboids:
-            number, free = free, free + 1
+    for number, region in _renumbered(finds, overrides.cuboids).items():
         rocks[number] = Rock(region, _around(sand, region), "scan")
     return _with_rest_as_ground(sand, [rock.region for rock in rocks.values()]), dict(sorted(rocks.items()))
 
@@ -76,6 +78,28 @@ def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints, foot: 
             outside = ((scans.points < found.cuboid.low) | (scans.points > found.cuboid.high)).any(axis=1)
             rock_of_point[outside & (rock_of_point == rock)] = 0
     return rock_of_point
+
+
+def _keeping_ids(sand: Sand, regions: Sequence[Region], places: Mapping[int, np.ndarray]) -> dict[int, Region]:
+    """Regions by id: those at places (2,) have the ids that belong there, all others as `_renumbered` has them."""
+    finds, kept = dict(enumerate(regions, 1)), {}
+    for rock, place in places.items():
+        gaps = {
+            number: np.linalg.norm(sand.grid.places().reshape(-1, 2)[region.footprint] - place, axis=1).min()
+            for number, region in finds.items()
+        }
+        nearest = min(gaps, key=lambda number: (gaps[number], number), default=None)
+        if nearest is None or gaps[nearest] > PLACE_REACH:
+            log.warning("rock %d: there is no find at %.3f, %.3f", rock, *place)
+        else:
+            kept[rock] = finds.pop(nearest)
+    return dict(sorted((kept | _renumbered(finds, places)).items()))
+
+
+def _renumbered(finds: Mapping[int, Region], taken: Collection[int]) -> dict[int, Region]:
+    """Finds by ids of their own: one whose id is taken gets the next free number."""
+    free = count(max([*finds, *taken, 0]) + 1)
+    return {next(free) if number in taken else number: region for number, region in finds.items()}
 
 
 def _inside(region: Region, cuboid: Cuboid) -> bool:

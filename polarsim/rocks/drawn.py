@@ -41,7 +41,7 @@ def with_drawn(sand: Sand, regions: list[Region], limits: Limits, evidence: Evid
             standing = raised(sand, cells[shared], RAISED, LOWEST)
             if standing is not None and standing[1].size >= limits.size:
                 sand = standing[0]
-                found.append(replace(standing[1], confirmed=(one, other)))
+                found.append(replace(standing[1], confirmed=(one, other), by_shape=False))
     return sand, numbered([*regions, *found])
 
 

@@ -28,7 +28,7 @@ from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand, find_ground, sand_extent
 from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids
+from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_places
 from polarsim.rocks.regions import Limits, find_regions
 from polarsim.rocks.scans import Extent, ScanPoints, merged, organised, place_scan, trusted_pixels
 from polarsim.rocks.settling import settling_shifts
@@ -46,10 +46,11 @@ def find_rocks(
     overrides: Path | None,
     rocks: Path,
     cuboids: Path,
+    ids: Path,
     clouds: Path,
     options: RocksOptions,
 ) -> None:
-    """Read a terrain's scans, tell rocks from ground, write the table, the cuboids and the clouds.
+    """Read a terrain's scans, tell rocks from ground, write the table, the cuboids, the ids' places and the clouds.
 
     A position without a scan, or with a scan but no pose, is a warning. A terrain without any scan has no rock and an
     empty ground cloud.
@@ -60,7 +61,7 @@ def find_rocks(
     scans = _read_scans(read_inventory(inventory), placed)
     if not len(scans):
         log.warning("%s: no scan of terrain %02d, so no rock and no ground", inventory, terrain)
-        _write(rocks, cuboids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), {})
+        _write(rocks, cuboids, ids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), {})
         return
     extent = sand_extent(scans)
     scans = scans.select(extent.contains(scans.points))
@@ -84,7 +85,7 @@ def find_rocks(
         rock: surface_cloud(voxel_means(_settled(points[rock], shifts[rock]), options.rock_cell_mm / 1000))
         for rock in found
     }
-    _write(rocks, cuboids, clouds, rows, found, rock_clouds, ground_cloud(sand), placed)
+    _write(rocks, cuboids, ids, clouds, rows, found, rock_clouds, ground_cloud(sand), placed)
 
 
 def ground_cloud(sand: Sand) -> Cloud:
@@ -152,6 +153,7 @@ def _row(rock: int, found: Rock, points: Mapping[str, ScanPoints], shifts: np.nd
 def _write(
     rocks: Path,
     cuboids: Path,
+    ids: Path,
     clouds: Path,
     rows: list[dict[str, object]],
     found: Mapping[int, Rock],
@@ -166,4 +168,5 @@ def _write(
             ply.write(folder / f"rock{rock}.ply", cloud)
         tables.write_csv(folder / "scanners.csv", pd.DataFrame(places, columns=["position", "x", "y", "z"]))
     write_cuboids(cuboids, {rock: one.cuboid for rock, one in found.items()})
+    write_places(ids, {rock: one.region.centre for rock, one in found.items()})
     tables.write_parquet(rocks, table.rock_table(rows))

@@ -1,8 +1,9 @@
-"""The override file: rocks as a person cropped them, and finds to be left out."""
+"""The override file: rocks as a person cropped them, ids that finds keep, and finds to be left out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +23,15 @@ class Cuboid:
 
 @dataclass(frozen=True)
 class Overrides:
-    """Cuboids by rock id, and ids of finds to leave out."""
+    """Cuboids by rock id, places (2,) of finds by the id that they keep, and ids of finds to leave out."""
 
     cuboids: dict[int, Cuboid] = field(default_factory=dict)
+    places: dict[int, np.ndarray] = field(default_factory=dict)
     drop: tuple[int, ...] = ()
 
 
 def read_overrides(path: str | Path) -> Overrides:
-    """Read a list whose entries are `{rock: id, min: [x, y, z], max: [x, y, z]}` or `{drop: [ids]}`; metres.
+    """Read the entries `{rock: id, min: [x, y, z], max: [x, y, z]}`, `{rock: id, at: [x, y]}`, `{drop: [ids]}`; metres.
 
     Raises
     ------
@@ -45,17 +47,23 @@ def read_overrides(path: str | Path) -> Overrides:
     with about(path):
         if entries is not None and not isinstance(entries, list):
             raise FormatError("expected a list of cuboids and drops")
-        cuboids: dict[int, Cuboid] = {}
+        read = Overrides()
         drop: list[int] = []
         for number, entry in enumerate(entries or [], 1):
-            if isinstance(entry, dict) and set(entry) == {"drop"}:
+            keys = set(entry) if isinstance(entry, dict) else set()
+            if keys == {"drop"}:
                 drop += _ids(number, entry["drop"])
+                continue
+            if keys not in ({"rock", "min", "max"}, {"rock", "at"}):
+                raise FormatError(f"entry {number}: expected the keys rock, min, max, or rock, at, or the key drop")
+            rock = _id(number, entry["rock"])
+            if rock in read.cuboids or rock in read.places:
+                raise FormatError(f"entry {number}: rock {rock} is there twice")
+            if "at" in keys:
+                read.places[rock] = _numbers(number, entry, "at", 2)
             else:
-                rock, cuboid = _cuboid(number, entry)
-                if rock in cuboids:
-                    raise FormatError(f"entry {number}: rock {rock} is there twice")
-                cuboids[rock] = cuboid
-        return Overrides(cuboids, tuple(sorted(set(drop))))
+                read.cuboids[rock] = _cuboid(number, entry)
+        return replace(read, drop=tuple(sorted(set(drop))))
 
 
 def _ids(number: int, value: Any) -> list[int]:
@@ -64,24 +72,49 @@ def _ids(number: int, value: Any) -> list[int]:
     return value
 
 
-def _cuboid(number: int, entry: Any) -> tuple[int, Cuboid]:
-    if not isinstance(entry, dict) or set(entry) != {"rock", "min", "max"}:
-        raise FormatError(f"entry {number}: expected the keys rock, min, max, or the key drop")
-    if type(entry["rock"]) is not int or entry["rock"] <= 0:
-        raise FormatError(f"entry {number}: rock is {entry['rock']!r}, expected an id from 1 on")
+def _id(number: int, value: Any) -> int:
+    if type(value) is not int or value <= 0:
+        raise FormatError(f"entry {number}: rock is {value!r}, expected an id from 1 on")
+    return value
+
+
+def _cuboid(number: int, entry: Any) -> Cuboid:
+    low, high = _numbers(number, entry, "min", 3), _numbers(number, entry, "max", 3)
+    if (low >= high).any():
+        raise FormatError(f"entry {number}: min is not below max")
+    return Cuboid(low, high)
+
+
+def _numbers(number: int, entry: Any, key: str, n: int) -> np.ndarray:
+    """(n,) finite numbers under a key of an entry."""
     try:
-        low, high = (np.array(entry[name], float) for name in ("min", "max"))
+        values = np.array(entry[key], float)
     except (TypeError, ValueError) as error:
-        raise FormatError(f"entry {number}: min or max is no list of numbers, {error}") from error
-    if low.shape != (3,) or high.shape != (3,) or not np.isfinite([low, high]).all() or (low >= high).any():
-        raise FormatError(f"entry {number}: min and max must be x, y, z with min below max")
-    return entry["rock"], Cuboid(low, high)
+        raise FormatError(f"entry {number}: {key} is no list of numbers, {error}") from error
+    if values.shape != (n,) or not np.isfinite(values).all():
+        raise FormatError(f"entry {number}: {key} is {entry[key]!r}, expected {', '.join('xyz'[:n])}")
+    return values
 
 
-def write_cuboids(path: str | Path, cuboids: dict[int, Cuboid]) -> None:
+def write_cuboids(path: str | Path, cuboids: Mapping[int, Cuboid]) -> None:
     """Write cuboids in the form of the override file, to the millimetre."""
-    lines = ["# metres, sandbox frame; a copy as config/rocks/terrainTT.yaml keeps these ids and crops\n"]
-    for rock, cuboid in sorted(cuboids.items()):
-        low, high = (", ".join(f"{value:.3f}" for value in corner) for corner in (cuboid.low, cuboid.high))
-        lines.append(f"- {{rock: {rock}, min: [{low}], max: [{high}]}}\n")
-    write_text(path, "".join(lines) if cuboids else lines[0] + "[]\n")
+    entries = [
+        f"{{rock: {rock}, min: {_listed(cuboid.low)}, max: {_listed(cuboid.high)}}}"
+        for rock, cuboid in sorted(cuboids.items())
+    ]
+    _write_entries(path, "these ids and crops", entries)
+
+
+def write_places(path: str | Path, places: Mapping[int, np.ndarray]) -> None:
+    """Write where rocks lie, (2,) metres, in the form of the override file, to the millimetre."""
+    entries = [f"{{rock: {rock}, at: {_listed(place)}}}" for rock, place in sorted(places.items())]
+    _write_entries(path, "these ids and leaves the crops to the pipeline", entries)
+
+
+def _listed(values: np.ndarray) -> str:
+    return f"[{', '.join(f'{value:.3f}' for value in values)}]"
+
+
+def _write_entries(path: str | Path, kept: str, entries: list[str]) -> None:
+    head = f"# metres, sandbox frame; a copy as config/rocks/terrainTT.yaml keeps {kept}\n"
+    write_text(path, head + ("".join(f"- {entry}\n" for entry in entries) or "[]\n"))

@@ -40,6 +40,7 @@ class Region:
     height: float  # above the ground, metres
     volume: float  # above the ground, m^3
     confirmed: tuple[str, ...] = ()  # positions whose seed boxes show it
+    by_shape: bool = True  # whether it would be a rock if nobody had drawn it
 
 
 def find_regions(sand: Sand, limits: Limits, evidence: Evidence) -> list[Region]:
@@ -68,8 +69,9 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence) -> list[Region]
         if region.size < limits.size or region.height < limits.confirmed_height:
             continue
         confirmed = tuple(evidence.confirming(surface_points(sand, region.seen)))
-        if confirmed or (_looks_like_rock(region, limits) and not _at_wall(sand, box)):
-            regions.append(replace(region, confirmed=confirmed))
+        by_shape = _looks_like_rock(region, limits) and not _at_wall(sand, box)
+        if confirmed or by_shape:
+            regions.append(replace(region, confirmed=confirmed, by_shape=by_shape))
     return numbered(regions)
 
 
@@ -87,12 +89,17 @@ def _at_wall(sand: Sand, box: tuple[slice, ...]) -> bool:
 
 
 def numbered(regions: list[Region]) -> list[Region]:
-    """Regions in the order of their ids: along an oblique sweep, the smallest ones after all others.
+    """Regions in the order of their ids: along an oblique sweep, those that easily come and go after all others.
 
     Any order flips somewhere. Rocks lie centimetres apart and are placed to a millimetre, so places rarely tie; sizes
-    do. Rocks near the detection limit come last: when one comes or goes, no other rock's id changes.
+    do. The smallest rocks come and go with noise, those that only boxes tell with a line that a person draws: when one
+    does, no other rock's id changes.
     """
-    return sorted(regions, key=lambda region: (region.size < SMALL_SIZE, float(region.centre @ SWEEP)))
+
+    def fleeting(region: Region) -> bool:
+        return region.size < SMALL_SIZE or not region.by_shape
+
+    return sorted(regions, key=lambda region: (fleeting(region), float(region.centre @ SWEEP)))
 
 
 def surface_points(sand: Sand, cells: np.ndarray) -> np.ndarray:

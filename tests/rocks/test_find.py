@@ -39,6 +39,7 @@ def run(folder, **changed):
         "overrides": None,
         "rocks": folder / "rocks.parquet",
         "cuboids": folder / "cuboids.yaml",
+        "ids": folder / "ids.yaml",
         "clouds": folder / "clouds",
         "options": OPTIONS,
         **changed,
@@ -97,7 +98,7 @@ def test_the_ground_covers_the_sand(worked):
 
 
 def test_a_second_run_writes_the_same_bytes(worked, tmp_path):
-    paths = {"rocks": tmp_path / "rocks.parquet", "cuboids": tmp_path / "cuboids.yaml", "clouds": tmp_path / "clouds"}
+    names = {"rocks": "rocks.parquet", "cuboids": "cuboids.yaml", "ids": "ids.yaml", "clouds": "clouds"}
     find_rocks(
         terrain=1,
         inventory=worked / "inventory.json",
@@ -105,9 +106,9 @@ def test_a_second_run_writes_the_same_bytes(worked, tmp_path):
         seeds=worked / "seeds",
         overrides=None,
         options=OPTIONS,
-        **paths,
+        **{output: tmp_path / name for output, name in names.items()},
     )
-    for name in ("rocks.parquet", "cuboids.yaml", "clouds/rock1.ply", "clouds/ground.ply"):
+    for name in ("rocks.parquet", "cuboids.yaml", "ids.yaml", "clouds/rock1.ply", "clouds/ground.ply"):
         assert (tmp_path / name).read_bytes() == (worked / name).read_bytes(), name
 
 

@@ -127,6 +127,50 @@ def test_a_find_whose_id_is_taken_gets_the_next_free_one(found):
     np.testing.assert_array_equal(rocks[4].region.seen, regions[2].seen)
 
 
+def test_finds_keep_the_ids_of_the_places_where_they_lie(found, caplog):
+    sand, regions = found
+    places = {2: regions[0].centre + 0.01, 9: regions[1].centre, 3: np.array([-1.2, 1.2])}
+    _, rocks = crop_rocks(sand, regions, Overrides(places=places), LIMITS.foot)
+    kept = {rock: [one.region is region for region in regions].index(True) for rock, one in rocks.items()}
+    assert kept == {2: 0, 9: 1, 10: 2}  # id 3 waits for the rock that it belongs to
+    assert all(one.source == "scan" for one in rocks.values())
+    assert "rock 3: there is no find at -1.200, 1.200" in caplog.text
+
+
+@pytest.mark.parametrize("gone", [(), (0,), (1,), (0, 2)])
+def test_ids_of_places_stay_whatever_else_is_found(found, gone):
+    sand, regions = found
+    places = {rock: region.centre for rock, region in enumerate(regions, 1)}
+    left = [region for number, region in enumerate(regions) if number not in gone]
+    _, rocks = crop_rocks(sand, left, Overrides(places=places), LIMITS.foot)
+    assert {rock: id(one.region) for rock, one in rocks.items()} == {
+        rock: id(region) for rock, region in enumerate(regions, 1) if any(region is one for one in left)
+    }
+
+
+def test_a_drop_goes_by_the_ids_that_places_give(found):
+    sand, regions = found
+    overrides = Overrides(places={8: regions[0].centre}, drop=(8,))
+    _, rocks = crop_rocks(sand, regions, overrides, LIMITS.foot)
+    assert sorted(rocks) == [2, 3]
+
+
+def test_a_rock_that_only_a_box_tells_changes_no_other_id(three_rock_scans):
+    sand = find_ground(three_rock_scans.select(SAND.contains(three_rock_scans.points)), SAND, CELL, SLOPE)
+    lowest = min(region.height for region in find_regions(sand, LIMITS, Evidence({}, {}, 0.3)))
+    picky = Limits(foot=0.006, height=lowest + 0.001, confirmed_height=0.010, size=0.035)
+
+    class Drawn(Evidence):
+        def confirming(self, points):
+            return ["A"]
+
+    before, after = (find_regions(sand, picky, evidence({}, {}, 0.3)) for evidence in (Evidence, Drawn))
+    assert len(before) == 2
+    assert len(after) == 3
+    for one, other in zip(before, after[:2], strict=True):
+        np.testing.assert_array_equal(one.seen, other.seen)
+
+
 def test_cloth_that_hangs_into_the_box_becomes_no_ground(bare_scans, rng):
     corner = rng.uniform([-1.9, -1.9], [-1.7, -1.7], (40_000, 2))
     cloth = np.column_stack([corner, 0.15 + 0.03 * rng.normal(size=len(corner))])

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
-from polarsim.rocks.overrides import Cuboid, read_overrides, write_cuboids
+from polarsim.rocks.overrides import Cuboid, read_overrides, write_cuboids, write_places
 
 mm = st.integers(-2000, 2000).map(lambda value: value / 1000)
 
@@ -24,6 +24,15 @@ def test_written_cuboids_are_an_override_file(tmp_path_factory, low, sides, rock
     assert list(back) == [rock]
     np.testing.assert_allclose(back[rock].low, cuboid.low, atol=1e-9)
     np.testing.assert_allclose(back[rock].high, cuboid.high, atol=1e-9)
+
+
+@given(places=st.dictionaries(st.integers(1, 200), st.tuples(mm, mm), max_size=5))
+def test_written_places_are_an_override_file(tmp_path_factory, places):
+    path = tmp_path_factory.mktemp("overrides") / "ids.yaml"
+    write_places(path, {rock: np.array(place) for rock, place in places.items()})
+    back = read_overrides(path)
+    assert back.cuboids == {}
+    assert {rock: tuple(place) for rock, place in back.places.items()} == places
 
 
 def test_drops_and_cuboids_are_read(tmp_path):
@@ -48,9 +57,12 @@ def test_no_cuboids_are_written_as_an_empty_list(tmp_path):
         ("rocks: 3", "expected a list"),
         ("- {rock: 3, min: [0, 0, 0]}", "entry 1: expected the keys"),
         ("- {rock: 0, min: [0, 0, 0], max: [1, 1, 1]}", "expected an id from 1 on"),
-        ("- {rock: 3, min: [0, 0, 2], max: [1, 1, 1]}", "min below max"),
+        ("- {rock: 3, min: [0, 0, 2], max: [1, 1, 1]}", "min is not below max"),
         ("- {rock: 3, min: [0, x, 0], max: [1, 1, 1]}", "no list of numbers"),
-        ("- {rock: 3, min: [0, 0, 0], max: [1, 1, .nan]}", "min below max"),
+        ("- {rock: 3, min: [0, 0, 0], max: [1, 1, .nan]}", "max is .*, expected x, y, z"),
+        ("- {rock: 3, at: [0, 0, 0]}", "at is .*, expected x, y"),
+        ("- {rock: 3, at: [0, 0], max: [1, 1, 1]}", "entry 1: expected the keys"),
+        ("- {rock: 3, at: [0, 0]}\n- {rock: 3, min: [0,0,0], max: [1,1,1]}", "entry 2: rock 3 is there twice"),
         ("- {rock: 3, min: [0,0,0], max: [1,1,1]}\n- {rock: 3, min: [0,0,0], max: [1,1,1]}", "rock 3 is there twice"),
         ("- drop: 7", "expected a list of rock ids"),
         ("- {rock: 3", "no readable YAML"),

@@ -43,6 +43,7 @@ def reconstruct(scene: Scene, folder: Path, noise: float) -> Path:
         overrides=None,
         rocks=folder / "rocks.parquet",
         cuboids=folder / "cuboids.yaml",
+        ids=folder / "ids.yaml",
         clouds=folder / "clouds",
         options=options,
     )

@@ -69,6 +69,7 @@ else:
         output:
             rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
             cuboids="results/{run}/rocks/Terrain{terrain}/cuboids.yaml",
+            ids="results/{run}/rocks/Terrain{terrain}/ids.yaml",
             clouds=directory("results/{run}/rocks/Terrain{terrain}/clouds"),
         log:
             "results/{run}/logs/rocks/find_rocks_{terrain}.log",

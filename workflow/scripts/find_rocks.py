@@ -15,6 +15,7 @@ with reporting(log=snakemake.log[0]):
         overrides=Path(snakemake.input.overrides[0]) if snakemake.input.overrides else None,
         rocks=Path(snakemake.output.rocks),
         cuboids=Path(snakemake.output.cuboids),
+        ids=Path(snakemake.output.ids),
         clouds=Path(snakemake.output.clouds),
         options=RocksOptions(**snakemake.params.options),
     )
