@@ -37,7 +37,8 @@ def closing_points(
         The points span no volume.
     """
     floor = _sunk(_outline(cloud.points), grid, ground)
-    points, normals = _sampled(hull_mesh(np.concatenate([cloud.points, floor])), spacing)
+    hull = hull_points(hull_mesh(np.concatenate([cloud.points, floor])), spacing)
+    points, normals = hull.points, hull.normals
     above = points[:, 2] - grid.sample(ground, points)
     gap, nearest = KDTree(cloud.points).query(points)
     offset = cloud.points[nearest] - points
@@ -85,8 +86,8 @@ def _sunk(places: np.ndarray, grid: FloorGrid, ground: np.ndarray) -> np.ndarray
     return np.column_stack([places, grid.sample(ground, places) - SINK])
 
 
-def _sampled(mesh: Mesh, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) about `spacing` apart on every face, and the faces' unit normals (n, 3)."""
+def hull_points(mesh: Mesh, spacing: float) -> Cloud:
+    """Points about `spacing` apart on every face, with the faces' normals."""
     points, normals = [], []
     for corners in mesh.vertices[mesh.faces]:
         a, b, c = corners
@@ -100,4 +101,4 @@ def _sampled(mesh: Mesh, spacing: float) -> tuple[np.ndarray, np.ndarray]:
         u, v = u[inside, None] / steps, v[inside, None] / steps
         points.append(a + u * (b - a) + v * (c - a))
         normals.append(np.tile(normal / length, (len(u), 1)))
-    return np.concatenate(points), np.concatenate(normals)
+    return Cloud(np.concatenate(points), np.concatenate(normals))

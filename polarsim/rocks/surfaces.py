@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.topology import is_watertight
-from polarsim.rocks.closing import closing_points, hull_mesh
+from polarsim.rocks.closing import closing_points, hull_mesh, hull_points
 from polarsim.rocks.clouds import tangents
 from polarsim.rocks.heights import FloorGrid, upward_normals
 from polarsim.rocks.parting import parted
@@ -99,9 +99,18 @@ def closed_rock(
     closing = closing_points(cloud, grid, ground, bare, scanners, cell)
     seen = densified(cloud)
     whole = Cloud(np.concatenate([seen.points, closing.points]), np.concatenate([seen.normals, closing.normals]))
+    closed = _closed(whole, cell)
+    if closed is not None:
+        return closed
+    log.warning("no closed surface through %d points: their convex hull stands for the rock", len(cloud))
+    hull = hull_mesh(whole.points)
+    return _closed(hull_points(hull, cell), cell) or hull  # as fine as other rocks
+
+
+def _closed(cloud: Cloud, cell: float) -> Mesh | None:
+    """The largest part of the surface through a cloud, where some cell gives one without holes."""
     for share in CELL_SHARES:
-        mesh = largest_island(parted(poisson(whole, share * cell)))
+        mesh = largest_island(parted(poisson(cloud, share * cell)))
         if is_watertight(mesh.faces):
             return mesh
-    log.warning("no closed surface through %d points: their convex hull stands for the rock", len(cloud))
-    return hull_mesh(whole.points)
+    return None

@@ -7,6 +7,7 @@ from polarsim.errors import ReconstructionError
 from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.topology import is_watertight
+from polarsim.rocks import surfaces
 from polarsim.rocks.adopt import volume_above
 from polarsim.rocks.closing import closing_points, hull_mesh
 from polarsim.rocks.heights import FloorGrid
@@ -79,6 +80,22 @@ def test_the_same_cloud_gives_the_same_bytes(ball, seen_ball):
     again = closed_rock(seen_ball, GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.003)
     assert again.vertices.tobytes() == ball.vertices.tobytes()
     assert again.faces.tobytes() == ball.faces.tobytes()
+
+
+def test_where_no_surface_closes_a_hull_as_fine_as_other_rocks_does(ball, seen_ball, monkeypatch, caplog):
+    sound, calls = surfaces.poisson, []
+
+    def torn_at_first(cloud, cell):
+        mesh = sound(cloud, cell)
+        calls.append(cell)
+        return Mesh(mesh.vertices, mesh.faces[5:]) if len(calls) <= len(surfaces.CELL_SHARES) else mesh
+
+    monkeypatch.setattr(surfaces, "poisson", torn_at_first)
+    hull = closed_rock(seen_ball, GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.003)
+    assert "their convex hull stands for the rock" in caplog.text
+    assert is_watertight(hull.faces)
+    assert len(hull.vertices) == pytest.approx(len(ball.vertices), rel=0.3)
+    assert volume(hull) == pytest.approx(volume(ball), rel=0.05)
 
 
 def test_points_on_a_line_are_refused():
