@@ -9,9 +9,11 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.rocks.drawn import raised
-from polarsim.rocks.evidence import LOSS_APART, Evidence
+from polarsim.rocks.evidence import PEN_IOU, Evidence
 from polarsim.rocks.ground import Sand
+from polarsim.rocks.grouping import grouped
 from polarsim.rocks.regions import Limits, Region, marked_region, numbered, surface_points
+from polarsim.rocks.splitting import neighbours
 
 FILLED = 0.65  # least IoU of what is cut out with its box: no second position speaks for it
 BIN_PX = 8  # side of the squares of the photo in which only what is nearest counts as seen
@@ -52,7 +54,8 @@ def carved(sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evid
 
     What a box shows may hang together with another rock, or have a side as gentle as sand. It counts as a rock where
     it fills the box, stands out of the ground about it, and what is left of the other rock fits its own boxes as well
-    as before, at all positions.
+    as before, at all positions. At last regions that touch are joined where boxes say so: what one position's box cuts
+    out may be a piece of a rock that other positions show whole.
     """
     regions = list(regions)
     for position, boxes in evidence.unexplained(_surfaces(sand, regions)).items():
@@ -70,7 +73,25 @@ def carved(sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evid
             best = max((cut for cut in cuts if cut is not None), key=lambda cut: cut.fit, default=None)
             if best is not None:
                 sand, regions = best.sand, best.regions
-    return sand, numbered(regions)
+    return sand, numbered(_joined(sand, regions, evidence))
+
+
+def _joined(sand: Sand, regions: list[Region], evidence: Evidence) -> list[Region]:
+    """Regions after those that touch were joined where that makes them fit the boxes better."""
+    numbers = np.zeros(sand.surface.shape, np.int64)
+    for number, region in enumerate(regions, 1):
+        numbers.ravel()[region.seen] = number
+    reached = ndimage.grey_dilation(numbers, size=(3, 3))
+    touching = [(one - 1, other - 1) for one, other in neighbours(np.where(numbers > 0, numbers, reached))]
+    boxes = evidence.boxes(_surfaces(sand, regions))
+    rock = grouped(np.arange(len(regions)), touching, boxes, evidence.agreed, evidence.min_iou)
+    groups = [[regions[number] for number in np.flatnonzero(rock == one)] for one in np.unique(rock)]
+    return [group[0] if len(group) == 1 else _union(sand, group, evidence) for group in groups]
+
+
+def _union(sand: Sand, regions: Sequence[Region], evidence: Evidence) -> Region:
+    cells = np.concatenate([region.seen for region in regions])
+    return _region(sand, cells, evidence, by_shape=any(region.by_shape for region in regions))
 
 
 def _view(sand: Sand, evidence: Evidence, position: str) -> _View:
@@ -122,7 +143,7 @@ def _fits_as_before(evidence: Evidence, before: np.ndarray, after: np.ndarray) -
         if fit < evidence.min_iou:
             continue
         drawn_somewhere = True
-        if evidence.fit(position, after, drawn) < fit - LOSS_APART:
+        if evidence.fit(position, after, drawn) < fit - PEN_IOU:
             return False
     return drawn_somewhere
 

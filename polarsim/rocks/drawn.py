@@ -16,6 +16,7 @@ from polarsim.rocks.heights import filled
 from polarsim.rocks.regions import PEAK_SHARE, Limits, Region, marked_region, numbered, surface_points
 
 FLANK = 3  # cells about a place that may be its flanks and do not tell the ground's height below
+ABOUT = 0.15  # metres about a place within which ground tells the ground's height below
 LOWEST = 0.005  # metres that such a rock must rise above the ground about it: ripples and scanner's noise do not
 RAISED = 0.001  # metres above the ground from which a cell is the rock's
 
@@ -61,11 +62,25 @@ def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[S
 
     That is what lies higher than `foot` metres, if its highest part is `lowest` metres high; else None.
     """
+    if not len(cells):
+        return None
     place = np.zeros(sand.surface.shape, bool)
     place.ravel()[cells] = True
-    is_ground = sand.is_ground & ~ndimage.binary_dilation(place, iterations=FLANK)
-    below = replace(sand, is_ground=is_ground, ground=filled(np.nan_to_num(sand.surface), is_ground))
+    redrawn = ndimage.binary_dilation(place, iterations=FLANK)
+    is_ground = sand.is_ground & ~redrawn
+    window = _grown(ndimage.find_objects(redrawn.astype(np.int8))[0], round(ABOUT / sand.grid.cell))
+    if not is_ground[window].any():
+        return None
+    ground = sand.ground.copy()
+    drawn = filled(np.nan_to_num(sand.surface[window]), is_ground[window])
+    ground[window] = np.where(redrawn[window], drawn, ground[window])
+    below = replace(sand, is_ground=is_ground, ground=ground)
     standing = place & (below.above > foot)
     if not standing.any() or np.quantile(below.above[standing], PEAK_SHARE) < lowest:
         return None
     return below, marked_region(below, standing)
+
+
+def _grown(window: tuple[slice, ...], margin: int) -> tuple[slice, ...]:
+    """A window of the grid with a margin; beyond the grid it ends at the border."""
+    return tuple(slice(max(0, part.start - margin), part.stop + margin) for part in window)

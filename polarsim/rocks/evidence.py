@@ -1,4 +1,4 @@
-"""Seed boxes as evidence: which positions' labels show a rock, whether they show two, which boxes no rock explains."""
+"""Seed boxes as evidence: which positions' labels show a rock, how well it fits them, which boxes no rock explains."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.boxes import around, iou
 from polarsim.geometry.consensus import consensus_boxes
 
-LOSS_APART = 0.05  # of IoU a position, by which two boxes may fit two parts worse than one box fits both
+PEN_IOU = 0.05  # of IoU a position: smaller differences between two explanations of a box are the pen's
 
 
 @dataclass(frozen=True)
@@ -40,19 +40,14 @@ class Evidence:
                 found.append(position)
         return found
 
-    def apart(self, first: np.ndarray, second: np.ndarray) -> bool:
-        """Whether two boxes explain two sets of points (n, 3) about as well as one box explains both."""
-        gain = []
-        for position, drawn in self.agreed.items():
-            boxes = [self._box(position, points) for points in (first, second, np.concatenate([first, second]))]
-            if any(box is None for box in boxes):
-                continue
-            one, other, both = iou(np.array(boxes), drawn)
-            pairs = (one[:, None] + other) / 2
-            fit = (one[:, None] >= self.min_iou) & (other >= self.min_iou) & ~np.eye(len(drawn), dtype=bool)
-            if both.max() >= self.min_iou or fit.any():
-                gain.append(pairs[fit].max(initial=0) - both.max())
-        return bool(gain) and float(np.mean(gain)) > -LOSS_APART
+    def boxes(self, parts: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
+        """(p, 4) around parts, given by points (n, 3), in every photo with agreed boxes; NaN where it shows none."""
+        nothing = np.full(4, np.nan)
+        found = {position: [self._box(position, points) for points in parts] for position in self.agreed}
+        return {
+            position: np.array([nothing if box is None else box for box in boxes]).reshape(-1, 4)
+            for position, boxes in found.items()
+        }
 
     def fit(self, position: str, points: np.ndarray, boxes: np.ndarray) -> float:
         """Largest IoU of the box around points (n, 3) with boxes (m, 4) of a position; 0 where no point is seen."""

@@ -9,8 +9,9 @@ from scipy import ndimage
 
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand
+from polarsim.rocks.grouping import grouped
 from polarsim.rocks.heights import hull_mask
-from polarsim.rocks.splitting import is_upright, slivers_joined, told_apart
+from polarsim.rocks.splitting import is_upright, neighbours, slivers_joined, told_apart
 
 PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
 WALL_CLEARANCE = 0.05  # metres from the sand's border within which only confirmed finds are rocks
@@ -47,7 +48,8 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence) -> list[Region]
     """Every rock of a sand box, in the order of their ids.
 
     A region is what stands higher than the foot height and somewhere higher than the rock height, and is shaped like a
-    rock; where seed boxes confirm it a lower height is enough, and any shape.
+    rock; where seed boxes confirm it a lower height is enough, and any shape. Touching rocks are told apart by shape,
+    and by boxes where these say otherwise.
     """
     above = np.where(sand.is_ground, 0.0, sand.above)
     standing = ndimage.binary_opening((above > limits.foot) & (sand.standing > limits.foot), np.ones((2, 2), bool))
@@ -57,9 +59,11 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence) -> list[Region]
     def points_of(mask: np.ndarray) -> np.ndarray:
         return surface_points(sand, np.flatnonzero(mask & seen))
 
-    labels = told_apart(
-        above, labels, seen, limits.height, lambda one, other: evidence.apart(points_of(one), points_of(other))
-    )
+    pieces = told_apart(above, labels, seen, limits.height)
+    boxes = evidence.boxes([points_of(pieces.numbers == number) for number in range(1, len(pieces.rock) + 1)])
+    touching = [(one - 1, other - 1) for one, other in neighbours(pieces.numbers)]
+    rock = grouped(pieces.rock, touching, boxes, evidence.agreed, evidence.min_iou)
+    labels = np.concatenate([[0], rock])[pieces.numbers] * seen
     labels = slivers_joined(above, labels, sand.grid.cell, lambda mask: bool(evidence.confirming(points_of(mask))))
     regions: list[Region] = []
     for number, box in enumerate(ndimage.find_objects(labels), 1):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
@@ -10,18 +11,24 @@ from scipy import ndimage
 from polarsim.rocks.heights import filled, hull_mask
 
 SADDLE_SHARE = 0.92  # two peaks may be two rocks where the pass between is lower than this share of the lower peak
+PIECE_SHARE = 0.98  # ... and two pieces, of one rock or of two, where it is lower than this one
 SPLIT_SMOOTHING = 1.2  # cells: chips and noise make no peaks
 ABSORBED_SHARE = 0.5  # of a region's cells in the hull of a larger one that make it a part of that one
 UPRIGHT_HEIGHT = 0.03  # metres: lower things may be pebbles
 SLIVER_REACH = 0.12  # metres from a sliver to the rock that it belongs to
-Apart = Callable[[np.ndarray, np.ndarray], bool]  # two masks (rows, columns): whether people drew them as two rocks
 SOLIDITY = 0.93  # share of its plan's hull that one rock fills; two discs that touch fill 0.88
 
 
-def told_apart(
-    above: np.ndarray, labels: np.ndarray, seen: np.ndarray, lowest_peak: float, drawn_apart: Apart
-) -> np.ndarray:
-    """(rows, columns) regions, each of one rock, numbered from 1; 0 outside and where nothing was seen.
+@dataclass(frozen=True)
+class Pieces:
+    """What stands out of the ground, cut at every pass, and which pieces are one rock by shape."""
+
+    numbers: np.ndarray  # (rows, columns) from 1; 0 outside; cells that a rock hides from the scanners are its own
+    rock: np.ndarray  # (n,) number from 1 of each piece's rock
+
+
+def told_apart(above: np.ndarray, labels: np.ndarray, seen: np.ndarray, lowest_peak: float) -> Pieces:
+    """Cut regions into pieces, and say which pieces make a rock.
 
     Parameters
     ----------
@@ -32,14 +39,15 @@ def told_apart(
     seen : (rows, columns) bool
         Cells with a measured surface.
     lowest_peak : float
-        Peaks below this height, metres, are no rocks of their own.
-    drawn_apart : Apart
-        Has the last word on two parts that together look like one rock.
+        Peaks below this height, metres, are no pieces of their own.
     """
     labels = _absorbed(labels)
     bridged, labels = _bridged(np.where(seen, above, filled(above, seen)), labels, seen)
-    parts = split_peaks(bridged, labels, lowest_peak)
-    return _convex_joined(parts, drawn_apart) * seen
+    rocks = _convex_joined(split_peaks(bridged, labels, lowest_peak, SADDLE_SHARE))
+    numbers = split_peaks(bridged, labels, lowest_peak, PIECE_SHARE)
+    windows = enumerate(ndimage.find_objects(numbers), 1)
+    rock = [np.bincount(rocks[window][numbers[window] == number]).argmax() for number, window in windows]
+    return Pieces(numbers, np.array(rock, np.int64))
 
 
 def _absorbed(labels: np.ndarray) -> np.ndarray:
@@ -67,22 +75,17 @@ def _bridged(above: np.ndarray, labels: np.ndarray, seen: np.ndarray) -> tuple[n
     return np.where(labels > 0, above, 0.0), labels
 
 
-def _convex_joined(parts: np.ndarray, drawn_apart: Apart) -> np.ndarray:
+def _convex_joined(parts: np.ndarray) -> np.ndarray:
     """Parts that together fill their hull made one, those that fill it best first."""
     parts = parts.copy()
-
-    def worth(pair: tuple[int, int]) -> float:
-        solidity = _solidity(parts, pair)
-        return 0.0 if solidity >= SOLIDITY and drawn_apart(parts == pair[0], parts == pair[1]) else solidity
-
-    pairs = {pair: worth(pair) for pair in _neighbours(parts)}
+    pairs = {pair: _solidity(parts, pair) for pair in neighbours(parts)}
     while pairs and max(pairs.values()) >= SOLIDITY:
         one, other = min(pairs, key=lambda pair: (-pairs[pair], pair))
         parts[parts == other] = one
         touched = {pair for pair in pairs if {one, other} & set(pair)}
         pairs = {pair: value for pair, value in pairs.items() if pair not in touched}
         numbers = {one if number == other else number for pair in touched for number in pair} - {one}
-        pairs |= {pair: worth(pair) for n in numbers for pair in [(min(one, n), max(one, n))]}
+        pairs |= {pair: _solidity(parts, pair) for n in numbers for pair in [(min(one, n), max(one, n))]}
     return parts
 
 
@@ -131,7 +134,7 @@ def is_upright(height: float, width: float) -> bool:
     return height > max(UPRIGHT_HEIGHT, width)
 
 
-def _neighbours(parts: np.ndarray) -> set[tuple[int, int]]:
+def neighbours(parts: np.ndarray) -> set[tuple[int, int]]:
     """Pairs of parts (lower number first) with cells side by side."""
     sides = [(parts[:, :-1], parts[:, 1:]), (parts[:-1], parts[1:])]
     pairs = np.concatenate(
@@ -140,7 +143,7 @@ def _neighbours(parts: np.ndarray) -> set[tuple[int, int]]:
     return {(int(low), int(high)) for low, high in np.unique(np.sort(pairs, axis=1), axis=0)}
 
 
-def split_peaks(above: np.ndarray, labels: np.ndarray, lowest_peak: float) -> np.ndarray:
+def split_peaks(above: np.ndarray, labels: np.ndarray, lowest_peak: float, saddle_share: float) -> np.ndarray:
     """Regions cut where they have several peaks with a low pass between.
 
     Cells are visited from the highest down; a cell joins the peaks that it touches. Where it touches two, it is the
@@ -154,7 +157,9 @@ def split_peaks(above: np.ndarray, labels: np.ndarray, lowest_peak: float) -> np
     labels : (rows, columns) int
         Connected regions, 0 outside.
     lowest_peak : float
-        Peaks below this height, metres, are no rocks of their own.
+        Peaks below this height, metres, are not told apart.
+    saddle_share : float
+        Two peaks are told apart where the pass between is lower than this share of the lower one.
     """
     smooth = np.pad(
         ndimage.gaussian_filter(above, SPLIT_SMOOTHING), 1
@@ -176,7 +181,7 @@ def split_peaks(above: np.ndarray, labels: np.ndarray, lowest_peak: float) -> np
             continue
         owner[cell] = touched[0]
         for peak in touched[1:]:
-            if heights[peak] < lowest_peak or heights[cell] > SADDLE_SHARE * heights[peak]:
+            if heights[peak] < lowest_peak or heights[cell] > saddle_share * heights[peak]:
                 parent[peak] = touched[0]
     result = np.zeros(smooth.size, np.int64)
     roots = [_root(parent, owner[cell]) for cell in cells.tolist()]

@@ -7,7 +7,7 @@ from polarsim.geometry.boxes import around
 from polarsim.rocks.carving import carved
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground
-from polarsim.rocks.regions import Limits, find_regions
+from polarsim.rocks.regions import Limits, find_regions, marked_region, surface_points
 from polarsim.rocks.scans import Extent
 from tests.rocks.conftest import Scene, angular_rock
 
@@ -67,6 +67,21 @@ def test_a_box_that_leaves_the_other_rock_its_boxes_unfilled_cuts_nothing(sand, 
     joint = around(placed["C"].project("L", whole))
     alone = found(sand, placed, C=[joint])
     assert sizes(found(sand, placed, A=[box(placed, "A", rocks[1])], C=[joint])) == sizes(alone)
+
+
+def test_regions_that_touch_are_joined_where_boxes_show_one_rock(sand, placed):
+    [rock] = find_regions(sand, LIMITS, Evidence({}, {}, 0.3))
+    places = sand.grid.places().reshape(-1, 2)[rock.seen]
+    halves = []
+    for half in (places[:, 0] < rock.centre[0], places[:, 0] >= rock.centre[0]):
+        mask = np.zeros(sand.surface.shape, bool)
+        mask.ravel()[rock.seen[half]] = True
+        halves.append(marked_region(sand, mask))
+    drawn = around(placed["A"].project("L", surface_points(sand, rock.seen)))
+    [joined] = carved(sand, halves, LIMITS, Evidence(placed, {"A": [drawn[None]]}, 0.3))[1]
+    np.testing.assert_array_equal(joined.seen, np.sort(rock.seen))
+    assert joined.confirmed == ("A",)
+    assert len(carved(sand, halves, LIMITS, Evidence({}, {}, 0.3))[1]) == 2
 
 
 def test_a_box_on_bare_sand_finds_nothing(sand, placed):

@@ -35,14 +35,12 @@ def test_a_box_around_a_rock_confirms_it(placed):
     assert found.confirming(rock) == ["A"]  # C drew something else, and nobody knows where B stands
 
 
-def test_two_boxes_part_what_one_box_joins(placed):
-    first, second = ball(0.2, 0.0), ball(0.2, 0.11)
-    both = np.concatenate([first, second])
-    two = [box(placed, "A", first), box(placed, "A", second)]
-    assert evidence(placed, A=two).apart(first, second)
-    assert not evidence(placed, A=[box(placed, "A", both)]).apart(first, second)
-    assert not evidence(placed, A=two[:1]).apart(first, second)  # the other one may be anything
-    assert not evidence(placed).apart(first, second)
+def test_parts_have_a_box_in_every_photo_that_was_drawn_in(placed):
+    shown, behind = ball(0.2, 0.0), ball(20.0, 0.0)  # the latter behind tripod A
+    boxes = evidence(placed, A=[[0, 0, 9, 9]], B=[]).boxes([shown, behind])
+    assert list(boxes) == ["A"]
+    np.testing.assert_allclose(boxes["A"][0], around(placed["A"].project("L", shown)))
+    assert np.isnan(boxes["A"][1]).all()
 
 
 def test_boxes_that_no_rock_fills_are_unexplained(placed):

@@ -10,15 +10,16 @@ def dome(x, y, radius, height):
     return height * np.sqrt(np.clip(1 - ((X - x) ** 2 + (Y - y) ** 2) / radius**2, 0, 1))
 
 
-def nobody(one, other):
-    return False
+def pieces_of(above, seen=None):
+    seen = np.ones_like(above, bool) if seen is None else seen
+    labels, _ = ndimage.label((above > 0.006) & seen)
+    return told_apart(above, labels, seen, 0.015), labels
 
 
-def count(above, drawn_apart=nobody):
-    labels, _ = ndimage.label(above > 0.006)
-    apart = told_apart(above, labels, np.ones_like(labels, bool), 0.015, drawn_apart)
-    assert ((apart > 0) == (labels > 0)).all()
-    return len(np.unique(apart)) - 1
+def count(above):
+    pieces, labels = pieces_of(above)
+    assert ((pieces.numbers > 0) == (labels > 0)).all()
+    return len(np.unique(pieces.rock))
 
 
 def test_two_touching_domes_are_two_rocks():
@@ -30,14 +31,14 @@ def test_a_dome_with_a_notch_in_its_top_is_one_rock():
     assert count(dome(60, 40, 30, 0.12) * (1 - 0.5 * notch)) == 1
 
 
-def test_what_people_drew_as_two_rocks_stays_two_though_it_looks_like_one():
-    above = np.maximum(dome(50, 40, 20, 0.10), dome(70, 40, 20, 0.10))
-    assert count(above) == 1
-    assert count(above, lambda one, other: True) == 2
+def test_two_peaks_that_look_like_one_rock_are_two_pieces_of_it():
+    pieces, _ = pieces_of(np.maximum(dome(50, 40, 20, 0.10), dome(70, 40, 20, 0.10)))
+    assert pieces.rock.tolist() == [pieces.rock[0]] * 2
+    assert pieces.numbers[40, 45] != pieces.numbers[40, 75]
 
 
-def test_people_do_not_cut_a_rock_of_one_peak():
-    assert count(dome(60, 40, 30, 0.12), lambda one, other: True) == 1
+def test_a_rock_of_one_peak_is_one_piece():
+    assert len(pieces_of(dome(60, 40, 30, 0.12))[0].rock) == 1
 
 
 def test_rocks_apart_stay_apart():
@@ -48,10 +49,9 @@ def test_a_hidden_strip_does_not_cut_a_rock_in_two():
     above = dome(60, 40, 30, 0.12)
     seen = np.ones_like(above, bool)
     seen[:55, 55:65] = False
-    labels, _ = ndimage.label((above > 0.006) & seen)
-    apart = told_apart(above, labels, seen, 0.015, nobody)
-    assert len(np.unique(apart[seen])) == 2  # one rock, and what is none
-    assert not apart[~seen].any()
+    pieces, _ = pieces_of(above, seen)
+    assert len(pieces.rock) == 1
+    assert (pieces.numbers[:55, 55:65] > 0).any()  # what the strip hides is the rock's
 
 
 def sliver_beside(distance_cells, drawn=False):

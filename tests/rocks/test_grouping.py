@@ -1,0 +1,97 @@
+"""Pieces in a row, 10 px wide each, seen by one photo or two."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.rocks.grouping import MOST_PIECES, grouped
+
+
+def span(first, last, top=0.0):
+    """The box around pieces of the row."""
+    return [10.0 * first, top, 10.0 * last + 10, top + 12]
+
+
+def row(n):
+    return np.array([span(k, k) for k in range(n)])
+
+
+def groups(rock, *drawn, boxes=None, touching=None):
+    """Sets of pieces after the boxes of each photo were looked at."""
+    n = len(rock)
+    boxes = [row(n)] * len(drawn) if boxes is None else boxes
+    touching = [(k, k + 1) for k in range(n - 1)] if touching is None else touching
+    names = "ABC"[: len(drawn)]
+    found = grouped(
+        np.array(rock),
+        touching,
+        dict(zip(names, boxes, strict=True)),
+        {name: np.array(one, float).reshape(-1, 4) for name, one in zip(names, drawn, strict=True)},
+        0.3,
+    )
+    return {frozenset(np.flatnonzero(found == number).tolist()) for number in found}
+
+
+def test_without_boxes_shape_decides():
+    assert groups([1, 1, 2]) == {frozenset({0, 1}), frozenset({2})}
+
+
+def test_a_rock_that_was_drawn_as_two_is_two():
+    assert groups([1, 1, 1], [span(0, 1), span(2, 2)]) == {frozenset({0, 1}), frozenset({2})}
+
+
+def test_two_rocks_that_were_drawn_as_one_are_one():
+    assert groups([1, 2], [span(0, 1)]) == {frozenset({0, 1})}
+
+
+def test_a_box_on_a_part_of_a_rock_cuts_nothing_off():
+    assert groups([1, 1, 1], [span(0, 1)]) == {frozenset({0, 1, 2})}  # what is left, nobody drew
+
+
+def test_a_piece_goes_to_the_rock_whose_box_holds_it():
+    assert groups([1, 1, 2, 2, 2], [span(0, 2), span(3, 4)]) == {frozenset({0, 1, 2}), frozenset({3, 4})}
+
+
+def test_a_second_photo_can_tell_what_the_first_cannot():
+    behind = np.array([span(0, 0), span(0, 0)])  # one hides the other
+    one_box, two_boxes = [span(0, 0)], [span(0, 0), span(1, 1)]
+    assert groups([1, 1], one_box, two_boxes, boxes=[behind, row(2)]) == {frozenset({0}), frozenset({1})}
+
+
+def test_an_undrawn_piece_beside_a_drawn_rock_is_its_own_where_the_box_fits_no_worse():
+    assert groups([1, 2], [span(0, 0)]) == {frozenset({0}), frozenset({1})}
+    in_front = np.array([span(0, 0), [2.0, 4, 8, 10]])
+    assert groups([1, 2], [span(0, 0)], boxes=[in_front]) == {frozenset({0, 1})}
+
+
+def test_rocks_that_do_not_touch_are_never_joined():
+    assert groups([1, 2], [span(0, 1)], touching=[]) == {frozenset({0}), frozenset({1})}
+
+
+def test_pieces_that_no_photo_shows_stay_with_their_rock():
+    hidden = np.vstack([row(2), np.full((1, 4), np.nan)])
+    assert groups([1, 1, 1], [span(0, 0), span(1, 1)], boxes=[hidden], touching=[(0, 1), (1, 2)]) == {
+        frozenset({0}),
+        frozenset({1, 2}),
+    }
+
+
+@pytest.mark.parametrize("n", [MOST_PIECES, MOST_PIECES + 3])
+def test_rocks_of_many_pieces_are_cut_too(n):
+    assert groups([1] * n, [span(0, n - 2), span(n - 1, n - 1)]) == {frozenset(range(n - 1)), frozenset({n - 1})}
+
+
+@given(rock=st.lists(st.integers(1, 3), min_size=2, max_size=6), cut=st.integers(1, 5), data=st.data())
+def test_the_order_of_pieces_does_not_matter(rock, cut, data):
+    n = len(rock)
+    drawn = [span(0, min(cut, n - 1) - 1), span(min(cut, n - 1), n - 1)]
+    order = np.array(data.draw(st.permutations(range(n))))
+    place = np.argsort(order)
+    shuffled = groups(
+        np.array(rock)[order],
+        drawn,
+        boxes=[row(n)[order]],
+        touching=[(int(place[k]), int(place[k + 1])) for k in range(n - 1)],
+    )
+    assert {frozenset(order[list(group)].tolist()) for group in shuffled} == groups(rock, drawn)
