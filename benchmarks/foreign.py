@@ -1,9 +1,14 @@
-"""Scans that the analog did not make, and what becomes of them: `python benchmarks/foreign.py FOLDER [seed] [meshes]`.
+"""Scans that the analog did not make, and what becomes of them.
+
+`python benchmarks/foreign.py FOLDER [seed] [meshes] [--without-boxes]`
 
 Another sandbox, another scanner: real scanned rocks (OBJ files of the published release, turned and scaled; lumpy
 ellipsoids where there are none) on waves, craters and ripples, in a box of thick boards that loose cloth hangs over
 differently in every scan. Ranges have noise that grows with range and incidence, stripes along rows and columns, mixed
 pixels by the width of the beam, gross outliers, and nothing from grazing surfaces. Files are in NASA's form, full size.
+
+In every Left photo somebody drew the rocks, as far as they are seen, each edge 2.5 px off (one standard deviation), and
+none that is smaller than 12 px; `--without-boxes` leaves this out.
 
 Nothing here is shared with the analog; poses, lenses and file formats are the library's.
 
@@ -16,6 +21,7 @@ and 0.39 mm; every rock closed, copies within 1.9 mm.
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from itertools import pairwise
@@ -28,12 +34,14 @@ from scipy import ndimage
 
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import CamerasOptions
-from polarsim.formats import nasa, obj, tables
+from polarsim.formats import nasa, obj, tables, yolo
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.obj import Mesh
-from polarsim.formats.rigs import PlacedRig, write_placed, write_rig
+from polarsim.formats.rigs import PlacedRig, read_placed, write_placed, write_rig
+from polarsim.geometry.boxes import area, around, clip
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.photo import PhotoKey
 from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
@@ -47,6 +55,7 @@ TRIPODS = {"A": ((3.55, -0.35, 1.55), 179, 25), "B": ((6.1, -0.45, 1.55), 178, 2
 HALF, STEP = 2.0, 0.005  # metres: inner half width of the box, cell of the ground
 BOARD, RIM, FLOOR = 0.076, 0.30, -0.6  # metres: thickness and top of the walls, level of the hall
 LARGEST, SMALLEST = 0.34, 0.05  # metres: longest sides of rocks
+PEN_PX, SMALLEST_PX = 2.5, 12.0  # noise of an edge that a person draws, and the least side of a box, sqrt(area)
 BEAM_PX = 0.7  # half the width of the scanner's beam
 
 
@@ -151,11 +160,7 @@ def _grid_faces(rows: int, columns: int) -> np.ndarray:
 
 def swept(solids: list[Mesh], sandbox_from_eye: Pose, directions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(h, w, 3) float32 points in the eye's frame along directions (h, w, 3); NaN where nothing came back."""
-    scene = o3d.t.geometry.RaycastingScene()
-    for solid in solids:
-        scene.add_triangles(
-            o3d.core.Tensor(solid.vertices.astype(np.float32)), o3d.core.Tensor(solid.faces.astype(np.uint32))
-        )
+    scene = _scene(solids)
     rays = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     distance, cosine = _hits(scene, sandbox_from_eye, rays)
     pixel = np.abs(np.diff(rays[:, :, 0], axis=1)).mean()
@@ -174,6 +179,15 @@ def swept(solids: list[Mesh], sandbox_from_eye: Pose, directions: np.ndarray, rn
     lost = rng.random(distance.shape) < 0.003 + 0.95 * np.clip((0.12 - cosine) / 0.12, 0, 1) ** 1.5
     measured[lost] = np.nan
     return (measured[..., None] * rays).astype(np.float32)
+
+
+def _scene(solids: list[Mesh]) -> o3d.t.geometry.RaycastingScene:
+    scene = o3d.t.geometry.RaycastingScene()
+    for solid in solids:
+        scene.add_triangles(
+            o3d.core.Tensor(solid.vertices.astype(np.float32)), o3d.core.Tensor(solid.faces.astype(np.uint32))
+        )
+    return scene
 
 
 def _hits(scene: o3d.t.geometry.RaycastingScene, pose: Pose, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -223,6 +237,33 @@ def _write_truth(truth: Path, ground: Mesh, rocks: list[Mesh], axis: np.ndarray,
     tables.write_parquet(truth / "rocks.parquet", pd.DataFrame(rows, columns=columns))
     name = obj.ground_name(TERRAIN)
     obj.write(truth / "meshes" / name, ground, Path(name).stem)
+
+
+def draw(folder: Path, seed: int) -> None:
+    """Write one file of rock boxes a position as people draw them, from the truth in a folder."""
+    rng = np.random.default_rng([seed, 1])
+    rocks = [obj.read(path) for path in obj.rock_files(folder / "truth/meshes").values()]
+    scene = _scene([obj.read(folder / "truth/meshes" / obj.ground_name(TERRAIN)), *rocks])
+    for position in TRIPODS:
+        placed = read_placed(folder / f"truth/cameras/Pos{position}.json")
+        lens, boxes = placed.rig.left, []
+        for rock in rocks:
+            pixels = placed.project("L", rock.vertices)
+            inside = ((pixels > 0) & (pixels < [lens.width, lens.height])).all(axis=1)
+            seen = pixels[inside & _in_sight(scene, placed.sandbox_from_left.translation, rock.vertices)]
+            if len(seen):
+                box = clip(around(seen)[None] + rng.normal(0, PEN_PX, 4))[0]
+                if np.sqrt(area(box)) >= SMALLEST_PX:
+                    boxes.append(np.round(box))
+        key = PhotoKey(TERRAIN, position, "off", "30", "L", 256)
+        yolo.write_boxes(folder / f"seeds/{key}.txt", np.zeros(len(boxes), int), np.array(boxes))
+
+
+def _in_sight(scene: o3d.t.geometry.RaycastingScene, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(n,) whether nothing stands between an eye and points (n, 3)."""
+    away = points - eye
+    rays = np.concatenate([np.broadcast_to(eye, away.shape), away], axis=1).astype(np.float32)
+    return np.asarray(scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy() > 0.999)
 
 
 def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict[str, float]:
@@ -277,10 +318,14 @@ def scored(folder: Path) -> pd.DataFrame:
 
 
 def main() -> None:
-    folder, seed = Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1
-    meshes = Path(sys.argv[3]) if len(sys.argv) > 3 else None
+    given = [argument for argument in sys.argv[1:] if argument != "--without-boxes"]
+    folder, seed = Path(given[0]), int(given[1]) if len(given) > 1 else 1
+    meshes = Path(given[2]) if len(given) > 2 else None
     if not (folder / "truth").exists():
         make(folder, seed, meshes)
+    shutil.rmtree(folder / "seeds", ignore_errors=True)
+    if "--without-boxes" not in sys.argv:
+        draw(folder, seed)
     print("CPU seconds:", {name: round(value, 1) for name, value in reconstruct(folder).items()})
     print(scored(folder)[["stage", "subject", "figure", "value", "unit", "n"]].to_string(index=False))
 
