@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from json import dumps
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from polarsim.errors import PolarsimError
 from polarsim.reporting import reporting
 
 app = typer.Typer(
@@ -43,25 +45,74 @@ def main() -> None:
         app()
 
 
+class Form(StrEnum):
+    """Forms of the linter's report."""
+
+    text = "text"
+    json = "json"
+    sarif = "sarif"
+
+
 @app.command()
 def validate(
     root: Annotated[
-        Path, typer.Argument(help="Folder in the published release's layout (Labels/, TerrainMeshes/ ...).")
+        Path,
+        typer.Argument(
+            help="Folder in the published release's layout (Labels/, SegmentationLabels/, TerrainMeshes/), or one with "
+            "images/ and labels/ as YOLO trainers have it."
+        ),
     ],
+    select: Annotated[
+        str, typer.Option(help="Only these rules: names, codes or their beginnings, severities; comma between them.")
+    ] = "",
+    ignore: Annotated[str, typer.Option(help="Not these rules, named in the same way.")] = "",
+    form: Annotated[Form, typer.Option("--format", help="What is printed.")] = Form.text,
     json: JsonFile = None,
+    fix: Annotated[
+        Path | None,
+        typer.Option(help="Write a repaired copy to this new folder, with changes.csv; ROOT stays as it is."),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that share the terrains.")] = 2,
 ) -> None:
-    """Check a release: stray and broken files, boxes, polygons, meshes. Exit code 1 if there are errors."""
-    from polarsim.acquire.validate import validate_release
-    from polarsim.formats.files import write_json
+    """Look for defects in labels: names, boxes, polygons, siblings, geometry, light.
 
-    report = validate_release(root)
+    Exit code 0: nothing but notes; 1: errors or warnings, or a folder that cannot be read; 2: a call that cannot be.
+    """
+    from polarsim.formats.files import write_json
+    from polarsim.lint.rules import chosen
+    from polarsim.lint.run import lint
+
+    try:
+        names = chosen(_listed(select), _listed(ignore))
+    except PolarsimError as error:
+        raise typer.BadParameter(str(error)) from error
+    report = lint(root, names, workers=workers, fix=fix)
     if json:
-        write_json(json, report)
-    for finding in report["findings"]:
-        typer.echo(": ".join(finding[part] for part in ("severity", "file", "defect", "detail") if finding[part]))
-    typer.echo(f"{report['errors']} errors, {report['warnings']} warnings")
-    if report["errors"]:
+        write_json(json, report.as_json())
+    told = {
+        Form.text: report.as_text,
+        Form.json: lambda: _dumped(report.as_json()),
+        Form.sarif: lambda: _dumped(report.as_sarif()),
+    }
+    typer.echo(told[form]())
+    if report.count("error", "warning"):
         raise typer.Exit(1)
+
+
+@app.command()
+def rules() -> None:
+    """Print the rules of `validate`: code, severity, name, meaning, and what --fix does."""
+    from polarsim.lint.run import rule_lines
+
+    typer.echo("\n".join(rule_lines()))
+
+
+def _listed(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",") if part.strip()]
+
+
+def _dumped(content: dict[str, Any]) -> str:
+    return dumps(content, indent=1, ensure_ascii=False)
 
 
 @app.command()

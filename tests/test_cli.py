@@ -70,7 +70,19 @@ def test_a_release_with_a_malformed_line_is_refused_by_validate(tmp_path):
     done = polarsim("validate", tmp_path, "--json", tmp_path / "report.json")
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
+    assert "Labels/Terrain01/01_A_off_30_L_0256.txt:1: F110 malformed" in done.stdout
     assert json.loads((tmp_path / "report.json").read_text())["findings"]
+    sarif = json.loads(polarsim("validate", tmp_path, "--format", "sarif").stdout)
+    (result,) = sarif["runs"][0]["results"]
+    assert result["ruleId"] == "F110"
+    assert result["locations"][0]["physicalLocation"]["region"] == {"startLine": 1}
+    assert polarsim("validate", tmp_path, "--ignore", "F1").returncode == 0
+    assert polarsim("validate", tmp_path, "--select", "X9").returncode == 2
+    assert polarsim("validate", tmp_path, "--fix", tmp_path / "inside").returncode == 1
+
+
+def test_rules_are_listed_with_code_and_severity():
+    assert "V501  error    other_view" in polarsim("rules").stdout
 
 
 @pytest.mark.parametrize("arguments", [["show", "01_A"], ["masks", "nowhere", "out"], ["report", "nowhere"]])

@@ -13,22 +13,22 @@ from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
 _SIZE = np.array([WIDTH, HEIGHT], float)
 
 
-def read_boxes(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
-    """Class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels.
+def read_boxes(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> tuple[np.ndarray, np.ndarray]:
+    """Class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels of a photo of a size (width, height).
 
     Raises
     ------
     FormatError
         A line that is no box of class 0 or 1 inside the photo: file, line number and reason.
     """
-    classes, boxes = [], []
+    classes, boxes, photo = [], [], np.array(size, float)
     for number, fields in _lines(path):
         if len(fields) != 5:
             raise FormatError(f"{path}:{number}: {len(fields)} fields, a YOLO box has 5: class x y width height")
         values = _numbers(path, number, fields)
         classes.append(_class(path, number, fields[0], BOX_CLASSES))
-        centre, extent = values[1:3] * _SIZE, values[3:5] * _SIZE
-        if (extent <= 0).any() or (extent > _SIZE + 1).any() or (np.abs(centre / _SIZE - 0.5) > 0.5 + 1e-3).any():
+        centre, extent = values[1:3] * photo, values[3:5] * photo
+        if (extent <= 0).any() or (extent > photo + 1).any() or (np.abs(centre / photo - 0.5) > 0.5 + 1e-3).any():
             raise FormatError(f"{path}:{number}: box outside the photo or without area")
         boxes.append(np.concatenate([centre - extent / 2, centre + extent / 2]))
     return np.array(classes, int), np.array(boxes, float).reshape(-1, 4)

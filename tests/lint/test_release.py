@@ -2,11 +2,12 @@ import json
 
 import pytest
 
-from polarsim.acquire.defects import SEVERITY
-from polarsim.acquire.validate import validate_release
 from polarsim.errors import FormatError
+from polarsim.lint.release import lint_release
+from polarsim.lint.rules import RULES
 
 BOX = "0 0.500000 0.500000 0.100000 0.100000\n"
+GROUND_AND_ROCK = "1 0 0 1 0 1 1 0 1\n2 0.45 0.45 0.55 0.45 0.55 0.55 0.45 0.55\n"
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 LABELS, POLYGONS, MESHES = "Labels/Terrain11", "SegmentationLabels/terrain11/labels", "TerrainMeshes/Terrain11"
 
@@ -25,17 +26,17 @@ def sound(root):
         {
             f"{LABELS}/11_A_off_30_L_0256.txt": BOX,
             f"{LABELS}/classes.txt": "rock\nshadow\n",
-            f"{POLYGONS}/11_A_off_30_L_0256.txt": "2 0.1 0.1 0.2 0.1 0.2 0.2\n",
+            f"{POLYGONS}/11_A_off_30_L_0256.txt": GROUND_AND_ROCK,
             f"{MESHES}/terrain11_rock1.obj": TRIANGLE,
         },
     )
 
 
-def test_a_sound_folder_has_no_finding(tmp_path):
-    report = validate_release(sound(tmp_path))
-    assert (report["findings"], report["errors"], report["warnings"]) == ([], 0, 0)
-    assert report["terrains"] == {
-        "11": {
+def test_a_sound_folder_has_only_a_note_on_what_nobody_drew(tmp_path):
+    report = lint_release(sound(tmp_path))
+    assert [finding.defect for finding in report.findings] == ["no_shadow_polygon"]
+    assert report.contents == {
+        "Terrain11": {
             "label_files": 1, "rock_boxes": 1, "shadow_boxes": 0, "polygon_files": 1,
             "meshes": 1, "ground_meshes": 0, "cover_photos": 0,
         }
@@ -54,9 +55,13 @@ def test_a_sound_folder_has_no_finding(tmp_path):
         (f"{LABELS}/.DS_Store", "", "system_file"),
         (f"{LABELS}/11_A_off_30_L_1028.txt", BOX, "impossible_exposure"),
         (f"{LABELS}/01_A_off_30_L_0256.txt", BOX, "wrong_folder"),
-        (f"{POLYGONS}/01_A_off_30_L_0256.txt", "2 0.1 0.1 0.2 0.1 0.2 0.2\n", "wrong_folder"),
+        (f"{POLYGONS}/01_A_off_30_L_0256.txt", GROUND_AND_ROCK, "wrong_folder"),
         (f"{POLYGONS}/11_A_off_30_L_0512.txt", "4 0.1 0.1 0.2 0.1 0.2 0.2\n", "malformed"),
-        (f"{POLYGONS}/11_A_off_30_L_0512.txt", "2 0.1 0.1 0.2 0.2 0.2 0.1 0.1 0.15\n", "invalid_ring"),
+        (
+            f"{POLYGONS}/11_A_off_30_L_0512.txt",
+            GROUND_AND_ROCK + "3 0.1 0.1 0.2 0.2 0.2 0.1 0.1 0.15\n",
+            "invalid_ring",
+        ),
         (f"{MESHES}/terrain11_rock2.obj", "v 0 0 0\nf 1 2 3\n", "unreadable_mesh"),
         (f"{MESHES}/terrain11_ground.obj", "", "unreadable_mesh"),
         (f"{MESHES}/terrain11_rock1 copy.obj", TRIANGLE, "stray_name"),
@@ -64,18 +69,32 @@ def test_a_sound_folder_has_no_finding(tmp_path):
     ],
 )
 def test_a_defect_is_found_with_its_file_and_severity(tmp_path, name, content, defect):
-    report = validate_release(make(sound(tmp_path), {name: content}))
-    (finding,) = report["findings"]
-    assert (finding["defect"], finding["file"], finding["severity"]) == (defect, name, SEVERITY[defect])
-    assert report["counts"] == {defect: {"11": 1}}
-    assert report["errors"] == (SEVERITY[defect] == "error")
-    assert "\n" not in finding["detail"]
-    json.dumps(report, allow_nan=False)
+    report = lint_release(make(sound(tmp_path), {name: content}))
+    (finding,) = [finding for finding in report.findings if finding.severity != "note"]
+    assert (finding.defect, finding.file) == (defect, name)
+    assert finding.code == RULES[defect].code
+    assert "\n" not in finding.detail
+    assert report.count("error") == (RULES[defect].severity == "error")
+    json.dumps(report.as_json(), allow_nan=False)
 
 
-def test_what_cannot_be_read_is_an_error_and_what_can_be_left_out_a_warning():
-    errors = {defect for defect, severity in SEVERITY.items() if severity == "error"}
-    assert errors == {"malformed", "unreadable_mesh", "unreadable_picture", "out_of_photo"}
+def test_a_defect_names_its_line(tmp_path):
+    files = {
+        f"{LABELS}/11_A_off_30_L_0512.txt": f"{BOX}\n{BOX}",  # the blank line counts as a line
+        f"{LABELS}/11_A_off_30_L_1024.txt": BOX + "0 0.5 0.5 0.1\n",
+    }
+    report = lint_release(make(sound(tmp_path), files))
+    lines = {finding.defect: finding.line for finding in report.findings}
+    assert lines["duplicate"] == 3
+    assert lines["malformed"] == 2
+
+
+def test_what_cannot_be_read_or_shows_something_else_is_an_error():
+    errors = {name for name, rule in RULES.items() if rule.severity == "error"}
+    assert errors == {
+        "malformed", "unreadable_mesh", "unreadable_picture", "out_of_photo", "swapped_class", "other_azimuth",
+        "other_view", "ground_as_rock", "other_camera_polygons",
+    }  # fmt: skip
 
 
 def test_a_copy_is_compared_with_its_regular_file(tmp_path):
@@ -83,7 +102,8 @@ def test_a_copy_is_compared_with_its_regular_file(tmp_path):
         sound(tmp_path),
         {f"{LABELS}/11_A_off_30_L_0256 copy.txt": BOX, f"{LABELS}/11_A_off_30_L_0256good.txt": BOX * 2},
     )
-    details = {finding["file"].split("/")[-1]: finding["detail"] for finding in validate_release(root)["findings"]}
+    found = [finding for finding in lint_release(root).findings if finding.defect == "stray_name"]
+    details = {finding.file.split("/")[-1]: finding.detail for finding in found}
     assert details == {
         "11_A_off_30_L_0256 copy.txt": "the same bytes as 11_A_off_30_L_0256.txt",
         "11_A_off_30_L_0256good.txt": "other content than 11_A_off_30_L_0256.txt",
@@ -93,20 +113,24 @@ def test_a_copy_is_compared_with_its_regular_file(tmp_path):
 def test_a_folder_without_terrains_is_one_line_with_what_was_looked_for(tmp_path):
     for root in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(FormatError, match="no terrain, looked for Labels/TerrainNN"):
-            validate_release(root)
+            lint_release(root)
 
 
 @pytest.mark.release
 @pytest.mark.slow
 def test_the_published_folders_have_the_defects_that_were_counted_before(release_root):
-    report = validate_release(release_root)
+    report = lint_release(release_root, workers=2)
     terrains = ("01", "03", "04", "08", "11")
     counted = {
-        defect: [report["counts"].get(defect, {}).get(terrain, 0) for terrain in terrains] for defect in SEVERITY
+        name: [
+            sum(one.defect == name and f"errain{terrain}/" in one.file for one in report.findings)
+            for terrain in terrains
+        ]
+        for name in RULES
     }
     # Shared facts on the labels, 4.1, files of terrains 01, 03, 04, 08, 11.
     assert {name: counts for name, counts in counted.items() if name in EXPECTED} == EXPECTED
-    assert report["errors"] == 0
+    assert report.count("error") == 3  # polygons of the other camera
 
 
 EXPECTED = {
@@ -128,4 +152,17 @@ EXPECTED = {
     "shadow_extra": [0, 0, 0, 0, 1],
     "shadow_moved": [1, 0, 3, 0, 0],
     "shadows_off_late": [0, 0, 7, 1, 3],
+    "few_shadows": [5, 0, 10, 3, 2],
+    "many_shadows": [0, 0, 0, 0, 0],
+    "missing_right": [0, 0, 6, 0, 0],
+    "copied_azimuth": [2, 0, 5, 0, 0],
+    "swapped_class": [0, 0, 0, 0, 0],
+    "light_rocks_differ": [1, 2, 0, 2, 0],
+    "light_rock_moved": [12, 2, 10, 0, 0],
+    "light_shadows_differ": [1, 3, 1, 1, 3],
+    "light_shadow_moved": [10, 1, 8, 0, 1],
+    "other_azimuth": [0, 0, 0, 0, 0],
+    "other_view": [0, 0, 0, 0, 0],
+    "off_epipolar": [0, 0, 0, 0, 0],
+    "other_camera_polygons": [0, 0, 0, 0, 3],
 }

@@ -1,0 +1,84 @@
+"""What the other exposures of a photo set show: only the exposure changes, so labels should not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+
+from polarsim.geometry.boxes import iou, match_sum
+from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
+from polarsim.lint.rules import Defect
+from polarsim.photo import BOX_CLASSES, PhotoKey, exposures
+
+FOUND, UNMOVED = 0.1, 0.9  # IoU of a box with its like in another exposure, and of one that did not move
+
+
+def set_defects(files: Mapping[PhotoKey, Boxes]) -> Iterator[tuple[PhotoKey, Defect]]:
+    """Defects of the files of one photo set, against what most of them hold."""
+    filled = {key: boxes for key, boxes in files.items() if len(boxes[0])}
+    if filled:
+        for key in sorted(set(files) - set(filled)):
+            yield key, Defect("empty_file", f"{len(filled)} other exposures have boxes")
+    for number in (ROCK_CLASS, SHADOW_CLASS):
+        yield from _against_modal(of_class(files, number), BOX_CLASSES[number])
+    seen: PhotoKey | None = None
+    for key in sorted(files, key=lambda key: key.exposure_ms):
+        shadows = int((files[key][0] == SHADOW_CLASS).sum())
+        if seen and not shadows:
+            yield key, Defect("shadows_off_late", f"no shadow, but some at {seen.exposure_ms} ms")
+        elif shadows and not seen:
+            seen = key
+
+
+def missing_exposures(there: set[PhotoKey]) -> list[PhotoKey]:
+    """Photos that one Sun's nearly complete photo set has no file of; a set of which most is missing is no defect."""
+    key = next(iter(there))
+    whole = {key.with_exposure(exposure) for exposure in exposures(key.terrain, key.azimuth)}
+    missing = whole - there
+    return sorted(missing) if key.azimuth != "no" and len(missing) < len(whole) / 2 else []
+
+
+def photo_sets(keys: Iterable[PhotoKey]) -> list[list[PhotoKey]]:
+    """Keys by photo set, both in order."""
+    sets: dict[tuple[object, ...], list[PhotoKey]] = {}
+    for key in sorted(keys):
+        sets.setdefault(key.photo_set, []).append(key)
+    return list(sets.values())
+
+
+def of_class(files: Mapping[PhotoKey, Boxes], number: int) -> dict[PhotoKey, np.ndarray]:
+    """(n, 4) boxes of a class in files with boxes; short exposures hide all shadows, so files without are left out."""
+    boxes = {key: places[classes == number] for key, (classes, places) in files.items() if len(classes)}
+    return {key: found for key, found in boxes.items() if len(found) or number == ROCK_CLASS}
+
+
+def modal(boxes: Mapping[PhotoKey, np.ndarray]) -> np.ndarray:
+    """(n, 4) the content that most files share; of equally frequent ones that with fewest boxes, then the shortest."""
+    if not boxes:
+        return np.zeros((0, 4))
+    contents = [tuple(sorted(map(tuple, np.round(boxes[key], 1).tolist()))) for key in sorted(boxes)]
+    times = Counter(contents)
+    return np.array(max(times, key=lambda content: (times[content], -len(content)))).reshape(-1, 4)
+
+
+def _against_modal(boxes: Mapping[PhotoKey, np.ndarray], kind: str) -> Iterator[tuple[PhotoKey, Defect]]:
+    """Boxes of one class that are missing, additional or elsewhere than in most exposures."""
+    common = modal(boxes)
+    for key, here in boxes.items():
+        for change, count in changes(common, here).items():
+            if count:
+                yield key, Defect(f"{kind}_{change}", f"{count} of {len(common)}")
+
+
+def changes(before: np.ndarray, after: np.ndarray) -> dict[str, int]:
+    """How many of the boxes `before` (n, 4) are missing or moved in `after` (m, 4), and how many there are new."""
+    overlap = iou(before, after)
+    rows, columns = match_sum(overlap)
+    found = overlap[rows, columns][overlap[rows, columns] > FOUND]
+    return {
+        "missing": len(before) - len(found),
+        "extra": len(after) - len(found),
+        "moved": int((found < UNMOVED).sum()),
+    }

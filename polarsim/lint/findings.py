@@ -1,0 +1,153 @@
+"""Findings of the linter: gathered by file, counted, told as text, JSON or SARIF."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from polarsim import __version__
+from polarsim.errors import PolarsimError
+from polarsim.lint.rules import RULES, Defect, Severity
+from polarsim.photo import PhotoKey
+
+Content = TypeVar("Content")
+SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+
+
+@dataclass(frozen=True, order=True)
+class Finding:
+    """One defect of one file, below the root."""
+
+    file: str
+    line: int  # the first line that has it, from 1; 0 where it is the file's
+    defect: str
+    detail: str = ""
+    rows: tuple[int, ...] = field(default=(), compare=False, repr=False)  # all boxes or polygons that have it, from 0
+
+    @property
+    def code(self) -> str:
+        return RULES[self.defect].code
+
+    @property
+    def severity(self) -> Severity:
+        return RULES[self.defect].severity
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}" if self.line else self.file
+        detail = f": {self.detail}" if self.detail else ""
+        return f"{place}: {self.code} {self.defect}{detail}"
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that a tree of labels holds and lacks."""
+
+    findings: list[Finding]
+    contents: dict[str, dict[str, int]]  # part of the tree, such as a terrain -> what it holds -> how many
+
+    def chosen(self, names: Collection[str]) -> Report:
+        """Only findings of some rules."""
+        return replace(self, findings=[finding for finding in self.findings if finding.defect in names])
+
+    def count(self, *severities: Severity) -> int:
+        return sum(finding.severity in severities for finding in self.findings)
+
+    def as_json(self) -> dict[str, Any]:
+        """`contents`, `findings` with code, severity, file, line, message and repair, and how many of each severity."""
+        return {
+            "contents": self.contents,
+            "findings": [
+                {
+                    "code": one.code,
+                    "severity": one.severity,
+                    "defect": one.defect,
+                    "file": one.file,
+                    "line": one.line,
+                    "meaning": RULES[one.defect].meaning,
+                    "detail": one.detail,
+                    "repair": RULES[one.defect].repair,
+                }
+                for one in self.findings
+            ],
+            "counts": dict(sorted(Counter(finding.defect for finding in self.findings).items())),
+            "errors": self.count("error"),
+            "warnings": self.count("warning"),
+            "notes": self.count("note"),
+        }
+
+    def as_text(self) -> str:
+        """One line a finding, and one with how many there are."""
+        counts = f"{self.count('error')} errors, {self.count('warning')} warnings, {self.count('note')} notes"
+        return "\n".join([*(f"{one.severity}: {one}" for one in self.findings), counts])
+
+    def as_sarif(self) -> dict[str, Any]:
+        """The findings in the Static Analysis Results Interchange Format 2.1.0, which code hosts show beside files."""
+        rules = [
+            {
+                "id": rule.code,
+                "name": name,
+                "shortDescription": {"text": rule.meaning},
+                "defaultConfiguration": {"level": rule.severity},
+            }
+            for name, rule in sorted(RULES.items(), key=lambda item: item[1].code)
+        ]
+        driver = {"name": "polarsim validate", "version": __version__, "rules": rules}
+        results = [_sarif_result(finding) for finding in self.findings]
+        return {"$schema": SARIF_SCHEMA, "version": "2.1.0", "runs": [{"tool": {"driver": driver}, "results": results}]}
+
+
+def _sarif_result(finding: Finding) -> dict[str, Any]:
+    location: dict[str, Any] = {"artifactLocation": {"uri": finding.file}}
+    if finding.line:
+        location["region"] = {"startLine": finding.line}
+    meaning = RULES[finding.defect].meaning
+    return {
+        "ruleId": finding.code,
+        "level": finding.severity,
+        "message": {"text": f"{meaning}: {finding.detail}" if finding.detail else meaning},
+        "locations": [{"physicalLocation": location}],
+    }
+
+
+@dataclass
+class Findings:
+    """Gathers findings of files below a root."""
+
+    root: Path
+    gathered: list[Finding] = field(default_factory=list)
+
+    def add(self, path: Path, defect: Defect) -> None:
+        line = _line(path, defect.rows[0]) if defect.rows else 0
+        file = path.relative_to(self.root).as_posix()
+        self.gathered.append(Finding(file, line, defect.name, defect.detail, defect.rows))
+
+    def read(self, path: Path, reader: Callable[[Path], Content], name: str) -> Content | None:
+        """What a file holds, or a finding and None."""
+        try:
+            return reader(path)
+        except (PolarsimError, OSError) as error:
+            place, _, reason = str(error).removeprefix(f"{path}:").partition(": ")
+            line = int(place) if place.isdigit() else 0
+            detail = reason if line else str(error).removeprefix(str(path)).lstrip(": ")
+            self.gathered.append(Finding(path.relative_to(self.root).as_posix(), line, name, detail))
+            return None
+
+    def read_all(self, files: Mapping[PhotoKey, Path], reader: Callable[[Path], Content]) -> dict[PhotoKey, Content]:
+        """Contents of the files that can be read, one object for files of the same bytes; the others are findings."""
+        contents: dict[PhotoKey, Content] = {}
+        known: dict[bytes, Content] = {}
+        for key, path in files.items():
+            raw = path.read_bytes()
+            content = known[raw] if raw in known else self.read(path, reader, "malformed")
+            if content is not None:
+                contents[key] = known[raw] = content
+        return contents
+
+
+def _line(path: Path, row: int) -> int:
+    """Line from 1 of a row from 0; blank lines are no rows."""
+    filled = [number for number, line in enumerate(path.read_text(encoding="ascii").splitlines(), 1) if line.strip()]
+    return filled[row]

@@ -1,0 +1,136 @@
+"""What one file of polygons shows, by itself and beside the boxes of the same photo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from polarsim.geometry.boxes import around, iou, match
+from polarsim.lint.boxes import NEAR, OUTSIDE_PX, ROCK_CLASS, SHADOW_CLASS, Boxes
+from polarsim.lint.rules import Defect
+from polarsim.photo import HEIGHT, POLYGON_CLASSES, ROCK, SHADOW, WIDTH, PhotoKey
+
+Polygons = list[tuple[int, np.ndarray]]  # class number, vertices (n, 2) in pixels
+
+TINY_PX2, THIN_PX = 9.0, 2.0  # area and extent of a polygon
+HUGE_PX2 = 300_000.0  # no rock and no shadow is so large
+COVERED = 0.98  # of the photo that polygons must cover
+COVER_STEP = 4  # pixels between the places at which the cover is looked at
+LEAST_ROCKS = 3  # fewer tell no camera
+BETTER_F1 = 0.1  # by which another camera's boxes must fit better
+ALONE, ON_IT = 0.1, 0.5  # IoU of a box and a polygon that have nothing and that have a place in common
+
+BACKGROUND, GROUND, ROCK_POLYGON, SHADOW_POLYGON = (
+    POLYGON_CLASSES.index(name) for name in ("background", "ground", ROCK, SHADOW)
+)
+
+
+def ring_defects(polygons: Polygons) -> Iterator[Defect]:
+    """Defects of single polygons, each at most once, with all that have it."""
+    import shapely
+
+    found: dict[str, list[int]] = {}
+    for number, (kind, vertices) in enumerate(polygons):
+        ring = shapely.Polygon(vertices)
+        extent = np.ptp(vertices, axis=0)
+        outside = (vertices < -OUTSIDE_PX).any() or (vertices > np.array([WIDTH, HEIGHT]) + OUTSIDE_PX).any()
+        for name, holds in (
+            ("invalid_ring", not ring.is_valid),
+            ("tiny_polygon", ring.area < TINY_PX2),
+            ("thin_polygon", extent.min() < THIN_PX),
+            ("triangle", len(vertices) == 3),
+            ("out_of_photo", outside),
+            ("giant_shadow", kind == SHADOW_POLYGON and ring.area > HUGE_PX2),
+        ):
+            if holds:
+                found.setdefault(name, []).append(number)
+    for name, numbers in found.items():
+        first = POLYGON_CLASSES[polygons[numbers[0]][0]]
+        yield Defect(name, f"{len(numbers)} polygons, first polygon {numbers[0] + 1}: {first}", tuple(numbers))
+
+
+def file_defects(polygons: Polygons) -> Iterator[Defect]:
+    """Defects of a file as a whole; none of an empty one."""
+    if not polygons:
+        return
+    kinds = np.array([kind for kind, _ in polygons])
+    if GROUND not in kinds:
+        yield Defect("no_ground")
+        huge = tuple(
+            number
+            for number, (kind, vertices) in enumerate(polygons)
+            if kind == ROCK_POLYGON and _area(vertices) > HUGE_PX2
+        )
+        if huge:
+            yield Defect("ground_as_rock", f"polygon {huge[0] + 1}", huge)
+    if ROCK_POLYGON in kinds and SHADOW_POLYGON not in kinds:
+        yield Defect("no_shadow_polygon")
+    if not covers_photo(polygons):
+        yield Defect("cover_holes")
+    objects = np.flatnonzero(np.isin(kinds, (ROCK_POLYGON, SHADOW_POLYGON)))
+    late = np.flatnonzero(np.isin(kinds, (BACKGROUND, GROUND)))
+    late = late[late > objects[0]] if len(objects) else late[:0]
+    if len(late):
+        kind = POLYGON_CLASSES[kinds[late[0]]]
+        yield Defect("paint_order", f"polygon {late[0] + 1}: {kind}", tuple(late.tolist()))
+    overlap = iou(boxes_of(polygons, ROCK_POLYGON), boxes_of(polygons, SHADOW_POLYGON))
+    if (overlap > NEAR).any():
+        yield Defect("polygons_on_one_place", f"{(overlap > NEAR).sum()} pairs")
+
+
+def against_boxes(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:
+    """Objects that only one of the two files of a photo has."""
+    classes, places = labels
+    rocks, shadows = boxes_of(polygons, ROCK_POLYGON), boxes_of(polygons, SHADOW_POLYGON)
+    rock_boxes, shadow_boxes = places[classes == ROCK_CLASS], places[classes == SHADOW_CLASS]
+    for name, one, other in (
+        ("rock_box_alone", rock_boxes, rocks),
+        ("shadow_box_alone", shadow_boxes, shadows),
+        ("rock_polygon_alone", rocks, rock_boxes),
+        ("shadow_polygon_alone", shadows if len(shadow_boxes) else shadows[:0], shadow_boxes),
+    ):
+        alone = int((iou(one, other).max(axis=1, initial=0.0) < ALONE).sum())
+        if alone:
+            yield Defect(name, f"{alone} of {len(one)}")
+    on_rock = iou(shadow_boxes, rocks).max(axis=1, initial=0.0) >= ON_IT
+    mixed = int((on_rock & (iou(shadow_boxes, shadows).max(axis=1, initial=0.0) < ALONE)).sum())
+    if mixed:
+        yield Defect("class_mismatch", f"{mixed} boxes")
+
+
+def other_camera(polygons: Polygons, key: PhotoKey, labels: Mapping[PhotoKey, Boxes]) -> Iterator[Defect]:
+    """Rocks of a file that fit the boxes of the other camera's photo better than those of its own."""
+    rocks = boxes_of(polygons, ROCK_POLYGON)
+    own, twin = (labels.get(replace(key, camera=camera)) for camera in (key.camera, "R" if key.camera == "L" else "L"))
+    if own is None or twin is None or len(rocks) < LEAST_ROCKS:
+        return
+    mine, other = (_f1(rocks, boxes[classes == ROCK_CLASS]) for classes, boxes in (own, twin))
+    if other >= mine + BETTER_F1:
+        yield Defect("other_camera_polygons", f"F1 {other:.2f} with the other camera's boxes, {mine:.2f} with its own")
+
+
+def _f1(first: np.ndarray, second: np.ndarray) -> float:
+    pairs = len(match(iou(first, second), ON_IT)[0])
+    return 2 * pairs / max(1, len(first) + len(second))
+
+
+def boxes_of(polygons: Polygons, kind: int) -> np.ndarray:
+    """(n, 4) boxes around the polygons of a class."""
+    return np.array([around(vertices) for number, vertices in polygons if number == kind]).reshape(-1, 4)
+
+
+def covers_photo(polygons: Polygons) -> bool:
+    """Whether nearly every place of the photo lies in some polygon."""
+    import cv2
+
+    painted = np.zeros((HEIGHT // COVER_STEP, WIDTH // COVER_STEP), np.uint8)
+    for _, vertices in polygons:  # one by one: together, overlaps would count as holes
+        cv2.fillPoly(painted, [np.round(vertices / COVER_STEP).astype(np.int32)], (1,))
+    return bool(painted.mean() >= COVERED)
+
+
+def _area(vertices: np.ndarray) -> float:
+    x, y = vertices.T
+    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)

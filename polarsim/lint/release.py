@@ -1,0 +1,139 @@
+"""A published folder looked through: what it holds, and which files have a defect that one can see without photos."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+from polarsim.errors import FormatError
+from polarsim.formats import obj, png, release, yolo
+from polarsim.lint.boxes import Boxes, box_defects, count_defects
+from polarsim.lint.exposures import missing_exposures, photo_sets, set_defects
+from polarsim.lint.findings import Finding, Findings, Report
+from polarsim.lint.polygons import Polygons, against_boxes, file_defects, other_camera, ring_defects
+from polarsim.lint.rules import Defect
+from polarsim.lint.siblings import sibling_defects
+from polarsim.lint.views import view_defects
+from polarsim.photo import BOX_CLASSES, SUNS, PhotoKey, is_exposure
+from polarsim.progress import track
+
+Terrain = tuple[list[Finding], dict[str, int]]
+_KEY_AT_START = re.compile(r"\d\d_[A-G]_(?:on|off)_(?:no|30|180|270|350)_[LR]_(\d{4})")
+
+
+def lint_release(root: Path, workers: int = 1) -> Report:
+    """Look through every terrain of a folder in the published layout.
+
+    Parameters
+    ----------
+    workers : int
+        Processes that share the terrains.
+
+    Raises
+    ------
+    FormatError
+        The folder is missing or has no terrain.
+    """
+    root = Path(root)
+    terrains = release.terrains(root)
+    if not terrains:
+        raise FormatError(
+            f"{root}: no terrain, looked for {release.BOXES}/TerrainNN, {release.POLYGONS}/terrainNN and "
+            f"{release.MESHES}/TerrainNN"
+        )
+    findings: list[Finding] = []
+    contents = {}
+    for terrain, (found, content) in zip(terrains, _each(partial(lint_terrain, root), terrains, workers), strict=True):
+        findings += found
+        contents[f"Terrain{terrain:02d}"] = content
+    return Report(findings, contents)
+
+
+def _each(look: Callable[[int], Terrain], terrains: list[int], workers: int) -> Iterator[Terrain]:
+    if workers < 2 or len(terrains) < 2:
+        yield from map(look, track(terrains, "validating terrains"))
+        return
+    with ProcessPoolExecutor(workers) as pool:
+        yield from pool.map(look, track(terrains, "validating terrains"))
+
+
+def lint_terrain(root: Path, terrain: int) -> Terrain:
+    """Findings of one terrain in the order of files, and counts of what it holds."""
+    found = Findings(root)
+    for path in release.stray_files(root, terrain):
+        found.add(path, _stray(path))
+    boxes = found.read_all(release.label_files(root, terrain), yolo.read_boxes)
+    polygons = found.read_all(release.polygon_files(root, terrain), yolo.read_polygons)
+    content = {
+        **_lint_boxes(root, terrain, boxes, found),
+        **_lint_polygons(root, terrain, polygons, boxes, found),
+        **_lint_scene(root, terrain, found),
+    }
+    return sorted(found.gathered), content
+
+
+def _lint_boxes(root: Path, terrain: int, boxes: Mapping[PhotoKey, Boxes], found: Findings) -> dict[str, int]:
+    files, folder = release.label_files(root, terrain), release.label_folder(root, terrain)
+    for key, labels in boxes.items():
+        counts = count_defects(labels[0]) if key.azimuth in SUNS else ()
+        for defect in (*box_defects(*labels), *counts):
+            found.add(files[key], defect)
+    for keys in photo_sets(files):
+        for key in missing_exposures(set(keys)):
+            found.add(folder / f"{key}.txt", Defect("missing_file", f"{len(keys)} other exposures are there"))
+        for key, defect in set_defects({key: boxes[key] for key in keys if key in boxes}):
+            found.add(files[key], defect)
+    for key, defect in (*sibling_defects(boxes), *view_defects(boxes)):
+        found.add(files[key], defect)
+    drawn = {
+        f"{name}_boxes": sum(int((classes == number).sum()) for classes, _ in boxes.values())
+        for number, name in enumerate(BOX_CLASSES)
+    }
+    return {"label_files": len(files), **drawn}
+
+
+def _lint_polygons(
+    root: Path,
+    terrain: int,
+    polygons: Mapping[PhotoKey, Polygons],
+    boxes: Mapping[PhotoKey, Boxes],
+    found: Findings,
+) -> dict[str, int]:
+    files = release.polygon_files(root, terrain)
+    own: dict[int, list[Defect]] = {}  # by content: most exposures of a photo set share one
+    for key, drawn in polygons.items():
+        if id(drawn) not in own:
+            own[id(drawn)] = [*ring_defects(drawn), *file_defects(drawn)]
+        beside = against_boxes(drawn, boxes[key]) if key in boxes else ()
+        for defect in (*own[id(drawn)], *beside, *other_camera(drawn, key, boxes)):
+            found.add(files[key], defect)
+    return {"polygon_files": len(files)}
+
+
+def _lint_scene(root: Path, terrain: int, found: Findings) -> dict[str, int]:
+    meshes, ground = release.mesh_files(root, terrain), release.ground_file(root, terrain)
+    for path in [*meshes.values(), *([ground] if ground else [])]:
+        found.read(path, obj.read, "unreadable_mesh")
+    covers = release.cover_photos(root, terrain)
+    for path in covers.values():
+        found.read(path, lambda picture: png.parse_header(picture.read_bytes()), "unreadable_picture")
+    return {"meshes": len(meshes), "ground_meshes": int(ground is not None), "cover_photos": len(covers)}
+
+
+def _stray(path: Path) -> Defect:
+    """Why a file is none of the layout's."""
+    if release.key_of(path.name) is not None:
+        return Defect("wrong_folder", "the key is of another terrain")
+    if path.name.startswith("."):
+        return Defect("system_file")
+    exposure = _KEY_AT_START.fullmatch(path.stem)
+    if exposure and not is_exposure(int(exposure[1])):
+        return Defect("impossible_exposure", f"{int(exposure[1])} ms, expected 16, 32, 64 ... 8192")
+    twin = _KEY_AT_START.match(path.name)
+    if not twin or not (regular := path.with_name(f"{twin[0]}.txt")).is_file():
+        return Defect("stray_name", "no name of the layout")
+    same = regular.read_bytes() == path.read_bytes()
+    return Defect("stray_name", f"{'the same bytes as' if same else 'other content than'} {regular.name}")

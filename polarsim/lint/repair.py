@@ -1,0 +1,197 @@
+"""A repaired copy of a published folder: what the findings' rules can put right without a person."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.errors import FormatError
+from polarsim.formats import release, tables, yolo
+from polarsim.formats.files import writing_folder
+from polarsim.geometry.boxes import clip
+from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
+from polarsim.lint.exposures import modal, of_class, photo_sets
+from polarsim.lint.findings import Finding
+from polarsim.lint.polygons import BACKGROUND, GROUND, Polygons
+from polarsim.lint.rules import RULES
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+
+CHANGES = "changes.csv"
+_LEFT_OUT = ("stray_name", "system_file", "wrong_folder")
+_OF_SET = {
+    ROCK_CLASS: ("missing_file", "empty_file", "rock_missing", "rock_extra", "rock_moved"),
+    SHADOW_CLASS: (
+        "missing_file", "empty_file", "shadow_missing", "shadow_extra", "shadow_moved", "shadows_off_late",
+    ),
+}  # fmt: skip
+
+
+def write_repaired(root: Path, findings: Iterable[Finding], out: Path) -> int:
+    """Copy a tree in the published layout with repairs of its findings, and list these in `changes.csv`.
+
+    Returns
+    -------
+    int
+        How many findings were repaired; those whose rule states no repair are left.
+
+    Raises
+    ------
+    FormatError
+        `out` is there already, or lies in `root`.
+    """
+    if out.exists() or out.resolve().is_relative_to(root.resolve()):
+        raise FormatError(f"{out}: a repaired copy needs a new folder outside {root}")
+    by_file: dict[str, list[Finding]] = {}
+    for finding in findings:
+        if RULES[finding.defect].repair:
+            by_file.setdefault(finding.file, []).append(finding)
+    with writing_folder(out) as copy:
+        shutil.copytree(root, copy, dirs_exist_ok=True)
+        repairs = _Repairs(copy, by_file)
+        repairs.names()
+        for terrain in release.terrains(copy):
+            repairs.boxes(terrain)
+            repairs.polygons(terrain)
+        done = sorted(repairs.done)
+        rows = [(one.file, one.line, one.code, one.defect, RULES[one.defect].repair, one.detail) for one in done]
+        columns = ["file", "line", "code", "defect", "repair", "detail"]
+        tables.write_csv(copy / CHANGES, pd.DataFrame(rows, columns=columns))
+    return len(done)
+
+
+@dataclass
+class _Repairs:
+    """Repairs of a copy, and the findings that they put right."""
+
+    copy: Path
+    by_file: Mapping[str, Sequence[Finding]]
+    done: list[Finding] = field(default_factory=list)
+
+    def names(self) -> None:
+        """Leave files of wrong names out; give an impossible exposure the nearest one, where nobody has it."""
+        for file, found in self.by_file.items():
+            path = self.copy / file
+            for finding in found:
+                if finding.defect in _LEFT_OUT:
+                    path.unlink()
+                elif finding.defect == "impossible_exposure":
+                    stem, _, exposure_ms = path.stem.rpartition("_")
+                    regular = path.with_name(f"{stem}_{2 ** round(np.log2(max(int(exposure_ms), 1))):04d}{path.suffix}")
+                    path.unlink() if regular.exists() else path.rename(regular)
+                else:
+                    continue
+                self.done.append(finding)
+
+    def boxes(self, terrain: int) -> None:
+        """Write a terrain's label files with findings anew."""
+        folder = release.label_folder(self.copy, terrain)
+        there = release.label_files(self.copy, terrain)
+        found = self._found(folder)
+        for key in there:
+            if any(finding.defect == "malformed" for finding in found.get(key, ())):
+                _drop_malformed(there[key], yolo.read_boxes)
+        sound = {key: yolo.read_boxes(path) for key, path in there.items()}
+        for keys in photo_sets({*there, *found}):
+            files = {key: sound[key] for key in keys if key in sound}
+            for key in (key for key in keys if key in found):
+                labels = _repaired_boxes(sound.get(key, _NOTHING), found[key])
+                names = {finding.defect for finding in found[key]}
+                yolo.write_boxes(folder / f"{key}.txt", *_as_in_set(labels, key, files, names))
+                self.done += found[key]
+
+    def polygons(self, terrain: int) -> None:
+        """Write a terrain's polygon files with findings anew."""
+        for key, found in self._found(release.polygon_folder(self.copy, terrain)).items():
+            path = release.polygon_folder(self.copy, terrain) / f"{key}.txt"
+            if any(finding.defect == "malformed" for finding in found):
+                _drop_malformed(path, yolo.read_polygons)
+            yolo.write_polygons(path, _repaired_polygons(yolo.read_polygons(path), found))
+            self.done += found
+
+    def _found(self, folder: Path) -> dict[PhotoKey, list[Finding]]:
+        """Findings of a folder's label files that are still to be repaired."""
+        below = folder.relative_to(self.copy).as_posix()
+        done = set(self.done)
+        paths = {file: Path(file) for file in self.by_file if Path(file).parent.as_posix() == below}
+        keys = {file: release.key_of(path.name) for file, path in paths.items()}
+        left = {key: [one for one in self.by_file[file] if one not in done] for file, key in keys.items() if key}
+        return {key: found for key, found in left.items() if found}
+
+
+_NOTHING: Boxes = (np.zeros(0, int), np.zeros((0, 4)))
+
+
+def _drop_malformed(path: Path, reader: Callable[[Path], Any]) -> None:
+    """Drop the lines of a file that cannot be read; all of one that is no text."""
+    while True:
+        try:
+            reader(path)
+        except FormatError as error:
+            place = str(error).removeprefix(f"{path}:").partition(":")[0]
+            lines = path.read_text(encoding="ascii").splitlines(keepends=True) if place.isdigit() else []
+            path.write_text("".join(lines[: int(place) - 1] + lines[int(place) :]) if lines else "", encoding="ascii")
+        else:
+            return
+
+
+def _repaired_boxes(labels: Boxes, found: Sequence[Finding]) -> Boxes:
+    """Doubles left out, swapped classes changed, boxes cut at the photo's border."""
+    classes, boxes = labels[0].copy(), labels[1]
+    rows = {finding.defect: list(finding.rows) for finding in found}
+    classes[rows.get("swapped_class", [])] = ROCK_CLASS
+    if "out_of_photo" in rows:
+        boxes = clip(boxes, WIDTH, HEIGHT)
+    kept = np.ones(len(classes), bool)
+    kept[rows.get("duplicate", []) + rows.get("near_duplicate", [])] = False
+    return classes[kept], boxes[kept]
+
+
+def _as_in_set(labels: Boxes, key: PhotoKey, files: Mapping[PhotoKey, Boxes], names: set[str]) -> Boxes:
+    """Boxes of the classes that have defects as most exposures of the photo set have them.
+
+    A photo of a missing or empty file gets shadows where a shorter exposure shows some.
+    """
+    classes, boxes = labels
+    for number, of_set in _OF_SET.items():
+        if names.isdisjoint(of_set):
+            continue
+        known = of_class(files, number)
+        shown = min((other.exposure_ms for other in known), default=key.exposure_ms) <= key.exposure_ms
+        wanted = modal(known) if number == ROCK_CLASS or shown else boxes[:0]
+        other = classes != number
+        classes = np.concatenate([classes[other], np.full(len(wanted), number)])
+        boxes = np.concatenate([boxes[other], wanted])
+    return classes, boxes
+
+
+def _repaired_polygons(polygons: Polygons, found: Sequence[Finding]) -> Polygons:
+    """Outlines made valid and cut at the photo's border, crumbs left out, ground painted first and as ground."""
+    rows = {finding.defect: set(finding.rows) for finding in found}
+    dropped = rows.get("tiny_polygon", set()) | rows.get("thin_polygon", set())
+    reshaped = rows.get("invalid_ring", set()) | rows.get("out_of_photo", set())
+    repaired: Polygons = []
+    for number, (kind, vertices) in enumerate(polygons):
+        if number in dropped:
+            continue
+        ring = _valid(vertices) if number in reshaped else vertices
+        if ring is not None:
+            repaired.append((GROUND if number in rows.get("ground_as_rock", ()) else kind, ring))
+    if "paint_order" in rows:
+        repaired.sort(key=lambda one: (GROUND, BACKGROUND).index(one[0]) if one[0] in (GROUND, BACKGROUND) else 2)
+    return repaired
+
+
+def _valid(vertices: np.ndarray) -> np.ndarray | None:
+    """The largest valid part (n, 2) of an outline inside the photo; None where nothing is left."""
+    import shapely
+
+    whole = shapely.intersection(shapely.make_valid(shapely.Polygon(vertices)), shapely.box(0, 0, WIDTH, HEIGHT))
+    parts = [part for part in shapely.get_parts(whole) if part.geom_type == "Polygon"]
+    largest = max(parts, key=lambda part: part.area, default=None)
+    return None if largest is None else np.array(largest.exterior.coords)[:-1]

@@ -1,0 +1,68 @@
+import pytest
+
+from polarsim.lint.exposures import missing_exposures, set_defects
+from polarsim.photo import PhotoKey, exposures
+from tests.lint.test_boxes import ROCK, SHADOW, SOUND, box, labels
+
+KEY = PhotoKey.parse("03_A_off_180_L_0256")
+
+
+def photo_set(changed):
+    """Five exposures with the sound boxes; those of `changed` (exposure -> rows) have others."""
+    rows = dict.fromkeys((128, 256, 512, 1024, 2048), SOUND) | changed
+    return {KEY.with_exposure(exposure): labels(*found) for exposure, found in rows.items()}
+
+
+@pytest.mark.parametrize(
+    ("rows", "defects"),
+    [
+        (SOUND[:2], ["rock_missing"]),
+        ([*SOUND, (ROCK, box(900, 900))], ["rock_extra"]),
+        ([(ROCK, box(104, 100)), *SOUND[1:]], ["rock_moved"]),  # IoU 36 / 44
+        ([*SOUND, (SHADOW, box(900, 900))], ["shadow_extra"]),
+        ([SOUND[0], (SHADOW, box(144, 110)), SOUND[2]], ["shadow_moved"]),
+        ([SOUND[0], SOUND[2]], ["shadows_off_late"]),
+        ([], ["empty_file", "shadows_off_late"]),
+    ],
+)
+def test_one_exposure_that_differs_from_the_others_is_found(rows, defects):
+    found = list(set_defects(photo_set({512: rows})))
+    assert [defect.name for _, defect in found] == defects
+    assert {key.exposure_ms for key, _ in found} == {512}
+
+
+def test_shadows_that_begin_late_are_no_defect():
+    rocks = [SOUND[0], SOUND[2]]
+    assert list(set_defects(photo_set({32: rocks, 64: rocks}))) == []
+
+
+def test_a_file_with_some_of_the_shadows_lacks_the_others():
+    two = [*SOUND, (SHADOW, box(540, 610))]
+    changed = dict.fromkeys((128, 256, 512, 1024), two)
+    ((key, defect),) = set_defects(photo_set(changed))
+    assert (key.exposure_ms, defect.name) == (2048, "shadow_missing")
+
+
+def test_where_two_contents_are_as_frequent_the_one_with_fewer_boxes_counts():
+    more = [*SOUND, (ROCK, box(900, 900))]
+    files = {KEY.with_exposure(e): labels(*(more if e > 128 else SOUND)) for e in (64, 128, 256, 512)}
+    assert [(key.exposure_ms, defect.name) for key, defect in set_defects(files)] == [
+        (256, "rock_extra"),
+        (512, "rock_extra"),
+    ]
+
+
+def test_photo_sets_without_any_box_have_no_defect():
+    assert list(set_defects({KEY: labels(), KEY.with_exposure(512): labels()})) == []
+
+
+def test_a_gap_in_a_nearly_complete_photo_set_is_found():
+    whole = {KEY.with_exposure(exposure) for exposure in exposures(3, "180")}
+    assert missing_exposures(whole) == []
+    assert missing_exposures(whole - {KEY}) == [KEY]
+    assert missing_exposures({KEY}) == []  # a folder of seeds has one file a photo set by intent
+
+
+def test_photo_sets_without_sun_are_never_complete():
+    key = PhotoKey.parse("03_A_on_no_L_4096")
+    assert missing_exposures({key.with_exposure(e) for e in exposures(3, "no") if e != 4096}) == []

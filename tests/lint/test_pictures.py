@@ -1,0 +1,62 @@
+import cv2
+import numpy as np
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.lint.rules import RULES
+from polarsim.lint.run import lint
+
+BOX = "0 0.5 0.5 0.2 0.2\n"
+
+
+@pytest.fixture
+def root(tmp_path):
+    """Two pictures of 320 x 240 with labels, in a folder `train`."""
+    for name in ("one", "two"):
+        for folder in ("images/train", "labels/train"):
+            (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(tmp_path / f"images/train/{name}.png"), np.zeros((240, 320), np.uint8))
+        (tmp_path / f"labels/train/{name}.txt").write_text(BOX)
+    (tmp_path / "labels/classes.txt").write_text("rock\nshadow\n")
+    return tmp_path
+
+
+def found(root):
+    return [(one.defect, one.file, one.line) for one in lint(root, set(RULES)).findings]
+
+
+def test_sound_pictures_and_labels_have_no_defect(root):
+    assert found(root) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "defect", "line"),
+    [
+        (BOX + "0 0.5 0.5 0.2\n", "malformed", 2),
+        (BOX + BOX, "duplicate", 2),
+        (BOX + "1 0.2 0.2 0.01 0.1\n", "sliver", 2),  # 3 px of 320
+        (BOX + "1 0.98 0.2 0.1 0.1\n", "out_of_photo", 2),
+    ],
+)
+def test_defects_of_a_label_file_are_found_with_its_line(root, text, defect, line):
+    (root / "labels/train/one.txt").write_text(text)
+    assert found(root) == [(defect, "labels/train/one.txt", line)]
+
+
+def test_labels_and_pictures_that_lack_each_other_are_found(root):
+    (root / "labels/train/two.txt").rename(root / "labels/train/three.txt")
+    assert found(root) == [
+        ("missing_labels", "images/train/two.png", 0),
+        ("missing_picture", "labels/train/three.txt", 0),
+    ]
+
+
+def test_a_broken_picture_is_found_and_a_folder_without_labels_refused(root):
+    (root / "images/train/one.png").write_text("no picture")
+    assert found(root) == [("unreadable_picture", "images/train/one.png", 0)]
+    for path in (root / "labels/train").iterdir():
+        path.unlink()
+    with pytest.raises(FormatError, match="no label file"):
+        found(root)
+    with pytest.raises(FormatError, match="published layout only"):
+        lint(root, set(RULES), fix=root / "out")

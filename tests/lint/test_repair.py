@@ -1,0 +1,122 @@
+import filecmp
+
+import numpy as np
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats import tables, yolo
+from polarsim.lint.repair import CHANGES, write_repaired
+from polarsim.lint.rules import RULES
+from polarsim.lint.run import lint
+from polarsim.photo import PhotoKey, exposures
+
+KEY = PhotoKey.parse("11_A_off_30_L_0256")
+LABELS, POLYGONS = "Labels/Terrain11", "SegmentationLabels/terrain11/labels"
+ROCKS = np.array([[100, 100, 160, 150], [500, 600, 580, 660], [900, 300, 960, 350]], float)
+SHADOWS = ROCKS + np.array([60, 10, 60, 10])
+CLASSES = np.array([0] * 3 + [1] * 3)
+BOXES = np.concatenate([ROCKS, SHADOWS])
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A whole photo set of labels; shadows from 128 ms on."""
+    for exposure_ms in exposures(11, "30"):
+        shown = (2 if exposure_ms >= 128 else 1) > CLASSES
+        yolo.write_boxes(path(tmp_path / "tree", exposure_ms), CLASSES[shown], BOXES[shown])
+    return tmp_path / "tree"
+
+
+def path(root, exposure_ms):
+    return root / LABELS / f"{KEY.with_exposure(exposure_ms)}.txt"
+
+
+def repaired(root):
+    """The copy with all repairs, and what `changes.csv` says of it."""
+    before = lint(root, set(RULES))
+    out = root.with_name("repaired")
+    count = write_repaired(root, before.findings, out)
+    changes = tables.read_csv(out / CHANGES, ["file", "code"])
+    assert len(changes) == count == sum(bool(RULES[one.defect].repair) for one in before.findings)
+    assert [one for one in lint(out, set(RULES)).findings if RULES[one.defect].repair] == []
+    return out, changes
+
+
+def assert_whole(copy, exposure_ms):
+    classes, boxes = yolo.read_boxes(path(copy, exposure_ms))
+    order = np.lexsort((boxes[:, 0], classes))
+    np.testing.assert_array_equal(classes[order], CLASSES)
+    np.testing.assert_allclose(boxes[order], BOXES, atol=0.06)
+
+
+def test_a_sound_tree_is_copied_byte_by_byte(root):
+    out, changes = repaired(root)
+    assert len(changes) == 0
+    compared = filecmp.dircmp(root, out)
+    assert compared.right_only == [CHANGES]
+    assert compared.subdirs["Labels"].subdirs["Terrain11"].diff_files == []
+
+
+@pytest.mark.parametrize(
+    ("classes", "boxes"),
+    [
+        (CLASSES[1:], BOXES[1:]),  # a rock missing
+        (CLASSES[:-1], BOXES[:-1]),  # a shadow missing
+        (CLASSES[:3], BOXES[:3]),  # all shadows missing
+        (np.append(CLASSES, 0), np.vstack([BOXES, [30, 30, 70, 70]])),  # a rock too many
+        (CLASSES, BOXES + np.array([9, 0, 9, 0])),  # everything moved
+        (np.append(CLASSES, 1), np.vstack([BOXES, BOXES[-1:]])),  # a shadow twice
+        (CLASSES[:0], BOXES[:0]),
+    ],
+)
+def test_one_exposure_becomes_what_the_others_are(root, classes, boxes):
+    yolo.write_boxes(path(root, 1024), classes, boxes)
+    out, changes = repaired(root)
+    assert len(changes) >= 1
+    assert_whole(out, 1024)
+
+
+def test_a_missing_file_is_written(root):
+    path(root, 512).unlink()
+    path(root, 32).unlink()
+    out, _ = repaired(root)
+    assert_whole(out, 512)
+    assert (yolo.read_boxes(path(out, 32))[0] == 0).all()  # too dark for shadows
+
+
+def test_malformed_lines_and_boxes_beyond_the_border_go(root):
+    text = path(root, 1024).read_text()
+    path(root, 1024).write_text("0 0.5 0.5 0.1\n" + text + "rock 1 2 3 4\n")
+    out, _ = repaired(root)
+    assert path(out, 1024).read_text() == text
+
+
+def test_files_of_wrong_names_go_and_impossible_exposures_are_renamed(root):
+    text = path(root, 1024).read_text()
+    path(root, 1024).rename(path(root, 1024).with_name("11_A_off_30_L_1028.txt"))
+    path(root, 256).with_name("11_A_off_30_L_0256 copy.txt").write_text(text)
+    path(root, 256).with_name(".DS_Store").write_bytes(b"\0")
+    path(root, 256).with_name("01_A_off_30_L_0256.txt").write_text(text)
+    out, changes = repaired(root)
+    assert sorted(changes["code"]) == ["F101", "F102", "F103", "F104", "F105"]
+    assert sorted(one.name for one in (out / LABELS).iterdir()) == sorted(
+        f"{KEY.with_exposure(exposure_ms)}.txt" for exposure_ms in exposures(11, "30")
+    )
+
+
+def test_polygons_become_valid_and_are_painted_in_order(root):
+    ground = np.array([[0, 0], [1936, 0], [1936, 1216], [0, 1216]], float)
+    crossing = np.array([[100, 100], [160, 160], [160, 100], [100, 130]], float)
+    crumb = np.array([[300, 300], [302, 300], [302, 303], [300, 303]], float)
+    (root / POLYGONS).mkdir(parents=True)
+    target = root / POLYGONS / f"{KEY}.txt"
+    yolo.write_polygons(target, [(2, crossing), (3, crumb), (1, ground)])
+    out, _ = repaired(root)
+    kinds = [kind for kind, _ in yolo.read_polygons(out / POLYGONS / target.name)]
+    assert kinds == [1, 2]
+
+
+def test_a_copy_over_or_inside_the_tree_is_refused(root):
+    for out in (root, root / "inside"):
+        with pytest.raises(FormatError, match="needs a new folder"):
+            write_repaired(root, [], out)
