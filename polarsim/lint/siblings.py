@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def _without_right(files: Mapping[PhotoKey, Boxes]) -> Found:
     sets = {(key.position, key.light) for key in right if key.azimuth == "no"}
     for key in sorted(files):
         if key.azimuth == "no" and key.camera == "L" and (key.position, key.light) in sets:
-            twin = PhotoKey(key.terrain, key.position, key.light, key.azimuth, "R", key.exposure_ms)
+            twin = replace(key, camera="R")
             if twin not in right:
                 yield key, Defect("missing_right", f"no {twin}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -111,7 +112,7 @@ def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Found:
         if plane is None:
             continue
         for key in sorted(key for key in rocks if (key.set_up, key.camera) == (set_up, "R")):
-            left = PhotoKey(key.terrain, key.position, key.light, key.azimuth, "L", key.exposure_ms)
+            left = replace(key, camera="L")
             if left in rocks:
                 rows = _off_line(_moved(rocks[left], plane), rocks[key])
                 if rows:
