@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +23,7 @@ def set_defects(files: Mapping[PhotoKey, Boxes]) -> Iterator[tuple[PhotoKey, Def
         for key in sorted(set(files) - set(filled)):
             yield key, Defect("empty_file", f"{len(filled)} other exposures have boxes")
     for number in (ROCK_CLASS, SHADOW_CLASS):
-        yield from _against_modal(of_class(files, number), BOX_CLASSES[number])
+        yield from _against_modal(files, number)
     seen: PhotoKey | None = None
     for key in sorted(files, key=lambda key: key.exposure_ms):
         shadows = int((files[key][0] == SHADOW_CLASS).sum())
@@ -63,22 +64,44 @@ def modal(boxes: Mapping[PhotoKey, np.ndarray]) -> np.ndarray:
     return np.array(max(times, key=lambda content: (times[content], -len(content)))).reshape(-1, 4)
 
 
-def _against_modal(boxes: Mapping[PhotoKey, np.ndarray], kind: str) -> Iterator[tuple[PhotoKey, Defect]]:
+def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Iterator[tuple[PhotoKey, Defect]]:
     """Boxes of one class that are missing, additional or elsewhere than in most exposures."""
-    common = modal(boxes)
-    for key, here in boxes.items():
-        for change, count in changes(common, here).items():
-            if count:
-                yield key, Defect(f"{kind}_{change}", f"{count} of {len(common)}")
+    of_kind, kind = of_class(files, number), BOX_CLASSES[number]
+    common = modal(of_kind)
+    for key, here in of_kind.items():
+        change = changed(common, here)
+        rows = np.flatnonzero(files[key][0] == number)
+        for name, wrong, wanted in (
+            ("missing", (), change.missing),
+            ("extra", change.extra, ()),
+            ("moved", change.moved, change.moved_from),
+        ):
+            if len(wrong) or len(wanted):
+                detail = f"{max(len(wrong), len(wanted))} of {len(common)}"
+                places = tuple(tuple(box) for box in np.reshape(wanted, (-1, 4)).tolist())
+                yield key, Defect(f"{kind}_{name}", detail, tuple(rows[list(wrong)].tolist()), places)
 
 
-def changes(before: np.ndarray, after: np.ndarray) -> dict[str, int]:
-    """How many of the boxes `before` (n, 4) are missing or moved in `after` (m, 4), and how many there are new."""
+@dataclass(frozen=True)
+class Change:
+    """How boxes differ from others: places (k, 4) that are missing, new rows, moved rows and their places before."""
+
+    missing: np.ndarray
+    extra: np.ndarray
+    moved: np.ndarray
+    moved_from: np.ndarray
+
+
+def changed(before: np.ndarray, after: np.ndarray) -> Change:
+    """What became of boxes `before` (n, 4) in boxes `after` (m, 4)."""
     overlap = iou(before, after)
     rows, columns = match_sum(overlap)
-    found = overlap[rows, columns][overlap[rows, columns] > FOUND]
-    return {
-        "missing": len(before) - len(found),
-        "extra": len(after) - len(found),
-        "moved": int((found < UNMOVED).sum()),
-    }
+    found = overlap[rows, columns] > FOUND
+    rows, columns = rows[found], columns[found]
+    off = overlap[rows, columns] < UNMOVED
+    return Change(
+        np.delete(before, rows, axis=0),
+        np.setdiff1d(np.arange(len(after)), columns),
+        columns[off],
+        before[rows[off]],
+    )

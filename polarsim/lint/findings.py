@@ -26,6 +26,7 @@ class Finding:
     defect: str
     detail: str = ""
     rows: tuple[int, ...] = field(default=(), compare=False, repr=False)  # all boxes or polygons that have it, from 0
+    places: tuple[tuple[float, ...], ...] = field(default=(), compare=False, repr=False)  # boxes that ought to be there
 
     @property
     def code(self) -> str:
@@ -122,7 +123,7 @@ class Findings:
     def add(self, path: Path, defect: Defect) -> None:
         line = _line(path, defect.rows[0]) if defect.rows else 0
         file = path.relative_to(self.root).as_posix()
-        self.gathered.append(Finding(file, line, defect.name, defect.detail, defect.rows))
+        self.gathered.append(Finding(file, line, defect.name, defect.detail, defect.rows, defect.places))
 
     def read(self, path: Path, reader: Callable[[Path], Content], name: str) -> Content | None:
         """What a file holds, or a finding and None."""

@@ -29,6 +29,7 @@ class Defect:
     name: str  # of its rule
     detail: str = ""
     rows: tuple[int, ...] = ()  # of the file's boxes or polygons, from 0
+    places: tuple[tuple[float, ...], ...] = ()  # boxes that ought to be there, pixels
 
 
 _MODAL = "takes what most exposures of the photo set show"

@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.geometry.boxes import iou
 from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
-from polarsim.lint.exposures import changes, modal, of_class, photo_sets
+from polarsim.lint.exposures import changed, modal, of_class, photo_sets
 from polarsim.lint.rules import Defect
 from polarsim.photo import SUNS, PhotoKey
 
@@ -101,7 +101,7 @@ def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Found:
                 continue
             if len(before) != len(after):
                 yield best[name], Defect(f"light_{kind}s_differ", f"{len(after)}, off: {len(before)}")
-            moved = changes(before, after)["moved"]
+            moved = len(changed(before, after).moved)
             if moved:
                 yield best[name], Defect(f"light_{kind}_moved", f"{moved} of {len(before)}")
 

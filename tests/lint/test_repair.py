@@ -8,27 +8,10 @@ from polarsim.formats import tables, yolo
 from polarsim.lint.repair import CHANGES, write_repaired
 from polarsim.lint.rules import RULES
 from polarsim.lint.run import lint
-from polarsim.photo import PhotoKey, exposures
+from polarsim.photo import exposures
+from tests.lint.conftest import BOXES, CLASSES, KEY, LABELS, path
 
-KEY = PhotoKey.parse("11_A_off_30_L_0256")
-LABELS, POLYGONS = "Labels/Terrain11", "SegmentationLabels/terrain11/labels"
-ROCKS = np.array([[100, 100, 160, 150], [500, 600, 580, 660], [900, 300, 960, 350]], float)
-SHADOWS = ROCKS + np.array([60, 10, 60, 10])
-CLASSES = np.array([0] * 3 + [1] * 3)
-BOXES = np.concatenate([ROCKS, SHADOWS])
-
-
-@pytest.fixture
-def root(tmp_path):
-    """A whole photo set of labels; shadows from 128 ms on."""
-    for exposure_ms in exposures(11, "30"):
-        shown = (2 if exposure_ms >= 128 else 1) > CLASSES
-        yolo.write_boxes(path(tmp_path / "tree", exposure_ms), CLASSES[shown], BOXES[shown])
-    return tmp_path / "tree"
-
-
-def path(root, exposure_ms):
-    return root / LABELS / f"{KEY.with_exposure(exposure_ms)}.txt"
+POLYGONS = "SegmentationLabels/terrain11/labels"
 
 
 def repaired(root):

@@ -23,6 +23,7 @@ rule tables:
         every_figure("comparison_Terrain{terrain}_Pos{position}"),
         every_figure("meshes_Terrain{terrain}"),
         every_figure("crops_Terrain{terrain}"),
+        of_run("results/{run}/errata.html") if KIND == "release" else [],
         of_run(
             "results/{run}/figures/label_errors_Terrain{terrain}.png",
             terrain=filter(can_score_labels, TERRAINS),
@@ -438,6 +439,38 @@ rule draw_label_errors:
         code=code_of("tables.figures.labels"),
     script:
         "../scripts/draw_label_errors.py"
+
+
+if KIND == "release":
+
+    rule draw_errata:
+        """The defects of the published labels, each with its picture, and as a table."""
+        input:
+            raw=lambda wildcards: [
+                str(path)
+                for terrain in CONFIG.terrains
+                for path in raw_inputs(terrain, CONFIG.source, CONFIG.labels.seeds)
+            ],
+        output:
+            page=report(
+                "results/{run}/errata.html",
+                caption="../report/errata.rst",
+                category="Labels",
+            ),
+            table="results/{run}/tables/defects.csv",
+        log:
+            "results/{run}/logs/tables/draw_errata.log",
+        benchmark:
+            "results/{run}/benchmarks/tables/draw_errata.tsv"
+        threads: 2
+        resources:
+            mem_mb=2000,
+            runtime=5,
+        params:
+            root=str(CONFIG.source.root),
+            code=code_of("lint.errata"),
+        script:
+            "../scripts/draw_errata.py"
 
 
 rule draw_detection:

@@ -1,0 +1,127 @@
+"""The errata of a published set as one page: each defect with its picture, drawn from the label files alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.errors import FormatError
+from polarsim.formats import release, tables, yolo
+from polarsim.formats.files import write_text
+from polarsim.lint.findings import Finding, Report
+from polarsim.lint.release import lint_release
+from polarsim.lint.rules import RULES, chosen
+from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
+
+WIDTH_PX = 484  # of a picture on the page
+_SHOWN = 3  # files that are named of those that share a picture
+_STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 1560px; padding: 0 1rem; color: #222; }
+section { display: grid; grid-template-columns: repeat(auto-fill, minmax(484px, 1fr)); gap: 1.2rem; }
+h1, h2, nav, p.about { margin: 1.2rem 0 0.4rem; } h2 span { color: #777; font-weight: normal; }
+figure { margin: 0; } figcaption { font-size: 13px; overflow-wrap: anywhere; } svg { background: #f4f3f0; width: 100%; }
+table { border-collapse: collapse; } td, th { padding: 0.15rem 0.8rem 0.15rem 0; text-align: left; }
+.rock { stroke: #b8552b; } .shadow { stroke: #35618f; } .ground { stroke: #8a8a62; } .background { stroke: #bbb; }
+.shape { fill: none; stroke-width: 4; } .wrong { fill: #f2c14e88; stroke-width: 9; }
+.lacking { fill: none; stroke: #222; stroke-width: 7; stroke-dasharray: 22 14; }
+"""
+
+
+def lint_and_draw(*, root: Path, page: Path, table: Path, workers: int) -> None:
+    """Look through a folder in the published layout; write all findings as a table, errors and warnings as a page.
+
+    Raises
+    ------
+    FormatError
+        The folder is missing or has no terrain.
+    """
+    report = lint_release(root, workers)
+    columns = ["code", "severity", "defect", "file", "line", "detail"]
+    rows = [(one.code, one.severity, one.defect, one.file, one.line, one.detail) for one in report.findings]
+    tables.write_csv(table, pd.DataFrame(rows, columns=columns))
+    write_errata(report.chosen(chosen(("error", "warning"), ())), root, page)
+
+
+def write_errata(report: Report, root: Path, page: Path) -> None:
+    """Write a page with the findings in a folder of the published layout, by rule; files alike share a picture."""
+    counts = report.as_json()["counts"]
+    order = sorted(counts, key=lambda name: RULES[name].code)
+    rows = "".join(
+        f'<tr><td><a href="#{name}">{RULES[name].code}</a></td><td>{name}</td><td>{RULES[name].severity}</td>'
+        f"<td>{counts[name]}</td><td>{escape(RULES[name].meaning)}</td></tr>"
+        for name in order
+    )
+    parts = [
+        '<!doctype html><html lang="en"><meta charset="utf-8"><title>Errata</title>',
+        f"<style>{_STYLE}</style><h1>Errata of the labels</h1>",
+        f'<p class="about">{len(report.findings)} findings in {len({one.file for one in report.findings})} files. '
+        "Rocks are red, shadows blue; what a finding names is filled yellow, what ought to be there dashed. "
+        "Files of one content share a picture.",
+        f"<table><tr><th>code<th>rule<th>severity<th>files<th>meaning</tr>{rows}</table>",
+    ]
+    for name in order:
+        parts.append(
+            f'<h2 id="{name}">{RULES[name].code} {name} <span>{escape(RULES[name].meaning)}</span></h2><section>'
+        )
+        parts += _figures((one for one in report.findings if one.defect == name), root)
+        parts.append("</section>")
+    write_text(page, "\n".join([*parts, "</html>\n"]))
+
+
+def _figures(findings: Iterable[Finding], root: Path) -> Iterator[str]:
+    groups: dict[tuple[object, ...], list[Finding]] = {}
+    for finding in findings:
+        path = root / finding.file
+        groups.setdefault((path.parent, _content(path), finding.rows, finding.detail), []).append(finding)
+    for alike in groups.values():
+        files = [finding.file for finding in alike]
+        more = f" and {len(files) - _SHOWN} more" if len(files) > _SHOWN else ""
+        text = f"{', '.join(files[:_SHOWN])}{more}" + (f": {alike[0].detail}" if alike[0].detail else "")
+        yield f"<figure>{_picture(root / files[0], alike[0])}<figcaption>{escape(text)}</figcaption></figure>"
+
+
+def _content(path: Path) -> object:
+    """What files must share to share a picture: their bytes, and nothing of files without a picture."""
+    return path.read_bytes() if path.suffix == ".txt" and path.is_file() else path.suffix
+
+
+def _picture(path: Path, finding: Finding) -> str:
+    """The boxes or polygons of a file as SVG, those that are wrong on top; nothing for files that hold none."""
+    wrong = set(finding.rows)
+    try:
+        shapes = list(_shapes(path))
+    except (FormatError, IndexError):
+        return ""
+    if not shapes and not finding.places:
+        return ""
+    order = sorted(range(len(shapes)), key=lambda row: row in wrong)
+    drawn = "".join(
+        f'<polygon class="{shapes[row][0]} {"wrong" if row in wrong else "shape"}" points="{_points(shapes[row][1])}"/>'
+        for row in order
+    )
+    drawn += "".join(f'<polygon class="lacking" points="{_points(_corners(*box))}"/>' for box in finding.places)
+    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH_PX}" role="img">{drawn}</svg>'
+
+
+def _shapes(path: Path) -> Iterator[tuple[str, np.ndarray]]:
+    """Class name and corners (n, 2) of each row of a label file."""
+    if path.suffix != ".txt" or not path.is_file():
+        return
+    if release.POLYGONS in path.parts:
+        for kind, vertices in yolo.read_polygons(path):
+            yield POLYGON_CLASSES[kind], vertices
+    else:
+        for kind, box in zip(*yolo.read_boxes(path), strict=True):
+            yield BOX_CLASSES[kind], _corners(*box)
+
+
+def _corners(x0: float, y0: float, x1: float, y1: float) -> np.ndarray:
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+
+
+def _points(vertices: np.ndarray) -> str:
+    return " ".join(f"{x:.0f},{y:.0f}" for x, y in vertices)

@@ -1,0 +1,39 @@
+from html.parser import HTMLParser
+
+from polarsim.formats import tables, yolo
+from polarsim.lint.errata import lint_and_draw
+from tests.lint.conftest import BOXES, CLASSES, path
+
+
+class Counted(HTMLParser):
+    """How often each tag, and each class of a shape, stands in a page."""
+
+    def __init__(self):
+        super().__init__()
+        self.seen = {}
+
+    def handle_starttag(self, tag, attrs):
+        for name in [tag, *dict(attrs).get("class", "").split()]:
+            self.seen[name] = self.seen.get(name, 0) + 1
+
+
+def drawn(root, tmp_path):
+    lint_and_draw(root=root, page=tmp_path / "errata.html", table=tmp_path / "defects.csv", workers=1)
+    page = Counted()
+    page.feed((tmp_path / "errata.html").read_text())
+    return page.seen, tables.read_csv(tmp_path / "defects.csv", ["code", "severity", "file", "line"])
+
+
+def test_each_defect_has_its_picture_with_what_is_wrong_and_what_lacks(root, tmp_path):
+    yolo.write_boxes(path(root, 1024), CLASSES[1:], BOXES[1:])  # without the first rock
+    yolo.write_boxes(path(root, 512), [*CLASSES, 1], [*BOXES, BOXES[-1]])  # the last shadow twice
+    seen, table = drawn(root, tmp_path)
+    assert sorted(table["code"]) == ["B201", "E301", "E305"]
+    assert (seen["svg"], seen["lacking"], seen["wrong"]) == (3, 1, 2)
+    assert seen["shape"] == 5 + 6 + 6
+
+
+def test_a_sound_set_has_an_empty_page(root, tmp_path):
+    seen, table = drawn(root, tmp_path)
+    assert len(table) == 0
+    assert "svg" not in seen

@@ -1,0 +1,14 @@
+"""Look for defects in the published labels, and draw them."""
+
+from pathlib import Path
+
+from polarsim.lint.errata import lint_and_draw
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    lint_and_draw(
+        root=Path(snakemake.params.root),
+        page=Path(snakemake.output.page),
+        table=Path(snakemake.output.table),
+        workers=snakemake.threads,
+    )
