@@ -141,7 +141,9 @@ class Findings:
         contents: dict[PhotoKey, Content] = {}
         known: dict[bytes, Content] = {}
         for key, path in files.items():
-            raw = path.read_bytes()
+            raw = self.read(path, Path.read_bytes, "malformed")
+            if raw is None:
+                continue
             content = known[raw] if raw in known else self.read(path, reader, "malformed")
             if content is not None:
                 contents[key] = known[raw] = content

@@ -53,11 +53,10 @@ def lint_release(root: Path, workers: int = 1) -> Report:
 
 
 def _each(look: Callable[[int], Terrain], terrains: list[int], workers: int) -> Iterator[Terrain]:
-    if workers < 2 or len(terrains) < 2:
-        yield from map(look, track(terrains, "validating terrains"))
-        return
     with ProcessPoolExecutor(workers) as pool:
-        yield from pool.map(look, track(terrains, "validating terrains"))
+        results = pool.map(look, terrains) if workers > 1 and len(terrains) > 1 else map(look, terrains)
+        for _, result in zip(track(terrains, "validating terrains"), results, strict=True):
+            yield result
 
 
 def lint_terrain(root: Path, terrain: int) -> Terrain:

@@ -34,6 +34,7 @@ def draw_offsets(*, terrain: int, offsets: Path, figure: Path, options: TablesOp
             note(sheet, "no surface was seen")
             return
         above, spread = sheet.subplots(1, 2, width_ratios=[1.25, 1])
+        sheet.set_layout_engine("compressed")  # the map keeps its scale
         _draw_map(sheet, above, table, f"Terrain {terrain:02d}: our surface, less the true one")
         _draw_spread(spread, table)
 
