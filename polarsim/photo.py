@@ -29,7 +29,7 @@ POLYGON_CLASSES = ("background", "ground", ROCK, SHADOW)  # and that of a polygo
 GREY_VALUES = {"background": 0, "ground": 86, ROCK: 128, SHADOW: 43}  # of the release's grey maps
 
 NO_ROCK = -1  # a label or pixel that belongs to no known rock
-FIRST_UNMESHED_ROCK = 101  # rocks that labels know and no mesh shows are numbered from here
+FIRST_UNMESHED_ROCK = 901  # rocks that labels know and no mesh shows are numbered from here: meshed ones lie below
 
 _KEY = re.compile(r"(\d\d)_([A-G])_(on|off)_(no|30|180|270|350)_([LR])_(\d{4})")
 

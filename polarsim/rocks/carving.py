@@ -12,7 +12,7 @@ from polarsim.rocks.drawn import raised
 from polarsim.rocks.evidence import PEN_IOU, Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.grouping import grouped
-from polarsim.rocks.regions import Limits, Region, marked_region, numbered, surface_points
+from polarsim.rocks.regions import Limits, Region, in_order, marked_region, surface_points
 from polarsim.rocks.splitting import neighbours
 
 FILLED = 0.65  # least IoU of what is cut out with its box: no second position speaks for it
@@ -73,7 +73,7 @@ def carved(sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evid
             best = max((cut for cut in cuts if cut is not None), key=lambda cut: cut.fit, default=None)
             if best is not None:
                 sand, regions = best.sand, best.regions
-    return sand, numbered(_joined(sand, regions, evidence))
+    return sand, in_order(_joined(sand, regions, evidence))
 
 
 def _joined(sand: Sand, regions: list[Region], evidence: Evidence) -> list[Region]:
@@ -91,7 +91,7 @@ def _joined(sand: Sand, regions: list[Region], evidence: Evidence) -> list[Regio
 
 def _union(sand: Sand, regions: Sequence[Region], evidence: Evidence) -> Region:
     cells = np.concatenate([region.seen for region in regions])
-    return _region(sand, cells, evidence, by_shape=any(region.by_shape for region in regions))
+    return _region(sand, cells, evidence)
 
 
 def _view(sand: Sand, evidence: Evidence, position: str) -> _View:
@@ -120,7 +120,7 @@ def _cut(
     if standing is None:
         return None
     below, region = standing
-    part = _region(below, _largest(below, region.seen), evidence, by_shape=False)
+    part = _region(below, _largest(below, region.seen), evidence)
     fit = evidence.fit(position, surface_points(sand, part.seen), box[None])
     if fit < FILLED or part.size < limits.size or part.height < limits.confirmed_height:
         return None
@@ -129,7 +129,7 @@ def _cut(
     rest = np.setdiff1d(own, part.seen)
     if not len(rest) or not _fits_as_before(evidence, surface_points(sand, own), surface_points(sand, rest)):
         return None
-    remaining = _region(below, rest, evidence, by_shape=regions[number].by_shape)
+    remaining = _region(below, rest, evidence)
     if remaining.size < limits.size:
         return None
     return _Cut(fit, below, [*regions[:number], remaining, *regions[number + 1 :], part])
@@ -166,7 +166,6 @@ def _largest(sand: Sand, cells: np.ndarray) -> np.ndarray:
     return cells[own == np.bincount(own).argmax()]
 
 
-def _region(sand: Sand, cells: np.ndarray, evidence: Evidence, *, by_shape: bool) -> Region:
+def _region(sand: Sand, cells: np.ndarray, evidence: Evidence) -> Region:
     region = marked_region(sand, _mask(sand, cells))
-    confirmed = tuple(evidence.confirming(surface_points(sand, region.seen)))
-    return replace(region, confirmed=confirmed, by_shape=by_shape)
+    return replace(region, confirmed=tuple(evidence.confirming(surface_points(sand, region.seen))))

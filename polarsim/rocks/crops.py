@@ -13,7 +13,7 @@ from scipy import ndimage
 from polarsim.rocks.ground import FOOT_MARGIN, Sand
 from polarsim.rocks.heights import filled
 from polarsim.rocks.overrides import Cuboid, Overrides
-from polarsim.rocks.regions import WALL_CLEARANCE, Region, marked_region
+from polarsim.rocks.regions import WALL_CLEARANCE, Region, by_id, marked_region
 from polarsim.rocks.scans import ScanPoints
 from polarsim.rocks.splitting import is_upright
 
@@ -82,7 +82,7 @@ def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints, foot: 
 
 def _keeping_ids(sand: Sand, regions: Sequence[Region], places: Mapping[int, np.ndarray]) -> dict[int, Region]:
     """Regions by id: those at places (2,) have the ids that belong there, all others as `_renumbered` has them."""
-    finds, kept = dict(enumerate(regions, 1)), {}
+    finds, kept = by_id(regions), {}
     for rock, place in places.items():
         gaps = {
             number: np.linalg.norm(sand.grid.places().reshape(-1, 2)[region.footprint] - place, axis=1).min()

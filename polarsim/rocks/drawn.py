@@ -13,7 +13,7 @@ from polarsim.geometry.boxes import around, iou
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.heights import filled
-from polarsim.rocks.regions import PEAK_SHARE, Limits, Region, marked_region, numbered, surface_points
+from polarsim.rocks.regions import PEAK_SHARE, Limits, Region, in_order, marked_region, surface_points
 
 FLANK = 3  # cells about a place that may be its flanks and do not tell the ground's height below
 ABOUT = 0.15  # metres about a place within which ground tells the ground's height below
@@ -42,8 +42,8 @@ def with_drawn(sand: Sand, regions: list[Region], limits: Limits, evidence: Evid
             standing = raised(sand, cells[shared], RAISED, LOWEST)
             if standing is not None and standing[1].size >= limits.size:
                 sand = standing[0]
-                found.append(replace(standing[1], confirmed=(one, other), by_shape=False))
-    return sand, numbered([*regions, *found])
+                found.append(replace(standing[1], confirmed=(one, other)))
+    return sand, in_order([*regions, *found])
 
 
 def _shared(pixels: Sequence[np.ndarray], boxes: Sequence[np.ndarray], min_iou: float) -> np.ndarray:

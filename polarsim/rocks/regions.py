@@ -1,8 +1,10 @@
-"""Rocks as regions of the floor grid: what stands out of the ground, touching rocks told apart, in a stable order."""
+"""Rocks as regions of the floor grid: what stands out of the ground, touching rocks told apart, with stable ids."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, count
 
 import numpy as np
 from scipy import ndimage
@@ -12,12 +14,15 @@ from polarsim.rocks.ground import Sand
 from polarsim.rocks.grouping import grouped
 from polarsim.rocks.heights import hull_mask
 from polarsim.rocks.splitting import is_upright, neighbours, slivers_joined, told_apart
+from polarsim.survey import SANDBOX_HALF_WIDTH
 
 PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
 WALL_CLEARANCE = 0.05  # metres from the sand's border within which only confirmed finds are rocks
 FLATTEST = 0.1  # height over size of the flattest rock that nobody drew: lower things are rims and swells of sand
-SMALL_SIZE = 0.055  # metres: smaller rocks are numbered last, for they come and go with noise
-SWEEP = np.array([0.83, 0.56])  # order of ids along this oblique line: rocks laid in rows along a wall do not tie
+SWEEP = np.array([0.83, 0.56])  # order along this oblique line: rocks laid in rows along a wall do not tie
+ID_SIDE = 0.25  # metres of the squares that ids count
+ID_LAYERS = 3  # rocks in one square that have ids of their own
+ID_SQUARES = round(2 * SANDBOX_HALF_WIDTH / ID_SIDE)  # along each side of the sandbox
 
 
 @dataclass(frozen=True)
@@ -41,11 +46,10 @@ class Region:
     height: float  # above the ground, metres
     volume: float  # above the ground, m^3
     confirmed: tuple[str, ...] = ()  # positions whose seed boxes show it
-    by_shape: bool = True  # whether it would be a rock if nobody had drawn it
 
 
 def find_regions(sand: Sand, limits: Limits, evidence: Evidence) -> list[Region]:
-    """Every rock of a sand box, in the order of their ids.
+    """Every rock of a sand box.
 
     A region is what stands higher than the foot height and somewhere higher than the rock height, and is shaped like a
     rock; where seed boxes confirm it a lower height is enough, and any shape. Touching rocks are told apart by shape,
@@ -73,10 +77,9 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence) -> list[Region]
         if region.size < limits.size or region.height < limits.confirmed_height:
             continue
         confirmed = tuple(evidence.confirming(surface_points(sand, region.seen)))
-        by_shape = _looks_like_rock(region, limits) and not _at_wall(sand, box)
-        if confirmed or by_shape:
-            regions.append(replace(region, confirmed=confirmed, by_shape=by_shape))
-    return numbered(regions)
+        if confirmed or (_looks_like_rock(region, limits) and not _at_wall(sand, box)):
+            regions.append(replace(region, confirmed=confirmed))
+    return in_order(regions)
 
 
 def _looks_like_rock(region: Region, limits: Limits) -> bool:
@@ -92,18 +95,26 @@ def _at_wall(sand: Sand, box: tuple[slice, ...]) -> bool:
     )
 
 
-def numbered(regions: list[Region]) -> list[Region]:
-    """Regions in the order of their ids: along an oblique sweep, those that easily come and go after all others.
+def in_order(regions: Sequence[Region]) -> list[Region]:
+    """Regions along an oblique sweep."""
+    return sorted(regions, key=lambda region: float(region.centre @ SWEEP))
 
-    Any order flips somewhere. Rocks lie centimetres apart and are placed to a millimetre, so places rarely tie; sizes
-    do. The smallest rocks come and go with noise, those that only boxes tell with a line that a person draws: when one
-    does, no other rock's id changes.
+
+def by_id(regions: Sequence[Region]) -> dict[int, Region]:
+    """Regions by the number of the square of the sandbox in which their middle lies, from 1, along x, then along y.
+
+    Of several in one square the largest has this number, the next one 256 more, the third one 512 more; any others
+    count on from there. So a rock that comes, goes or moves by millimetres changes its own id at most, or one in its
+    own square: with ranks along a sweep it changed all after it.
     """
-
-    def fleeting(region: Region) -> bool:
-        return region.size < SMALL_SIZE or not region.by_shape
-
-    return sorted(regions, key=lambda region: (fleeting(region), float(region.centre @ SWEEP)))
+    ids: dict[int, Region] = {}
+    for region in sorted(regions, key=lambda region: (-region.size, float(region.centre @ SWEEP))):
+        column, row = np.clip((region.centre + SANDBOX_HALF_WIDTH) // ID_SIDE, 0, ID_SQUARES - 1).astype(int).tolist()
+        layers = [1 + column + ID_SQUARES * row + layer * ID_SQUARES**2 for layer in range(ID_LAYERS)]
+        ids[next(number for number in chain(layers, count(1 + ID_LAYERS * ID_SQUARES**2)) if number not in ids)] = (
+            region
+        )
+    return dict(sorted(ids.items()))
 
 
 def surface_points(sand: Sand, cells: np.ndarray) -> np.ndarray:

@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from polarsim.geometry.poses import Pose
 from polarsim.rocks.clouds import surface_cloud
@@ -7,7 +9,7 @@ from polarsim.rocks.crops import crop_rocks
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground, sand_extent
 from polarsim.rocks.overrides import Cuboid, Overrides
-from polarsim.rocks.regions import Limits, find_regions
+from polarsim.rocks.regions import Limits, Region, by_id, find_regions
 from polarsim.rocks.scans import Extent, ScanPoints
 
 CELL = 0.008
@@ -110,31 +112,64 @@ def test_ids_do_not_change_with_other_noise(three_rocks, found):
         assert np.linalg.norm(one.centre - other.centre) < 0.01
 
 
+def region(x, y, size=0.1):
+    cells = np.zeros(0, int)
+    return Region(cells, cells, np.array([x, y]), size, 0.05, 1e-4)
+
+
+def test_an_id_is_the_number_of_a_square_of_the_sandbox():
+    low, next_one, above, high = (region(*place) for place in [(-1.9, -1.9), (-1.6, -1.9), (-1.9, -1.6), (1.9, 1.9)])
+    assert {rock: id(one) for rock, one in by_id([above, high, next_one, low]).items()} == {
+        1: id(low), 2: id(next_one), 17: id(above), 256: id(high),
+    }  # fmt: skip
+
+
+def test_rocks_of_one_square_have_ids_by_size_and_rocks_beyond_the_walls_that_of_the_border():
+    many = [region(0.1 + 0.01 * k, 0.1, 0.2 - 0.01 * k) for k in range(5)]
+    assert list(by_id(many)) == [137, 393, 649, 769, 770]
+    assert [id(one) for one in by_id(many).values()] == [id(one) for one in many]
+    assert list(by_id([region(-2.1, 2.1)])) == [241]
+
+
+@given(gone=st.integers(0, 39), seed=st.integers(0, 50))
+def test_a_rock_that_goes_changes_only_ids_of_its_own_square(gone, seed):
+    rng = np.random.default_rng(seed)
+    rocks = [region(*rng.uniform(-1.9, 1.9, 2), size) for size in rng.uniform(0.05, 0.3, 40)]
+    before = {id(one): rock for rock, one in by_id(rocks).items()}
+    after = {id(one): rock for rock, one in by_id(rocks[:gone] + rocks[gone + 1 :]).items()}
+    square = np.floor(rocks[gone].centre / 0.25)
+    for one in rocks:
+        if one is not rocks[gone] and (np.floor(one.centre / 0.25) != square).any():
+            assert after[id(one)] == before[id(one)]
+
+
 def test_a_cuboid_of_the_override_file_wins_and_drops_are_left_out(found):
     sand, regions = found
-    kept = regions[0]
+    (_, kept), (second, _), (third, _) = by_id(regions).items()
     around = Cuboid(np.array([*(kept.centre - 0.2), -1.0]), np.array([*(kept.centre + 0.2), 1.0]))
-    _, rocks = crop_rocks(sand, regions, Overrides({7: around}, drop=(2,)), LIMITS.foot)
-    assert {rock: one.source for rock, one in rocks.items()} == {3: "scan", 7: "override"}
+    _, rocks = crop_rocks(sand, regions, Overrides({7: around}, drop=(second,)), LIMITS.foot)
+    assert {rock: one.source for rock, one in rocks.items()} == {third: "scan", 7: "override"}
     np.testing.assert_allclose(rocks[7].region.centre, kept.centre, atol=0.02)
 
 
 def test_a_find_whose_id_is_taken_gets_the_next_free_one(found):
     sand, regions = found
-    around = Cuboid(np.array([*(regions[0].centre - 0.2), -1.0]), np.array([*(regions[0].centre + 0.2), 1.0]))
-    _, rocks = crop_rocks(sand, regions, Overrides({3: around}), LIMITS.foot)
-    assert sorted(rocks) == [2, 3, 4]
-    np.testing.assert_array_equal(rocks[4].region.seen, regions[2].seen)
+    (_, kept), (second, _), (third, moved) = by_id(regions).items()
+    around = Cuboid(np.array([*(kept.centre - 0.2), -1.0]), np.array([*(kept.centre + 0.2), 1.0]))
+    _, rocks = crop_rocks(sand, regions, Overrides({third: around}), LIMITS.foot)
+    assert sorted(rocks) == [second, third, third + 1]
+    np.testing.assert_array_equal(rocks[third + 1].region.seen, moved.seen)
 
 
 def test_finds_keep_the_ids_of_the_places_where_they_lie(found, caplog):
     sand, regions = found
-    places = {2: regions[0].centre + 0.01, 9: regions[1].centre, 3: np.array([-1.2, 1.2])}
+    (_, one), (_, other), (third, last) = by_id(regions).items()
+    places = {2: one.centre + 0.01, 9: other.centre, third: np.array([-1.2, 1.2])}
     _, rocks = crop_rocks(sand, regions, Overrides(places=places), LIMITS.foot)
-    kept = {rock: [one.region is region for region in regions].index(True) for rock, one in rocks.items()}
-    assert kept == {2: 0, 9: 1, 10: 2}  # id 3 waits for the rock that it belongs to
-    assert all(one.source == "scan" for one in rocks.values())
-    assert "rock 3: there is no find at -1.200, 1.200" in caplog.text
+    kept = {rock: id(found.region) for rock, found in rocks.items()}
+    assert kept == {2: id(one), 9: id(other), third + 1: id(last)}  # its id waits for the rock that it belongs to
+    assert all(found.source == "scan" for found in rocks.values())
+    assert f"rock {third}: there is no find at -1.200, 1.200" in caplog.text
 
 
 @pytest.mark.parametrize("gone", [(), (0,), (1,), (0, 2)])
@@ -150,9 +185,10 @@ def test_ids_of_places_stay_whatever_else_is_found(found, gone):
 
 def test_a_drop_goes_by_the_ids_that_places_give(found):
     sand, regions = found
-    overrides = Overrides(places={8: regions[0].centre}, drop=(8,))
+    (_, one), (second, _), (third, _) = by_id(regions).items()
+    overrides = Overrides(places={8: one.centre}, drop=(8,))
     _, rocks = crop_rocks(sand, regions, overrides, LIMITS.foot)
-    assert sorted(rocks) == [2, 3]
+    assert sorted(rocks) == [second, third]
 
 
 def test_a_rock_that_only_a_box_tells_changes_no_other_id(three_rock_scans):
@@ -164,11 +200,11 @@ def test_a_rock_that_only_a_box_tells_changes_no_other_id(three_rock_scans):
         def confirming(self, points):
             return ["A"]
 
-    before, after = (find_regions(sand, picky, evidence({}, {}, 0.3)) for evidence in (Evidence, Drawn))
+    before, after = (by_id(find_regions(sand, picky, evidence({}, {}, 0.3))) for evidence in (Evidence, Drawn))
     assert len(before) == 2
     assert len(after) == 3
-    for one, other in zip(before, after[:2], strict=True):
-        np.testing.assert_array_equal(one.seen, other.seen)
+    for rock, one in before.items():
+        np.testing.assert_array_equal(one.seen, after[rock].seen)
 
 
 def test_cloth_that_hangs_into_the_box_becomes_no_ground(bare_scans, rng):
