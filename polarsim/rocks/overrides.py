@@ -11,6 +11,7 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import write_text
+from polarsim.photo import FIRST_UNMESHED_ROCK
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,8 @@ def _ids(number: int, value: Any) -> list[int]:
 
 
 def _id(number: int, value: Any) -> int:
-    if type(value) is not int or value <= 0:
-        raise FormatError(f"entry {number}: rock is {value!r}, expected an id from 1 on")
+    if type(value) is not int or not 0 < value < FIRST_UNMESHED_ROCK:
+        raise FormatError(f"entry {number}: rock is {value!r}, expected an id from 1 to {FIRST_UNMESHED_ROCK - 1}")
     return value
 
 

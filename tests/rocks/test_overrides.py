@@ -56,7 +56,8 @@ def test_no_cuboids_are_written_as_an_empty_list(tmp_path):
     [
         ("rocks: 3", "expected a list"),
         ("- {rock: 3, min: [0, 0, 0]}", "entry 1: expected the keys"),
-        ("- {rock: 0, min: [0, 0, 0], max: [1, 1, 1]}", "expected an id from 1 on"),
+        ("- {rock: 0, min: [0, 0, 0], max: [1, 1, 1]}", "expected an id from 1 to 900"),
+        ("- {rock: 901, at: [0, 0]}", "expected an id from 1 to 900"),
         ("- {rock: 3, min: [0, 0, 2], max: [1, 1, 1]}", "min is not below max"),
         ("- {rock: 3, min: [0, x, 0], max: [1, 1, 1]}", "no list of numbers"),
         ("- {rock: 3, min: [0, 0, 0], max: [1, 1, .nan]}", "max is .*, expected x, y, z"),
