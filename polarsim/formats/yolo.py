@@ -13,15 +13,15 @@ from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
 _SIZE = np.array([WIDTH, HEIGHT], float)
 
 
-def read_boxes(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> tuple[np.ndarray, np.ndarray]:
-    """Class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels of a photo of a size (width, height).
+def read_boxes(path: str | Path, size: tuple[int, int] | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels; `size` (width, height) is the rig's by default.
 
     Raises
     ------
     FormatError
         A line that is no box of class 0 or 1 inside the photo: file, line number and reason.
     """
-    classes, boxes, photo = [], [], np.array(size, float)
+    classes, boxes, photo = [], [], _SIZE if size is None else np.array(size, float)
     for number, fields in _lines(path):
         if len(fields) != 5:
             raise FormatError(f"{path}:{number}: {len(fields)} fields, a YOLO box has 5: class x y width height")

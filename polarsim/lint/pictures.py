@@ -5,6 +5,8 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from polarsim.errors import FormatError
 from polarsim.formats import yolo
 from polarsim.lint.boxes import Size, box_defects
@@ -61,11 +63,11 @@ def _stem(path: Path, folder: Path) -> str:
 
 
 def _size(path: Path) -> Size:
-    """Width and height of a picture, from its header."""
-    from PIL import Image, UnidentifiedImageError
+    """Width and height of a picture."""
+    import cv2
 
-    try:
-        with Image.open(path) as picture:
-            return picture.size
-    except UnidentifiedImageError as error:
-        raise FormatError(f"{path}: no picture") from error
+    content = np.frombuffer(path.read_bytes(), np.uint8)
+    picture = cv2.imdecode(content, cv2.IMREAD_UNCHANGED) if len(content) else None
+    if picture is None:
+        raise FormatError(f"{path}: no picture")
+    return picture.shape[1], picture.shape[0]

@@ -11,6 +11,7 @@ from polarsim.rocks import find
 from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
+from polarsim.rocks.overrides import read_overrides
 
 OPTIONS = RocksOptions(ground_cell_mm=10, ground_mesh_cell_mm=40)
 
@@ -60,8 +61,9 @@ def worked(three_rocks, tripods, tmp_path_factory):
 
 def test_scans_become_a_table_of_rocks(worked):
     table = pd.read_parquet(worked / "rocks.parquet")
-    columns, rows = np.floor((table[["x", "y"]].to_numpy() + 2) / 0.25).astype(int).T
-    assert table["rock"].tolist() == (1 + columns + 16 * rows).tolist()
+    places = read_overrides(worked / "ids.yaml").places
+    columns, rows = np.floor((np.array(list(places.values())) + 2) / 0.25).astype(int).T
+    assert table["rock"].tolist() == list(places) == (1 + columns + 16 * rows).tolist()
     assert set(table["source"]) == {"scan"}
     np.testing.assert_allclose(sorted(table["size_m"]), [0.08, 0.12, 0.25], atol=0.025)
     assert (table["points"] > 100).all()
