@@ -48,7 +48,7 @@ def lint_and_draw(*, root: Path, page: Path, table: Path, workers: int) -> None:
 
 def write_errata(report: Report, root: Path, page: Path) -> None:
     """Write a page with the findings in a folder of the published layout, by rule; files alike share a picture."""
-    counts = report.as_json()["counts"]
+    counts = report.counts
     order = sorted(counts, key=lambda name: RULES[name].code)
     rows = "".join(
         f'<tr><td><a href="#{name}">{RULES[name].code}</a></td><td>{name}</td><td>{RULES[name].severity}</td>'

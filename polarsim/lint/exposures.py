@@ -11,12 +11,14 @@ import numpy as np
 from polarsim.geometry.boxes import iou, match_sum
 from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
-from polarsim.photo import BOX_CLASSES, PhotoKey, exposures
+from polarsim.photo import BOX_CLASSES, Azimuth, Camera, Light, PhotoKey, exposures
 
 FOUND, UNMOVED = 0.1, 0.9  # IoU of a box with its like in another exposure, and of one that did not move
+PhotoSet = tuple[int, str, Light, Azimuth, Camera]  # see `PhotoKey.photo_set`
+Found = Iterator[tuple[PhotoKey, Defect]]
 
 
-def set_defects(files: Mapping[PhotoKey, Boxes]) -> Iterator[tuple[PhotoKey, Defect]]:
+def set_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
     """Defects of the files of one photo set, against what most of them hold."""
     filled = {key: boxes for key, boxes in files.items() if len(boxes[0])}
     if filled:
@@ -64,7 +66,12 @@ def modal(boxes: Mapping[PhotoKey, np.ndarray]) -> np.ndarray:
     return np.array(max(times, key=lambda content: (times[content], -len(content)))).reshape(-1, 4)
 
 
-def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Iterator[tuple[PhotoKey, Defect]]:
+def modals(boxes: Mapping[PhotoKey, np.ndarray]) -> dict[PhotoSet, np.ndarray]:
+    """(n, 4) the content that most files of each photo set share."""
+    return {keys[0].photo_set: modal({key: boxes[key] for key in keys}) for keys in photo_sets(boxes)}
+
+
+def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Found:
     """Boxes of one class that are missing, additional or elsewhere than in most exposures."""
     of_kind, kind = of_class(files, number), BOX_CLASSES[number]
     common = modal(of_kind)

@@ -53,6 +53,11 @@ class Report:
         """Only findings of some rules."""
         return replace(self, findings=[finding for finding in self.findings if finding.defect in names])
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """Files by defect."""
+        return dict(sorted(Counter(finding.defect for finding in self.findings).items()))
+
     def count(self, *severities: Severity) -> int:
         return sum(finding.severity in severities for finding in self.findings)
 
@@ -73,7 +78,7 @@ class Report:
                 }
                 for one in self.findings
             ],
-            "counts": dict(sorted(Counter(finding.defect for finding in self.findings).items())),
+            "counts": self.counts,
             "errors": self.count("error"),
             "warnings": self.count("warning"),
             "notes": self.count("note"),

@@ -64,18 +64,19 @@ def lint_terrain(root: Path, terrain: int) -> Terrain:
     found = Findings(root)
     for path in release.stray_files(root, terrain):
         found.add(path, _stray(path))
-    boxes = found.read_all(release.label_files(root, terrain), yolo.read_boxes)
-    polygons = found.read_all(release.polygon_files(root, terrain), yolo.read_polygons)
+    files, outlines = release.label_files(root, terrain), release.polygon_files(root, terrain)
+    boxes = found.read_all(files, yolo.read_boxes)
     content = {
-        **_lint_boxes(root, terrain, boxes, found),
-        **_lint_polygons(root, terrain, polygons, boxes, found),
+        **_lint_boxes(files, release.label_folder(root, terrain), boxes, found),
+        **_lint_polygons(outlines, found.read_all(outlines, yolo.read_polygons), boxes, found),
         **_lint_scene(root, terrain, found),
     }
     return sorted(found.gathered), content
 
 
-def _lint_boxes(root: Path, terrain: int, boxes: Mapping[PhotoKey, Boxes], found: Findings) -> dict[str, int]:
-    files, folder = release.label_files(root, terrain), release.label_folder(root, terrain)
+def _lint_boxes(
+    files: Mapping[PhotoKey, Path], folder: Path, boxes: Mapping[PhotoKey, Boxes], found: Findings
+) -> dict[str, int]:
     for key, labels in boxes.items():
         counts = count_defects(labels[0]) if key.azimuth in SUNS else ()
         for defect in (*box_defects(*labels), *counts):
@@ -95,13 +96,11 @@ def _lint_boxes(root: Path, terrain: int, boxes: Mapping[PhotoKey, Boxes], found
 
 
 def _lint_polygons(
-    root: Path,
-    terrain: int,
+    files: Mapping[PhotoKey, Path],
     polygons: Mapping[PhotoKey, Polygons],
     boxes: Mapping[PhotoKey, Boxes],
     found: Findings,
 ) -> dict[str, int]:
-    files = release.polygon_files(root, terrain)
     own: dict[int, list[Defect]] = {}  # by content: most exposures of a photo set share one
     for key, drawn in polygons.items():
         if id(drawn) not in own:

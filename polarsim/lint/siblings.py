@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from polarsim.geometry.boxes import iou
 from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
-from polarsim.lint.exposures import changed, modal, of_class, photo_sets
+from polarsim.lint.exposures import Found, changed, modal, of_class, photo_sets
 from polarsim.lint.rules import Defect
 from polarsim.photo import SUNS, PhotoKey
 
 SAME_ROCK = 0.3  # IoU of a rock's boxes that two people drew, or one person twice
 SHADOW_ON_ROCK = 0.5  # IoU of a shadow's box with a rock that makes it the rock
-Found = Iterator[tuple[PhotoKey, Defect]]
 
 
 def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Found:

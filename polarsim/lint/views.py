@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
-from polarsim.lint.exposures import modal, of_class, photo_sets
+from polarsim.lint.exposures import Found, PhotoSet, modals, of_class
 from polarsim.lint.rules import Defect
 from polarsim.photo import CAMERAS, SUNS, PhotoKey
 
@@ -29,7 +29,6 @@ ALIKE = 0.4  # largest log ratio of the sides of one rock's boxes in Left and Ri
 ROCK_FOOT, SHADOW_FOOT = 0.75, 0.5  # share of a box's height, from its top, at which a thing's middle meets the ground
 REACH = 0.12  # metres on the ground between a rock's box and its shadow's
 AWAY, TOWARDS = 0.0, -0.7  # cosine to the direction of light: from there on a shadow may be, and cannot be, a rock's
-Found = Iterator[tuple[PhotoKey, Defect]]
 
 
 def view_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
@@ -43,8 +42,8 @@ def view_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
 def _of_other_views(files: Mapping[PhotoKey, Boxes]) -> Found:
     """Rocks of a file against the photo sets of all views, its own set left out; the median over sets counts."""
     rocks = of_class(files, ROCK_CLASS)
-    sets = {keys[0].photo_set: modal({key: rocks[key] for key in keys}) for keys in photo_sets(rocks)}
-    fits: dict[tuple[object, ...], dict[tuple[object, ...], float]] = {}
+    sets = modals(rocks)
+    fits: dict[tuple[object, ...], dict[tuple[int, str, str], float]] = {}
     for key, boxes in sorted(rocks.items()):
         if len(boxes) < LEAST_BOXES:
             continue
@@ -61,8 +60,8 @@ def _of_other_views(files: Mapping[PhotoKey, Boxes]) -> Found:
             yield key, Defect("other_view", detail)
 
 
-def _fits_of_views(boxes: np.ndarray, sets: Mapping[tuple[object, ...], np.ndarray]) -> dict[tuple[object, ...], float]:
-    fits: dict[tuple[object, ...], list[float]] = {}
+def _fits_of_views(boxes: np.ndarray, sets: Mapping[PhotoSet, np.ndarray]) -> dict[tuple[int, str, str], float]:
+    fits: dict[tuple[int, str, str], list[float]] = {}
     for name, drawn in sets.items():
         fits.setdefault(_view(name), []).append(_fit(boxes, drawn))
     return {view: float(np.median(found)) for view, found in fits.items()}
@@ -71,7 +70,7 @@ def _fits_of_views(boxes: np.ndarray, sets: Mapping[tuple[object, ...], np.ndarr
 def _of_other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
     """Shadows of a photo set against those under the same lamp with the other light, and under other lamps."""
     shadows = of_class(files, SHADOW_CLASS)
-    sets = {keys[0].photo_set: modal({key: shadows[key] for key in keys}) for keys in photo_sets(shadows)}
+    sets = modals(shadows)
     for key, boxes in sorted(shadows.items()):
         if key.azimuth not in SUNS or len(boxes) < LEAST_BOXES:
             continue
@@ -86,7 +85,7 @@ def _of_other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
             yield key, Defect("other_azimuth", f"shadows of azimuth {best}: mean IoU {other[best]:.2f}, own {own:.2f}")
 
 
-def _view(photo_set: tuple[object, ...]) -> tuple[object, ...]:
+def _view(photo_set: PhotoSet) -> tuple[int, str, str]:
     terrain, position, _, _, camera = photo_set
     return terrain, position, camera
 
@@ -100,14 +99,12 @@ def _fit(boxes: np.ndarray, known: np.ndarray) -> float:
 def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Found:
     """Rocks of a Right file that lie above or below where all pairs of the set-up put the Left one."""
     rocks = of_class(files, ROCK_CLASS)
+    sets = modals(rocks)
     for set_up in sorted({key.set_up for key in rocks}):
         seen = {
-            camera: consensus_boxes([
-                modal({key: rocks[key] for key in keys})
-                for keys in photo_sets(key for key in rocks if (key.set_up, key.camera) == (set_up, camera))
-            ])
+            camera: consensus_boxes([boxes for name, boxes in sets.items() if _view(name) == (*set_up, camera)])
             for camera in CAMERAS
-        }  # fmt: skip
+        }
         plane = _right_from_left(seen["L"], seen["R"])
         if plane is None:
             continue

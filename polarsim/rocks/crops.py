@@ -82,11 +82,10 @@ def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints, foot: 
 
 def _keeping_ids(sand: Sand, regions: Sequence[Region], places: Mapping[int, np.ndarray]) -> dict[int, Region]:
     """Regions by id: those at places (2,) have the ids that belong there, all others as `_renumbered` has them."""
-    finds, kept = by_id(regions), {}
+    finds, kept, cells = by_id(regions), {}, sand.grid.places().reshape(-1, 2)
     for rock, place in places.items():
         gaps = {
-            number: np.linalg.norm(sand.grid.places().reshape(-1, 2)[region.footprint] - place, axis=1).min()
-            for number, region in finds.items()
+            number: np.linalg.norm(cells[region.footprint] - place, axis=1).min() for number, region in finds.items()
         }
         nearest = min(gaps, key=lambda number: (gaps[number], number), default=None)
         if nearest is None or gaps[nearest] > PLACE_REACH:

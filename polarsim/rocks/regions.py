@@ -111,9 +111,8 @@ def by_id(regions: Sequence[Region]) -> dict[int, Region]:
     for region in sorted(regions, key=lambda region: (-region.size, float(region.centre @ SWEEP))):
         column, row = np.clip((region.centre + SANDBOX_HALF_WIDTH) // ID_SIDE, 0, ID_SQUARES - 1).astype(int).tolist()
         layers = [1 + column + ID_SQUARES * row + layer * ID_SQUARES**2 for layer in range(ID_LAYERS)]
-        ids[next(number for number in chain(layers, count(1 + ID_LAYERS * ID_SQUARES**2)) if number not in ids)] = (
-            region
-        )
+        numbers = chain(layers, count(1 + ID_LAYERS * ID_SQUARES**2))
+        ids[next(number for number in numbers if number not in ids)] = region
     return dict(sorted(ids.items()))
 
 
