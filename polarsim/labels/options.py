@@ -48,7 +48,9 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         35.0, gt=0, description="The same under the rover light, whose shadows are mostly hidden slivers, px."
     )
 
-    shadow_margin_px: float = Field(2.0, ge=0, description="People draw shadows this much larger on every side, px.")
+    cast_weight: float = Field(
+        0.3, ge=0, description="Weight of a cast shadow in a box fused with one drawn in the other camera, which has 1."
+    )
 
     # Outlines.
     simplify_px: float = Field(0.6, ge=0, description="Largest error of a simplified outline, px.")

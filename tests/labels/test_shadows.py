@@ -40,10 +40,24 @@ def test_a_block_throws_its_shadow_where_its_top_corners_are_projected_from_the_
 def test_the_part_of_a_shadow_inside_its_rocks_ellipse_is_left_out():
     shadow = np.full((120, 120), NO_ROCK)
     shadow[40:60, :100] = 4
-    # The ellipse of 0.9 of the rock's box has half axes 27 and 45 around (30, 50). At the band's first row, 9.5 above
-    # its centre, it ends at 30 + 27 sqrt(1 - (9.5 / 45)^2) = 56.4; the sliver left of it is too small to count.
+    # The ellipse of 0.8 of the rock's box has half axes 24 and 40 around (30, 50). At the band's first row, 9.5 above
+    # its centre, it ends at 30 + 24 sqrt(1 - (9.5 / 40)^2) = 53.3; the sliver left of it is too small to count.
     found = shadow_box(shadow, 4, np.array([0.0, 0, 60, 100]), 1)
-    np.testing.assert_array_equal(found, [56, 40, 100, 60])
+    np.testing.assert_array_equal(found, [53, 40, 100, 60])
+
+
+def test_a_rim_under_a_rock_does_not_widen_its_shadow():
+    shadow = np.full((120, 240), NO_ROCK)
+    shadow[40:60, 100:180] = 4
+    shadow[60:62, 20:180] = 4  # where a mesh meets the sand: two pixels high, connected, left of the shadow
+    found = shadow_box(shadow, 4, None, 1)
+    np.testing.assert_allclose(found, [100, 40, 180, 62], atol=4)
+
+
+def test_a_thin_shadow_has_a_box_all_the_same():
+    shadow = np.full((120, 240), NO_ROCK)
+    shadow[60:62, 20:180] = 4
+    np.testing.assert_array_equal(shadow_box(shadow, 4, None, 1), [20, 60, 180, 62])
 
 
 def test_a_rock_whose_shadow_is_not_seen_has_no_box(world, ids):

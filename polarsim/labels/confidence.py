@@ -1,0 +1,35 @@
+"""How likely a label and the box that a person draws there overlap by IoU >= 0.5.
+
+Logistic in the share of the drawn azimuths at which the rock was seen and in the logarithm of the label's size. The
+coefficients were fitted by `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published labels, whose
+truth is one person's drawing; `figures/reliability.png` of a run shows how well they hold there.
+"""
+
+from __future__ import annotations
+
+import math
+
+USUAL_PX = 50.0  # sqrt(area) of a common label
+COEFFICIENTS = {  # by kind and source: at full share and usual size; for every share missed; for size
+    ("rock", "seed"): (5.06, 0.0, 0.89),
+    ("rock", "fused"): (2.65, 4.27, 1.71),
+    ("rock", "projected"): (0.81, 0.0, 0.56),
+    ("shadow", "seed"): (4.27, 0.0, 0.31),
+    ("shadow", "fused"): (1.81, 0.0, 1.21),
+    ("shadow", "cast"): (-0.11, 0.0, 0.76),
+}
+
+
+def confidence(kind: str, source: str, share: float, size_px: float) -> float:
+    """Probability that a label is right.
+
+    Parameters
+    ----------
+    share
+        Of the azimuths drawn at the label's position, those at which the rock was seen; 1 where that says nothing.
+    size_px
+        sqrt(width * height) of the label.
+    """
+    start, missed, size = COEFFICIENTS[kind, source]
+    score = start + missed * (share - 1) + size * math.log(max(size_px, 1.0) / USUAL_PX)
+    return 1 / (1 + math.exp(-score))

@@ -1,0 +1,70 @@
+"""What is known of a terrain before its photos are labelled: bodies, poses, drawings, and which rock is which."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.scene import TerrainMesh
+from polarsim.labels.identity import dome_behind, match_boxes, number_domes
+from polarsim.labels.options import LabelsOptions
+from polarsim.labels.seeds import Drawn, Seeds, Sight, cameras_first
+from polarsim.labels.tracks import Track, find_tracks
+from polarsim.labels.view import View, move_rocks, project_rock
+from polarsim.labels.world import World, build_world, with_domes
+from polarsim.photo import NO_ROCK
+
+
+@dataclass(frozen=True)
+class Known:
+    """A terrain's rocks as bodies, and for each position the drawn tracks with their rock ids."""
+
+    world: World
+    placed: dict[str, PlacedRig]
+    seeds: Seeds
+    tracks: dict[str, list[Track]]
+    rocks: dict[str, np.ndarray]  # by position: (tracks,) rock ids
+
+
+def gather(
+    terrain: TerrainMesh,
+    placed: dict[str, PlacedRig],
+    suns: Mapping[str, np.ndarray],
+    seeds: Seeds,
+    options: LabelsOptions,
+) -> Known:
+    """Give every drawn rock its id: that of the mesh that projects there, or the number of a stand-in."""
+    world = build_world(terrain, options.trim_mm / 1000, suns)
+    tracks: dict[str, list[Track]] = {}
+    matched: dict[str, np.ndarray] = {}
+    domes = []
+    for position in sorted(set(placed) & set(seeds)):
+        view = View(placed[position], cameras_first(list(seeds[position]))[0][0])
+        tracks[position] = find_tracks(_in_one_view(world, view, seeds[position]), options.same_rock_iou)
+        drawn = np.array([track.mean for track in tracks[position]]).reshape(-1, 4)
+        shown = {rock: found for rock in world.bodies if (found := project_rock(world, view, rock))}
+        rows = match_boxes(
+            drawn, np.array([found.box for found in shown.values()]).reshape(-1, 4), options.match_gate_px
+        )
+        matched[position] = np.where(rows >= 0, np.array([*shown, NO_ROCK])[rows], NO_ROCK)
+        domes.append([dome_behind(world, view, box) for box in drawn[rows < 0]])
+    numbers, stand_ins = number_domes(domes)
+    for position, own in zip(tracks, numbers, strict=True):
+        matched[position][matched[position] == NO_ROCK] = own
+    return Known(with_domes(world, stand_ins), placed, seeds, tracks, matched)
+
+
+def _in_one_view(world: World, view: View, drawings: Mapping[Sight, Drawn]) -> dict[Sight, np.ndarray]:
+    """Rock boxes (n, 4) of drawings of both cameras as one camera sees them, moved with the ground at their feet."""
+    moved = {}
+    for (camera, azimuth), drawn in drawings.items():
+        nameless = np.full(len(drawn.rocks), NO_ROCK)
+        moved[camera, azimuth] = (
+            drawn.rocks
+            if camera == view.camera
+            else move_rocks(world, View(view.placed, camera), view, drawn.rocks, nameless)
+        )
+    return moved
