@@ -88,10 +88,11 @@ rule score_labels:
     """Labels of every photo against truth, or against what people drew, by what it took to carry them there."""
     input:
         raw=raw_data,
-        boxes="results/{run}/labels/boxes/Terrain{terrain}",
+        table="results/{run}/labels/tables/Terrain{terrain}.parquet",
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
     output:
         quality="results/{run}/quality/labels_Terrain{terrain}.csv",
+        pairs="results/{run}/quality/label_pairs_Terrain{terrain}.parquet",
     log:
         "results/{run}/logs/tables/score_labels_{terrain}.log",
     benchmark:
@@ -101,6 +102,8 @@ rule score_labels:
         mem_mb=1000,
         runtime=10,
     params:
+        positions=positions_here,
+        grid=options("grid"),
         truth=true_labels_of,
         options=options("tables"),
         code=code_of("tables.quality_labels"),
