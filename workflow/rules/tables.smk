@@ -26,8 +26,10 @@ rule tables:
         of_run("results/{run}/errata.html") if KIND == "release" else [],
         of_run(
             "results/{run}/figures/label_errors_Terrain{terrain}.png",
-            terrain=filter(can_score_labels, TERRAINS),
+            terrain=SCORED_TERRAINS,
         ),
+        of_run("results/{run}/tables/labels.csv") if SCORED_TERRAINS else [],
+        of_run("results/{run}/figures/reliability.png") if SCORED_TERRAINS else [],
 
 
 rule score_cameras:
@@ -239,6 +241,38 @@ rule tabulate_rocks:
         "../scripts/tabulate_rocks.py"
 
 
+rule tabulate_labels:
+    """How good labels are by task, terrain, position, azimuth and size, and how often they are right as they say."""
+    input:
+        pairs=expand(
+            "results/{{run}}/quality/label_pairs_Terrain{terrain}.parquet",
+            terrain=SCORED_TERRAINS,
+        ),
+    output:
+        table=report(
+            "results/{run}/tables/labels.csv",
+            caption="../report/labels_table.rst",
+            category="Tables",
+            labels={"table": "labels"},
+        ),
+        reliability="results/{run}/tables/reliability.parquet",
+        others=multiext("results/{run}/tables/labels", ".md", ".tex", ".parquet")
+        + multiext("results/{run}/tables/reliability", ".md", ".tex", ".csv"),
+    log:
+        "results/{run}/logs/tables/tabulate_labels.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_labels.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.labels_table"),
+    script:
+        "../scripts/tabulate_labels.py"
+
+
 rule tabulate_detection:
     """The paper's first table: every judge on every domain, the paper's figures beside ours."""
     input:
@@ -442,6 +476,33 @@ rule draw_label_errors:
         code=code_of("tables.figures.labels"),
     script:
         "../scripts/draw_label_errors.py"
+
+
+rule draw_reliability:
+    """How often labels are right, against how sure they say they are."""
+    input:
+        reliability="results/{run}/tables/reliability.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/reliability.png",
+            caption="../report/reliability.rst",
+            category="Labels",
+            labels={"terrain": "all", "picture": "confidence"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_reliability.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_reliability.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("tables.figures.reliability"),
+    script:
+        "../scripts/draw_reliability.py"
 
 
 if KIND == "release":
