@@ -55,11 +55,23 @@ def write_table(
     notes
         Sentences below the table in those two.
     """
-    shown = table if layout is None else layout
+    write_blocks(stem, table, {caption: table if layout is None else layout}, notes)
+
+
+def write_blocks(
+    stem: Path, table: pd.DataFrame, blocks: Mapping[str, pd.DataFrame], notes: Sequence[str] = ()
+) -> None:
+    """As `write_table`, with several tables below each other to read, each by its caption; notes below the last."""
     write_csv(_form(stem, ".csv"), table)
     write_parquet(_form(stem, ".parquet"), table)
-    write_text(_form(stem, ".md"), markdown(shown, caption, notes))
-    write_text(_form(stem, ".tex"), latex(shown, caption, notes, label=stem.name))
+    notes_of = dict.fromkeys(blocks, ()) | dict.fromkeys(list(blocks)[-1:], tuple(notes))
+    shown = [markdown(block, caption, notes_of[caption]) for caption, block in blocks.items()]
+    write_text(_form(stem, ".md"), "\n".join(shown))
+    shown = [
+        latex(block, caption, notes_of[caption], label=stem.name if number == 1 else f"{stem.name}-{number}")
+        for number, (caption, block) in enumerate(blocks.items(), 1)
+    ]
+    write_text(_form(stem, ".tex"), "\n".join(shown))
 
 
 def markdown(table: pd.DataFrame, caption: str, notes: Sequence[str] = ()) -> str:

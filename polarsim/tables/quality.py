@@ -21,6 +21,7 @@ CAPTION = "Quality of every stage. Unit 1: a share or ratio; against: what a fig
 BOX_FIGURES = ("precision", "recall", "f1", "miou")  # of every box score, in this order
 
 Against = Literal["truth", "labels", "photos", "own"]
+TRUTH_NAMES = {"truth": "the analog's truth", "labels": "hand-drawn labels"}
 ROW_NAMES = ("stage", "subject", "figure", "unit", "against")
 _SHOWN = {"mm": 2, "px": 2, "deg": 4, "1": 3, "%": 1, "m": 3}  # decimals by unit
 

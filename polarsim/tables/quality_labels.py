@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +11,12 @@ import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats import release
-from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.formats.tables import LABEL_COLUMNS, read_parquet, write_parquet
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
+from polarsim.tables.label_pairs import labels_by_photo, pair_labels, shadows_drawn
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality import Against, Figure, write_quality
+from polarsim.tables.reliability import ANY_SOURCE, brier_score, calibration_error, reliability_table
 from polarsim.tables.score import Counts, Labels, count_photo, read
 
 EXPOSURES, LIGHT, CAMERA = "other exposures", "light on", "Left to Right"
@@ -26,27 +28,41 @@ log = logging.getLogger("polarsim")
 
 
 def score_labels(
-    *, terrain: int, labels: Path, truth: Path, seeds: Path, quality: Path, options: TablesOptions
+    *,
+    terrain: int,
+    keys: Sequence[PhotoKey],
+    table: Path,
+    truth: Path,
+    seeds: Path,
+    quality: Path,
+    pairs: Path,
+    options: TablesOptions,
 ) -> None:
-    """Write the quality of a terrain's labels.
+    """Write the quality of a terrain's labels, and every true box beside its label.
 
     Parameters
     ----------
-    labels
-        Folder of the terrain's boxes, KEY.txt.
+    keys
+        The photos that were labelled.
+    table
+        The terrain's label table; a photo without row has nothing to see.
     truth
         Folder of hand-drawn KEY.txt files (a terrain's, or a release's root), or the analog's labels.parquet.
     seeds
         Folder of the terrain's seeds; these photos themselves are not scored.
     """
-    found = read_folder(labels, terrain)
+    labels = read_parquet(table, LABEL_COLUMNS)
+    found = dict.fromkeys(keys, Labels.none()) | labels_by_photo(labels)
     wanted = read_truth(truth, terrain, found, options)
     seed_keys = set(release.key_files(seeds).files)
     tasks = {key: task_of(key, seed_keys) for key in wanted}
     figures = score_tasks(wanted, found, tasks, TASKS, against(truth), options)
     unlabelled = len([key for key, task in tasks.items() if task is not None and key not in found])
     figures.append(Figure("photos with truth", "without_label_file", unlabelled, "photos", len(wanted), against(truth)))
-    write_quality(quality, "labels", terrain, figures)
+    compared = {key: true for key, true in wanted.items() if key in found}
+    paired = pair_labels(compared, labels, tasks, against(truth), options)
+    write_parquet(pairs, paired)
+    write_quality(quality, "labels", terrain, figures + confidence_figures(paired, against(truth)))
 
 
 def task_of(key: PhotoKey, seeds: Iterable[PhotoKey]) -> str | None:
@@ -84,8 +100,7 @@ def score_tasks(
         if task is None:
             continue
         for kind, counts in count_photo(wanted[key], found[key], options.iou_threshold).items():
-            drawn = kind == SHADOW and counts.tp + counts.fn > 0
-            drawn &= against == "labels" or key.exposure_ms >= options.shadows_drawn_from_ms
+            drawn = kind == SHADOW and shadows_drawn(key, counts.tp + counts.fn, against, options)
             for name in [kind, DRAWN] if drawn else [kind]:
                 for part in (task, ALL):
                     total[name, part] = total.get((name, part), Counts()) + counts
@@ -154,6 +169,19 @@ def read_drawn(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
 def against(truth: Path) -> Against:
     """What a truth is called: the analog's table is truth, drawn files are labels."""
     return "truth" if truth.is_file() else "labels"
+
+
+def confidence_figures(pairs: pd.DataFrame, against: Against) -> list[Figure]:
+    """How far the confidence of labels is from the share of them that are right, by kind."""
+    table = reliability_table(pairs)
+    figures = []
+    for kind in BOX_CLASSES:
+        bins = table[(table["kind"] == kind) & (table["label_source"] == ANY_SOURCE)]
+        if len(bins):
+            n = round(bins["labels"].sum())
+            for name, value in (("ece", calibration_error(bins)), ("brier", brier_score(bins))):
+                figures.append(Figure(f"{kind}: confidence", name, value, "1", n, against))
+    return figures
 
 
 def _figures(subject: str, counts: Counts, against: Against) -> list[Figure]:

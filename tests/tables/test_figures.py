@@ -18,6 +18,7 @@ from polarsim.tables.figures import (
     draw_ipd,
     draw_label_errors,
     draw_offsets,
+    draw_reliability,
     draw_residuals,
     draw_terrain,
 )
@@ -26,6 +27,7 @@ from polarsim.tables.figures.labels import edge_errors
 from polarsim.tables.figures.terrain import STEP, slanted_view, top_view
 from polarsim.tables.match_rule import MatchRule
 from polarsim.tables.options import TablesOptions
+from polarsim.tables.reliability import COLUMNS as RELIABILITY_COLUMNS
 from polarsim.tables.score import Labels
 
 OPTIONS = TablesOptions(figure_width_px=600)
@@ -241,3 +243,28 @@ def hand_drawn(root, keys):
         classes, boxes = yolo.read_boxes(release.label_folder(root, key.terrain) / f"{key}.txt")
         rows += [label(key, BOX_CLASSES[number], -1, box) for number, box in zip(classes, boxes, strict=True)]
     return label_table(rows)
+
+
+def reliability_drawn(folder, rows, name):
+    bins = pd.DataFrame(rows, columns=list(RELIABILITY_COLUMNS)).astype(RELIABILITY_COLUMNS)
+    write_parquet(folder / "reliability.parquet", bins)
+    draw_reliability(reliability=folder / "reliability.parquet", figure=folder / name, origin=ORIGIN, options=WIDE)
+    return png.read(folder / name)[..., :3].astype(int)
+
+
+def test_points_of_sure_and_right_labels_lie_above_and_right_of_doubtful_ones(tmp_path):
+    places = []
+    for confidence in (0.3, 0.8):
+        point = {"kind": "rock", "label_source": "seed", "labels": 50, "low": confidence, "high": confidence}
+        shares = dict.fromkeys(("confidence", "right", "right_low", "right_high"), confidence) | {"brier": 0.1}
+        pixels = reliability_drawn(tmp_path, [point | shares], f"{confidence}.png")[:-80, :650]  # without the legend
+        blue = (pixels[..., 2] > 130) & (pixels[..., 0] < 60)
+        places.append(np.argwhere(blue).mean(axis=0))
+    (low_row, low_column), (high_row, high_column) = places
+    side = high_column - low_column
+    assert side > 200
+    assert low_row - high_row == pytest.approx(side, rel=0.02)  # the diagonal is one
+
+
+def test_a_run_without_compared_labels_has_a_page_that_says_so(tmp_path):
+    assert (reliability_drawn(tmp_path, [], "none.png") < 200).any()

@@ -74,6 +74,16 @@ def test_same_rows_make_same_bytes(tmp_path):
         assert first == second
 
 
+def test_blocks_stand_below_each_other_with_the_notes_at_the_end(tmp_path):
+    layout.write_blocks(tmp_path / "t", TABLE, {"One.": TABLE[["name"]], "Two.": TABLE[["n"]]}, ["A note."])
+    lines = (tmp_path / "t.md").read_text().splitlines()
+    assert [line for line in lines if line and not line.startswith("|")] == ["**One.**", "**Two.**", "A note."]
+    tex = (tmp_path / "t.tex").read_text()
+    assert tex.index(r"\label{tab:t}") < tex.index(r"\label{tab:t-2}") < tex.index("A note.")
+    assert tex.count(r"\end{table}") == 2
+    assert len(read_csv(tmp_path / "t.csv")) == len(TABLE)
+
+
 def test_origin_stands_in_front_of_every_row_and_must_be_whole():
     table = layout.with_origin(TABLE, {"run": "demo", "source": "analog", "config": "1a2b"})
     assert list(table.columns[:3]) == ["run", "source", "config"]

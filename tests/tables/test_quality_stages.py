@@ -8,11 +8,12 @@ from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, yolo
 from polarsim.formats.rigs import PlacedRig, read_placed, write_placed
-from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, write_parquet
+from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, read_parquet, write_parquet
 from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
+from polarsim.tables.label_pairs import PAIR_COLUMNS
 from polarsim.tables.match_rule import MatchRule
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality_cameras import score_cameras
@@ -265,23 +266,41 @@ def test_a_photo_belongs_to_the_hardest_step_it_needs(name, task):
     assert task_of(PhotoKey.parse(name), SEEDS) == task
 
 
-def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
-    names = ["03_A_off_30_L_0256", "03_A_off_30_L_0512", "03_A_off_30_R_0256", "03_A_off_30_R_0512"]
-    for name in names:
-        yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0, 1], [BOX, [300, 300, 400, 330]])
-        found = [BOX] if "_R_" in name else [BOX, [300, 300, 400, 330]]
-        yolo.write_boxes(tmp_path / f"labels/{name}.txt", [0, 1][: len(found)], found)
-    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
-    yolo.write_boxes(tmp_path / "truth/03_A_off_30_R_1024.txt", [0], [BOX])
+def label_rows(key, *boxes, **told):
+    """Rows of a label table: boxes as (kind, x0, y0, x1, y1)."""
+    rest = {"rock": 1, "source": "seed", "confidence": 1.0} | told
+    return [
+        key_columns(PhotoKey.parse(key)) | rest | dict(zip(("kind", "x0", "y0", "x1", "y1"), box, strict=True))
+        for box in boxes
+    ]
+
+
+def labels_scored(folder, keys, rows, truth="truth"):
+    """Score these rows of these photos; what was written, and all that a second call needs."""
+    write_parquet(folder / "labels.parquet", label_table(rows))
     score_labels(
         terrain=3,
-        labels=tmp_path / "labels",
-        truth=tmp_path / "truth",
-        seeds=tmp_path / "seeds",
-        quality=tmp_path / "q.csv",
+        keys=[PhotoKey.parse(key) for key in keys],
+        table=folder / "labels.parquet",
+        truth=folder / truth,
+        seeds=folder / "seeds",
+        quality=folder / "q.csv",
+        pairs=folder / "pairs.parquet",
         options=OPTIONS,
     )
-    found = figures(tmp_path / "q.csv")
+    return figures(folder / "q.csv")
+
+
+def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
+    names = ["03_A_off_30_L_0256", "03_A_off_30_L_0512", "03_A_off_30_R_0256", "03_A_off_30_R_0512"]
+    shadow = [300.0, 300.0, 400.0, 330.0]
+    rows = []
+    for name in names:
+        yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0, 1], [BOX, shadow])
+        rows += label_rows(name, ("rock", *BOX), *([("shadow", *shadow)] if "_L_" in name else []))
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
+    yolo.write_boxes(tmp_path / "truth/03_A_off_30_R_1024.txt", [0], [BOX])
+    found = labels_scored(tmp_path, names, rows)
     assert found["rock: other exposures", "f1"] == 1
     assert found["rock: Left to Right", "f1"] == 1
     assert found["shadow: Left to Right", "recall"] == 0
@@ -291,62 +310,59 @@ def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
     table = read_csv(tmp_path / "q.csv")
     assert table.loc[(table["subject"] == "rock: all but seeds") & (table["figure"] == "f1"), "n"].tolist() == [3]
     assert set(table["against"]) == {"labels"}
+    pairs = read_parquet(tmp_path / "pairs.parquet", list(PAIR_COLUMNS))
+    assert "03_A_off_30_L_0256" not in set(pairs["key"])  # the seed
+    assert "03_A_off_30_R_1024" not in set(pairs["key"])  # drawn by a person, but not labelled by the run
+    assert pairs["hit"].sum() == 4
+
+
+def test_a_labelled_photo_without_a_row_misses_all_that_is_there(tmp_path):
+    name = "03_A_off_30_R_0256"
+    yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX])
+    (tmp_path / "seeds").mkdir()
+    found = labels_scored(tmp_path, [name], [])
+    assert found["rock: all but seeds", "recall"] == 0
+    assert found["photos with truth", "without_label_file"] == 0
+    assert ("rock: confidence", "ece") not in found
 
 
 def test_the_analogs_truth_counts_boxes_on_photos_of_nothing_as_wrong(tmp_path):
-    lit, dark = PhotoKey.parse("03_A_off_30_R_0256"), PhotoKey.parse("03_A_off_no_R_0256")
-    rows = [
-        dict(
-            zip(
-                ("kind", "rock", "source", "confidence", "x0", "y0", "x1", "y1"),
-                ("rock", 1, "truth", 1.0, *BOX),
-                strict=True,
-            )
-        )
-        | key_columns(lit),
-    ]
-    table = label_table(rows).assign(visible_px=500)
-    table = table.assign(contrast=-50.0)
-    tiny = table.assign(rock=2, x0=700.0, visible_px=3)
-    unseen = table.assign(rock=3, x0=700.0, contrast=4.0)
-    write_parquet(tmp_path / "labels.parquet", pd.concat([table, tiny, unseen]))
-    for key in (lit, dark):
-        yolo.write_boxes(tmp_path / f"labels/{key}.txt", [0], [BOX])
+    lit, dark = "03_A_off_30_R_0256", "03_A_off_no_R_0256"
+    true = label_table(label_rows(lit, ("rock", *BOX), source="truth")).assign(visible_px=500, contrast=-50.0)
+    tiny = true.assign(rock=2, x0=700.0, visible_px=3)
+    unseen = true.assign(rock=3, x0=700.0, contrast=4.0)
+    write_parquet(tmp_path / "true.parquet", pd.concat([true, tiny, unseen]))
     (tmp_path / "seeds").mkdir()
     yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
-    score_labels(
-        terrain=3,
-        labels=tmp_path / "labels",
-        truth=tmp_path / "labels.parquet",
-        seeds=tmp_path / "seeds",
-        quality=tmp_path / "q.csv",
-        options=OPTIONS,
-    )
-    found = figures(tmp_path / "q.csv")
+    rows = [row for key in (lit, dark) for row in label_rows(key, ("rock", *BOX), confidence=0.75)]
+    found = labels_scored(tmp_path, [lit, dark], rows, truth="true.parquet")
     assert found["rock: Left to Right", "recall"] == 1
     assert found["rock: no Sun", "precision"] == 0
     assert found["rock: all but seeds", "precision"] == 0.5
+    assert found["rock: confidence", "ece"] == pytest.approx(0.25)  # says 0.75, half are right
+    assert found["rock: confidence", "brier"] == pytest.approx((0.75**2 + 0.25**2) / 2)
 
 
 def test_a_broken_hand_drawn_file_is_left_out_but_a_broken_result_is_an_error(tmp_path):
-    for name in ("03_A_off_30_R_0256", "03_A_off_30_R_0512"):
+    names = ["03_A_off_30_R_0256", "03_A_off_30_R_0512"]
+    for name in names:
         yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX])
-        yolo.write_boxes(tmp_path / f"labels/{name}.txt", [0], [BOX])
     yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
     (tmp_path / "truth/03_A_off_30_R_0512.txt").write_text("name0 0.5 0.5\n")
-    arguments = {
-        "terrain": 3,
-        "labels": tmp_path / "labels",
-        "truth": tmp_path / "truth",
-        "seeds": tmp_path / "seeds",
-        "quality": tmp_path / "q.csv",
-        "options": OPTIONS,
-    }
-    score_labels(**arguments)
-    assert figures(tmp_path / "q.csv")["rock: Left to Right", "f1"] == 1
-    (tmp_path / "labels/03_A_off_30_R_0256.txt").write_text("0 0.5\n")
-    with pytest.raises(FormatError, match=r"0256\.txt:1"):
-        score_labels(**arguments)
+    rows = [row for name in names for row in label_rows(name, ("rock", *BOX))]
+    assert labels_scored(tmp_path, names, rows)["rock: Left to Right", "f1"] == 1
+    write_parquet(tmp_path / "torn.parquet", label_table(rows).drop(columns="confidence"))
+    with pytest.raises(FormatError, match=r"torn\.parquet: column 'confidence'"):
+        score_labels(
+            terrain=3,
+            keys=[],
+            table=tmp_path / "torn.parquet",
+            truth=tmp_path / "truth",
+            seeds=tmp_path / "seeds",
+            quality=tmp_path / "q.csv",
+            pairs=tmp_path / "pairs.parquet",
+            options=OPTIONS,
+        )
 
 
 # twins

@@ -35,7 +35,21 @@ def test_every_configuration_plans_its_jobs(checkout, snakemake, release_like, n
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
     assert {"index_terrain", "locate_cameras", "propagate_labels", "render_twins", "gather_quality"} <= set(jobs)
+    scored = {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
+    assert len(scored) == (3 if name in ("config", "release") else 0)  # the others' labels are not in this folder
     assert ("train_judge" in jobs) == (name != "release")  # the release has no photos
+
+
+def test_labels_that_nobody_drew_are_not_scored(checkout, snakemake, tmp_path):
+    root = tmp_path / "release"
+    (root / "TerrainMeshes/Terrain06").mkdir(parents=True)
+    content = yaml.safe_load((checkout / "config/release.yaml").read_text()) | {"terrains": [6]}
+    (checkout / "config/undrawn.yaml").write_text(yaml.safe_dump(content))
+    done = snakemake(checkout, "tables", "--dry-run", "--configfile", "config/undrawn.yaml", POLAR_SIM_ROOT=str(root))
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs = planned(done)
+    assert "score_rocks" in jobs
+    assert not {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
 
 
 def test_accuracy_is_measured_without_labels_and_twins(checkout, snakemake):

@@ -182,6 +182,9 @@ def can_score_labels(terrain):
     return KIND == "analog" or drawn_labels(terrain) is not None
 
 
+SCORED_TERRAINS = list(filter(can_score_labels, TERRAINS))
+
+
 def quality_parts(wildcards):
     """The quality of each stage and terrain; labels only where there is something to compare them with."""
     return [

@@ -26,8 +26,10 @@ rule tables:
         of_run("results/{run}/errata.html") if KIND == "release" else [],
         of_run(
             "results/{run}/figures/label_errors_Terrain{terrain}.png",
-            terrain=filter(can_score_labels, TERRAINS),
+            terrain=SCORED_TERRAINS,
         ),
+        of_run("results/{run}/tables/labels.csv") if SCORED_TERRAINS else [],
+        of_run("results/{run}/figures/reliability.png") if SCORED_TERRAINS else [],
 
 
 rule score_cameras:
@@ -88,10 +90,11 @@ rule score_labels:
     """Labels of every photo against truth, or against what people drew, by what it took to carry them there."""
     input:
         raw=raw_data,
-        boxes="results/{run}/labels/boxes/Terrain{terrain}",
+        table="results/{run}/labels/tables/Terrain{terrain}.parquet",
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
     output:
         quality="results/{run}/quality/labels_Terrain{terrain}.csv",
+        pairs="results/{run}/quality/label_pairs_Terrain{terrain}.parquet",
     log:
         "results/{run}/logs/tables/score_labels_{terrain}.log",
     benchmark:
@@ -101,6 +104,8 @@ rule score_labels:
         mem_mb=1000,
         runtime=10,
     params:
+        positions=positions_here,
+        grid=options("grid"),
         truth=true_labels_of,
         options=options("tables"),
         code=code_of("tables.quality_labels"),
@@ -234,6 +239,38 @@ rule tabulate_rocks:
         code=code_of("tables.stage_tables"),
     script:
         "../scripts/tabulate_rocks.py"
+
+
+rule tabulate_labels:
+    """How good labels are by task, terrain, position, azimuth and size, and how often they are right as they say."""
+    input:
+        pairs=expand(
+            "results/{{run}}/quality/label_pairs_Terrain{terrain}.parquet",
+            terrain=SCORED_TERRAINS,
+        ),
+    output:
+        table=report(
+            "results/{run}/tables/labels.csv",
+            caption="../report/labels_table.rst",
+            category="Tables",
+            labels={"table": "labels"},
+        ),
+        reliability="results/{run}/tables/reliability.parquet",
+        others=multiext("results/{run}/tables/labels", ".md", ".tex", ".parquet")
+        + multiext("results/{run}/tables/reliability", ".md", ".tex", ".csv"),
+    log:
+        "results/{run}/logs/tables/tabulate_labels.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_labels.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.labels_table"),
+    script:
+        "../scripts/tabulate_labels.py"
 
 
 rule tabulate_detection:
@@ -439,6 +476,33 @@ rule draw_label_errors:
         code=code_of("tables.figures.labels"),
     script:
         "../scripts/draw_label_errors.py"
+
+
+rule draw_reliability:
+    """How often labels are right, against how sure they say they are."""
+    input:
+        reliability="results/{run}/tables/reliability.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/reliability.png",
+            caption="../report/reliability.rst",
+            category="Labels",
+            labels={"terrain": "all", "picture": "confidence"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_reliability.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_reliability.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("tables.figures.reliability"),
+    script:
+        "../scripts/draw_reliability.py"
 
 
 if KIND == "release":

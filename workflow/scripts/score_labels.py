@@ -2,16 +2,20 @@
 
 from pathlib import Path
 
+from polarsim.grid import GridOptions, selected_grid
 from polarsim.reporting import reporting
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality_labels import score_labels
 
 with reporting(log=snakemake.log[0]):
+    terrain = int(snakemake.wildcards.terrain)
     score_labels(
-        terrain=int(snakemake.wildcards.terrain),
-        labels=Path(snakemake.input.boxes),
+        terrain=terrain,
+        keys=selected_grid(terrain, snakemake.params.positions, GridOptions(**snakemake.params.grid)),
+        table=Path(snakemake.input.table),
         truth=Path(snakemake.params.truth),
         seeds=Path(snakemake.input.seeds),
         quality=Path(snakemake.output.quality),
+        pairs=Path(snakemake.output.pairs),
         options=TablesOptions(**snakemake.params.options),
     )

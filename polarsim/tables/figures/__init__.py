@@ -4,6 +4,7 @@ from polarsim.tables.figures.comparison import draw_comparison
 from polarsim.tables.figures.judges import draw_detection, draw_ipd
 from polarsim.tables.figures.labels import draw_label_errors
 from polarsim.tables.figures.offsets import draw_offsets
+from polarsim.tables.figures.reliability import draw_reliability
 from polarsim.tables.figures.residuals import draw_residuals
 from polarsim.tables.figures.terrain import draw_terrain
 
@@ -13,6 +14,7 @@ __all__ = [
     "draw_ipd",
     "draw_label_errors",
     "draw_offsets",
+    "draw_reliability",
     "draw_residuals",
     "draw_terrain",
 ]

@@ -13,6 +13,7 @@ from polarsim.geometry.boxes import iou, match
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.tables.figures.canvas import FAINT, SERIES, note, page
 from polarsim.tables.options import TablesOptions
+from polarsim.tables.quality import TRUTH_NAMES
 from polarsim.tables.quality_labels import EXPOSURES, LIGHT, TASKS, against, read_folder, read_truth, task_of
 from polarsim.tables.score import Labels
 
@@ -31,7 +32,7 @@ def draw_label_errors(
     seed_keys = set(release.key_files(seeds).files)
     tasks = {key: task_of(key, seed_keys) for key in wanted}
     errors = edge_errors(wanted, found, tasks, options.iou_threshold)
-    name = {"truth": "the analog's truth", "labels": "hand-drawn labels"}.get(against(truth), "truth")
+    name = TRUTH_NAMES[against(truth)]
     width = options.figure_width_px
     with page(figure, width, round(width * 0.5)) as sheet:
         if not errors:

@@ -1,0 +1,15 @@
+"""Draw the confidence of labels against the share of them that are right."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.figures.reliability import draw_reliability
+from polarsim.tables.options import TablesOptions
+
+with reporting(log=snakemake.log[0]):
+    draw_reliability(
+        reliability=Path(snakemake.input.reliability),
+        figure=Path(snakemake.output.figure),
+        origin=snakemake.params.origin,
+        options=TablesOptions(**snakemake.params.options),
+    )

@@ -1,0 +1,14 @@
+"""Tabulate the labels of all terrains and their confidence."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.labels_table import tabulate_labels
+
+with reporting(log=snakemake.log[0]):
+    tabulate_labels(
+        pairs=[Path(path) for path in snakemake.input.pairs],
+        table=Path(snakemake.output.table).with_suffix(""),
+        reliability=Path(snakemake.output.reliability).with_suffix(""),
+        origin=snakemake.params.origin,
+    )
