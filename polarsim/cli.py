@@ -164,14 +164,17 @@ def show(
     domain: Annotated[str, typer.Option(help="photo, or a model that the run rendered (principled, hapke).")] = "photo",
     results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
     out: Annotated[Path | None, typer.Option(help="PNG to write; default <key>_<domain>.png here.")] = None,
+    masks: Annotated[bool, typer.Option("--masks", help="Fill rocks and shadows with their colour.")] = False,
+    kinds: Annotated[str, typer.Option(help="What is drawn: rock, shadow, or both with a comma.")] = "rock,shadow",
+    scale: Annotated[float, typer.Option(help="Size of the picture over that of the photo.")] = 1.0,
 ) -> None:
-    """Draw a photo or a twin with its labels, rock ids and confidences, to PNG."""
+    """Draw a photo or a twin with its labels to PNG: boxes, rock ids, confidences, lines from shadows to rocks."""
     from polarsim.photo import PhotoKey
     from polarsim.tables.of_run import show_of_run
 
     photo = PhotoKey.parse(key)
     target = out or Path(f"{key}_{domain}.png")
-    show_of_run(key=photo, run=results / run, domain=domain, out=target)
+    show_of_run(key=photo, run=results / run, domain=domain, out=target, scale=scale, kinds=_listed(kinds), masks=masks)
     typer.echo(str(target))
 
 

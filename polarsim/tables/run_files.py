@@ -25,3 +25,14 @@ def cover_photo_of(run: Path, key: PhotoKey) -> Path | None:
 
 def twin_of(run: Path, model: str, key: PhotoKey) -> Path:
     return run / "renders" / model / f"Terrain{key.terrain:02d}" / f"{key}.png"
+
+
+def polygons_of(run: Path, key: PhotoKey) -> Path:
+    """Outlines of the labels that were carried to a photo."""
+    return run / "labels" / "polygons" / f"Terrain{key.terrain:02d}" / f"{key}.txt"
+
+
+def instances_of(run: Path, key: PhotoKey) -> Path:
+    """What the twins of a photo set show, pixel by pixel."""
+    photo_set = str(key).rpartition("_")[0]
+    return run / "renders" / "instances" / f"Terrain{key.terrain:02d}" / f"{photo_set}.png"
