@@ -11,8 +11,10 @@ from polarsim.errors import LabelError
 from polarsim.formats.instances import read_kind_masks
 from polarsim.formats.yolo import read_polygons
 from polarsim.geometry.polygons import paint
+from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey
 from polarsim.tables.figures.comparison import draw_comparison
+from polarsim.tables.figures.contact import draw_contact
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.run_files import cover_photo_of, instances_of, photo_of, polygons_of, twin_of
 from polarsim.tables.show import show
@@ -65,6 +67,31 @@ def _masks_of(run: Path, domain: str, key: PhotoKey) -> dict[str, np.ndarray]:
         return read_kind_masks(instances_of(run, key))
     grey = paint(read_polygons(polygons_of(run, key)))
     return {kind: grey == GREY_VALUES[kind] for kind in BOX_CLASSES}
+
+
+def draw_contact_of_run(
+    *,
+    terrain: int,
+    position: str,
+    run: Path,
+    grid: GridOptions,
+    models: Sequence[str],
+    figure: Path,
+    options: TablesOptions,
+) -> None:
+    """The contact sheet of a set-up, on its photos, else on twins of the first model that has them."""
+
+    def picture_of(key: PhotoKey) -> Path | None:
+        candidates = [photo_of(run, key), *(twin_of(run, model, key) for model in models)]
+        return next((path for path in candidates if path is not None and path.exists()), None)
+
+    draw_contact(
+        keys=selected_grid(terrain, [position], grid),
+        labels=run / "labels" / "tables" / f"Terrain{terrain:02d}.parquet",
+        picture_of=picture_of,
+        figure=figure,
+        options=options,
+    )
 
 
 def draw_comparison_of_run(

@@ -8,10 +8,13 @@ from polarsim.errors import FormatError, LabelError
 from polarsim.formats import png, yolo
 from polarsim.formats.files import write_json
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_parquet
+from polarsim.grid import GridOptions
 from polarsim.photo import PhotoKey
-from polarsim.tables.of_run import show_of_run
+from polarsim.tables.of_run import draw_contact_of_run, show_of_run
+from polarsim.tables.options import TablesOptions
 from polarsim.tables.overlay import COLOURS
 
+GRID = GridOptions(azimuths=("30",), lights=("off",), exposures_ms=(64, 256))
 KEYS = [PhotoKey.parse(f"03_A_off_30_{camera}_{exposure}") for camera in "LR" for exposure in ("0064", "0256")]
 LEFT = KEYS[1]
 ROCK_AT, SHADOW_AT = (450, 600), (450, 1200)  # row and column inside the rock and the shadow below
@@ -67,3 +70,20 @@ def test_a_picture_or_polygons_that_the_run_has_not_are_named(tmp_path, run):
     with pytest.raises(FormatError, match=f"{KEYS[0]}.txt"):
         show_of_run(key=KEYS[0], run=run, domain="photo", out=tmp_path / "out.png", masks=True)
     assert not (tmp_path / "out.png").exists()
+
+
+def test_a_contact_sheet_shows_photos_then_twins_then_grey(tmp_path, run):
+    png.write(tmp_path / f"{LEFT}.png", np.full((1216, 1936), 4000, np.uint16))  # all white; twins stay dark below
+    for path in (run / "renders/hapke/Terrain03").glob("*.png"):
+        png.write(path, np.full((1216, 1936), 16, np.uint16))
+    arguments = {"terrain": 3, "position": "A", "run": run, "grid": GRID, "options": TablesOptions(figure_width_px=800)}
+    corners = {}
+    for models in (["hapke"], []):
+        figure = tmp_path / f"{len(models)}.png"
+        draw_contact_of_run(**arguments, models=models, figure=figure)
+        pixels = png.read(figure)
+        left, right = pixels[200, 20], pixels[200, 780]  # of the left camera's tile and of the right one's
+        corners[len(models)] = int(left[0]), int(right[0])
+    assert corners[1] == (255, 0)
+    assert corners[0][0] == 255
+    assert 80 < corners[0][1] < 100
