@@ -39,6 +39,14 @@ class Engine(StrEnum):
     taichi = "taichi"
 
 
+class Tool(StrEnum):
+    """Tools in which people correct labels."""
+
+    labelimg = "labelimg"
+    cvat = "cvat"
+    label_studio = "label-studio"
+
+
 def main() -> None:
     """Entry point: bad input ends in one line and exit code 1."""
     with reporting():
@@ -164,15 +172,40 @@ def show(
     domain: Annotated[str, typer.Option(help="photo, or a model that the run rendered (principled, hapke).")] = "photo",
     results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
     out: Annotated[Path | None, typer.Option(help="PNG to write; default <key>_<domain>.png here.")] = None,
+    masks: Annotated[bool, typer.Option("--masks", help="Fill rocks and shadows with their colour.")] = False,
+    kinds: Annotated[str, typer.Option(help="What is drawn: rock, shadow, or both with a comma.")] = "rock,shadow",
+    scale: Annotated[float, typer.Option(help="Size of the picture over that of the photo.")] = 1.0,
 ) -> None:
-    """Draw a photo or a twin with its labels, rock ids and confidences, to PNG."""
+    """Draw a photo or a twin with its labels to PNG: boxes, rock ids, confidences, lines from shadows to rocks."""
     from polarsim.photo import PhotoKey
     from polarsim.tables.of_run import show_of_run
 
     photo = PhotoKey.parse(key)
     target = out or Path(f"{key}_{domain}.png")
-    show_of_run(key=photo, run=results / run, domain=domain, out=target)
+    show_of_run(key=photo, run=results / run, domain=domain, out=target, scale=scale, kinds=_listed(kinds), masks=masks)
     typer.echo(str(target))
+
+
+@app.command()
+def export(
+    folder: Annotated[Path, typer.Argument(help="New folder to write; one that holds something is refused.")],
+    run: Annotated[str, typer.Option(help="Name of the run, below results/.")] = "demo",
+    terrain: Annotated[
+        list[int] | None, typer.Option(min=1, max=13, help="Only this terrain; may be repeated.")
+    ] = None,
+    keys: Annotated[str, typer.Option(help="Only photos with keys like this, such as '01_A_off_*_L_0256'.")] = "*",
+    tool: Annotated[Tool, typer.Option(help="What is to open the folder.")] = Tool.labelimg,
+    domain: Annotated[str, typer.Option(help="photo, or a model whose twins stand in for photos.")] = "photo",
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Write a run's photos, tone-mapped, with their labels to a folder in which people correct them."""
+    from polarsim.tables.export import export as write
+    from polarsim.tables.export import opening
+
+    count = write(
+        folder=folder, run=results / run, terrains=terrain or (), pattern=keys, domain=domain, tool=tool.value
+    )
+    typer.echo(f"{count} pictures in {folder}\n{opening(folder, tool.value)}")
 
 
 @app.command()

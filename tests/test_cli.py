@@ -85,7 +85,9 @@ def test_rules_are_listed_with_code_and_severity():
     assert "V501  error    other_view" in polarsim("rules").stdout
 
 
-@pytest.mark.parametrize("arguments", [["show", "01_A"], ["masks", "nowhere", "out"], ["report", "nowhere"]])
+@pytest.mark.parametrize(
+    "arguments", [["show", "01_A"], ["masks", "nowhere", "out"], ["report", "nowhere"], ["export", "out"]]
+)
 def test_bad_input_ends_in_one_line(tmp_path, monkeypatch, arguments):
     monkeypatch.chdir(tmp_path)
     done = polarsim(*arguments)

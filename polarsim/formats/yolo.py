@@ -13,20 +13,27 @@ from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
 _SIZE = np.array([WIDTH, HEIGHT], float)
 
 
-def read_boxes(path: str | Path, size: tuple[int, int] | None = None) -> tuple[np.ndarray, np.ndarray]:
+def read_boxes(
+    path: str | Path, size: tuple[int, int] | None = None, names: tuple[str, ...] = BOX_CLASSES
+) -> tuple[np.ndarray, np.ndarray]:
     """Class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels; `size` (width, height) is the rig's by default.
+
+    Parameters
+    ----------
+    names
+        What the file's class numbers mean; the numbers that are returned are places in `BOX_CLASSES`.
 
     Raises
     ------
     FormatError
-        A line that is no box of class 0 or 1 inside the photo: file, line number and reason.
+        A line that is no box of a rock or shadow inside the photo: file, line number and reason.
     """
     classes, boxes, photo = [], [], _SIZE if size is None else np.array(size, float)
     for number, fields in _lines(path):
         if len(fields) != 5:
             raise FormatError(f"{path}:{number}: {len(fields)} fields, a YOLO box has 5: class x y width height")
         values = _numbers(path, number, fields)
-        classes.append(_class(path, number, fields[0], BOX_CLASSES))
+        classes.append(_box_class(path, number, fields[0], names))
         centre, extent = values[1:3] * photo, values[3:5] * photo
         if (extent <= 0).any() or (extent > photo + 1).any() or (np.abs(centre / photo - 0.5) > 0.5 + 1e-3).any():
             raise FormatError(f"{path}:{number}: box outside the photo or without area")
@@ -88,6 +95,13 @@ def _numbers(path: str | Path, number: int, fields: list[str]) -> np.ndarray:
     if not np.isfinite(values).all():
         raise FormatError(f"{path}:{number}: a value that is not finite")
     return values
+
+
+def _box_class(path: str | Path, number: int, field: str, names: tuple[str, ...]) -> int:
+    name = names[_class(path, number, field, names)]
+    if name not in BOX_CLASSES:
+        raise FormatError(f"{path}:{number}: class {field} is {name!r}, expected {' or '.join(BOX_CLASSES)}")
+    return BOX_CLASSES.index(name)
 
 
 def _class(path: str | Path, number: int, field: str, names: tuple[str, ...]) -> int:

@@ -9,12 +9,12 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.formats import png, tables, yolo
+from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.boxes import of_mask
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
 from polarsim.render.lamps import lit_by
 from polarsim.render.layers import NO_LAMP
 from polarsim.render.options import RenderOptions
-from polarsim.render.surfaces import ROCK_IDS, SHADOW_IDS
 
 _TOUCHING = np.ones((3, 3), bool)  # pixels that meet at a corner belong together
 

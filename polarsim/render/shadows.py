@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from polarsim.formats.instances import GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.rays import START_OFFSET
 from polarsim.render.hits import Hits, dot
 from polarsim.render.lamps import Lamp
-from polarsim.render.surfaces import GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS, Surfaces
+from polarsim.render.surfaces import Surfaces
 
 _RELIEF_REACH = 0.15  # metres: ground nearer than this is roughness of the place, not another thing that hides the lamp
 

@@ -7,13 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
+from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.rays import Caster, RayEngine, caster
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import RenderOptions
 from polarsim.render.seats import seated
 
-BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS = 0, 1, 2, 1000, 2000  # of the instance masks
 _WALL_THICKNESS = 0.05  # metres
 _WALL_FOOT = 0.5  # metres that walls reach below the median ground
 

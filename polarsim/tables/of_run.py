@@ -5,27 +5,93 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from polarsim.errors import LabelError
-from polarsim.photo import PhotoKey
+from polarsim.formats.instances import read_kind_masks
+from polarsim.formats.yolo import read_polygons
+from polarsim.geometry.polygons import paint
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey
 from polarsim.tables.figures.comparison import draw_comparison
+from polarsim.tables.figures.contact import draw_contact
 from polarsim.tables.options import TablesOptions
-from polarsim.tables.run_files import cover_photo_of, photo_of, twin_of
+from polarsim.tables.run_files import cover_photo_of, instances_of, photo_of, polygons_of, twin_of
 from polarsim.tables.show import show
 
 
-def show_of_run(*, key: PhotoKey, run: Path, domain: str, out: Path) -> None:
+def show_of_run(
+    *,
+    key: PhotoKey,
+    run: Path,
+    domain: str,
+    out: Path,
+    scale: float = 1.0,
+    kinds: Sequence[str] = BOX_CLASSES,
+    masks: bool = False,
+) -> None:
     """Draw a photo (domain `photo`) with its propagated labels, or a model's twin with its automatic ones.
+
+    Parameters
+    ----------
+    scale, kinds
+        As in `show`.
+    masks
+        Fill the regions too: of a photo the polygons of its labels, of a twin what it shows.
 
     Raises
     ------
     LabelError
         The run has no such picture.
+    FormatError
+        The run has no polygons or instance map of it.
     """
     tables = run / ("labels" if domain == "photo" else "renders") / "tables"
     picture = photo_of(run, key) or cover_photo_of(run, key) if domain == "photo" else twin_of(run, domain, key)
     if picture is None or not picture.exists():
         raise LabelError(f"{run}: no {domain} picture of {key}; models are below {run / 'renders'}")
-    show(key=key, picture=picture, labels=tables / f"Terrain{key.terrain:02d}.parquet", out=out)
+    show(
+        key=key,
+        picture=picture,
+        labels=tables / f"Terrain{key.terrain:02d}.parquet",
+        out=out,
+        scale=scale,
+        kinds=kinds,
+        masks=_masks_of(run, domain, key) if masks else None,
+    )
+
+
+def _masks_of(run: Path, domain: str, key: PhotoKey) -> dict[str, np.ndarray]:
+    """Where rocks and shadows are, (h, w) bool by kind."""
+    if domain != "photo":
+        return read_kind_masks(instances_of(run, key))
+    grey = paint(read_polygons(polygons_of(run, key)))
+    return {kind: grey == GREY_VALUES[kind] for kind in BOX_CLASSES}
+
+
+def draw_contact_of_run(
+    *,
+    terrain: int,
+    position: str,
+    run: Path,
+    grid: GridOptions,
+    models: Sequence[str],
+    figure: Path,
+    options: TablesOptions,
+) -> None:
+    """The contact sheet of a set-up, on its photos, else on twins of the first model that has them."""
+
+    def picture_of(key: PhotoKey) -> Path | None:
+        candidates = [photo_of(run, key), *(twin_of(run, model, key) for model in models)]
+        return next((path for path in candidates if path is not None and path.exists()), None)
+
+    draw_contact(
+        keys=selected_grid(terrain, [position], grid),
+        labels=run / "labels" / "tables" / f"Terrain{terrain:02d}.parquet",
+        picture_of=picture_of,
+        figure=figure,
+        options=options,
+    )
 
 
 def draw_comparison_of_run(

@@ -1,23 +1,67 @@
-"""Labels drawn into a picture: boxes by kind, rock ids, confidences, a legend below."""
+"""Labels drawn into a picture: fills, lines from shadows to rocks, boxes by kind, rock ids, confidences; a legend."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, WIDTH
+from polarsim.tables.tags import Colour, Tags, font
 
 COLOURS = {ROCK: (255, 176, 0), SHADOW: (70, 190, 255)}  # apart for colour-blind eyes too, and from any grey
+LINK = (120, 245, 255)  # of lines from shadows to their rocks: the shadows' blue, brighter than their boxes
 INK, PAPER = (32, 33, 36), (255, 255, 255)
-_TAG_PLACES = ("above left", "above right", "below left", "below right")
+_FILL = 0.35  # share of the kind's colour in a fill
+_SMALL = 0.75  # letters beside shadows over those beside rocks
+
+
+@dataclass(frozen=True)
+class Marks:
+    """What of the labels is drawn.
+
+    Attributes
+    ----------
+    doubtful_below
+        Boxes of a lower confidence are dashed.
+    """
+
+    kinds: Sequence[str] = BOX_CLASSES
+    links: bool = False
+    shadow_ids: bool = False
+    confidences: bool = True
+    doubtful_below: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Label:
+    """One label with its box (x0, y0, x1, y1) in pixels of the drawn picture."""
+
+    kind: str
+    rock: int
+    confidence: float
+    box: tuple[float, float, float, float]
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        return (self.box[0] + self.box[2]) / 2, (self.box[1] + self.box[3]) / 2
+
+    def tag(self, marks: Marks) -> str:
+        """Rock id, and the confidence (.90) where it is not full."""
+        named = self.rock != NO_ROCK and (self.kind == ROCK or marks.shadow_ids)
+        doubted = marks.confidences and self.confidence < 0.995
+        return " ".join([str(self.rock)] * named + [f"{self.confidence:.2f}".removeprefix("0")] * doubted)
 
 
 def draw_labels(
-    pixels: np.ndarray, labels: pd.DataFrame, width: int | None = None, kinds: Sequence[str] = BOX_CLASSES
+    pixels: np.ndarray,
+    labels: pd.DataFrame,
+    width: int | None = None,
+    marks: Marks | None = None,
+    masks: Mapping[str, np.ndarray] | None = None,
 ) -> np.ndarray:
     """A picture with its labels, scaled.
 
@@ -29,6 +73,10 @@ def draw_labels(
         Rows with kind, rock, confidence, x0, y0, x1, y1 in pixels of the full photo.
     width
         Width of the result in pixels; as the picture when None.
+    marks
+        Boxes, rock ids and confidences of all kinds when None.
+    masks : kind -> (h, w) bool
+        Regions of the whole photo, at any scale, that are filled with their kind's colour.
 
     Returns
     -------
@@ -36,21 +84,26 @@ def draw_labels(
     """
     from PIL import Image, ImageDraw
 
+    marks = marks or Marks()
     width = width or pixels.shape[1]
-    height = round(pixels.shape[0] * width / pixels.shape[1])
-    picture = Image.fromarray(np.ascontiguousarray(pixels)).resize((width, height), Image.Resampling.LANCZOS)
+    size = (width, round(pixels.shape[0] * width / pixels.shape[1]))
+    picture = Image.fromarray(np.ascontiguousarray(pixels)).resize(size, Image.Resampling.LANCZOS)
+    for kind in _bottom_up(marks.kinds):
+        if masks and kind in masks:
+            _fill(picture, masks[kind], COLOURS[kind])
     pen = ImageDraw.Draw(picture)
     line = max(2 if width >= 600 else 1, round(width / 700))
-    font = _font(max(10, round(width / 62)))
-    rows = [row for kind in reversed(BOX_CLASSES) if kind in kinds for row in _rows(labels, kind)]  # rocks on top
-    boxes = [tuple(value * width / WIDTH for value in (row["x0"], row["y0"], row["x1"], row["y1"])) for row in rows]
-    for row, box in zip(rows, boxes, strict=True):
-        pen.rectangle([round(value) for value in box], outline=COLOURS[row["kind"]], width=line)
-    taken: list[tuple[float, float, float, float]] = []
-    for row, box in zip(reversed(rows), reversed(boxes), strict=True):  # rocks choose their places first
-        text = _tag(row)
+    shown = [label for kind in _bottom_up(marks.kinds) for label in _labels(labels, kind, width / WIDTH)]
+    if marks.links:
+        _draw_links(pen, shown, line)
+    for label in shown:
+        _draw_box(pen, label.box, COLOURS[label.kind], line, dashed=label.confidence < marks.doubtful_below)
+    tags, large = Tags(pen, size, line), max(10, round(width / 62))
+    letters = {ROCK: font(large), SHADOW: font(max(9, round(_SMALL * large)) if marks.shadow_ids else large)}
+    for label in reversed(shown):  # rocks choose their places first
+        text = label.tag(marks)
         if text:
-            taken.append(_write_tag(pen, text, COLOURS[row["kind"]], box, (width, height), taken, font, line))
+            tags.write(text, label.box, COLOURS[label.kind], letters[label.kind])
     return np.asarray(picture)
 
 
@@ -61,63 +114,68 @@ def add_legend(pixels: np.ndarray, title: str, labels: pd.DataFrame, kinds: Sequ
     width = pixels.shape[1]
     size = max(11, round(width / 70))
     strip = Image.new("RGB", (width, round(2.2 * size)), PAPER)
-    pen, font, middle = ImageDraw.Draw(strip), _font(size), round(1.1 * size)
-    pen.text((size, middle), title, fill=INK, font=font, anchor="lm")
+    pen, letters, middle = ImageDraw.Draw(strip), font(size), round(1.1 * size)
+    pen.text((size, middle), title, fill=INK, font=letters, anchor="lm")
     place = width - size
-    for kind in reversed([kind for kind in BOX_CLASSES if kind in kinds]):
+    for kind in _bottom_up(kinds):
         text = f"{kind} ({int((labels['kind'] == kind).sum())})"
-        place -= round(pen.textlength(text, font=font))
-        pen.text((place, middle), text, fill=INK, font=font, anchor="lm")
+        place -= round(pen.textlength(text, font=letters))
+        pen.text((place, middle), text, fill=INK, font=letters, anchor="lm")
         place -= round(1.4 * size)
         pen.rectangle([place, middle - size // 2, place + size, middle + size // 2], outline=INK, fill=COLOURS[kind])
         place -= size
     return np.concatenate([pixels, np.asarray(strip)])
 
 
-def _rows(labels: pd.DataFrame, kind: str) -> list[dict[str, Any]]:
-    part = labels[labels["kind"] == kind].sort_values(["rock", "x0", "y0"], kind="stable")
-    return [{str(name): value for name, value in row.items()} for row in part.to_dict("records")]
+def _bottom_up(kinds: Sequence[str]) -> list[str]:
+    """Kinds in the order of drawing: rocks lie on top."""
+    return [kind for kind in reversed(BOX_CLASSES) if kind in kinds]
 
 
-def _tag(row: dict[str, Any]) -> str:
-    """Rock id, and the confidence where it is not full; shadows show a confidence alone."""
-    confidence = float(row.get("confidence", 1.0))
-    parts = [str(int(row["rock"]))] if row["kind"] == ROCK and int(row["rock"]) != NO_ROCK else []
-    return " ".join([*parts, f"{confidence:.2f}"] if confidence < 0.995 else parts)
+def _labels(table: pd.DataFrame, kind: str, scale: float) -> list[_Label]:
+    part = table[table["kind"] == kind].sort_values(["rock", "x0", "y0"], kind="stable")
+    boxes = part[["x0", "y0", "x1", "y1"]].to_numpy(float) * scale
+    rows = zip(part["rock"], part["confidence"], boxes.tolist(), strict=True)
+    return [_Label(kind, int(rock), float(confidence), tuple(box)) for rock, confidence, box in rows]
 
 
-def _write_tag(
-    pen: Any,
-    text: str,
-    colour: tuple[int, int, int],
-    box: tuple[float, ...],
-    size: tuple[int, int],
-    taken: list[tuple[float, float, float, float]],
-    font: Any,
-    line: int,
-) -> tuple[float, float, float, float]:
-    """Write beside a box, at the first place that is free; the place taken."""
-    left, top, right, bottom = pen.textbbox((0, 0), text, font=font)
-    wide, high = right - left + 2 * line, bottom - top + 2 * line
-    places = []
-    for name in _TAG_PLACES:
-        x = box[0] if "left" in name else box[2] - wide
-        y = box[1] - high - line if "above" in name else box[3] + line
-        x, y = float(np.clip(x, 0, size[0] - wide)), float(np.clip(y, 0, size[1] - high))
-        places.append((x, y, x + wide, y + high))
-    place = next((place for place in places if not any(_meet(place, other) for other in taken)), places[0])
-    origin = (round(place[0]) + line - left, round(place[1]) + line - top)
-    pen.text(origin, text, fill=colour, font=font, stroke_width=max(1, line), stroke_fill=(0, 0, 0))
-    return place
+def _fill(picture: Any, mask: np.ndarray, colour: Colour) -> None:
+    """Tint the part of a picture that a mask covers."""
+    from PIL import Image
+
+    cover = Image.fromarray((mask * round(255 * _FILL)).astype(np.uint8)).resize(picture.size, Image.Resampling.BOX)
+    picture.paste(colour, (0, 0, *picture.size), cover)
 
 
-def _meet(first: tuple[float, ...], second: tuple[float, ...]) -> bool:
-    return first[0] < second[2] and second[0] < first[2] and first[1] < second[3] and second[1] < first[3]
+def _draw_links(pen: Any, labels: Sequence[_Label], line: int) -> None:
+    """A line from the middle of every shadow to a dot in the middle of its rock, the nearest one of its number."""
+    thin = max(min(line, 2), round(0.6 * line))
+    rim, dot = thin + 2 * (line > 1), max(1.5, 1.3 * line)
+    rocks = [label for label in labels if label.kind == ROCK and label.rock != NO_ROCK]
+    for shadow in (label for label in labels if label.kind == SHADOW):
+        ends = [rock.middle for rock in rocks if rock.rock == shadow.rock]
+        if ends:
+            x, y = min(ends, key=lambda end: (_distance(end, shadow.middle), end))
+            pen.line([shadow.middle, (x, y)], fill=(0, 0, 0), width=rim)  # sand may be as bright as the line
+            pen.line([shadow.middle, (x, y)], fill=LINK, width=thin)
+            pen.ellipse([x - dot, y - dot, x + dot, y + dot], fill=LINK, outline=(0, 0, 0))
 
 
-def _font(size: int) -> Any:
-    """Matplotlib brings the same font to every machine."""
-    import matplotlib
-    from PIL import ImageFont
+def _distance(first: tuple[float, float], second: tuple[float, float]) -> float:
+    return float(np.hypot(first[0] - second[0], first[1] - second[1]))
 
-    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
+
+def _draw_box(pen: Any, box: Sequence[float], colour: Colour, line: int, *, dashed: bool) -> None:
+    x0, y0, x1, y1 = (round(value) for value in box)
+    if not dashed:
+        pen.rectangle([x0, y0, x1, y1], outline=colour, width=line)
+        return
+    dash = 3 * line
+    for x in range(x0, x1 + 1, 2 * dash):
+        end = min(x + dash - 1, x1)
+        pen.rectangle([x, y0, end, y0 + line - 1], fill=colour)
+        pen.rectangle([x, y1 - line + 1, end, y1], fill=colour)
+    for y in range(y0, y1 + 1, 2 * dash):
+        end = min(y + dash - 1, y1)
+        pen.rectangle([x0, y, x0 + line - 1, end], fill=colour)
+        pen.rectangle([x1 - line + 1, y, x1, end], fill=colour)

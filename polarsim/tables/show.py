@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from polarsim.errors import ConfigError, FormatError, about
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_parquet
 from polarsim.photo import BOX_CLASSES, PhotoKey
-from polarsim.tables.overlay import add_legend, draw_labels
+from polarsim.tables.overlay import Marks, add_legend, draw_labels
 from polarsim.tables.tone import to_8bit
 
 
@@ -23,8 +24,9 @@ def show(
     out: Path,
     scale: float = 1.0,
     kinds: Sequence[str] = BOX_CLASSES,
+    masks: Mapping[str, np.ndarray] | None = None,
 ) -> None:
-    """Write a picture, tone-mapped to eight bits, with boxes, rock ids, confidences and a legend.
+    """Write a picture, tone-mapped to eight bits, with boxes, lines from shadows to rocks, ids, confidences, a legend.
 
     Parameters
     ----------
@@ -36,6 +38,8 @@ def show(
         Size of the result over that of the picture.
     kinds
         What is drawn: "rock", "shadow".
+    masks : kind -> (h, w) bool
+        Regions of the whole photo to fill; none when None.
 
     Raises
     ------
@@ -56,7 +60,7 @@ def show(
             rows = rows_of(read_parquet(labels, LABEL_COLUMNS), key)
     else:
         rows = rows_of(label_table([dict(row) for row in labels]), key)
-    drawn = draw_labels(pixels, rows, width, kinds)
+    drawn = draw_labels(pixels, rows, width, Marks(kinds, links=True, shadow_ids=True), masks)
     png.write(out, add_legend(drawn, f"{key}, {picture.name}" if picture.stem != str(key) else str(key), rows, kinds))
 
 

@@ -3,6 +3,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png, tables, yolo
+from polarsim.formats.instances import RELIEF_SHADOW
 from polarsim.photo import PhotoKey
 from polarsim.render.automatic import box_of_parts, boxes_of
 from polarsim.render.hits import cast_strip
@@ -10,7 +11,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.layers import NO_LAMP, lighting
 from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import ground_shadows
-from polarsim.render.surfaces import RELIEF_SHADOW, surfaces_of
+from polarsim.render.surfaces import surfaces_of
 from polarsim.render.twins import LabelPaths, render_twins
 
 SIDE, HEIGHT = 0.4, 0.2  # metres, of the block

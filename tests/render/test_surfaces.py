@@ -1,8 +1,9 @@
 import numpy as np
 
+from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.render.hits import cast_strip
 from polarsim.render.options import RenderOptions
-from polarsim.render.surfaces import BACKGROUND, GROUND, ROCK_IDS, Surfaces, box, surfaces_of
+from polarsim.render.surfaces import Surfaces, box, surfaces_of
 
 
 def test_boxes_are_closed_and_face_outwards():

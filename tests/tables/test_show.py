@@ -5,7 +5,7 @@ from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns, label_table, write_parquet
 from polarsim.photo import BLACK_LEVEL, PhotoKey
-from polarsim.tables.overlay import COLOURS, draw_labels
+from polarsim.tables.overlay import COLOURS, LINK, Marks, draw_labels
 from polarsim.tables.show import show
 from polarsim.tables.tone import to_8bit, white_of
 
@@ -68,6 +68,70 @@ def test_only_the_wanted_kind_is_drawn(tmp_path):
     shown = png.read(tmp_path / "o.png")
     assert count(shown, "rock") == 0
     assert count(shown, "shadow") > 0
+
+
+def test_regions_are_tinted_only_where_their_kind_is_wanted(tmp_path):
+    png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
+    rock, shadow = np.zeros((1216, 1936), bool), np.zeros((1216, 1936), bool)
+    rock[600:700, 100:200], shadow[600:700, 300:400] = True, True
+    arguments = {"key": KEY, "picture": tmp_path / "photo.png", "labels": [], "masks": {"rock": rock, "shadow": shadow}}
+    show(**arguments, out=tmp_path / "both.png")
+    show(**arguments, out=tmp_path / "rocks.png", kinds=("rock",))
+    both, rocks = (png.read(tmp_path / name).astype(int) for name in ("both.png", "rocks.png"))
+    plain = both[650, 1000]
+    assert plain[0] == plain[1] == plain[2]
+    for pixel, kind in ((both[650, 150], "rock"), (both[650, 350], "shadow")):
+        assert (np.sign(pixel - plain) == np.sign(np.array(COLOURS[kind]) - plain)).all()  # on the way to the colour
+    np.testing.assert_array_equal(rocks[:1216, :250], both[:1216, :250])
+    np.testing.assert_array_equal(rocks[650, 350], plain)
+
+
+def linked(*labels):
+    """Where lines from shadows to rocks are drawn on black, (h, w) bool."""
+    drawn = draw_labels(np.zeros((1216, 1936, 3), np.uint8), label_table(list(labels)), marks=Marks(links=True))
+    return (drawn == LINK).all(axis=-1)
+
+
+def test_a_line_joins_the_middles_of_a_shadow_and_its_rock():
+    on = linked(label(box=(400, 300, 800, 500)), label("shadow", box=(1000, 700, 1200, 900)))
+    for share in (0.02, 0.25, 0.5, 0.75):
+        x, y = round(600 + share * 500), round(400 + share * 400)  # between (600, 400) and (1100, 800)
+        assert on[y - 1 : y + 2, x - 1 : x + 2].any()
+    assert not on[:380].any()
+    assert not on[820:].any()
+
+
+def test_of_two_rocks_with_the_shadow_s_number_the_nearest_gets_the_line():
+    on = linked(label(box=(0, 0, 100, 100)), label(box=(800, 0, 900, 100)), label("shadow", box=(1000, 0, 1100, 100)))
+    assert on[50, 900:990].any()
+    assert not on[:, :790].any()
+
+
+def test_shadows_without_rock_or_with_another_s_number_have_no_line():
+    assert not linked(label(rock=-1), label("shadow", rock=-1, box=(900, 700, 999, 800))).any()
+    assert not linked(label(rock=7), label("shadow", rock=8, box=(900, 700, 999, 800))).any()
+
+
+def test_labels_that_are_in_doubt_have_gaps_in_their_boxes():
+    marks = Marks(doubtful_below=0.5)
+    rows = [label(confidence=0.4), label(rock=8, confidence=0.6, box=(400, 600, 800, 800))]
+    drawn = draw_labels(np.zeros((1216, 1936, 3), np.uint8), label_table(rows), marks=marks)
+    doubtful, sure = ((drawn[y, 400:800] == COLOURS["rock"]).all(axis=-1) for y in (300, 600))
+    assert sure.all()
+    assert 0.4 < doubtful.mean() < 0.6
+
+
+def test_numbers_of_neighbouring_rocks_do_not_cover_each_other():
+    rows = [label(rock=100 + n, box=(400 + 6 * n, 300, 440 + 6 * n, 340)) for n in range(4)]
+    together = draw_labels(np.zeros((1216, 1936, 3), np.uint8), label_table(rows))
+    alone = [draw_labels(np.zeros((1216, 1936, 3), np.uint8), label_table([row])) for row in rows]
+    boxes = np.zeros((1216, 1936), bool)
+    boxes[295:345, 395:465] = True
+
+    def ink(picture):
+        return int(((picture == COLOURS["rock"]).all(axis=-1) & ~boxes).sum())
+
+    assert ink(together) > 0.9 * sum(map(ink, alone))
 
 
 def test_a_picture_of_half_size_gets_its_labels_where_they_belong():

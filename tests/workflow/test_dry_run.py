@@ -34,7 +34,14 @@ def test_every_configuration_plans_its_jobs(checkout, snakemake, release_like, n
     done = snakemake(checkout, "--dry-run", "--configfile", f"config/{name}.yaml", POLAR_SIM_ROOT=str(release_like))
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
-    assert {"index_terrain", "locate_cameras", "propagate_labels", "render_twins", "gather_quality"} <= set(jobs)
+    assert {
+        "index_terrain",
+        "locate_cameras",
+        "propagate_labels",
+        "render_twins",
+        "draw_contact",
+        "gather_quality",
+    } <= set(jobs)
     scored = {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
     assert len(scored) == (3 if name in ("config", "release") else 0)  # the others' labels are not in this folder
     assert ("train_judge" in jobs) == (name != "release")  # the release has no photos

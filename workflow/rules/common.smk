@@ -24,6 +24,8 @@ ROOT = CONFIG.source.root
 TERRAINS = [f"{terrain:02d}" for terrain in CONFIG.terrains]
 DOMAINS = list(CONFIG.domains)
 MODELS = list(CONFIG.render.models)
+# Twins that stand in for missing photos; the analog misses none, so its labels can be looked at before twins are made.
+STAND_INS = [] if KIND == "analog" else MODELS[:1]
 # Trainings are the longest jobs: what they wait for goes first, figures and scores fill the gaps.
 TRAINING_WAITS, TWINS_WAIT = 2, 1
 LABEL_ROOT = Path(CONFIG.labels.seeds.root or ROOT)

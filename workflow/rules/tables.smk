@@ -21,6 +21,7 @@ rule tables:
         if DOMAINS
         else [],
         every_figure("comparison_Terrain{terrain}_Pos{position}"),
+        every_figure("contact_Terrain{terrain}_Pos{position}"),
         every_figure("meshes_Terrain{terrain}"),
         every_figure("crops_Terrain{terrain}"),
         of_run("results/{run}/errata.html") if KIND == "release" else [],
@@ -357,6 +358,39 @@ rule draw_comparison:
         code=code_of("tables.of_run"),
     script:
         "../scripts/draw_comparison.py"
+
+
+rule draw_contact:
+    """All photo sets of a set-up on one sheet, their labels drawn in, for review."""
+    input:
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
+        twins=expand(
+            "results/{{run}}/renders/{model}/Terrain{{terrain}}",
+            model=STAND_INS,
+        ),
+    output:
+        figure=report(
+            "results/{run}/figures/contact_Terrain{terrain}_Pos{position}.png",
+            caption="../report/contact.rst",
+            category="Contact sheets",
+            labels={"terrain": "{terrain}", "position": "{position}"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_contact_{terrain}_{position}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_contact_{terrain}_{position}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        grid=options("grid"),
+        models=STAND_INS,
+        options=options("tables"),
+        code=code_of("tables.of_run"),
+    script:
+        "../scripts/draw_contact.py"
 
 
 rule draw_terrain:

@@ -1,6 +1,7 @@
 """Pictures of the report, each from files to one PNG or two."""
 
 from polarsim.tables.figures.comparison import draw_comparison
+from polarsim.tables.figures.contact import draw_contact
 from polarsim.tables.figures.judges import draw_detection, draw_ipd
 from polarsim.tables.figures.labels import draw_label_errors
 from polarsim.tables.figures.offsets import draw_offsets
@@ -10,6 +11,7 @@ from polarsim.tables.figures.terrain import draw_terrain
 
 __all__ = [
     "draw_comparison",
+    "draw_contact",
     "draw_detection",
     "draw_ipd",
     "draw_label_errors",

@@ -14,7 +14,7 @@ from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.tables.figures.canvas import note, page, picture
 from polarsim.tables.options import TablesOptions
-from polarsim.tables.overlay import draw_labels
+from polarsim.tables.overlay import Marks, draw_labels
 from polarsim.tables.show import rows_of
 from polarsim.tables.tone import to_8bit, white_of
 
@@ -99,7 +99,7 @@ def _cover_panel(path: Path, table: pd.DataFrame, key: PhotoKey, width: int) -> 
     shown = cover_key(cover, table, sorted(alike, key=lambda other: (other.azimuth != key.azimuth, other)))
     if shown is None:
         return "Published photo, ids drawn by its authors", draw_labels(cover, table[:0], width)
-    rocks = draw_labels(cover, rows_of(table, shown), width, (ROCK,))  # its azimuth is not known: no shadows
+    rocks = draw_labels(cover, rows_of(table, shown), width, Marks((ROCK,)))  # its azimuth is not known: no shadows
     return f"Published photo (red: its authors), rocks of {shown}", rocks
 
 

@@ -1,0 +1,28 @@
+"""Instance maps of twins, 16-bit PNG: which pixel shows which rock, or ground in the shadow of which rock."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError
+from polarsim.formats import png
+from polarsim.photo import ROCK, SHADOW
+
+# RELIEF_SHADOW is ground that relief or a wall hides from the lamp; rock k is ROCK_IDS + k, its shadow SHADOW_IDS + k.
+BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS = 0, 1, 2, 1000, 2000
+
+
+def read_kind_masks(path: str | Path) -> dict[str, np.ndarray]:
+    """Where a map shows rocks and where their shadows: (h, w) bool by kind.
+
+    Raises
+    ------
+    FormatError
+        No picture of one channel with 16 bits.
+    """
+    ids = png.read(path)
+    if ids.dtype != np.uint16 or ids.ndim != 2:
+        raise FormatError(f"{path}: {ids.dtype} with shape {ids.shape}, an instance map is one channel of 16 bits")
+    return {ROCK: (ids >= ROCK_IDS) & (ids < SHADOW_IDS), SHADOW: ids >= SHADOW_IDS}

@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.errors import FormatError
+from polarsim.formats import annotated, yolo
+from polarsim.photo import BOX_CLASSES, PhotoKey
+
+KEY = PhotoKey.parse("01_A_off_30_L_0256")
+# What a person has in a folder: class by name, left, top, width, height in pixels of the photo.
+DRAWN = st.lists(
+    st.tuples(
+        st.sampled_from(BOX_CLASSES),
+        st.floats(0, 1800),
+        st.floats(0, 1100),
+        st.floats(1, 130),
+        st.floats(1, 110),
+    ),
+    max_size=12,
+)
+CLASS_LISTS = st.permutations([*BOX_CLASSES, "dog", "crater"])
+
+
+def line(number, x, y, width, height):
+    """A YOLO line by the format's definition: middle and size over the size of a photo of 1936 x 1216."""
+    return f"{number} {(x + width / 2) / 1936:.6f} {(y + height / 2) / 1216:.6f} {width / 1936:.6f} {height / 1216:.6f}"
+
+
+@given(drawn=DRAWN, names=CLASS_LISTS, newline=st.sampled_from(["\n", "\r\n"]))
+def test_names_in_classes_txt_decide_whatever_their_order_and_line_ends(tmp_path_factory, drawn, names, newline):
+    folder = tmp_path_factory.mktemp("annotated")
+    (folder / "classes.txt").write_bytes("".join(name + newline for name in names).encode())
+    lines = [line(names.index(name), *box) for name, *box in drawn]
+    (folder / f"{KEY}.txt").write_bytes("".join(text + newline for text in lines).encode())
+    classes, boxes = annotated.read_annotated(folder)[KEY]
+    assert [BOX_CLASSES[number] for number in classes] == [name for name, *_ in drawn]
+    wanted = np.array([[x, y, x + width, y + height] for _, x, y, width, height in drawn]).reshape(-1, 4)
+    np.testing.assert_allclose(boxes, wanted, atol=0.01)
+
+
+def test_the_other_order_of_rock_and_shadow_swaps_the_classes(tmp_path):
+    yolo.write_boxes(tmp_path / f"{KEY}.txt", np.array([0, 1, 1]), np.array([[5, 5, 50, 60]] * 3, float))
+    annotated.write_class_list(tmp_path)
+    assert annotated.read_annotated(tmp_path)[KEY][0].tolist() == [0, 1, 1]
+    (tmp_path / "classes.txt").write_text("shadow\nrock\n")
+    assert annotated.read_annotated(tmp_path)[KEY][0].tolist() == [1, 0, 0]
+
+
+def test_without_a_class_list_the_release_s_order_holds(tmp_path):
+    yolo.write_boxes(tmp_path / f"{KEY}.txt", np.array([0, 1]), np.array([[5, 5, 50, 60]] * 2, float))
+    assert annotated.read_annotated(tmp_path)[KEY][0].tolist() == [0, 1]
+
+
+def test_pictures_and_copies_are_no_labels_and_terrain_folders_have_lists_of_their_own(tmp_path, caplog):
+    for name in (f"{KEY}.png", "notes.md", f"{KEY} copy.txt"):
+        (tmp_path / name).write_text("nothing to read here")
+    (tmp_path / f"{KEY}.txt").write_text("0 0.5 0.5 0.1 0.1\n")
+    other = tmp_path / "Terrain03"
+    other.mkdir()
+    (other / "classes.txt").write_text("shadow\nrock")
+    (other / "03_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1 0.1\n")
+    found = annotated.read_annotated(tmp_path)
+    assert {str(key): classes.tolist() for key, (classes, _) in found.items()} == {
+        "01_A_off_30_L_0256": [0],
+        "03_A_off_30_L_0256": [1],
+    }
+    assert "copy.txt" in caplog.text
+    assert "notes.md" not in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("names", "text", "reason"),
+    [
+        ("rock\nshadow\n", "0 0.5 0.5 0.1 0.1\n0 0.5 0.5 0.1\n", r"\.txt:2: 4 fields"),
+        ("rock\nshadow\n", "0 0.5 0.5 0.1 0.1 0.9\n", r"\.txt:1: 6 fields"),
+        ("rock\nshadow\n", "2 0.5 0.5 0.1 0.1\n", r"\.txt:1: class 2"),
+        ("dog\nrock\nshadow\n", "1 0.5 0.5 0.1 0.1\n0 0.5 0.5 0.1 0.1\n", r"\.txt:2: class 0 is 'dog'"),
+        ("rock\nshadow\n", "rock 0.5 0.5 0.1 0.1\n", r"\.txt:1: could not convert"),
+        ("\n", "0 0.5 0.5 0.1 0.1\n", r"classes\.txt: no class"),
+        ("rock\nrock\n", "0 0.5 0.5 0.1 0.1\n", r"classes\.txt: class 'rock' is there twice"),
+    ],
+)
+def test_what_is_broken_is_named_in_one_line(tmp_path, names, text, reason):
+    (tmp_path / "classes.txt").write_text(names)
+    (tmp_path / f"{KEY}.txt").write_text(text)
+    with pytest.raises(FormatError, match=reason) as caught:
+        annotated.read_annotated(tmp_path)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_missing_folder_and_a_photo_with_two_files_are_refused(tmp_path):
+    with pytest.raises(FormatError, match="no such folder"):
+        annotated.read_annotated(tmp_path / "nowhere")
+    (tmp_path / "Terrain01").mkdir()
+    for place in (tmp_path, tmp_path / "Terrain01"):
+        (place / f"{KEY}.txt").write_text("")
+    with pytest.raises(FormatError, match=str(KEY)):
+        annotated.read_annotated(tmp_path)
