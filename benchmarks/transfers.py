@@ -244,11 +244,11 @@ def cast_pairs(truth: Release, scene: Scene) -> CastPairs:
         for azimuth in SUNS:
             labels = own.labels("L", "off", azimuth)
             rocks = {label.rock: label.box for label in labels if label.kind == ROCK}
-            cast = dict(own._cast("L", "off", azimuth, rocks))
+            cast = own._cast("L", "off", azimuth, rocks)
             for label in labels:
                 if label.kind == SHADOW and label.rock in cast:
                     shown = own._projected("L", label.rock)
-                    rock, box = rocks[label.rock], cast[label.rock]
+                    rock, box = rocks[label.rock], cast[label.rock].box
                     mesh = shown.box if shown else rock
                     terms = habits.terms(box, rock, mesh, own._px_per_m("L", label.rock))
                     rows.append((terms, box, label.box))
@@ -297,7 +297,7 @@ def main() -> None:
     if args.fit:
         pairs = {t: cast_pairs(truth, scene_from(args.release, args.work, truth, SUNS)) for t, truth in truths.items()}
         print("COEFFICIENTS", dict(zip(habits.TERMS, fitted(list(pairs.values())).round(4).tolist(), strict=True)))
-        position_module.confidence = lambda kind, source, share, size: share  # type: ignore[assignment]
+        position_module.confidence = lambda *given: given[2]  # the bare share
     scores = Scores()
     for terrain, truth in truths.items():
         if args.fit:  # what the others taught

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from polarsim.analog.light import SURFACE_OFFSET, Lamp
 from polarsim.analog.rays import Caster, rays_from
@@ -14,6 +15,8 @@ from polarsim.photo import HEIGHT, WIDTH
 
 LEAST_PIXELS = 12  # smaller regions are not labelled
 _FULLY_LIT = 0.95
+_RIM = 3  # px: parts of a shadow thinner than this are not seen as shadow
+_CRUMB = 0.1  # of the largest part: smaller ones neither
 _RING = 0.3  # width of the surroundings that a region is compared with, in box sizes
 
 
@@ -47,6 +50,7 @@ def shadow_regions(
 ) -> list[Region]:
     """Cast shadows on the ground by rock: visible sand whose light a rock blocks, and nothing but rocks.
 
+    Rims of a pixel or two along a rock's foot and crumbs apart from the rest are left out: people do not box them.
     Where two rocks block the same light the pixel belongs to both shadows. The lamp counts as a point, its centre;
     `seen` (h, w) is the share of it that each pixel sees.
     """
@@ -68,8 +72,22 @@ def shadow_regions(
     regions = []
     for number in np.unique(rock[good]):
         mine = np.unique(ray[good & (rock == number)])
-        regions += _region(rows[mine], columns[mine], number)
+        for whole in _region(rows[mine], columns[mine], number):
+            y, x = np.nonzero(_without_rims(whole.mask))
+            regions += _region(y + whole.box[1], x + whole.box[0], number)
     return regions
+
+
+def _without_rims(mask: np.ndarray) -> np.ndarray:
+    """A shadow's mask (h, w) without what nobody sees as part of it: lines along the rock's foot, far crumbs."""
+    solid = ndimage.binary_opening(np.pad(mask, _RIM), np.ones((_RIM, _RIM), bool))
+    if not solid.any():
+        return mask
+    parts, count = ndimage.label(solid, np.ones((3, 3), bool))
+    sizes = ndimage.sum_labels(solid, parts, np.arange(1, count + 1))
+    large = np.isin(parts, 1 + np.flatnonzero(sizes >= _CRUMB * sizes.max()))
+    tips = ndimage.binary_dilation(large, np.ones((2 * _RIM + 1, 2 * _RIM + 1), bool))[_RIM:-_RIM, _RIM:-_RIM]
+    return np.asarray(mask & tips)
 
 
 def _region(rows: np.ndarray, columns: np.ndarray, rock: int) -> list[Region]:

@@ -1,8 +1,8 @@
 """How likely a label and the box that a person draws there overlap by IoU >= 0.5.
 
 Logistic in the share of the drawn azimuths at which the rock was seen and in the logarithm of the label's size. The
-coefficients were fitted by `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published labels, whose
-truth is one person's drawing; `figures/reliability.png` of a run shows how well they hold there.
+coefficients were fitted by `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published labels,
+where one person's drawing is the truth; `figures/reliability.png` of a run shows how well they hold there.
 """
 
 from __future__ import annotations

@@ -2,11 +2,30 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Literal
+
 from pydantic import BaseModel, Field
 
 
 class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     """How seed boxes are carried over the photo grid, and how their outlines are drawn."""
+
+    corrections: Path | None = Field(
+        None,
+        description="Folder of label files that people edited, KEY.txt as `polarsim export` writes them: each wins for "
+        "its photo, and flows on to others as seeds do.",
+    )
+
+    # What a photo shows, by the photo itself.
+    visibility: Literal["photo", "annotator"] = Field(
+        "photo",
+        description="Which labels an exposure has: 'photo', those that stand out in the photo; 'annotator', and where "
+        "there is no photo, as people labelled the release: rocks always, shadows from an exposure on.",
+    )
+    min_contrast: float = Field(
+        3.0, ge=0, description="Least contrast of a label with its surround in its photo, noises of a pixel."
+    )
 
     # Which photos show what, as the people who drew the release's labels saw it (facts of the data set).
     shadow_start_ms: int = Field(128, gt=0, description="Shortest exposure under a Sun lamp with shadow labels, ms.")

@@ -9,10 +9,12 @@ import numpy as np
 
 from polarsim.geometry.boxes import area, clip, iou
 from polarsim.labels.confidence import confidence
+from polarsim.labels.edges import snapped
 from polarsim.labels.habits import as_people_draw
 from polarsim.labels.identity import match_boxes
 from polarsim.labels.known import Known
 from polarsim.labels.options import LabelsOptions
+from polarsim.labels.photos import Brightness, Photos
 from polarsim.labels.seeds import Drawn
 from polarsim.labels.shadows import Ids, lamp, shadow_box
 from polarsim.labels.view import ProjectedRock, View, move_flat, move_rocks, project_rock
@@ -33,12 +35,20 @@ class Label:
     box: np.ndarray
 
 
+@dataclass(frozen=True)
+class CastShadow:
+    """The box (4,) around a shadow that geometry casts, and whether its edges are those of a dark region in a photo."""
+
+    box: np.ndarray
+    in_photo: bool
+
+
 class PositionLabels:
     """Labels of one position of the tripod; every camera's rays are cast once, every lamp's shadows too."""
 
-    def __init__(self, known: Known, position: str, options: LabelsOptions) -> None:
-        self.world, self.options = known.world, options
-        self.placed = known.placed[position]
+    def __init__(self, known: Known, position: str, options: LabelsOptions, photos: Photos | None = None) -> None:
+        self.world, self.options, self.photos = known.world, options, photos
+        self.position, self.placed = position, known.placed[position]
         self.drawn = known.seeds.get(position, {})
         self.azimuths = {azimuth for _, azimuth in self.drawn}
         self.tracks, self.ids = known.tracks.get(position, []), known.rocks.get(position, np.zeros(0, int))
@@ -48,11 +58,19 @@ class PositionLabels:
         self._shadow_ids: dict[tuple[Camera, bytes], np.ndarray] = {}
 
     def labels(self, camera: Camera, light: Light, azimuth: Azimuth) -> list[Label]:
-        """What the photos of a camera under a lamp show, longest exposure."""
-        if lamp(self.world, self.view(camera), light, azimuth) is None:
-            return []
-        rocks = self._rocks(camera, azimuth)
-        shadows = self._shadows(camera, light, azimuth, rocks)
+        """What the photos of a camera under a lamp show, longest exposure.
+
+        Where there are photos to tell what is seen, also what was not drawn: people forget, and draw by azimuth.
+        """
+        rocks, shadows = self._rocks(camera, azimuth), []
+        has_photo = self._brightness(camera, light, azimuth) is not None
+        if has_photo:
+            rocks += self._undrawn_rocks(camera, rocks)
+        if lamp(self.world, self.view(camera), light, azimuth) is not None:
+            cast = self._cast(camera, light, azimuth, {label.rock: label.box for label in rocks})
+            shadows = self._shadows(camera, light, azimuth, cast)
+            if has_photo:
+                shadows += self._undrawn_shadows(azimuth, shadows, cast)
         return [label for label in rocks + shadows if area(label.box) > 0]
 
     def view(self, camera: Camera) -> View:
@@ -120,46 +138,78 @@ class PositionLabels:
                 labels.append(self._label(ROCK, rock, "projected", 1.0, shown.box))
         return labels
 
-    def _shadows(self, camera: Camera, light: Light, azimuth: Azimuth, rocks: list[Label]) -> list[Label]:
+    def _undrawn_rocks(self, camera: Camera, rocks: list[Label]) -> list[Label]:
+        """Rocks that other azimuths, other positions or scans know, as far as no label shows them yet."""
+        known = {label.rock for label in rocks}
+        fused = self._fused(camera) if self.tracks else np.zeros((0, 4))
+        elsewhere = {int(rock): box for rock, box in zip(self.ids, fused, strict=True) if rock not in known}
+        taken = np.array([*(label.box for label in rocks), *elsewhere.values()]).reshape(-1, 4)
+        share = {int(rock): len(track.azimuths) for rock, track in zip(self.ids, self.tracks, strict=True)}
+        found = [
+            self._label(ROCK, rock, "fused", share[rock] / len(self.azimuths), box) for rock, box in elsewhere.items()
+        ]
+        for label in self._projected_rocks(camera):
+            drawn_as_another = iou(label.box[None], taken).max(initial=0.0) >= self.options.same_rock_iou
+            if label.rock not in known and label.rock not in elsewhere and not drawn_as_another:
+                found.append(label)
+        return found
+
+    def _shadows(self, camera: Camera, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
+        """Shadows as drawn in this camera, or drawn in the other and averaged with the cast ones (4,), or cast."""
         own = self._shadows_drawn(camera, azimuth)
         if own is not None:
             throwers = self._throwers(camera, own, light, azimuth)
             return [self._label(SHADOW, rock, "seed", 1.0, box) for rock, box in zip(throwers, own, strict=True)]
-        cast = dict(self._cast(camera, light, azimuth, {label.rock: label.box for label in rocks}))
         other: Camera = "R" if camera == "L" else "L"
         drawn = self._shadows_drawn(other, azimuth)
         if drawn is None:
-            least = self.options.min_rover_shadow_px if azimuth == "no" else self.options.min_shadow_px
-            return [
-                self._label(SHADOW, rock, "cast", 1.0, box) for rock, box in cast.items() if np.sqrt(area(box)) >= least
-            ]
+            return self._cast_labels(azimuth, cast)
         throwers = self._throwers(other, drawn, light, azimuth)
         moved = move_flat(self.world, self.view(other), self.view(camera), drawn)
         boxes = [self._mean_shadow(box, cast.get(int(rock))) for rock, box in zip(throwers, moved, strict=True)]
         return [self._label(SHADOW, rock, "fused", 1.0, box) for rock, box in zip(throwers, boxes, strict=True)]
 
+    def _undrawn_shadows(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
+        """Shadows that the photo shows and nobody drew, each of a rock without one, where no other was drawn."""
+        known = {label.rock for label in shadows}
+        taken = np.array([label.box for label in shadows]).reshape(-1, 4)
+        found = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo and rock not in known}
+        return [
+            label
+            for label in self._cast_labels(azimuth, found)
+            if iou(label.box[None], taken).max(initial=0.0) < SAME_SHADOW
+        ]
+
+    def _cast_labels(self, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
+        least = self.options.min_rover_shadow_px if azimuth == "no" else self.options.min_shadow_px
+        large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= least}
+        return [self._label(SHADOW, rock, "cast", 1.0, box) for rock, box in large.items()]
+
     def _shadows_drawn(self, camera: Camera, azimuth: Azimuth) -> np.ndarray | None:
         drawn: Drawn | None = self.drawn.get((camera, azimuth))
         return drawn.shadows if drawn is not None else None
 
-    def _mean_shadow(self, drawn: np.ndarray, cast: np.ndarray | None) -> np.ndarray:
-        """A drawn box (4,), moved to the other camera, and the cast one: errors of pen and of geometry even out."""
-        if cast is None or iou(drawn[None], cast[None])[0, 0] < SAME_SHADOW:
+    def _mean_shadow(self, drawn: np.ndarray, cast: CastShadow | None) -> np.ndarray:
+        """A drawn box (4,), moved to the other camera, and the cast one: errors of pen and of geometry even out.
+
+        A box with edges from the photo needs no mean.
+        """
+        if cast is None or iou(drawn[None], cast.box[None])[0, 0] < SAME_SHADOW:
             return drawn
         weight = self.options.cast_weight
-        return (drawn + weight * cast) / (1 + weight)
+        return cast.box if cast.in_photo else (drawn + weight * cast.box) / (1 + weight)
 
     def _throwers(self, camera: Camera, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
         """(n,) rock that throws each shadow drawn in a camera's photo, by the shadows that the bodies cast there."""
         cast = self._cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
-        expected = np.array([box for _, box in cast]).reshape(-1, 4)
+        expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
         rows = match_boxes(boxes, expected, SHADOW_GATE * self.options.match_gate_px, smallest_iou=0.1)
-        return np.where(rows >= 0, np.array([*(rock for rock, _ in cast), NO_ROCK])[rows], NO_ROCK)
+        return np.where(rows >= 0, np.array([*cast, NO_ROCK])[rows], NO_ROCK)
 
     def _cast(
         self, camera: Camera, light: Light, azimuth: Azimuth, rock_boxes: Mapping[int, np.ndarray | None]
-    ) -> list[tuple[int, np.ndarray]]:
-        """Boxes (4,) that a person would draw around the shadows of rocks, whose own boxes are given."""
+    ) -> dict[int, CastShadow]:
+        """What a person would draw around the shadows of rocks, whose own boxes are given, by rock."""
         view, step = self.view(camera), self.options.ray_step_px
         place = lamp(self.world, view, light, azimuth)
         assert place is not None
@@ -174,15 +224,29 @@ class PositionLabels:
                 ids.rock == NO_ROCK, ids.shadow_of(self.world, place), NO_ROCK
             )
         shadow = self._shadow_ids[camera, place.tobytes()]
-        found = []
+        brightness = self._brightness(camera, light, azimuth)
+        found = {}
         for rock, rock_box in sorted(rock_boxes.items()):
             box = shadow_box(shadow, rock, rock_box, step)
-            if box is not None and rock_box is not None:
+            if box is None:
+                continue
+            dark = (
+                snapped(box, shadow, ids.rock, step, rock, brightness) if brightness and rock_box is not None else None
+            )
+            if dark is None and rock_box is not None:
                 shown = self._projected(camera, rock) if rock in self.world.bodies else None
                 box = as_people_draw(box, rock_box, shown.box if shown else rock_box, self._px_per_m(camera, rock))
-            if box is not None and area(box) > 0:
-                found.append((rock, box))
+            if area(box) > 0:
+                found[rock] = CastShadow(box if dark is None else dark, dark is not None)
         return found
+
+    def _brightness(self, camera: Camera, light: Light, azimuth: Azimuth) -> Brightness | None:
+        """What photos show under a Sun lamp: without rover light where there are such, for it brightens shadows."""
+        if self.photos is None:
+            return None
+        lights: tuple[Light, ...] = (light,) if azimuth == "no" else ("off", "on")
+        sets = (self.photos.brightness((self.position, camera, own, azimuth)) for own in lights)
+        return next((brightness for brightness in sets if brightness is not None), None)
 
     def _px_per_m(self, camera: Camera, rock: int) -> float:
         view, body = self.view(camera), self.world.bodies.get(rock)

@@ -13,13 +13,23 @@ from polarsim.formats import lamps, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.scene import read_terrain
+from polarsim.labels.corrections import Corrections, corrected, read_corrections
 from polarsim.labels.known import Known, gather
 from polarsim.labels.options import LabelsOptions
+from polarsim.labels.photos import Brightness, Photos, PhotoSet
 from polarsim.labels.position import Label, PositionLabels
 from polarsim.labels.seeds import read_seeds
-from polarsim.photo import BOX_CLASSES, SHADOW, Azimuth, Camera, Light, PhotoKey
+from polarsim.labels.visibility import contrast
+from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
 
 log = logging.getLogger(__name__)
+
+
+def visible(labels: list[Label], key: PhotoKey, brightness: Brightness | None, options: LabelsOptions) -> list[Label]:
+    """The labels of a photo set that one of its photos shows: by the photo, where there is one to look at."""
+    if brightness is None:
+        return at_exposure(labels, key, options)
+    return [label for label in labels if contrast(brightness, label.box, key.exposure_ms) >= options.min_contrast]
 
 
 def at_exposure(labels: list[Label], key: PhotoKey, options: LabelsOptions) -> list[Label]:
@@ -57,31 +67,41 @@ def propagate_labels(
     _warn_of_gaps(photos, keys)
     placed = rigs.read_all_placed(cameras)
     suns = lamps.read_suns(cameras, placed)
-    known = gather(read_terrain(meshes, terrain), placed, suns, read_seeds(seeds, terrain), options)
-    labels = grid_labels(known, keys, options)
+    corrections = read_corrections(options.corrections, terrain)
+    drawn = read_seeds(seeds, terrain, corrections, options.shadow_start(terrain))
+    known = gather(read_terrain(meshes, terrain), placed, suns, drawn, options)
+    labels = grid_labels(known, keys, options, Photos(photos, terrain), corrections)
     with writing_folder(boxes) as folder:
         for key in keys:
             classes = np.array([BOX_CLASSES.index(label.kind) for label in labels[key]], int)
-            drawn = np.array([label.box for label in labels[key]]).reshape(-1, 4)
-            yolo.write_boxes(folder / f"{key}.txt", classes, drawn)
+            places = np.array([label.box for label in labels[key]]).reshape(-1, 4)
+            yolo.write_boxes(folder / f"{key}.txt", classes, places)
     tables.write_parquet(table, tables.label_table([_row(key, label) for key in keys for label in labels[key]]))
 
 
-def grid_labels(known: Known, keys: Sequence[PhotoKey], options: LabelsOptions) -> dict[PhotoKey, list[Label]]:
+def grid_labels(
+    known: Known,
+    keys: Sequence[PhotoKey],
+    options: LabelsOptions,
+    photos: Photos | None = None,
+    corrections: Corrections | None = None,
+) -> dict[PhotoKey, list[Label]]:
     """Labels of every key; what photos share is computed once."""
-    positions = {position: PositionLabels(known, position, options) for position in known.placed}
+    positions = {position: PositionLabels(known, position, options, photos) for position in known.placed}
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
-    sets: dict[tuple[str, Camera, Light, Azimuth], list[Label]] = {}
-    labels: dict[PhotoKey, list[Label]] = {}
+    labels: dict[PhotoKey, list[Label]] = {key: [] for key in keys}
+    sets: dict[PhotoSet, list[PhotoKey]] = {}
     for key in keys:
-        if key.position not in positions:
-            labels[key] = []
-            continue
-        photo_set = (key.position, key.camera, key.light, key.azimuth)
-        if photo_set not in sets:
-            sets[photo_set] = positions[key.position].labels(key.camera, key.light, key.azimuth)
-        labels[key] = at_exposure(sets[photo_set], key, options)
+        if key.position in positions:
+            sets.setdefault((key.position, key.camera, key.light, key.azimuth), []).append(key)
+    for photo_set, members in sorted(sets.items(), key=lambda item: item[0]):
+        position, camera, light, azimuth = photo_set
+        shared = positions[position].labels(camera, light, azimuth)
+        brightness = photos.brightness(photo_set) if photos and options.visibility == "photo" else None
+        for key in members:
+            own = corrections.get(key) if corrections else None
+            labels[key] = corrected(own, shared) if own else visible(shared, key, brightness, options)
     return labels
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,16 +29,18 @@ class Drawn:
 Seeds = dict[str, dict[Sight, Drawn]]  # by position
 
 
-def read_seeds(folder: Path, terrain: int, corrections: Sequence[Path] = (), shadow_start_ms: int = 0) -> Seeds:
+def read_seeds(
+    folder: Path, terrain: int, corrections: Mapping[PhotoKey, Drawn] | None = None, shadow_start_ms: int = 0
+) -> Seeds:
     """Every `KEY.txt` of a terrain, one drawing a position, camera and azimuth.
 
     Parameters
     ----------
     corrections
-        Files that a person edited: they win over seeds. Where one shows no shadow at an exposure at which nobody
-        draws any, it has the seed's.
+        What people drew anew: it wins over seeds.
     shadow_start_ms
-        Shortest exposure at which people draw shadows: what is shorter and has none says nothing about them.
+        Shortest exposure at which people draw shadows: what is shorter and has none says nothing about them, and
+        another drawing of the same sight tells.
 
     Raises
     ------
@@ -48,15 +50,14 @@ def read_seeds(folder: Path, terrain: int, corrections: Sequence[Path] = (), sha
         A file name that is no photo key.
     """
     found: dict[tuple[str, Sight], list[Ranked]] = {}
-    for path, corrected in [*((p, False) for p in sorted(folder.glob("*.txt"))), *((p, True) for p in corrections)]:
-        key = PhotoKey.parse(path.stem)
-        if key.terrain != terrain:
-            log.warning("%s: no seed of terrain %02d, left out", path, terrain)
-            continue
-        drawn = _read(path, key.exposure_ms < shadow_start_ms)
+    drawings = [(key, False, drawn) for key, drawn in _files(folder, terrain).items()]
+    drawings += [(key, True, drawn) for key, drawn in (corrections or {}).items()]
+    for key, is_correction, drawn in drawings:
         count = len(drawn.rocks) + (0 if drawn.shadows is None else len(drawn.shadows))
-        rank = (corrected, key.light == "off", count)
-        found.setdefault((key.position, (key.camera, key.azimuth)), []).append((rank, drawn))
+        rank = (is_correction, key.light == "off", count)
+        silent = key.exposure_ms < shadow_start_ms and (drawn.shadows is None or not len(drawn.shadows))
+        told = replace(drawn, shadows=None) if silent else drawn
+        found.setdefault((key.position, (key.camera, key.azimuth)), []).append((rank, told))
     seeds: Seeds = {}
     for (position, sight), ranked in sorted(found.items(), key=lambda item: item[0]):
         seeds.setdefault(position, {})[sight] = _best(ranked)
@@ -69,10 +70,16 @@ def cameras_first(sights: Sequence[Sight]) -> list[Sight]:
     return sorted(sights, key=lambda sight: (-count[sight[0]], sight))
 
 
-def _read(path: Path, dark: bool) -> Drawn:
-    classes, boxes = yolo.read_boxes(path)
-    shadows = boxes[classes == BOX_CLASSES.index(SHADOW)]
-    return Drawn(boxes[classes == BOX_CLASSES.index(ROCK)], None if dark and not len(shadows) else shadows)
+def _files(folder: Path, terrain: int) -> dict[PhotoKey, Drawn]:
+    found = {}
+    for path in sorted(folder.glob("*.txt")):
+        key = PhotoKey.parse(path.stem)
+        if key.terrain != terrain:
+            log.warning("%s: no seed of terrain %02d, left out", path, terrain)
+            continue
+        classes, boxes = yolo.read_boxes(path)
+        found[key] = Drawn(boxes[classes == BOX_CLASSES.index(ROCK)], boxes[classes == BOX_CLASSES.index(SHADOW)])
+    return found
 
 
 def _best(ranked: list[Ranked]) -> Drawn:

@@ -52,6 +52,8 @@ class Ids:
         """
         distance, face = world.rocks.nearest(self.places, lamp_place - self.places)
         blocked = distance < 1
+        dark = np.flatnonzero(blocked)
+        blocked[dark[world.shaded(self.places[dark], lamp_place)]] = False
         rock = np.full(len(self.places), NO_ROCK)
         rock[blocked] = world.rock_of_rocks_face[face[blocked]]
         shadow = np.full(self.shape, NO_ROCK)
@@ -83,7 +85,7 @@ def shadow_box(shadow: np.ndarray, rock: int, rock_box: np.ndarray | None, step:
         half = np.maximum(rock_box[2:] - rock_box[:2], 1.0) / 2 * ROCK_ELLIPSE
         centre = (rock_box[2:] + rock_box[:2]) / 2
         mask = mask & ((((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 > 1)
-    core = _without_thin_parts(mask, round(THIN_PX / step))
+    core = without_thin_parts(mask, round(THIN_PX / step))
     count, parts, figures, _ = cv2.connectedComponentsWithStats(core.astype(np.uint8), connectivity=8)
     areas = figures[1:count, cv2.CC_STAT_AREA]
     if not len(areas):
@@ -93,7 +95,7 @@ def shadow_box(shadow: np.ndarray, rock: int, rock_box: np.ndarray | None, step:
     return (box + np.tile([left, top], 2)) * step
 
 
-def _without_thin_parts(mask: np.ndarray, size: int) -> np.ndarray:
+def without_thin_parts(mask: np.ndarray, size: int) -> np.ndarray:
     """(h, w) bool: a mask opened by squares of `size` samples, with the tips that this cuts off; never empty."""
     import cv2
 

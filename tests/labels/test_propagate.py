@@ -115,8 +115,10 @@ def test_without_any_seed_all_labels_come_from_geometry(scene, tmp_path):
     assert set(table["source"]) == {"projected", "cast"}
 
 
-def test_in_the_dark_nothing_is_labelled(labels):
-    assert len(labels[key("A_off_no_L_2048")][0]) == 0
+def test_without_sun_only_long_exposures_are_labelled_and_without_any_lamp_no_shadow(labels):
+    # People labelled rocks also where the release says that no lamp shone (03_C, 04_B).
+    assert len(rocks(labels, "A_off_no_L_2048")) == 2
+    assert len(shadows(labels, "A_off_no_L_2048")) == 0
     assert len(rocks(labels, "A_on_no_L_2048")) == 2
     assert len(rocks(labels, "A_on_no_L_0064")) == 0  # the rover light is too weak for short exposures
 

@@ -1,0 +1,35 @@
+"""What a person can tell from its surroundings in a photo: contrast in units of a pixel's noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from polarsim.labels.photos import Brightness, noise_dn
+
+SURROUND = 0.35  # of a box's sides: the width of the frame around it with which it is compared
+INNER = 0.8  # of a box's sides: the ellipse in which the thing itself is
+
+
+def contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) -> float:
+    """How far what a box (4,) frames stands out of its surround: root mean square difference over a pixel's noise.
+
+    A rock has a lit and a dark side, so that its mean may be that of the sand: every pixel is compared with the
+    median of the surround, and what noise alone adds is taken off.
+    """
+    height, width = brightness.rate.shape
+    margin = np.maximum((box[2:] - box[:2]) * SURROUND, 3.0)
+    left, top = np.maximum(np.floor(box[:2] - margin), 0).astype(int)
+    right, bottom = np.minimum(np.ceil(box[2:] + margin), [width, height]).astype(int)
+    if right - left < 2 or bottom - top < 2:
+        return 0.0
+    values = brightness.at(exposure_ms, (slice(top, bottom), slice(left, right)))
+    x, y = np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5
+    centre, half = (box[:2] + box[2:]) / 2, np.maximum((box[2:] - box[:2]) / 2, 0.5)
+    inner = (((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 < INNER**2
+    framed = ((y > box[1]) & (y < box[3]))[:, None] & ((x > box[0]) & (x < box[2]))
+    if not inner.any() or framed.all():
+        return 0.0
+    surround = float(np.median(values[~framed]))
+    noise = float(noise_dn(surround))
+    excess = float(((values[inner] - surround) ** 2).mean()) - noise**2
+    return float(np.sqrt(max(excess, 0.0)) / noise)
