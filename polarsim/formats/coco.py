@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +20,7 @@ from polarsim.formats.files import writing
 from polarsim.formats.rle import Rle
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.boxes import of_mask
-from polarsim.geometry.polygons import rasterised
+from polarsim.geometry.polygons import outlines, rasterised
 from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 
 CATEGORIES = {ROCK: 1, SHADOW: 2}  # from 1 on: to CVAT 0 is no category
@@ -54,11 +55,14 @@ def image_id(key: PhotoKey) -> int:
     return number + 1
 
 
-def write_coco(path: str | Path, photos: Mapping[PhotoKey, Sequence[Annotation]]) -> None:
+def write_coco(
+    path: str | Path, photos: Mapping[PhotoKey, Sequence[Annotation]], simplify_px: float | None = None
+) -> None:
     """Write the annotations of photos, a line each; those without any are listed too.
 
-    Ids of annotations are image id * 10,000 + 1, 2, ... in the order given. What other tools do not know of stands in
-    `attributes` too, which is what CVAT keeps.
+    Masks are written as compressed runs, or, where `simplify_px` is given, as polygons, largest first, of which no
+    dropped point lies farther off: Label Studio's converter reads no runs. Ids of annotations are image id * 10,000
+    + 1, 2, ... in the order given. What other tools do not know of stands in `attributes` too: CVAT keeps those.
     """
     head = {
         "info": {"description": "Rocks and shadows of the POLAR data set, labelled by polarsim"},
@@ -66,7 +70,8 @@ def write_coco(path: str | Path, photos: Mapping[PhotoKey, Sequence[Annotation]]
         "categories": [{"id": number, "name": name, "supercategory": "terrain"} for name, number in CATEGORIES.items()],
     }
     keys = sorted(photos)
-    annotations = (row for key in keys for row in _annotation_rows(image_id(key), photos[key]))
+    coded = cache(lambda mask: _segmentation(mask, simplify_px))  # exposures share masks
+    annotations = (row for key in keys for row in _annotation_rows(image_id(key), photos[key], coded))
     with writing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as file:
         file.write(json.dumps(head)[:-1])
         for name, rows in (("images", (_image_row(key) for key in keys)), ("annotations", annotations)):
@@ -81,7 +86,17 @@ def _image_row(key: PhotoKey) -> dict[str, object]:
     return {"id": image_id(key), "file_name": f"{key}.png", "width": WIDTH, "height": HEIGHT, **key_columns(key)}
 
 
-def _annotation_rows(photo: int, annotations: Sequence[Annotation]) -> Iterator[dict[str, object]]:
+def _segmentation(mask: Rle | None, simplify_px: float | None) -> object:
+    if mask is None:
+        return []
+    if simplify_px is None:
+        return {"size": [mask.height, mask.width], "counts": mask.counts}
+    return [ring.round(2).ravel().tolist() for ring in outlines(mask.mask(), simplify_px)]
+
+
+def _annotation_rows(
+    photo: int, annotations: Sequence[Annotation], coded: Callable[[Rle | None], object]
+) -> Iterator[dict[str, object]]:
     assert len(annotations) < PER_PHOTO
     ids = [photo * PER_PHOTO + number for number in range(1, len(annotations) + 1)]
     id_of_rock: dict[int, int] = {}
@@ -97,7 +112,7 @@ def _annotation_rows(photo: int, annotations: Sequence[Annotation]) -> Iterator[
             "category_id": CATEGORIES[own.kind],
             "bbox": [round(value, 3) for value in (x0, y0, x1 - x0, y1 - y0)],
             "area": mask.area if mask else round((x1 - x0) * (y1 - y0), 3),
-            "segmentation": {"size": [mask.height, mask.width], "counts": mask.counts} if mask else [],
+            "segmentation": coded(mask),
             "iscrowd": 0,
             **named,
             **({"shadow_of": id_of_rock.get(own.rock)} if own.kind == SHADOW else {}),

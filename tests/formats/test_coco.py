@@ -2,6 +2,7 @@ import contextlib
 import io
 import json
 
+import cv2
 import hypothesis.extra.numpy as arrays
 import numpy as np
 import pytest
@@ -123,6 +124,20 @@ def test_annotations_read_back(tmp_path_factory, photos):
 def test_the_order_of_photos_does_not_matter(written, tmp_path):
     write_coco(tmp_path / "again.json", dict(sorted(PHOTOS.items())))
     assert (tmp_path / "again.json").read_bytes() == written.read_bytes()
+
+
+def test_masks_may_be_written_as_polygons(tmp_path):
+    y, x = np.mgrid[:60, :80] + 0.5
+    ring = ((x - 40) / 38) ** 2 + ((y - 30) / 28) ** 2 < 1  # with a hole, less a corner
+    ring &= ~((np.abs(x - 40) < 9) & (np.abs(y - 30) < 7)) & (x + y > 40)
+    write_coco(tmp_path / "a.json", {KEY: [Annotation(ROCK, 3, np.array([0.0, 0, 80, 60]), rle.encode(ring))]}, 0.6)
+    (row,) = opened(tmp_path / "a.json").dataset["annotations"]
+    areas = [cv2.contourArea(np.array(points, np.float32).reshape(-1, 2)) for points in row["segmentation"]]
+    assert areas == sorted(areas, reverse=True)
+    assert sum(areas) == pytest.approx(ring.sum(), rel=0.02)
+    ((found,),) = read_coco(tmp_path / "a.json").values()
+    back = found.mask.mask()[:60, :80]
+    assert (back & ring).sum() >= 0.98 * (back | ring).sum()
 
 
 def foreign(tmp_path, **changes):
