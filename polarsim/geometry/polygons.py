@@ -61,16 +61,19 @@ def rasterised(ring: np.ndarray, shape: tuple[int, int] = (HEIGHT, WIDTH)) -> np
     return mask
 
 
-def paint(polygons: Sequence[tuple[int, np.ndarray]], shape: tuple[int, int] = (HEIGHT, WIDTH)) -> np.ndarray:
+def paint(
+    polygons: Sequence[tuple[int, np.ndarray]], shape: tuple[int, int] = (HEIGHT, WIDTH), on: np.ndarray | None = None
+) -> np.ndarray:
     """(h, w) uint8 grey map of polygons (class, ring): background, ground, shadow, rock, whatever their order.
 
     The release's own script paints in file order, and so loses rocks under a ground polygon that comes after them.
+    `on` is a grey map that was begun before; it stays as it is.
     """
-    grey = np.full(shape, GREY_VALUES["background"], np.uint8)
+    grey = np.full(shape, GREY_VALUES["background"], np.uint8) if on is None else on.copy()
     for number in PAINT_ORDER:
         for own, ring in polygons:
             if own == number:
-                rows, columns, inside = _fill(np.asarray(ring, float), shape)
+                rows, columns, inside = _fill(np.asarray(ring, float), grey.shape)
                 grey[rows, columns][inside] = GREY_VALUES[POLYGON_CLASSES[number]]
     return grey
 

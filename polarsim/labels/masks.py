@@ -24,10 +24,10 @@ from polarsim.labels.backdrop import backdrop
 from polarsim.labels.identity import dome_behind
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shadows import Ids, lamp
-from polarsim.labels.shapes import Shape, fitted, shape_of, visible
+from polarsim.labels.shapes import Shape, fitted, shapes_of, visible
 from polarsim.labels.view import View
 from polarsim.labels.world import Dome, World, build_world, with_domes
-from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, SHADOW, WIDTH, Azimuth, Light, PhotoKey
+from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey
 
 log = logging.getLogger(__name__)
 
@@ -39,19 +39,40 @@ Thing = tuple[str, int, bytes]  # kind, rock and box: what makes a label's shape
 
 
 @dataclass(frozen=True)
+class Backdrop:
+    """Background and ground of a view."""
+
+    polygons: Polygons
+
+    @cached_property
+    def grey(self) -> np.ndarray:
+        """(h, w) uint8: the polygons painted."""
+        return paint(self.polygons)
+
+
+@dataclass(frozen=True)
 class Drawing:
     """What is to be seen of the labels of a photo set, in the order in which it is painted."""
 
     parts: dict[Thing, Shape | None]
-    backdrop: Polygons
+    backdrop: Backdrop
     simplify_px: float
 
     @cached_property
+    def things(self) -> Polygons:
+        """Shadows and rocks."""
+        shown = [(kind, part) for (kind, _, _), part in self.parts.items() if part is not None]
+        return [(POLYGON_CLASSES.index(kind), ring) for kind, part in shown for ring in part.rings(self.simplify_px)]
+
+    @property
     def polygons(self) -> Polygons:
         """Background, ground, shadows and rocks."""
-        shown = [(kind, part) for (kind, _, _), part in self.parts.items() if part is not None]
-        drawn = [(POLYGON_CLASSES.index(kind), ring) for kind, part in shown for ring in part.rings(self.simplify_px)]
-        return [*self.backdrop, *drawn]
+        return [*self.backdrop.polygons, *self.things]
+
+    @cached_property
+    def grey(self) -> np.ndarray:
+        """(h, w) uint8: the polygons painted."""
+        return paint(self.things, on=self.backdrop.grey)
 
 
 class ViewOutlines:
@@ -63,9 +84,9 @@ class ViewOutlines:
         width, height = view.size
         self.ids = Ids(self.world, view, np.arange(height) + 0.5, np.arange(width) + 0.5)
         rings = backdrop(self.world, view, self.ids, options.wall_height_m, options.simplify_px)
-        self._backdrop = [(POLYGON_CLASSES.index(name), ring) for name, ring in rings]
-        self._rocks: dict[int, Shape | None] = {}
-        self._shadow_ids: dict[bytes, np.ndarray] = {}
+        self._backdrop = Backdrop([(POLYGON_CLASSES.index(name), ring) for name, ring in rings])
+        self._rocks = shapes_of(self.ids.rock)
+        self._shadows: dict[bytes, dict[int, Shape]] = {}  # by lamp
         self._drawn: dict[tuple[bytes, frozenset[Thing]], Drawing] = {}
 
     def drawing(self, light: Light, azimuth: Azimuth, labels: pd.DataFrame) -> Drawing:
@@ -75,30 +96,29 @@ class ViewOutlines:
         """
         place = lamp(self.world, self.view, light, azimuth)
         if place is None and labels.empty:
-            return Drawing({}, [(POLYGON_CLASSES.index("background"), PHOTO_FRAME)], self.options.simplify_px)
+            return Drawing({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]), self.options.simplify_px)
         things = dict(zip(things_of(labels), _boxes(labels), strict=True))
         content = (b"" if place is None else place.tobytes(), frozenset(things))
         if content not in self._drawn:
             order = sorted(things, key=lambda thing: (thing[0] == ROCK, things[thing][3], thing))
-            shapes = [fitted(self._own_shape(thing[0], thing[1], place), things[thing]) for thing in order]
+            shapes = [
+                fitted(self._own_shapes(kind, place).get(rock), things[kind, rock, box]) for kind, rock, box in order
+            ]
             parts = visible(shapes, *self.view.size)
             self._drawn[content] = Drawing(
                 dict(zip(order, parts, strict=True)), self._backdrop, self.options.simplify_px
             )
         return self._drawn[content]
 
-    def _own_shape(self, kind: str, rock: int, place: np.ndarray | None) -> Shape | None:
-        """What the meshes show of a rock or its shadow."""
-        if rock == NO_ROCK or (kind == SHADOW and place is None):
-            return None
-        if kind == SHADOW:
-            assert place is not None
-            if place.tobytes() not in self._shadow_ids:
-                self._shadow_ids[place.tobytes()] = self.ids.shadow_of(self.world, place)
-            return shape_of(self._shadow_ids[place.tobytes()], rock)
-        if rock not in self._rocks:
-            self._rocks[rock] = shape_of(self.ids.rock, rock)
-        return self._rocks[rock]
+    def _own_shapes(self, kind: str, place: np.ndarray | None) -> dict[int, Shape]:
+        """What the meshes show of rocks or of their shadows."""
+        if kind == ROCK:
+            return self._rocks
+        if place is None:
+            return {}
+        if place.tobytes() not in self._shadows:
+            self._shadows[place.tobytes()] = shapes_of(self.ids.shadow_of(self.world, place))
+        return self._shadows[place.tobytes()]
 
 
 def things_of(labels: pd.DataFrame) -> list[Thing]:
@@ -162,7 +182,7 @@ def _draw_photo_set(
     # Most labels; of several photos the one exposed longest.
     fullest = max(rows_of.items(), key=lambda item: (len(item[1]), item[0].exposure_ms))[1]
     drawing = outlines.drawing(light, azimuth, fullest)
-    _write(polygon_folder, mask_folder, list(rows_of), drawing.polygons)
+    _write(polygon_folder, mask_folder, list(rows_of), drawing)
     found = {}
     for key, rows in rows_of.items():
         here = drawing
@@ -205,10 +225,10 @@ def _of_view(labels: pd.DataFrame, key: PhotoKey) -> pd.DataFrame:
     return labels[(labels["position"] == key.position) & (labels["camera"] == key.camera)]
 
 
-def _write(polygon_folder: Path, mask_folder: Path, keys: Sequence[PhotoKey], drawn: Polygons) -> None:
+def _write(polygon_folder: Path, mask_folder: Path, keys: Sequence[PhotoKey], drawing: Drawing) -> None:
     first, *others = (str(key) for key in keys)
-    yolo.write_polygons(polygon_folder / f"{first}.txt", drawn)
-    png.write(mask_folder / f"{first}.png", paint(drawn))
+    yolo.write_polygons(polygon_folder / f"{first}.txt", drawing.polygons)
+    png.write(mask_folder / f"{first}.png", drawing.grey)
     for name in others:
         shutil.copyfile(polygon_folder / f"{first}.txt", polygon_folder / f"{name}.txt")
         shutil.copyfile(mask_folder / f"{first}.png", mask_folder / f"{name}.png")

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import find_objects
 
 from polarsim.formats import rle
 from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.polygons import outlines
+from polarsim.photo import NO_ROCK
 
 SMALL_PART = 0.15  # of a shape's largest part: smaller ones are crumbs that nobody would outline
 LIKE_ITS_BOX = 0.2  # smallest IoU of a shape's own box with its label's for the shape to be believed
@@ -54,17 +56,14 @@ class Shape:
         return Shape(mask, self.left + left, self.top + top)
 
 
-def shape_of(ids: np.ndarray, rock: int) -> Shape | None:
-    """Where a picture of ids (h, w) shows a rock, as a person would outline it: without holes and crumbs.
-
-    None where it does not.
-    """
-    mask = ids == rock
-    box = of_mask(mask)
-    if box is None:
-        return None
-    left, top, right, bottom = box.astype(int)
-    return _trimmed(Shape(_filled(without_crumbs(mask[top:bottom, left:right])), left, top))
+def shapes_of(ids: np.ndarray) -> dict[int, Shape]:
+    """Where a picture of ids (h, w) shows its rocks, as a person would outline them: without holes and crumbs."""
+    windows = find_objects(ids - NO_ROCK)  # counts from 1 on; None for ids that no pixel has
+    found = {rock: window for rock, window in enumerate(windows, 1 + NO_ROCK) if window}
+    return {
+        rock: _trimmed(Shape(_filled(without_crumbs(ids[rows, columns] == rock)), columns.start, rows.start))
+        for rock, (rows, columns) in found.items()
+    }
 
 
 def fitted(shape: Shape | None, box: np.ndarray) -> Shape:

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import label
 
-from polarsim.labels.shapes import Shape, fitted, rounded, shape_of, stretched, visible
+from polarsim.labels.shapes import Shape, fitted, rounded, shapes_of, stretched, visible
 
 any_shape = st.builds(
     Shape, arrays.arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6))), st.integers(-4, 10), st.integers(-4, 8)
@@ -30,10 +30,11 @@ def test_a_rounded_shape_fills_its_box():
 def test_a_shape_is_where_its_rock_stands_in_a_picture_of_ids():
     ids = np.full((6, 8), -1)
     ids[2:4, 3:7] = 5
-    found = shape_of(ids, 5)
-    np.testing.assert_array_equal(found.box, [3, 2, 7, 4])
-    assert found.mask.all()
-    assert shape_of(ids, 6) is None
+    ids[0, 0] = 0
+    found = shapes_of(ids)
+    assert set(found) == {0, 5}
+    np.testing.assert_array_equal(found[5].box, [3, 2, 7, 4])
+    assert found[5].mask.all()
 
 
 @pytest.mark.parametrize("own", [None, Shape(np.ones((4, 4), bool), 200, 200)])
@@ -47,7 +48,7 @@ def test_a_shape_has_neither_holes_nor_crumbs():
     ids[2:12, 3:13] = 5
     ids[5:7, 6:9] = -1
     ids[4, 25] = 5
-    found = shape_of(ids, 5)
+    found = shapes_of(ids)[5]
     np.testing.assert_array_equal(found.box, [3, 2, 13, 12])
     assert found.mask.all()
 
@@ -56,7 +57,7 @@ def test_a_rock_in_two_large_parts_keeps_both():
     ids = np.full((20, 30), -1)
     ids[2:12, 3:9] = 5
     ids[2:12, 14:18] = 5
-    found = shape_of(ids, 5)
+    found = shapes_of(ids)[5]
     np.testing.assert_array_equal(found.box, [3, 2, 18, 12])
     assert found.mask.sum() == 100
 
