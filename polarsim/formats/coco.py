@@ -91,7 +91,7 @@ def _segmentation(mask: Rle | None, simplify_px: float | None) -> object:
         return []
     if simplify_px is None:
         return {"size": [mask.height, mask.width], "counts": mask.counts}
-    return [ring.round(2).ravel().tolist() for ring in outlines(mask.mask(), simplify_px)]
+    return [ring.round(3).ravel().tolist() for ring in outlines(mask.mask(), simplify_px)]
 
 
 def _annotation_rows(

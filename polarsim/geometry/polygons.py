@@ -14,6 +14,7 @@ import numpy as np
 from polarsim.photo import GREY_VALUES, HEIGHT, POLYGON_CLASSES, WIDTH
 
 MOST_LOST = 0.01  # of a region's pixels, by simpler outlines
+NUDGE_PX = np.array([2e-3, -1e-3])  # the rounding of files decides about pixels whose centres lie on a line
 LEAST_TOLERANCE_PX = 0.1  # a distance that hardly spares a corner
 
 PAINT_ORDER = tuple(POLYGON_CLASSES.index(name) for name in ("background", "ground", "shadow", "rock"))
@@ -136,7 +137,8 @@ def _simplified(ring: np.ndarray, tolerance: float) -> np.ndarray | None:
         fewer = Polygon(local).simplify(tolerance, preserve_topology=True)
         if fewer.geom_type == "Polygon" and fewer.is_valid:
             corners = np.asarray(fewer.exterior.coords)[:-1]
-            if (rasterised(corners, inside.shape) ^ inside).sum() <= MOST_LOST * inside.sum():
+            nudged = (rasterised(corners + nudge, inside.shape) for nudge in (NUDGE_PX, -NUDGE_PX))
+            if max((found ^ inside).sum() for found in nudged) <= MOST_LOST * inside.sum():
                 return np.asarray(corners + origin)
         tolerance /= 2
     return _on_corners(ring)
