@@ -166,6 +166,20 @@ def masks(
 
 
 @app.command()
+def outline(
+    source: Annotated[Path, typer.Argument(help="COCO file of labels, results/<run>/labels/coco/TerrainNN.json.")],
+    out: Annotated[Path, typer.Argument(help="COCO file to write.")],
+    simplify_px: Annotated[float, typer.Option(min=0, max=10, help="Farthest a dropped point may lie off, px.")] = 0.6,
+) -> None:
+    """Turn the masks of a COCO file into polygons: Label Studio's converter reads no others."""
+    from polarsim.formats.coco import read_coco, write_coco
+
+    photos = read_coco(source)
+    write_coco(out, photos, simplify_px)
+    typer.echo(f"{sum(map(len, photos.values()))} outlines on {len(photos)} photos in {out}")
+
+
+@app.command()
 def show(
     key: Annotated[str, typer.Argument(help="Photo key, such as 01_A_off_180_L_0256.")],
     run: Annotated[str, typer.Option(help="Name of the run, below results/.")] = "demo",

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polarsim.formats import obj, png, yolo
-from polarsim.photo import GREY_VALUES
+from polarsim.formats import coco, obj, png, rle, yolo
+from polarsim.photo import GREY_VALUES, PhotoKey
 
 ROCK_POLYGON = (2, np.array([[100.0, 100], [300, 100], [300, 250], [100, 250]]))
 GROUND_POLYGON = (1, np.array([[0.0, 0], [1936, 0], [1936, 1216], [0, 1216]]))
@@ -53,6 +53,18 @@ def test_masks_paint_rocks_over_the_ground_whatever_their_order(tmp_path):
     grey = png.read(tmp_path / "out/01_A_off_30_L_0256.png")
     assert grey[200, 200] == GREY_VALUES["rock"]
     assert grey[800, 800] == GREY_VALUES["ground"]
+
+
+def test_outline_turns_masks_into_polygons(tmp_path):
+    mask = rle.encode(np.ones((150, 200)), 100, 100)
+    labels = [coco.Annotation("rock", 4, np.array([100.0, 100, 300, 250]), mask)]
+    coco.write_coco(tmp_path / "in.json", {PhotoKey.parse("01_A_off_30_L_0256"): labels})
+    done = polarsim("outline", tmp_path / "in.json", tmp_path / "out.json")
+    assert done.returncode == 0, done.stderr
+    (annotation,) = json.loads((tmp_path / "out.json").read_text())["annotations"]
+    ((*points,),) = annotation["segmentation"]
+    np.testing.assert_allclose([min(points[::2]), max(points[::2])], [100, 300])
+    assert annotation["rock"] == 4
 
 
 def test_render_writes_a_12_bit_picture_of_a_lit_plane(tmp_path):

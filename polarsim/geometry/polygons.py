@@ -13,6 +13,10 @@ import numpy as np
 
 from polarsim.photo import GREY_VALUES, HEIGHT, POLYGON_CLASSES, WIDTH
 
+MOST_LOST = 0.01  # of a region's pixels, by simpler outlines
+NUDGE_PX = np.array([2e-3, -1e-3])  # the rounding of files decides about pixels whose centres lie on a line
+LEAST_TOLERANCE_PX = 0.1  # a distance that hardly spares a corner
+
 PAINT_ORDER = tuple(POLYGON_CLASSES.index(name) for name in ("background", "ground", "shadow", "rock"))
 
 
@@ -28,8 +32,8 @@ def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
     Parameters
     ----------
     simplify_px : float
-        Largest distance of a dropped point from its ring (Douglas and Peucker, topology kept); a ring that it would
-        change by more than 1 % of its area stays as it is.
+        Largest distance of a dropped point from its ring (Douglas and Peucker, topology kept); less for a ring that
+        would gain or lose more than 1 % of its pixels.
     """
     import contourpy
 
@@ -45,7 +49,8 @@ def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
         parts = [points[a : b - 1] for a, b in pairwise(offsets)]
         rings += _without_holes(parts[0], parts[1:])
     shift = np.array([left - 0.5, top - 0.5])  # index 0 is the padding's centre, half a pixel before the first corner
-    found = [_clockwise(_simplified(ring, simplify_px) + shift) for ring in rings if abs(signed_area(ring)) > 0]
+    fewer = [_simplified(ring, simplify_px) for ring in rings]
+    found = [_clockwise(ring + shift) for ring in fewer if ring is not None]
     return sorted(found, key=lambda ring: (-signed_area(ring), ring[0, 0], ring[0, 1]))
 
 
@@ -57,16 +62,19 @@ def rasterised(ring: np.ndarray, shape: tuple[int, int] = (HEIGHT, WIDTH)) -> np
     return mask
 
 
-def paint(polygons: Sequence[tuple[int, np.ndarray]], shape: tuple[int, int] = (HEIGHT, WIDTH)) -> np.ndarray:
+def paint(
+    polygons: Sequence[tuple[int, np.ndarray]], shape: tuple[int, int] = (HEIGHT, WIDTH), on: np.ndarray | None = None
+) -> np.ndarray:
     """(h, w) uint8 grey map of polygons (class, ring): background, ground, shadow, rock, whatever their order.
 
     The release's own script paints in file order, and so loses rocks under a ground polygon that comes after them.
+    `on` is a grey map that was begun before; it stays as it is.
     """
-    grey = np.full(shape, GREY_VALUES["background"], np.uint8)
+    grey = np.full(shape, GREY_VALUES["background"], np.uint8) if on is None else on.copy()
     for number in PAINT_ORDER:
         for own, ring in polygons:
             if own == number:
-                rows, columns, inside = _fill(np.asarray(ring, float), shape)
+                rows, columns, inside = _fill(np.asarray(ring, float), grey.shape)
                 grey[rows, columns][inside] = GREY_VALUES[POLYGON_CLASSES[number]]
     return grey
 
@@ -112,17 +120,28 @@ def _without_holes(outer: np.ndarray, holes: list[np.ndarray]) -> list[np.ndarra
     return rings
 
 
-def _simplified(ring: np.ndarray, tolerance: float) -> np.ndarray:
-    """A ring with fewer points that still encloses nearly the same pixels."""
+def _simplified(ring: np.ndarray, tolerance: float) -> np.ndarray | None:
+    """A ring around grid points with fewer corners that still encloses nearly the same ones; None where there are none.
+
+    The tolerance is halved until it does: the line of thin regions passes close to all of their points.
+    """
     from shapely import Polygon
 
-    whole = Polygon(ring)
-    fewer = whole.simplify(tolerance, preserve_topology=True)
-    if fewer.geom_type != "Polygon" or not fewer.is_valid:
-        return _on_corners(ring)
-    if whole.symmetric_difference(fewer).area > 0.01 * whole.area:
-        return _on_corners(ring)
-    return np.asarray(fewer.exterior.coords)[:-1]
+    origin = np.floor(ring.min(axis=0)) - 0.5  # makes points of the grid centres of pixels
+    local = ring - origin
+    width, height = np.ceil(local.max(axis=0)).astype(int)
+    inside = rasterised(local, (height, width))
+    if not inside.any():
+        return None
+    while tolerance >= LEAST_TOLERANCE_PX:
+        fewer = Polygon(local).simplify(tolerance, preserve_topology=True)
+        if fewer.geom_type == "Polygon" and fewer.is_valid:
+            corners = np.asarray(fewer.exterior.coords)[:-1]
+            nudged = (rasterised(corners + nudge, inside.shape) for nudge in (NUDGE_PX, -NUDGE_PX))
+            if max((found ^ inside).sum() for found in nudged) <= MOST_LOST * inside.sum():
+                return np.asarray(corners + origin)
+        tolerance /= 2
+    return _on_corners(ring)
 
 
 def _on_corners(ring: np.ndarray) -> np.ndarray:

@@ -37,7 +37,7 @@ def gather(
     options: LabelsOptions,
 ) -> Known:
     """Give every drawn rock its id: that of the mesh that projects there, or the number of a stand-in."""
-    world = build_world(terrain, options.trim_mm / 1000, suns)
+    world = build_world(terrain, options.trim_mm / 1000, suns, options.wall_height_m)
     tracks: dict[str, list[Track]] = {}
     matched: dict[str, np.ndarray] = {}
     domes = []

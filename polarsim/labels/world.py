@@ -67,6 +67,7 @@ class World:
     rock_of_rocks_face: np.ndarray  # rock of each face of `rocks`, and `NO_ROCK` at -1 for rays that meet none
     ground_level: float  # median height of the ground
     ground_bounds: np.ndarray  # (2, 2) lowest and highest x, y of the ground
+    walls: Caster | None  # of the sandbox, around the ground
     suns: Mapping[str, np.ndarray]  # azimuth -> (3,) place of the Sun lamp
 
     def shaded(self, places: np.ndarray, lamp_place: np.ndarray) -> np.ndarray:
@@ -101,7 +102,9 @@ class World:
         return (distance < 1) & (other != rock) & (other != NO_ROCK)
 
 
-def build_world(terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray] = SUN_LAMPS) -> World:
+def build_world(
+    terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray] = SUN_LAMPS, wall_height: float = 0.0
+) -> World:
     """The terrain's meshes as bodies.
 
     Parameters
@@ -110,6 +113,8 @@ def build_world(terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray
         Rock surface lower than this above the ground counts as ground, metres.
     suns : azimuth -> (3,)
         Places of the Sun lamps.
+    wall_height
+        Of the walls around the ground, metres; 0: none.
     """
     is_ground = terrain.rock_of_face == NO_ROCK
     ground_faces = terrain.faces[is_ground]
@@ -138,6 +143,7 @@ def build_world(terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray
         np.append(rock_of_face[of_rock], NO_ROCK),
         level,
         bounds,
+        wall_caster(bounds, level, wall_height),
         suns,
     )
 
@@ -173,3 +179,21 @@ def _height_above(ground: Caster, level: float, points: np.ndarray) -> np.ndarra
     starts = np.concatenate([points[:, :2], np.full((len(points), 1), HIGH)], axis=1)
     distance = ground.nearest(starts, np.broadcast_to([0.0, 0.0, -1.0], starts.shape))[0]
     return points[:, 2] - np.where(np.isfinite(distance), HIGH - distance, level)
+
+
+def wall_caster(bounds: np.ndarray, level: float, height: float) -> Caster | None:
+    """The four walls around the ground (2, 2), `height` metres above its level; None for no walls."""
+    if height <= 0:
+        return None
+    low, high = bounds
+    corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    bottom = np.column_stack([corners, np.full(4, level - height)])
+    top = np.column_stack([corners, np.full(4, level + height)])
+    following = np.roll(np.arange(4), -1)
+    faces = np.concatenate(
+        [
+            np.column_stack([np.arange(4), following, following + 4]),
+            np.column_stack([np.arange(4), following + 4, np.arange(4) + 4]),
+        ]
+    )
+    return caster(np.concatenate([bottom, top]), faces)

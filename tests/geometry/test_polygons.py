@@ -39,6 +39,34 @@ def test_rings_are_simple_and_run_clockwise(mask, simplify_px):
         assert not np.array_equal(ring[0], ring[-1])
 
 
+@st.composite
+def slivers(draw):
+    """Thin slanting ellipses in one mask, as shadows are."""
+    y, x = np.mgrid[:50, :70] + 0.5
+    mask = np.zeros(x.shape, bool)
+    for _ in range(draw(st.integers(1, 3))):
+        turn, dx, dy = draw(st.floats(0, np.pi)), x - draw(st.floats(10, 60)), y - draw(st.floats(10, 40))
+        along, across = np.cos(turn) * dx + np.sin(turn) * dy, np.cos(turn) * dy - np.sin(turn) * dx
+        mask |= (along / draw(st.floats(3, 40))) ** 2 + (across / draw(st.floats(0.6, 9))) ** 2 < 1
+    return mask
+
+
+@settings(deadline=None)
+@given(mask=slivers() | any_mask, simplify_px=st.sampled_from([0.3, 0.6, 2.0, 5.0]))
+def test_simplified_outlines_keep_98_percent_of_any_mask(mask, simplify_px):
+    rings = outlines(mask, simplify_px)
+    in_a_file = [(ring / [1936, 1216]).round(6) * [1936, 1216] for ring in rings]
+    for found in (rings, in_a_file):
+        back = covered(found, mask.shape)
+        assert (back & mask).sum() >= 0.98 * (back | mask).sum()
+
+
+@settings(deadline=None)
+@given(mask=slivers(), simplify_px=st.sampled_from([0.0, 0.6]))
+def test_every_ring_has_pixels(mask, simplify_px):
+    assert all(rasterised(ring, mask.shape).any() for ring in outlines(mask, simplify_px))
+
+
 @pytest.mark.parametrize("radius", [5, 12, 35])
 def test_a_simplified_disc_keeps_its_pixels(radius):
     mask = disc(radius)

@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 from shapely import Polygon
 
-from polarsim.formats import png, yolo
+from polarsim.formats import png, tables, yolo
+from polarsim.formats.coco import read_coco
 from polarsim.geometry.polygons import paint, signed_area
-from polarsim.labels.masks import Shape, draw_masks, rounded, stretched
+from polarsim.labels.masks import BOX_COLUMNS, draw_masks
 from polarsim.labels.options import LabelsOptions
-from polarsim.photo import GREY_VALUES, photo_grid
+from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey, photo_grid
 
 from .conftest import BLOCKS, TERRAIN
 from .test_propagate import propagate
@@ -20,6 +21,10 @@ KEYS = [
 
 def draw(scene, out, keys=KEYS):
     propagate(scene, out, keys)
+    return draw_table(scene, out, keys)
+
+
+def draw_table(scene, out, keys):
     draw_masks(
         terrain=TERRAIN,
         keys=keys,
@@ -28,6 +33,7 @@ def draw(scene, out, keys=KEYS):
         meshes=scene.meshes,
         polygons=out / "polygons",
         masks=out / "masks",
+        annotations=out / "coco.json",
         options=LabelsOptions(),
     )
     return out
@@ -100,16 +106,80 @@ def test_labels_of_a_rock_without_mesh_still_get_outlines(scene, tmp_path):
         assert (grey(tmp_path, key)[y0:y1, x0:x1] == GREY_VALUES["rock"]).mean() > 0.5
 
 
-def test_a_stretched_shape_fills_its_new_box():
-    y, x = np.mgrid[:40, :60] + 0.5
-    ellipse = Shape(((x - 30) / 30) ** 2 + ((y - 20) / 20) ** 2 < 1, 100, 200)
-    box = np.array([310.4, 120.0, 400.4, 180.0])
-    found = stretched(ellipse, box)
-    np.testing.assert_allclose(found.box, box, atol=1)
-    assert found.mask.sum() == pytest.approx(np.pi * 45 * 30, rel=0.02)
+@pytest.fixture(scope="module")
+def annotated(drawn):
+    return read_coco(drawn / "coco.json")
 
 
-def test_a_rounded_shape_fills_its_box():
-    box = np.array([10.0, 20, 40, 36])
-    np.testing.assert_allclose(rounded(box).box, box)
-    assert np.pi / 4 < rounded(box).mask.mean() < 1
+def key_of(name: str) -> PhotoKey:
+    return PhotoKey.parse(name)
+
+
+def test_coco_lists_every_photo_with_its_own_labels(drawn, annotated):
+    assert set(annotated) == set(KEYS)
+    for key in KEYS:
+        classes, boxes = yolo.read_boxes(drawn / "boxes" / f"{key}.txt")
+        kinds = [BOX_CLASSES[number] for number in classes]
+        expected = sorted(zip(kinds, boxes.round(2).tolist(), strict=True))
+        found = sorted((own.kind, own.box.round(2).tolist()) for own in annotated[key])
+        assert [kind for kind, _ in found] == [kind for kind, _ in expected]
+        np.testing.assert_allclose([box for _, box in found], [box for _, box in expected], atol=0.02)
+
+
+def test_photos_too_dark_for_shadows_have_none_in_coco_alone(drawn, annotated):
+    dark, bright = key_of("03_A_off_30_L_0064"), key_of("03_A_off_30_L_0128")
+    assert {own.kind for own in annotated[dark]} == {"rock"}
+    assert {own.kind for own in annotated[bright]} == {"rock", "shadow"}
+    assert (grey(drawn, dark) == GREY_VALUES["shadow"]).any()
+
+
+def test_coco_masks_are_the_regions_of_the_grey_map(drawn, annotated):
+    picture = grey(drawn, "03_A_off_30_L_0128")
+    for kind in BOX_CLASSES:
+        masks = [own.mask.mask() for own in annotated[key_of("03_A_off_30_L_0128")] if own.kind == kind]
+        assert np.sum(masks, axis=0).max() == 1  # no pixel is listed twice
+        together, painted = np.any(masks, axis=0), picture == GREY_VALUES[kind]
+        assert (together & painted).sum() / (together | painted).sum() >= 0.98
+
+
+def relabelled(untouched_scene, out, labels, keys):
+    """Drawn from a label table of its own: rows of key, kind, rock and box."""
+    named = {"source": "seed", "confidence": 1.0}
+    rows = [
+        {**tables.key_columns(key), "kind": kind, "rock": rock, **named, **dict(zip(BOX_COLUMNS, box, strict=True))}
+        for key, kind, rock, box in labels
+    ]
+    tables.write_parquet(out / "labels.parquet", tables.label_table(rows))
+    draw_table(untouched_scene, out, keys)
+    return read_coco(out / "coco.json")
+
+
+DIM, LIT = key_of("03_A_off_30_L_0064"), key_of("03_A_off_30_L_0128")
+FAR_BOX, NEAR_BOX = [600.0, 500, 700, 580], [640.0, 540, 760, 640]
+
+
+def test_rocks_hide_what_is_behind_them_and_what_is_hidden_whole_is_left_out(untouched_scene, tmp_path):
+    wide, narrow = [560.0, 560, 720, 700], [670.0, 560, 720, 600]
+    labels = [(LIT, "rock", -1, NEAR_BOX), (LIT, "rock", -1, FAR_BOX), (LIT, "shadow", -1, wide)]
+    found = relabelled(untouched_scene, tmp_path, [*labels, (LIT, "shadow", -1, narrow)], [LIT])[LIT]
+    assert len(found) == len(labels)
+    near, far, shadow = (next(own.mask.mask() for own in found if own.box[0] == x) for x in (640, 600, 560))
+    np.testing.assert_array_equal(near, whole(NEAR_BOX))
+    np.testing.assert_array_equal(far, whole(FAR_BOX) & ~near)
+    np.testing.assert_array_equal(shadow, whole(wide) & ~near & ~far)
+
+
+def test_rocks_that_a_photo_is_too_dark_to_show_still_hide_what_is_behind(untouched_scene, tmp_path):
+    labels = [(LIT, "rock", 21, NEAR_BOX), (LIT, "rock", 22, FAR_BOX), (DIM, "rock", 22, [601.0, 500, 700, 580])]
+    found = relabelled(untouched_scene, tmp_path, labels, [DIM, LIT])
+    near, (far,) = next(own for own in found[LIT] if own.rock == 21), found[DIM]
+    np.testing.assert_allclose(far.box, [601, 500, 700, 580])
+    assert (near.mask.mask() & whole(FAR_BOX)).any()
+    assert not (near.mask.mask() & far.mask.mask()).any()
+
+
+def whole(box: list[float]) -> np.ndarray:
+    """Pixels of an unhidden label without a mesh: a superellipse of power 2.5 in its box."""
+    y, x = np.mgrid[:1216, :1936] + 0.5
+    across, down = (2 * x - box[0] - box[2]) / (box[2] - box[0]), (2 * y - box[1] - box[3]) / (box[3] - box[1])
+    return np.abs(across) ** 2.5 + np.abs(down) ** 2.5 <= 1

@@ -8,6 +8,7 @@ rule labels:
         of_run("results/{run}/labels/boxes/Terrain{terrain}", terrain=TERRAINS),
         of_run("results/{run}/labels/polygons/Terrain{terrain}", terrain=TERRAINS),
         of_run("results/{run}/labels/masks/Terrain{terrain}", terrain=TERRAINS),
+        of_run("results/{run}/labels/coco/Terrain{terrain}.json", terrain=TERRAINS),
 
 
 rule propagate_labels:
@@ -40,7 +41,7 @@ rule propagate_labels:
 
 
 rule draw_masks:
-    """Polygons and grey maps of every photo of a terrain."""
+    """Polygons, grey maps and COCO masks of every photo of a terrain."""
     input:
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",
         cameras="results/{run}/cameras/Terrain{terrain}",
@@ -48,6 +49,7 @@ rule draw_masks:
     output:
         polygons=directory("results/{run}/labels/polygons/Terrain{terrain}"),
         masks=directory("results/{run}/labels/masks/Terrain{terrain}"),
+        annotations="results/{run}/labels/coco/Terrain{terrain}.json",
     log:
         "results/{run}/logs/labels/draw_masks_{terrain}.log",
     benchmark:

@@ -1,4 +1,4 @@
-"""Draw polygons and grey maps of one terrain's photos."""
+"""Draw polygons, grey maps and COCO masks of one terrain's photos."""
 
 from pathlib import Path
 
@@ -17,5 +17,6 @@ with reporting(log=snakemake.log[0]):
         meshes=Path(snakemake.input.meshes),
         polygons=Path(snakemake.output.polygons),
         masks=Path(snakemake.output.masks),
+        annotations=Path(snakemake.output.annotations),
         options=LabelsOptions(**snakemake.params.options),
     )

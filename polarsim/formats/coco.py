@@ -1,0 +1,282 @@
+"""COCO files of rocks and shadows: masks as runs, which rock throws a shadow; also as annotation tools write them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, field_validator
+
+from polarsim.errors import FormatError, PolarsimError
+from polarsim.formats import rle
+from polarsim.formats.files import writing
+from polarsim.formats.rle import Rle
+from polarsim.formats.tables import key_columns
+from polarsim.geometry.boxes import of_mask
+from polarsim.geometry.polygons import outlines, rasterised
+from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
+
+CATEGORIES = {ROCK: 1, SHADOW: 2}  # from 1 on: to CVAT 0 is no category
+PER_PHOTO = 10_000  # annotation ids of a photo
+FAR_PX = 1e5  # no corner of a polygon lies so far out
+_EXPOSURES, _POSITIONS = 10, "ABCDEFG"  # 16 to 8192 ms
+
+
+@dataclass(frozen=True)
+class Annotation:
+    """A rock or shadow of one photo: the box (4,) of its label, and the pixels of it that are to be seen."""
+
+    kind: str
+    rock: int
+    box: np.ndarray
+    mask: Rle | None = None  # None: nothing but the box is known
+    source: str = ""
+    confidence: float = 1.0
+
+
+def image_id(key: PhotoKey) -> int:
+    """The same in every file: the photo's place among all that the key can name, from 1 on."""
+    number = key.terrain
+    for place, count in (
+        (_POSITIONS.index(key.position), len(_POSITIONS)),
+        (LIGHTS.index(key.light), len(LIGHTS)),
+        (AZIMUTHS.index(key.azimuth), len(AZIMUTHS)),
+        (CAMERAS.index(key.camera), len(CAMERAS)),
+        (key.exposure_ms.bit_length() - 5, _EXPOSURES),
+    ):
+        number = number * count + place
+    return number + 1
+
+
+def write_coco(
+    path: str | Path, photos: Mapping[PhotoKey, Sequence[Annotation]], simplify_px: float | None = None
+) -> None:
+    """Write the annotations of photos, a line each; those without any are listed too.
+
+    Masks are written as compressed runs, or, where `simplify_px` is given, as polygons, largest first, of which no
+    dropped point lies farther off: Label Studio's converter reads no runs. Ids of annotations are image id * 10,000
+    + 1, 2, ... in the order given. What other tools do not know of stands in `attributes` too: CVAT keeps those.
+    """
+    head = {
+        "info": {"description": "Rocks and shadows of the POLAR data set, labelled by polarsim"},
+        "licenses": [],
+        "categories": [{"id": number, "name": name, "supercategory": "terrain"} for name, number in CATEGORIES.items()],
+    }
+    keys = sorted(photos)
+    coded = cache(lambda mask: _segmentation(mask, simplify_px))  # exposures share masks
+    annotations = (row for key in keys for row in _annotation_rows(image_id(key), photos[key], coded))
+    with writing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as file:
+        file.write(json.dumps(head)[:-1])
+        for name, rows in (("images", (_image_row(key) for key in keys)), ("annotations", annotations)):
+            file.write(f',\n"{name}": [')
+            for number, row in enumerate(rows):
+                file.write((",\n" if number else "\n") + json.dumps(row, allow_nan=False))
+            file.write("\n]")
+        file.write("}\n")
+
+
+def _image_row(key: PhotoKey) -> dict[str, object]:
+    return {"id": image_id(key), "file_name": f"{key}.png", "width": WIDTH, "height": HEIGHT, **key_columns(key)}
+
+
+def _segmentation(mask: Rle | None, simplify_px: float | None) -> object:
+    if mask is None:
+        return []
+    if simplify_px is None:
+        return {"size": [mask.height, mask.width], "counts": mask.counts}
+    return [ring.round(3).ravel().tolist() for ring in outlines(mask.mask(), simplify_px)]
+
+
+def _annotation_rows(
+    photo: int, annotations: Sequence[Annotation], coded: Callable[[Rle | None], object]
+) -> Iterator[dict[str, object]]:
+    assert len(annotations) < PER_PHOTO
+    ids = [photo * PER_PHOTO + number for number in range(1, len(annotations) + 1)]
+    id_of_rock: dict[int, int] = {}
+    for number, own in zip(ids, annotations, strict=True):
+        if own.kind == ROCK and own.rock != NO_ROCK:
+            id_of_rock.setdefault(own.rock, number)
+    for number, own in zip(ids, annotations, strict=True):
+        x0, y0, x1, y1 = (float(edge) for edge in own.box)
+        mask, named = own.mask, {"rock": own.rock, "source": own.source, "confidence": own.confidence}
+        yield {
+            "id": number,
+            "image_id": photo,
+            "category_id": CATEGORIES[own.kind],
+            "bbox": [round(value, 3) for value in (x0, y0, x1 - x0, y1 - y0)],
+            "area": mask.area if mask else round((x1 - x0) * (y1 - y0), 3),
+            "segmentation": coded(mask),
+            "iscrowd": 0,
+            **named,
+            **({"shadow_of": id_of_rock.get(own.rock)} if own.kind == SHADOW else {}),
+            "attributes": named,
+        }
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(allow_inf_nan=False)
+
+
+class _Image(_Part):
+    id: int
+    file_name: str
+    width: int | None = None
+    height: int | None = None
+
+
+class _Category(_Part):
+    id: int
+    name: str
+
+
+class _Runs(_Part):
+    size: tuple[int, int]
+    counts: str | list[Annotated[int, Field(ge=0, lt=1 << 31)]]
+
+
+class _Named(_Part):
+    rock: Annotated[int, Field(ge=NO_ROCK, lt=1 << 31)] | None = None
+    source: str | None = None
+    confidence: float | None = None
+
+    @field_validator("rock", "confidence", mode="before")
+    @classmethod
+    def _empty(cls, value: object) -> object:
+        return None if value == "" else value  # a field that a person left open
+
+
+class _Annotation(_Named):
+    id: int | None = None
+    image_id: int
+    category_id: int
+    bbox: list[float] = []
+    segmentation: _Runs | list[list[float]] | None = None
+    attributes: _Named | None = None
+
+    def named(self, name: str, default: Any) -> Any:
+        """A value of ours, of the annotation or its attributes."""
+        values = (getattr(self, name), getattr(self.attributes, name, None))
+        return next((value for value in values if value is not None), default)
+
+
+class _File(_Part):
+    images: list[_Image]
+    categories: list[_Category]
+    annotations: list[_Annotation]
+
+
+_FILE = TypeAdapter(_File)
+
+
+def read_coco(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> dict[PhotoKey, list[Annotation]]:
+    """The annotations of every photo of a COCO file, from here or as an annotation tool wrote it.
+
+    Categories go by their names. File names may have folders, another suffix, or letters and a dash in front of the
+    photo key, as Label Studio puts them. Masks may be runs, compressed or not, or polygons. A box that is not there is
+    that of the mask; a rock, source or confidence may stand among `attributes`, as CVAT puts them, or be missing.
+
+    Parameters
+    ----------
+    size
+        Width and height that all pictures must have, px.
+
+    Raises
+    ------
+    FormatError
+        No COCO file; a picture that is no photo, comes twice, or has another size; an annotation of no known picture
+        or category, without box and mask, or with a broken one.
+    """
+    try:
+        content = _FILE.validate_json(Path(path).read_bytes())
+    except OSError as error:
+        raise FormatError(f"{path}: no readable COCO file, {error.strerror}") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise FormatError(f"{path}: no COCO file, {place}: {first['msg']}".replace("\n", " ")) from error
+    keys = _once(path, "image", ((image.id, _key(path, image, size)) for image in content.images))
+    names = _once(path, "category", ((category.id, category.name) for category in content.categories))
+    photos: dict[PhotoKey, list[Annotation]] = {key: [] for key in keys.values()}
+    if len(photos) < len(keys):
+        raise FormatError(f"{path}: two images of photo {Counter(keys.values()).most_common(1)[0][0]}")
+    for number, row in enumerate(content.annotations):
+        try:
+            if row.image_id not in keys:
+                raise FormatError(f"image_id {row.image_id} is no image's")
+            photos[keys[row.image_id]].append(_annotation(row, names, size))
+        except PolarsimError as error:
+            own = number if row.id is None else row.id
+            raise FormatError(f"{path}: annotation {own}: {error}") from error
+    return photos
+
+
+def _once(path: str | Path, what: str, pairs: Iterable[tuple[int, Any]]) -> dict[int, Any]:
+    found: dict[int, Any] = {}
+    for number, value in pairs:
+        if number in found:
+            raise FormatError(f"{path}: {what} id {number} comes twice")
+        found[number] = value
+    return found
+
+
+def _key(path: str | Path, image: _Image, size: tuple[int, int]) -> PhotoKey:
+    stem = re.split(r"[\\/]", image.file_name)[-1].rsplit(".", 1)[0]
+    stated = (image.width or size[0], image.height or size[1])
+    if stated != size:
+        raise FormatError(f"{path}: image {image.id}: {stated[0]} x {stated[1]} px, expected {size[0]} x {size[1]}")
+    try:
+        return PhotoKey.parse(stem.rsplit("-", 1)[-1])
+    except PolarsimError as error:
+        raise FormatError(f"{path}: image {image.id}: {error}") from error
+
+
+def _annotation(row: _Annotation, names: Mapping[int, str], size: tuple[int, int]) -> Annotation:
+    if row.category_id not in names:
+        raise FormatError(f"category_id {row.category_id} is no category's")
+    kind = names[row.category_id].strip().lower()
+    if kind not in BOX_CLASSES:
+        raise FormatError(f"category {names[row.category_id]!r}, expected {' or '.join(BOX_CLASSES)}")
+    mask = _mask(row.segmentation, size)
+    rock, source, confidence = row.named("rock", NO_ROCK), row.named("source", ""), row.named("confidence", 1.0)
+    return Annotation(kind, rock, _box(row.bbox, mask, size), mask, source, confidence)
+
+
+def _mask(segmentation: _Runs | list[list[float]] | None, size: tuple[int, int]) -> Rle | None:
+    if isinstance(segmentation, _Runs):
+        if segmentation.size != size[::-1]:
+            raise FormatError(f"size {list(segmentation.size)} of a mask, expected {list(size[::-1])}")
+        counts = segmentation.counts
+        return rle.from_text(counts, size) if isinstance(counts, str) else rle.from_runs(counts, size)
+    rings = [np.array(ring) for ring in segmentation or [] if ring]
+    if not rings:
+        return None
+    covered = np.zeros(size[::-1], bool)
+    for ring in rings:
+        if len(ring) < 6 or len(ring) % 2:
+            raise FormatError(f"polygon of {len(ring)} numbers, expected x and y of at least 3 points")
+        if np.abs(ring).max() > FAR_PX:
+            raise FormatError("polygon far outside the photo")
+        covered |= rasterised(ring.reshape(-1, 2), size[::-1])
+    return rle.encode(covered, size=size)
+
+
+def _box(bbox: list[float], mask: Rle | None, size: tuple[int, int]) -> np.ndarray:
+    """(4,) as x0, y0, x1, y1."""
+    if bbox:
+        if len(bbox) != 4 or min(bbox[2:]) <= 0:
+            raise FormatError(f"bbox {bbox}, expected x, y, width and height, both above 0")
+        box = np.array([bbox[0], bbox[1], bbox[0] + bbox[2], bbox[1] + bbox[3]])
+        if (box[:2] >= size).any() or (box[2:] <= 0).any():
+            raise FormatError(f"bbox {bbox} outside the photo")
+        return box
+    found = of_mask(mask.mask()) if mask else None
+    if found is None:
+        raise FormatError("neither a bbox nor a mask")
+    return found

@@ -1,0 +1,130 @@
+"""Which pixels a label's rock or shadow has: a shape in a picture of ids, stretched to the label's box."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.ndimage import find_objects
+
+from polarsim.formats import rle
+from polarsim.geometry.boxes import iou, of_mask
+from polarsim.geometry.polygons import outlines
+from polarsim.photo import NO_ROCK
+
+SMALL_PART = 0.15  # of a shape's largest part: smaller ones are crumbs that nobody would outline
+LIKE_ITS_BOX = 0.2  # smallest IoU of a shape's own box with its label's for the shape to be believed
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mask (h, w) of full pixels whose first pixel is (left, top)."""
+
+    mask: np.ndarray
+    left: int
+    top: int
+
+    @property
+    def box(self) -> np.ndarray:
+        """(4,) around its true pixels."""
+        found = of_mask(self.mask)
+        assert found is not None
+        return found + np.tile([self.left, self.top], 2)
+
+    @property
+    def window(self) -> tuple[slice, slice]:
+        """Its place in a picture."""
+        height, width = self.mask.shape
+        return slice(self.top, self.top + height), slice(self.left, self.left + width)
+
+    @cached_property
+    def runs(self) -> rle.Rle:
+        """As part of a photo, which it must not leave; encoded once for all exposures."""
+        return rle.encode(self.mask, self.left, self.top)
+
+    def rings(self, simplify_px: float) -> list[np.ndarray]:
+        """Its outlines in the picture, (n, 2) each, largest first."""
+        shift = np.array([self.left, self.top], float)
+        return [ring + shift for ring in outlines(self.mask, simplify_px)]
+
+    def cut(self, width: int, height: int) -> Shape:
+        """What of it lies in a picture."""
+        left, top = max(0, -self.left), max(0, -self.top)
+        mask = self.mask[top : max(0, height - self.top), left : max(0, width - self.left)]
+        return Shape(mask, self.left + left, self.top + top)
+
+
+def shapes_of(ids: np.ndarray) -> dict[int, Shape]:
+    """Where a picture of ids (h, w) shows its rocks, as a person would outline them: without holes and crumbs."""
+    windows = find_objects(ids - NO_ROCK)  # counts from 1 on; None for ids that no pixel has
+    found = {rock: window for rock, window in enumerate(windows, 1 + NO_ROCK) if window}
+    return {
+        rock: _trimmed(Shape(_filled(without_crumbs(ids[rows, columns] == rock)), columns.start, rows.start))
+        for rock, (rows, columns) in found.items()
+    }
+
+
+def fitted(shape: Shape | None, box: np.ndarray) -> Shape:
+    """A shape stretched to its label's box; a rounded box where the shape is missing or lies elsewhere."""
+    if shape is None or iou(shape.box[None], box[None])[0, 0] < LIKE_ITS_BOX:
+        return rounded(box)
+    return stretched(shape, box)
+
+
+def stretched(shape: Shape, box: np.ndarray) -> Shape:
+    """The shape with its own box mapped to another (4,)."""
+    own, x, y = shape.box, *_pixel_centres(box)
+    column = own[0] + (x - box[0]) / (box[2] - box[0]) * (own[2] - own[0]) - shape.left
+    row = own[1] + (y - box[1]) / (box[3] - box[1]) * (own[3] - own[1]) - shape.top
+    column = np.clip(np.floor(column).astype(int), 0, shape.mask.shape[1] - 1)
+    row = np.clip(np.floor(row).astype(int), 0, shape.mask.shape[0] - 1)
+    inside = ((y > box[1]) & (y < box[3]))[:, None] & ((x > box[0]) & (x < box[2]))
+    return Shape(shape.mask[np.ix_(row, column)] & inside, int(x[0] - 0.5), int(y[0] - 0.5))
+
+
+def rounded(box: np.ndarray, power: float = 2.5) -> Shape:
+    """A superellipse that fills a box (4,): the shape of a thing of which nothing but its box is known."""
+    x, y = _pixel_centres(box)
+    across = np.abs((2 * x - box[0] - box[2]) / (box[2] - box[0])) ** power
+    down = np.abs((2 * y - box[1] - box[3]) / (box[3] - box[1])) ** power
+    return Shape(down[:, None] + across <= 1, int(x[0] - 0.5), int(y[0] - 0.5))
+
+
+def visible(shapes: Sequence[Shape], width: int, height: int) -> list[Shape | None]:
+    """What is left of shapes that are painted one over the other, the last on top, without crumbs; None for nothing."""
+    painted = np.full((height, width), -1, np.int16)
+    inside = [shape.cut(width, height) for shape in shapes]
+    for number, shape in enumerate(inside):
+        painted[shape.window][shape.mask] = number
+    left = [(shape, painted[shape.window] == number) for number, shape in enumerate(inside)]
+    return [Shape(without_crumbs(mask), shape.left, shape.top) if mask.any() else None for shape, mask in left]
+
+
+def without_crumbs(mask: np.ndarray) -> np.ndarray:
+    """A mask (h, w) less the parts that are much smaller than its largest one; parts hang together by edges."""
+    import cv2
+
+    _, parts, figures, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
+    areas = figures[:, cv2.CC_STAT_AREA] * (np.arange(len(figures)) > 0)  # number 0 is what lies around
+    kept = areas >= SMALL_PART * max(1, areas.max())
+    return np.asarray(kept[parts])
+
+
+def _filled(mask: np.ndarray) -> np.ndarray:
+    import cv2
+
+    lines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return cv2.drawContours(np.zeros(mask.shape, np.uint8), lines, -1, 1, cv2.FILLED) > 0
+
+
+def _trimmed(shape: Shape) -> Shape:
+    left, top, right, bottom = (shape.box - np.tile([shape.left, shape.top], 2)).astype(int)
+    return Shape(shape.mask[top:bottom, left:right], shape.left + left, shape.top + top)
+
+
+def _pixel_centres(box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    left, top = np.floor(box[:2]).astype(int)
+    right, bottom = np.maximum(np.ceil(box[2:]).astype(int), [left + 1, top + 1])
+    return np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5

@@ -1,0 +1,281 @@
+import contextlib
+import io
+import json
+
+import cv2
+import hypothesis.extra.numpy as arrays
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pycocotools.coco import COCO
+
+from polarsim.errors import FormatError
+from polarsim.formats import rle
+from polarsim.formats.coco import Annotation, image_id, read_coco, write_coco
+from polarsim.photo import NO_ROCK, ROCK, SHADOW, TERRAINS, PhotoKey, photo_grid
+
+GRID = [key for terrain in TERRAINS for key in photo_grid(terrain)]
+KEY, OTHER = PhotoKey.parse("01_A_off_30_L_0256"), PhotoKey.parse("01_A_off_30_R_0256")
+
+
+def block(left: int, top: int, width: int, height: int) -> tuple[np.ndarray, rle.Rle]:
+    return np.array([left, top, left + width, top + height], float), rle.encode(np.ones((height, width)), left, top)
+
+
+PHOTOS = {
+    OTHER: [],
+    KEY: [
+        Annotation(ROCK, 7, *block(100, 200, 30, 20), "seed", 1.0),
+        Annotation(ROCK, NO_ROCK, *block(300, 200, 30, 20), "fused", 0.9),
+        Annotation(ROCK, 12, *block(500, 200, 40, 20), "fused", 0.6),
+        Annotation(SHADOW, 12, *block(540, 210, 50, 10), "cast", 0.5),
+        Annotation(SHADOW, 99, *block(700, 210, 50, 10), "cast", 0.5),
+        Annotation(SHADOW, NO_ROCK, *block(900, 210, 50, 10), "seed", 1.0),
+    ],
+}
+
+
+@pytest.fixture
+def written(tmp_path):
+    write_coco(tmp_path / "labels.json", PHOTOS)
+    return tmp_path / "labels.json"
+
+
+def opened(path) -> COCO:
+    with contextlib.redirect_stdout(io.StringIO()):
+        return COCO(path)
+
+
+def same(first: Annotation, second: Annotation) -> bool:
+    same_values = [getattr(first, n) == getattr(second, n) for n in ("kind", "rock", "mask", "source", "confidence")]
+    return all(same_values) and np.allclose(first.box, second.box, atol=2e-3)  # three decimals
+
+
+def test_pycocotools_finds_the_masks_areas_and_boxes(written):
+    coco = opened(written)
+    (photo,) = [image for image in coco.dataset["images"] if image["file_name"] == "01_A_off_30_L_0256.png"]
+    rows = coco.loadAnns(coco.getAnnIds(imgIds=[photo["id"]]))
+    names = {row["id"]: row["name"] for row in coco.loadCats(coco.getCatIds())}
+    assert [(names[row["category_id"]], row["rock"]) for row in rows] == [(own.kind, own.rock) for own in PHOTOS[KEY]]
+    for row, own in zip(rows, PHOTOS[KEY], strict=True):
+        x0, y0, x1, y1 = own.box.astype(int)
+        expected = np.zeros((1216, 1936), bool)
+        expected[y0:y1, x0:x1] = True
+        np.testing.assert_array_equal(coco.annToMask(row), expected)
+        assert row["area"] == expected.sum()
+        assert row["bbox"] == [x0, y0, x1 - x0, y1 - y0]
+
+
+def test_a_shadow_points_at_its_rock_on_the_same_photo(written):
+    rows = json.loads(written.read_text())["annotations"]
+    rock = next(row for row in rows if row["rock"] == 12 and row["category_id"] == 1)
+    shadows = {row["rock"]: row["shadow_of"] for row in rows if row["category_id"] == 2}
+    assert shadows == {12: rock["id"], 99: None, NO_ROCK: None}
+    assert all("shadow_of" not in row for row in rows if row["category_id"] == 1)
+
+
+def test_photos_without_labels_are_listed_with_the_parts_of_their_key(written):
+    images = {image["file_name"]: image for image in json.loads(written.read_text())["images"]}
+    assert set(images) == {f"{KEY}.png", f"{OTHER}.png"}
+    other = images[f"{OTHER}.png"]
+    parts = {"terrain": 1, "position": "A", "light": "off", "azimuth": "30", "camera": "R", "exposure_ms": 256}
+    assert {name: other[name] for name in (*parts, "width", "height")} == {**parts, "width": 1936, "height": 1216}
+
+
+def test_every_photo_has_an_id_of_its_own():
+    ids = [image_id(key) for key in GRID]
+    assert len(set(ids)) == len(GRID)
+    assert min(ids) > 0
+    assert max(ids) * 10_000 < 2**31  # ids of annotations fit in 32 bits
+
+
+@st.composite
+def annotations(draw):
+    mask = draw(arrays.arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6))))
+    left, top = draw(st.integers(0, 1930)), draw(st.integers(0, 1210))
+    box = np.array([left, top, left + draw(st.floats(0.5, 6)), top + draw(st.floats(0.5, 6))])
+    known = draw(st.booleans())
+    return Annotation(
+        draw(st.sampled_from([ROCK, SHADOW])),
+        draw(st.integers(-1, 2000)),
+        box,
+        rle.encode(mask, left, top) if known else None,
+        draw(st.sampled_from(["seed", "fused", "projected", "cast", ""])),
+        draw(st.floats(0, 1)),
+    )
+
+
+any_photos = st.dictionaries(st.sampled_from(GRID), st.lists(annotations(), max_size=4), max_size=3)
+
+
+@settings(deadline=None, max_examples=50)
+@given(photos=any_photos)
+def test_annotations_read_back(tmp_path_factory, photos):
+    path = tmp_path_factory.mktemp("coco") / "a.json"
+    write_coco(path, photos)
+    found = read_coco(path)
+    assert found.keys() == photos.keys()
+    for key, rows in photos.items():
+        assert len(found[key]) == len(rows)
+        assert all(same(a, b) for a, b in zip(found[key], rows, strict=True))
+
+
+def test_the_order_of_photos_does_not_matter(written, tmp_path):
+    write_coco(tmp_path / "again.json", dict(sorted(PHOTOS.items())))
+    assert (tmp_path / "again.json").read_bytes() == written.read_bytes()
+
+
+def test_masks_may_be_written_as_polygons(tmp_path):
+    y, x = np.mgrid[:60, :80] + 0.5
+    ring = ((x - 40) / 38) ** 2 + ((y - 30) / 28) ** 2 < 1  # with a hole, less a corner
+    ring &= ~((np.abs(x - 40) < 9) & (np.abs(y - 30) < 7)) & (x + y > 40)
+    write_coco(tmp_path / "a.json", {KEY: [Annotation(ROCK, 3, np.array([0.0, 0, 80, 60]), rle.encode(ring))]}, 0.6)
+    (row,) = opened(tmp_path / "a.json").dataset["annotations"]
+    areas = [cv2.contourArea(np.array(points, np.float32).reshape(-1, 2)) for points in row["segmentation"]]
+    assert areas == sorted(areas, reverse=True)
+    assert sum(areas) == pytest.approx(ring.sum(), rel=0.02)
+    ((found,),) = read_coco(tmp_path / "a.json").values()
+    back = found.mask.mask()[:60, :80]
+    assert (back & ring).sum() >= 0.98 * (back | ring).sum()
+
+
+def foreign(tmp_path, **changes):
+    """A file as annotation tools write it, with one square rock on a photo."""
+    annotation = {"id": 1, "image_id": 5, "category_id": 0, "bbox": [10, 20, 4, 4], "segmentation": [], "iscrowd": 0}
+    content = {
+        "images": [{"id": 5, "file_name": "01_A_off_30_L_0256.png", "width": 1936, "height": 1216}],
+        "categories": [{"id": 1, "name": "Shadow"}, {"id": 0, "name": "rock"}],
+        "annotations": [annotation],
+    }
+    annotation |= changes.pop("annotation", {})
+    content["images"][0] |= changes.pop("image", {})
+    path = tmp_path / "foreign.json"
+    path.write_text(json.dumps(content | changes))
+    return path
+
+
+SQUARE = np.zeros((1216, 1936), bool)
+SQUARE[20:24, 10:14] = True
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["01_A_off_30_L_0256.jpg", "data/01_A_off_30_L_0256.png", r"..\..\upload\4\cb0618f6-01_A_off_30_L_0256.png"],
+)
+def test_photos_are_known_in_folders_under_prefixes_and_with_other_suffixes(tmp_path, name):
+    assert list(read_coco(foreign(tmp_path, image={"file_name": name}))) == [KEY]
+
+
+@pytest.mark.parametrize(
+    "segmentation",
+    [
+        [[10, 20, 14, 20, 14, 24, 10, 24]],
+        [[10, 20, 12, 20, 12, 24, 10, 24], [12, 20, 14, 20, 14, 24, 12, 24]],
+        {"size": [1216, 1936], "counts": [12180, 4, 1212, 4, 1212, 4, 1212, 4, 2338344]},  # 10 * 1216 + 20 before it
+    ],
+)
+def test_masks_are_read_from_polygons_and_from_plain_runs(tmp_path, segmentation):
+    ((found,),) = read_coco(foreign(tmp_path, annotation={"segmentation": segmentation})).values()
+    np.testing.assert_array_equal(found.mask.mask(), SQUARE)
+
+
+def test_categories_go_by_name(tmp_path):
+    ((found,),) = read_coco(foreign(tmp_path, annotation={"category_id": 1})).values()
+    assert found.kind == SHADOW
+
+
+def test_a_box_that_is_missing_is_that_of_the_mask(tmp_path):
+    own = {"bbox": [], "segmentation": [[10, 20, 14, 20, 14, 24, 10, 24]]}
+    ((found,),) = read_coco(foreign(tmp_path, annotation=own)).values()
+    np.testing.assert_allclose(found.box, [10, 20, 14, 24])
+
+
+@pytest.mark.parametrize(
+    ("own", "rock"),
+    [({}, NO_ROCK), ({"rock": 4}, 4), ({"attributes": {"rock": "4", "occluded": False}}, 4),
+     ({"attributes": {"rock": ""}}, NO_ROCK), ({"attributes": None, "rock": None}, NO_ROCK)],
+)  # fmt: skip
+def test_rock_ids_may_stand_among_attributes_or_be_missing(tmp_path, own, rock):
+    ((found,),) = read_coco(foreign(tmp_path, annotation=own)).values()
+    assert (found.rock, found.source, found.confidence) == (rock, "", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"annotations": None}, "annotations"),
+        ({"categories": [{"id": 0, "name": "ground"}]}, "category 'ground', expected rock or shadow"),
+        ({"annotation": {"category_id": 9}}, "annotation 1: category_id 9"),
+        ({"annotation": {"image_id": 6}}, "annotation 1: image_id 6"),
+        ({"annotation": {"bbox": [10, 20, 4]}}, "bbox"),
+        ({"annotation": {"bbox": [10, 20, 0, 4]}}, "bbox"),
+        ({"annotation": {"bbox": [2000, 20, 4, 4]}}, "outside the photo"),
+        ({"annotation": {"bbox": [10, 20, float("nan"), 4]}}, "finite"),
+        ({"annotation": {"bbox": []}}, "neither a bbox nor a mask"),
+        ({"annotation": {"segmentation": [[1, 2, 3, 4]]}}, "polygon of 4 numbers"),
+        ({"annotation": {"segmentation": [[1, 2, 3, 4, 1e300, 5]]}}, "far outside"),
+        ({"annotation": {"segmentation": {"size": [1216, 1936], "counts": "04"}}}, "runs of"),
+        ({"annotation": {"segmentation": {"size": [12, 19], "counts": [228]}}}, "size"),
+        ({"annotation": {"rock": "pebble"}}, "rock"),
+        ({"image": {"width": 968}}, "968 x 1216 px, expected 1936 x 1216"),
+        ({"image": {"file_name": "holiday.png"}}, "no photo key"),
+    ],
+)
+def test_a_broken_file_is_refused_in_one_line(tmp_path, changes, reason):
+    path = foreign(tmp_path, **changes)
+    with pytest.raises(FormatError, match=reason) as caught:
+        read_coco(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("folders", [("", ""), ("a/", "b/")])
+def test_a_photo_that_is_listed_twice_is_refused(tmp_path, folders):
+    images = [{"id": n, "file_name": f"{folder}{KEY}.png"} for n, folder in enumerate(folders)]
+    with pytest.raises(FormatError, match=f"two images of photo {KEY}"):
+        read_coco(foreign(tmp_path, images=images, annotations=[]))
+
+
+def test_an_image_id_that_comes_twice_is_refused(tmp_path):
+    images = [{"id": 5, "file_name": f"{key}.png"} for key in (KEY, OTHER)]
+    with pytest.raises(FormatError, match="image id 5 comes twice"):
+        read_coco(foreign(tmp_path, images=images))
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'{"images": 3}', b"[" * 5000])
+def test_a_file_that_is_no_coco_is_refused_in_one_line(tmp_path, content):
+    (tmp_path / "a.json").write_bytes(content)
+    with pytest.raises(FormatError, match=r"a\.json: no COCO file") as caught:
+        read_coco(tmp_path / "a.json")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_refused_by_name(tmp_path):
+    with pytest.raises(FormatError, match=r"none\.json: no readable COCO file"):
+        read_coco(tmp_path / "none.json")
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers(-2, 8) | st.floats() | st.sampled_from(["", "rock", "04", f"{KEY}.png"]),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(st.sampled_from(["size", "counts", "rock", "id", "name"]), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+@settings(deadline=None)
+@given(values=st.dictionaries(st.sampled_from(["bbox", "segmentation", "rock", "attributes", "id"]), json_values))
+def test_any_annotation_is_read_or_refused_in_one_line(tmp_path_factory, values):
+    path = foreign(tmp_path_factory.mktemp("coco"), annotation=values)
+    reason = f"{path}: "
+    try:
+        ((found,),) = read_coco(path).values()
+        assert found.kind == ROCK
+        assert np.isfinite(found.box).all()
+    except FormatError as error:
+        reason = str(error)
+    assert reason.startswith(f"{path}: ")
+    assert "\n" not in reason
