@@ -52,8 +52,6 @@ class Ids:
         """
         distance, face = world.rocks.nearest(self.places, lamp_place - self.places)
         blocked = distance < 1
-        dark = np.flatnonzero(blocked)
-        blocked[dark[world.shaded(self.places[dark], lamp_place)]] = False
         rock = np.full(len(self.places), NO_ROCK)
         rock[blocked] = world.rock_of_rocks_face[face[blocked]]
         shadow = np.full(self.shape, NO_ROCK)

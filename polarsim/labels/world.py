@@ -13,7 +13,6 @@ from polarsim.photo import NO_ROCK
 from polarsim.survey import SUN_LAMPS
 
 HIGH = 10.0  # metres: above everything in the sandbox
-RELIEF = 0.01  # metres: grains and the cells of a mesh throw no shadow this far above the ground
 CONTACT = 1e-3  # metres: a vertex this little below the ground's surface still belongs to the rock's visible foot
 LOW_SHARE = 0.35  # of a rock's height: flat rocks are not trimmed away
 
@@ -69,15 +68,6 @@ class World:
     ground_bounds: np.ndarray  # (2, 2) lowest and highest x, y of the ground
     walls: Caster | None  # of the sandbox, around the ground
     suns: Mapping[str, np.ndarray]  # azimuth -> (3,) place of the Sun lamp
-
-    def shaded(self, places: np.ndarray, lamp_place: np.ndarray) -> np.ndarray:
-        """(n,) bool: places (n, 3) on the ground from which relief or a wall of the sandbox hides a lamp (3,)."""
-        if not len(places):
-            return np.zeros(0, bool)
-        raised = places + [0.0, 0.0, RELIEF]
-        ways = lamp_place - raised
-        hidden = self.ground.blocked(raised, ways, 1.0)
-        return hidden | self.walls.blocked(raised, ways, 1.0) if self.walls is not None else hidden
 
     def ground_distance(self, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(n,) distance to the ground along directions (n, 3), in their units; to its level beyond the mesh.

@@ -145,6 +145,48 @@ def test_a_rock_without_a_mesh_has_one_number_under_all_lamps(scene, tmp_path):
     assert "projected" in set(table[table["rock"] == FIRST_UNMESHED_ROCK]["source"])  # at position C, by its stand-in
 
 
+def test_a_correction_wins_for_its_photo_and_flows_to_its_siblings(scene, tmp_path):
+    edited = tmp_path / "edited"
+    classes, boxes = yolo.read_boxes(scene.seeds / "03_A_off_30_L_0256.txt")
+    moved = boxes + np.where((classes == 0)[:, None], [0, 0, 9, 0], 0)  # both rocks end 9 px further right
+    yolo.write_boxes(edited / "03_A_on_30_L_1024.txt", classes, moved)
+    found = propagate(scene, tmp_path / "out", corrections=edited)
+    wanted = moved[classes == 0]
+    for photo in ("A_on_30_L_1024", "A_off_30_L_0128", "A_on_30_L_2048"):  # itself, another light, another exposure
+        np.testing.assert_allclose(np.sort(rocks(found, photo), axis=0), np.sort(wanted, axis=0), atol=2e-3)
+    plain = propagate(scene, tmp_path / "plain")
+    for photo in ("A_off_30_R_0128", "A_off_270_L_0128"):  # the other camera, another azimuth
+        gain = np.sort(rocks(found, photo)[:, 2]) - np.sort(rocks(plain, photo)[:, 2])
+        assert (gain > 2).all(), photo
+    table = tables.read_parquet(tmp_path / "out" / "labels.parquet")
+    assert set(table[(table["key"] == "03_A_on_30_L_1024") & (table["kind"] == "rock")]["rock"]) == set(BLOCKS)
+
+
+def test_a_correction_with_a_broken_line_leaves_nothing_behind(scene, tmp_path):
+    (tmp_path / "edited").mkdir()
+    (tmp_path / "edited" / "03_A_on_30_L_1024.txt").write_text("0 0.5 0.5 0.1\n")
+    with pytest.raises(FormatError, match=r"03_A_on_30_L_1024\.txt:1"):
+        propagate(scene, tmp_path / "broken", corrections=tmp_path / "edited")
+    assert not (tmp_path / "broken").exists()
+
+
+def test_a_folder_of_corrections_that_is_not_there_is_said_so(scene, tmp_path):
+    with pytest.raises(FormatError, match="no such folder"):
+        propagate(scene, tmp_path / "none", corrections=tmp_path / "missing")
+
+
+def test_seeds_of_the_right_camera_alone_label_the_left_one(scene, tmp_path):
+    for path in list(scene.seeds.iterdir()):
+        path.unlink()
+    drawn = np.array([scene.expected_box("A", "R", rock) for rock in BLOCKS])
+    yolo.write_boxes(scene.seeds / "03_A_off_30_R_0256.txt", np.array([0, 0]), drawn)
+    found = propagate(scene, tmp_path / "right")
+    expected = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS])
+    assert iou(rocks(found, "A_off_30_L_0128"), expected).max(axis=1).min() > 0.85
+    table = tables.read_parquet(tmp_path / "right" / "labels.parquet")
+    assert set(table["rock"]) == set(BLOCKS)
+
+
 def test_the_same_input_gives_the_same_bytes(scene, tmp_path):
     for name in ("first", "second"):
         propagate(scene, tmp_path / name)

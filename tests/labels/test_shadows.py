@@ -1,5 +1,7 @@
+import cv2
 import numpy as np
 import pytest
+import trimesh
 
 from polarsim.formats.scene import read_terrain
 from polarsim.labels.shadows import Ids, lamp, shadow_box
@@ -8,7 +10,7 @@ from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK
 from polarsim.survey import lamp_position
 
-from .conftest import BLOCKS, TERRAIN, placed
+from .conftest import BLOCKS, TERRAIN, block, flat_ground, placed
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +37,35 @@ def test_a_block_throws_its_shadow_where_its_top_corners_are_projected_from_the_
     pixels = placed("A").project("L", np.concatenate([bottom, thrown]))
     found = shadow_box(ids.shadow_of(world, place), rock, None, 2)
     np.testing.assert_allclose(found, [*pixels.min(axis=0), *pixels.max(axis=0)], atol=4)
+
+
+def rendered(rocks: list[int], view: View, pixels: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) bool each: pixels that show ground, and those where a lamp lights it; by another ray caster."""
+    ground = flat_ground()
+    meshes = [ground, *(block(*BLOCKS[rock]) for rock in rocks)]
+    scene = trimesh.util.concatenate([trimesh.Trimesh(mesh.vertices, mesh.faces, process=False) for mesh in meshes])
+    directions = view.directions(pixels)
+    face = scene.ray.intersects_first(np.broadcast_to(view.centre, directions.shape), directions)
+    on_ground = (face >= 0) & (face < len(ground.faces))
+    depth = -view.centre[2] / directions[:, 2]  # the ground is z = 0
+    places = view.centre + depth[:, None] * directions + [0, 0, 1e-5]
+    lit = on_ground.copy()
+    lit[on_ground] = ~scene.ray.intersects_any(places[on_ground], (place - places)[on_ground])
+    return on_ground, lit
+
+
+@pytest.mark.parametrize("azimuth", ["30", "180", "270", "350"])
+@pytest.mark.parametrize("rock", list(BLOCKS))
+def test_the_shadow_of_a_rock_is_what_grows_light_when_the_rock_is_taken_away(world, ids, azimuth, rock):
+    view, place = View(placed("A"), "L"), lamp_position(azimuth)
+    pixels = np.stack(np.meshgrid(np.arange(1, 1936, 2), np.arange(1, 1216, 2)), axis=-1).reshape(-1, 2).astype(float)
+    found = (ids.shadow_of(world, place) == rock) & (ids.rock == NO_ROCK)
+    near = np.flatnonzero(cv2.dilate(found.astype(np.uint8), np.ones((15, 15), np.uint8)))
+    on_ground, lit = rendered(list(BLOCKS), view, pixels[near], place)
+    _, lit_without = rendered([other for other in BLOCKS if other != rock], view, pixels[near], place)
+    grown_light, shadow = on_ground & lit_without & ~lit, found.ravel()[near]
+    # The trim of 4 mm makes rocks a little lower, and what lies below it ground.
+    assert (grown_light & shadow).sum() / (grown_light | shadow).sum() > 0.93
 
 
 def test_the_part_of_a_shadow_inside_its_rocks_ellipse_is_left_out():

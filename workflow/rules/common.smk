@@ -104,6 +104,14 @@ def photos_of_terrain(wildcards):
     return f"results/{wildcards.run}/acquire/Terrain{wildcards.terrain}/photos.parquet"
 
 
+def corrections_of(wildcards):
+    """Label files that people put right, so that a new edit is a new input."""
+    folder = CONFIG.labels.corrections
+    if folder is None:
+        return []
+    return sorted(str(path) for path in folder.rglob(f"{wildcards.terrain}_*.txt"))
+
+
 def twins_by_model():
     """Folder of a terrain's twins under each reflectance model."""
     return {

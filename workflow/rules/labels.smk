@@ -19,6 +19,7 @@ rule propagate_labels:
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
+        corrections=corrections_of,
     output:
         boxes=directory("results/{run}/labels/boxes/Terrain{terrain}"),
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",
