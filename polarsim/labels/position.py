@@ -21,6 +21,7 @@ from polarsim.labels.view import ProjectedRock, View, move_flat, move_rocks, pro
 from polarsim.photo import NO_ROCK, ROCK, SHADOW, Azimuth, Camera, Light
 
 SHADOW_GATE = 2.0  # shadows are long: they are matched within this many times the gate of rocks
+BORDER_PX = 2.0  # an edge this near to the photo's border is where the photo ends
 SAME_SHADOW = 0.2  # least IoU of a drawn and a cast box of one shadow for both to be believed
 
 
@@ -94,7 +95,8 @@ class PositionLabels:
     def _fused(self, camera: Camera) -> np.ndarray:
         """(tracks, 4) mean of each track's boxes, moved into a camera, and of its rock's mesh there with its weight."""
         if camera not in self._fused_boxes:
-            total, weight = np.zeros((len(self.tracks), 4)), np.zeros((len(self.tracks), 1))
+            total, weight = np.zeros((len(self.tracks), 4)), np.zeros((len(self.tracks), 4))
+            shown = [self._mesh_box(camera, int(rock)) for rock in self.ids]
             for source in sorted({own for own, _ in self.drawn}):
                 of_source = [[s for s in track.rows if s[0] == source] for track in self.tracks]
                 rows = np.flatnonzero([bool(sights) for sights in of_source])
@@ -102,18 +104,33 @@ class PositionLabels:
                     np.mean([self.drawn[s].rocks[self.tracks[row].rows[s]] for s in of_source[row]], axis=0)
                     for row in rows
                 ]
-                moved = self._moved(np.array(means).reshape(-1, 4), self.ids[rows], source, camera)
+                boxes = np.array(means).reshape(-1, 4)
+                moved = self._moved(boxes, self.ids[rows], source, camera)
                 count = np.array([len(of_source[row]) for row in rows])[:, None]
-                total[rows] += count * moved
-                weight[rows] += count
-            for row, rock in enumerate(self.ids):
-                body = self.world.bodies.get(int(rock))
-                shown = self._projected(camera, int(rock)) if body is not None and body.meshed else None
-                if shown is not None and shown.seen >= self.options.min_seen:
-                    total[row] += self.options.mesh_weight * shown.box
-                    weight[row] += self.options.mesh_weight
+                meshes = [self._mesh_box(source, int(rock)) for rock in self.ids[rows]]
+                seen = np.array([box if mesh is None else mesh for box, mesh in zip(boxes, meshes, strict=True)])
+                cut = self._cut(boxes, source) | self._cut(seen.reshape(-1, 4), source)
+                whole = ~cut | (source == camera)  # the border of one photo is none of the other's
+                whole |= np.array([shown[row] is None for row in rows], bool)[:, None]
+                total[rows] += count * whole * moved
+                weight[rows] += count * whole
+            for row, box in enumerate(shown):
+                if box is not None:
+                    mesh = np.where(weight[row] > 0, self.options.mesh_weight, 1.0)
+                    total[row] += mesh * box
+                    weight[row] += mesh
             self._fused_boxes[camera] = total / weight
         return self._fused_boxes[camera]
+
+    def _mesh_box(self, camera: Camera, rock: int) -> np.ndarray | None:
+        """(4,) of a rock's mesh in a camera that sees enough of it."""
+        body = self.world.bodies.get(rock)
+        shown = self._projected(camera, rock) if body is not None and body.meshed else None
+        return shown.box if shown is not None and shown.seen >= self.options.min_seen else None
+
+    def _cut(self, boxes: np.ndarray, camera: Camera) -> np.ndarray:
+        """(n, 4) bool: edges of boxes (n, 4) at the border of a camera's photo, where things go on unseen."""
+        return np.concatenate([boxes[:, :2] <= BORDER_PX, boxes[:, 2:] >= self.view(camera).size - BORDER_PX], axis=1)
 
     def _moved(self, boxes: np.ndarray, rocks: np.ndarray, source: Camera, target: Camera) -> np.ndarray:
         if source == target:
@@ -166,7 +183,10 @@ class PositionLabels:
             return self._cast_labels(azimuth, cast)
         throwers = self._throwers(other, drawn, light, azimuth)
         moved = move_flat(self.world, self.view(other), self.view(camera), drawn)
-        boxes = [self._mean_shadow(box, cast.get(int(rock))) for rock, box in zip(throwers, moved, strict=True)]
+        boxes = [
+            self._mean_shadow(box, cut, cast.get(int(rock)))
+            for rock, box, cut in zip(throwers, moved, self._cut(drawn, other), strict=True)
+        ]
         return [self._label(SHADOW, rock, "fused", 1.0, box) for rock, box in zip(throwers, boxes, strict=True)]
 
     def _undrawn_shadows(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
@@ -189,15 +209,16 @@ class PositionLabels:
         drawn: Drawn | None = self.drawn.get((camera, azimuth))
         return drawn.shadows if drawn is not None else None
 
-    def _mean_shadow(self, drawn: np.ndarray, cast: CastShadow | None) -> np.ndarray:
+    def _mean_shadow(self, drawn: np.ndarray, cut: np.ndarray, cast: CastShadow | None) -> np.ndarray:
         """A drawn box (4,), moved to the other camera, and the cast one: errors of pen and of geometry even out.
 
-        A box with edges from the photo needs no mean.
+        A box with edges from the photo needs no mean, nor does an edge that was cut (4,) by the drawn photo's border.
         """
         if cast is None or iou(drawn[None], cast.box[None])[0, 0] < SAME_SHADOW:
             return drawn
         weight = self.options.cast_weight
-        return cast.box if cast.in_photo else (drawn + weight * cast.box) / (1 + weight)
+        mean = (drawn + weight * cast.box) / (1 + weight)
+        return cast.box if cast.in_photo else np.where(cut, cast.box, mean)
 
     def _throwers(self, camera: Camera, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
         """(n,) rock that throws each shadow drawn in a camera's photo, by the shadows that the bodies cast there."""

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError, LabelError
-from polarsim.formats import inventory, tables, yolo
+from polarsim.formats import inventory, obj, tables, yolo
 from polarsim.geometry.boxes import iou
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import propagate_labels
 from polarsim.photo import FIRST_UNMESHED_ROCK, PhotoKey, photo_grid
 
-from .conftest import BLOCKS, TERRAIN
+from .conftest import BLOCKS, TERRAIN, block, placed
 
 KEYS = [
     key
@@ -185,6 +185,25 @@ def test_seeds_of_the_right_camera_alone_label_the_left_one(scene, tmp_path):
     assert iou(rocks(found, "A_off_30_L_0128"), expected).max(axis=1).min() > 0.85
     table = tables.read_parquet(tmp_path / "right" / "labels.parquet")
     assert set(table["rock"]) == set(BLOCKS)
+
+
+def test_a_rock_that_the_left_photo_cuts_is_whole_in_the_right_one(scene, tmp_path):
+    # A block at the right border of the left photo: 150 px further left in the right one, where all of it is seen.
+    for path in scene.meshes.glob("*rock*"):
+        path.unlink()
+    place = placed("A")
+    ray = place.sandbox_from("L").rotate(place.rig.left.directions(np.array([[1925.0, 650.0]])))[0]
+    centre = place.sandbox_from("L").translation
+    foot = centre - ray * centre[2] / ray[2]
+    mesh = block(foot, np.array([0.3, 0.3, 0.16]))
+    obj.write(scene.meshes / obj.rock_name(TERRAIN, 4), mesh, "rock4")
+    left, right = (place.project(camera, mesh.vertices) for camera in "LR")
+    drawn = np.clip([[*left.min(axis=0), *left.max(axis=0)]], 0, [1936, 1216, 1936, 1216])
+    assert drawn[0, 2] == 1936
+    for path in scene.seeds.iterdir():
+        yolo.write_boxes(path, np.array([0]), drawn)
+    (found,) = rocks(propagate(scene, tmp_path / "cut"), "A_off_30_R_0128")
+    np.testing.assert_allclose(found, [*right.min(axis=0), *right.max(axis=0)], atol=8)
 
 
 def test_the_same_input_gives_the_same_bytes(scene, tmp_path):
