@@ -176,7 +176,12 @@ def score_from_all(truth: Release, scene: Scene, scores: Scores) -> None:
     seeds = {truth.best[position, "off", azimuth, "L"] for position in known.seeds for azimuth in SUNS}
     for key, drawn in truth.files.items():
         if key not in seeds and key.position in positions and key.azimuth in SUNS and key.camera == "L":
-            labels = at_exposure(positions[key.position].labels("L", key.light, key.azimuth), key, OPTIONS)
+            labels = at_exposure(
+                positions[key.position].labels("L", key.light, key.azimuth),
+                key,
+                OPTIONS.shadow_start(key.terrain),
+                OPTIONS,
+            )
             scores.add("other exposures" if key.light == "off" else "light on", drawn, labels)
     for (position, light, azimuth, camera), key in truth.best.items():
         if position not in positions:

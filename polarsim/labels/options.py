@@ -28,7 +28,11 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     )
 
     # Which photos show what, as the people who drew the release's labels saw it (facts of the data set).
-    shadow_start_ms: int = Field(128, gt=0, description="Shortest exposure under a Sun lamp with shadow labels, ms.")
+    shadow_start_ms: int = Field(
+        128,
+        gt=0,
+        description="Shortest exposure under a Sun lamp with shadow labels, ms; a seed with shadows may be shorter.",
+    )
     shadow_start_ms_by_terrain: dict[int, int] = Field(
         default_factory=dict, description="The same for single terrains (number: ms); wins over shadow_start_ms."
     )

@@ -18,25 +18,27 @@ from polarsim.labels.known import Known, gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Brightness, Photos, PhotoSet
 from polarsim.labels.position import Label, PositionLabels
-from polarsim.labels.seeds import read_seeds
+from polarsim.labels.seeds import choose_seeds, first_shadow_ms, read_drawings
 from polarsim.labels.visibility import contrast
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
 
 log = logging.getLogger(__name__)
 
 
-def visible(labels: list[Label], key: PhotoKey, brightness: Brightness | None, options: LabelsOptions) -> list[Label]:
+def visible(
+    labels: list[Label], key: PhotoKey, brightness: Brightness | None, shadow_start_ms: int, options: LabelsOptions
+) -> list[Label]:
     """The labels of a photo set that one of its photos shows: by the photo, where there is one to look at."""
     if brightness is None:
-        return at_exposure(labels, key, options)
+        return at_exposure(labels, key, shadow_start_ms, options)
     return [label for label in labels if contrast(brightness, label.box, key.exposure_ms) >= options.min_contrast]
 
 
-def at_exposure(labels: list[Label], key: PhotoKey, options: LabelsOptions) -> list[Label]:
+def at_exposure(labels: list[Label], key: PhotoKey, shadow_start_ms: int, options: LabelsOptions) -> list[Label]:
     """The labels that a photo's exposure lets a person see: rocks from the start, shadows from their own start on."""
     if key.azimuth == "no":
         return labels if key.exposure_ms >= options.no_sun_start_ms else []
-    dark = key.exposure_ms < options.shadow_start(key.terrain)
+    dark = key.exposure_ms < shadow_start_ms
     return [label for label in labels if not (dark and label.kind == SHADOW)]
 
 
@@ -68,9 +70,11 @@ def propagate_labels(
     placed = rigs.read_all_placed(cameras)
     suns = lamps.read_suns(cameras, placed)
     corrections = read_corrections(options.corrections, terrain)
-    drawn = read_seeds(seeds, terrain, corrections, options.shadow_start(terrain))
-    known = gather(read_terrain(meshes, terrain), placed, suns, drawn, options)
-    labels = grid_labels(known, keys, options, Photos(photos, terrain), corrections)
+    drawings = read_drawings(seeds, terrain)
+    shadow_start_ms = first_shadow_ms({**drawings, **corrections}, options.shadow_start(terrain))
+    chosen = choose_seeds(drawings, corrections, shadow_start_ms)
+    known = gather(read_terrain(meshes, terrain), placed, suns, chosen, options)
+    labels = grid_labels(known, keys, options, shadow_start_ms, Photos(photos, terrain), corrections)
     with writing_folder(boxes) as folder:
         for key in keys:
             classes = np.array([BOX_CLASSES.index(label.kind) for label in labels[key]], int)
@@ -83,6 +87,7 @@ def grid_labels(
     known: Known,
     keys: Sequence[PhotoKey],
     options: LabelsOptions,
+    shadow_start_ms: int,
     photos: Photos | None = None,
     corrections: Corrections | None = None,
 ) -> dict[PhotoKey, list[Label]]:
@@ -101,7 +106,7 @@ def grid_labels(
         brightness = photos.brightness(photo_set) if photos and options.visibility == "photo" else None
         for key in members:
             own = corrections.get(key) if corrections else None
-            labels[key] = corrected(own, shared) if own else visible(shared, key, brightness, options)
+            labels[key] = corrected(own, shared) if own else visible(shared, key, brightness, shadow_start_ms, options)
     return labels
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import yolo
-from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, Azimuth, Camera, PhotoKey
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, Camera, PhotoKey
 
 log = logging.getLogger(__name__)
 
@@ -26,21 +26,12 @@ class Drawn:
     shadows: np.ndarray | None
 
 
+Drawings = Mapping[PhotoKey, Drawn]
 Seeds = dict[str, dict[Sight, Drawn]]  # by position
 
 
-def read_seeds(
-    folder: Path, terrain: int, corrections: Mapping[PhotoKey, Drawn] | None = None, shadow_start_ms: int = 0
-) -> Seeds:
-    """Every `KEY.txt` of a terrain, one drawing a position, camera and azimuth.
-
-    Parameters
-    ----------
-    corrections
-        What people drew anew: it wins over seeds.
-    shadow_start_ms
-        Shortest exposure at which people draw shadows: what is shorter and has none says nothing about them, and
-        another drawing of the same sight tells.
+def read_drawings(folder: Path, terrain: int) -> Drawings:
+    """Every `KEY.txt` of a terrain.
 
     Raises
     ------
@@ -49,10 +40,41 @@ def read_seeds(
     LabelError
         A file name that is no photo key.
     """
+    found = {}
+    for path in sorted(folder.glob("*.txt")):
+        key = PhotoKey.parse(path.stem)
+        if key.terrain != terrain:
+            log.warning("%s: no seed of terrain %02d, left out", path, terrain)
+            continue
+        classes, boxes = yolo.read_boxes(path)
+        found[key] = Drawn(boxes[classes == BOX_CLASSES.index(ROCK)], boxes[classes == BOX_CLASSES.index(SHADOW)])
+    return found
+
+
+def first_shadow_ms(drawings: Drawings, usual_ms: int) -> int:
+    """Shortest exposure under a Sun lamp at which somebody drew a shadow, or at which people usually begin to."""
+    shown = [
+        key.exposure_ms
+        for key, drawn in drawings.items()
+        if key.azimuth in SUNS and drawn.shadows is not None and len(drawn.shadows)
+    ]
+    return min([usual_ms, *shown])
+
+
+def choose_seeds(drawings: Drawings, corrections: Drawings, shadow_start_ms: int = 0) -> Seeds:
+    """One drawing a position, camera and azimuth.
+
+    Parameters
+    ----------
+    corrections
+        What people drew anew: it wins over seeds.
+    shadow_start_ms
+        Shortest exposure at which people draw shadows: what is shorter and has none says nothing about them, and
+        another drawing of the same sight tells.
+    """
     found: dict[tuple[str, Sight], list[Ranked]] = {}
-    drawings = [(key, False, drawn) for key, drawn in _files(folder, terrain).items()]
-    drawings += [(key, True, drawn) for key, drawn in (corrections or {}).items()]
-    for key, is_correction, drawn in drawings:
+    both = [*((key, False, drawn) for key, drawn in drawings.items()), *((k, True, d) for k, d in corrections.items())]
+    for key, is_correction, drawn in both:
         count = len(drawn.rocks) + (0 if drawn.shadows is None else len(drawn.shadows))
         rank = (is_correction, key.light == "off", count)
         silent = key.exposure_ms < shadow_start_ms and (drawn.shadows is None or not len(drawn.shadows))
@@ -68,18 +90,6 @@ def cameras_first(sights: Sequence[Sight]) -> list[Sight]:
     """Sights of the camera that has most of them first; left before right where they are even."""
     count = {camera: sum(own == camera for own, _ in sights) for camera, _ in sights}
     return sorted(sights, key=lambda sight: (-count[sight[0]], sight))
-
-
-def _files(folder: Path, terrain: int) -> dict[PhotoKey, Drawn]:
-    found = {}
-    for path in sorted(folder.glob("*.txt")):
-        key = PhotoKey.parse(path.stem)
-        if key.terrain != terrain:
-            log.warning("%s: no seed of terrain %02d, left out", path, terrain)
-            continue
-        classes, boxes = yolo.read_boxes(path)
-        found[key] = Drawn(boxes[classes == BOX_CLASSES.index(ROCK)], boxes[classes == BOX_CLASSES.index(SHADOW)])
-    return found
 
 
 def _best(ranked: list[Ranked]) -> Drawn:

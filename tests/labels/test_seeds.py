@@ -1,7 +1,7 @@
 import numpy as np
 
 from polarsim.formats import yolo
-from polarsim.labels.seeds import Drawn, cameras_first, read_seeds
+from polarsim.labels.seeds import Drawn, cameras_first, choose_seeds, first_shadow_ms, read_drawings
 from polarsim.photo import PhotoKey
 
 ROCK, SHADOW = np.array([100.0, 100, 160, 150]), np.array([60.0, 90, 110, 140])
@@ -12,11 +12,15 @@ def write(folder, name, shadows=1, shift=0):
     yolo.write_boxes(folder / f"{name}.txt", np.array([0] + [1] * shadows), boxes)
 
 
+def read_seeds(folder, corrections=None, shadow_start_ms=0):
+    return choose_seeds(read_drawings(folder, 3), corrections or {}, shadow_start_ms)
+
+
 def test_seeds_of_both_cameras_are_kept_by_position_and_sight(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
     write(tmp_path, "03_A_off_30_R_0256")
     write(tmp_path, "03_C_off_180_R_0256")
-    seeds = read_seeds(tmp_path, 3)
+    seeds = read_seeds(tmp_path)
     assert {position: sorted(drawn) for position, drawn in seeds.items()} == {
         "A": [("L", "30"), ("R", "30")],
         "C": [("R", "180")],
@@ -27,26 +31,35 @@ def test_the_fullest_drawing_without_rover_light_wins(tmp_path):
     write(tmp_path, "03_A_off_30_L_0128", shadows=0)
     write(tmp_path, "03_A_off_30_L_0256", shadows=2)
     write(tmp_path, "03_A_on_30_L_0256", shadows=3)
-    assert len(read_seeds(tmp_path, 3)["A"]["L", "30"].shadows) == 2
+    assert len(read_seeds(tmp_path)["A"]["L", "30"].shadows) == 2
 
 
 def test_a_correction_wins_and_takes_the_seeds_shadows_where_it_was_too_dark_for_any(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
     nothing = np.zeros((0, 4))
     edited = {PhotoKey.parse("03_A_on_30_L_0032"): Drawn(np.array([ROCK + 7, ROCK + 300]), nothing)}
-    drawn = read_seeds(tmp_path, 3, edited, shadow_start_ms=128)["A"]["L", "30"]
+    drawn = read_seeds(tmp_path, edited, shadow_start_ms=128)["A"]["L", "30"]
     np.testing.assert_allclose(drawn.rocks[0], ROCK + 7)
     np.testing.assert_allclose(drawn.shadows, [SHADOW], atol=0.01)
     edited = {PhotoKey.parse("03_A_on_30_L_0256"): Drawn(np.array([ROCK]), nothing)}
-    assert len(read_seeds(tmp_path, 3, edited, shadow_start_ms=128)["A"]["L", "30"].shadows) == 0
+    assert len(read_seeds(tmp_path, edited, shadow_start_ms=128)["A"]["L", "30"].shadows) == 0
 
 
 def test_a_seed_at_a_short_exposure_without_shadows_says_nothing_about_them(tmp_path):
     write(tmp_path, "03_A_off_30_L_0064", shadows=0)
-    assert read_seeds(tmp_path, 3, shadow_start_ms=128)["A"]["L", "30"].shadows is None
-    assert len(read_seeds(tmp_path, 3, shadow_start_ms=32)["A"]["L", "30"].shadows) == 0
+    assert read_seeds(tmp_path, shadow_start_ms=128)["A"]["L", "30"].shadows is None
+    assert len(read_seeds(tmp_path, shadow_start_ms=32)["A"]["L", "30"].shadows) == 0
 
 
 def test_the_camera_with_most_drawings_comes_first_and_left_before_right():
     assert cameras_first([("R", "30"), ("L", "30"), ("R", "180")])[0][0] == "R"
     assert cameras_first([("R", "30"), ("L", "180")])[0][0] == "L"
+
+
+def test_shadows_begin_where_a_drawing_shows_some_or_as_usual(tmp_path):
+    write(tmp_path, "03_A_off_30_L_0256")
+    write(tmp_path, "03_A_off_30_L_0016", shadows=0)
+    write(tmp_path, "03_A_on_no_L_0016")  # the rover light's shadows tell nothing of the Sun's
+    assert first_shadow_ms(read_drawings(tmp_path, 3), 128) == 128
+    write(tmp_path, "03_C_off_180_L_0032")
+    assert first_shadow_ms(read_drawings(tmp_path, 3), 128) == 32
