@@ -32,10 +32,11 @@ from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.geometry.boxes import area, iou, match
 from polarsim.geometry.stereo import stated_rig
 from polarsim.labels import confidence, habits
-from polarsim.labels import position as position_module
+from polarsim.labels import label as label_module
 from polarsim.labels.known import Known, gather
+from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.position import Label, PositionLabels
+from polarsim.labels.position import PositionLabels
 from polarsim.labels.propagate import at_exposure
 from polarsim.labels.seeds import Drawn, Seeds
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, PhotoKey
@@ -249,13 +250,13 @@ def cast_pairs(truth: Release, scene: Scene) -> CastPairs:
         for azimuth in SUNS:
             labels = own.labels("L", "off", azimuth)
             rocks = {label.rock: label.box for label in labels if label.kind == ROCK}
-            cast = own._cast("L", "off", azimuth, rocks)
+            cast = own.shadows.cast("L", "off", azimuth, rocks)
             for label in labels:
                 if label.kind == SHADOW and label.rock in cast:
-                    shown = own._projected("L", label.rock)
+                    shown = own.rocks.projected("L", label.rock)
                     rock, box = rocks[label.rock], cast[label.rock].box
                     mesh = shown.box if shown else rock
-                    terms = habits.terms(box, rock, mesh, own._px_per_m("L", label.rock))
+                    terms = habits.terms(box, rock, mesh, own.rocks.px_per_m("L", label.rock))
                     rows.append((terms, box, label.box))
     habits.COEFFICIENTS = learnt
     terms, cast_boxes, drawn = (np.array(column) for column in zip(*rows, strict=True))
@@ -302,7 +303,7 @@ def main() -> None:
     if args.fit:
         pairs = {t: cast_pairs(truth, scene_from(args.release, args.work, truth, SUNS)) for t, truth in truths.items()}
         print("COEFFICIENTS", dict(zip(habits.TERMS, fitted(list(pairs.values())).round(4).tolist(), strict=True)))
-        position_module.confidence = lambda *given: given[2]  # the bare share
+        label_module.confidence = lambda *given: given[2]  # the bare share
     scores = Scores()
     for terrain, truth in truths.items():
         if args.fit:  # what the others taught

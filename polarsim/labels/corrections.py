@@ -9,8 +9,7 @@ import numpy as np
 
 from polarsim.formats.annotated import read_annotated
 from polarsim.geometry.boxes import iou, match
-from polarsim.labels.confidence import confidence
-from polarsim.labels.position import Label
+from polarsim.labels.label import Label, label_of
 from polarsim.labels.seeds import Drawn
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, PhotoKey
 
@@ -45,12 +44,5 @@ def corrected(drawn: Drawn, labels: Sequence[Label]) -> list[Label]:
         rows, columns = match(iou(boxes, np.array([label.box for label in near]).reshape(-1, 4)), SAME_LABEL)
         rocks = np.full(len(boxes), NO_ROCK)
         rocks[rows] = [near[column].rock for column in columns]
-        found += [
-            Label(kind, int(rock), "seed", round(confidence(kind, "seed", 1.0, _size(box)), 3), box)
-            for rock, box in zip(rocks, boxes, strict=True)
-        ]
+        found += [label_of(kind, rock, "seed", box) for rock, box in zip(rocks, boxes, strict=True)]
     return found
-
-
-def _size(box: np.ndarray) -> float:
-    return float(np.sqrt(np.prod(box[2:] - box[:2])))

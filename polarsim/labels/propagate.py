@@ -15,9 +15,10 @@ from polarsim.formats.inventory import read_inventory
 from polarsim.formats.scene import read_terrain
 from polarsim.labels.corrections import Corrections, corrected, read_corrections
 from polarsim.labels.known import Known, gather
+from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Brightness, Photos, PhotoSet
-from polarsim.labels.position import Label, PositionLabels
+from polarsim.labels.position import PositionLabels
 from polarsim.labels.seeds import choose_seeds, first_shadow_ms, read_drawings
 from polarsim.labels.visibility import contrast
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
@@ -92,6 +93,7 @@ def grid_labels(
     corrections: Corrections | None = None,
 ) -> dict[PhotoKey, list[Label]]:
     """Labels of every key; what photos share is computed once."""
+    photos = photos if options.visibility == "photo" else None
     positions = {position: PositionLabels(known, position, options, photos) for position in known.placed}
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
@@ -103,7 +105,7 @@ def grid_labels(
     for photo_set, members in sorted(sets.items(), key=lambda item: item[0]):
         position, camera, light, azimuth = photo_set
         shared = positions[position].labels(camera, light, azimuth)
-        brightness = photos.brightness(photo_set) if photos and options.visibility == "photo" else None
+        brightness = photos.brightness(photo_set) if photos else None
         for key in members:
             own = corrections.get(key) if corrections else None
             labels[key] = corrected(own, shared) if own else visible(shared, key, brightness, shadow_start_ms, options)

@@ -11,6 +11,7 @@ from polarsim.geometry.boxes import centres, clip
 from polarsim.labels.world import World
 from polarsim.photo import Camera
 
+BORDER_PX = 2.0  # an edge this near to the photo's border is where the photo ends
 SURE_VERTICES = 3  # fewer visible vertices than this are no rock
 CENTRE_DEPTH = 0.3  # of a rock's width: how far the middle of what we see of it lies behind its foot
 
@@ -80,6 +81,11 @@ def project_rock(world: World, view: View, rock: int) -> ProjectedRock | None:
         [pixels[sides, 0].min(), pixels[ends, 1].min(), pixels[sides, 0].max(), pixels[ends, 1].max()], float
     )
     return ProjectedRock(clip(box, *view.size), float(sides.sum() / body.trimmed.sum()))
+
+
+def at_border(boxes: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """(n, 4) bool: edges of boxes (n, 4) at the border of a photo (width, height), where things go on unseen."""
+    return np.concatenate([boxes[:, :2] <= BORDER_PX, boxes[:, 2:] >= size - BORDER_PX], axis=1)
 
 
 def move_rocks(world: World, source: View, target: View, boxes: np.ndarray, rocks: np.ndarray) -> np.ndarray:

@@ -1,0 +1,28 @@
+"""A label: one box of a photo, whose it is, where it comes from and how sure it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.geometry.boxes import area, clip
+from polarsim.labels.confidence import confidence
+
+
+@dataclass(frozen=True)
+class Label:
+    """One box (4,) of a photo, and where it comes from: seed, fused, projected or cast."""
+
+    kind: str
+    rock: int
+    source: str
+    confidence: float
+    box: np.ndarray
+
+
+def label_of(kind: str, rock: int, source: str, box: np.ndarray, share: float = 1.0) -> Label:
+    """A label with its confidence; `share` of the drawn azimuths show its rock. What is drawn stays as it was drawn."""
+    box = box if source == "seed" else clip(box)
+    size = float(np.sqrt(area(box)))
+    return Label(kind, int(rock), source, round(confidence(kind, source, share, size), 3), box)

@@ -1,0 +1,147 @@
+"""Shadows of one position of the tripod in any camera's photos: as drawn, averaged with geometry, or cast by it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.geometry.boxes import area, iou
+from polarsim.labels.edges import snapped
+from polarsim.labels.habits import as_people_draw
+from polarsim.labels.identity import match_boxes
+from polarsim.labels.label import Label, label_of
+from polarsim.labels.options import LabelsOptions
+from polarsim.labels.photos import Brightness
+from polarsim.labels.position_rocks import PositionRocks
+from polarsim.labels.shadows import Ids, lamp, shadow_box
+from polarsim.labels.view import at_border, move_flat
+from polarsim.photo import NO_ROCK, SHADOW, Azimuth, Camera, Light
+
+SHADOW_GATE = 2.0  # shadows are long: they are matched within this many times the gate of rocks
+SAME_SHADOW = 0.2  # least IoU of a drawn and a cast box of one shadow for both to be believed
+
+
+@dataclass(frozen=True)
+class CastShadow:
+    """The box (4,) around a shadow that geometry casts, and whether its edges are those of a dark region in a photo."""
+
+    box: np.ndarray
+    in_photo: bool
+
+
+class PositionShadows:
+    """Shadows of one position; every camera's rays are cast once, every lamp's shadows too."""
+
+    def __init__(self, rocks: PositionRocks, options: LabelsOptions) -> None:
+        self.rocks, self.world, self.options = rocks, rocks.world, options
+        self._seen: dict[Camera, Ids] = {}
+        self._shadow_ids: dict[tuple[Camera, bytes], np.ndarray] = {}
+
+    def labels(
+        self, camera: Camera, light: Light, azimuth: Azimuth, rocks: list[Label], brightness: Brightness | None
+    ) -> list[Label]:
+        """Shadows of labelled rocks under a lamp; with a photo also those that it shows and nobody drew."""
+        cast = self.cast(camera, light, azimuth, {label.rock: label.box for label in rocks}, brightness)
+        shadows = self._known(camera, light, azimuth, cast)
+        return shadows if brightness is None else shadows + self._undrawn(azimuth, shadows, cast)
+
+    def _known(self, camera: Camera, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
+        """Shadows as drawn in this camera, or drawn in the other and averaged with the cast ones (4,), or cast."""
+        own = self._drawn(camera, azimuth)
+        if own is not None:
+            throwers = self._throwers(camera, own, light, azimuth)
+            return [label_of(SHADOW, rock, "seed", box) for rock, box in zip(throwers, own, strict=True)]
+        other: Camera = "R" if camera == "L" else "L"
+        drawn = self._drawn(other, azimuth)
+        if drawn is None:
+            return self._cast_labels(azimuth, cast)
+        throwers = self._throwers(other, drawn, light, azimuth)
+        moved = move_flat(self.world, self.rocks.view(other), self.rocks.view(camera), drawn)
+        boxes = [
+            self._mean_shadow(box, cut, cast.get(int(rock)))
+            for rock, box, cut in zip(throwers, moved, at_border(drawn, self.rocks.view(other).size), strict=True)
+        ]
+        return [label_of(SHADOW, rock, "fused", box) for rock, box in zip(throwers, boxes, strict=True)]
+
+    def _undrawn(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
+        """Shadows that the photo shows and nobody drew, each of a rock without one, where no other was drawn."""
+        known = {label.rock for label in shadows}
+        taken = np.array([label.box for label in shadows]).reshape(-1, 4)
+        found = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo and rock not in known}
+        return [
+            label
+            for label in self._cast_labels(azimuth, found)
+            if iou(label.box[None], taken).max(initial=0.0) < SAME_SHADOW
+        ]
+
+    def _cast_labels(self, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
+        least = self.options.min_rover_shadow_px if azimuth == "no" else self.options.min_shadow_px
+        large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= least}
+        return [label_of(SHADOW, rock, "cast", box) for rock, box in large.items()]
+
+    def _drawn(self, camera: Camera, azimuth: Azimuth) -> np.ndarray | None:
+        drawn = self.rocks.drawn.get((camera, azimuth))
+        return drawn.shadows if drawn is not None else None
+
+    def _mean_shadow(self, drawn: np.ndarray, cut: np.ndarray, cast: CastShadow | None) -> np.ndarray:
+        """A drawn box (4,), moved to the other camera, and the cast one: errors of pen and of geometry even out.
+
+        A box with edges from the photo needs no mean, nor does an edge that was cut (4,) by the drawn photo's border.
+        """
+        if cast is None or iou(drawn[None], cast.box[None])[0, 0] < SAME_SHADOW:
+            return drawn
+        weight = self.options.cast_weight
+        mean = (drawn + weight * cast.box) / (1 + weight)
+        return cast.box if cast.in_photo else np.where(cut, cast.box, mean)
+
+    def _throwers(self, camera: Camera, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
+        """(n,) rock that throws each shadow drawn in a camera's photo, by the shadows that the bodies cast there."""
+        cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
+        expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
+        rows = match_boxes(boxes, expected, SHADOW_GATE * self.options.match_gate_px, smallest_iou=0.1)
+        return np.where(rows >= 0, np.array([*cast, NO_ROCK])[rows], NO_ROCK)
+
+    def cast(
+        self,
+        camera: Camera,
+        light: Light,
+        azimuth: Azimuth,
+        rock_boxes: Mapping[int, np.ndarray | None],
+        brightness: Brightness | None = None,
+    ) -> dict[int, CastShadow]:
+        """What a person would draw around the shadows of rocks, whose own boxes are given, by rock."""
+        view, step = self.rocks.view(camera), self.options.ray_step_px
+        place = lamp(self.world, view, light, azimuth)
+        assert place is not None
+        ids, shadow = self._shadows_seen(camera, place)
+        found = {}
+        for rock, rock_box in sorted(rock_boxes.items()):
+            box = shadow_box(shadow, rock, rock_box, step)
+            if box is None:
+                continue
+            dark = (
+                snapped(box, shadow, ids.rock, step, rock, brightness) if brightness and rock_box is not None else None
+            )
+            if dark is None and rock_box is not None:
+                shown = self.rocks.projected(camera, rock) if rock in self.world.bodies else None
+                box = as_people_draw(box, rock_box, shown.box if shown else rock_box, self.rocks.px_per_m(camera, rock))
+            if area(box) > 0:
+                found[rock] = CastShadow(box if dark is None else dark, dark is not None)
+        return found
+
+    def _shadows_seen(self, camera: Camera, place: np.ndarray) -> tuple[Ids, np.ndarray]:
+        """What a camera sees, and whose shadow a lamp (3,) throws on the ground there."""
+        view, step = self.rocks.view(camera), self.options.ray_step_px
+        if camera not in self._seen:
+            width, height = view.size
+            self._seen[camera] = Ids(
+                self.world, view, np.arange(step / 2, height, step), np.arange(step / 2, width, step)
+            )
+        ids = self._seen[camera]
+        if (camera, place.tobytes()) not in self._shadow_ids:
+            self._shadow_ids[camera, place.tobytes()] = np.where(
+                ids.rock == NO_ROCK, ids.shadow_of(self.world, place), NO_ROCK
+            )
+        return ids, self._shadow_ids[camera, place.tobytes()]
