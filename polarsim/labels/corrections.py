@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.errors import FormatError
 from polarsim.formats.annotated import read_annotated
+from polarsim.formats.coco import read_coco
 from polarsim.geometry.boxes import iou, match
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.seeds import Drawn
@@ -18,19 +20,26 @@ Corrections = dict[PhotoKey, Drawn]
 
 
 def read_corrections(folder: Path | None, terrain: int) -> Corrections:
-    """What people drew in photos of a terrain; nothing without a folder.
+    """What people drew in photos of a terrain, as `KEY.txt` or as COCO files (`*.json`); nothing without a folder.
 
     Raises
     ------
     FormatError
-        No such folder, or a broken file in it.
+        No such folder, a broken file in it, or a photo that is corrected twice.
     """
     if folder is None:
         return {}
-    found = {key: drawn for key, drawn in read_annotated(folder).items() if key.terrain == terrain}
+    found = read_annotated(folder)
+    for path in sorted(Path(folder).rglob("*.json")):
+        for key, drawn in read_coco(path).items():
+            if key in found:
+                raise FormatError(f"{path}: {key} is corrected in another file of {folder} too")
+            classes = np.array([BOX_CLASSES.index(one.kind) for one in drawn], int)
+            found[key] = classes, np.array([one.box for one in drawn]).reshape(-1, 4)
     return {
         key: Drawn(boxes[classes == BOX_CLASSES.index(ROCK)], boxes[classes == BOX_CLASSES.index(SHADOW)])
         for key, (classes, boxes) in sorted(found.items())
+        if key.terrain == terrain
     }
 
 

@@ -13,8 +13,8 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
 
     corrections: Path | None = Field(
         None,
-        description="Folder of label files that people edited, KEY.txt as `polarsim export` writes them: each wins for "
-        "its photo, and flows on to others as seeds do.",
+        description="Folder of label files that people edited, KEY.txt as `polarsim export` writes them or COCO: each "
+        "wins for its photo, and flows on to others as seeds do.",
     )
 
     # What a photo shows, by the photo itself.

@@ -5,6 +5,7 @@ import pytest
 
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import inventory, obj, tables, yolo
+from polarsim.formats.coco import Annotation, write_coco
 from polarsim.geometry.boxes import iou
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import propagate_labels
@@ -160,6 +161,18 @@ def test_a_correction_wins_for_its_photo_and_flows_to_its_siblings(scene, tmp_pa
         assert (gain > 2).all(), photo
     table = tables.read_parquet(tmp_path / "out" / "labels.parquet")
     assert set(table[(table["key"] == "03_A_on_30_L_1024") & (table["kind"] == "rock")]["rock"]) == set(BLOCKS)
+
+
+def test_corrections_may_be_a_coco_file(scene, tmp_path):
+    photo = key("A_off_30_L_0128")
+    box = np.array([300.0, 500, 360, 560])
+    write_coco(tmp_path / "edited" / "instances_default.json", {photo: [Annotation("rock", 9, box)]})
+    found = propagate(scene, tmp_path / "out", corrections=tmp_path / "edited")
+    np.testing.assert_allclose(rocks(found, "A_off_30_L_0128"), [box], atol=2e-3)
+    assert len(shadows(found, "A_off_30_L_0128")) == 0
+    yolo.write_boxes(tmp_path / "edited" / f"{photo}.txt", np.array([0]), box[None])
+    with pytest.raises(FormatError, match="corrected in another file"):
+        propagate(scene, tmp_path / "twice", corrections=tmp_path / "edited")
 
 
 def test_a_correction_with_a_broken_line_leaves_nothing_behind(scene, tmp_path):

@@ -47,6 +47,18 @@ def test_every_configuration_plans_its_jobs(checkout, snakemake, release_like, n
     assert ("train_judge" in jobs) == (name != "release")  # the release has no photos
 
 
+def test_corrected_label_files_are_input_of_their_terrain_alone(checkout, snakemake, tmp_path):
+    edited = tmp_path / "edited" / "01_A_off_30_L_0256.txt"
+    edited.parent.mkdir()
+    edited.write_text("0 0.5 0.5 0.1 0.1\n")
+    done = snakemake(checkout, "labels", "--dry-run", "--config", f"labels={{corrections: {edited.parent}}}")
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs = re.split(r"\n(?=rule |localrule )", done.stdout + done.stderr)
+    users = [job for job in jobs if str(edited) in job]
+    assert [job.split(":")[0].split()[1] for job in users] == ["propagate_labels"]
+    assert "Terrain01" in users[0]
+
+
 def test_labels_that_nobody_drew_are_not_scored(checkout, snakemake, tmp_path):
     root = tmp_path / "release"
     (root / "TerrainMeshes/Terrain06").mkdir(parents=True)

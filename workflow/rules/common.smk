@@ -109,7 +109,8 @@ def corrections_of(wildcards):
     folder = CONFIG.labels.corrections
     if folder is None:
         return []
-    return sorted(str(path) for path in folder.rglob(f"{wildcards.terrain}_*.txt"))
+    files = [*folder.rglob(f"{wildcards.terrain}_*.txt"), *folder.rglob("*.json")]
+    return sorted(str(path) for path in files)
 
 
 def twins_by_model():
