@@ -75,10 +75,9 @@ def read_release(root: Path, terrain: int) -> Release:
     files = {}
     for key, path in release.label_files(root, terrain).items():
         try:
-            classes, boxes = yolo.read_boxes(path)
+            files[key] = Drawn.of(*yolo.read_boxes(path))
         except FormatError:
             continue
-        files[key] = Drawn(boxes[classes == BOX_CLASSES.index(ROCK)], boxes[classes == BOX_CLASSES.index(SHADOW)])
     sets: dict[tuple, dict[PhotoKey, int]] = defaultdict(dict)
     for key, drawn in files.items():
         sets[key.position, key.light, key.azimuth, key.camera][key] = len(drawn.rocks) + len(drawn.shadows)

@@ -18,6 +18,13 @@ def centres(boxes: np.ndarray) -> np.ndarray:
     return np.asarray((boxes[:, :2] + boxes[:, 2:]) / 2)
 
 
+def window(box: np.ndarray, margin: np.ndarray, width: int, height: int) -> tuple[slice, slice]:
+    """Rows and columns of a picture's pixels around a box (4,), with a margin (2,) in x and y; empty outside it."""
+    left, top = np.maximum(np.floor(box[:2] - margin), 0).astype(int)
+    right, bottom = np.minimum(np.ceil(box[2:] + margin), [width, height]).astype(int)
+    return slice(top, max(top, bottom)), slice(left, max(left, right))
+
+
 def iou(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """(n, m) intersection over union of every box of `first` (n, 4) with every one of `second` (m, 4)."""
     first, second = np.asarray(first, float).reshape(-1, 4), np.asarray(second, float).reshape(-1, 4)

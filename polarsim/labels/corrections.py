@@ -36,11 +36,7 @@ def read_corrections(folder: Path | None, terrain: int) -> Corrections:
                 raise FormatError(f"{path}: {key} is corrected in another file of {folder} too")
             classes = np.array([BOX_CLASSES.index(one.kind) for one in drawn], int)
             found[key] = classes, np.array([one.box for one in drawn]).reshape(-1, 4)
-    return {
-        key: Drawn(boxes[classes == BOX_CLASSES.index(ROCK)], boxes[classes == BOX_CLASSES.index(SHADOW)])
-        for key, (classes, boxes) in sorted(found.items())
-        if key.terrain == terrain
-    }
+    return {key: Drawn.of(*found[key]) for key in sorted(found) if key.terrain == terrain}
 
 
 def corrected(drawn: Drawn, labels: Sequence[Label]) -> list[Label]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.geometry.boxes import of_mask
+from polarsim.geometry.boxes import of_mask, window
 from polarsim.labels.photos import Brightness, noise_dn
 from polarsim.labels.shadows import SMALL_PART, without_thin_parts
 
@@ -39,16 +39,14 @@ def snapped(
 
     longest = max(brightness.exposures_ms)
     height, width = brightness.rate.shape
-    margin = np.maximum((box[2:] - box[:2]) * MARGIN, MARGIN_PX)
-    left, top = np.maximum(np.floor(box[:2] - margin), 0).astype(int)
-    right, bottom = np.minimum(np.ceil(box[2:] + margin), [width, height]).astype(int)
-    if right - left < 4 or bottom - top < 4:
+    part = window(box, np.maximum((box[2:] - box[:2]) * MARGIN, MARGIN_PX), width, height)
+    y, x = (np.arange(side.start, side.stop) for side in part)
+    if min(len(x), len(y)) < 4:
         return None
-    x, y = np.arange(left, right), np.arange(top, bottom)
     row, column = np.minimum(y // step, shadow.shape[0] - 1), np.minimum(x // step, shadow.shape[1] - 1)
     cast, thrower = shadow[np.ix_(row, column)] == rock, shadow[np.ix_(row, column)]
     bare = (rocks[np.ix_(row, column)] < 0) & ((thrower < 0) | cast)  # ground that no other rock darkens
-    rate = cv2.blur(brightness.rate[top:bottom, left:right], (SMOOTH_PX, SMOOTH_PX))
+    rate = cv2.blur(brightness.rate[part], (SMOOTH_PX, SMOOTH_PX))
     lit = bare & ~cv2.dilate(cast.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool)
     if cast.sum() < 12 or lit.sum() < 12:
         return None
@@ -69,4 +67,4 @@ def snapped(
     largest = max(areas[part] for part in own)
     found = of_mask(np.isin(parts, [part for part in own if areas[part] >= SMALL_PART * largest]))
     assert found is not None
-    return found + np.tile([left, top], 2)
+    return found + np.tile([x[0], y[0]], 2)

@@ -25,6 +25,11 @@ class Drawn:
     rocks: np.ndarray
     shadows: np.ndarray | None
 
+    @classmethod
+    def of(cls, classes: np.ndarray, boxes: np.ndarray) -> Drawn:
+        """Boxes (n, 4) shared out by their class numbers (n,)."""
+        return cls(boxes[classes == BOX_CLASSES.index(ROCK)], boxes[classes == BOX_CLASSES.index(SHADOW)])
+
 
 Drawings = Mapping[PhotoKey, Drawn]
 Seeds = dict[str, dict[Sight, Drawn]]  # by position
@@ -46,8 +51,7 @@ def read_drawings(folder: Path, terrain: int) -> Drawings:
         if key.terrain != terrain:
             log.warning("%s: no seed of terrain %02d, left out", path, terrain)
             continue
-        classes, boxes = yolo.read_boxes(path)
-        found[key] = Drawn(boxes[classes == BOX_CLASSES.index(ROCK)], boxes[classes == BOX_CLASSES.index(SHADOW)])
+        found[key] = Drawn.of(*yolo.read_boxes(path))
     return found
 
 

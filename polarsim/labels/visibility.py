@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from polarsim.geometry.boxes import window
 from polarsim.labels.photos import Brightness, noise_dn
 
 SURROUND = 0.35  # of a box's sides: the width of the frame around it with which it is compared
@@ -17,13 +18,11 @@ def contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) -> flo
     median of the surround, and what noise alone adds is taken off.
     """
     height, width = brightness.rate.shape
-    margin = np.maximum((box[2:] - box[:2]) * SURROUND, 3.0)
-    left, top = np.maximum(np.floor(box[:2] - margin), 0).astype(int)
-    right, bottom = np.minimum(np.ceil(box[2:] + margin), [width, height]).astype(int)
-    if right - left < 2 or bottom - top < 2:
+    part = window(box, np.maximum((box[2:] - box[:2]) * SURROUND, 3.0), width, height)
+    y, x = (np.arange(side.start, side.stop) + 0.5 for side in part)
+    if min(len(x), len(y)) < 2:
         return 0.0
-    values = brightness.at(exposure_ms, (slice(top, bottom), slice(left, right)))
-    x, y = np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5
+    values = brightness.at(exposure_ms, part)
     centre, half = (box[:2] + box[2:]) / 2, np.maximum((box[2:] - box[:2]) / 2, 0.5)
     inner = (((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 < INNER**2
     framed = ((y > box[1]) & (y < box[3]))[:, None] & ((x > box[0]) & (x < box[2]))

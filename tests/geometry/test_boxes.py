@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from polarsim.geometry.boxes import area, around, clip, iou, match, match_sum, of_mask
+from polarsim.geometry.boxes import area, around, clip, iou, match, match_sum, of_mask, window
 
 SQUARE = np.array([[0.0, 0, 10, 10]])
 
@@ -69,3 +69,16 @@ def test_the_box_of_one_pixel_is_one_pixel_wide():
     mask[2, 3] = True
     np.testing.assert_array_equal(of_mask(mask), [3, 2, 4, 3])
     assert of_mask(np.zeros((5, 8), bool)) is None
+
+
+@given(st.lists(st.floats(-60, 160), min_size=4, max_size=4), st.floats(0, 20))
+def test_a_window_holds_the_pixels_of_the_picture_that_a_widened_box_touches(edges, margin):
+    width, height = 80, 100
+    box = np.array([*np.minimum(edges[:2], edges[2:]), *np.maximum(edges[:2], edges[2:])])
+    rows, columns = window(box, np.full(2, margin), width, height)
+    x, y = np.meshgrid(np.arange(width), np.arange(height))  # a pixel reaches from here to one further
+    (x0, y0), (x1, y1) = box[:2] - margin, box[2:] + margin
+    touched = (x + 1 > x0) & (x < x1) & (y + 1 > y0) & (y < y1)
+    held = np.zeros((height, width), bool)
+    held[rows, columns] = True
+    np.testing.assert_array_equal(held, touched)
