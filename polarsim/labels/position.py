@@ -20,12 +20,19 @@ class PositionLabels:
         self.position, self.photos = position, photos
         self.rocks = PositionRocks(known, position, options)
         self.shadows = PositionShadows(self.rocks, options)
+        self._known: dict[tuple[Camera, Light, Azimuth], list[Label]] = {}
 
     def labels(self, camera: Camera, light: Light, azimuth: Azimuth) -> list[Label]:
         """What the photos of a camera under a lamp show, longest exposure.
 
         Where there are photos to tell what is seen, also what was not drawn: people forget, and draw by azimuth.
         """
+        lamps: tuple[Camera, Light, Azimuth] = (camera, light if azimuth == "no" else "off", azimuth)
+        if lamps not in self._known:  # a Sun lamp outshines the rover light
+            self._known[lamps] = self._labels(camera, light, azimuth)
+        return self._known[lamps]
+
+    def _labels(self, camera: Camera, light: Light, azimuth: Azimuth) -> list[Label]:
         brightness = self._brightness(camera, light, azimuth)
         labels = self.rocks.labels(camera, azimuth)
         if brightness is not None:

@@ -81,23 +81,13 @@ class PositionRocks:
             total, weight = np.zeros((len(self.tracks), 4)), np.zeros((len(self.tracks), 4))
             shown = [self._mesh_box(camera, int(rock)) for rock in self.ids]
             for source in sorted({own for own, _ in self.drawn}):
-                view = self.view(source)
-                of_source = [[s for s in track.rows if s[0] == source] for track in self.tracks]
-                rows = np.flatnonzero([bool(sights) for sights in of_source])
-                means = [
-                    np.mean([self.drawn[s].rocks[self.tracks[row].rows[s]] for s in of_source[row]], axis=0)
-                    for row in rows
-                ]
-                boxes = np.array(means).reshape(-1, 4)
+                rows, count, boxes = self._drawn_means(source)
                 moved = self._moved(boxes, self.ids[rows], source, camera)
-                count = np.array([len(of_source[row]) for row in rows])[:, None]
-                meshes = [self._mesh_box(source, int(rock)) for rock in self.ids[rows]]
-                seen = np.array([box if mesh is None else mesh for box, mesh in zip(boxes, meshes, strict=True)])
-                cut = at_border(boxes, view.size) | at_border(seen.reshape(-1, 4), view.size)
-                whole = ~cut | (source == camera)  # the border of one photo is none of the other's
-                whole |= np.array([shown[row] is None for row in rows], bool)[:, None]
-                total[rows] += count * whole * moved
-                weight[rows] += count * whole
+                # The border of one photo is none of the other's, where a mesh tells how things go on.
+                has_mesh = np.array([shown[row] is not None for row in rows], bool)[:, None]
+                cut = self._cut(boxes, self.ids[rows], source) & has_mesh & (source != camera)
+                total[rows] += count * ~cut * moved
+                weight[rows] += count * ~cut
             for row, box in enumerate(shown):
                 if box is not None:
                     mesh = np.where(weight[row] > 0, self.options.mesh_weight, 1.0)
@@ -105,6 +95,23 @@ class PositionRocks:
                     weight[row] += mesh
             self._fused_boxes[camera] = total / weight
         return self._fused_boxes[camera]
+
+    def _drawn_means(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Tracks (n,) that a camera's drawings show, in how many of them each (n, 1), and its mean box there (n, 4)."""
+        boxes = [
+            [self.drawn[sight].rocks[row] for sight, row in track.rows.items() if sight[0] == camera]
+            for track in self.tracks
+        ]
+        rows = np.flatnonzero([bool(own) for own in boxes])
+        count = np.array([len(boxes[row]) for row in rows], int)[:, None]
+        return rows, count, np.array([np.mean(boxes[row], axis=0) for row in rows]).reshape(-1, 4)
+
+    def _cut(self, boxes: np.ndarray, rocks: np.ndarray, camera: Camera) -> np.ndarray:
+        """(n, 4) bool: edges that a photo's border cuts, of boxes (n, 4) or of the meshes of their rocks (n,)."""
+        meshes = [self._mesh_box(camera, int(rock)) for rock in rocks]
+        seen = np.array([box if mesh is None else mesh for box, mesh in zip(boxes, meshes, strict=True)])
+        size = self.view(camera).size
+        return at_border(boxes, size) | at_border(seen.reshape(-1, 4), size)
 
     def _mesh_box(self, camera: Camera, rock: int) -> np.ndarray | None:
         """(4,) of a rock's mesh in a camera that sees enough of it."""
