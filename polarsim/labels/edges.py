@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.geometry.boxes import of_mask, window
+from polarsim.labels.parts import SMALL_PART, without_thin_parts
 from polarsim.labels.photos import Brightness, noise_dn
-from polarsim.labels.shadows import SMALL_PART, without_thin_parts
 
 MARGIN = 0.25  # of a box's sides, and at least MARGIN_PX: so far outside it is looked for the shadow's end
 MARGIN_PX = 10.0

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.geometry.boxes import of_mask
+from polarsim.labels.parts import without_crumbs, without_thin_parts
 from polarsim.labels.view import View
 from polarsim.labels.world import World
 from polarsim.photo import NO_ROCK, Azimuth, Light
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT
 
 THIN_PX = 4.0  # parts of a shadow thinner than this do not widen its box: rims under rocks, where meshes meet the sand
-SMALL_PART = 0.15  # of a shadow's largest connected part: smaller parts do not widen its box
 ROCK_ELLIPSE = 0.8  # of a rock's label box: the ellipse in which people see rock, never shadow
 
 
@@ -70,8 +70,6 @@ def shadow_box(shadow: np.ndarray, rock: int, rock_box: np.ndarray | None, step:
     rock_box : (4,) float or None
         The rock's label in the same photo. People see rock in it, so that a shadow starts where the rock ends.
     """
-    import cv2
-
     mask = shadow == rock
     whole = of_mask(mask)
     if whole is None:
@@ -84,23 +82,5 @@ def shadow_box(shadow: np.ndarray, rock: int, rock_box: np.ndarray | None, step:
         centre = (rock_box[2:] + rock_box[:2]) / 2
         mask = mask & ((((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 > 1)
     core = without_thin_parts(mask, round(THIN_PX / step))
-    count, parts, figures, _ = cv2.connectedComponentsWithStats(core.astype(np.uint8), connectivity=8)
-    areas = figures[1:count, cv2.CC_STAT_AREA]
-    if not len(areas):
-        return None
-    box = of_mask(np.isin(parts, 1 + np.flatnonzero(areas >= SMALL_PART * areas.max())))
-    assert box is not None
-    return (box + np.tile([left, top], 2)) * step
-
-
-def without_thin_parts(mask: np.ndarray, size: int) -> np.ndarray:
-    """(h, w) bool: a mask opened by squares of `size` samples, with the tips that this cuts off; never empty."""
-    import cv2
-
-    if size < 2:
-        return mask
-    whole = np.pad(mask.astype(np.uint8), size)
-    opened = cv2.morphologyEx(whole, cv2.MORPH_OPEN, np.ones((size, size), np.uint8))
-    grown = cv2.dilate(opened, np.ones((2 * size + 1, 2 * size + 1), np.uint8)) & whole
-    found = grown[size:-size, size:-size] > 0
-    return found if found.any() else mask
+    box = of_mask(without_crumbs(core, connectivity=8))
+    return None if box is None else (box + np.tile([left, top], 2)) * step

@@ -12,9 +12,9 @@ from scipy.ndimage import find_objects
 from polarsim.formats import rle
 from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.polygons import outlines
+from polarsim.labels.parts import without_crumbs
 from polarsim.photo import NO_ROCK
 
-SMALL_PART = 0.15  # of a shape's largest part: smaller ones are crumbs that nobody would outline
 LIKE_ITS_BOX = 0.2  # smallest IoU of a shape's own box with its label's for the shape to be believed
 
 
@@ -100,16 +100,6 @@ def visible(shapes: Sequence[Shape], width: int, height: int) -> list[Shape | No
         painted[shape.window][shape.mask] = number
     left = [(shape, painted[shape.window] == number) for number, shape in enumerate(inside)]
     return [Shape(without_crumbs(mask), shape.left, shape.top) if mask.any() else None for shape, mask in left]
-
-
-def without_crumbs(mask: np.ndarray) -> np.ndarray:
-    """A mask (h, w) less the parts that are much smaller than its largest one; parts hang together by edges."""
-    import cv2
-
-    _, parts, figures, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
-    areas = figures[:, cv2.CC_STAT_AREA] * (np.arange(len(figures)) > 0)  # number 0 is what lies around
-    kept = areas >= SMALL_PART * max(1, areas.max())
-    return np.asarray(kept[parts])
 
 
 def _filled(mask: np.ndarray) -> np.ndarray:
