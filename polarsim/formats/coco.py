@@ -62,7 +62,8 @@ def write_coco(
 
     Masks are written as compressed runs, or, where `simplify_px` is given, as polygons, largest first, of which no
     dropped point lies farther off: Label Studio's converter reads no runs. Ids of annotations are image id * 10,000
-    + 1, 2, ... in the order given. What other tools do not know of stands in `attributes` too: CVAT keeps those.
+    + 1, 2, ... in the order given. What other tools do not know of stands in `attributes` too: CVAT keeps those, but
+    for `source`, which it has itself.
     """
     head = {
         "info": {"description": "Rocks and shadows of the POLAR data set, labelled by polarsim"},
@@ -105,7 +106,7 @@ def _annotation_rows(
             id_of_rock.setdefault(own.rock, number)
     for number, own in zip(ids, annotations, strict=True):
         x0, y0, x1, y1 = (float(edge) for edge in own.box)
-        mask, named = own.mask, {"rock": own.rock, "source": own.source, "confidence": own.confidence}
+        mask = own.mask
         yield {
             "id": number,
             "image_id": photo,
@@ -114,9 +115,11 @@ def _annotation_rows(
             "area": mask.area if mask else round((x1 - x0) * (y1 - y0), 3),
             "segmentation": coded(mask),
             "iscrowd": 0,
-            **named,
+            "rock": own.rock,
+            "source": own.source,
+            "confidence": own.confidence,
             **({"shadow_of": id_of_rock.get(own.rock)} if own.kind == SHADOW else {}),
-            "attributes": named,
+            "attributes": {"rock": own.rock, "confidence": own.confidence, "label_source": own.source},
         }
 
 
@@ -144,6 +147,7 @@ class _Runs(_Part):
 class _Named(_Part):
     rock: Annotated[int, Field(ge=NO_ROCK, lt=1 << 31)] | None = None
     source: str | None = None
+    label_source: str | None = None  # its name among attributes
     confidence: float | None = None
 
     @field_validator("rock", "confidence", mode="before")
@@ -244,7 +248,8 @@ def _annotation(row: _Annotation, names: Mapping[int, str], size: tuple[int, int
     if kind not in BOX_CLASSES:
         raise FormatError(f"category {names[row.category_id]!r}, expected {' or '.join(BOX_CLASSES)}")
     mask = _mask(row.segmentation, size)
-    rock, source, confidence = row.named("rock", NO_ROCK), row.named("source", ""), row.named("confidence", 1.0)
+    rock, confidence = row.named("rock", NO_ROCK), row.named("confidence", 1.0)
+    source = row.named("source", row.named("label_source", ""))
     return Annotation(kind, rock, _box(row.bbox, mask, size), mask, source, confidence)
 
 

@@ -8,7 +8,7 @@ from polarsim.photo import NO_ROCK
 
 
 def label_list(colours: dict[str, str]) -> list[dict[str, Any]]:
-    """Rectangles with the attributes of `coco_boxes`.
+    """Rectangles with the attributes of `coco`.
 
     Parameters
     ----------

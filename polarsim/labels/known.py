@@ -14,7 +14,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import Drawn, Seeds, Sight, cameras_first
 from polarsim.labels.tracks import Track, find_tracks
 from polarsim.labels.view import View, move_rocks, project_rock
-from polarsim.labels.world import World, build_world, with_domes
+from polarsim.labels.world import Dome, World, build_world, with_domes
 from polarsim.photo import NO_ROCK
 
 
@@ -22,7 +22,9 @@ from polarsim.photo import NO_ROCK
 class Known:
     """A terrain's rocks as bodies, and for each position the drawn tracks with their rock ids."""
 
-    world: World
+    terrain: TerrainMesh
+    domes: dict[int, Dome]  # stand-ins of rocks without a mesh
+    world: World  # of both
     placed: dict[str, PlacedRig]
     seeds: Seeds
     tracks: dict[str, list[Track]]
@@ -54,7 +56,7 @@ def gather(
     numbers, stand_ins = number_domes(domes)
     for position, own in zip(tracks, numbers, strict=True):
         matched[position][matched[position] == NO_ROCK] = own
-    return Known(with_domes(world, stand_ins), placed, seeds, tracks, matched)
+    return Known(terrain, stand_ins, with_domes(world, stand_ins), placed, seeds, tracks, matched)
 
 
 def _in_one_view(world: World, view: View, drawings: Mapping[Sight, Drawn]) -> dict[Sight, np.ndarray]:

@@ -20,8 +20,9 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     # What a photo shows, by the photo itself.
     visibility: Literal["photo", "annotator"] = Field(
         "photo",
-        description="Which labels an exposure has: 'photo', those that stand out in the photo; 'annotator', and where "
-        "there is no photo, as people labelled the release: rocks always, shadows from an exposure on.",
+        description="Which labels an exposure has: 'photo', those that stand out in the photo, or, without one, in the "
+        "light layers of the meshes; 'annotator', as people labelled the release: rocks always, shadows from an "
+        "exposure on.",
     )
     min_contrast: float = Field(
         3.0, ge=0, description="Least contrast of a label with its surround in its photo, noises of a pixel."

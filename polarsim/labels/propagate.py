@@ -16,6 +16,7 @@ from polarsim.formats.scene import read_terrain
 from polarsim.labels.corrections import Corrections, corrected, read_corrections
 from polarsim.labels.known import Known, gather
 from polarsim.labels.label import Label
+from polarsim.labels.light import LightLayers
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Brightness, Photos, PhotoSet
 from polarsim.labels.position import PositionLabels
@@ -29,7 +30,7 @@ log = logging.getLogger(__name__)
 def visible(
     labels: list[Label], key: PhotoKey, brightness: Brightness | None, shadow_start_ms: int, options: LabelsOptions
 ) -> list[Label]:
-    """The labels of a photo set that one of its photos shows: by the photo, where there is one to look at."""
+    """The labels of a photo set that one of its photos shows; without brightness, as people draw them."""
     if brightness is None:
         return at_exposure(labels, key, shadow_start_ms, options)
     return [label for label in labels if contrast(brightness, label.box, key.exposure_ms) >= options.min_contrast]
@@ -93,7 +94,9 @@ def grid_labels(
     corrections: Corrections | None = None,
 ) -> dict[PhotoKey, list[Label]]:
     """Labels of every key; what photos share is computed once."""
-    photos = photos if options.visibility == "photo" else None
+    by_people = options.visibility == "annotator"
+    photos = None if by_people else photos
+    layers = None if by_people else LightLayers(known)
     positions = {position: PositionLabels(known, position, options, photos) for position in known.placed}
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
@@ -105,11 +108,16 @@ def grid_labels(
     for photo_set, members in sorted(sets.items(), key=lambda item: item[0]):
         position, camera, light, azimuth = photo_set
         shared = positions[position].labels(camera, light, azimuth)
-        brightness = photos.brightness(photo_set) if photos else None
+        brightness = _first_known(photo_set, photos, layers)
         for key in members:
             own = corrections.get(key) if corrections else None
             labels[key] = corrected(own, shared) if own else visible(shared, key, brightness, shadow_start_ms, options)
     return labels
+
+
+def _first_known(photo_set: PhotoSet, *sources: Photos | LightLayers | None) -> Brightness | None:
+    found = (source.brightness(photo_set) for source in sources if source is not None)
+    return next((brightness for brightness in found if brightness is not None), None)
 
 
 def _warn_of_gaps(photos: Path, keys: Sequence[PhotoKey]) -> None:

@@ -61,7 +61,7 @@ def label_view(
     rows: list[dict[str, object]] = []
     written = set()
     for key in keys:
-        lamps = lit_by(key)
+        lamps = lit_by(key.light, key.azimuth)
         labels = found[lamps[0]] if lamps else []
         yolo.write_boxes(
             boxes / f"{key}.txt", np.array([BOX_CLASSES.index(kind) for kind, _, _ in labels], int),

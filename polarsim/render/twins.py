@@ -128,9 +128,9 @@ def _render(
     threads: int,
 ) -> Rendering:
     """The view under the lamps that its photos need."""
-    needed = {name for key in keys for name in lit_by(key)}
+    needed = {name for key in keys for name in lit_by(key.light, key.azimuth)}
     lamps = {name: lamp for name, lamp in lamps_of(suns, rig).items() if name in needed}
-    throwing = sorted({lit_by(key)[0] for key in keys if lit_by(key)})
+    throwing = sorted({lit_by(key.light, key.azimuth)[0] for key in keys if lit_by(key.light, key.azimuth)})
     pose, lens = rig.sandbox_from(camera), rig.rig.lens(camera)
     return render_view(surfaces, pose, lens, lamps, models, throwing, options, threads)
 
@@ -149,7 +149,7 @@ def write_photos(
     dark = np.zeros((lens.height, lens.width), np.float32)
 
     def write(key: PhotoKey) -> None:
-        radiance = sum((layers[name] for name in lit_by(key)), dark)
+        radiance = sum((layers[name] for name in lit_by(key.light, key.azimuth)), dark)
         if darkening is not None:
             radiance = radiance * darkening
         noise = generator(options.seed, "sensor", key) if options.noise else None

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
+import numpy as np
 import pandas as pd
 
 from polarsim.errors import ConfigError, LabelError
-from polarsim.formats import annotated, coco_boxes, cvat, label_studio, png, release, yolo
+from polarsim.formats import annotated, coco, cvat, label_studio, png, release, yolo
 from polarsim.formats.files import write_json, write_text, writing_folder
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.geometry.boxes import clip
 from polarsim.photo import BOX_CLASSES, TERRAINS, PhotoKey
 from polarsim.progress import track
 from polarsim.tables.overlay import COLOURS
@@ -113,8 +116,15 @@ def _write_labelimg(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey]
 
 
 def _write_cvat(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey]) -> None:
-    write_json(folder / "annotations" / "instances_default.json", coco_boxes.boxes_document(labels, keys))
+    """Boxes without outlines: with outlines CVAT makes polygons of them."""
+    photos = {key: [_boxed(row) for row in rows_of(labels, key).to_dict("records")] for key in keys}
+    coco.write_coco(folder / "annotations" / "instances_default.json", photos)
     write_json(folder / "labels.json", cvat.label_list(_COLOURS))
+
+
+def _boxed(row: dict[Hashable, Any]) -> coco.Annotation:
+    box = clip(np.array([row[edge] for edge in ("x0", "y0", "x1", "y1")], float))
+    return coco.Annotation(row["kind"], int(row["rock"]), box, None, row["source"], round(float(row["confidence"]), 4))
 
 
 def _write_label_studio(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey], pictures: str) -> None:

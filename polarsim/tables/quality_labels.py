@@ -108,7 +108,7 @@ def score_tasks(
     for kind in (*BOX_CLASSES, DRAWN):
         for task in order:
             if (kind, task) in total:
-                figures += _figures(f"{kind}: {task}", total[kind, task], against)
+                figures += box_figures(f"{kind}: {task}", total[kind, task], against)
     return figures
 
 
@@ -184,7 +184,7 @@ def confidence_figures(pairs: pd.DataFrame, against: Against) -> list[Figure]:
     return figures
 
 
-def _figures(subject: str, counts: Counts, against: Against) -> list[Figure]:
+def box_figures(subject: str, counts: Counts, against: Against) -> list[Figure]:
     figures = counts.figures()
     sizes = {"precision": "label_boxes", "recall": "truth_boxes", "f1": "truth_boxes", "miou": "truth_boxes"}
     return [

@@ -75,16 +75,20 @@ class Counts:
 
 
 def count_boxes(truth: np.ndarray, labels: np.ndarray, threshold: float = 0.5) -> Counts:
-    """Compare the boxes (n, 4) and (m, 4) of one class on one photo.
+    """Compare the boxes (n, 4) and (m, 4) of one class on one photo."""
+    return count_overlaps(iou(truth, labels), threshold)
+
+
+def count_overlaps(overlap: np.ndarray, threshold: float = 0.5) -> Counts:
+    """Compare the n true objects of one class on one photo with m labels by their IoU (n, m).
 
     Pairs are one-to-one: as many as can be with IoU >= threshold, then of the largest summed IoU. The mean IoU has an
     assignment of its own, without threshold.
     """
-    overlap = iou(truth, labels)
+    truth, labels = overlap.shape
     pairs = len(match(overlap, threshold)[0])
     rows, columns = match_sum(overlap)
-    iou_sum = float(overlap[rows, columns].sum())
-    return Counts(1, pairs, len(labels) - pairs, len(truth) - pairs, iou_sum)
+    return Counts(1, pairs, labels - pairs, truth - pairs, float(overlap[rows, columns].sum()))
 
 
 def count_photo(truth: Labels, labels: Labels, threshold: float = 0.5) -> dict[str, Counts]:

@@ -34,7 +34,7 @@ def draw_table(scene, out, keys):
         polygons=out / "polygons",
         masks=out / "masks",
         annotations=out / "coco.json",
-        options=LabelsOptions(),
+        options=LabelsOptions(visibility="annotator"),
     )
     return out
 

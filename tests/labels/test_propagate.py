@@ -31,7 +31,7 @@ def propagate(scene, out, keys=KEYS, **options):
         meshes=scene.meshes,
         boxes=out / "boxes",
         table=out / "labels.parquet",
-        options=LabelsOptions(**{"ray_step_px": 4, **options}),
+        options=LabelsOptions(**{"ray_step_px": 4, "visibility": "annotator", **options}),
     )
     return {key: yolo.read_boxes(out / "boxes" / f"{key}.txt") for key in keys}
 
@@ -114,6 +114,22 @@ def test_without_any_seed_all_labels_come_from_geometry(scene, tmp_path):
     assert len(rocks(found, "A_off_30_L_0128")) == 2
     table = tables.read_parquet(tmp_path / "none" / "labels.parquet", tables.LABEL_COLUMNS)
     assert set(table["source"]) == {"projected", "cast"}
+
+
+def test_without_photos_light_layers_say_what_an_exposure_shows(scene, tmp_path):
+    """Sun lamps light the ground from the shortest exposure on, the rover light is a tenth as strong."""
+    labels = propagate(scene, tmp_path, visibility="photo")
+    assert len(rocks(labels, "A_off_30_L_0064")) == len(rocks(labels, "A_off_30_L_1024")) == len(BLOCKS)
+    assert not len(rocks(labels, "A_off_no_L_2048"))  # nothing shines
+    assert len(rocks(labels, "A_on_no_L_2048")) == len(BLOCKS)
+    assert len(rocks(labels, "A_on_no_L_0064")) <= len(rocks(labels, "A_on_no_L_2048"))
+
+
+def test_light_layers_show_rocks_that_have_no_mesh(scene, tmp_path):
+    missing = min(BLOCKS)
+    (scene.meshes / obj.rock_name(TERRAIN, missing)).unlink()
+    labels = propagate(scene, tmp_path, visibility="photo")
+    assert len(rocks(labels, "A_off_30_L_1024")) == len(BLOCKS)
 
 
 def test_without_sun_only_long_exposures_are_labelled_and_without_any_lamp_no_shadow(labels):

@@ -9,6 +9,7 @@ from polarsim.acquire.inputs import raw_inputs
 from polarsim.config import parse_config
 from polarsim.digest import code_digest
 from polarsim.errors import ConfigError
+from polarsim.formats.release import label_folder, polygon_folder
 from polarsim.grid import selected_grid
 from polarsim.photo import positions as positions_of_terrain
 from polarsim.survey import terrain_folder
@@ -162,12 +163,18 @@ def truth_of(wildcards):
 
 def drawn_labels(terrain):
     """The folder of boxes that people drew, where there is one; the analog's are made up."""
-    drawn = LABEL_ROOT / "Labels" / f"Terrain{terrain}"
+    drawn = label_folder(LABEL_ROOT, int(terrain))
     return str(drawn) if KIND != "analog" and drawn.is_dir() else None
 
 
 def drawn_labels_of(wildcards):
     return drawn_labels(wildcards.terrain)
+
+
+def drawn_polygons(terrain):
+    """The folder of polygons that people drew, where there is one."""
+    drawn = polygon_folder(LABEL_ROOT, int(terrain))
+    return str(drawn) if KIND != "analog" and drawn.is_dir() else None
 
 
 def match_rule():
@@ -198,11 +205,12 @@ SCORED_TERRAINS = list(filter(can_score_labels, TERRAINS))
 
 def quality_parts(wildcards):
     """The quality of each stage and terrain; labels only where there is something to compare them with."""
+    scored = {"labels": can_score_labels, "outlines": drawn_polygons}
     return [
         f"results/{wildcards.run}/quality/{stage}_Terrain{terrain}.csv"
         for terrain in TERRAINS
-        for stage in ("cameras", "rocks", "labels", "twins")
-        if stage != "labels" or can_score_labels(terrain)
+        for stage in ("cameras", "rocks", "labels", "outlines", "twins")
+        if stage not in scored or scored[stage](terrain)
     ]
 
 

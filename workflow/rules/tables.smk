@@ -114,6 +114,32 @@ rule score_labels:
         "../scripts/score_labels.py"
 
 
+rule score_outlines:
+    """Outlines of rocks and shadows against the polygons that people drew."""
+    input:
+        raw=raw_data,
+        polygons=lambda wildcards: drawn_polygons(wildcards.terrain) or [],
+        annotations="results/{run}/labels/coco/Terrain{terrain}.json",
+    output:
+        quality="results/{run}/quality/outlines_Terrain{terrain}.csv",
+    log:
+        "results/{run}/logs/tables/score_outlines_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/score_outlines_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        positions=positions_here,
+        grid=options("grid"),
+        root=str(LABEL_ROOT),
+        options=options("tables"),
+        code=code_of("tables.quality_outlines"),
+    script:
+        "../scripts/score_outlines.py"
+
+
 rule score_twins:
     """Automatic boxes against truth or against what people drew, and twins against photos where there are any."""
     input:

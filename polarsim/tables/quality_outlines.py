@@ -1,0 +1,154 @@
+"""How well outlines of rocks and shadows agree with the polygons that people drew, pixel by pixel."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from polarsim.errors import FormatError
+from polarsim.formats import release, yolo
+from polarsim.formats.coco import Annotation, read_coco
+from polarsim.geometry.boxes import iou, of_mask
+from polarsim.geometry.polygons import rasterised
+from polarsim.labels.shapes import Shape
+from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, Camera, PhotoKey
+from polarsim.tables.options import TablesOptions
+from polarsim.tables.quality import write_quality
+from polarsim.tables.quality_labels import box_figures, read_drawn
+from polarsim.tables.score import Counts, Labels, count_boxes, count_overlaps
+
+TASKS: dict[Camera, str] = {"L": "seeds' camera", "R": "Left to Right"}
+
+Polygons = list[tuple[int, np.ndarray]]  # class number, ring (n, 2) in pixels
+
+Thing = TypeVar("Thing")  # a polygon or an annotation
+
+log = logging.getLogger("polarsim")
+
+
+def score_outlines(
+    *, terrain: int, keys: Sequence[PhotoKey], annotations: Path, root: Path, quality: Path, options: TablesOptions
+) -> None:
+    """Write the quality of a terrain's outlines under the Sun lamps, and how well people's polygons fit their boxes.
+
+    People drew one set of polygons for all exposures of a photo set: the fullest file is compared with the fullest
+    labels. Their boxes are the yardstick: the boxes around polygons against the boxes of the same photo. Shadows
+    count there only where shadow boxes were drawn: at short exposures there are none.
+
+    Parameters
+    ----------
+    keys
+        The photos that were labelled.
+    annotations
+        The terrain's COCO file.
+    root
+        Of a release; a terrain without polygons there has no figures.
+    """
+    drawn = _of_photo_sets(read_polygon_files(root, terrain), keys)
+    found = _of_photo_sets(read_coco(annotations), keys)
+    boxes = read_drawn(release.label_folder(root, terrain), terrain)
+    total: dict[str, Counts] = {}
+    for photo_set in sorted(set(drawn) & set(found)):
+        key, polygons = drawn[photo_set]
+        task = TASKS[key.camera]
+        for kind in BOX_CLASSES:
+            people = _rings(polygons, kind)
+            counts = count_overlaps(
+                overlaps([_painted(ring) for ring in people], _shapes(found[photo_set][1], kind)), options.iou_threshold
+            )
+            subject = f"{kind} outline: {task}"
+            total[subject] = total.get(subject, Counts()) + counts
+            yardstick = _yardstick(people, boxes.get(key), kind, options)
+            if yardstick is not None:
+                subject = f"{kind} polygon's box against drawn box: {task}"
+                total[subject] = total.get(subject, Counts()) + yardstick
+    figures = [figure for subject in sorted(total) for figure in box_figures(subject, total[subject], "labels")]
+    write_quality(quality, "labels", terrain, figures)
+
+
+def read_polygon_files(root: Path, terrain: int) -> dict[PhotoKey, Polygons]:
+    """Hand-drawn polygons of a terrain; broken files are left out with a warning."""
+    found = {}
+    for key, path in release.polygon_files(root, terrain).items():
+        try:
+            found[key] = yolo.read_polygons(path)
+        except FormatError as error:
+            log.warning("left out of the scores: %s", error)
+    return found
+
+
+def overlaps(first: Sequence[Shape], second: Sequence[Shape]) -> np.ndarray:
+    """(n, m) IoU of shapes, pixel by pixel."""
+    near = iou(_boxes(first), _boxes(second)) > 0
+    overlap = np.zeros(near.shape)
+    for row, column in np.argwhere(near):
+        overlap[row, column] = shape_iou(first[row], second[column])
+    return overlap
+
+
+def shape_iou(first: Shape, second: Shape) -> float:
+    """IoU of two shapes, pixel by pixel."""
+    left, top = max(first.left, second.left), max(first.top, second.top)
+    right = min(first.left + first.mask.shape[1], second.left + second.mask.shape[1])
+    bottom = min(first.top + first.mask.shape[0], second.top + second.mask.shape[0])
+    if right <= left or bottom <= top:
+        return 0.0
+    parts = [
+        shape.mask[top - shape.top : bottom - shape.top, left - shape.left : right - shape.left]
+        for shape in (first, second)
+    ]
+    common = int((parts[0] & parts[1]).sum())
+    return common / float(first.mask.sum() + second.mask.sum() - common)
+
+
+def _of_photo_sets(
+    files: Mapping[PhotoKey, list[Thing]], keys: Sequence[PhotoKey]
+) -> dict[tuple[object, ...], tuple[PhotoKey, list[Thing]]]:
+    """The fullest of each photo set under a Sun lamp; of several the one exposed longest."""
+    fullest: dict[tuple[object, ...], tuple[PhotoKey, list[Thing]]] = {}
+    sets = {key.photo_set for key in keys if key.azimuth != "no"}
+    for key, things in sorted(files.items(), key=lambda item: (len(item[1]), item[0].exposure_ms)):
+        if key.photo_set in sets:
+            fullest[key.photo_set] = key, things
+    return fullest
+
+
+def _rings(polygons: Polygons, kind: str) -> list[np.ndarray]:
+    """Rings of one kind that cover a pixel."""
+    own = [ring for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
+    return [ring for ring in own if _painted(ring).mask.any()]
+
+
+def _painted(ring: np.ndarray) -> Shape:
+    low = np.clip(np.floor(ring.min(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
+    high = np.clip(np.ceil(ring.max(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
+    width, height = np.maximum(high - low, 1)
+    return Shape(rasterised(ring - low, (int(height), int(width))), int(low[0]), int(low[1]))
+
+
+def _shapes(annotations: Sequence[Annotation], kind: str) -> list[Shape]:
+    found = []
+    for annotation in annotations:
+        if annotation.kind == kind and annotation.mask is not None:
+            mask = annotation.mask.mask()
+            box = of_mask(mask)
+            if box is not None:
+                left, top, right, bottom = box.astype(int)
+                found.append(Shape(mask[top:bottom, left:right], int(left), int(top)))
+    return found
+
+
+def _boxes(shapes: Sequence[Shape]) -> np.ndarray:
+    return np.array([shape.box for shape in shapes]).reshape(-1, 4)
+
+
+def _yardstick(people: Sequence[np.ndarray], boxes: Labels | None, kind: str, options: TablesOptions) -> Counts | None:
+    """Boxes around polygons against the boxes of the same photo; None where nobody drew boxes of this kind."""
+    own = np.zeros((0, 4)) if boxes is None else boxes.boxes[boxes.classes == BOX_CLASSES.index(kind)]
+    if not len(own):
+        return None
+    return count_boxes(own, _boxes([_painted(ring) for ring in people]), options.iou_threshold)

@@ -1,0 +1,19 @@
+"""Score one terrain's outlines against the published polygons."""
+
+from pathlib import Path
+
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.reporting import reporting
+from polarsim.tables.options import TablesOptions
+from polarsim.tables.quality_outlines import score_outlines
+
+with reporting(log=snakemake.log[0]):
+    terrain = int(snakemake.wildcards.terrain)
+    score_outlines(
+        terrain=terrain,
+        keys=selected_grid(terrain, snakemake.params.positions, GridOptions(**snakemake.params.grid)),
+        annotations=Path(snakemake.input.annotations),
+        root=Path(snakemake.params.root),
+        quality=Path(snakemake.output.quality),
+        options=TablesOptions(**snakemake.params.options),
+    )
