@@ -140,7 +140,10 @@ def _place(root: Path, folder: Path, terrain: int) -> None:
 
 
 class Scores(dict[tuple[str, str], Counts]):
-    """Counts by task and kind, and every label of a fit: kind, source, share of the azimuths, size, whether it hits."""
+    """Counts by task and kind, and every label of a fit: kind, source, share of the azimuths, size, whether it hits.
+
+    Shadows that the rover light casts have a source of their own there.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -155,7 +158,8 @@ class Scores(dict[tuple[str, str], Counts]):
             hits = set(match(iou(drawn, boxes))[1].tolist())
             for row, label in enumerate(label for label in found if label.kind == kind):
                 size = float(np.sqrt(area(label.box)))
-                self.labels.append((kind, label.source, label.confidence, size, row in hits))
+                source = f"{label.source}, rover" if kind == SHADOW and task.startswith("no Sun") else label.source
+                self.labels.append((kind, source, label.confidence, size, row in hits))
 
     def show(self) -> None:
         for (task, kind), counts in self.items():
@@ -302,7 +306,7 @@ def main() -> None:
     if args.fit:
         pairs = {t: cast_pairs(truth, scene_from(args.release, args.work, truth, SUNS)) for t, truth in truths.items()}
         print("COEFFICIENTS", dict(zip(habits.TERMS, fitted(list(pairs.values())).round(4).tolist(), strict=True)))
-        label_module.confidence = lambda *given: given[2]  # the bare share
+        label_module.confidence = lambda *given, **_: given[2]  # the bare share
     scores = Scores()
     for terrain, truth in truths.items():
         if args.fit:  # what the others taught

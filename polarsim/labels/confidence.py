@@ -18,9 +18,10 @@ COEFFICIENTS = {  # by kind and source: at full share and usual size; for every 
     ("shadow", "fused"): (1.90, 0.0, 1.31),
     ("shadow", "cast"): (0.31, 0.0, 0.79),
 }
+ROVER_CAST = (-2.4, 0.0, 0.0)  # the same of shadows that the rover light casts: slivers beside their rocks
 
 
-def confidence(kind: str, source: str, share: float, size_px: float) -> float:
+def confidence(kind: str, source: str, share: float, size_px: float, *, by_rover_light: bool = False) -> float:
     """Probability that a label is right.
 
     Parameters
@@ -29,7 +30,9 @@ def confidence(kind: str, source: str, share: float, size_px: float) -> float:
         Of the azimuths drawn at the label's position, those at which the rock was seen; 1 where that says nothing.
     size_px
         sqrt(width * height) of the label.
+    by_rover_light
+        A shadow of the rover light, not of a Sun lamp.
     """
-    start, missed, size = COEFFICIENTS[kind, source]
+    start, missed, size = ROVER_CAST if by_rover_light and source == "cast" else COEFFICIENTS[kind, source]
     score = start + missed * (share - 1) + size * math.log(max(size_px, 1.0) / USUAL_PX)
     return 1 / (1 + math.exp(-score))

@@ -21,8 +21,11 @@ class Label:
     box: np.ndarray
 
 
-def label_of(kind: str, rock: int, source: str, box: np.ndarray, share: float = 1.0) -> Label:
+def label_of(
+    kind: str, rock: int, source: str, box: np.ndarray, share: float = 1.0, *, by_rover_light: bool = False
+) -> Label:
     """A label with its confidence; `share` of the drawn azimuths show its rock. What is drawn stays as it was drawn."""
     box = box if source == "seed" else clip(box)
     size = float(np.sqrt(area(box)))
-    return Label(kind, int(rock), source, round(confidence(kind, source, share, size), 3), box)
+    sure = confidence(kind, source, share, size, by_rover_light=by_rover_light)
+    return Label(kind, int(rock), source, round(sure, 3), box)

@@ -77,9 +77,10 @@ class PositionShadows:
         ]
 
     def _cast_labels(self, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
-        least = self.options.min_rover_shadow_px if azimuth == "no" else self.options.min_shadow_px
+        rover = azimuth == "no"
+        least = self.options.min_rover_shadow_px if rover else self.options.min_shadow_px
         large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= least}
-        return [label_of(SHADOW, rock, "cast", box) for rock, box in large.items()]
+        return [label_of(SHADOW, rock, "cast", box, by_rover_light=rover) for rock, box in large.items()]
 
     def _drawn(self, camera: Camera, azimuth: Azimuth) -> np.ndarray | None:
         drawn = self.rocks.drawn.get((camera, azimuth))

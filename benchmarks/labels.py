@@ -1,0 +1,118 @@
+"""Time and memory of labelling all 13 terrains: boxes of every photo, then polygons, grey maps and COCO.
+
+`python benchmarks/labels.py RELEASE WORK [--jobs 2]`
+
+RELEASE is the release's folder (Labels, TerrainMeshes). Thirteen terrains are made of the five whose cameras
+`benchmarks/transfers.py` locates in folders below WORK, each with the whole photo grid of its number. Every terrain is
+a process of its own, as in the pipeline; so many run at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from itertools import cycle, islice
+from multiprocessing import get_context
+from pathlib import Path
+
+import pandas as pd
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from transfers import OPTIONS, read_release, scene_from
+
+from polarsim.formats import tables
+from polarsim.labels.masks import draw_masks
+from polarsim.labels.propagate import propagate_labels
+from polarsim.photo import SUNS, PhotoKey, photo_grid
+
+TERRAINS, ALL = (1, 3, 4, 8, 11), 13
+AS_DRAWN = OPTIONS.model_copy(update={"visibility": "annotator"})
+
+
+@dataclass(frozen=True)
+class Job:
+    """One of the thirteen: a terrain's files, and where its labels go."""
+
+    terrain: int
+    work: Path
+    out: Path
+
+    @property
+    def keys(self) -> list[PhotoKey]:
+        return list(photo_grid(self.terrain))
+
+    @property
+    def scene(self) -> Path:
+        return self.work / f"Terrain{self.terrain:02d}_{'_'.join(SUNS)}"
+
+
+def boxes(job: Job) -> int:
+    job.out.mkdir(parents=True)
+    photos = job.out / "photos.parquet"
+    tables.write_parquet(photos, pd.DataFrame({name: [] for name in tables.PHOTO_COLUMNS}))
+    propagate_labels(
+        terrain=job.terrain,
+        keys=job.keys,
+        photos=photos,
+        inventory=job.scene / "inventory.json",
+        seeds=job.scene / "seeds",
+        cameras=job.scene / "cameras",
+        meshes=job.scene / "meshes",
+        boxes=job.out / "boxes",
+        table=job.out / "labels.parquet",
+        options=AS_DRAWN,
+    )
+    return peak_mb()
+
+
+def outlines(job: Job) -> int:
+    draw_masks(
+        terrain=job.terrain,
+        keys=job.keys,
+        table=job.out / "labels.parquet",
+        cameras=job.scene / "cameras",
+        meshes=job.scene / "meshes",
+        polygons=job.out / "polygons",
+        masks=job.out / "masks",
+        annotations=job.out / "coco.json",
+        options=AS_DRAWN,
+    )
+    return peak_mb()
+
+
+def peak_mb() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+
+
+def timed(name: str, work: Callable[[Job], int], jobs: Sequence[Job], at_once: int) -> None:
+    photos = sum(len(job.keys) for job in jobs)
+    start = time.perf_counter()
+    with ProcessPoolExecutor(at_once, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
+        most = max(pool.map(work, jobs))
+    print(f"{name:9s} {len(jobs)} terrains, {photos} photos: {time.perf_counter() - start:.0f} s, {most} MB a process")
+
+
+def main() -> None:
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("release", type=Path)
+    asked.add_argument("work", type=Path)
+    asked.add_argument("--jobs", type=int, default=2, help="processes at once")
+    args = asked.parse_args()
+    for terrain in TERRAINS:
+        scene_from(args.release, args.work, read_release(args.release, terrain), SUNS)
+    with tempfile.TemporaryDirectory() as out:
+        chosen = enumerate(islice(cycle(TERRAINS), ALL))
+        jobs = [Job(terrain, args.work, Path(out) / f"{number:02d}") for number, terrain in chosen]
+        for name, work in (("boxes", boxes), ("outlines", outlines)):
+            timed(name, work, jobs, args.jobs)
+
+
+if __name__ == "__main__":
+    main()
