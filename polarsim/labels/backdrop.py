@@ -6,19 +6,17 @@ import numpy as np
 
 from polarsim.labels.shadows import Ids
 from polarsim.labels.shapes import Shape
-from polarsim.labels.view import View
-from polarsim.labels.world import World
 
 SMALL_REGION = 400  # px: smaller pieces of ground or background are not worth a polygon
 THIN_PX = 2  # neither are pieces that are narrower
 
 
-def backdrop(world: World, view: View, ids: Ids, simplify_px: float) -> list[tuple[str, np.ndarray]]:
+def backdrop(ids: Ids, simplify_px: float) -> list[tuple[str, np.ndarray]]:
     """Rings (n, 2) of background and of ground, which goes on below rocks and shadows."""
     import cv2
 
     ground = np.zeros(ids.shape, np.uint8)
-    seen = _wall_free(world, view, ids).astype(np.uint8)
+    seen = ids.hit.astype(np.uint8)
     lines, _ = cv2.findContours(seen, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(ground, [line for line in lines if cv2.contourArea(line) >= SMALL_REGION], -1, 1, cv2.FILLED)
     rings = [
@@ -27,13 +25,3 @@ def backdrop(world: World, view: View, ids: Ids, simplify_px: float) -> list[tup
         for ring in Shape(mask, 0, 0).rings(simplify_px)
     ]
     return [(name, ring) for name, ring in rings if np.ptp(ring, axis=0).min() >= THIN_PX]
-
-
-def _wall_free(world: World, view: View, ids: Ids) -> np.ndarray:
-    """(h, w) bool: pixels that show ground or rocks, and no wall of the sandbox in front of them."""
-    seen = ids.hit.copy()
-    if world.walls is None:
-        return seen
-    directions = ids.places - view.centre
-    seen[ids.ground] &= ~world.walls.blocked(np.broadcast_to(view.centre, directions.shape), directions, 1.0)
-    return seen

@@ -16,10 +16,9 @@ from polarsim.labels.seeds import Drawn
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, PhotoKey
 
 SAME_LABEL = 0.1  # least IoU of a person's box with a propagated one whose rock it takes over
-Corrections = dict[PhotoKey, Drawn]
 
 
-def read_corrections(folder: Path | None, terrain: int) -> Corrections:
+def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Drawn]:
     """What people drew in photos of a terrain, as `KEY.txt` or as COCO files (`*.json`); nothing without a folder.
 
     Raises
@@ -39,7 +38,7 @@ def read_corrections(folder: Path | None, terrain: int) -> Corrections:
     return {key: Drawn.of(*found[key]) for key in sorted(found) if key.terrain == terrain}
 
 
-def corrected(drawn: Drawn, labels: Sequence[Label]) -> list[Label]:
+def as_drawn(drawn: Drawn, labels: Sequence[Label]) -> list[Label]:
     """The boxes of a person, with the rocks of the propagated labels of the same photo set that they lie on."""
     found = []
     for kind, boxes in ((ROCK, drawn.rocks), (SHADOW, drawn.shadows)):

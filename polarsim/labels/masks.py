@@ -83,7 +83,7 @@ class ViewOutlines:
         self.world = with_domes(world, _domes(world, view, labels))
         width, height = view.size
         self.ids = Ids(self.world, view, np.arange(height) + 0.5, np.arange(width) + 0.5)
-        rings = backdrop(self.world, view, self.ids, options.simplify_px)
+        rings = backdrop(self.ids, options.simplify_px)
         self._backdrop = Backdrop([(POLYGON_CLASSES.index(name), ring) for name, ring in rings])
         self._rocks = shapes_of(self.ids.rock)
         self._shadows: dict[bytes, dict[int, Shape]] = {}  # by lamp

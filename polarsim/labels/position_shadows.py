@@ -20,6 +20,8 @@ from polarsim.labels.view import at_border, move_flat
 from polarsim.photo import NO_ROCK, SHADOW, Azimuth, Camera, Light
 
 SHADOW_GATE = 2.0  # shadows are long: they are matched within this many times the gate of rocks
+FAR_APART, FAR_APART_PX = 0.3, 6.0  # of a box's sides, and at least pixels: so far apart edges are not the same one
+SHADED = 0.2  # of a cast shadow: where a wall shades more, a photo does not show it
 SAME_SHADOW = 0.2  # least IoU of a drawn and a cast box of one shadow for both to be believed
 
 
@@ -29,6 +31,27 @@ class CastShadow:
 
     box: np.ndarray
     in_photo: bool
+
+
+def mean_shadow(drawn: np.ndarray, cut: np.ndarray, cast: CastShadow | None, cast_weight: float) -> np.ndarray:
+    """(4,) mean of a drawn box (4,) as it lies in a photo, and of the cast one: errors of pen and of geometry even out.
+
+    An edge that was cut (4,) by the drawn photo's border needs no mean. One that the photo shows far from where it was
+    drawn does not count: there a dark patch of the ground goes on where the shadow ends.
+
+    Parameters
+    ----------
+    cast_weight
+        Weight of a shadow that geometry alone casts; a drawn one has 1, one whose edges a photo shows too.
+    """
+    if cast is None or iou(drawn[None], cast.box[None])[0, 0] < SAME_SHADOW:
+        return drawn
+    weight = 1.0 if cast.in_photo else cast_weight
+    mean = (drawn + weight * cast.box) / (1 + weight)
+    if cast.in_photo:
+        apart = np.maximum(FAR_APART * np.tile(drawn[2:] - drawn[:2], 2), FAR_APART_PX)
+        mean = np.where(np.abs(cast.box - drawn) < apart, mean, drawn)
+    return np.where(cut, cast.box, mean)
 
 
 class PositionShadows:
@@ -48,11 +71,19 @@ class PositionShadows:
         return shadows if brightness is None else shadows + self._undrawn(azimuth, shadows, cast)
 
     def _known(self, camera: Camera, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
-        """Shadows as drawn in this camera, or drawn in the other and averaged with the cast ones (4,), or cast."""
+        """Shadows as drawn in this camera, edges in its photo averaged in; or in the other, averaged with cast ones; or
+        cast.
+        """
         own = self._drawn(camera, azimuth)
         if own is not None:
             throwers = self._throwers(camera, own, light, azimuth)
-            return [label_of(SHADOW, rock, "seed", box) for rock, box in zip(throwers, own, strict=True)]
+            dark = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo}
+            inside = np.zeros(4, bool)
+            boxes = [
+                mean_shadow(box, inside, dark.get(int(rock)), self.options.cast_weight)
+                for rock, box in zip(throwers, own, strict=True)
+            ]
+            return [label_of(SHADOW, rock, "seed", box) for rock, box in zip(throwers, boxes, strict=True)]
         other: Camera = "R" if camera == "L" else "L"
         drawn = self._drawn(other, azimuth)
         if drawn is None:
@@ -60,7 +91,7 @@ class PositionShadows:
         throwers = self._throwers(other, drawn, light, azimuth)
         moved = move_flat(self.world, self.rocks.view(other), self.rocks.view(camera), drawn)
         boxes = [
-            self._mean_shadow(box, cut, cast.get(int(rock)))
+            mean_shadow(box, cut, cast.get(int(rock)), self.options.cast_weight)
             for rock, box, cut in zip(throwers, moved, at_border(drawn, self.rocks.view(other).size), strict=True)
         ]
         return [label_of(SHADOW, rock, "fused", box) for rock, box in zip(throwers, boxes, strict=True)]
@@ -86,17 +117,6 @@ class PositionShadows:
         drawn = self.rocks.drawn.get((camera, azimuth))
         return drawn.shadows if drawn is not None else None
 
-    def _mean_shadow(self, drawn: np.ndarray, cut: np.ndarray, cast: CastShadow | None) -> np.ndarray:
-        """A drawn box (4,), moved to the other camera, and the cast one: errors of pen and of geometry even out.
-
-        A box with edges from the photo needs no mean, nor does an edge that was cut (4,) by the drawn photo's border.
-        """
-        if cast is None or iou(drawn[None], cast.box[None])[0, 0] < SAME_SHADOW:
-            return drawn
-        weight = self.options.cast_weight
-        mean = (drawn + weight * cast.box) / (1 + weight)
-        return cast.box if cast.in_photo else np.where(cut, cast.box, mean)
-
     def _throwers(self, camera: Camera, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
         """(n,) rock that throws each shadow drawn in a camera's photo, by the shadows that the bodies cast there."""
         cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
@@ -112,13 +132,20 @@ class PositionShadows:
         rock_boxes: Mapping[int, np.ndarray | None],
         brightness: Brightness | None = None,
     ) -> dict[int, CastShadow]:
-        """What a person would draw around the shadows of rocks, whose own boxes are given, by rock."""
+        """What a person would draw around the shadows of rocks, whose own boxes are given, by rock.
+
+        In a photo nothing is seen of a shadow that lies in a wall's. Without one nobody knows where walls stand well
+        enough to say so.
+        """
         view, step = self.rocks.view(camera), self.options.ray_step_px
         place = lamp(self.world, view, light, azimuth)
         assert place is not None
         ids, shadow = self._shadows_seen(camera, place)
+        shaded = ids.shaded_by_walls(self.world, place) if brightness is not None else np.zeros(ids.shape, bool)
         found = {}
         for rock, rock_box in sorted(rock_boxes.items()):
+            if SHADED * np.count_nonzero(shadow == rock) < np.count_nonzero(shaded & (shadow == rock)):
+                continue
             box = shadow_box(shadow, rock, rock_box, step)
             if box is None:
                 continue

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -13,18 +14,20 @@ from polarsim.formats import lamps, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.scene import read_terrain
-from polarsim.labels.corrections import Corrections, corrected, read_corrections
+from polarsim.labels.corrections import as_drawn, read_corrections
 from polarsim.labels.known import Known, gather
 from polarsim.labels.label import Label
 from polarsim.labels.light import LightLayers
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Brightness, Photos, PhotoSet
 from polarsim.labels.position import PositionLabels
-from polarsim.labels.seeds import choose_seeds, first_shadow_ms, read_drawings
+from polarsim.labels.seeds import Drawings, choose_seeds, first_shadow_ms, read_drawings
 from polarsim.labels.visibility import contrast
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
 
 log = logging.getLogger(__name__)
+
+NOTHING_DRAWN: Drawings = MappingProxyType({})
 
 
 def visible(
@@ -76,7 +79,7 @@ def propagate_labels(
     shadow_start_ms = first_shadow_ms({**drawings, **corrections}, options.shadow_start(terrain))
     chosen = choose_seeds(drawings, corrections, shadow_start_ms)
     known = gather(read_terrain(meshes, terrain), placed, suns, chosen, options)
-    labels = grid_labels(known, keys, options, shadow_start_ms, Photos(photos, terrain), corrections)
+    labels = grid_labels(known, keys, options, shadow_start_ms, Photos(photos, terrain), drawings, corrections)
     with writing_folder(boxes) as folder:
         for key in keys:
             classes = np.array([BOX_CLASSES.index(label.kind) for label in labels[key]], int)
@@ -91,9 +94,13 @@ def grid_labels(
     options: LabelsOptions,
     shadow_start_ms: int,
     photos: Photos | None = None,
-    corrections: Corrections | None = None,
+    drawings: Drawings = NOTHING_DRAWN,
+    corrections: Drawings = NOTHING_DRAWN,
 ) -> dict[PhotoKey, list[Label]]:
-    """Labels of every key; what photos share is computed once."""
+    """Labels of every key; what photos share is computed once.
+
+    A photo that was drawn itself keeps its boxes as they are; others may be added, but not to a correction.
+    """
     by_people = options.visibility == "annotator"
     photos = None if by_people else photos
     layers = None if by_people else LightLayers(known)
@@ -110,8 +117,13 @@ def grid_labels(
         shared = positions[position].labels(camera, light, azimuth)
         brightness = _first_known(photo_set, photos, layers)
         for key in members:
-            own = corrections.get(key) if corrections else None
-            labels[key] = corrected(own, shared) if own else visible(shared, key, brightness, shadow_start_ms, options)
+            if key in corrections:
+                labels[key] = as_drawn(corrections[key], shared)
+                continue
+            labels[key] = visible(shared, key, brightness, shadow_start_ms, options)
+            if key in drawings:
+                added = [label for label in labels[key] if label.source != "seed"]
+                labels[key] = as_drawn(drawings[key], shared) + added
     return labels
 
 

@@ -27,20 +27,31 @@ def lamp(world: World, view: View, light: Light, azimuth: Azimuth) -> np.ndarray
     return None
 
 
+def distance_to_walls(world: World, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(n,) distance along rays to the walls of the sandbox: the near one hides ground; inf where they meet none."""
+    if world.walls is None:
+        return np.full(len(directions), np.inf)
+    return np.asarray(world.walls.nearest(origins, directions)[0])
+
+
 class Ids:
-    """What a view sees at a grid of pixels (rows, columns): the rock there, and the ground there or behind the rock."""
+    """What a view sees at a grid of pixels (rows, columns): the rock there, and the ground there or behind the rock.
+
+    The near wall of the sandbox hides both.
+    """
 
     def __init__(self, world: World, view: View, rows: np.ndarray, columns: np.ndarray) -> None:
         pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
         directions = view.directions(pixels).reshape(-1, 3)
         origins = np.broadcast_to(view.centre, directions.shape)
         distance, face = world.everything.nearest(origins, directions)
+        wall = distance_to_walls(world, origins, directions)
         self.shape = (len(rows), len(columns))
-        self.hit = np.isfinite(distance).reshape(self.shape)
+        self.hit = (np.isfinite(distance) & (distance < wall)).reshape(self.shape)
         self.rock = np.where(self.hit, world.rock_of_face[face].reshape(self.shape), NO_ROCK)
         hidden = np.flatnonzero(np.isfinite(distance) & ~world.is_ground[face])  # what is seen stands before the ground
         distance[hidden] = world.ground.nearest(origins[hidden], directions[hidden])[0]
-        on_ground = np.isfinite(distance)
+        on_ground = np.isfinite(distance) & (distance < wall)
         self.ground = on_ground.reshape(self.shape)
         self.places = view.centre + distance[on_ground, None] * directions[on_ground]  # (n, 3), row by row
 
@@ -58,6 +69,13 @@ class Ids:
         shadow[self.ground] = rock
         shadow[(self.rock != NO_ROCK) & (self.rock != shadow)] = NO_ROCK
         return shadow
+
+    def shaded_by_walls(self, world: World, lamp_place: np.ndarray) -> np.ndarray:
+        """(rows, columns) bool: a wall of the sandbox takes the lamp's light from the ground."""
+        shaded = np.zeros(self.shape, bool)
+        if world.walls is not None:
+            shaded[self.ground] = world.walls.blocked(self.places, lamp_place - self.places, 1.0)
+        return shaded
 
 
 def shadow_box(shadow: np.ndarray, rock: int, rock_box: np.ndarray | None, step: int) -> np.ndarray | None:

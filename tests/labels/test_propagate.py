@@ -1,15 +1,22 @@
 import logging
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from polarsim.errors import FormatError, LabelError
-from polarsim.formats import inventory, obj, tables, yolo
+from polarsim.formats import inventory, obj, png, rigs, tables, yolo
 from polarsim.formats.coco import Annotation, write_coco
+from polarsim.formats.lamps import surveyed_suns
+from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import iou
+from polarsim.labels.known import gather
+from polarsim.labels.light import LightLayers
 from polarsim.labels.options import LabelsOptions
+from polarsim.labels.photos import Photos
+from polarsim.labels.position import PositionLabels
 from polarsim.labels.propagate import propagate_labels
-from polarsim.photo import FIRST_UNMESHED_ROCK, PhotoKey, photo_grid
+from polarsim.photo import BLACK_LEVEL, FIRST_UNMESHED_ROCK, PhotoKey, photo_grid
 
 from .conftest import BLOCKS, TERRAIN, block, placed
 
@@ -130,6 +137,32 @@ def test_light_layers_show_rocks_that_have_no_mesh(scene, tmp_path):
     (scene.meshes / obj.rock_name(TERRAIN, missing)).unlink()
     labels = propagate(scene, tmp_path, visibility="photo")
     assert len(rocks(labels, "A_off_30_L_1024")) == len(BLOCKS)
+
+
+def test_edges_of_shadows_follow_the_photo_and_the_drawn_photo_keeps_its_boxes(scene, tmp_path):
+    """Photos are rendered of the scene itself: there the dark regions are the cast shadows."""
+    key_drawn, sibling = key("A_off_30_L_0256"), key("A_off_30_L_1024")
+    rocks_only = yolo.read_boxes(scene.seeds / f"{key_drawn}.txt")[1][: len(BLOCKS)]
+    placed_rigs = rigs.read_all_placed(scene.cameras)
+    suns = surveyed_suns(placed_rigs)
+    known = gather(read_terrain(scene.meshes, TERRAIN), placed_rigs, suns, {}, LabelsOptions())
+    brightness = LightLayers(known).brightness(("A", "L", "off", "30"))
+    rows = []
+    for one in (key_drawn, sibling):
+        png.write(tmp_path / f"{one}.png", (brightness.at(one.exposure_ms) + BLACK_LEVEL).astype(np.uint16))
+        rows.append({"key": str(one), "path": str(tmp_path / f"{one}.png")})
+    tables.write_parquet(scene.photos, pd.DataFrame(rows).reindex(columns=list(tables.PHOTO_COLUMNS)))
+    shown = Photos(scene.photos, TERRAIN).brightness(("A", "L", "off", "30"))
+    shadows = PositionLabels(known, "A", LabelsOptions()).shadows
+    cast = shadows.cast("L", "off", "30", dict(zip(BLOCKS, rocks_only, strict=True)), shown)
+    drawn = np.array([cast[rock].box + np.array([-4, 3, 4, 3]) for rock in BLOCKS])
+    assert all(cast[rock].in_photo for rock in BLOCKS)
+    boxes = np.concatenate([rocks_only, drawn])
+    yolo.write_boxes(scene.seeds / f"{key_drawn}.txt", np.array([0, 0, 1, 1]), boxes)
+    labels = propagate(scene, tmp_path / "out", keys=[key_drawn, sibling], visibility="photo", ray_step_px=2)
+    np.testing.assert_allclose(labels[key_drawn][1], boxes, atol=0.01)
+    found = labels[sibling][1][labels[sibling][0] == 1]
+    np.testing.assert_allclose(found, drawn + np.array([2, -1.5, -2, -1.5]), atol=0.6)
 
 
 def test_without_sun_only_long_exposures_are_labelled_and_without_any_lamp_no_shadow(labels):

@@ -4,6 +4,7 @@ import pytest
 import trimesh
 
 from polarsim.formats.scene import read_terrain
+from polarsim.labels.position_shadows import CastShadow, mean_shadow
 from polarsim.labels.shadows import Ids, lamp, shadow_box
 from polarsim.labels.view import View
 from polarsim.labels.world import build_world
@@ -107,3 +108,58 @@ def test_lamps_stand_where_they_were_found(untouched_scene):
     found = {"180": np.array([-3.5, 0.4, 0.8])}
     world = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004, found)
     np.testing.assert_array_equal(lamp(world, View(placed("A"), "L"), "off", "180"), found["180"])
+
+
+@pytest.fixture(scope="module")
+def walled(untouched_scene):
+    return build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004, wall_height=0.3)
+
+
+def seen_at(world, place):
+    """What position A's left camera sees at a place of the ground."""
+    view = View(placed("A"), "L")
+    u, v = view.project(np.array(place))
+    return Ids(world, view, np.array([v]), np.array([u]))
+
+
+def test_the_near_wall_hides_the_ground_behind_it(world, walled):
+    behind = [2.0, -0.4, 0.0]  # 10 cm behind the near wall, which hides 0.4 m
+    assert seen_at(world, behind).ground.all()
+    assert not seen_at(walled, behind).ground.any()
+    assert not seen_at(walled, behind).hit.any()
+    assert seen_at(walled, [1.0, -0.4, 0.0]).ground.all()
+
+
+def test_a_wall_shades_the_ground_beside_it(walled):
+    place = lamp_position("30")  # beyond the wall at x = 2.1, low
+    assert seen_at(walled, [1.6, 0.9, 0.0]).shaded_by_walls(walled, place).all()
+    assert not seen_at(walled, [-1.0, -0.4, 0.0]).shaded_by_walls(walled, place).any()
+
+
+def test_without_walls_nothing_is_shaded_by_them(world, ids):
+    assert not ids.shaded_by_walls(world, lamp_position("30")).any()
+
+
+DRAWN, INSIDE = np.array([100.0, 200, 180, 230]), np.zeros(4, bool)
+
+
+def test_an_edge_is_the_mean_of_pen_and_photo_unless_they_lie_far_apart():
+    in_photo = CastShadow(DRAWN + np.array([4, -2, 60, 3]), in_photo=True)  # on the right a dark patch goes on
+    np.testing.assert_allclose(mean_shadow(DRAWN, INSIDE, in_photo, 0.3), DRAWN + np.array([2, -1, 0, 1.5]))
+
+
+def test_geometry_alone_moves_a_drawn_edge_less():
+    cast = CastShadow(DRAWN + np.array([13, 0, 13, 0]), in_photo=False)
+    np.testing.assert_allclose(mean_shadow(DRAWN, INSIDE, cast, 0.3), DRAWN + np.array([3, 0, 3, 0]))
+
+
+def test_an_edge_that_the_drawn_photo_cut_is_the_cast_one():
+    cast = CastShadow(DRAWN + np.array([0, 0, 90, 0]), in_photo=False)
+    np.testing.assert_allclose(
+        mean_shadow(DRAWN, np.array([0, 0, 1, 0], bool), cast, 0.0), DRAWN + np.array([0, 0, 90, 0])
+    )
+
+
+def test_a_shadow_cast_elsewhere_moves_nothing():
+    for cast in (None, CastShadow(DRAWN + 100, in_photo=True)):
+        np.testing.assert_allclose(mean_shadow(DRAWN, INSIDE, cast, 0.3), DRAWN)
