@@ -141,12 +141,10 @@ class PositionShadows:
         place = lamp(self.world, view, light, azimuth)
         assert place is not None
         ids, shadow = self._shadows_seen(camera, place)
-        shaded = ids.shaded_by_walls(self.world, place) if brightness is not None else np.zeros(ids.shape, bool)
+        in_the_dark = mostly_shaded(shadow, ids.shaded_by_walls(self.world, place)) if brightness is not None else []
         found = {}
         for rock, rock_box in sorted(rock_boxes.items()):
-            if SHADED * np.count_nonzero(shadow == rock) < np.count_nonzero(shaded & (shadow == rock)):
-                continue
-            box = shadow_box(shadow, rock, rock_box, step)
+            box = None if rock in in_the_dark else shadow_box(shadow, rock, rock_box, step)
             if box is None:
                 continue
             dark = (
@@ -173,3 +171,10 @@ class PositionShadows:
                 ids.rock == NO_ROCK, ids.shadow_of(self.world, place), NO_ROCK
             )
         return ids, self._shadow_ids[camera, place.tobytes()]
+
+
+def mostly_shaded(shadow: np.ndarray, shaded: np.ndarray) -> list[int]:
+    """Rocks whose shadow, in a picture of rock ids, lies in the shade (a bool picture) by more than `SHADED` of it."""
+    whole = np.bincount(shadow.ravel() - NO_ROCK)
+    part = np.bincount(shadow[shaded] - NO_ROCK, minlength=len(whole))
+    return (np.flatnonzero(part > SHADED * whole) + NO_ROCK).tolist()

@@ -4,7 +4,7 @@ import pytest
 import trimesh
 
 from polarsim.formats.scene import read_terrain
-from polarsim.labels.position_shadows import CastShadow, mean_shadow
+from polarsim.labels.position_shadows import CastShadow, mean_shadow, mostly_shaded
 from polarsim.labels.shadows import Ids, lamp, shadow_box
 from polarsim.labels.view import View
 from polarsim.labels.world import build_world
@@ -163,3 +163,9 @@ def test_an_edge_that_the_drawn_photo_cut_is_the_cast_one():
 def test_a_shadow_cast_elsewhere_moves_nothing():
     for cast in (None, CastShadow(DRAWN + 100, in_photo=True)):
         np.testing.assert_allclose(mean_shadow(DRAWN, INSIDE, cast, 0.3), DRAWN)
+
+
+def test_a_shadow_that_lies_mostly_in_a_walls_is_not_seen():
+    shadow = np.array([[NO_ROCK, 4, 4, 4, 4, 7, 7]])
+    assert mostly_shaded(shadow, np.array([[1, 1, 0, 0, 0, 0, 0]], bool)) == [NO_ROCK, 4]
+    assert mostly_shaded(shadow, np.array([[0, 0, 0, 0, 0, 1, 1]], bool)) == [7]
