@@ -30,6 +30,8 @@ class Model(StrEnum):
     hapke = "hapke"
     lambert = "lambert"
     lunar_lambert = "lunar_lambert"
+    hapke_chrono = "hapke_chrono"
+    principled_chrono = "principled_chrono"
 
 
 class Engine(StrEnum):
@@ -275,6 +277,40 @@ def render(
     )
     png.write(out, to_8bit(picture) if preview else picture)
     typer.echo(str(out))
+
+
+@app.command()
+def brdf(
+    model: Annotated[Model, typer.Argument(help="Reflectance model.")],
+    incidence: Annotated[float, typer.Option(min=0, max=90, help="Of the light, deg from the normal.")] = 30.0,
+    emergence: Annotated[float, typer.Option(min=0, max=90, help="Of the view, deg from the normal.")] = 0.0,
+    azimuth: Annotated[
+        float, typer.Option(min=0, max=180, help="Between both, deg; 0: viewer on the lamp's side, 180: opposite.")
+    ] = 0.0,
+    soil: Annotated[
+        str | None, typer.Option("--set", help="Parameter set of Hapke's models; default: chrono_lunar.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw it over the phase angle into this picture, for every set unless --set.")
+    ] = None,
+) -> None:
+    """Print a reflectance, f_r in 1/sr, and the reflectance factor pi f_r (1: a perfectly white matt surface)."""
+    import numpy as np
+
+    from polarsim.render.goniometer import parameters_of, phase_deg, reflectance_at
+    from polarsim.render.options import HAPKE_SETS
+
+    angles = (np.array([incidence]), np.array([emergence]), np.array([azimuth]))
+    value = reflectance_at(parameters_of(model.value, soil), *angles)[0]
+    typer.echo(f"phase   {phase_deg(*angles)[0]:.6g} deg")
+    typer.echo(f"f_r     {value:.6g} 1/sr")
+    typer.echo(f"pi f_r  {np.pi * value:.6g}")
+    if plot:
+        from polarsim.tables.figures.brdf import draw_brdf
+
+        names = list(HAPKE_SETS) if soil is None and model in (Model.hapke, Model.hapke_chrono) else [soil]
+        draw_brdf(plot, {name or model.value: parameters_of(model.value, name) for name in names}, incidence)
+        typer.echo(str(plot))
 
 
 @app.command()

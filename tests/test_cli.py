@@ -112,3 +112,16 @@ def test_bad_input_ends_in_one_line(tmp_path, monkeypatch, arguments):
 def test_help_states_units():
     text = polarsim("render", "--help").stdout
     assert all(unit in text for unit in ("deg", "ms", "m, sandbox"))
+
+
+def test_brdf_prints_a_pinned_value():
+    done = polarsim("brdf", "hapke", "--incidence", 30, "--emergence", 0, "--azimuth", 0, "--set", "chrono_lunar")
+    assert done.returncode == 0
+    assert "f_r     0.0422483 1/sr" in done.stdout
+    assert "pi f_r  0.132727" in done.stdout
+
+
+def test_brdf_refuses_a_set_that_is_not_there():
+    done = polarsim("brdf", "hapke", "--set", "basalt")
+    assert done.returncode == 1
+    assert "expected chrono_lunar" in done.stderr

@@ -13,10 +13,12 @@ import math
 import numpy as np
 
 from polarsim.render.options import (
+    HapkeChronoParameters,
     HapkeParameters,
     LambertParameters,
     LunarLambertParameters,
     Parameters,
+    PrincipledChronoParameters,
     PrincipledParameters,
 )
 
@@ -33,6 +35,8 @@ def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray,
         PrincipledParameters: principled,
         LambertParameters: lambert,
         LunarLambertParameters: lunar_lambert,
+        HapkeChronoParameters: hapke_chrono,
+        PrincipledChronoParameters: principled_chrono,
     }[type(parameters)]
     values = np.empty(len(normal), np.result_type(normal, to_lamp, to_viewer))
     for start in range(0, len(normal), _CHUNK):
@@ -81,6 +85,21 @@ def principled(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: i
     return diffuse + fresnel * density * masking_i * masking_e / 4
 
 
+def principled_chrono(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def] # noqa: ARG001
+    """Chrono::Sensor 2025, `material_shaders.cu`, over pi: Lambert less what is mirrored; GGX with Hammon's masking."""
+    p = parameters
+    half = to_lamp + to_viewer
+    length2 = _dot(half, half)
+    cos2_h, cos_d = (cos_i + cos_e) ** 2 / length2, 0.5 * np.sqrt(length2)
+    density = p.roughness**2 / (cos2_h * (p.roughness**2 - 1) + 1) ** 2
+    masking = 0.5 / ((1 - p.roughness) * 2 * cos_i * cos_e + p.roughness * (cos_i + cos_e))
+    if p.workflow == "specular":
+        mirrored, albedo = 0.08 * p.k_s + (1 - 0.08 * p.k_s) * _fifth(1 - cos_d), p.k_d
+    else:
+        mirrored, albedo = p.metallic * p.k_d + (1 - p.metallic) * 0.04, p.k_d * (1 - p.metallic)
+    return ((1 - mirrored) * albedo + mirrored * density * masking) / np.pi
+
+
 def _fifth(x: np.ndarray) -> np.ndarray:
     """x^5; five times faster than NumPy's power."""
     return (x * x) * (x * x) * x
@@ -94,16 +113,26 @@ def _dielectric(cos_d: np.ndarray, eta: float) -> np.ndarray:
     return (across**2 + along**2) / 2
 
 
-def hapke(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
-    """Hapke 2012 (book, 2nd edition), as laid out in Sato et al., JGR Planets 119 (2014) 1775, appendix A."""
+def hapke_chrono(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
+    """Chrono::Sensor 2025, `material_shaders.cu`: not reciprocal, discontinuous where i = g."""
+    by_phase = cos_i >= _dot(to_lamp, to_viewer)
+    return parameters.k_d * hapke(parameters.hapke, normal, to_lamp, to_viewer, cos_i, cos_e, by_phase)
+
+
+def hapke(parameters, normal, to_lamp, to_viewer, cos_i, cos_e, lamp_steeper=None):  # type: ignore[no-untyped-def]
+    """Hapke 2012 (book, 2nd edition), as laid out in Sato et al., JGR Planets 119 (2014) 1775, appendix A.
+
+    `lamp_steeper` (n,): which of the two rays counts as the steeper one; by default the one that is.
+    """
     p = parameters
+    lamp_steeper = cos_i >= cos_e if lamp_steeper is None else lamp_steeper  # i <= e
     u = 1.209 * p.filling ** (2 / 3)
     porosity = -math.log1p(-u) / u if u > 0 else 1.0
     tan_half = _tan_half_phase(to_lamp, to_viewer)
     cos_g = _dot(to_lamp, to_viewer)
     theta_bar = math.radians(p.theta_bar_deg)
     if theta_bar > _SMOOTH:
-        eff_i, eff_e, shading = _roughness(math.tan(theta_bar), normal, to_lamp, to_viewer, cos_i, cos_e)
+        eff_i, eff_e, shading = _roughness(math.tan(theta_bar), normal, to_lamp, to_viewer, cos_i, cos_e, lamp_steeper)
     else:
         eff_i, eff_e, shading = cos_i, cos_e, 1 / cos_i
     single = _phase(cos_g, p.b, p.c)
@@ -138,7 +167,7 @@ def _coherent(x: np.ndarray) -> np.ndarray:
     return (1 - np.expm1(-safe) / safe) / (2 * (1 + x) ** 2)
 
 
-def _roughness(tan_bar, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
+def _roughness(tan_bar, normal, to_lamp, to_viewer, cos_i, cos_e, lamp_steeper):  # type: ignore[no-untyped-def]
     """Effective cosines and shading S / cos i (Hapke, Icarus 59 (1984) 41), for tan(theta-bar) > 0.
 
     The two published branches are one formula in the steeper and the flatter of the two rays.
@@ -152,7 +181,6 @@ def _roughness(tan_bar, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: igno
     e1_e, e2_e = _slopes(tan_bar, cos_e, sin_e)
     eta_i = chi * (cos_i + sin_i * tan_bar * e2_i / (2 - e1_i))
     eta_e = chi * (cos_e + sin_e * tan_bar * e2_e / (2 - e1_e))
-    lamp_steeper = cos_i >= cos_e  # i <= e
     e1_steep, e1_flat = np.where(lamp_steeper, e1_i, e1_e), np.where(lamp_steeper, e1_e, e1_i)
     e2_steep, e2_flat = np.where(lamp_steeper, e2_i, e2_e), np.where(lamp_steeper, e2_e, e2_i)
     both = 2 - e1_flat - psi / np.pi * e1_steep

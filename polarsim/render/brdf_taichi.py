@@ -15,7 +15,14 @@ import taichi as ti
 
 from polarsim.errors import RenderError
 from polarsim.render.brdf import GRAZING
-from polarsim.render.options import HapkeParameters, LambertParameters, Parameters, PrincipledParameters
+from polarsim.render.options import (
+    HapkeChronoParameters,
+    HapkeParameters,
+    LambertParameters,
+    Parameters,
+    PrincipledChronoParameters,
+    PrincipledParameters,
+)
 
 _VECTORS = ti.types.ndarray(dtype=ti.math.vec3, ndim=1)
 _VALUES = ti.types.ndarray(dtype=ti.f32, ndim=1)
@@ -52,7 +59,12 @@ def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray,
     if not len(normal):
         return value
     if isinstance(parameters, HapkeParameters):
-        _hapke(*vectors, value, *_hapke_numbers(parameters))
+        _hapke(*vectors, value, *_hapke_numbers(parameters), 0)
+    elif isinstance(parameters, HapkeChronoParameters):
+        _hapke(*vectors, value, *_hapke_numbers(parameters.hapke), 1)
+        value *= np.float32(parameters.k_d)
+    elif isinstance(parameters, PrincipledChronoParameters):
+        _principled_chrono(*vectors, value, *_chrono_numbers(parameters))
     elif isinstance(parameters, PrincipledParameters):
         alpha2 = max(0.001, parameters.roughness**2) ** 2
         eta = 2 / (1 - math.sqrt(0.08 * parameters.specular)) - 1
@@ -70,6 +82,13 @@ def _hapke_numbers(p: HapkeParameters) -> tuple[float, ...]:
     porosity = -math.log1p(-u) / u if u > 0 else 1.0
     tan_bar = math.tan(math.radians(p.theta_bar_deg))
     return p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, porosity, float(p.h_function)
+
+
+def _chrono_numbers(p: PrincipledChronoParameters) -> tuple[float, ...]:
+    """Roughness, albedo, mirrored share at normal incidence, and how much of the rest is mirrored at grazing angles."""
+    if p.workflow == "specular":
+        return p.roughness, p.k_d, 0.08 * p.k_s, 1.0
+    return p.roughness, p.k_d * (1 - p.metallic), p.metallic * p.k_d + (1 - p.metallic) * 0.04, 0.0
 
 
 @ti.func
@@ -123,6 +142,22 @@ def _principled(
             fresnel = (1 - metallic) * _dielectric(cos_d, eta)
             fresnel += metallic * (base + (1 - base) * (1 - cos_d) ** 5)
             out[n] = diffuse + fresnel * density * _masking(cos_i, alpha2) * _masking(cos_e, alpha2) / 4
+
+
+@ti.kernel
+def _principled_chrono(
+    normal: _VECTORS, lamp: _VECTORS, viewer: _VECTORS, out: _VALUES,
+    rough: ti.f32, albedo: ti.f32, mirrored: ti.f32, grazing: ti.f32,
+):  # fmt: skip
+    for n in out:
+        cos_i, cos_e = normal[n].dot(lamp[n]), normal[n].dot(viewer[n])
+        if cos_i > GRAZING and cos_e > GRAZING:
+            half = lamp[n] + viewer[n]
+            length2 = half.dot(half)
+            spread = (cos_i + cos_e) ** 2 / length2 * (rough * rough - 1) + 1
+            masking = 0.5 / ((1 - rough) * 2 * cos_i * cos_e + rough * (cos_i + cos_e))
+            share = mirrored + grazing * (1 - mirrored) * (1 - 0.5 * ti.sqrt(length2)) ** 5
+            out[n] = ((1 - share) * albedo + share * rough * rough / (spread * spread) * masking) / _PI
 
 
 @ti.func
@@ -181,7 +216,7 @@ def _azimuth(along, across):
 
 
 @ti.func
-def _roughness(tan_bar, normal, lamp, viewer, cos_i, cos_e):
+def _roughness(tan_bar, normal, lamp, viewer, cos_i, cos_e, viewer_steeper):
     """Effective cosines, and S / cos i."""
     lamp_flat, view_flat = lamp - cos_i * normal, viewer - cos_e * normal
     psi = _azimuth(lamp_flat.dot(view_flat), ti.abs(normal.dot(lamp_flat.cross(view_flat))))
@@ -192,12 +227,12 @@ def _roughness(tan_bar, normal, lamp, viewer, cos_i, cos_e):
     eta_i = chi * (cos_i + sin_i * tan_bar * slopes_i[1] / (2 - slopes_i[0]))
     eta_e = chi * (cos_e + sin_e * tan_bar * slopes_e[1] / (2 - slopes_e[0]))
     steep, flat, ratio = slopes_i, slopes_e, cos_i / eta_i
-    if cos_i < cos_e:
+    if viewer_steeper:
         steep, flat, ratio = slopes_e, slopes_i, cos_e / eta_e
     both = 2 - flat[0] - psi[0] / _PI * steep[0]
     tilt_i = tan_bar * (psi[1] * flat[1] + sin2_half * steep[1]) / both
     tilt_e = tan_bar * (flat[1] - sin2_half * steep[1]) / both
-    if cos_i < cos_e:
+    if viewer_steeper:
         tilt_i, tilt_e = tilt_e, tilt_i
     eff_i, eff_e = chi * (cos_i + sin_i * tilt_i), chi * (cos_e + sin_e * tilt_e)
     hidden = ti.exp(-2 * psi[2])
@@ -208,14 +243,17 @@ def _roughness(tan_bar, normal, lamp, viewer, cos_i, cos_e):
 def _hapke(
     normal: _VECTORS, lamp: _VECTORS, viewer: _VECTORS, out: _VALUES,
     w: ti.f32, b: ti.f32, c: ti.f32, b_s0: ti.f32, h_s: ti.f32, b_c0: ti.f32, h_c: ti.f32,
-    tan_bar: ti.f32, porosity: ti.f32, h_function: ti.f32,
+    tan_bar: ti.f32, porosity: ti.f32, h_function: ti.f32, by_phase: ti.i32,
 ):  # fmt: skip
     for n in out:
         cos_i, cos_e = normal[n].dot(lamp[n]), normal[n].dot(viewer[n])
         if cos_i > GRAZING and cos_e > GRAZING:
             rough = ti.math.vec3(cos_i, cos_e, 1 / cos_i)
             if tan_bar > 1e-6:
-                rough = _roughness(tan_bar, normal[n], lamp[n], viewer[n], cos_i, cos_e)
+                viewer_steeper = cos_i < cos_e
+                if by_phase:
+                    viewer_steeper = cos_i < lamp[n].dot(viewer[n])
+                rough = _roughness(tan_bar, normal[n], lamp[n], viewer[n], cos_i, cos_e, viewer_steeper)
             tan_half = _tan_half_phase(lamp[n], viewer[n])
             single = _phase(lamp[n].dot(viewer[n]), b, c) * (1 + b_s0 / (1 + tan_half / h_s))
             multiple = _chandrasekhar(rough[0] / porosity, w, h_function)

@@ -13,7 +13,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.render import brdf
 from polarsim.render.hits import Hits, cast_strip, dot, for_strips, sample_offsets, unit
 from polarsim.render.lamps import Lamp
-from polarsim.render.options import Model, Parameters, RenderOptions
+from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
 from polarsim.render.shadows import ground_shadows
 from polarsim.render.surfaces import Surfaces
 
@@ -56,7 +56,7 @@ def render_view(
         The engine cannot be loaded.
     """
     reflectance = reflectance_engine(options, threads)
-    albedo = {model: hemispherical_albedo(options.parameters(model)) for model in models}
+    albedo = {model: 0.0 if model in CHRONO else hemispherical_albedo(options.parameters(model)) for model in models}
     offsets = sample_offsets(options.samples)
     surfaces.prepare(shadows=bool(throwing))
     size = (lens.height, lens.width)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 from pydantic import BaseModel, Field, PositiveFloat
 
-Model = Literal["principled", "hapke", "lambert", "lunar_lambert"]
-MODELS: tuple[Model, ...] = ("principled", "hapke", "lambert", "lunar_lambert")
+Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
+MODELS: tuple[Model, ...] = get_args(Model)
+CHRONO: tuple[Model, ...] = ("hapke_chrono", "principled_chrono")  # direct light only, as in the paper's pictures
 
 
 class HapkeParameters(BaseModel, extra="forbid", frozen=True):
@@ -70,7 +71,37 @@ class LunarLambertParameters(BaseModel, extra="forbid", frozen=True):
     weight: Literal["mcewen"] | float = Field("mcewen", description="Share L of Lommel-Seeliger; mcewen: by phase.")
 
 
-Parameters = HapkeParameters | PrincipledParameters | LambertParameters | LunarLambertParameters
+class HapkeChronoParameters(BaseModel, extra="forbid", frozen=True):
+    """Chrono::Sensor's Hapke shader of 2025, with its slip: rough slopes are told apart by i <= g, not by i <= e."""
+
+    soil: HapkeSet | HapkeParameters = Field("chrono_lunar", description="Name of a parameter set, or the parameters.")
+    k_d: float = Field(0.7, ge=0, le=1, description="Diffuse colour: a factor of the whole.")
+
+    @property
+    def hapke(self) -> HapkeParameters:
+        """Without coherent backscatter, which that shader leaves out."""
+        found = HAPKE_SETS[self.soil] if isinstance(self.soil, str) else self.soil
+        return found.model_copy(update={"b_c0": 0.0})
+
+
+class PrincipledChronoParameters(BaseModel, extra="forbid", frozen=True):
+    """Chrono::Sensor's Principled shader of 2025; f_r is its factor over pi."""
+
+    k_d: float = Field(0.7, ge=0, le=1, description="Diffuse colour.")
+    k_s: float = Field(1.0, ge=0, le=1, description="Specular colour; counts in the specular workflow.")
+    roughness: float = Field(0.8, ge=0.001, le=1, description="GGX alpha itself.")
+    metallic: float = Field(0, ge=0, le=1, description="Share of metal; counts in the metallic workflow.")
+    workflow: Literal["specular", "metallic"] = Field("specular", description="What mirrors: k_s, or metal.")
+
+
+Parameters = (
+    HapkeParameters
+    | PrincipledParameters
+    | LambertParameters
+    | LunarLambertParameters
+    | HapkeChronoParameters
+    | PrincipledChronoParameters
+)
 
 
 class RenderOptions(BaseModel, extra="forbid", frozen=True):
@@ -84,13 +115,19 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
     principled: PrincipledParameters = PrincipledParameters()
     lambert: LambertParameters = LambertParameters()
     lunar_lambert: LunarLambertParameters = LunarLambertParameters()
+    hapke_chrono: HapkeChronoParameters = HapkeChronoParameters()
+    principled_chrono: PrincipledChronoParameters = PrincipledChronoParameters()
 
     samples: Literal[1, 4] = Field(1, description="Rays a pixel.")
     falloff: bool = Field(
         False, description="Lamps weaken with the square of the distance. Off: real spots light the sand more evenly."
     )
     bounce: float = Field(
-        0.01, ge=0, le=1, description="Light that walls return from above, over a lamp's irradiance 4 m away; 0: none."
+        0.01,
+        ge=0,
+        le=1,
+        description="Light that walls return from above, over a lamp's irradiance 4 m away; 0: none. Chrono's models "
+        "have none.",
     )
     seat_m: float = Field(
         0.05,
@@ -117,6 +154,5 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
         """The parameters of a model."""
         if model == "hapke":
             return HAPKE_SETS[self.hapke] if isinstance(self.hapke, str) else self.hapke
-        if model == "principled":
-            return self.principled
-        return self.lambert if model == "lambert" else self.lunar_lambert
+        found: Parameters = getattr(self, model)
+        return found

@@ -46,7 +46,7 @@ def render_scene(
     exposure_ms : float
         Exposure time, ms.
     model : str
-        `principled`, `hapke`, `lambert` or `lunar_lambert`; its parameters and gain are those of the options.
+        One of `render.options.MODELS`; its parameters and gain are those of the options.
 
     Returns
     -------

@@ -10,7 +10,7 @@ from polarsim.photo import PhotoKey
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp, lamps_of, lit_by
 from polarsim.render.layers import hemispherical_albedo, render_view
-from polarsim.render.options import HAPKE_SETS, LambertParameters, RenderOptions
+from polarsim.render.options import CHRONO, HAPKE_SETS, LambertParameters, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.survey import ROVER_LIGHT_SHARE
 
@@ -113,6 +113,15 @@ def test_bounce_reaches_shadows(surfaces, above, lens, plain):
     image = layer(surfaces, above, lens, lamp, plain.model_copy(update={"bounce": 0.1}))
     column, row = np.floor(lens.project(above.inverse().apply(np.array([-0.4, 0.0, 0.0])))).astype(int)
     assert image[row, column] == pytest.approx(0.1 * plain.lambert.albedo / np.pi, rel=1e-5)
+
+
+@pytest.mark.parametrize("model", CHRONO)
+def test_chrono_s_models_have_direct_light_alone(surfaces, above, lens, plain, model):
+    lamp = Lamp(np.array([3.0, 0.0, 1.0]))
+    image = layer(surfaces, above, lens, lamp, plain.model_copy(update={"bounce": 0.1}), model)
+    column, row = np.floor(lens.project(above.inverse().apply(np.array([-0.4, 0.0, 0.0])))).astype(int)
+    assert image[row, column] == 0
+    assert image.max() > 0
 
 
 def test_walls_throw_shadows_onto_the_sand(blocks, above, lens):

@@ -8,7 +8,7 @@ from polarsim.formats import png
 from polarsim.geometry.poses import looking
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.gain import default_gain, gain_ratios
-from polarsim.render.options import RenderOptions
+from polarsim.render.options import MODELS, RenderOptions
 from polarsim.render.scene import render_scene
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.survey import SURVEYED_LEFT, lamp_position
@@ -83,7 +83,7 @@ def test_a_position_without_a_pose_is_a_warning_and_a_gap(folders, caplog):
 
 
 def test_level_ground_at_the_centre_has_the_stated_brightness(lens):
-    for model in ("principled", "hapke", "lambert", "lunar_lambert"):
+    for model in MODELS:
         options = RenderOptions(falloff=False)
         to_lamp, to_viewer = lamp_position("30"), SURVEYED_LEFT["A"]
         from polarsim.render.brdf import reflectance

@@ -1,0 +1,57 @@
+"""Reflectance by angles: incidence and emergence from the normal, azimuth between both, degrees.
+
+Azimuth 0 has lamp and viewer on the same side of the normal, 180 on opposite sides, where a mirror sends the light.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from polarsim.errors import RenderError
+from polarsim.render.brdf import reflectance
+from polarsim.render.options import HAPKE_SETS, HapkeChronoParameters, Model, Parameters, RenderOptions
+
+
+def parameters_of(model: Model, soil: str | None = None) -> Parameters:
+    """The default parameters of a model, of Hapke's models with a set of `HAPKE_SETS`.
+
+    Raises
+    ------
+    RenderError
+        No such set, or a set for another model than Hapke's.
+    """
+    if soil is None:
+        return RenderOptions().parameters(model)
+    if model not in ("hapke", "hapke_chrono"):
+        raise RenderError(f"set {soil!r}: {model} has no parameter sets, hapke and hapke_chrono have")
+    if soil not in HAPKE_SETS:
+        raise RenderError(f"set {soil!r}, expected {', '.join(HAPKE_SETS)}")
+    return HAPKE_SETS[soil] if model == "hapke" else HapkeChronoParameters(soil=HAPKE_SETS[soil])
+
+
+def reflectance_at(
+    parameters: Parameters, incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg: np.ndarray
+) -> np.ndarray:
+    """(n,) f_r in 1/sr at angles (n,); 0 at 90 degrees and beyond."""
+    normal, to_lamp, to_viewer = directions(incidence_deg, emergence_deg, azimuth_deg)
+    return reflectance(parameters, normal, to_lamp, to_viewer)
+
+
+def directions(
+    incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Unit vectors (n, 3) along the normal, to the lamp and to the viewer, of angles (n,)."""
+    i, e, psi = (
+        np.radians(a) for a in np.broadcast_arrays(*map(np.atleast_1d, (incidence_deg, emergence_deg, azimuth_deg)))
+    )
+    zero = np.zeros_like(i)
+    to_lamp = np.stack([np.sin(i), zero, np.cos(i)], axis=1)
+    to_viewer = np.stack([np.sin(e) * np.cos(psi), np.sin(e) * np.sin(psi), np.cos(e)], axis=1)
+    return np.tile([0.0, 0.0, 1.0], (len(i), 1)), to_lamp, to_viewer
+
+
+def phase_deg(incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg: np.ndarray) -> np.ndarray:
+    """(n,) angle between the directions to lamp and viewer, degrees."""
+    _, to_lamp, to_viewer = directions(incidence_deg, emergence_deg, azimuth_deg)
+    apart, together = (np.linalg.norm(to_lamp + sign * to_viewer, axis=1) for sign in (-1, 1))
+    return np.asarray(np.degrees(2 * np.arctan2(apart, together)))
