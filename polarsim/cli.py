@@ -245,6 +245,11 @@ def render(
     intensity: Annotated[
         float, typer.Option(min=0, help="Radiant intensity of the lamp over that of POLAR's Sun lamp.")
     ] = 1.0,
+    lamp_radius: Annotated[float, typer.Option(min=0, help="Radius of the lamp's disc, m; 0: a point.")] = 0.0,
+    sun: Annotated[
+        tuple[float, float] | None,
+        typer.Option(help="The Sun instead of the lamp: azimuth, deg from +X towards +Y, and elevation, deg."),
+    ] = None,
     exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = 256.0,
     model: Annotated[Model, typer.Option(help="Reflectance model.")] = Model.hapke,
     engine: Annotated[Engine | None, typer.Option(help="Shading engine; default is the configuration's.")] = None,
@@ -260,6 +265,7 @@ def render(
     from polarsim.formats.rigs import read_placed
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
+    from polarsim.render.lamps import Lamp
     from polarsim.render.options import RenderOptions
     from polarsim.render.scene import render_scene
     from polarsim.tables.tone import to_8bit
@@ -270,7 +276,7 @@ def render(
         terrain=terrain,
         sandbox_from_camera=looking(np.array(camera), *np.radians([yaw, pitch, roll])),
         lens=lens,
-        lamps={"sun": (np.array(lamp), intensity)},
+        lamps={"sun": Lamp.sun(*sun, intensity) if sun else Lamp(np.array(lamp), intensity, lamp_radius)},
         exposure_ms=exposure,
         model=model.value,
         options=RenderOptions(**({"engine": engine.value} if engine else {})),

@@ -73,6 +73,9 @@ def test_render_writes_a_12_bit_picture_of_a_lit_plane(tmp_path):
     done = polarsim("render", tmp_path, tmp_path / "twin.png", "--exposure", 128, "--model", "lambert")
     assert done.returncode == 0, done.stderr
     assert png.read_photo(tmp_path / "twin.png").max() > 100
+    done = polarsim("render", tmp_path, tmp_path / "sun.png", "--exposure", 128, "--sun", 30, 15)
+    assert done.returncode == 0, done.stderr
+    assert png.read_photo(tmp_path / "sun.png").max() > 100
 
 
 def test_a_release_with_a_malformed_line_is_refused_by_validate(tmp_path):

@@ -1,4 +1,4 @@
-"""The lamps of a photo: near point lights."""
+"""The lamps of a photo, near points or discs of light, and the Sun of lunar scenes."""
 
 from __future__ import annotations
 
@@ -15,26 +15,41 @@ ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
 REFERENCE_DISTANCE = 4.0  # metres at which a lamp of intensity 1 makes irradiance 1, with falloff and without
 
 
+SUN_DISTANCE = 1e4  # metres: its direction differs by 0.02 degrees between two ends of the sandbox
+SUN_RADIUS_DEG = 0.2665  # half the Sun's mean apparent diameter
+
+
 @dataclass(frozen=True)
 class Lamp:
-    """A point light: position (3,) in the sandbox, metres; intensity over that of a Sun lamp."""
+    """A light: position (3,) in the sandbox, metres; intensity over that of a Sun lamp."""
 
     position: np.ndarray
     intensity: float = 1.0
+    radius_m: float = 0.0  # of its disc, which faces every point that it lights
+    distant: bool = False  # as bright everywhere
+
+    @classmethod
+    def sun(cls, azimuth_deg: float, elevation_deg: float, intensity: float = 1.0) -> Lamp:
+        """The Sun itself: heading from +X towards +Y, height above the horizon; 0.53 degrees wide."""
+        azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
+        level = np.cos(elevation)
+        towards = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+        radius = SUN_DISTANCE * float(np.tan(np.radians(SUN_RADIUS_DEG)))
+        return cls(SUN_DISTANCE * towards, intensity, radius, distant=True)
 
     def light_at(self, points: np.ndarray, *, falloff: bool) -> tuple[np.ndarray, np.ndarray]:
         """Vectors to the lamp (n, 3), in metres, and irradiance across the beam (n,), at points (n, 3)."""
         to_lamp = self.position.astype(points.dtype) - points
-        if not falloff:
+        if self.distant or not falloff:
             return to_lamp, np.full(len(points), self.intensity, points.dtype)
         square = np.einsum("nk,nk->n", to_lamp, to_lamp)
         return to_lamp, self.intensity * REFERENCE_DISTANCE**2 / square
 
 
-def lamps_of(suns: Mapping[str, np.ndarray], rig: PlacedRig) -> dict[str, Lamp]:
-    """Sun lamps by azimuth, at their places (3,), and the rover light of a rig."""
+def lamps_of(suns: Mapping[str, np.ndarray], rig: PlacedRig, radius_m: float = 0.0) -> dict[str, Lamp]:
+    """Sun lamps by azimuth, discs of a radius at their places (3,), and the rover light of a rig, a point."""
     rover = Lamp(rig.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)
-    return {**{azimuth: Lamp(place) for azimuth, place in suns.items()}, ROVER: rover}
+    return {**{azimuth: Lamp(place, radius_m=radius_m) for azimuth, place in suns.items()}, ROVER: rover}
 
 
 def lit_by(light: Light, azimuth: Azimuth) -> tuple[str, ...]:

@@ -14,10 +14,12 @@ from polarsim.render import brdf
 from polarsim.render.hits import Hits, cast_strip, dot, for_strips, sample_offsets, unit
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
+from polarsim.render.penumbra import visible_share
 from polarsim.render.shadows import ground_shadows
 from polarsim.render.surfaces import Surfaces
 
 NO_LAMP = "none"  # name of the picture of ids without any shadow
+_SCATTER = (0.6180339887, 0.7548776662)  # steps that never come near a place of before: turns of neighbours differ
 _CENTRE = (0.0, 0.0)  # of a pixel: ids are those of what it meets
 Reflectance = Callable[[Parameters, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
@@ -71,8 +73,11 @@ def render_view(
             if options.bounce:
                 from_above[rows].reshape(-1)[hits.pixel] += (1 + hits.normal[:, 2]) / np.float32(2 * len(offsets))
             for name, lamp in lamps.items():
-                lit, to_lamp, irradiance = lighting(surfaces, hits, lamp, falloff=options.falloff)
-                lit_hits[name] = lit
+                lit, to_lamp, irradiance = lighting(
+                    surfaces, hits, lamp, falloff=options.falloff, samples=options.lamp_samples
+                )
+                if not lamp.radius_m:  # else it may be a part of the disc alone that lights them
+                    lit_hits[name] = lit
                 for model in models:
                     strip = layers[model, name][rows].reshape(-1)  # a view: rows are whole
                     value = reflectance(options.parameters(model), hits.normal[lit], to_lamp, hits.to_viewer[lit])
@@ -93,13 +98,24 @@ def render_view(
     return Rendering(layers, ids)
 
 
-def lighting(surfaces: Surfaces, hits: Hits, lamp: Lamp, *, falloff: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Numbers (m,) of the hits that a lamp lights, unit vectors (m, 3) to it, irradiance (m,) of the surface there."""
+def lighting(
+    surfaces: Surfaces, hits: Hits, lamp: Lamp, *, falloff: bool, samples: int = 1
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Numbers (m,) of the hits that a lamp lights, unit vectors (m, 3) to it, irradiance (m,) of the surface there.
+
+    `samples`: rays to a lamp that is a disc, where it is seen in part.
+    """
     to_lamp, irradiance = lamp.light_at(hits.point, falloff=falloff)
     # A flat face that looks away gets no light, whatever its smooth normal says: else light leaks past the terminator.
     facing = (dot(hits.plane, to_lamp) > 0) & (dot(hits.normal, to_lamp) > 0)
     lit = np.flatnonzero(facing)
-    lit = lit[~surfaces.all.blocked(hits.point[lit], to_lamp[lit], 1.0)]
+    if lamp.radius_m:
+        turn = 2 * np.pi * ((hits.pixel[lit] * _SCATTER[0] + hits.rows.start * _SCATTER[1]) % 1)
+        share = visible_share(surfaces, hits.point[lit], to_lamp[lit], lamp.radius_m, samples, turn)
+        irradiance[lit] *= share
+        lit = lit[share > 0]
+    else:
+        lit = lit[~surfaces.all.blocked(hits.point[lit], to_lamp[lit], 1.0)]
     to_lamp = unit(to_lamp[lit])
     return lit, to_lamp, irradiance[lit] * dot(hits.normal[lit], to_lamp)
 

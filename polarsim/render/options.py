@@ -122,6 +122,10 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
     falloff: bool = Field(
         False, description="Lamps weaken with the square of the distance. Off: real spots light the sand more evenly."
     )
+    lamp_radius_m: float = Field(
+        0, ge=0, description="Radius of the Sun lamps' discs, metres; 0: points, whose shadows have sharp edges."
+    )
+    lamp_samples: int = Field(16, ge=1, description="Rays to a lamp's disc where it is seen in part.")
     bounce: float = Field(
         0.01,
         ge=0,

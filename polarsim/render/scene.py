@@ -25,7 +25,7 @@ def render_scene(
     terrain: int,
     sandbox_from_camera: Pose,
     lens: Lens,
-    lamps: Mapping[str, tuple[np.ndarray, float]],
+    lamps: Mapping[str, Lamp],
     exposure_ms: float,
     model: Model,
     options: RenderOptions,
@@ -41,8 +41,8 @@ def render_scene(
         `geometry.poses.looking` makes one from a place and angles.
     lens : Lens
         `lens.scaled(0.25)` renders a small picture.
-    lamps : name -> (position (3,), intensity)
-        Places in the sandbox frame, metres, and intensities over that of a Sun lamp; any names. None: black.
+    lamps : name -> Lamp
+        Near points or discs of light, or `Lamp.sun`; any names. None: black.
     exposure_ms : float
         Exposure time, ms.
     model : str
@@ -61,8 +61,7 @@ def render_scene(
         The engine cannot be loaded.
     """
     surfaces = surfaces_of(read_terrain(meshes, terrain), options)
-    placed = {name: Lamp(np.asarray(position, float), intensity) for name, (position, intensity) in lamps.items()}
-    view = render_view(surfaces, sandbox_from_camera, lens, placed, [model], None, options, threads)
+    view = render_view(surfaces, sandbox_from_camera, lens, lamps, [model], None, options, threads)
     radiance = sum(view.layers.values(), np.zeros((lens.height, lens.width), np.float32))
     if options.vignetting:
         radiance = radiance * vignette(lens)

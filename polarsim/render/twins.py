@@ -129,7 +129,7 @@ def _render(
 ) -> Rendering:
     """The view under the lamps that its photos need."""
     needed = {name for key in keys for name in lit_by(key.light, key.azimuth)}
-    lamps = {name: lamp for name, lamp in lamps_of(suns, rig).items() if name in needed}
+    lamps = {name: lamp for name, lamp in lamps_of(suns, rig, options.lamp_radius_m).items() if name in needed}
     throwing = sorted({lit_by(key.light, key.azimuth)[0] for key in keys if lit_by(key.light, key.azimuth)})
     pose, lens = rig.sandbox_from(camera), rig.rig.lens(camera)
     return render_view(surfaces, pose, lens, lamps, models, throwing, options, threads)

@@ -1,0 +1,66 @@
+"""How much of a lamp's disc a point sees: soft edges of shadows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from polarsim.render.hits import unit
+from polarsim.render.surfaces import Surfaces, cross
+
+PROBES = 5  # rays to the centre and rim of the disc: where all agree, no more are cast
+_GOLDEN = np.pi * (3 - np.sqrt(5))  # radians between two points of Vogel's sunflower, which covers a disc evenly
+
+
+def visible_share(
+    surfaces: Surfaces, points: np.ndarray, to_lamp: np.ndarray, radius_m: float, samples: int, turn: np.ndarray
+) -> np.ndarray:
+    """(n,) float32 share, 0 to 1, of a disc that faces each point and that nothing hides from it.
+
+    Parameters
+    ----------
+    points, to_lamp : (n, 3) float32
+        Places, and vectors to the disc's centre, metres.
+    samples : int
+        Rays a point, where some of the first ones are blocked and some are not.
+    turn : (n,) float
+        Radians by which the pattern of rays is turned: another one for each point makes grain of what would be bands.
+    """
+    share = 1 - _blocked_share(surfaces, points, to_lamp, radius_m, _rim(), turn)
+    soft = np.flatnonzero((share > 0) & (share < 1))
+    if len(soft):
+        share[soft] = 1 - _blocked_share(
+            surfaces, points[soft], to_lamp[soft], radius_m, _sunflower(samples), turn[soft]
+        )
+    return share
+
+
+def _rim() -> np.ndarray:
+    """(PROBES, 2) centre and rim of the unit disc: radius and angle."""
+    return np.array([[0, 0], *((1, quarter * np.pi / 2) for quarter in range(PROBES - 1))], float)
+
+
+def _sunflower(samples: int) -> np.ndarray:
+    """(samples, 2) points that cover the unit disc evenly: radius and angle."""
+    number = np.arange(samples)
+    return np.stack([np.sqrt((number + 0.5) / samples), number * _GOLDEN], axis=1)
+
+
+def _blocked_share(
+    surfaces: Surfaces, points: np.ndarray, to_lamp: np.ndarray, radius_m: float, pattern: np.ndarray, turn: np.ndarray
+) -> np.ndarray:
+    across, upward = _facing(to_lamp)
+    blocked = np.zeros(len(points), np.float32)
+    for radius, angle in pattern:
+        turned = (angle + turn).astype(np.float32)[:, None]
+        offset = np.float32(radius * radius_m) * (np.cos(turned) * across + np.sin(turned) * upward)
+        blocked += surfaces.all.blocked(points, to_lamp + offset, 1.0)
+    return blocked / np.float32(len(pattern))
+
+
+def _facing(to_lamp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors (n, 3) each, at right angles to each other and to vectors (n, 3)."""
+    axis = unit(to_lamp)
+    steep = np.abs(axis[:, 2]) > np.float32(0.9)
+    helper = np.where(steep[:, None], np.array([1, 0, 0], axis.dtype), np.array([0, 0, 1], axis.dtype))
+    across = unit(cross(axis, helper))
+    return across, cross(axis, across)

@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+
+from polarsim.render.lamps import SUN_RADIUS_DEG, Lamp
+from polarsim.render.layers import render_view
+from polarsim.render.penumbra import visible_share
+
+from .conftest import HEIGHT, SIDE
+
+LAMP = Lamp(np.array([3.0, 0.0, 1.5]), radius_m=0.2)
+EDGE = -SIDE / 2  # x of the block's top edge that throws the shadow's end, at z = HEIGHT
+
+
+def shares(surfaces, x, lamp=LAMP, samples=400):
+    """Seen shares of the lamp from places (x, 0, 0) on the sand behind the block."""
+    points = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1).astype(np.float32)
+    to_lamp = (lamp.position - points).astype(np.float32)
+    return visible_share(surfaces, points, to_lamp, lamp.radius_m, samples, np.zeros(len(x)))
+
+
+def end_of_shadow(lamp_x, lamp_z):
+    """x where the ray from a point of the lamp over the block's far edge meets the sand."""
+    return EDGE - HEIGHT * (lamp_x - EDGE) / (lamp_z - HEIGHT)
+
+
+def test_a_penumbra_is_as_wide_as_the_lamp_s_disc_makes_it(surfaces):
+    """The disc faces the point: its highest and lowest points lie across the line of sight."""
+    middle = end_of_shadow(*LAMP.position[[0, 2]])
+    along = LAMP.position - [middle, 0, 0]
+    up = np.array([-along[2], 0, along[0]]) / np.linalg.norm(along) * LAMP.radius_m
+    high, low = (end_of_shadow(*(LAMP.position + sign * up)[[0, 2]]) for sign in (1, -1))
+    assert high - low > 0.05
+    np.testing.assert_allclose(shares(surfaces, np.array([high + 0.01, low - 0.01])), [0, 1])
+    np.testing.assert_allclose(shares(surfaces, np.array([middle])), 0.5, atol=0.02)
+    inside = shares(surfaces, np.linspace(low, high, 20))
+    assert (np.diff(inside) <= 1e-6).all()
+
+
+def test_a_quarter_of_the_way_shows_the_circle_s_segment(surfaces):
+    """Beyond half a radius from its middle a disc has (1 / 3 - sqrt(3) / (4 pi)) of its area."""
+    middle = end_of_shadow(*LAMP.position[[0, 2]])
+    along = LAMP.position - [middle, 0, 0]
+    up = np.array([-along[2], 0, along[0]]) / np.linalg.norm(along) * LAMP.radius_m / 2
+    x = end_of_shadow(*(LAMP.position + up)[[0, 2]])
+    assert shares(surfaces, np.array([x]))[0] == pytest.approx(1 / 3 - np.sqrt(3) / (4 * np.pi), abs=0.02)
+
+
+def test_light_without_anything_in_its_way_is_that_of_a_point(surfaces, above, lens, plain):
+    point, disc = (
+        render_view(surfaces, above, lens, {"lamp": Lamp(LAMP.position, radius_m=r)}, ["lambert"], None, plain).layers
+        for r in (0.0, 0.2)
+    )
+    one, other = point["lambert", "lamp"], disc["lambert", "lamp"]
+    soft = (one > 0) != (other > 0)
+    assert 0 < soft.mean() < 0.1
+    assert (other <= one * (1 + 1e-6) + (one == 0)).all()
+    assert np.median(np.abs(other - one)) == 0
+
+
+def test_threads_do_not_change_a_penumbra(surfaces, camera, lens, plain):
+    images = [
+        render_view(surfaces, camera, lens, {"lamp": LAMP}, ["lambert"], None, plain, threads).layers["lambert", "lamp"]
+        for threads in (1, 2)
+    ]
+    np.testing.assert_array_equal(*images)
+
+
+def test_ids_of_shadows_are_those_of_the_disc_s_middle(surfaces, above, lens, ids_of):
+    point = Lamp(LAMP.position)
+    np.testing.assert_array_equal(
+        ids_of(surfaces, above, lens, {"lamp": LAMP})["lamp"], ids_of(surfaces, above, lens, {"lamp": point})["lamp"]
+    )
+
+
+def test_the_sun_is_half_a_degree_wide_and_as_bright_everywhere(surfaces):
+    sun = Lamp.sun(azimuth_deg=0.0, elevation_deg=30.0)
+    points = np.array([[-2.0, 0, 0], [2.0, 2, 0]], np.float32)
+    to_lamp, irradiance = sun.light_at(points, falloff=True)
+    unit = to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
+    np.testing.assert_allclose(unit, np.tile([np.cos(np.pi / 6), 0, 0.5], (2, 1)), atol=5e-4)
+    np.testing.assert_allclose(irradiance, 1)
+    end = EDGE - HEIGHT / np.tan(np.radians(30))
+    width = HEIGHT * (1 / np.tan(np.radians(30 - SUN_RADIUS_DEG)) - 1 / np.tan(np.radians(30 + SUN_RADIUS_DEG)))
+    dark, half, bright = shares(surfaces, np.array([end + width, end, end - width]), sun)
+    assert (dark, bright) == (0, 1)
+    assert half == pytest.approx(0.5, abs=0.1)
