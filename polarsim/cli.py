@@ -257,31 +257,41 @@ def render(
         Path | None, typer.Option(help="PosX.json whose left lens is used; default is the real rig's stated one.")
     ] = None,
     preview: Annotated[bool, typer.Option("--preview", help="Write an 8-bit tone-mapped PNG instead.")] = False,
+    maps: Annotated[
+        Path | None,
+        typer.Option(help="Folder for 16-bit PNGs: depth (mm), normals, ids, incidence, emergence, phase (0.01 deg)."),
+    ] = None,
 ) -> None:
-    """Render one scene: any camera pose, lamp position, exposure and reflectance model."""
+    """Render one scene: any camera pose, lamp position, exposure and reflectance model.
+
+    A JSON file beside the picture says what made it.
+    """
     import numpy as np
 
     from polarsim.formats import png
+    from polarsim.formats.files import write_json
     from polarsim.formats.rigs import read_placed
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
     from polarsim.render.lamps import Lamp
+    from polarsim.render.maps import write_maps
     from polarsim.render.options import RenderOptions
-    from polarsim.render.scene import render_scene
+    from polarsim.render.scene import Scene, Shot
     from polarsim.tables.tone import to_8bit
 
-    lens = read_placed(cameras).rig.left if cameras else stated_rig().left
-    picture = render_scene(
-        meshes=meshes,
-        terrain=terrain,
+    shot = Shot(
         sandbox_from_camera=looking(np.array(camera), *np.radians([yaw, pitch, roll])),
-        lens=lens,
+        lens=read_placed(cameras).rig.left if cameras else stated_rig().left,
         lamps={"sun": Lamp.sun(*sun, intensity) if sun else Lamp(np.array(lamp), intensity, lamp_radius)},
         exposure_ms=exposure,
         model=model.value,
-        options=RenderOptions(**({"engine": engine.value} if engine else {})),
     )
+    scene = Scene(meshes, terrain, RenderOptions(**({"engine": engine.value} if engine else {})))
+    picture = scene.picture(shot)
     png.write(out, to_8bit(picture) if preview else picture)
+    write_json(out.with_suffix(".json"), scene.sidecar(shot))
+    if maps:
+        write_maps(maps, scene.maps(shot))
     typer.echo(str(out))
 
 

@@ -91,13 +91,14 @@ def lift_of(placed: Mapping[str, PlacedRig]) -> float:
 
 def _rig_content(rig: StereoRig) -> dict[str, Any]:
     return {
-        "left": _lens_content(rig.left),
-        "right": _lens_content(rig.right),
+        "left": lens_content(rig.left),
+        "right": lens_content(rig.right),
         "left_from_right": rig.left_from_right.matrix.tolist(),
     }
 
 
-def _lens_content(lens: Lens) -> dict[str, Any]:
+def lens_content(lens: Lens) -> dict[str, Any]:
+    """A lens as our JSON files have it."""
     return {
         "fx_px": lens.fx,
         "fy_px": lens.fy,
@@ -112,14 +113,15 @@ def _lens_content(lens: Lens) -> dict[str, Any]:
 
 def _rig(content: dict[str, Any]) -> StereoRig:
     try:
-        left, right = (_lens(content[name]) for name in ("left", "right"))
+        left, right = (lens_of(content[name]) for name in ("left", "right"))
         matrix = np.array(content["left_from_right"], float)
     except (KeyError, TypeError, ValueError) as error:
         raise FormatError(f"no rig: {error!r} is missing or no number") from error
     return StereoRig(left, right, Pose.from_matrix(matrix))
 
 
-def _lens(content: dict[str, Any]) -> Lens:
+def lens_of(content: dict[str, Any]) -> Lens:
+    """The inverse of `lens_content`."""
     k1, k2, p1, p2, k3 = (float(term) for term in content["distortion"])
     return Lens(
         float(content["fx_px"]),

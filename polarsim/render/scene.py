@@ -1,42 +1,39 @@
-"""One picture of one terrain: any camera pose, lens, lamps, exposure and model."""
+"""Pictures and maps of one terrain: any camera pose, lens, lamps, exposure and model."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+import polarsim
+from polarsim.formats import obj
+from polarsim.formats.rigs import lens_content
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
+from polarsim.photo import BLACK_LEVEL
 from polarsim.randomness import generator
 from polarsim.render.gain import default_gain
 from polarsim.render.lamps import Lamp
 from polarsim.render.layers import render_view
+from polarsim.render.maps import Maps, maps_of
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, vignette
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import Surfaces, surfaces_of
 
 
-def render_scene(
-    *,
-    meshes: Path,
-    terrain: int,
-    sandbox_from_camera: Pose,
-    lens: Lens,
-    lamps: Mapping[str, Lamp],
-    exposure_ms: float,
-    model: Model,
-    options: RenderOptions,
-    threads: int = 1,
-) -> np.ndarray:
-    """Render one picture.
+@dataclass(frozen=True)
+class Shot:
+    """What makes a picture of a scene.
 
     Parameters
     ----------
-    meshes : Path
-        Folder with `terrainNN_ground.obj` and `terrainNN_rock<k>.obj`.
     sandbox_from_camera : Pose
         `geometry.poses.looking` makes one from a place and angles.
     lens : Lens
@@ -46,25 +43,82 @@ def render_scene(
     exposure_ms : float
         Exposure time, ms.
     model : str
-        One of `render.options.MODELS`; its parameters and gain are those of the options.
-
-    Returns
-    -------
-    (h, w) uint16
-        12-bit grey values, black level 16.
-
-    Raises
-    ------
-    FormatError
-        Meshes are missing or broken.
-    RenderError
-        The engine cannot be loaded.
+        One of `render.options.MODELS`; its parameters and gain are those of the scene's options.
     """
-    surfaces = surfaces_of(read_terrain(meshes, terrain), options)
-    view = render_view(surfaces, sandbox_from_camera, lens, lamps, [model], None, options, threads)
-    radiance = sum(view.layers.values(), np.zeros((lens.height, lens.width), np.float32))
-    if options.vignetting:
-        radiance = radiance * vignette(lens)
-    gain = options.gain.get(model, default_gain(model, options))
-    noise = generator(options.seed, "sensor", "scene", terrain, exposure_ms) if options.noise else None
-    return expose(radiance, exposure_ms * gain, noise)
+
+    sandbox_from_camera: Pose
+    lens: Lens
+    lamps: Mapping[str, Lamp]
+    exposure_ms: float
+    model: Model
+
+
+class Scene:
+    """A terrain's meshes under given options; read once for all pictures."""
+
+    def __init__(self, meshes: Path, terrain: int, options: RenderOptions) -> None:
+        """
+        Parameters
+        ----------
+        meshes : Path
+            Folder with `terrainNN_ground.obj` and `terrainNN_rock<k>.obj`.
+
+        Raises
+        ------
+        FormatError
+            Meshes are missing or broken.
+        """
+        self.meshes, self.terrain, self.options = meshes, terrain, options
+        self._mesh = read_terrain(meshes, terrain)
+
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        return surfaces_of(self._mesh, self.options)
+
+    def picture(self, shot: Shot, threads: int = 1) -> np.ndarray:
+        """(h, w) uint16 photo: 12-bit grey values, black level 16.
+
+        Raises
+        ------
+        RenderError
+            The engine cannot be loaded.
+        """
+        view = render_view(
+            self.surfaces, shot.sandbox_from_camera, shot.lens, shot.lamps, [shot.model], None, self.options, threads
+        )
+        radiance = sum(view.layers.values(), np.zeros((shot.lens.height, shot.lens.width), np.float32))
+        if self.options.vignetting:
+            radiance = radiance * vignette(shot.lens)
+        seed = (self.options.seed, "sensor", "scene", self.terrain, shot.exposure_ms)
+        noise = generator(*seed) if self.options.noise else None
+        return expose(radiance, shot.exposure_ms * self.gain(shot.model), noise)
+
+    def maps(self, shot: Shot, threads: int = 1) -> Maps:
+        """Depth, normals and ids of what a shot shows, and its angles to the first of its lamps."""
+        lamp = next(iter(shot.lamps.values()), None)
+        return maps_of(self.surfaces, shot.sandbox_from_camera, shot.lens, lamp, threads)
+
+    def gain(self, model: Model) -> float:
+        """Grey values per ms and unit radiance."""
+        return self.options.gain.get(model, default_gain(model, self.options))
+
+    def sidecar(self, shot: Shot) -> dict[str, Any]:
+        """All that made a picture, for JSON: lens, pose, lamps, exposure, model, meshes and their SHA-256."""
+        paths = [self.meshes / obj.ground_name(self.terrain), *obj.rock_files(self.meshes).values()]
+        return {
+            "lens": lens_content(shot.lens),
+            "sandbox_from_camera": shot.sandbox_from_camera.matrix.tolist(),
+            "lamps": {
+                name: asdict(lamp) | {"position": np.asarray(lamp.position, float).tolist()}
+                for name, lamp in shot.lamps.items()
+            },
+            "exposure_ms": shot.exposure_ms,
+            "model": shot.model,
+            "parameters": self.options.parameters(shot.model).model_dump(),
+            "gain_per_ms": self.gain(shot.model),
+            "black_level": BLACK_LEVEL,
+            "options": self.options.model_dump(mode="json"),
+            "terrain": self.terrain,
+            "meshes": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths},
+            "polarsim": polarsim.__version__,
+        }

@@ -5,12 +5,9 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png
-from polarsim.geometry.poses import looking
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.gain import default_gain, gain_ratios
-from polarsim.render.lamps import Lamp
 from polarsim.render.options import MODELS, RenderOptions
-from polarsim.render.scene import render_scene
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.survey import SURVEYED_LEFT, lamp_position
 
@@ -123,21 +120,3 @@ def test_unusable_photos_leave_the_gain_as_it_is(folders, lens):
     dark = np.full((lens.height, lens.width), BLACK_LEVEL, np.uint16)
     assert not len(gain_ratios(dark, np.ones(dark.shape, np.float32), 256))
     assert not len(gain_ratios(dark + 500, np.zeros(dark.shape, np.float32), 256))
-
-
-def test_one_picture_of_any_pose_and_lamp(folders, lens):
-    def picture(**changes):
-        asked = {
-            "meshes": folders / "meshes", "terrain": 1, "lens": lens,
-            "sandbox_from_camera": looking(np.array([1.5, 1.5, 1.5]), -2.4, 0.6),
-            "lamps": {"mine": Lamp(np.array([0.0, 3.0, 1.0]))}, "exposure_ms": 100.0,
-            "model": "principled", "options": OPTIONS,
-        }  # fmt: skip
-        return render_scene(**{**asked, **changes})
-
-    one = picture()
-    assert one.dtype == np.uint16
-    assert (one > BLACK_LEVEL).mean() > 0.3
-    assert (picture(lamps={}) == BLACK_LEVEL).all()
-    assert (picture(lamps={"below": Lamp(np.array([0.0, 0, -3.0]))}) == BLACK_LEVEL).all()
-    assert picture(exposure_ms=200.0).mean() > 1.5 * one.mean()

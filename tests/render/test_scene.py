@@ -1,0 +1,100 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polarsim.formats import obj, png
+from polarsim.formats.instances import GROUND, ROCK_IDS
+from polarsim.formats.rigs import lens_of
+from polarsim.geometry.poses import Pose, looking
+from polarsim.photo import BLACK_LEVEL
+from polarsim.render.lamps import Lamp
+from polarsim.render.maps import write_maps
+from polarsim.render.scene import Scene, Shot
+
+from .conftest import HEIGHT, PLAIN
+
+ABOVE = 3.0  # metres, of the camera that looks straight down
+
+
+@pytest.fixture
+def scene(folders):
+    return Scene(folders / "meshes", 1, PLAIN)
+
+
+@pytest.fixture
+def shot(lens):
+    pose = looking(np.array([1.5, 1.5, 1.5]), -2.4, 0.6)
+    return Shot(pose, lens, {"mine": Lamp(np.array([0.0, 3.0, 1.0]))}, 100.0, "principled")
+
+
+@pytest.fixture
+def from_above(shot, above):
+    return replace(shot, sandbox_from_camera=above)
+
+
+def test_one_picture_of_any_pose_and_lamp(scene, shot):
+    one = scene.picture(shot)
+    assert one.dtype == np.uint16
+    assert (one > BLACK_LEVEL).mean() > 0.3
+    assert (scene.picture(replace(shot, lamps={})) == BLACK_LEVEL).all()
+    below = {"below": Lamp(np.array([0.0, 0, -3.0]))}
+    assert (scene.picture(replace(shot, lamps=below)) == BLACK_LEVEL).all()
+    assert scene.picture(replace(shot, exposure_ms=200.0)).mean() > 1.5 * one.mean()
+
+
+def test_depth_and_normals_are_those_of_the_block_and_the_ground(scene, from_above):
+    maps = scene.maps(from_above)
+    block, ground = maps.ids == ROCK_IDS + 1, maps.ids == GROUND
+    top = block & (maps.normal[..., 2] > 0.99)
+    np.testing.assert_allclose(maps.depth_m[top], ABOVE - HEIGHT, rtol=1e-6)
+    np.testing.assert_allclose(maps.depth_m[ground], ABOVE, rtol=1e-6)
+    np.testing.assert_allclose(maps.normal[ground], np.tile([0, 0, 1.0], (ground.sum(), 1)), atol=1e-6)
+    nothing = maps.ids == 0
+    assert np.isnan(maps.depth_m[nothing]).all()
+
+
+def test_angles_are_those_of_lamp_and_viewer(scene, from_above):
+    maps = scene.maps(from_above)
+    row, column = np.argwhere(maps.ids == GROUND)[100]
+    place = from_above.sandbox_from_camera.apply(
+        from_above.lens.directions(np.array([column + 0.5, row + 0.5])) * maps.depth_m[row, column]
+    )
+    to_lamp, to_viewer = np.array([0.0, 3, 1]) - place, np.array([0, 0, ABOVE]) - place
+    to_lamp, to_viewer = (v / np.linalg.norm(v) for v in (to_lamp, to_viewer))
+    expected = np.degrees(np.arccos([to_lamp[2], to_viewer[2], to_lamp @ to_viewer]))
+    found = [angle[row, column] for angle in (maps.incidence_deg, maps.emergence_deg, maps.phase_deg)]
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+    assert np.isnan(scene.maps(replace(from_above, lamps={})).phase_deg).all()
+
+
+def test_maps_in_files_keep_millimetres_and_hundredths_of_degrees(tmp_path, scene, from_above):
+    maps = scene.maps(from_above)
+    write_maps(tmp_path / "maps", maps)
+    seen = maps.ids > 0
+    depth, phase, normal = (png.read(tmp_path / "maps" / f"{name}.png") for name in ("depth", "phase", "normal"))
+    np.testing.assert_allclose(depth[seen] / 1000, maps.depth_m[seen], atol=5.1e-4)
+    np.testing.assert_allclose(phase[seen] / 100, maps.phase_deg[seen], atol=5.1e-3)
+    np.testing.assert_allclose(normal[seen] / 65535 * 2 - 1, maps.normal[seen], atol=2e-5)
+    assert (depth[~seen] == 65535).all()
+    np.testing.assert_array_equal(png.read(tmp_path / "maps" / "ids.png"), maps.ids)
+
+
+def test_the_sidecar_alone_tells_where_mesh_points_are_seen(tmp_path, scene, shot, folders):
+    (tmp_path / "shot.json").write_text(json.dumps(scene.sidecar(shot)))
+    told = json.loads((tmp_path / "shot.json").read_text())
+    lens, pose = lens_of(told["lens"]), Pose.from_matrix(np.array(told["sandbox_from_camera"]))
+    rock = obj.read(folders / "meshes" / obj.rock_name(1, 1))
+    top = rock.vertices[rock.vertices[:, 2] > HEIGHT - 1e-6]
+    inside = 0.9 * top + 0.1 * top.mean(axis=0)
+    column, row = np.floor(lens.project(pose.inverse().apply(inside))).astype(int).T
+    assert (scene.maps(shot).ids[row, column] == ROCK_IDS + 1).all()
+    assert told["lamps"]["mine"]["position"] == [0, 3, 1]
+    assert set(told["meshes"]) == {obj.ground_name(1), obj.rock_name(1, 1)}
+
+
+def test_threads_do_not_change_maps(scene, shot):
+    one, two = scene.maps(shot), scene.maps(shot, threads=2)
+    np.testing.assert_array_equal(one.depth_m, two.depth_m)
+    np.testing.assert_array_equal(one.ids, two.ids)
