@@ -24,9 +24,14 @@ def best_exposure(boxes: Mapping[PhotoKey, int]) -> PhotoKey:
 
 
 def find_labels(root: Path, terrain: int) -> tuple[dict[PhotoKey, Path], Path]:
-    """Label files of a terrain below `root`, which has the release's layout or holds label files; and their folder."""
+    """Label files of a terrain below `root`, which has the release's layout or holds label files; and their folder.
+
+    Polygons serve where the release's layout has no boxes.
+    """
     if (root / release.BOXES).is_dir():
         return release.label_files(root, terrain), release.label_folder(root, terrain)
+    if (root / release.POLYGONS).is_dir():
+        return release.polygon_files(root, terrain), release.polygon_folder(root, terrain)
     return {key: path for key, path in release.key_files(root).files.items() if key.terrain == terrain}, root
 
 
@@ -50,12 +55,14 @@ def choose_seeds(
             and options.exposure in ("best", key.exposure_ms)
         ):
             sets.setdefault(key.photo_set, []).append(key)
-    chosen = [best_exposure({key: len(yolo.read_boxes(files[key])[0]) for key in keys}) for keys in sets.values()]
+    chosen = [
+        best_exposure({key: len(yolo.read_boxes_or_polygons(files[key])[0]) for key in keys}) for keys in sets.values()
+    ]
     return [(key, files[key]) for key in sorted(chosen)]
 
 
 def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
-    """Write the chosen files anew, all in one number format, as the folder's only content."""
+    """Write the chosen files anew as the folder's only content: boxes, also of polygons, all in one number format."""
     with writing_folder(seeds) as folder:
         for key, path in chosen:
-            yolo.write_boxes(folder / f"{key}.txt", *yolo.read_boxes(path))
+            yolo.write_boxes(folder / f"{key}.txt", *yolo.read_boxes_or_polygons(path))

@@ -70,6 +70,24 @@ def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:
     return polygons
 
 
+def read_boxes_or_polygons(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """As `read_boxes`; of a file of polygons the boxes around its rocks and shadows, cut at the photo's border.
+
+    Raises
+    ------
+    FormatError
+        A line that is neither like the first one: file, line number and reason.
+    """
+    lines = _lines(path)
+    if not lines or len(lines[0][1]) <= 5:
+        return read_boxes(path)
+    found = [(POLYGON_CLASSES[number], ring) for number, ring in read_polygons(path)]
+    drawn = [(BOX_CLASSES.index(kind), np.clip(ring, 0, _SIZE)) for kind, ring in found if kind in BOX_CLASSES]
+    boxes = np.array([[*ring.min(axis=0), *ring.max(axis=0)] for _, ring in drawn]).reshape(-1, 4)
+    has_area = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
+    return np.array([number for number, _ in drawn], int)[has_area], boxes[has_area]
+
+
 def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]]) -> None:
     """(class, vertices (n, 2) in pixels); the vertices get 6 decimals."""
     lines = []

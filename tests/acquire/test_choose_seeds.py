@@ -7,6 +7,7 @@ from polarsim.acquire.options import SeedOptions
 from polarsim.acquire.seeds import best_exposure, choose_seeds, copy_seeds, find_labels
 from polarsim.errors import FormatError
 from polarsim.formats import yolo
+from polarsim.formats.release import polygon_folder
 from polarsim.photo import PhotoKey
 
 KEY = PhotoKey.parse("03_A_off_180_L_0256")
@@ -87,3 +88,22 @@ def test_labels_are_found_in_the_releases_layout_and_in_a_flat_folder(tmp_path):
     for root in ("release", "flat"):
         assert list(find_labels(tmp_path / root, 3)[0]) == [KEY]
     assert find_labels(tmp_path / "nowhere", 3)[0] == {}
+
+
+def test_seeds_may_be_polygons_where_there_are_no_boxes(tmp_path):
+    rock = np.array([[100.0, 200], [150, 190], [160, 240], [110, 250]])
+    ground = np.array([[0.0, 0], [1936, 0], [1936, 1216], [0, 1216]])
+    shadow = np.array([[150.0, 230], [2000, 240], [155, 260]])  # beyond the photo's border
+    folder = polygon_folder(tmp_path, 3)
+    yolo.write_polygons(folder / f"{KEY}.txt", [(1, ground), (2, rock), (3, shadow)])
+    files, _ = find_labels(tmp_path, 3)
+    copy_seeds(choose_seeds(files, ["A"], SeedOptions()), tmp_path / "seeds")
+    classes, boxes = yolo.read_boxes(tmp_path / "seeds" / f"{KEY}.txt")
+    assert classes.tolist() == [0, 1]
+    np.testing.assert_allclose(boxes, [[100, 190, 160, 250], [150, 230, 1936, 260]], atol=0.01)
+
+
+def test_a_file_of_boxes_and_polygons_is_refused(tmp_path):
+    (tmp_path / "mixed.txt").write_text("2 0.1 0.1 0.2 0.1 0.2 0.2\n0 0.5 0.5 0.1 0.1\n")
+    with pytest.raises(FormatError, match=r"mixed\.txt:2: 5 fields"):
+        yolo.read_boxes_or_polygons(tmp_path / "mixed.txt")
