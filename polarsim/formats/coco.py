@@ -56,14 +56,17 @@ def image_id(key: PhotoKey) -> int:
 
 
 def write_coco(
-    path: str | Path, photos: Mapping[PhotoKey, Sequence[Annotation]], simplify_px: float | None = None
+    path: str | Path,
+    photos: Mapping[PhotoKey, Sequence[Annotation]],
+    simplify_px: float | None = None,
+    size: tuple[int, int] = (WIDTH, HEIGHT),
 ) -> None:
     """Write the annotations of photos, a line each; those without any are listed too.
 
     Masks are written as compressed runs, or, where `simplify_px` is given, as polygons, largest first, of which no
     dropped point lies farther off: Label Studio's converter reads no runs. Ids of annotations are image id * 10,000
     + 1, 2, ... in the order given. What other tools do not know of stands in `attributes` too: CVAT keeps those, but
-    for `source`, which it has itself.
+    for `source`, which it has itself. `size` is the pictures' width and height, px.
     """
     head = {
         "info": {"description": "Rocks and shadows of the POLAR data set, labelled by polarsim"},
@@ -75,7 +78,7 @@ def write_coco(
     annotations = (row for key in keys for row in _annotation_rows(image_id(key), photos[key], coded))
     with writing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as file:
         file.write(json.dumps(head)[:-1])
-        for name, rows in (("images", (_image_row(key) for key in keys)), ("annotations", annotations)):
+        for name, rows in (("images", (_image_row(key, size) for key in keys)), ("annotations", annotations)):
             file.write(f',\n"{name}": [')
             for number, row in enumerate(rows):
                 file.write((",\n" if number else "\n") + json.dumps(row, allow_nan=False))
@@ -83,8 +86,8 @@ def write_coco(
         file.write("}\n")
 
 
-def _image_row(key: PhotoKey) -> dict[str, object]:
-    return {"id": image_id(key), "file_name": f"{key}.png", "width": WIDTH, "height": HEIGHT, **key_columns(key)}
+def _image_row(key: PhotoKey, size: tuple[int, int]) -> dict[str, object]:
+    return {"id": image_id(key), "file_name": f"{key}.png", "width": size[0], "height": size[1], **key_columns(key)}
 
 
 def _segmentation(mask: Rle | None, simplify_px: float | None) -> object:

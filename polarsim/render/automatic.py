@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
-from polarsim.formats import png, tables, yolo
+from polarsim.formats import coco, png, rle, tables, yolo
 from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.boxes import of_mask
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
@@ -16,6 +16,7 @@ from polarsim.render.lamps import lit_by
 from polarsim.render.layers import NO_LAMP
 from polarsim.render.options import RenderOptions
 
+SOURCE = "rendered"  # of labels that are what rays met
 _TOUCHING = np.ones((3, 3), bool)  # pixels that meet at a corner belong together
 
 
@@ -43,10 +44,21 @@ def box_of_parts(mask: np.ndarray, least_px: int, least_part_px: int) -> np.ndar
     return of_mask(large[parts]) if sizes[large].sum() >= least_px else None
 
 
+def annotations_of(ids: np.ndarray, options: RenderOptions) -> list[coco.Annotation]:
+    """The same with their masks: the pixels inside the box that show the thing."""
+    found = []
+    for kind, rock, box in boxes_of(ids, options):
+        left, top, right, bottom = box.astype(int).tolist()
+        number = rock + (ROCK_IDS if kind == ROCK else SHADOW_IDS)
+        mask = rle.encode(ids[top:bottom, left:right] == number, left, top, ids.shape[::-1])
+        found.append(coco.Annotation(kind, rock, box, mask, SOURCE))
+    return found
+
+
 def label_view(
     keys: Sequence[PhotoKey], ids: Mapping[str, np.ndarray], boxes: Path, instances: Path, options: RenderOptions
-) -> list[dict[str, object]]:
-    """Write the labels of one view's twins, the same for all models and all exposures of a photo set; its label rows.
+) -> dict[PhotoKey, list[coco.Annotation]]:
+    """Write the labels of one view's twins, the same for all models and all exposures of a photo set, and return them.
 
     Parameters
     ----------
@@ -57,24 +69,26 @@ def label_view(
     instances : Path
         Folder for `TT_P_light_az_C.png`, the ids of a photo set.
     """
-    found = {name: boxes_of(picture, options) for name, picture in ids.items()}
-    rows: list[dict[str, object]] = []
+    found = {name: annotations_of(picture, options) for name, picture in ids.items()}
+    labels: dict[PhotoKey, list[coco.Annotation]] = {}
     written = set()
     for key in keys:
         lamps = lit_by(key.light, key.azimuth)
-        labels = found[lamps[0]] if lamps else []
+        own = labels[key] = found[lamps[0]] if lamps else []
         yolo.write_boxes(
-            boxes / f"{key}.txt", np.array([BOX_CLASSES.index(kind) for kind, _, _ in labels], int),
-            np.array([box for _, _, box in labels], float),
-        )  # fmt: skip
-        rows += [label_row(key, *label) for label in labels]
+            boxes / f"{key}.txt",
+            np.array([BOX_CLASSES.index(label.kind) for label in own], int),
+            np.array([label.box for label in own], float),
+        )
         if key.photo_set not in written:
             written.add(key.photo_set)
             name = str(key).rsplit("_", 1)[0]
             png.write(instances / f"{name}.png", ids[lamps[0] if lamps else NO_LAMP])
-    return rows
+    return labels
 
 
-def label_row(key: PhotoKey, kind: str, rock: int, box: np.ndarray) -> dict[str, object]:
-    corners = dict(zip(("x0", "y0", "x1", "y1"), box.tolist(), strict=True))
-    return {**tables.key_columns(key), "kind": kind, "rock": rock, "source": "rendered", "confidence": 1.0, **corners}
+def label_row(key: PhotoKey, label: coco.Annotation) -> dict[str, object]:
+    """A row of the label table."""
+    corners = dict(zip(("x0", "y0", "x1", "y1"), label.box.tolist(), strict=True))
+    named = {"kind": label.kind, "rock": label.rock, "source": label.source, "confidence": label.confidence}
+    return {**tables.key_columns(key), **named, **corners}

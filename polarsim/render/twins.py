@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.formats import png, tables
+from polarsim.formats import coco, png, tables
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.lens import Lens
-from polarsim.photo import PhotoKey
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.randomness import generator
-from polarsim.render.automatic import label_view
+from polarsim.render.automatic import label_row, label_view
 from polarsim.render.gain import calibrate, calibration_photos, default_gain
 from polarsim.render.lamps import lamps_of, lit_by
 from polarsim.render.layers import Rendering, render_view
@@ -33,10 +33,11 @@ View = tuple[str, str]  # position and camera
 
 @dataclass(frozen=True)
 class LabelPaths:
-    """Where a terrain's automatic labels go: folders of boxes `KEY.txt` and of ids, and the table of label rows."""
+    """Where a terrain's automatic labels go: folders of boxes `KEY.txt` and of ids, COCO file, table of label rows."""
 
     boxes: Path
     instances: Path
+    annotations: Path
     table: Path
 
 
@@ -99,7 +100,7 @@ def render_twins(
     first = {(key.position, key.camera) for key in references}
     for folder in twins.values():
         folder.mkdir(parents=True, exist_ok=True)
-    rows: dict[View, list[dict[str, object]]] = {}
+    found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
         rendering = _render(surfaces, rigs[view[0]], suns, view[1], views[view], list(twins), options, threads)
         lens = rigs[view[0]].rig.lens(view[1])
@@ -111,10 +112,12 @@ def render_twins(
                 log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, gains[model], origin)
             own = {name: layer for (of, name), layer in rendering.layers.items() if of == model}
             write_photos(folder, views[view], own, lens, gains[model], options, threads)
-        rows[view] = label_view(views[view], rendering.ids, labels.boxes, labels.instances, options)
-    tables.write_parquet(
-        labels.table, tables.label_table(list(chain.from_iterable(rows[view] for view in sorted(rows))))
-    )
+        found_labels |= label_view(views[view], rendering.ids, labels.boxes, labels.instances, options)
+    sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {(WIDTH, HEIGHT)}
+    coco.write_coco(labels.annotations, found_labels, size=max(sizes))
+    in_order = sorted(found_labels, key=lambda key: (key.position, key.camera, key))
+    rows = [label_row(key, label) for key in in_order for label in found_labels[key]]
+    tables.write_parquet(labels.table, tables.label_table(rows))
 
 
 def _render(

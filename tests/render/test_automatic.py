@@ -2,8 +2,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.formats import png, tables, yolo
+from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.instances import RELIEF_SHADOW
+from polarsim.geometry.boxes import of_mask
 from polarsim.photo import PhotoKey
 from polarsim.render.automatic import box_of_parts, boxes_of
 from polarsim.render.hits import cast_strip
@@ -118,7 +119,9 @@ def labelled(folders, lens, monkeypatch):
     render_twins(
         terrain=3, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", photos=None,
         twins={"lambert": folders / "twins"},
-        labels=LabelPaths(folders / "boxes", folders / "instances", folders / "table.parquet"),
+        labels=LabelPaths(
+            folders / "boxes", folders / "instances", folders / "coco.json", folders / "table.parquet"
+        ),
         options=RenderOptions(rim=False), threads=1,
     )  # fmt: skip
     return folders
@@ -159,3 +162,18 @@ def test_instances_table_and_boxes_say_the_same(labelled):
             assert window.any(axis=1).all()
             assert window.any(axis=0)[[0, -1]].all()
     assert isinstance(rows, pd.DataFrame)
+
+
+def test_coco_has_the_boxes_and_the_pixels_of_instances(labelled, lens):
+    photos = coco.read_coco(labelled / "coco.json", (lens.width, lens.height))
+    assert sorted(photos) == sorted(KEYS)
+    rows = tables.read_parquet(labelled / "table.parquet", tables.LABEL_COLUMNS)
+    assert sum(map(len, photos.values())) == len(rows)
+    for key, annotations in photos.items():
+        ids = png.read(labelled / "instances" / f"{str(key).rsplit('_', 1)[0]}.png")
+        for annotation in annotations:
+            number = {"rock": 1000, "shadow": 2000}[annotation.kind] + annotation.rock
+            shown = annotation.mask.mask()
+            assert (ids[shown] == number).all()
+            assert shown.sum() >= 0.95 * (ids == number).sum()  # crumbs outside the box are left out
+            np.testing.assert_array_equal(of_mask(shown), annotation.box)

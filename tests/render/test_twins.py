@@ -17,7 +17,7 @@ OPTIONS = RenderOptions(rim=False, bounce=0)
 
 
 def label_paths(folder):
-    return LabelPaths(folder / "boxes", folder / "instances", folder / "table.parquet")
+    return LabelPaths(folder / "boxes", folder / "instances", folder / "coco.json", folder / "table.parquet")
 
 
 def render(folders, out, keys=KEYS, model="hapke", photos=None, options=OPTIONS, threads=1):

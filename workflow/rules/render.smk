@@ -23,6 +23,7 @@ rule render_twins:
         **twins_by_model(),
         boxes=directory("results/{run}/renders/boxes/Terrain{terrain}"),
         instances=directory("results/{run}/renders/instances/Terrain{terrain}"),
+        annotations="results/{run}/renders/coco/Terrain{terrain}.json",
         table="results/{run}/renders/tables/Terrain{terrain}.parquet",
     log:
         "results/{run}/logs/render/render_twins_{terrain}.log",

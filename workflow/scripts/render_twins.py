@@ -19,6 +19,7 @@ with reporting(log=snakemake.log[0]):
         labels=LabelPaths(
             boxes=Path(snakemake.output.boxes),
             instances=Path(snakemake.output.instances),
+            annotations=Path(snakemake.output.annotations),
             table=Path(snakemake.output.table),
         ),
         options=RenderOptions(**snakemake.params.options),
