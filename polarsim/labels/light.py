@@ -1,65 +1,93 @@
-"""Brightness of photos that nobody took: light layers of the meshes, exposed as NASA's best exposures were."""
+"""Brightness of photos that nobody took: direct light of the lamps on matt meshes, exposed as NASA's best photos were.
+
+Twins are far better pictures; to tell which things an exposure shows, light and shadow are enough.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 
-from polarsim.formats.scene import TerrainMesh
 from polarsim.labels.known import Known
 from polarsim.labels.photos import Brightness, PhotoSet
-from polarsim.photo import Camera
-from polarsim.render.gain import default_gain
-from polarsim.render.lamps import lamps_of, lit_by
-from polarsim.render.layers import render_view
-from polarsim.render.options import Model, RenderOptions
-from polarsim.render.surfaces import Surfaces, surfaces_of
+from polarsim.labels.shadows import distance_to_walls
+from polarsim.labels.view import View
+from polarsim.photo import Azimuth, Camera
+from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE, SUN_LAMPS
 
-MODEL: Model = "principled"
+GREY_PER_MS = 3.0  # of level sand at the centre under the Sun lamp 30: then 256 ms serves best, as at NASA
+LEVEL_COSINE = float(SUN_LAMPS["30"][2] / np.linalg.norm(SUN_LAMPS["30"]))  # of that lamp's incidence there
+STRAY = 0.01  # of a lamp's light that comes from all around
 STEP_PX = 2  # layers have every second pixel along rows and columns: contrast is that of whole boxes
-KEPT = 2  # views in memory: 3 MB for each of their lamps
+KEPT = 2  # views in memory: 5 MB for each of their lamps
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the pixels of a view that meet the terrain show: (h, w) bool; places and unit normals (n, 3)."""
+
+    met: np.ndarray
+    places: np.ndarray
+    normals: np.ndarray
 
 
 class LightLayers:
-    """What `Photos` tells, without photos: from meshes, stand-ins and lamps. A view is rendered once for all lamps."""
+    """What `Photos` tells, without photos: from meshes, stand-ins and lamps."""
 
     def __init__(self, known: Known) -> None:
-        self.known, self.options = known, RenderOptions()
-        self._gain = default_gain(MODEL, self.options)
-        self._layers = lru_cache(maxsize=KEPT)(self._render)
+        self.known = known
+        self._seen = lru_cache(maxsize=KEPT)(self._look)
+        self._layer = lru_cache(maxsize=KEPT * (len(SUN_LAMPS) + 1))(self._lit)
 
     def brightness(self, photo_set: PhotoSet) -> Brightness:
         """Sum of the layers of the lamps that are on; black in the dark. No photo was taken: no exposures."""
         position, camera, light, azimuth = photo_set
-        layers = self._layers(position, camera)
-        dark = np.zeros_like(next(iter(layers.values())))
-        rate = self._gain * sum((layers[name] for name in lit_by(light, azimuth)), dark)
+        layers = [self._layer(position, camera, azimuth)] if azimuth != "no" else []
+        if light == "on":
+            layers.append(ROVER_LIGHT_SHARE * self._layer(position, camera, "no"))
+        rate = sum(layers, np.zeros(self._seen(position, camera).met.shape, np.float32))
         return Brightness(rate.repeat(STEP_PX, axis=0).repeat(STEP_PX, axis=1), ())
 
-    def _render(self, position: str, camera: Camera) -> dict[str, np.ndarray]:
-        placed = self.known.placed[position]
-        lens = placed.rig.lens(camera).scaled(1 / STEP_PX)
-        lamps = lamps_of(self.known.world.suns, placed)
-        view = render_view(self._surfaces, placed.sandbox_from(camera), lens, lamps, [MODEL], None, self.options)
-        return {name: layer for (_, name), layer in view.layers.items()}
+    def _look(self, position: str, camera: Camera) -> Seen:
+        world, view = self.known.world, View(self.known.placed[position], camera)
+        width, height = view.size
+        columns, rows = (np.arange(STEP_PX / 2, length, STEP_PX) for length in (width, height))
+        directions = view.directions(np.stack(np.meshgrid(columns, rows), axis=-1)).reshape(-1, 3)
+        origins = np.broadcast_to(view.centre, directions.shape)
+        distance, face = world.everything.nearest(origins, directions)
+        met = np.isfinite(distance) & (distance < distance_to_walls(world, origins, directions))
+        normals = self._normals[face[met]]
+        away = (normals * directions[met]).sum(axis=1) > 0
+        places = view.centre + distance[met, None] * directions[met]
+        return Seen(met.reshape(len(rows), len(columns)), places, np.where(away[:, None], -normals, normals))
+
+    def _lit(self, position: str, camera: Camera, azimuth: Azimuth) -> np.ndarray:
+        """(h, w) float32 grey values a millisecond under a Sun lamp, or under a rover light as strong as one."""
+        world, seen = self.known.world, self._seen(position, camera)
+        rover = self.known.placed[position].sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)
+        to_lamp = (rover if azimuth == "no" else world.suns[azimuth]) - seen.places
+        cosine = np.einsum("nk,nk->n", seen.normals, to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True))
+        facing = np.flatnonzero(cosine > 0)
+        lit = facing[~world.everything.blocked(seen.places[facing], to_lamp[facing], 1.0)]
+        if world.walls is not None:
+            lit = lit[~world.walls.blocked(seen.places[lit], to_lamp[lit], 1.0)]
+        light = np.full(len(cosine), STRAY)
+        light[lit] += cosine[lit]
+        layer = np.zeros(seen.met.shape, np.float32)
+        layer[seen.met] = GREY_PER_MS / LEVEL_COSINE * light
+        return layer
 
     @cached_property
-    def _surfaces(self) -> Surfaces:
-        return surfaces_of(_with_stand_ins(self.known), self.options)
-
-
-def _with_stand_ins(known: Known) -> TerrainMesh:
-    """The terrain's meshes and the domes of rocks that have none."""
-    mesh = known.terrain
-    vertices, faces, rocks, normals = [mesh.vertices], [mesh.faces], [mesh.rock_of_face], [mesh.normals]
-    count = len(mesh.vertices)
-    for rock, dome in sorted(known.domes.items()):
-        own, corners = dome.mesh()
-        upright = (own - dome.foot) / np.array([dome.radius, dome.radius, dome.height]) ** 2
-        vertices.append(own)
-        faces.append(corners + count)
-        rocks.append(np.full(len(corners), rock))
-        normals.append(upright / np.linalg.norm(upright, axis=1, keepdims=True))
-        count += len(own)
-    return TerrainMesh(*(np.concatenate(parts) for parts in (vertices, faces, rocks, normals)))
+    def _normals(self) -> np.ndarray:
+        """(f, 3) unit normals of the faces of the world's `everything`: the terrain's, then those of the stand-ins."""
+        mesh = self.known.terrain
+        corners = [mesh.vertices[mesh.faces]]
+        for _, dome in sorted(self.known.domes.items()):
+            vertices, faces = dome.mesh()
+            corners.append(vertices[faces])
+        a, b, c = np.concatenate(corners).swapaxes(0, 1)
+        normals = np.cross(b - a, c - a)
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)

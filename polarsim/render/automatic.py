@@ -73,7 +73,7 @@ def label_view(
     labels: dict[PhotoKey, list[coco.Annotation]] = {}
     written = set()
     for key in keys:
-        lamps = lit_by(key.light, key.azimuth)
+        lamps = lit_by(key)
         own = labels[key] = found[lamps[0]] if lamps else []
         yolo.write_boxes(
             boxes / f"{key}.txt",

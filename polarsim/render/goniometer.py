@@ -11,6 +11,9 @@ from polarsim.errors import RenderError
 from polarsim.render.brdf import reflectance
 from polarsim.render.options import HAPKE_SETS, HapkeChronoParameters, Model, Parameters, RenderOptions
 
+STEP_DEG = 0.25  # of curves
+WIDEST_DEG = 89.0
+
 
 def parameters_of(model: Model, soil: str | None = None) -> Parameters:
     """The default parameters of a model, of Hapke's models with a set of `HAPKE_SETS`.
@@ -55,3 +58,21 @@ def phase_deg(incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg:
     _, to_lamp, to_viewer = directions(incidence_deg, emergence_deg, azimuth_deg)
     apart, together = (np.linalg.norm(to_lamp + sign * to_viewer, axis=1) for sign in (-1, 1))
     return np.asarray(np.degrees(2 * np.arctan2(apart, together)))
+
+
+def in_plane_of_incidence(parameters: Parameters, incidence_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    """Phase angles (n,), degrees, and reflectance factors pi f_r (n,) of all views in the plane of incidence.
+
+    Phase angles are below 0 where the viewer stands lower than the lamp, on its side.
+    """
+    emergence = np.arange(-WIDEST_DEG, WIDEST_DEG + STEP_DEG / 2, STEP_DEG)
+    angles = (np.full_like(emergence, incidence_deg), np.abs(emergence), np.where(emergence < 0, 180.0, 0.0))
+    sign = np.where(emergence > incidence_deg, -1, 1)
+    return sign * phase_deg(*angles), np.pi * reflectance_at(parameters, *angles)
+
+
+def opposite_the_lamp(parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:
+    """Phase angles g (n,), degrees, and reflectance factors pi f_r (n,) where i = e = g / 2, as in a mirror."""
+    half = np.arange(0, WIDEST_DEG + STEP_DEG / 4, STEP_DEG / 2)
+    angles = (half, half, np.full_like(half, 180.0))
+    return phase_deg(*angles), np.pi * reflectance_at(parameters, *angles)

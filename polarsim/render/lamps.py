@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
-from polarsim.photo import Azimuth, Light
+from polarsim.photo import PhotoKey
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
@@ -52,7 +52,7 @@ def lamps_of(suns: Mapping[str, np.ndarray], rig: PlacedRig, radius_m: float = 0
     return {**{azimuth: Lamp(place, radius_m=radius_m) for azimuth, place in suns.items()}, ROVER: rover}
 
 
-def lit_by(light: Light, azimuth: Azimuth) -> tuple[str, ...]:
+def lit_by(key: PhotoKey) -> tuple[str, ...]:
     """Names of the lamps that are on in a photo; the one that throws its labelled shadows comes first."""
-    sun = () if azimuth == "no" else (azimuth,)
-    return (*sun, ROVER) if light == "on" else sun
+    sun = () if key.azimuth == "no" else (key.azimuth,)
+    return (*sun, ROVER) if key.light == "on" else sun

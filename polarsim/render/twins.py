@@ -131,9 +131,9 @@ def _render(
     threads: int,
 ) -> Rendering:
     """The view under the lamps that its photos need."""
-    needed = {name for key in keys for name in lit_by(key.light, key.azimuth)}
+    needed = {name for key in keys for name in lit_by(key)}
     lamps = {name: lamp for name, lamp in lamps_of(suns, rig, options.lamp_radius_m).items() if name in needed}
-    throwing = sorted({lit_by(key.light, key.azimuth)[0] for key in keys if lit_by(key.light, key.azimuth)})
+    throwing = sorted({lit_by(key)[0] for key in keys if lit_by(key)})
     pose, lens = rig.sandbox_from(camera), rig.rig.lens(camera)
     return render_view(surfaces, pose, lens, lamps, models, throwing, options, threads)
 
@@ -152,7 +152,7 @@ def write_photos(
     dark = np.zeros((lens.height, lens.width), np.float32)
 
     def write(key: PhotoKey) -> None:
-        radiance = sum((layers[name] for name in lit_by(key.light, key.azimuth)), dark)
+        radiance = sum((layers[name] for name in lit_by(key)), dark)
         if darkening is not None:
             radiance = radiance * darkening
         noise = generator(options.seed, "sensor", key) if options.noise else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,7 +15,6 @@ from polarsim.formats import release, yolo
 from polarsim.formats.coco import Annotation, read_coco
 from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.polygons import rasterised
-from polarsim.labels.shapes import Shape
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, Camera, PhotoKey
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality import write_quality
@@ -24,6 +24,32 @@ from polarsim.tables.score import Counts, Labels, count_boxes, count_overlaps
 TASKS: dict[Camera, str] = {"L": "seeds' camera", "R": "Left to Right"}
 
 Polygons = list[tuple[int, np.ndarray]]  # class number, ring (n, 2) in pixels
+
+
+@dataclass(frozen=True)
+class Region:
+    """A mask (h, w) whose first pixel is at a corner (x, y) of the photo."""
+
+    mask: np.ndarray
+    corner: np.ndarray
+
+    @property
+    def size(self) -> np.ndarray:
+        """Width and height of the mask."""
+        return np.array(self.mask.shape[::-1])
+
+    @property
+    def box(self) -> np.ndarray:
+        """(4,) around its true pixels, of which there are some."""
+        found = of_mask(self.mask)
+        assert found is not None
+        return found + np.tile(self.corner, 2)
+
+    def part(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """The mask between two points of the photo that lie inside it."""
+        (left, top), (right, bottom) = low - self.corner, high - self.corner
+        return self.mask[top:bottom, left:right]
+
 
 Thing = TypeVar("Thing")  # a polygon or an annotation
 
@@ -58,7 +84,7 @@ def score_outlines(
         for kind in BOX_CLASSES:
             people = _rings(polygons, kind)
             counts = count_overlaps(
-                overlaps([_painted(ring) for ring in people], _shapes(found[photo_set][1], kind)), options.iou_threshold
+                overlaps([_painted(ring) for ring in people], _masks(found[photo_set][1], kind)), options.iou_threshold
             )
             subject = f"{kind} outline: {task}"
             total[subject] = total.get(subject, Counts()) + counts
@@ -81,27 +107,22 @@ def read_polygon_files(root: Path, terrain: int) -> dict[PhotoKey, Polygons]:
     return found
 
 
-def overlaps(first: Sequence[Shape], second: Sequence[Shape]) -> np.ndarray:
-    """(n, m) IoU of shapes, pixel by pixel."""
+def overlaps(first: Sequence[Region], second: Sequence[Region]) -> np.ndarray:
+    """(n, m) IoU of regions, pixel by pixel."""
     near = iou(_boxes(first), _boxes(second)) > 0
     overlap = np.zeros(near.shape)
     for row, column in np.argwhere(near):
-        overlap[row, column] = shape_iou(first[row], second[column])
+        overlap[row, column] = region_iou(first[row], second[column])
     return overlap
 
 
-def shape_iou(first: Shape, second: Shape) -> float:
-    """IoU of two shapes, pixel by pixel."""
-    left, top = max(first.left, second.left), max(first.top, second.top)
-    right = min(first.left + first.mask.shape[1], second.left + second.mask.shape[1])
-    bottom = min(first.top + first.mask.shape[0], second.top + second.mask.shape[0])
-    if right <= left or bottom <= top:
+def region_iou(first: Region, second: Region) -> float:
+    """IoU of two regions, pixel by pixel."""
+    low = np.maximum(first.corner, second.corner)
+    high = np.minimum(first.corner + first.size, second.corner + second.size)
+    if (high <= low).any():
         return 0.0
-    parts = [
-        shape.mask[top - shape.top : bottom - shape.top, left - shape.left : right - shape.left]
-        for shape in (first, second)
-    ]
-    common = int((parts[0] & parts[1]).sum())
+    common = int((first.part(low, high) & second.part(low, high)).sum())
     return common / float(first.mask.sum() + second.mask.sum() - common)
 
 
@@ -123,14 +144,14 @@ def _rings(polygons: Polygons, kind: str) -> list[np.ndarray]:
     return [ring for ring in own if _painted(ring).mask.any()]
 
 
-def _painted(ring: np.ndarray) -> Shape:
+def _painted(ring: np.ndarray) -> Region:
     low = np.clip(np.floor(ring.min(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
     high = np.clip(np.ceil(ring.max(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
     width, height = np.maximum(high - low, 1)
-    return Shape(rasterised(ring - low, (int(height), int(width))), int(low[0]), int(low[1]))
+    return Region(rasterised(ring - low, (int(height), int(width))), low)
 
 
-def _shapes(annotations: Sequence[Annotation], kind: str) -> list[Shape]:
+def _masks(annotations: Sequence[Annotation], kind: str) -> list[Region]:
     found = []
     for annotation in annotations:
         if annotation.kind == kind and annotation.mask is not None:
@@ -138,12 +159,12 @@ def _shapes(annotations: Sequence[Annotation], kind: str) -> list[Shape]:
             box = of_mask(mask)
             if box is not None:
                 left, top, right, bottom = box.astype(int)
-                found.append(Shape(mask[top:bottom, left:right], int(left), int(top)))
+                found.append(Region(mask[top:bottom, left:right], np.array([left, top])))
     return found
 
 
-def _boxes(shapes: Sequence[Shape]) -> np.ndarray:
-    return np.array([shape.box for shape in shapes]).reshape(-1, 4)
+def _boxes(regions: Sequence[Region]) -> np.ndarray:
+    return np.array([region.box for region in regions]).reshape(-1, 4)
 
 
 def _yardstick(people: Sequence[np.ndarray], boxes: Labels | None, kind: str, options: TablesOptions) -> Counts | None:

@@ -3,7 +3,14 @@ import pytest
 
 from polarsim.errors import RenderError
 from polarsim.formats import png
-from polarsim.render.goniometer import directions, parameters_of, phase_deg, reflectance_at
+from polarsim.render.goniometer import (
+    directions,
+    in_plane_of_incidence,
+    opposite_the_lamp,
+    parameters_of,
+    phase_deg,
+    reflectance_at,
+)
 from polarsim.render.options import HAPKE_SETS, MODELS
 from polarsim.tables.figures.brdf import draw_brdf
 
@@ -35,6 +42,17 @@ def test_sets_are_those_of_hapke():
         parameters_of("lambert", "chrono_lunar")
 
 
+def test_curves_are_reflectance_factors_over_the_phase_angle():
+    soil = HAPKE_SETS["chrono_lunar"]
+    phase, factor = in_plane_of_incidence(soil, 30)
+    assert (np.diff(phase) < 0).all()
+    assert phase[np.argmax(factor)] == pytest.approx(0, abs=1e-6)  # the opposition surge
+    phase, factor = opposite_the_lamp(soil)
+    assert (phase[0], phase[-1]) == (0, pytest.approx(178))
+    assert factor[0] == pytest.approx(np.pi * reflectance_at(soil, 0, 0, 0)[0])
+
+
 def test_a_diagram_of_every_set_is_drawn(tmp_path):
-    draw_brdf(tmp_path / "brdf.png", HAPKE_SETS, 30)
+    curves = {name: opposite_the_lamp(soil) for name, soil in HAPKE_SETS.items()}
+    draw_brdf(tmp_path / "brdf.png", {"one": curves, "two": curves})
     assert png.read(tmp_path / "brdf.png").std() > 5

@@ -165,8 +165,7 @@ def test_the_rover_light_stands_between_the_cameras(camera):
     ],
 )
 def test_a_key_says_which_lamps_are_on(key, lamps):
-    photo = PhotoKey.parse(key)
-    assert lit_by(photo.light, photo.azimuth) == lamps
+    assert lit_by(PhotoKey.parse(key)) == lamps
 
 
 def test_an_engine_that_cannot_be_loaded_is_an_error(surfaces, camera, lens, plain, monkeypatch):

@@ -4,11 +4,10 @@ import pytest
 from polarsim.formats import coco, rle, yolo
 from polarsim.formats.release import label_folder, polygon_folder
 from polarsim.formats.tables import read_csv
-from polarsim.labels.shapes import Shape
 from polarsim.photo import PhotoKey
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality import COLUMNS
-from polarsim.tables.quality_outlines import overlaps, score_outlines, shape_iou
+from polarsim.tables.quality_outlines import Region, overlaps, region_iou, score_outlines
 
 ROCK_POLYGON, SHADOW_POLYGON = 2, 3
 LEFT, RIGHT = (PhotoKey.parse(f"03_A_off_30_{camera}_0256") for camera in "LR")
@@ -49,14 +48,18 @@ def scores(tmp_path):
     return run
 
 
-def test_shapes_overlap_where_both_have_pixels():
-    square = Shape(np.ones((10, 10), bool), 5, 5)
-    assert shape_iou(square, square) == 1
-    assert shape_iou(square, Shape(np.ones((10, 10), bool), 10, 5)) == pytest.approx(50 / 150)
-    assert shape_iou(square, Shape(np.ones((4, 4), bool), 40, 40)) == 0
-    hollow = np.ones((10, 10), bool)
-    hollow[2:8, 2:8] = False
-    assert shape_iou(square, Shape(hollow, 5, 5)) == pytest.approx(0.64)
+def region(mask, left, top):
+    return Region(np.asarray(mask, bool), np.array([left, top]))
+
+
+def test_regions_overlap_where_both_have_pixels():
+    square = region(np.ones((10, 10)), 5, 5)
+    assert region_iou(square, square) == 1
+    assert region_iou(square, region(np.ones((10, 10)), 10, 5)) == pytest.approx(50 / 150)
+    assert region_iou(square, region(np.ones((4, 4)), 40, 40)) == 0
+    hollow = np.ones((10, 10))
+    hollow[2:8, 2:8] = 0
+    assert region_iou(square, region(hollow, 5, 5)) == pytest.approx(0.64)
     np.testing.assert_allclose(overlaps([square], []), np.zeros((1, 0)))
 
 
