@@ -5,6 +5,9 @@
 RELEASE is the release's folder (Labels, TerrainMeshes). Thirteen terrains are made of the five whose cameras
 `benchmarks/transfers.py` locates in folders below WORK, each with the whole photo grid of its number. Every terrain is
 a process of its own, as in the pipeline; so many run at once.
+
+Last figures (two processes on a 2-core virtual machine, 5,280 photos): boxes 72 s, outlines 188 s; 656 and 794 MB a
+process.
 """
 
 from __future__ import annotations

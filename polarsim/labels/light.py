@@ -19,7 +19,7 @@ from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE, SUN_LAMPS
 
 GREY_PER_MS = 3.0  # of level sand at the centre under the Sun lamp 30: then 256 ms serves best, as at NASA
 LEVEL_COSINE = float(SUN_LAMPS["30"][2] / np.linalg.norm(SUN_LAMPS["30"]))  # of that lamp's incidence there
-STRAY = 0.01  # of a lamp's light that comes from all around
+STRAY = 0.01  # of a lamp's light that comes from all of the sky
 STEP_PX = 2  # layers have every second pixel along rows and columns: contrast is that of whole boxes
 KEPT = 2  # views in memory: 5 MB for each of their lamps
 
@@ -73,7 +73,7 @@ class LightLayers:
         lit = facing[~world.everything.blocked(seen.places[facing], to_lamp[facing], 1.0)]
         if world.walls is not None:
             lit = lit[~world.walls.blocked(seen.places[lit], to_lamp[lit], 1.0)]
-        light = np.full(len(cosine), STRAY)
+        light = STRAY / 2 * (1 + seen.normals[:, 2])
         light[lit] += cosine[lit]
         layer = np.zeros(seen.met.shape, np.float32)
         layer[seen.met] = GREY_PER_MS / LEVEL_COSINE * light
