@@ -93,11 +93,8 @@ def principled_chrono(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # 
     cos2_h, cos_d = (cos_i + cos_e) ** 2 / length2, 0.5 * np.sqrt(length2)
     density = p.roughness**2 / (cos2_h * (p.roughness**2 - 1) + 1) ** 2
     masking = 0.5 / ((1 - p.roughness) * 2 * cos_i * cos_e + p.roughness * (cos_i + cos_e))
-    if p.workflow == "specular":
-        mirrored, albedo = 0.08 * p.k_s + (1 - 0.08 * p.k_s) * _fifth(1 - cos_d), p.k_d
-    else:
-        mirrored, albedo = p.metallic * p.k_d + (1 - p.metallic) * 0.04, p.k_d * (1 - p.metallic)
-    return ((1 - mirrored) * albedo + mirrored * density * masking) / np.pi
+    mirrored = p.mirrored + p.grazing * (1 - p.mirrored) * _fifth(1 - cos_d)
+    return ((1 - mirrored) * p.albedo + mirrored * density * masking) / np.pi
 
 
 def _fifth(x: np.ndarray) -> np.ndarray:

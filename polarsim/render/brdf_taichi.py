@@ -64,7 +64,8 @@ def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray,
         _hapke(*vectors, value, *_hapke_numbers(parameters.hapke), 1)
         value *= np.float32(parameters.k_d)
     elif isinstance(parameters, PrincipledChronoParameters):
-        _principled_chrono(*vectors, value, *_chrono_numbers(parameters))
+        p = parameters
+        _principled_chrono(*vectors, value, p.roughness, p.albedo, p.mirrored, p.grazing)
     elif isinstance(parameters, PrincipledParameters):
         alpha2 = max(0.001, parameters.roughness**2) ** 2
         eta = 2 / (1 - math.sqrt(0.08 * parameters.specular)) - 1
@@ -82,13 +83,6 @@ def _hapke_numbers(p: HapkeParameters) -> tuple[float, ...]:
     porosity = -math.log1p(-u) / u if u > 0 else 1.0
     tan_bar = math.tan(math.radians(p.theta_bar_deg))
     return p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, porosity, float(p.h_function)
-
-
-def _chrono_numbers(p: PrincipledChronoParameters) -> tuple[float, ...]:
-    """Roughness, albedo, mirrored share at normal incidence, and how much of the rest is mirrored at grazing angles."""
-    if p.workflow == "specular":
-        return p.roughness, p.k_d, 0.08 * p.k_s, 1.0
-    return p.roughness, p.k_d * (1 - p.metallic), p.metallic * p.k_d + (1 - p.metallic) * 0.04, 0.0
 
 
 @ti.func

@@ -9,6 +9,7 @@ import numpy as np
 
 from polarsim.errors import RenderError
 from polarsim.render.brdf import reflectance
+from polarsim.render.hits import between_deg
 from polarsim.render.options import HAPKE_SETS, HapkeChronoParameters, Model, Parameters, RenderOptions
 
 STEP_DEG = 0.25  # of curves
@@ -56,8 +57,7 @@ def directions(
 def phase_deg(incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg: np.ndarray) -> np.ndarray:
     """(n,) angle between the directions to lamp and viewer, degrees."""
     _, to_lamp, to_viewer = directions(incidence_deg, emergence_deg, azimuth_deg)
-    apart, together = (np.linalg.norm(to_lamp + sign * to_viewer, axis=1) for sign in (-1, 1))
-    return np.asarray(np.degrees(2 * np.arctan2(apart, together)))
+    return between_deg(to_lamp, to_viewer)
 
 
 def in_plane_of_incidence(parameters: Parameters, incidence_deg: float) -> tuple[np.ndarray, np.ndarray]:

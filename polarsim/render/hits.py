@@ -89,6 +89,12 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.sqrt(np.where(square > 0, square, square.dtype.type(1)))[:, None]
 
 
+def between_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(n,) angles between unit vectors (n, 3), degrees; exact near 0 and 180."""
+    apart, together = (np.sqrt(dot(v, v)) for v in (first - second, first + second))
+    return np.asarray(np.degrees(2 * np.arctan2(apart, together)))
+
+
 def for_strips(height: int, threads: int, work: Callable[[slice], None]) -> None:
     """Do the work for every strip of rows, on so many threads; strips write to places of their own."""
     strips = [slice(start, min(start + STRIP, height)) for start in range(0, height, STRIP)]

@@ -11,7 +11,7 @@ from polarsim.formats import png
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
-from polarsim.render.hits import cast_strip, dot, for_strips, unit
+from polarsim.render.hits import between_deg, cast_strip, for_strips, unit
 from polarsim.render.lamps import Lamp
 from polarsim.render.surfaces import Surfaces
 
@@ -54,12 +54,12 @@ def maps_of(surfaces: Surfaces, sandbox_from_camera: Pose, lens: Lens, lamp: Lam
         from_camera = hits.point - sandbox_from_camera.translation
         depth[rows].reshape(-1)[hits.pixel] = from_camera @ axis
         normal[rows].reshape(-1, 3)[hits.pixel] = hits.normal
-        emergence[rows].reshape(-1)[hits.pixel] = _between_deg(hits.normal, hits.to_viewer)
+        emergence[rows].reshape(-1)[hits.pixel] = between_deg(hits.normal, hits.to_viewer)
         ids[rows].reshape(-1)[hits.pixel] = surfaces.id_of_face[hits.face]
         if lamp is not None:
             to_lamp = unit(lamp.light_at(hits.point, falloff=False)[0])
-            incidence[rows].reshape(-1)[hits.pixel] = _between_deg(hits.normal, to_lamp)
-            phase[rows].reshape(-1)[hits.pixel] = _between_deg(hits.to_viewer, to_lamp)
+            incidence[rows].reshape(-1)[hits.pixel] = between_deg(hits.normal, to_lamp)
+            phase[rows].reshape(-1)[hits.pixel] = between_deg(hits.to_viewer, to_lamp)
 
     for_strips(lens.height, threads, work)
     return Maps(depth, normal, incidence, emergence, phase, ids)
@@ -80,9 +80,3 @@ def write_maps(folder: Path, maps: Maps) -> None:
 def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
     steps = np.minimum(np.nan_to_num(values * factor, nan=0.0) + 0.5, MOST - 1)
     return np.where(np.isnan(values), MOST, steps).astype(np.uint16)
-
-
-def _between_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n,) angles between unit vectors (n, 3), exact near 0 and 180."""
-    apart, together = (np.sqrt(dot(v, v)) for v in (first - second, first + second))
-    return np.asarray(np.degrees(2 * np.arctan2(apart, together)))

@@ -51,6 +51,11 @@ HapkeSet = Literal[
 ]
 
 
+def hapke_parameters(chosen: HapkeSet | HapkeParameters) -> HapkeParameters:
+    """The parameters of a set that is named, or as they were given."""
+    return HAPKE_SETS[chosen] if isinstance(chosen, str) else chosen
+
+
 class PrincipledParameters(BaseModel, extra="forbid", frozen=True):
     """Burley's diffuse lobe and a GGX mirror lobe, as Mitsuba 3 defines them."""
 
@@ -80,8 +85,7 @@ class HapkeChronoParameters(BaseModel, extra="forbid", frozen=True):
     @property
     def hapke(self) -> HapkeParameters:
         """Without coherent backscatter, which that shader leaves out."""
-        found = HAPKE_SETS[self.soil] if isinstance(self.soil, str) else self.soil
-        return found.model_copy(update={"b_c0": 0.0})
+        return hapke_parameters(self.soil).model_copy(update={"b_c0": 0.0})
 
 
 class PrincipledChronoParameters(BaseModel, extra="forbid", frozen=True):
@@ -92,6 +96,21 @@ class PrincipledChronoParameters(BaseModel, extra="forbid", frozen=True):
     roughness: float = Field(0.8, ge=0.001, le=1, description="GGX alpha itself.")
     metallic: float = Field(0, ge=0, le=1, description="Share of metal; counts in the metallic workflow.")
     workflow: Literal["specular", "metallic"] = Field("specular", description="What mirrors: k_s, or metal.")
+
+    @property
+    def albedo(self) -> float:
+        """Of what is not mirrored."""
+        return self.k_d if self.workflow == "specular" else self.k_d * (1 - self.metallic)
+
+    @property
+    def mirrored(self) -> float:
+        """Share of the light that is mirrored at normal incidence."""
+        return 0.08 * self.k_s if self.workflow == "specular" else self.metallic * self.k_d + (1 - self.metallic) * 0.04
+
+    @property
+    def grazing(self) -> float:
+        """Share of the rest that is mirrored too at grazing incidence."""
+        return 1.0 if self.workflow == "specular" else 0.0
 
 
 Parameters = (
@@ -157,6 +176,6 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
     def parameters(self, model: Model) -> Parameters:
         """The parameters of a model."""
         if model == "hapke":
-            return HAPKE_SETS[self.hapke] if isinstance(self.hapke, str) else self.hapke
+            return hapke_parameters(self.hapke)
         found: Parameters = getattr(self, model)
         return found

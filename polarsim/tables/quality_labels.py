@@ -185,6 +185,7 @@ def confidence_figures(pairs: pd.DataFrame, against: Against) -> list[Figure]:
 
 
 def box_figures(subject: str, counts: Counts, against: Against) -> list[Figure]:
+    """Precision, recall, F1 and mean IoU; NaN where there is nothing to divide by."""
     figures = counts.figures()
     sizes = {"precision": "label_boxes", "recall": "truth_boxes", "f1": "truth_boxes", "miou": "truth_boxes"}
     return [

@@ -82,10 +82,8 @@ def score_outlines(
         key, polygons = drawn[photo_set]
         task = TASKS[key.camera]
         for kind in BOX_CLASSES:
-            people = _rings(polygons, kind)
-            counts = count_overlaps(
-                overlaps([_painted(ring) for ring in people], _masks(found[photo_set][1], kind)), options.iou_threshold
-            )
+            people = _painted(polygons, kind)
+            counts = count_overlaps(overlaps(people, _masks(found[photo_set][1], kind)), options.iou_threshold)
             subject = f"{kind} outline: {task}"
             total[subject] = total.get(subject, Counts()) + counts
             yardstick = _yardstick(people, boxes.get(key), kind, options)
@@ -138,13 +136,13 @@ def _of_photo_sets(
     return fullest
 
 
-def _rings(polygons: Polygons, kind: str) -> list[np.ndarray]:
-    """Rings of one kind that cover a pixel."""
-    own = [ring for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
-    return [ring for ring in own if _painted(ring).mask.any()]
+def _painted(polygons: Polygons, kind: str) -> list[Region]:
+    """What polygons of one kind cover, as far as it is a pixel."""
+    own = [_region(ring) for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
+    return [region for region in own if region.mask.any()]
 
 
-def _painted(ring: np.ndarray) -> Region:
+def _region(ring: np.ndarray) -> Region:
     low = np.clip(np.floor(ring.min(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
     high = np.clip(np.ceil(ring.max(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
     width, height = np.maximum(high - low, 1)
@@ -167,9 +165,9 @@ def _boxes(regions: Sequence[Region]) -> np.ndarray:
     return np.array([region.box for region in regions]).reshape(-1, 4)
 
 
-def _yardstick(people: Sequence[np.ndarray], boxes: Labels | None, kind: str, options: TablesOptions) -> Counts | None:
+def _yardstick(people: Sequence[Region], boxes: Labels | None, kind: str, options: TablesOptions) -> Counts | None:
     """Boxes around polygons against the boxes of the same photo; None where nobody drew boxes of this kind."""
     own = np.zeros((0, 4)) if boxes is None else boxes.boxes[boxes.classes == BOX_CLASSES.index(kind)]
     if not len(own):
         return None
-    return count_boxes(own, _boxes([_painted(ring) for ring in people]), options.iou_threshold)
+    return count_boxes(own, _boxes(people), options.iou_threshold)
