@@ -12,7 +12,7 @@ import numpy as np
 
 from polarsim.labels.known import Known
 from polarsim.labels.photos import Brightness, PhotoSet
-from polarsim.labels.shadows import distance_to_walls
+from polarsim.labels.shadows import sightlines
 from polarsim.labels.view import View
 from polarsim.photo import Azimuth, Camera
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE, SUN_LAMPS
@@ -54,13 +54,11 @@ class LightLayers:
         world, view = self.known.world, View(self.known.placed[position], camera)
         width, height = view.size
         columns, rows = (np.arange(STEP_PX / 2, length, STEP_PX) for length in (width, height))
-        directions = view.directions(np.stack(np.meshgrid(columns, rows), axis=-1)).reshape(-1, 3)
-        origins = np.broadcast_to(view.centre, directions.shape)
-        distance, face = world.everything.nearest(origins, directions)
-        met = np.isfinite(distance) & (distance < distance_to_walls(world, origins, directions))
-        normals = self._normals[face[met]]
-        away = (normals * directions[met]).sum(axis=1) > 0
-        places = view.centre + distance[met, None] * directions[met]
+        seen = sightlines(world, view, rows, columns)
+        met, directions = seen.met, seen.directions[seen.met]
+        normals = self._normals[seen.face[met]]
+        away = (normals * directions).sum(axis=1) > 0
+        places = view.centre + seen.distance[met, None] * directions
         return Seen(met.reshape(len(rows), len(columns)), places, np.where(away[:, None], -normals, normals))
 
     def _lit(self, position: str, camera: Camera, azimuth: Azimuth) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from polarsim.geometry.boxes import of_mask
@@ -27,11 +29,28 @@ def lamp(world: World, view: View, light: Light, azimuth: Azimuth) -> np.ndarray
     return None
 
 
-def distance_to_walls(world: World, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(n,) distance along rays to the walls of the sandbox: the near one hides ground; inf where they meet none."""
-    if world.walls is None:
-        return np.full(len(directions), np.inf)
-    return np.asarray(world.walls.nearest(origins, directions)[0])
+@dataclass(frozen=True)
+class Sightlines:
+    """Rays (n,) through a grid of a view's pixels, row by row, and what they meet first; distances by their length."""
+
+    directions: np.ndarray  # (n, 3)
+    distance: np.ndarray  # to ground or rocks; inf for neither
+    face: np.ndarray  # of the world's `everything`
+    wall: np.ndarray  # distance to a wall of the sandbox, which the near one hides things with; inf for none
+
+    @property
+    def met(self) -> np.ndarray:
+        """(n,) bool: ground or rock is seen."""
+        return np.asarray(np.isfinite(self.distance) & (self.distance < self.wall))
+
+
+def sightlines(world: World, view: View, rows: np.ndarray, columns: np.ndarray) -> Sightlines:
+    """Cast a ray through every pixel (row, column)."""
+    directions = view.directions(np.stack(np.meshgrid(columns, rows), axis=-1)).reshape(-1, 3)
+    origins = np.broadcast_to(view.centre, directions.shape)
+    distance, face = world.everything.nearest(origins, directions)
+    wall = np.full(len(directions), np.inf) if world.walls is None else world.walls.nearest(origins, directions)[0]
+    return Sightlines(directions, distance, face, wall)
 
 
 class Ids:
@@ -41,17 +60,15 @@ class Ids:
     """
 
     def __init__(self, world: World, view: View, rows: np.ndarray, columns: np.ndarray) -> None:
-        pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
-        directions = view.directions(pixels).reshape(-1, 3)
-        origins = np.broadcast_to(view.centre, directions.shape)
-        distance, face = world.everything.nearest(origins, directions)
-        wall = distance_to_walls(world, origins, directions)
+        seen = sightlines(world, view, rows, columns)
         self.shape = (len(rows), len(columns))
-        self.hit = (np.isfinite(distance) & (distance < wall)).reshape(self.shape)
-        self.rock = np.where(self.hit, world.rock_of_face[face].reshape(self.shape), NO_ROCK)
-        hidden = np.flatnonzero(np.isfinite(distance) & ~world.is_ground[face])  # what is seen stands before the ground
-        distance[hidden] = world.ground.nearest(origins[hidden], directions[hidden])[0]
-        on_ground = np.isfinite(distance) & (distance < wall)
+        self.hit = seen.met.reshape(self.shape)
+        self.rock = np.where(self.hit, world.rock_of_face[seen.face].reshape(self.shape), NO_ROCK)
+        distance, directions = seen.distance.copy(), seen.directions
+        before_ground = np.flatnonzero(np.isfinite(distance) & ~world.is_ground[seen.face])
+        origins = np.broadcast_to(view.centre, (len(before_ground), 3))
+        distance[before_ground] = world.ground.nearest(origins, directions[before_ground])[0]
+        on_ground = np.isfinite(distance) & (distance < seen.wall)
         self.ground = on_ground.reshape(self.shape)
         self.places = view.centre + distance[on_ground, None] * directions[on_ground]  # (n, 3), row by row
 
