@@ -16,6 +16,8 @@ from polarsim.photo import HEIGHT, WHITE_LEVEL, WIDTH
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # of PNG's colour types
+_FROM_LEFT = 1  # PNG's filter "Sub"
+_LEVEL = 1  # of ISA-L's 0 to 3: higher ones gain nothing on photos
 
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 24))  # read by OpenCV at import: refuses PNG bombs
 
@@ -104,12 +106,33 @@ def write(path: str | Path, pixels: np.ndarray) -> None:
     PolarsimError
         The file cannot be written.
     """
-    import cv2
-
-    if pixels.ndim == 3:
-        pixels = pixels[..., ::-1]
-    # No level is asked for: naming one switches OpenCV to adaptive filters, three times slower and larger.
-    done, coded = cv2.imencode(".png", np.ascontiguousarray(pixels))
-    assert done
+    content = encode(pixels)
     with writing(path) as temporary:
-        temporary.write_bytes(coded.tobytes())
+        temporary.write_bytes(content)
+
+
+def encode(pixels: np.ndarray) -> bytes:
+    """A PNG file of (h, w) or (h, w, 3; RGB order) pixels, uint8 or uint16.
+
+    Intel's deflate takes a fifth of OpenCV's time; every row is stored as differences to the pixel on its left.
+    """
+    from isal import isal_zlib
+
+    assert pixels.dtype in (np.uint8, np.uint16) and pixels.shape[2:] in ((), (3,))
+    height, width = pixels.shape[:2]
+    bits = 8 * pixels.itemsize
+    step = pixels.itemsize * (3 if pixels.ndim == 3 else 1)  # bytes from a pixel to the next
+    rows = np.ascontiguousarray(pixels, f">u{pixels.itemsize}").view(np.uint8).reshape(height, width * step)
+    filtered = np.empty((height, 1 + width * step), np.uint8)
+    filtered[:, 0] = _FROM_LEFT
+    filtered[:, 1 : 1 + step] = rows[:, :step]
+    np.subtract(rows[:, step:], rows[:, :-step], out=filtered[:, 1 + step :])
+    header = struct.pack(">IIBBBBB", width, height, bits, 2 if pixels.ndim == 3 else 0, 0, 0, 0)
+    parts = ((b"IHDR", header), (b"IDAT", isal_zlib.compress(filtered, _LEVEL)), (b"IEND", b""))
+    return _SIGNATURE + b"".join(_chunk(kind, content) for kind, content in parts)
+
+
+def _chunk(kind: bytes, content: bytes) -> bytes:
+    from isal import isal_zlib
+
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", isal_zlib.crc32(kind + content))
