@@ -1,122 +1,110 @@
-"""What a view and a photo cost: `python benchmarks/render.py [threads]` prints CPU and wall seconds.
+"""Photos a second of the renderer, files to files, beside Mitsuba 3 in one run.
 
-Scene: 1.28 million triangles of ground (5 mm cells), 40 rocks, 1936 x 1216 pixels, five lamps, seen from A.
-Last figures, CPU seconds on one thread (two cores shared with other work, which makes them longer; NumPy 2.4):
+`python benchmarks/render.py [--threads 2] [--samples 4] [--cells 500] [--json FILE] [--no-mitsuba]`
 
-    build 7.8    five layers of a view: lambert 4.8, principled 5.0, hapke 5.6, both of these 6.5, and ids as well 6.6
-    a photo, exposed and written 0.041
-
-So a terrain with 4 views and 96 photos in two models takes 35 CPU seconds, 8 of them for its PNG files.
-
-Reflectance in nanoseconds a point, one thread, float32, NumPy / Taichi 1.7: Hapke 130 / 270, principled 50 / 53 where
-all points are lit; 125 / 75 and 50 / 25 where half of them are not. Taichi needs 2 s more to load and compile, so NumPy
-is the default engine on a CPU.
+Ours: the full photo grid of one terrain and position, 2 cameras x (4 Suns x 2 lights + rover light alone) x 7 exposures
+x 2 models = 252 photos of 1936 x 1216 pixels, PNGs, boxes, ids, COCO and tables written: `render_twins` as the
+workflow calls it, from OBJ meshes on disk. Mitsuba: photos of the same view, one after the other, with its fastest CPU
+variant that runs here, the same samples a pixel, on as many threads, its scene built before the clock starts and no
+file written.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import os
+import resource
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from made_terrain import made_terrain, surveyed_rig
 
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats import obj
+from polarsim.formats.files import write_json
+from polarsim.formats.rigs import write_placed
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
-from polarsim.photo import NO_ROCK, PhotoKey
-from polarsim.render.automatic import boxes_of
-from polarsim.render.gain import default_gain
-from polarsim.render.lamps import lamps_of
-from polarsim.render.layers import reflectance_engine, render_view
-from polarsim.render.options import RenderOptions
-from polarsim.render.surfaces import surfaces_of
-from polarsim.render.twins import write_photos
-from polarsim.survey import SUN_LAMPS
+from polarsim.photo import NO_ROCK, SUNS, PhotoKey
+from polarsim.render.options import Model, RenderOptions
+from polarsim.render.twins import LabelPaths, render_twins
 
-CELLS, ROCKS = 800, 40
+TERRAIN, POSITION = 4, "A"
+EXPOSURES_MS = tuple(2**step for step in range(5, 12))  # NASA's: 32 to 2048
+MODELS: tuple[Model, ...] = ("principled", "hapke")
 
 
-def grid(height: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and faces of a height field (n, n)."""
-    n = len(height)
-    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    faces = [[corner, corner + 1, corner + n], [corner + 1, corner + n + 1, corner + n]]
-    return np.stack([x, y, height], axis=-1).reshape(-1, 3), np.concatenate([np.stack(f, axis=1) for f in faces])
+def grid_keys() -> list[PhotoKey]:
+    """Every photo of one terrain and position that has light in it."""
+    lights = [("off", sun) for sun in SUNS] + [("on", sun) for sun in SUNS] + [("on", "no")]
+    return [
+        PhotoKey(TERRAIN, POSITION, light, azimuth, camera, exposure)
+        for light, azimuth in lights
+        for camera in "LR"
+        for exposure in EXPOSURES_MS
+    ]
 
 
-def scene(rng: np.random.Generator) -> TerrainMesh:
-    """Rough ground with domes on it."""
-    x, y = np.meshgrid(*2 * [np.linspace(-2, 2, CELLS)])
-    height = sum(
-        0.01 / k * np.sin(k * (x * np.cos(a) + y * np.sin(a)) + p)
-        for k, a, p in zip(2 ** rng.uniform(1, 8, 30), *rng.uniform(0, 6.28, (2, 30)), strict=True)
-    )
-    parts = [(NO_ROCK, *grid(height, x, y))]
-    for rock, (cx, cy) in enumerate(rng.uniform(-1.7, 1.7, (ROCKS, 2)), 1):
-        u, v = np.meshgrid(*2 * [np.linspace(-1, 1, 60)])
-        size = rng.uniform(0.04, 0.15)
-        parts.append((rock, *grid(size * (1 - u**4) * (1 - v**4) - 0.02, cx + size * u, cy + size * v)))
-    starts = np.cumsum([0, *(len(v) for _, v, _ in parts)])
-    vertices = np.concatenate([v for _, v, _ in parts])
-    faces = np.concatenate([f + start for (_, _, f), start in zip(parts, starts, strict=False)])
-    normals = np.zeros_like(vertices)
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    for k in range(3):
-        np.add.at(normals, faces[:, k], np.cross(b - a, c - a))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return TerrainMesh(vertices, faces, np.concatenate([np.full(len(f), r) for r, _, f in parts]), normals)
+def write_terrain(folder: Path, mesh: TerrainMesh) -> None:
+    """The meshes as files, ground and rocks."""
+    obj.write(folder / obj.ground_name(TERRAIN), mesh.part(NO_ROCK), "ground")
+    for rock in mesh.rocks:
+        obj.write(folder / obj.rock_name(TERRAIN, rock), mesh.part(rock), f"rock{rock}")
 
 
-def timed(text: str, work):  # type: ignore[no-untyped-def]
-    start, cpu = time.perf_counter(), time.process_time()
-    result = work()
-    print(f"{text:44s} {time.process_time() - cpu:6.2f} s CPU {time.perf_counter() - start:6.2f} s wall")
-    return result
+def ours(mesh: TerrainMesh, keys: Sequence[PhotoKey], options: RenderOptions, threads: int) -> dict[str, float]:
+    """Seconds of the whole stage."""
+    with tempfile.TemporaryDirectory() as name:
+        out = Path(name)
+        for folder in ("cameras", "meshes"):
+            (out / folder).mkdir()
+        write_placed(out / "cameras" / f"Pos{POSITION}.json", surveyed_rig())
+        write_terrain(out / "meshes", mesh)
+        wall, cpu = time.perf_counter(), time.process_time()
+        render_twins(
+            terrain=TERRAIN,
+            keys=keys,
+            cameras=out / "cameras",
+            meshes=out / "meshes",
+            photos=None,
+            twins={model: out / model for model in MODELS},
+            labels=LabelPaths(out / "boxes", out / "instances", out / "coco.json", out / "labels.parquet"),
+            options=options,
+            threads=threads,
+        )
+        seconds = {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu}
+        written = sum(1 for model in MODELS for _ in (out / model).glob("*.png"))
+        if written != len(keys) * len(MODELS):
+            raise SystemExit(f"{written} photos written, {len(keys) * len(MODELS)} asked for")
+        return seconds
 
 
 def main() -> None:
-    threads = int(sys.argv[1]) if len(sys.argv) > 1 else 1
-    options = RenderOptions()
-    rig = PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.radians(178), np.radians(25)), "benchmark")
-    lens, pose = rig.rig.left, rig.sandbox_from_left
-    mesh = scene(np.random.default_rng(1))
-    surfaces = surfaces_of(mesh, options)
-    timed("build", lambda: surfaces.prepare(shadows=True))
-    lamps = lamps_of(SUN_LAMPS, rig)
-    for models in (["lambert"], ["principled"], ["hapke"]):
-        layers = timed(
-            f"five layers of a view, {models[0]}",
-            lambda models=models: render_view(surfaces, pose, lens, lamps, models, None, options, threads).layers,
-        )
-    models = ["principled", "hapke"]
-    timed("both models", lambda: render_view(surfaces, pose, lens, lamps, models, None, options, threads))
-    view = timed(
-        "both, with ids", lambda: render_view(surfaces, pose, lens, lamps, models, list(lamps), options, threads)
-    )
-    pictures = view.ids
-    timed("boxes of five pictures of ids", lambda: [boxes_of(picture, options) for picture in pictures.values()])
-    keys = [PhotoKey(4, "A", "on", azimuth, "L", 2**n) for azimuth in ("30", "180", "350") for n in range(5, 12)]
-    by_lamp = {name: layer for (_, name), layer in layers.items()}
-    with tempfile.TemporaryDirectory() as folder:
-        gain = default_gain("hapke", options)
-        timed(
-            f"{len(keys)} photos, exposed and written",
-            lambda: write_photos(Path(folder), keys, by_lamp, lens, gain, options, threads),
-        )
-    vectors = np.random.default_rng(2).normal(size=(3, 400_000, 3)).astype(np.float32)
-    vectors[:, :, 2] = np.abs(vectors[:, :, 2])
-    vectors /= np.linalg.norm(vectors, axis=2, keepdims=True)
-    for engine in ("numpy", "taichi"):
-        reflectance = reflectance_engine(options.model_copy(update={"engine": engine}), threads)
-        for model in ("principled", "hapke"):
-            reflectance(options.parameters(model), *vectors)  # compiles
-            timed(
-                f"reflectance of 400,000 points, {model}, {engine}",
-                lambda f=reflectance, m=model: f(options.parameters(m), *vectors),
-            )
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("--threads", type=int, default=2)
+    asked.add_argument("--samples", type=int, default=4, help="rays a pixel")
+    asked.add_argument("--cells", type=int, default=500, help="cells along a side of the ground")
+    asked.add_argument("--json", type=Path, help="file for the figures")
+    args = asked.parse_args()
+    mesh = made_terrain(args.cells)
+    keys = grid_keys()
+    found = ours(mesh, keys, RenderOptions(samples=args.samples), args.threads)
+    photos = len(keys) * len(MODELS)
+    result: dict[str, Any] = {
+        "photos": photos,
+        "samples": args.samples,
+        "threads": args.threads,
+        "triangles": len(mesh.faces),
+        "photos_per_s": photos / found["wall_s"],
+        **found,
+        "max_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
+    }
+    for name, value in result.items():
+        print(f"{name:24s} {value:.4g}" if isinstance(value, float) else f"{name:24s} {value}")
+    if args.json:
+        write_json(args.json, result)
 
 
 if __name__ == "__main__":
