@@ -12,7 +12,6 @@ file written.
 from __future__ import annotations
 
 import argparse
-import os
 import resource
 import tempfile
 import time
@@ -20,7 +19,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from made_terrain import made_terrain, surveyed_rig
 
 from polarsim.formats import obj

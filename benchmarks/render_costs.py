@@ -21,9 +21,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from made_terrain import made_terrain, surveyed_rig
 
 from polarsim.photo import PhotoKey
@@ -35,7 +32,6 @@ from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.render.twins import write_photos
 from polarsim.survey import SUN_LAMPS
-
 
 
 def timed(text: str, work):  # type: ignore[no-untyped-def]

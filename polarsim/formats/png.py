@@ -118,7 +118,8 @@ def encode(pixels: np.ndarray) -> bytes:
     """
     from isal import isal_zlib
 
-    assert pixels.dtype in (np.uint8, np.uint16) and pixels.shape[2:] in ((), (3,))
+    assert pixels.dtype in (np.uint8, np.uint16)
+    assert pixels.shape[2:] in ((), (3,))
     height, width = pixels.shape[:2]
     bits = 8 * pixels.itemsize
     step = pixels.itemsize * (3 if pixels.ndim == 3 else 1)  # bytes from a pixel to the next
