@@ -8,6 +8,7 @@ import numpy as np
 
 from polarsim.errors import PolarsimError
 from polarsim.geometry.rays import NO_FACE, START_OFFSET
+from polarsim.geometry.vectors import length, moved
 
 _STRIP = 1 << 18  # rays handed to Embree at once, whatever the number of threads: same strips, same bytes
 _NO_HIT = 1e36  # embreex's distance of a ray that met nothing
@@ -52,8 +53,8 @@ class EmbreeCaster:
 
         def cast(part: slice) -> None:
             along = directions[part]
-            near = START_OFFSET / np.sqrt(np.einsum("nk,nk->n", along, along))
-            starts = origins[part] + near[:, None] * along  # embreex has no near limit of its own
+            near = START_OFFSET / length(along)
+            starts = moved(origins[part], along, near)  # embreex has no near limit of its own
             lengths = _float32(np.minimum(far[part] - near, _NO_HIT))
             found = self._scene.run(_float32(starts), _float32(along), dists=lengths, query="OCCLUDED")
             hit[part] = (found >= 0) & (lengths > 0)

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.lens import HALF_PIXEL, Lens
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.pixel_rays import pixel_directions
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.vectors import dot, moved, rotated, scaled, unit
 from polarsim.render.surfaces import Surfaces
 
 STRIP = 64  # rows cast at once: bounds memory, and is the unit that threads share
 _OFFSETS = {1: ((0.0, 0.0),), 4: ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))}  # pixels
+_NO_NORMAL = 1e-12  # square of the length of smooth normals that cancel out
 _LEAST_SLOPE = 1e-3  # smooth normals that face the viewer less than this give way to the flat ones
 
 
@@ -41,52 +44,34 @@ def cast_strip(
 ) -> Hits:
     """Cast a ray through every pixel of the rows, `offset` pixels off its centre; normals are flat unless `smooth`."""
     origin = sandbox_from_camera.translation
-    directions = _turn(sandbox_from_camera.rotation, pixel_directions(lens, rows, offset).reshape(-1, 3))
+    directions = rotated(sandbox_from_camera.rotation, pixel_directions(lens, rows, offset).reshape(-1, 3))
     distance, face = surfaces.all.nearest(np.broadcast_to(origin, directions.shape), directions)
     pixel = np.flatnonzero(face >= 0)
-    face, directions = face[pixel], directions[pixel]
-    point = (origin + distance[pixel, None] * directions).astype(np.float32)
-    to_viewer = unit(-directions).astype(np.float32)
-    plane = surfaces.planes[face]
+    face, directions, distance = face.take(pixel), directions.take(pixel, axis=0), distance.take(pixel)
+    point = moved(origin, directions, distance).astype(np.float32)
+    to_viewer = unit(-directions.astype(np.float32))
+    plane = surfaces.planes.take(face, axis=0)
     behind = dot(plane, to_viewer) < 0  # open meshes may be seen from inside
-    side = np.where(behind, np.float32(-1), np.float32(1))[:, None]
+    side = np.where(behind, np.float32(-1), np.float32(1))
     if not smooth:
-        return Hits(rows, pixel, face, point, to_viewer, plane * side, plane * side)
-    normal = _smooth_normals(surfaces, face, point, plane) * side
-    plane = plane * side
+        plane = scaled(plane, side)
+        return Hits(rows, pixel, face, point, to_viewer, plane, plane)
+    normal = scaled(_smooth_normals(surfaces, face, point, plane), side)
+    plane = scaled(plane, side)
     away = dot(normal, to_viewer) < _LEAST_SLOPE
     normal[away] = plane[away]
     return Hits(rows, pixel, face, point, to_viewer, normal, plane)
 
 
-def pixel_directions(lens: Lens, rows: slice, offset: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    """(rows, w, 3) directions with z = 1 through the pixels' centres, moved by `offset` pixels."""
-    u = np.arange(lens.width) + HALF_PIXEL + offset[0]
-    v = np.arange(lens.height)[rows] + HALF_PIXEL + offset[1]
-    return lens.directions(np.stack(np.meshgrid(u, v), axis=-1))
-
-
 def _smooth_normals(surfaces: Surfaces, face: np.ndarray, point: np.ndarray, plane: np.ndarray) -> np.ndarray:
-    slopes = surfaces.normal_slopes[face]
-    normal = np.einsum("nij,nj->ni", slopes[:, :, :3], point - surfaces.corner[face]) + slopes[:, :, 3]
-    return np.where(dot(normal, normal)[:, None] > 1e-12, unit(normal), plane)
-
-
-def _turn(rotation: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Rotate directions (n, 3); BLAS would wake its threads for these thin arrays, and take longer."""
-    return np.stack([row[0] * directions[:, 0] + row[1] * directions[:, 1] + row[2] * directions[:, 2]
-                     for row in rotation], axis=1)  # fmt: skip
-
-
-def dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n,) scalar products of vectors (n, 3)."""
-    return np.einsum("nk,nk->n", first, second)
-
-
-def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (n, 3) made one long; those of no length stay as they are."""
-    square = dot(vectors, vectors)
-    return vectors / np.sqrt(np.where(square > 0, square, square.dtype.type(1)))[:, None]
+    slopes = surfaces.normal_slopes.take(face, axis=0)
+    from_corner = point - surfaces.corner.take(face, axis=0)
+    normal = np.empty_like(point)
+    for axis in range(3):
+        normal[:, axis] = dot(slopes[:, axis, :3], from_corner) + slopes[:, axis, 3]
+    without = np.flatnonzero(dot(normal, normal) <= _NO_NORMAL)
+    normal[without] = plane[without]
+    return unit(normal)
 
 
 def between_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:

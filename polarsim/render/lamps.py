@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.vectors import dot
 from polarsim.photo import PhotoKey
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 
@@ -39,11 +40,12 @@ class Lamp:
 
     def light_at(self, points: np.ndarray, *, falloff: bool) -> tuple[np.ndarray, np.ndarray]:
         """Vectors to the lamp (n, 3), in metres, and irradiance across the beam (n,), at points (n, 3)."""
-        to_lamp = self.position.astype(points.dtype) - points
+        to_lamp = np.empty_like(points)
+        for axis in range(3):
+            np.subtract(points.dtype.type(self.position[axis]), points[:, axis], out=to_lamp[:, axis])
         if self.distant or not falloff:
             return to_lamp, np.full(len(points), self.intensity, points.dtype)
-        square = np.einsum("nk,nk->n", to_lamp, to_lamp)
-        return to_lamp, self.intensity * REFERENCE_DISTANCE**2 / square
+        return to_lamp, self.intensity * REFERENCE_DISTANCE**2 / dot(to_lamp, to_lamp)
 
 
 def lamps_of(suns: Mapping[str, np.ndarray], rig: PlacedRig, radius_m: float = 0.0) -> dict[str, Lamp]:

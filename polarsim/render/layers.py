@@ -10,8 +10,9 @@ import numpy as np
 from polarsim.errors import RenderError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.vectors import dot, length, scaled
 from polarsim.render import brdf
-from polarsim.render.hits import Hits, cast_strip, dot, for_strips, sample_offsets, unit
+from polarsim.render.hits import Hits, cast_strip, for_strips, sample_offsets
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
 from polarsim.render.penumbra import visible_share
@@ -78,10 +79,11 @@ def render_view(
                 )
                 if not lamp.radius_m:  # else it may be a part of the disc alone that lights them
                     lit_hits[name] = lit
+                pixel, share = hits.pixel.take(lit), irradiance / np.float32(len(offsets))
+                normal, to_viewer = hits.normal.take(lit, axis=0), hits.to_viewer.take(lit, axis=0)
                 for model in models:
                     strip = layers[model, name][rows].reshape(-1)  # a view: rows are whole
-                    value = reflectance(options.parameters(model), hits.normal[lit], to_lamp, hits.to_viewer[lit])
-                    strip[hits.pixel[lit]] += value * irradiance / np.float32(len(offsets))
+                    strip[pixel] += reflectance(options.parameters(model), normal, to_lamp, to_viewer) * share
         if not ids:
             return
         if offset != _CENTRE:
@@ -107,17 +109,19 @@ def lighting(
     """
     to_lamp, irradiance = lamp.light_at(hits.point, falloff=falloff)
     # A flat face that looks away gets no light, whatever its smooth normal says: else light leaks past the terminator.
-    facing = (dot(hits.plane, to_lamp) > 0) & (dot(hits.normal, to_lamp) > 0)
-    lit = np.flatnonzero(facing)
+    along_normal = dot(hits.normal, to_lamp)
+    lit = np.flatnonzero((dot(hits.plane, to_lamp) > 0) & (along_normal > 0))
     if lamp.radius_m:
         turn = 2 * np.pi * ((hits.pixel[lit] * _SCATTER[0] + hits.rows.start * _SCATTER[1]) % 1)
-        share = visible_share(surfaces, hits.point[lit], to_lamp[lit], lamp.radius_m, samples, turn)
+        points, towards = hits.point.take(lit, axis=0), to_lamp.take(lit, axis=0)
+        share = visible_share(surfaces, points, towards, lamp.radius_m, samples, turn)
         irradiance[lit] *= share
         lit = lit[share > 0]
     else:
-        lit = lit[~surfaces.all.blocked(hits.point[lit], to_lamp[lit], 1.0)]
-    to_lamp = unit(to_lamp[lit])
-    return lit, to_lamp, irradiance[lit] * dot(hits.normal[lit], to_lamp)
+        lit = lit[~surfaces.all.blocked(hits.point.take(lit, axis=0), to_lamp.take(lit, axis=0), 1.0)]
+    to_lamp = to_lamp.take(lit, axis=0)
+    nearness = 1 / length(to_lamp)
+    return lit, scaled(to_lamp, nearness), irradiance.take(lit) * along_normal.take(lit) * nearness
 
 
 def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:

@@ -11,7 +11,8 @@ from polarsim.formats import png
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
-from polarsim.render.hits import between_deg, cast_strip, for_strips, unit
+from polarsim.geometry.vectors import unit
+from polarsim.render.hits import between_deg, cast_strip, for_strips
 from polarsim.render.lamps import Lamp
 from polarsim.render.surfaces import Surfaces
 

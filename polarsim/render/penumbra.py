@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.render.hits import unit
-from polarsim.render.surfaces import Surfaces, cross
+from polarsim.geometry.vectors import cross, scaled, unit
+from polarsim.render.surfaces import Surfaces
 
 PROBES = 5  # rays to the centre and rim of the disc: where all agree, no more are cast
 _GOLDEN = np.pi * (3 - np.sqrt(5))  # radians between two points of Vogel's sunflower, which covers a disc evenly
@@ -51,8 +51,8 @@ def _blocked_share(
     across, upward = _facing(to_lamp)
     blocked = np.zeros(len(points), np.float32)
     for radius, angle in pattern:
-        turned = (angle + turn).astype(np.float32)[:, None]
-        offset = np.float32(radius * radius_m) * (np.cos(turned) * across + np.sin(turned) * upward)
+        turned, far = (angle + turn).astype(np.float32), np.float32(radius * radius_m)
+        offset = scaled(across, far * np.cos(turned)) + scaled(upward, far * np.sin(turned))
         blocked += surfaces.all.blocked(points, to_lamp + offset, 1.0)
     return blocked / np.float32(len(pattern))
 

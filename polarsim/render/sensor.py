@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.pixel_rays import pixel_directions
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
-from polarsim.render.hits import pixel_directions
 
 _ELECTRONS_PER_GREY_VALUE = 8.0  # of a sensor like NASA's (Sony IMX249 family)
 _READ_NOISE = 7.0  # electrons

@@ -6,7 +6,8 @@ import numpy as np
 
 from polarsim.formats.instances import GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.rays import START_OFFSET
-from polarsim.render.hits import Hits, dot
+from polarsim.geometry.vectors import dot, length, moved, scaled
+from polarsim.render.hits import Hits
 from polarsim.render.lamps import Lamp
 from polarsim.render.surfaces import Surfaces
 
@@ -29,21 +30,22 @@ def ground_shadows(
     if lit is not None:
         in_question[lit] = False
     ground = np.flatnonzero(in_question)
-    point = hits.point[ground]
+    point = hits.point.take(ground, axis=0)
     to_lamp, _ = lamp.light_at(point, falloff=False)
-    length = np.sqrt(dot(to_lamp, to_lamp))[:, None]
-    along = to_lamp / length
-    distance, face = surfaces.rocks.nearest(point + START_OFFSET * along, along)
-    behind = np.flatnonzero(distance < length[:, 0])
-    start = point[behind] + _RELIEF_REACH * along[behind]
-    dark_anyway = surfaces.rest.blocked(start, along[behind], length[behind, 0] - _RELIEF_REACH)
+    far = length(to_lamp)
+    along = scaled(to_lamp, 1 / far)
+    distance, face = surfaces.rocks.nearest(moved(point, along, np.float32(START_OFFSET)), along)
+    behind = np.flatnonzero(distance < far)
+    towards = along.take(behind, axis=0)
+    start = moved(point.take(behind, axis=0), towards, np.float32(_RELIEF_REACH))
+    dark_anyway = surfaces.rest.blocked(start, towards, far[behind] - _RELIEF_REACH)
     behind = behind[~dark_anyway]
     rock_id = surfaces.id_of_face[surfaces.rock_faces[face[behind]]] if len(behind) else np.zeros(0, np.int32)
     ids[ground[behind]] = rock_id - ROCK_IDS + SHADOW_IDS
     others = np.flatnonzero(ids[ground] == GROUND)
-    facing = dot(hits.plane[ground[others]], along[others]) > 0
+    facing = dot(hits.plane.take(ground[others], axis=0), along.take(others, axis=0)) > 0
     dark = ~facing
     lit = others[facing]
-    dark[facing] = surfaces.rest.blocked(point[lit], along[lit], length[lit, 0])
+    dark[facing] = surfaces.rest.blocked(point.take(lit, axis=0), along.take(lit, axis=0), far[lit])
     ids[ground[others[dark]]] = RELIEF_SHADOW
     return ids

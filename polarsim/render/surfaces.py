@@ -10,6 +10,7 @@ import numpy as np
 from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.rays import Caster, RayEngine, caster
+from polarsim.geometry.vectors import cross
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import RenderOptions
 from polarsim.render.seats import seated
@@ -86,12 +87,6 @@ class Surfaces:
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         edge1, edge2 = (b - a).astype(np.float32), (c - a).astype(np.float32)
         return edge1, edge2, cross(edge1, edge2)
-
-
-def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n, 3) cross products; three times as fast as NumPy's."""
-    (ax, ay, az), (bx, by, bz) = first.T, second.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
 def surfaces_of(mesh: TerrainMesh, options: RenderOptions) -> Surfaces:

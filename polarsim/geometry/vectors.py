@@ -1,0 +1,54 @@
+"""Many vectors (n, 3) at once, column by column: NumPy is slow where the last axis is only three long.
+
+Gather rows with `vectors.take(numbers, axis=0)`: four times as fast as `vectors[numbers]`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(n,) scalar products of vectors (n, 3)."""
+    return first[:, 0] * second[:, 0] + first[:, 1] * second[:, 1] + first[:, 2] * second[:, 2]
+
+
+def length(vectors: np.ndarray) -> np.ndarray:
+    """(n,) lengths of vectors (n, 3)."""
+    return np.asarray(np.sqrt(dot(vectors, vectors)))
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (n, 3) made one long; those of no length stay as they are."""
+    square = dot(vectors, vectors)
+    return scaled(vectors, 1 / np.sqrt(np.where(square > 0, square, square.dtype.type(1))))
+
+
+def scaled(vectors: np.ndarray, factor: np.ndarray) -> np.ndarray:
+    """Vectors (n, 3), each times a factor of its own (n,)."""
+    out = np.empty((len(vectors), 3), np.result_type(vectors, factor))
+    for axis in range(3):
+        np.multiply(vectors[:, axis], factor, out=out[:, axis])
+    return out
+
+
+def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(n, 3) cross products."""
+    (ax, ay, az), (bx, by, bz) = first.T, second.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def moved(origins: np.ndarray, directions: np.ndarray, distance: np.ndarray | np.floating) -> np.ndarray:
+    """Points (n, 3) so far (n,) or scalar along directions (n, 3) from origins (3,) or (n, 3)."""
+    out = np.empty(directions.shape, np.result_type(origins, directions, distance))
+    for axis in range(3):
+        out[:, axis] = origins[..., axis] + distance * directions[:, axis]
+    return out
+
+
+def rotated(rotation: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) @ vectors (n, 3); BLAS would wake its threads for these thin arrays, and take longer."""
+    out = np.empty_like(vectors)
+    for axis, row in enumerate(rotation):
+        out[:, axis] = row[0] * vectors[:, 0] + row[1] * vectors[:, 1] + row[2] * vectors[:, 2]
+    return out
