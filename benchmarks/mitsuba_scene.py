@@ -5,7 +5,7 @@
     picture = render(mitsuba_scene(surfaces, pose, lens, lamp, parameters), samples=64)
 
 Scripts in this folder import it as `mitsuba_scene`, tests as `benchmarks.mitsuba_scene`. Mitsuba comes with
-`pip install polarsim[mitsuba]`; its LLVM variants need a libLLVM (`libllvm19` is found by itself), `scalar_rgb` nothing.
+`pip install polarsim[mitsuba]`; its LLVM variants need a libLLVM (`libllvm19` is found by itself), `scalar_rgb` none.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ def variant() -> str:
     import mitsuba as mi
 
     try:
-        mi.set_variant("llvm_ad_rgb")
+        mi.set_variant("llvm_ad_mono")
         import drjit as dr
 
         dr.eval(mi.Float(0))  # without a libLLVM this raises, and no earlier
     except (ImportError, RuntimeError):
         return "scalar_rgb"
-    return "llvm_ad_rgb"
+    return "llvm_ad_mono"
 
 
 def mitsuba_scene(

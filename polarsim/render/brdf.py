@@ -25,6 +25,10 @@ from polarsim.render.options import (
 GRAZING = 1e-6  # cosines below this count as 0: the models have no value where both are
 _TINY = 1e-12
 _CHUNK = 1 << 14  # points computed at once: their arrays stay in the processor's cache
+_ARCTAN = np.array(
+    [1, -0.3333314528, 0.1999355085, -0.1420889944, 0.1065626393, -0.0752896400, 0.0429096138, -0.0161657367,
+     0.0028662257], np.float32,
+)  # fmt: skip
 _SMOOTH = 1e-6  # radians of roughness below which the smooth form is used
 
 
@@ -207,7 +211,25 @@ def _azimuth(lamp_flat, view_flat, normal):  # type: ignore[no-untyped-def]
     # Of the two equal forms of tan(psi / 2) the one is taken that does not cancel.
     tan_half = np.where(along >= 0, across / (size + along), (size - along) / np.maximum(across, size * 1e-7))
     tan_half = np.where(defined, tan_half, along.dtype.type(0))
-    return np.where(defined, np.arctan2(across, along), along.dtype.type(0)), cos_psi, tan_half
+    return np.where(defined, _angle(across, along), along.dtype.type(0)), cos_psi, tan_half
+
+
+def _angle(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """arctan2 of across >= 0; in float32 by a polynomial that is right to 1e-7 (NumPy's takes ten times as long).
+
+    Abramowitz and Stegun, Handbook of Mathematical Functions, 4.4.49.
+    """
+    if across.dtype != np.float32:
+        return np.asarray(np.arctan2(across, along))
+    size = np.abs(along)
+    ratio = np.minimum(size, across) / np.maximum(size, across)
+    square = ratio * ratio
+    angle = np.full_like(ratio, _ARCTAN[-1])
+    for term in _ARCTAN[-2::-1]:
+        angle = angle * square + term
+    angle = ratio * angle
+    angle = np.where(across > size, np.float32(np.pi / 2) - angle, angle)
+    return np.where(along < 0, np.float32(np.pi) - angle, angle)
 
 
 def _tan_half_phase(to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:

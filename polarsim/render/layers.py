@@ -68,7 +68,7 @@ def render_view(
     from_above = np.zeros(size, np.float32)  # share of the sky that a surface faces: light bounced from all around
 
     def work(rows: slice) -> None:
-        lit_hits: dict[str, np.ndarray] = {}
+        samples_lit = {name: np.zeros((rows.stop - rows.start) * lens.width, np.uint8) for name in lamps}
         for offset in offsets:
             hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, offset)
             if options.bounce:
@@ -77,9 +77,9 @@ def render_view(
                 lit, to_lamp, irradiance = lighting(
                     surfaces, hits, lamp, falloff=options.falloff, samples=options.lamp_samples
                 )
-                if not lamp.radius_m:  # else it may be a part of the disc alone that lights them
-                    lit_hits[name] = lit
                 pixel, share = hits.pixel.take(lit), irradiance / np.float32(len(offsets))
+                if not lamp.radius_m:  # else it may be a part of the disc alone that lights them
+                    samples_lit[name][pixel] += 1
                 normal, to_viewer = hits.normal.take(lit, axis=0), hits.to_viewer.take(lit, axis=0)
                 for model in models:
                     strip = layers[model, name][rows].reshape(-1)  # a view: rows are whole
@@ -87,17 +87,34 @@ def render_view(
         if not ids:
             return
         if offset != _CENTRE:
-            hits, lit_hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, _CENTRE, smooth=False), {}
-        met = surfaces.id_of_face[hits.face]
-        for name, picture in ids.items():
-            shown = met if name == NO_LAMP else ground_shadows(surfaces, hits, met, lamps[name], lit_hits.get(name))
-            picture[rows].reshape(-1)[hits.pixel] = shown
+            hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, _CENTRE, smooth=False)
+        pictures = {name: picture[rows].reshape(-1) for name, picture in ids.items()}
+        identify(pictures, surfaces, hits, lamps, {name: lit == len(offsets) for name, lit in samples_lit.items()})
 
     for_strips(lens.height, 1 if options.engine == "taichi" else threads, work)
     if options.bounce:
         for (model, name), layer in layers.items():
             layer += np.float32(options.bounce * lamps[name].intensity * albedo[model] / np.pi) * from_above
     return Rendering(layers, ids)
+
+
+def identify(
+    pictures: Mapping[str, np.ndarray],
+    surfaces: Surfaces,
+    hits: Hits,
+    lamps: Mapping[str, Lamp],
+    lit: Mapping[str, np.ndarray],
+) -> None:
+    """Write a strip's ids into flat pictures by lamp.
+
+    `lit`: by lamp, bool for every pixel of the strip: its samples are all lit, and so is what lies between them.
+    """
+    met = surfaces.id_of_face.take(hits.face)
+    for name, picture in pictures.items():
+        shown = met
+        if name != NO_LAMP:
+            shown = ground_shadows(surfaces, hits, met, lamps[name], np.flatnonzero(lit[name].take(hits.pixel)))
+        picture[hits.pixel] = shown
 
 
 def lighting(

@@ -14,9 +14,7 @@ from polarsim.render.surfaces import Surfaces
 _RELIEF_REACH = 0.15  # metres: ground nearer than this is roughness of the place, not another thing that hides the lamp
 
 
-def ground_shadows(
-    surfaces: Surfaces, hits: Hits, ids: np.ndarray, lamp: Lamp, lit: np.ndarray | None = None
-) -> np.ndarray:
+def ground_shadows(surfaces: Surfaces, hits: Hits, ids: np.ndarray, lamp: Lamp, lit: np.ndarray) -> np.ndarray:
     """The ids (n,) of the hits with the lamp's shadows on the ground written in.
 
     `lit` (m,) numbers hits that the lamp is known to light, so that no ray is cast for them.
@@ -27,8 +25,7 @@ def ground_shadows(
     """
     ids = ids.copy()
     in_question = ids == GROUND
-    if lit is not None:
-        in_question[lit] = False
+    in_question[lit] = False
     ground = np.flatnonzero(in_question)
     point = hits.point.take(ground, axis=0)
     to_lamp, _ = lamp.light_at(point, falloff=False)

@@ -150,17 +150,17 @@ def write_photos(
     """Write the photos of one view, `folder/KEY.png`, from its layers by lamp."""
     darkening = vignette(lens) if options.vignetting else None
     dark = np.zeros((lens.height, lens.width), np.float32)
+    photo_sets: dict[tuple[object, ...], list[PhotoKey]] = {}
+    for key in keys:
+        photo_sets.setdefault(key.photo_set, []).append(key)
 
-    def write(key: PhotoKey) -> None:
-        radiance = sum((layers[name] for name in lit_by(key)), dark)
+    def write(photo_set: list[PhotoKey]) -> None:
+        radiance = sum((layers[name] for name in lit_by(photo_set[0])), dark)
         if darkening is not None:
             radiance = radiance * darkening
-        noise = generator(options.seed, "sensor", key) if options.noise else None
-        png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, noise))
+        for key in photo_set:
+            noise = generator(options.seed, "sensor", key) if options.noise else None
+            png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, noise))
 
-    if threads <= 1:
-        for key in keys:
-            write(key)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(write, keys))
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        list(pool.map(write, photo_sets.values()))
