@@ -313,13 +313,7 @@ def brdf(
     """Print a reflectance, f_r in 1/sr, and the reflectance factor pi f_r (1: a perfectly white matt surface)."""
     import numpy as np
 
-    from polarsim.render.goniometer import (
-        in_plane_of_incidence,
-        opposite_the_lamp,
-        parameters_of,
-        phase_deg,
-        reflectance_at,
-    )
+    from polarsim.render.goniometer import panels_of, parameters_of, phase_deg, reflectance_at
     from polarsim.render.options import HAPKE_SETS
 
     angles = (np.array([incidence]), np.array([emergence]), np.array([azimuth]))
@@ -332,15 +326,7 @@ def brdf(
 
         names = list(HAPKE_SETS) if soil is None and model in (Model.hapke, Model.hapke_chrono) else [soil]
         chosen = {name or model.value: parameters_of(model.value, name) for name in names}
-        panels = {
-            f"incidence {incidence:g}°, viewer in its plane": {
-                name: in_plane_of_incidence(parameters, incidence) for name, parameters in chosen.items()
-            },
-            "viewer opposite the lamp, i = e = g / 2": {
-                name: opposite_the_lamp(parameters) for name, parameters in chosen.items()
-            },
-        }
-        draw_brdf(plot, panels)
+        draw_brdf(plot, panels_of(chosen, incidence))
         typer.echo(str(plot))
 
 

@@ -5,15 +5,23 @@ Azimuth 0 has lamp and viewer on the same side of the normal, 180 on opposite si
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 
 from polarsim.errors import RenderError
+from polarsim.formats.tables import write_csv
 from polarsim.render.brdf import reflectance
 from polarsim.render.hits import between_deg
-from polarsim.render.options import HAPKE_SETS, HapkeChronoParameters, Model, Parameters, RenderOptions
+from polarsim.render.options import HAPKE_SETS, MODELS, HapkeChronoParameters, Model, Parameters, RenderOptions
 
 STEP_DEG = 0.25  # of curves
 WIDEST_DEG = 89.0
+SHOWN_INCIDENCE_DEG = 30.0  # of the report's figure
+
+Curve = tuple[np.ndarray, np.ndarray]  # phase angles, degrees, and reflectance factors pi f_r
 
 
 def parameters_of(model: Model, soil: str | None = None) -> Parameters:
@@ -69,6 +77,29 @@ def in_plane_of_incidence(parameters: Parameters, incidence_deg: float) -> tuple
     angles = (np.full_like(emergence, incidence_deg), np.abs(emergence), np.where(emergence < 0, 180.0, 0.0))
     sign = np.where(emergence > incidence_deg, -1, 1)
     return sign * phase_deg(*angles), np.pi * reflectance_at(parameters, *angles)
+
+
+def panels_of(chosen: Mapping[str, Parameters], incidence_deg: float) -> dict[str, dict[str, Curve]]:
+    """Curves of named parameters, by the title of their panel: around a fixed lamp, and opposite a moving one."""
+    return {
+        f"incidence {incidence_deg:g}°, viewer in its plane": {
+            name: in_plane_of_incidence(parameters, incidence_deg) for name, parameters in chosen.items()
+        },
+        "viewer opposite the lamp, i = e = g / 2": {
+            name: opposite_the_lamp(parameters) for name, parameters in chosen.items()
+        },
+    }
+
+
+def write_reflectance(*, curves: Path, options: RenderOptions) -> None:
+    """Write every model's curves with the parameters of the options: CSV, columns panel, model, phase_deg, pi_f_r."""
+    panels = panels_of({model: options.parameters(model) for model in MODELS}, SHOWN_INCIDENCE_DEG)
+    rows = [
+        pd.DataFrame({"panel": title, "model": model, "phase_deg": phase, "pi_f_r": factor})
+        for title, of_models in panels.items()
+        for model, (phase, factor) in of_models.items()
+    ]
+    write_csv(curves, pd.concat(rows, ignore_index=True))
 
 
 def opposite_the_lamp(parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:

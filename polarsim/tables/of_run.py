@@ -102,7 +102,7 @@ def draw_comparison_of_run(
     draw_comparison(
         key=key,
         photo=photo_of(run, key),
-        twins={model: twin_of(run, model, key) for model in models},
+        twins_of=lambda shown: {model: twin_of(run, model, shown) for model in models},
         labels=run / "labels" / "tables" / table,
         automatic=run / "renders" / "tables" / table,
         cover_photo=cover_photo_of(run, key),

@@ -20,5 +20,7 @@ class TablesOptions(BaseModel, extra="forbid", frozen=True):
     shadows_drawn_from_ms: int = Field(
         128, gt=0, description="Exposure from which people draw shadows, ms: the analog's truth has them always."
     )
-    compared_photos: int = Field(6, ge=0, description="Photos of a terrain whose pixels are compared with the twins'.")
+    compared_photos: int = Field(
+        32, ge=0, description="Photos of a terrain, one a photo set at most, whose pixels are compared with the twins'."
+    )
     figure_width_px: int = Field(1600, ge=400, le=8000, description="Width of the figures, px.")

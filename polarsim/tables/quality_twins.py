@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import uniform_filter
+import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
-from polarsim.formats.tables import PHOTO_COLUMNS, read_parquet
+from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
 from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality import Figure, summary, write_quality
@@ -20,7 +21,22 @@ from polarsim.tables.tone import to_8bit, white_of
 LIT_DN = 40  # above black: darker pixels hold too much noise for a ratio
 FULL_DN = 4000  # above black: brighter ones are clipped
 WINDOW = 11  # pixels of the structural similarity's window
+PAIR_COLUMNS = {
+    "key": "str", "terrain": "int64", "position": "str", "light": "str", "azimuth": "str", "camera": "str",
+    "exposure_ms": "int64", "model": "str", "lit_px": "int64", "log2_twin_over_photo": "float64",
+    "log2_difference": "float64", "ssim": "float64",
+}  # fmt: skip
 TYPICAL_MS = 256  # of all exposures of a photo set the nearest to this one is compared
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """How alike a twin and its photo are."""
+
+    lit_px: int  # pixels that are lit and not clipped in both
+    log2_twin_over_photo: float  # median over them; NaN without any
+    log2_difference: float  # median of the absolute values
+    ssim: float
 
 
 def score_twins(
@@ -31,9 +47,10 @@ def score_twins(
     twins: Mapping[str, Path],
     photos: Path | None,
     quality: Path,
+    pairs: Path,
     options: TablesOptions,
 ) -> None:
-    """Write the quality of a terrain's twins.
+    """Write the quality of a terrain's twins, and how alike each twin and its photo are, a row a pair.
 
     Parameters
     ----------
@@ -45,8 +62,11 @@ def score_twins(
         Folder of the twins, KEY.png, by model.
     photos
         photos.parquet; it may have no row.
+    quality, pairs
+        What to write: quality CSV; Parquet with `PAIR_COLUMNS`.
     """
     figures: list[Figure] = []
+    compared: list[dict[str, object]] = []
     if truth is not None:
         found = read_folder(boxes, terrain)
         wanted = read_truth(truth, terrain, found, options)
@@ -61,9 +81,14 @@ def score_twins(
         }
         for model, folder in sorted(twins.items()):
             there = [key for key in sorted(paths) if key.terrain == terrain and (folder / f"{key}.png").exists()]
-            pairs = [(paths[key], folder / f"{key}.png") for key in typical_photos(there, options.compared_photos)]
-            figures += compare_pictures(model, pairs)
+            alike = {
+                key: compare_pictures(paths[key], folder / f"{key}.png")
+                for key in typical_photos(there, options.compared_photos)
+            }
+            figures += likeness_figures(model, list(alike.values()))
+            compared += [{**key_columns(key), "model": model, **asdict(likeness)} for key, likeness in alike.items()]
     write_quality(quality, "render", terrain, figures)
+    write_parquet(pairs, pd.DataFrame(compared, columns=list(PAIR_COLUMNS)).astype(PAIR_COLUMNS))
 
 
 def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:
@@ -81,21 +106,29 @@ def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:
     return [found[number] for number in np.linspace(0, len(found) - 1, n).round().astype(int)] if n else []
 
 
-def compare_pictures(model: str, pairs: Sequence[tuple[Path, Path]]) -> list[Figure]:
-    """Brightness and structure of twins beside their photos: (photo, twin) paths."""
-    ratios, likeness = [], []
-    for photo_path, twin_path in pairs:
-        photo, twin = png.read(photo_path), png.read(twin_path)
-        if photo.shape != twin.shape:
-            raise FormatError(f"{twin_path}: {twin.shape[::-1]} pixels, its photo has {photo.shape[::-1]}")
-        ratio = log_ratio(photo, twin)
-        if ratio.size:
-            ratios.append((float(np.median(ratio)), float(np.median(np.abs(ratio)))))
-        likeness.append(similarity(photo, twin))
-    found = np.array(ratios).reshape(-1, 2)
-    figures = summary(model, "log2_twin_over_photo", found[:, 0], "stops", "photos", p90=False)
-    figures += summary(model, "log2_difference", found[:, 1], "stops", "photos", p90=False)
-    return figures + summary(model, "ssim", np.array(likeness), "1", "photos", p90=False)
+def compare_pictures(photo_path: Path, twin_path: Path) -> Likeness:
+    """Brightness and structure of a twin beside its photo.
+
+    Raises
+    ------
+    FormatError
+        A picture cannot be read, or they differ in size.
+    """
+    photo, twin = png.read(photo_path), png.read(twin_path)
+    if photo.shape != twin.shape:
+        raise FormatError(f"{twin_path}: {twin.shape[::-1]} pixels, its photo has {photo.shape[::-1]}")
+    ratio = log_ratio(photo, twin)
+    middle = (float(np.median(ratio)), float(np.median(np.abs(ratio)))) if ratio.size else (np.nan, np.nan)
+    return Likeness(ratio.size, *middle, similarity(photo, twin))
+
+
+def likeness_figures(model: str, found: Sequence[Likeness]) -> list[Figure]:
+    """Medians over the pairs of a model."""
+    figures: list[Figure] = []
+    for name, unit in (("log2_twin_over_photo", "stops"), ("log2_difference", "stops"), ("ssim", "1")):
+        values = np.array([getattr(likeness, name) for likeness in found], float)
+        figures += summary(model, name, values, unit, "photos", p90=False)
+    return figures
 
 
 def log_ratio(photo: np.ndarray, twin: np.ndarray) -> np.ndarray:
@@ -110,12 +143,17 @@ def similarity(photo: np.ndarray, twin: np.ndarray) -> float:
 
     Both are shown with the photo's white.
     """
+    import cv2
+
+    def mean(picture: np.ndarray) -> np.ndarray:
+        return cv2.blur(picture, (WINDOW, WINDOW), borderType=cv2.BORDER_REFLECT)
+
     white = white_of(photo)
-    first, second = (to_8bit(picture, white)[..., 0].astype(float) for picture in (photo, twin))
-    mean1, mean2 = uniform_filter(first, WINDOW), uniform_filter(second, WINDOW)
-    variance1 = uniform_filter(first * first, WINDOW) - mean1**2
-    variance2 = uniform_filter(second * second, WINDOW) - mean2**2
-    covariance = uniform_filter(first * second, WINDOW) - mean1 * mean2
+    first, second = (to_8bit(picture, white)[..., 0].astype(np.float32) for picture in (photo, twin))
+    mean1, mean2 = mean(first), mean(second)
+    variance1 = mean(first * first) - mean1**2
+    variance2 = mean(second * second) - mean2**2
+    covariance = mean(first * second) - mean1 * mean2
     c1, c2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
     value = (
         (2 * mean1 * mean2 + c1) * (2 * covariance + c2) / ((mean1**2 + mean2**2 + c1) * (variance1 + variance2 + c2))

@@ -3,6 +3,7 @@ import pytest
 
 from polarsim.errors import RenderError
 from polarsim.formats import png
+from polarsim.formats.tables import read_csv
 from polarsim.render.goniometer import (
     directions,
     in_plane_of_incidence,
@@ -10,8 +11,9 @@ from polarsim.render.goniometer import (
     parameters_of,
     phase_deg,
     reflectance_at,
+    write_reflectance,
 )
-from polarsim.render.options import HAPKE_SETS, MODELS
+from polarsim.render.options import HAPKE_SETS, MODELS, RenderOptions
 from polarsim.tables.figures.brdf import draw_brdf
 
 
@@ -56,3 +58,15 @@ def test_a_diagram_of_every_set_is_drawn(tmp_path):
     curves = {name: opposite_the_lamp(soil) for name, soil in HAPKE_SETS.items()}
     draw_brdf(tmp_path / "brdf.png", {"one": curves, "two": curves})
     assert png.read(tmp_path / "brdf.png").std() > 5
+
+
+def test_the_curves_of_a_run_are_those_of_its_parameters(tmp_path):
+    options = RenderOptions(lambert={"albedo": 0.35})
+    write_reflectance(curves=tmp_path / "curves.csv", options=options)
+    table = read_csv(tmp_path / "curves.csv")
+    assert set(table["model"]) == set(MODELS)
+    matt = table[(table["model"] == "lambert") & (table["pi_f_r"] > 0)]
+    np.testing.assert_allclose(matt["pi_f_r"], 0.35, rtol=1e-6)
+    across = table[table["panel"].str.contains("opposite")]
+    assert across["phase_deg"].min() == 0
+    assert across["phase_deg"].max() > 177

@@ -410,6 +410,7 @@ def test_twins_are_scored_by_boxes_and_pixels_where_there_are_any(tmp_path):
         "truth": tmp_path / "truth",
         "twins": twins,
         "quality": tmp_path / "q.csv",
+        "pairs": tmp_path / "pairs.parquet",
         "options": OPTIONS,
     }
     score_twins(**arguments, photos=tmp_path / "photos.parquet")
@@ -417,15 +418,17 @@ def test_twins_are_scored_by_boxes_and_pixels_where_there_are_any(tmp_path):
     assert found["automatic rock: all", "recall"] == found["automatic rock: camera L", "recall"] == 0.5
     assert found["hapke", "log2_twin_over_photo_median"] == pytest.approx(1)
     assert not [subject for subject, _ in found if subject == "principled"]
+    pair = read_parquet(tmp_path / "pairs.parquet").iloc[0]
+    assert (pair["key"], pair["model"], pair["lit_px"]) == (str(key), "hapke", 1216 * 1936)
     score_twins(**{**arguments, "truth": None}, photos=None)
-    assert len(read_csv(tmp_path / "q.csv")) == 0
+    assert len(read_csv(tmp_path / "q.csv")) == len(read_parquet(tmp_path / "pairs.parquet")) == 0
 
 
 def test_a_twin_of_another_size_is_named(tmp_path):
     png.write(tmp_path / "photo.png", np.zeros((10, 20), np.uint16))
     png.write(tmp_path / "twin.png", np.zeros((10, 10), np.uint16))
     with pytest.raises(FormatError, match=r"twin\.png"):
-        compare_pictures("hapke", [(tmp_path / "photo.png", tmp_path / "twin.png")])
+        compare_pictures(tmp_path / "photo.png", tmp_path / "twin.png")
 
 
 def test_an_object_that_one_exposure_shows_counts_at_all_of_its_photo_set():

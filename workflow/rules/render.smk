@@ -44,6 +44,26 @@ rule render_twins:
         "../scripts/render_twins.py"
 
 
+rule write_reflectance:
+    """How bright every reflectance model is over the phase angle, with the run's parameters."""
+    output:
+        curves="results/{run}/renders/reflectance.csv",
+    log:
+        "results/{run}/logs/render/write_reflectance.log",
+    benchmark:
+        "results/{run}/benchmarks/render/write_reflectance.tsv"
+    priority: TWINS_WAIT
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        options=options("render"),
+        code=code_of("render.goniometer"),
+    script:
+        "../scripts/write_reflectance.py"
+
+
 rule merge_twin_labels:
     """One table of the labels of all twins."""
     input:

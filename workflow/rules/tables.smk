@@ -13,13 +13,14 @@ rule tables:
     """Everything of this stage."""
     input:
         rules.geometry.input,
-        of_run("results/{run}/tables/quality.csv"),
+        of_run("results/{run}/tables/{name}.csv", name=["quality", "render"]),
         of_run("results/{run}/tables/{name}.csv", name=["detection", "ipd"])
         if DOMAINS
         else [],
         of_run("results/{run}/figures/{name}.png", name=["detection", "ipd"])
         if DOMAINS
         else [],
+        of_run("results/{run}/figures/reflectance.png"),
         every_figure("comparison_Terrain{terrain}_Pos{position}"),
         every_figure("contact_Terrain{terrain}_Pos{position}"),
         every_figure("meshes_Terrain{terrain}"),
@@ -149,6 +150,7 @@ rule score_twins:
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
     output:
         quality="results/{run}/quality/twins_Terrain{terrain}.csv",
+        pairs="results/{run}/quality/twin_pairs_Terrain{terrain}.parquet",
     log:
         "results/{run}/logs/tables/score_twins_{terrain}.log",
     benchmark:
@@ -300,6 +302,39 @@ rule tabulate_labels:
         "../scripts/tabulate_labels.py"
 
 
+rule tabulate_render:
+    """How near twins come to their photos and their boxes to true ones, by terrain, position, azimuth, light, camera."""
+    input:
+        pairs=expand(
+            "results/{{run}}/quality/twin_pairs_Terrain{terrain}.parquet",
+            terrain=TERRAINS,
+        ),
+        quality=expand(
+            "results/{{run}}/quality/twins_Terrain{terrain}.csv", terrain=TERRAINS
+        ),
+    output:
+        table=report(
+            "results/{run}/tables/render.csv",
+            caption="../report/render_table.rst",
+            category="Tables",
+            labels={"table": "twins"},
+        ),
+        others=multiext("results/{run}/tables/render", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/tables/tabulate_render.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_render.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.render_table"),
+    script:
+        "../scripts/tabulate_render.py"
+
+
 rule tabulate_detection:
     """The paper's first table: every judge on every domain, the paper's figures beside ours."""
     input:
@@ -384,6 +419,32 @@ rule draw_comparison:
         code=code_of("tables.of_run"),
     script:
         "../scripts/draw_comparison.py"
+
+
+rule draw_reflectance:
+    """Every reflectance model over the phase angle."""
+    input:
+        curves="results/{run}/renders/reflectance.csv",
+    output:
+        figure=report(
+            "results/{run}/figures/reflectance.png",
+            caption="../report/reflectance.rst",
+            category="Photos and twins",
+            labels={"terrain": "all", "position": "reflectance models"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_reflectance.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_reflectance.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        options=options("tables"),
+        code=code_of("tables.figures.brdf"),
+    script:
+        "../scripts/draw_reflectance.py"
 
 
 rule draw_contact:

@@ -14,5 +14,6 @@ with reporting(log=snakemake.log[0]):
         twins=dict(zip(snakemake.params.models, map(Path, snakemake.input.twins), strict=True)),
         photos=Path(snakemake.input.photos),
         quality=Path(snakemake.output.quality),
+        pairs=Path(snakemake.output.pairs),
         options=TablesOptions(**snakemake.params.options),
     )

@@ -7,9 +7,24 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.formats.tables import read_csv
 from polarsim.tables.figures.canvas import SERIES, page
+from polarsim.tables.options import TablesOptions
 
 Curves = Mapping[str, tuple[np.ndarray, np.ndarray]]  # by name: phase angles in degrees, reflectance factors
+
+
+def draw_reflectance(*, curves: Path, figure: Path, options: TablesOptions) -> None:
+    """Write the figure of a run's models from its `renders/reflectance.csv`."""
+    table = read_csv(curves, ["panel", "model", "phase_deg", "pi_f_r"])
+    panels = {
+        str(title): {
+            str(model): (part["phase_deg"].to_numpy(float), part["pi_f_r"].to_numpy(float))
+            for model, part in of_panel.groupby("model", sort=False)
+        }
+        for title, of_panel in table.groupby("panel", sort=False)
+    }
+    draw_brdf(figure, panels, options.figure_width_px)
 
 
 def draw_brdf(figure: Path, panels: Mapping[str, Curves], width_px: int = 1600) -> None:

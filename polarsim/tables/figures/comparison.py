@@ -1,8 +1,8 @@
-"""A photo beside its twins, each with its labels."""
+"""A photo beside its twins, each with its labels, and how they differ."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.ndimage import maximum_filter
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
+from polarsim.tables.figures import difference
 from polarsim.tables.figures.canvas import note, page, picture
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.overlay import Marks, draw_labels
@@ -28,14 +29,14 @@ def draw_comparison(
     *,
     key: PhotoKey,
     photo: Path | None,
-    twins: Mapping[str, Path],
+    twins_of: Callable[[PhotoKey], Mapping[str, Path]],
     labels: Path,
     automatic: Path | None,
     cover_photo: Path | None,
     figure: Path,
     options: TablesOptions,
 ) -> None:
-    """Write the picture: photo, twins, cover photo; boxes and rock ids drawn in.
+    """Write the picture: photo, cover photo, twins, with boxes and rock ids drawn in, and how twins differ.
 
     Twins are shown with the photo's white, so brightness can be compared; among themselves where there is no photo.
 
@@ -43,8 +44,8 @@ def draw_comparison(
     ----------
     photo
         The photo; None or missing where there is none.
-    twins
-        The twin by model; missing ones are left out.
+    twins_of
+        The twins of a key by model; missing ones are left out.
     labels
         Label table with the photo's labels.
     automatic
@@ -57,19 +58,27 @@ def draw_comparison(
     own = rows_of(table, key)
     of_twins = own if automatic is None else rows_of(read_parquet(automatic, LABEL_COLUMNS), key)
     width = options.figure_width_px // 2
-    panels = []
+    panels, differences = [], []
+    twins = _read(twins_of(key))
     white = None
     if photo is not None and photo.exists():
         pixels = png.read(photo)
         white = white_of(pixels)
         panels.append((f"Photo {key}", draw_labels(to_8bit(pixels, white), own, width)))
+        differences += [
+            (f"log2 of twin over photo, {model}: ±{difference.STOPS:g}", difference.of_photo(pixels, twin))
+            for model, twin in twins.items()
+        ]
     if cover_photo is not None and cover_photo.exists():
-        panels.append(_cover_panel(cover_photo, table, key, width))
-    for model, path in twins.items():
-        if path.exists():
-            pixels = png.read(path)
-            white = white_of(pixels) if white is None else white
-            panels.append((f"Twin, {model}", draw_labels(to_8bit(pixels, white), of_twins, width)))
+        cover = to_8bit(png.read(cover_photo))
+        shown = _shown_on(cover, table, key)
+        panels.append(_cover_panel(cover, table, shown, width))
+        differences += _cover_differences(cover, shown, _read(twins_of(shown))) if shown else []
+    for model, pixels in twins.items():
+        white = white_of(pixels) if white is None else white
+        panels.append((f"Twin, {model}", draw_labels(to_8bit(pixels, white), of_twins, width)))
+    nothing = table[:0]
+    panels += [(title, draw_labels(pixels, nothing, width)) for title, pixels in differences]
     _draw(figure, panels, width, f"{key}: neither photo nor twin")
 
 
@@ -79,8 +88,7 @@ def cover_key(cover: np.ndarray, labels: pd.DataFrame, keys: Iterable[PhotoKey])
     None when no photo's boxes do: covers show either camera and any azimuth, and some have numbers only. Of photos that
     fit nearly alike the first one wins.
     """
-    red = (cover[..., 0] > 150) & (cover[..., 1] < 90) & (cover[..., 2] < 90)
-    near_red = maximum_filter(red, _REACH)
+    near_red = maximum_filter(_red(cover), _REACH)
     scale = np.array([cover.shape[1] / WIDTH, cover.shape[0] / HEIGHT] * 2)
     best, best_share = None, _SAME
     rocks = labels[labels["kind"] == ROCK]
@@ -92,11 +100,34 @@ def cover_key(cover: np.ndarray, labels: pd.DataFrame, keys: Iterable[PhotoKey])
     return best
 
 
-def _cover_panel(path: Path, table: pd.DataFrame, key: PhotoKey, width: int) -> tuple[str, np.ndarray]:
-    cover = to_8bit(png.read(path))
+def _red(cover: np.ndarray) -> np.ndarray:
+    """(h, w) bool: the lines and digits that its authors drew into a cover photo."""
+    return (cover[..., 0] > 150) & (cover[..., 1] < 90) & (cover[..., 2] < 90)
+
+
+def _shown_on(cover: np.ndarray, table: pd.DataFrame, key: PhotoKey) -> PhotoKey | None:
+    """The photo that a cover photo of a key's position shows, told by its red boxes."""
     keys = [PhotoKey.parse(str(name)) for name in sorted(set(table["key"]))]
     alike = [k for k in keys if k.set_up == key.set_up and k.exposure_ms == key.exposure_ms and k.light == key.light]
-    shown = cover_key(cover, table, sorted(alike, key=lambda other: (other.azimuth != key.azimuth, other)))
+    return cover_key(cover, table, sorted(alike, key=lambda other: (other.azimuth != key.azimuth, other)))
+
+
+def _cover_differences(
+    cover: np.ndarray, shown: PhotoKey, twins: Mapping[str, np.ndarray]
+) -> list[tuple[str, np.ndarray]]:
+    red = maximum_filter(_red(cover), _REACH)
+    return [
+        (f"Published photo and twin {shown}, {model}, tones matched", difference.of_cover(cover, twin, red))
+        for model, twin in twins.items()
+        if twin.shape == red.shape
+    ]
+
+
+def _read(paths: Mapping[str, Path]) -> dict[str, np.ndarray]:
+    return {name: png.read(path) for name, path in paths.items() if path.exists()}
+
+
+def _cover_panel(cover: np.ndarray, table: pd.DataFrame, shown: PhotoKey | None, width: int) -> tuple[str, np.ndarray]:
     if shown is None:
         return "Published photo, ids drawn by its authors", draw_labels(cover, table[:0], width)
     rocks = draw_labels(cover, rows_of(table, shown), width, Marks((ROCK,)))  # its azimuth is not known: no shadows

@@ -1,0 +1,14 @@
+"""Draw every reflectance model over the phase angle."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.figures.brdf import draw_reflectance
+from polarsim.tables.options import TablesOptions
+
+with reporting(log=snakemake.log[0]):
+    draw_reflectance(
+        curves=Path(snakemake.input.curves),
+        figure=Path(snakemake.output.figure),
+        options=TablesOptions(**snakemake.params.options),
+    )

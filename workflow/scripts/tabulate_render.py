@@ -1,0 +1,14 @@
+"""Tabulate how near the twins of all terrains come to their photos."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.render_table import tabulate_render
+
+with reporting(log=snakemake.log[0]):
+    tabulate_render(
+        pairs=[Path(path) for path in snakemake.input.pairs],
+        quality=[Path(path) for path in snakemake.input.quality],
+        table=Path(snakemake.output.table).with_suffix(""),
+        origin=snakemake.params.origin,
+    )
