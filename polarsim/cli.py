@@ -226,8 +226,18 @@ def export(
 
 @app.command()
 def render(
-    meshes: Annotated[Path, typer.Argument(help="Folder of a terrain's meshes, results/<run>/meshes/TerrainNN.")],
-    out: Annotated[Path, typer.Argument(help="16-bit PNG to write: 12-bit values, black level 16.")],
+    context: typer.Context,
+    meshes: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MESHES|VIEWS.yaml",
+            help="Folder of a terrain's meshes, results/<run>/meshes/TerrainNN; or a file of views such as "
+            "config/views.yaml, for many pictures.",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Argument(help="16-bit PNG to write: 12-bit values, black level 16; of views: a folder.")
+    ],
     terrain: Annotated[int, typer.Option(min=1, max=13, help="Number of the terrain.")] = 1,
     camera: Annotated[tuple[float, float, float], typer.Option(help="Camera centre x y z, m, sandbox frame.")] = (
         3.6,
@@ -261,11 +271,20 @@ def render(
         Path | None,
         typer.Option(help="Folder for 16-bit PNGs: depth (mm), normals, ids, incidence, emergence, phase (0.01 deg)."),
     ] = None,
+    threads: Annotated[int, typer.Option(min=1, help="Threads; they change no byte.")] = 1,
+    limit: Annotated[int | None, typer.Option(min=1, help="Of views: only the first pictures.")] = None,
+    scale: Annotated[
+        float, typer.Option(min=0.01, max=4, help="Of views: size of the pictures over that of the lens.")
+    ] = 1.0,
 ) -> None:
-    """Render one scene: any camera pose, lamp position, exposure and reflectance model.
-
-    A JSON file beside the picture says what made it.
+    """Render one scene: any camera pose, lamp position, exposure and reflectance model; or many, with labels, by a
+    file of views. A JSON file beside each picture says what made it.
     """
+    if meshes.suffix in (".yaml", ".yml"):
+        _refuse_others(context, {"meshes", "out", "limit", "scale", "threads", "preview"})
+        _render_views(meshes, out, limit, scale, preview, threads)
+        return
+    _refuse_others(context, set(context.params) - {"limit", "scale"})
     import numpy as np
 
     from polarsim.formats import png
@@ -287,12 +306,37 @@ def render(
         model=model.value,
     )
     scene = Scene(meshes, terrain, RenderOptions(**({"engine": engine.value} if engine else {})))
-    picture = scene.picture(shot)
+    picture = scene.picture(shot, threads)
     png.write(out, to_8bit(picture) if preview else picture)
     write_json(out.with_suffix(".json"), scene.sidecar(shot))
     if maps:
-        write_maps(maps, scene.maps(shot))
+        write_maps(maps, scene.maps(shot, threads))
     typer.echo(str(out))
+
+
+def _render_views(file: Path, out: Path, limit: int | None, scale: float, preview: bool, threads: int) -> None:
+    from functools import partial
+
+    from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+    from polarsim.render.views.options import read_views
+    from polarsim.render.views.run import render_views
+    from polarsim.tables.tone import to_8bit
+
+    tone = partial(to_8bit, white=WHITE_LEVEL - BLACK_LEVEL)  # one white for all: exposures stay apart
+    count, new = render_views(
+        read_views(file), out, tone=tone, limit=limit, scale=scale, preview=preview, threads=threads
+    )
+    typer.echo(f"{count} labelled pictures in {out}, {new} of them new; {out / 'contact.jpg'} shows them")
+
+
+def _refuse_others(context: typer.Context, known: set[str]) -> None:
+    """End where the call names an option that its form of the command does not have."""
+    from click.core import ParameterSource
+
+    for name in context.params:
+        if name not in known and context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            form = "one picture" if "limit" not in known else "a file of views"
+            raise typer.BadParameter(f"--{name.replace('_', '-')} is no option with {form}")
 
 
 @app.command()

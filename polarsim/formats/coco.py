@@ -68,17 +68,27 @@ def write_coco(
     + 1, 2, ... in the order given. What other tools do not know of stands in `attributes` too: CVAT keeps those, but
     for `source`, which it has itself. `size` is the pictures' width and height, px.
     """
+    pictures = [(_image_row(key, size), photos[key]) for key in sorted(photos)]
+    write_pictures(path, pictures, "Rocks and shadows of the POLAR data set, labelled by polarsim", simplify_px)
+
+
+def write_pictures(
+    path: str | Path,
+    pictures: Sequence[tuple[Mapping[str, Any], Sequence[Annotation]]],
+    description: str,
+    simplify_px: float | None = None,
+) -> None:
+    """As `write_coco`, for pictures of any name: rows of `images` (id, file_name, width, height, ...) with labels."""
     head = {
-        "info": {"description": "Rocks and shadows of the POLAR data set, labelled by polarsim"},
+        "info": {"description": description},
         "licenses": [],
         "categories": [{"id": number, "name": name, "supercategory": "terrain"} for name, number in CATEGORIES.items()],
     }
-    keys = sorted(photos)
     coded = cache(lambda mask: _segmentation(mask, simplify_px))  # exposures share masks
-    annotations = (row for key in keys for row in _annotation_rows(image_id(key), photos[key], coded))
+    annotations = (row for image, own in pictures for row in _annotation_rows(image["id"], own, coded))
     with writing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as file:
         file.write(json.dumps(head)[:-1])
-        for name, rows in (("images", (_image_row(key, size) for key in keys)), ("annotations", annotations)):
+        for name, rows in (("images", (image for image, _ in pictures)), ("annotations", annotations)):
             file.write(f',\n"{name}": [')
             for number, row in enumerate(rows):
                 file.write((",\n" if number else "\n") + json.dumps(row, allow_nan=False))
@@ -86,7 +96,7 @@ def write_coco(
         file.write("}\n")
 
 
-def _image_row(key: PhotoKey, size: tuple[int, int]) -> dict[str, object]:
+def _image_row(key: PhotoKey, size: tuple[int, int]) -> dict[str, Any]:
     return {"id": image_id(key), "file_name": f"{key}.png", "width": size[0], "height": size[1], **key_columns(key)}
 
 

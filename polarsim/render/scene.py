@@ -75,6 +75,12 @@ class Scene:
     def surfaces(self) -> Surfaces:
         return surfaces_of(self._mesh, self.options)
 
+    @cached_property
+    def mesh_digests(self) -> dict[str, str]:
+        """SHA-256 of every mesh by its file's name."""
+        paths = [self.meshes / obj.ground_name(self.terrain), *obj.rock_files(self.meshes).values()]
+        return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+
     def picture(self, shot: Shot, threads: int = 1) -> np.ndarray:
         """(h, w) uint16 photo: 12-bit grey values, black level 16.
 
@@ -104,7 +110,6 @@ class Scene:
 
     def sidecar(self, shot: Shot) -> dict[str, Any]:
         """All that made a picture, for JSON: lens, pose, lamps, exposure, model, meshes and their SHA-256."""
-        paths = [self.meshes / obj.ground_name(self.terrain), *obj.rock_files(self.meshes).values()]
         return {
             "lens": lens_content(shot.lens),
             "sandbox_from_camera": shot.sandbox_from_camera.matrix.tolist(),
@@ -119,6 +124,6 @@ class Scene:
             "black_level": BLACK_LEVEL,
             "options": self.options.model_dump(mode="json"),
             "terrain": self.terrain,
-            "meshes": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths},
+            "meshes": self.mesh_digests,
             "polarsim": polarsim.__version__,
         }

@@ -1,0 +1,90 @@
+"""The files of one picture among novel views: where they lie, whether they are there, how they are written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.errors import PolarsimError
+from polarsim.formats import coco, png, yolo
+from polarsim.formats.files import read_json, write_json
+from polarsim.photo import BOX_CLASSES
+from polarsim.render.views.options import Views
+from polarsim.render.views.plan import AUTO, Picture
+from polarsim.render.views.sheet import Sheet, Tone
+
+UNKNOWN = -1.0  # stands for an exposure that is found only when the picture is rendered
+
+
+@dataclass(frozen=True)
+class Job:
+    """A file of views, and how and where its pictures are written."""
+
+    views: Views
+    out: Path
+    preview: bool  # eight bits instead of twelve
+    tone: Tone
+    sheet: Sheet
+
+    def path(self, kind: str, name: str) -> Path:
+        """Of a picture's file in one of the folders."""
+        suffix = {"labels": ".txt", "sidecars": ".json"}.get(kind, ".png")
+        return self.out / kind / f"{name}{suffix}"
+
+    def sidecar(self, picture: Picture, exposure_ms: float) -> dict[str, Any]:
+        """All that makes a picture, as JSON has it."""
+        shot, views = picture.shot(self.views, exposure_ms), self.views
+        content = picture.scene.parts[0].scene.sidecar(shot)
+        own = {
+            **{key: value for key, value in content.items() if key not in ("terrain", "meshes")},
+            "options": {key: value for key, value in content["options"].items() if key != "models"},
+            **picture.columns(),
+            "terrains": [
+                {
+                    "terrain": part.section.terrain,
+                    "offset_m": list(part.section.offset_m),
+                    "heading_deg": part.section.heading_deg,
+                    "meshes": part.scene.mesh_digests,
+                }
+                for part in picture.scene.parts
+            ],
+            "moment_utc": picture.light.moment_utc,
+            "exposure": "stated" if picture.exposure_ms else {AUTO: views.auto_exposure.model_dump()},
+            "stars": views.stars.model_dump() if views.stars else None,
+            "bits": 8 if self.preview else 12,
+        }
+        return dict(json.loads(json.dumps(own)))
+
+    def found(self, picture: Picture) -> float | None:
+        """The exposure of a picture that is there as it would be made now; None where one of its files is not."""
+        paths = [self.path(kind, picture.name) for kind in ("images", "labels")]
+        paths.append(self.path("instances", picture.ground_truth))
+        try:
+            there = read_json(self.path("sidecars", picture.name))
+            exposure = float(there["exposure_ms"])
+        except (PolarsimError, KeyError, TypeError, ValueError):
+            return None
+        wanted = self.sidecar(picture, picture.exposure_ms or UNKNOWN)
+        if picture.exposure_ms is None:
+            there = {**there, "exposure_ms": UNKNOWN}
+        return exposure if there == wanted and all(path.is_file() for path in paths) else None
+
+    def write(self, picture: Picture, grey: np.ndarray, exposure_ms: float, labels: Sequence[coco.Annotation]) -> None:
+        """Write a picture (h, w) uint16 and its boxes, and then its sidecar: where that is, the others are."""
+        self.path("sidecars", picture.name).unlink(missing_ok=True)
+        pixels = self.tone(grey)[..., 0] if self.preview else grey
+        png.write(self.path("images", picture.name), pixels)
+        yolo.write_boxes(
+            self.path("labels", picture.name),
+            np.array([BOX_CLASSES.index(label.kind) for label in labels], int),
+            np.array([label.box for label in labels], float),
+            picture.size,
+        )
+        write_json(self.path("sidecars", picture.name), self.sidecar(picture, exposure_ms))
+        if self.sheet.wants(picture.name):
+            self.sheet.add(picture.name, pixels, labels)

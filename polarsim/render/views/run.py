@@ -1,0 +1,151 @@
+"""From a file of views to a folder of labelled pictures; what is there already is not made again."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats import coco, png
+from polarsim.progress import track
+from polarsim.randomness import generator
+from polarsim.render.automatic import annotations_of
+from polarsim.render.lamps import ROVER
+from polarsim.render.layers import render_view
+from polarsim.render.sensor import expose, vignette
+from polarsim.render.views.exposure import auto_exposure
+from polarsim.render.views.job import UNKNOWN, Job
+from polarsim.render.views.listing import write_listing
+from polarsim.render.views.options import Views
+from polarsim.render.views.plan import Picture, plan
+from polarsim.render.views.sheet import Sheet, Tone
+from polarsim.render.views.stars import Sky, sky_layers, sky_of
+
+log = logging.getLogger("polarsim.render")
+_LAYERS = 24  # that are shaded at once: bounds memory
+Labels = dict[str, list[coco.Annotation]]  # by the name of their instance map
+
+
+def render_views(
+    views: Views,
+    out: Path,
+    *,
+    tone: Tone,
+    limit: int | None = None,
+    scale: float = 1.0,
+    preview: bool = False,
+    threads: int = 1,
+) -> tuple[int, int]:
+    """Write the pictures of the grid, or the first `limit` of them, with their labels; return how many, and new ones.
+
+    Pictures that are there with the same sidecar stay. Rays are cast once a camera, shading is computed once a light
+    and model. The bytes do not depend on `threads`.
+
+    Parameters
+    ----------
+    tone
+        From 12 bits to eight, for the contact sheet, and for the pictures themselves with `preview`.
+    scale
+        Size of the pictures over that of the lens.
+
+    Raises
+    ------
+    ConfigError, FormatError, RenderError
+        Views that cannot be, missing or broken meshes, an engine that cannot be loaded.
+    """
+    grid = plan(views, scale)
+    _warn_of_strangers(out, grid)
+    chosen = grid[:limit]
+    job = Job(views, out, preview, tone, Sheet([picture.name for picture in chosen], chosen[0].size, tone))
+    exposures = {picture.name: found for picture in chosen if (found := job.found(picture)) is not None}
+    there = set(exposures)
+    units = unit_starts([picture for picture in chosen if picture.name not in there], len(views.render.models))
+    labels: Labels = {}
+    coming: dict[str, Future[float]] = {}
+    sky = sky_of(views.stars) if views.stars else None
+    pool = ThreadPoolExecutor(threads)
+    try:
+        for picture in track(chosen, f"views in {out}"):
+            name = picture.name
+            if name in units:
+                write = _render(job, units[name], sky, labels, threads)
+                coming |= {each.name: pool.submit(write, each) for each in units[name]}
+            if name in there:
+                _take_in(job, picture, labels)
+            else:
+                exposures[name] = coming.pop(name).result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+    write_listing(out, [(picture, exposures[picture.name], labels[picture.ground_truth]) for picture in chosen])
+    job.sheet.write(out / "contact.jpg")
+    return len(chosen), len(chosen) - len(there)
+
+
+def unit_starts(pictures: Sequence[Picture], models: int) -> dict[str, list[Picture]]:
+    """Pictures that are rendered together, by the name of the first: one camera, as many lights as memory allows."""
+    units: dict[str, list[Picture]] = {}
+    most = max(1, _LAYERS // models)
+    place: tuple[str, str] | None = None
+    lights: set[str] = set()
+    for picture in pictures:
+        own = (picture.scene.name, picture.camera.name)
+        if own != place or (picture.light.name not in lights and len(lights) == most):
+            place, lights = own, set()
+            unit = units[picture.name] = []
+        lights.add(picture.light.name)
+        unit.append(picture)
+    return units
+
+
+def _render(
+    job: Job, unit: Sequence[Picture], sky: Sky | None, labels: Labels, threads: int
+) -> Callable[[Picture], float]:
+    """Render what the pictures of a unit are sums of, write its instance maps, and add its labels to `labels`.
+
+    The function that is returned writes a picture of the unit and tells its exposure in ms.
+    """
+    views, scene, camera = job.views, unit[0].scene, unit[0].camera
+    pose, lens = camera.sandbox_from_camera, camera.lens
+    lights = {picture.light.name: picture for picture in unit}
+    lamps = {name: lamp for picture in unit for name, lamp in picture.shot(views, UNKNOWN).lamps.items()}
+    models = [model for model in views.render.models if any(picture.model == model for picture in unit)]
+    rendering = render_view(scene.surfaces, pose, lens, lamps, models, list(lights), views.render, threads)
+    for name, picture in lights.items():
+        labels[picture.ground_truth] = annotations_of(rendering.ids[name], views.render)
+        png.write(job.path("instances", picture.ground_truth), rendering.ids[name])
+    darkening = vignette(lens) if views.render.vignetting else np.float32(1)
+    skies = {name: picture.light.sandbox_from_celestial for name, picture in lights.items()}
+    stars = sky_layers(sky, skies, scene.surfaces, pose, lens, threads) if sky else {}
+
+    def write(picture: Picture) -> float:
+        name, gain = picture.light.name, scene.parts[0].scene.gain(picture.model)
+        radiance = rendering.layers[picture.model, name] * darkening
+        if picture.rover:
+            radiance += rendering.layers[picture.model, ROVER] * darkening
+        exposure_ms = picture.exposure_ms or auto_exposure(radiance, gain, views.auto_exposure)
+        if name in stars:
+            radiance += stars[name] * darkening
+        noise = generator(views.render.seed, "sensor", "views", picture.name) if views.render.noise else None
+        job.write(picture, expose(radiance, exposure_ms * gain, noise), exposure_ms, labels[picture.ground_truth])
+        return exposure_ms
+
+    return write
+
+
+def _take_in(job: Job, picture: Picture, labels: Labels) -> None:
+    """Take a picture that is there onto the sheet, and its labels, from its instance map."""
+    if picture.ground_truth not in labels:
+        ids = png.read(job.path("instances", picture.ground_truth))
+        labels[picture.ground_truth] = annotations_of(ids, job.views.render)
+    if job.sheet.wants(picture.name):
+        job.sheet.add(picture.name, png.read(job.path("images", picture.name)), labels[picture.ground_truth])
+
+
+def _warn_of_strangers(out: Path, grid: Sequence[Picture]) -> None:
+    names = {f"{picture.name}.png" for picture in grid}
+    strangers = [path.name for path in sorted((out / "images").glob("*.png")) if path.name not in names]
+    if strangers:
+        log.warning("%s: %d pictures are not of these views, such as %s", out / "images", len(strangers), strangers[0])

@@ -1,0 +1,105 @@
+"""Terrains side by side as one scene, with rocks numbered so that no two share an id."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from polarsim.errors import RenderError
+from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
+from polarsim.geometry.poses import Pose
+from polarsim.render.options import RenderOptions
+from polarsim.render.scene import Scene
+from polarsim.render.surfaces import Surfaces
+from polarsim.render.views.options import SceneSection, TerrainPart
+
+
+@dataclass(frozen=True)
+class Placed:
+    """One terrain of a scene."""
+
+    section: TerrainPart
+    scene: Scene
+
+    @property
+    def scene_from_terrain(self) -> Pose:
+        turn = np.array([0, 0, np.radians(self.section.heading_deg)])
+        return Pose.from_rotvec(turn, np.array(self.section.offset_m, float))
+
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        own = self.scene.surfaces
+        pose = self.scene_from_terrain
+        return replace(own, vertices=pose.apply(own.vertices), normals=pose.rotate(own.normals))
+
+
+class Ensemble:
+    """The terrains of a scene under given options, read once for all its pictures."""
+
+    def __init__(self, section: SceneSection, options: RenderOptions) -> None:
+        """
+        Raises
+        ------
+        FormatError
+            Meshes are missing or broken.
+        """
+        self.name = section.name
+        self.parts = [Placed(part, Scene(part.meshes, part.terrain, options)) for part in section.terrains]
+
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        """All surfaces as one.
+
+        Raises
+        ------
+        RenderError
+            More rocks than instance maps have ids for.
+        """
+        parts = [part.surfaces for part in self.parts]
+        if len(parts) == 1:
+            return parts[0]
+        new_ids = {(number, rock): new for new, (number, rock) in self.rocks.items()}
+        starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        return Surfaces(
+            np.concatenate([part.vertices for part in parts]),
+            np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)]),
+            np.concatenate([part.normals for part in parts]),
+            np.concatenate([_renumbered(part.id_of_face, number, new_ids) for number, part in enumerate(parts)]),
+            parts[0].rays,
+        )
+
+    @cached_property
+    def rocks(self) -> dict[int, tuple[int, int]]:
+        """Rock id in the scene -> place of the terrain in the scene's list, and the rock's id there.
+
+        A terrain alone keeps its ids. Of several terrains rocks are numbered from 1 on, in the order of terrains and
+        ids: instance maps have room for 999.
+        """
+        own = [(number, rock) for number, part in enumerate(self.parts) for rock in _rocks(part.surfaces)]
+        if len(self.parts) == 1:
+            return {rock: (number, rock) for number, rock in own}
+        most = SHADOW_IDS - ROCK_IDS - 1
+        if len(own) > most:
+            raise RenderError(f"scene {self.name}: {len(own)} rocks, instance maps have ids for {most}")
+        return dict(enumerate(own, 1))
+
+    def heights(self, places: np.ndarray) -> np.ndarray:
+        """(n,) height of the highest surface at places (n, 2), metres; -inf where there is none."""
+        top = float(self.surfaces.vertices[:, 2].max()) + 1.0
+        origins = np.column_stack([places, np.full(len(places), top)])
+        distance, face = self.surfaces.all.nearest(origins, np.tile([0.0, 0.0, -1.0], (len(places), 1)))
+        return np.where(face >= 0, top - distance, -np.inf)
+
+
+def _rocks(surfaces: Surfaces) -> list[int]:
+    return [int(number) - ROCK_IDS for number in np.unique(surfaces.id_of_face) if number >= ROCK_IDS]
+
+
+def _renumbered(id_of_face: np.ndarray, terrain: int, new_ids: dict[tuple[int, int], int]) -> np.ndarray:
+    ids = id_of_face.copy()
+    for (number, rock), new in new_ids.items():
+        if number == terrain:
+            ids[id_of_face == ROCK_IDS + rock] = ROCK_IDS + new
+    return ids

@@ -1,0 +1,101 @@
+"""A sky of stars behind the scene: as many, as bright and as evenly spread as the real ones, but at places made up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.geometry.lens import HALF_PIXEL, Lens
+from polarsim.geometry.poses import Pose
+from polarsim.randomness import generator
+from polarsim.render.hits import cast_strip, for_strips
+from polarsim.render.surfaces import Surfaces
+from polarsim.render.views.options import StarField
+
+# Stars brighter than a visual magnitude, all sky (Hipparcos, ESA SP-1200 (1997), counted in OEIS A053406); between them
+# the logarithm of the number is interpolated.
+_MAGNITUDES = np.array([-1, 0, 1, 2, 3, 4, 5, 6, 7, 8.0])
+_BRIGHTER = np.array([1, 4, 15, 49, 172, 511, 1600, 4968, 15328, 40858.0])
+SUN_MAGNITUDE = -26.74  # visual, 1 AU away: irradiance 1
+
+
+@dataclass(frozen=True)
+class Sky:
+    """Stars: directions (n, 3), unit, in the celestial frame, and irradiance (n,) over the Sun's."""
+
+    directions: np.ndarray
+    irradiance: np.ndarray
+
+
+def sky_of(field: StarField) -> Sky:
+    """The seeded sky. A fainter limit adds stars and leaves the brighter ones where they are."""
+    random = generator(field.seed, "views", "stars")
+    brightest = np.log10(_BRIGHTER)
+    number = round(10 ** np.interp(field.faintest_mag, _MAGNITUDES, brightest))
+    magnitudes = np.interp(np.log10(np.arange(1, number + 1)), brightest, _MAGNITUDES)
+    places = random.standard_normal((number, 3))
+    directions = places / np.linalg.norm(places, axis=1, keepdims=True)
+    return Sky(directions, field.intensity * 10 ** (-0.4 * (magnitudes - SUN_MAGNITUDE)))
+
+
+def sky_mask(surfaces: Surfaces, sandbox_from_camera: Pose, lens: Lens, threads: int) -> np.ndarray:
+    """(h, w) bool: pixels whose centre's ray meets no surface."""
+    surfaces.prepare(shadows=False)
+    empty = np.ones((lens.height, lens.width), bool)
+
+    def work(rows: slice) -> None:
+        hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, smooth=False)
+        empty[rows].reshape(-1)[hits.pixel] = False
+
+    for_strips(lens.height, threads, work)
+    return empty
+
+
+def star_radiance(sky: Sky, sandbox_from_celestial: np.ndarray, sandbox_from_camera: Pose, lens: Lens) -> np.ndarray:
+    """(h, w) float32 radiance of the sky through a lens, on the scale of layers: the Sun's irradiance is 1.
+
+    A star is a point: its light falls on the 2 x 2 pixels around its place, in bilinear shares, and a pixel's radiance
+    is irradiance over the solid angle that it sees.
+    """
+    celestial_from_camera = sandbox_from_celestial.T @ sandbox_from_camera.rotation
+    in_camera = sky.directions @ celestial_from_camera
+    seen = in_camera[:, 2] > _least_cosine(lens)  # beyond the corners the distortion's polynomial folds back
+    place = lens.project(in_camera[seen]) - HALF_PIXEL
+    corner = np.floor(place).astype(np.int64)
+    share = place - corner
+    solid_angle = in_camera[seen, 2] ** 3 / (lens.fx * lens.fy)  # of a pixel, without the lens's slight distortion
+    radiance = np.zeros((lens.height, lens.width))
+    for down in (0, 1):
+        for right in (0, 1):
+            weight = np.prod(np.where([right, down], share, 1 - share), axis=1)
+            column, row = corner[:, 0] + right, corner[:, 1] + down
+            inside = (column >= 0) & (column < lens.width) & (row >= 0) & (row < lens.height)
+            light = (sky.irradiance[seen] * weight / solid_angle)[inside]
+            np.add.at(radiance, (row[inside], column[inside]), light)
+    return radiance.astype(np.float32)
+
+
+def sky_layers(
+    sky: Sky,
+    turns: Mapping[str, np.ndarray],
+    surfaces: Surfaces,
+    sandbox_from_camera: Pose,
+    lens: Lens,
+    threads: int,
+) -> dict[str, np.ndarray]:
+    """(h, w) float32 radiance of the stars behind a scene, by name of each turn, `sandbox_from_celestial` (3, 3)."""
+    empty = sky_mask(surfaces, sandbox_from_camera, lens, threads)
+    layers: dict[bytes, np.ndarray] = {}  # lights without a date share one
+    for turn in turns.values():
+        if turn.tobytes() not in layers:
+            layers[turn.tobytes()] = empty * star_radiance(sky, turn, sandbox_from_camera, lens)
+    return {name: layers[turn.tobytes()] for name, turn in turns.items()}
+
+
+def _least_cosine(lens: Lens) -> float:
+    """Cosine to the optical axis of the picture's farthest corner, a pixel outside it."""
+    corners = np.array([[x, y] for x in (-1.0, lens.width + 1.0) for y in (-1.0, lens.height + 1.0)])
+    directions = lens.directions(corners)
+    return float((1 / np.linalg.norm(directions, axis=1)).min())
