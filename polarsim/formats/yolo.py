@@ -41,13 +41,11 @@ def read_boxes(
     return np.array(classes, int), np.array(boxes, float).reshape(-1, 4)
 
 
-def write_boxes(
-    path: str | Path, classes: np.ndarray, boxes: np.ndarray, size: tuple[int, int] = (WIDTH, HEIGHT)
-) -> None:
-    """Boxes (n, 4) in pixels, with 6 decimals as in the release; no boxes make an empty file. `size`: width, height."""
-    boxes = np.asarray(boxes, float).reshape(-1, 4)
-    centre = (boxes[:, :2] + boxes[:, 2:]) / 2 / size
-    extent = (boxes[:, 2:] - boxes[:, :2]) / size
+def write_boxes(path: str | Path, classes: np.ndarray, boxes: np.ndarray, size: tuple[int, int] | None = None) -> None:
+    """Boxes (n, 4) in pixels, with 6 decimals as in the release; no boxes make an empty file. `size` as above."""
+    boxes, photo = np.asarray(boxes, float).reshape(-1, 4), _SIZE if size is None else np.array(size, float)
+    centre = (boxes[:, :2] + boxes[:, 2:]) / 2 / photo
+    extent = (boxes[:, 2:] - boxes[:, :2]) / photo
     lines = [
         f"{c} {x:.6f} {y:.6f} {w:.6f} {h:.6f}\n"
         for c, (x, y), (w, h) in zip(np.asarray(classes, int), centre, extent, strict=True)

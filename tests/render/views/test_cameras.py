@@ -1,0 +1,110 @@
+"""Where cameras of novel views stand, and what they look at."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from polarsim.errors import ConfigError, RenderError
+from polarsim.render.views.cameras import cameras_of, curve, looking_at, pinhole
+
+PLACES = st.tuples(*[st.floats(-5, 5)] * 3).map(np.array)
+LEVEL = lambda places: np.zeros(len(places))  # noqa: E731
+
+
+@given(PLACES, PLACES, st.floats(-3, 3), st.floats(10, 120))
+def test_what_is_looked_at_is_seen_in_the_middle(position, target, roll, hfov_deg):
+    assume(np.linalg.norm(target - position) > 1e-3)
+    lens = pinhole(hfov_deg, 640, 480)
+    pixel = lens.project(looking_at(position, target, roll).inverse().apply(target))
+    np.testing.assert_allclose(pixel, [320, 240], atol=1e-6)
+
+
+@given(PLACES, PLACES)
+def test_cameras_stand_upright(position, target):
+    assume(np.hypot(*(target - position)[:2]) > 1e-3)
+    right, down, _ = looking_at(position, target).rotation.T
+    assert abs(right[2]) < 1e-12
+    assert down[2] < 0
+
+
+def test_a_camera_cannot_look_at_its_own_place():
+    with pytest.raises(ConfigError, match=r"\[1.0, 2.0, 3.0\]"):
+        looking_at(np.array([1.0, 2, 3]), np.array([1.0, 2, 3]))
+
+
+@given(st.lists(PLACES, min_size=2, max_size=6), st.integers(2, 20))
+def test_a_curve_starts_and_ends_at_its_waypoints_and_divides_its_length_evenly(waypoints, number):
+    points = np.array(waypoints)
+    assume(np.linalg.norm(np.diff(points, axis=0), axis=1).min() > 0.1)
+    places, _ = curve(points, number)
+    np.testing.assert_allclose(places[[0, -1]], points[[0, -1]], atol=1e-9)
+    fine, _ = curve(points, 200 * (number - 1) + 1)
+    lengths = np.linalg.norm(np.diff(fine, axis=0), axis=1).reshape(number - 1, 200).sum(axis=1)
+    np.testing.assert_allclose(lengths, lengths.mean(), rtol=0.05)
+
+
+def test_a_curve_through_waypoints_on_a_line_is_that_line():
+    places, ahead = curve(np.array([[0.0, 0, 0], [1, 0, 0], [5, 0, 0]]), 11)
+    np.testing.assert_allclose(places, np.linspace([0, 0, 0], [5, 0, 0], 11), atol=1e-3)
+    np.testing.assert_allclose(ahead[:, 1:], 0, atol=1e-12)
+
+
+def test_doubled_waypoints_are_refused():
+    with pytest.raises(ConfigError, match="waypoint 3 lies on the one before it"):
+        curve(np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 0]]), 4)
+
+
+def test_orbits_look_at_their_centre_from_their_radius(views_of):
+    orbit = {"kind": "orbit", "centre_m": [0.5, 0, 0.1], "radius_m": 2, "height_m": 1, "number": 4, "from_deg": 90}
+    cameras = cameras_of(views_of(cameras=[orbit]), LEVEL)
+    places = np.array([camera.sandbox_from_camera.translation for camera in cameras])
+    np.testing.assert_allclose(places, [[0.5, 2, 1.1], [-1.5, 0, 1.1], [0.5, -2, 1.1], [2.5, 0, 1.1]], atol=1e-12)
+    for camera in cameras:
+        pixel = camera.lens.project(camera.sandbox_from_camera.inverse().apply(np.array([0.5, 0, 0.1])))
+        np.testing.assert_allclose(pixel, [48, 32], atol=1e-9)
+    assert [camera.name for camera in cameras] == ["orbit-000", "orbit-001", "orbit-002", "orbit-003"]
+
+
+def test_half_an_orbit_ends_at_its_end(views_of):
+    orbit = {"kind": "orbit", "radius_m": 1, "height_m": 0, "number": 3, "over_deg": 180}
+    places = [c.sandbox_from_camera.translation for c in cameras_of(views_of(cameras=[orbit]), LEVEL)]
+    np.testing.assert_allclose(places, [[1, 0, 0], [0, 1, 0], [-1, 0, 0]], atol=1e-12)
+
+
+def test_a_path_without_a_target_looks_ahead_and_down(views_of):
+    path = {"kind": "path", "waypoints_m": [[0, 0, 1], [0, 3, 1]], "number": 3, "pitch_deg": 20}
+    for camera in cameras_of(views_of(cameras=[path]), LEVEL):
+        ahead = camera.sandbox_from_camera.rotation[:, 2]
+        np.testing.assert_allclose(ahead, [0, np.cos(np.radians(20)), -np.sin(np.radians(20))], atol=1e-12)
+
+
+def test_random_cameras_keep_clear_of_the_ground_and_are_the_same_every_time(views_of):
+    box = {"kind": "random", "number": 30, "low_m": [-2, -2, 0], "high_m": [2, 2, 2], "clearance_m": 0.5}
+
+    def hill(places):
+        return 1.2 - np.abs(places).max(axis=1)
+
+    views = views_of(cameras=[box])
+    first, second = (cameras_of(views, hill) for _ in range(2))
+    places = np.array([camera.sandbox_from_camera.translation for camera in first])
+    assert (places[:, 2] >= hill(places[:, :2]) + 0.5).all()
+    assert (np.abs(places) <= 2).all()
+    assert len(places) == 30
+    np.testing.assert_array_equal(places, [camera.sandbox_from_camera.translation for camera in second])
+    with pytest.raises(RenderError, match="cameras random: 0 of 30 places found"):
+        cameras_of(views, lambda places: np.full(len(places), 5.0))
+
+
+def test_pairs_are_as_far_apart_as_stated_and_parallel(views_of):
+    left, right = cameras_of(views_of(stereo=True), LEVEL)
+    assert (left.name, right.name) == ("point-000L", "point-000R")
+    apart = left.sandbox_from_camera.inverse().apply(right.sandbox_from_camera.translation)
+    np.testing.assert_allclose(apart, [0.3, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(left.sandbox_from_camera.rotation, right.sandbox_from_camera.rotation)
+
+
+def test_a_pinhole_has_the_field_of_view_that_is_stated():
+    lens = pinhole(90, 200, 100)
+    left, right = lens.directions(np.array([[0.0, 50], [200, 50]]))
+    np.testing.assert_allclose([left[0], right[0]], [-1, 1], atol=1e-12)

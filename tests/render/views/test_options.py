@@ -1,0 +1,73 @@
+"""Files of views: what is wrong is told in one line with file and key."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from polarsim.errors import ConfigError
+from polarsim.render.views.options import read_views
+
+VIEWS = {
+    "scenes": [{"name": "one", "terrains": [{"meshes": "meshes", "terrain": 1}]}],
+    "cameras": [{"kind": "point", "position_m": [2, 0, 1], "look_at_m": [0, 0, 0]}],
+    "lights": [{"kind": "sun", "azimuth_deg": [30], "elevation_deg": [10]}],
+}
+CAMERA, LIGHT = VIEWS["cameras"][0], VIEWS["lights"][0]
+
+
+def test_the_example_makes_one_thousand_pictures_of_one_terrain():
+    views = read_views(Path(__file__).parents[3] / "config/views.yaml")
+    cameras = sum(section.number for section in views.cameras)
+    lights = sum(
+        len(getattr(light, "azimuth_deg", "1")) * len(getattr(light, "elevation_deg", "1")) for light in views.lights
+    )
+    each = len(views.rover_light.states) * len(views.render.models) * len(views.exposures_ms)
+    assert cameras * lights * each == 1000
+    assert len(views.scenes) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"camera": []}, "camera: unknown key"),
+        ({"lights": []}, "lights: "),
+        ({"scenes": None}, "scenes: "),
+        ({"cameras": [{**CAMERA, "kind": "balloon"}]}, "cameras.0: .*'balloon'"),
+        ({"cameras": [{**CAMERA, "look_at": [0, 0, 0]}]}, "cameras.0.point.look_at: unknown key"),
+        ({"cameras": [{"kind": "orbit", "height_m": 1, "number": 3}]}, "cameras.0.orbit.radius_m: missing"),
+        ({"cameras": [{**CAMERA, "name": "a_b"}]}, "cameras.0.point.name: .*'a_b'"),
+        (
+            {"cameras": [{"kind": "random", "number": 1, "low_m": [0, 0, 1], "high_m": [1, 1, 0]}]},
+            r"cameras.0.random: low corner \[0.0, 0.0, 1.0\] above high corner",
+        ),
+        ({"lights": [{**LIGHT, "elevation_deg": [0]}]}, "lights.0.sun.elevation_deg.0: .* found 0"),
+        ({"lights": [{**LIGHT, "azimuth_deg": [float("nan")]}]}, "lights.0.sun.azimuth_deg.0: .*finite"),
+        ({"exposures_ms": [64, "automatic"]}, "exposures_ms.1"),
+        ({"exposures_ms": [64, 64]}, "exposures_ms: 64.0 comes twice"),
+        ({"scenes": VIEWS["scenes"] * 2}, "scenes: name 'one' comes twice"),
+        ({"render": {"modles": ["hapke"]}}, "render.modles: unknown key"),
+    ],
+)
+def test_a_wrong_key_or_value_is_named_in_one_line(tmp_path, change, told):
+    path = tmp_path / "views.yaml"
+    path.write_text(yaml.safe_dump(VIEWS | change))
+    with pytest.raises(ConfigError, match=told) as error:
+        read_views(path)
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["[unclosed", "just words", ""])
+def test_what_is_no_mapping_is_refused_in_one_line(tmp_path, text):
+    path = tmp_path / "views.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as error:
+        read_views(path)
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ConfigError, match=r"nowhere\.yaml: no readable YAML file"):
+        read_views(tmp_path / "nowhere.yaml")

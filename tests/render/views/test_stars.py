@@ -1,0 +1,101 @@
+"""The made-up sky: as bright as the real one, fixed in space, behind everything."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from polarsim.geometry.poses import Pose, looking
+from polarsim.render.views.cameras import pinhole
+from polarsim.render.views.options import StarField
+from polarsim.render.views.stars import SUN_MAGNITUDE, Sky, sky_layers, sky_mask, sky_of, star_radiance
+
+LENS = pinhole(50, 160, 120)
+UPWARDS = looking(np.array([0.0, 0, 1]), 0.4, -0.9)
+
+
+def one_star(pixel, pose=UPWARDS, lens=LENS):
+    direction = pose.rotate(lens.directions(np.array(pixel)))
+    return Sky(direction[None] / np.linalg.norm(direction), np.ones(1))
+
+
+def total(radiance, lens=LENS):
+    """Irradiance of a picture: radiance times the solid angle of each pixel."""
+    cosine = 1 / np.linalg.norm(lens.pixel_directions(), axis=-1)
+    return (radiance * cosine**3).sum() / (lens.fx * lens.fy)
+
+
+@pytest.mark.parametrize(("magnitude", "number"), [(1, 15), (4, 511), (6, 4968)])
+def test_there_are_as_many_stars_as_in_the_real_sky(magnitude, number):
+    sky = sky_of(StarField(faintest_mag=7))
+    bright = sky.irradiance >= 10 ** (-0.4 * (magnitude - SUN_MAGNITUDE)) * (1 - 1e-9)
+    assert bright.sum() == number
+
+
+def test_stars_lie_evenly_over_the_sphere():
+    sky = sky_of(StarField())
+    np.testing.assert_allclose(np.linalg.norm(sky.directions, axis=1), 1)
+    number = len(sky.directions)
+    np.testing.assert_allclose(sky.directions.mean(axis=0), 0, atol=4 / np.sqrt(3 * number))
+    np.testing.assert_allclose(np.cov(sky.directions.T), np.eye(3) / 3, atol=0.02)
+
+
+def test_a_fainter_limit_moves_no_bright_star():
+    few, many = sky_of(StarField(faintest_mag=4)), sky_of(StarField(faintest_mag=6))
+    np.testing.assert_array_equal(few.directions, many.directions[: len(few.directions)])
+    np.testing.assert_array_equal(few.irradiance, many.irradiance[: len(few.irradiance)])
+
+
+def test_intensity_multiplies_the_light_of_all_stars():
+    plain, strong = sky_of(StarField(faintest_mag=3)), sky_of(StarField(faintest_mag=3, intensity=50))
+    np.testing.assert_allclose(strong.irradiance, 50 * plain.irradiance)
+
+
+@pytest.mark.parametrize("pixel", [[80.0, 60.0], [80.5, 60.5], [20.25, 100.9], [150.1, 5.4]])
+def test_a_star_lights_the_pixels_around_its_place_and_keeps_its_light(pixel):
+    radiance = star_radiance(one_star(pixel), np.eye(3), UPWARDS, LENS)
+    rows, columns = np.nonzero(radiance)
+    assert len(rows) <= 4
+    weights = radiance[rows, columns] / radiance.sum()
+    np.testing.assert_allclose([columns @ weights + 0.5, rows @ weights + 0.5], pixel, atol=1e-4)
+    np.testing.assert_allclose(total(radiance), 1, rtol=0.02)
+
+
+def test_stars_turn_with_the_camera():
+    """A turned camera sees a star where its direction says; a moved one sees it where it was."""
+    star = one_star([80.5, 60.5])
+    turned = Pose(Rotation.from_rotvec([0, 0, 0.1]).as_matrix() @ UPWARDS.rotation, np.array([5.0, 3, 2]))
+    radiance = star_radiance(star, np.eye(3), turned, LENS)
+    rows, columns = np.nonzero(radiance)
+    weights = radiance[rows, columns] / radiance.sum()
+    expected = LENS.project(star.directions[0] @ turned.rotation)
+    np.testing.assert_allclose([columns @ weights + 0.5, rows @ weights + 0.5], expected, atol=1e-3)
+    assert abs(expected[0] - 80.5) > 5
+    moved = Pose(UPWARDS.rotation, np.array([100.0, 0, 0]))
+    np.testing.assert_array_equal(
+        star_radiance(star, np.eye(3), moved, LENS), star_radiance(star, np.eye(3), UPWARDS, LENS)
+    )
+
+
+def test_the_sky_turns_with_time():
+    turn = Rotation.from_rotvec([0.2, -0.1, 0.3]).as_matrix()
+    sky = sky_of(StarField(faintest_mag=5))
+    turned_camera = Pose(turn.T @ UPWARDS.rotation, UPWARDS.translation)
+    np.testing.assert_allclose(
+        star_radiance(sky, turn, UPWARDS, LENS), star_radiance(sky, np.eye(3), turned_camera, LENS), rtol=1e-4
+    )
+
+
+def test_stars_stand_behind_the_scene(surfaces):
+    pose = looking(np.array([2.5, -0.3, 1.0]), np.pi, 0.1)
+    empty = sky_mask(surfaces, pose, LENS, 1)
+    assert 0.2 < empty.mean() < 0.9
+    sky = sky_of(StarField(faintest_mag=7))
+    layers = sky_layers(sky, {"one": np.eye(3), "two": np.eye(3)}, surfaces, pose, LENS, 2)
+    assert (layers["one"][empty] > 0).any()
+    assert not layers["one"][~empty].any()
+    assert layers["one"] is layers["two"]
+
+
+def test_stars_behind_the_camera_are_not_seen():
+    backwards = Sky(-one_star([80.0, 60.0]).directions, np.ones(1))
+    assert not star_radiance(backwards, np.eye(3), UPWARDS, LENS).any()
