@@ -45,8 +45,9 @@ lint: setup
 clean: ## remove results and what the analog generated
 	rm -rf results/demo results/release results/accuracy* data/analog* .snakemake
 
-schema: setup ## write config/schema.json anew
+schema: setup ## write config/schema.json and config/views.schema.json anew
 	$(BIN)/polarsim schema > config/schema.json
+	$(BIN)/polarsim schema --views > config/views.schema.json
 
 # Needs uv (pip install uv). The local version of a CPU build of torch is cut off, so that one lock serves all machines.
 lock: ## make requirements.lock anew from pyproject.toml

@@ -331,10 +331,9 @@ def _render_views(file: Path, out: Path, limit: int | None, scale: float, previe
 
 def _refuse_others(context: typer.Context, known: set[str]) -> None:
     """End where the call names an option that its form of the command does not have."""
-    from click.core import ParameterSource
-
     for name in context.params:
-        if name not in known and context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+        source = context.get_parameter_source(name)
+        if name not in known and source is not None and source.name == "COMMANDLINE":
             form = "one picture" if "limit" not in known else "a file of views"
             raise typer.BadParameter(f"--{name.replace('_', '-')} is no option with {form}")
 
@@ -401,11 +400,14 @@ def compare(
 
 
 @app.command()
-def schema() -> None:
+def schema(
+    views: Annotated[bool, typer.Option("--views", help="Of files of views, such as config/views.yaml.")] = False,
+) -> None:
     """Print the configuration's JSON schema, with the meaning and unit of every key."""
-    from polarsim.config import schema as text
+    from polarsim.config import schema as of_configuration
+    from polarsim.render.views.options import schema as of_views
 
-    typer.echo(text(), nl=False)
+    typer.echo(of_views() if views else of_configuration(), nl=False)
 
 
 def _print_scores(report: dict[str, Any]) -> None:

@@ -78,6 +78,43 @@ def test_render_writes_a_12_bit_picture_of_a_lit_plane(tmp_path):
     assert png.read_photo(tmp_path / "sun.png").max() > 100
 
 
+VIEWS = """
+scenes: [{{name: flat, terrains: [{{meshes: {meshes}, terrain: 1}}]}}]
+lens: {{kind: pinhole, hfov_deg: 60, width_px: 64, height_px: 48}}
+cameras: [{{kind: orbit, radius_m: 1.5, height_m: 1, number: 2}}]
+lights: [{{kind: sun, azimuth_deg: [30], elevation_deg: [20]}}]
+exposures_ms: [64, auto]
+render: {{models: [lambert], rim: false}}
+"""
+
+
+def test_render_takes_a_file_of_views(tmp_path):
+    corners = np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]])
+    obj.write(tmp_path / obj.ground_name(1), obj.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
+    (tmp_path / "views.yaml").write_text(VIEWS.format(meshes=tmp_path))
+    done = polarsim("render", tmp_path / "views.yaml", tmp_path / "out", "--limit", 3, "--preview", "--threads", 2)
+    assert done.returncode == 0, done.stderr
+    assert "3 labelled pictures" in done.stdout
+    pictures = sorted((tmp_path / "out/images").iterdir())
+    assert [png.read(path).dtype for path in pictures] == [np.uint8] * 3
+    assert max(png.read(path).max() for path in pictures) > 200
+    again = polarsim("render", tmp_path / "views.yaml", tmp_path / "out", "--preview", "--scale", 1)
+    assert "4 labelled pictures" in again.stdout
+    assert "1 of them new" in again.stdout
+
+
+@pytest.mark.parametrize(("source", "option"), [("views.yaml", "--exposure"), ("meshes", "--limit")])
+def test_render_refuses_options_of_its_other_form(tmp_path, source, option):
+    done = polarsim("render", tmp_path / source, tmp_path / "out", option, 3)
+    assert done.returncode == 2
+    assert f"{option} is no option with" in done.stderr
+
+
+def test_the_schema_of_views_is_that_in_the_configuration_folder():
+    stored = (Path(__file__).parent.parent / "config/views.schema.json").read_text()
+    assert polarsim("schema", "--views").stdout == stored, "run make schema"
+
+
 def test_a_release_with_a_malformed_line_is_refused_by_validate(tmp_path):
     folder = tmp_path / "Labels/Terrain01"
     folder.mkdir(parents=True)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+import json
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -115,8 +116,6 @@ class RandomCameras(Part):
 
 
 def _utc(moment: datetime) -> datetime:
-    from datetime import UTC
-
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
@@ -247,6 +246,11 @@ def read_views(path: str | Path) -> Views:
         return Views.model_validate(content)
     except ValidationError as error:
         raise ConfigError(f"{path}: " + "; ".join(_told(problem) for problem in error.errors())) from error
+
+
+def schema() -> str:
+    """JSON schema of files of views; `config/views.schema.json` holds it for editors."""
+    return json.dumps(Views.model_json_schema(), indent=1, sort_keys=True) + "\n"
 
 
 def _told(problem: Any) -> str:
