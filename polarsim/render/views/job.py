@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,6 @@ from polarsim.render.views.options import Views
 from polarsim.render.views.plan import AUTO, Picture
 from polarsim.render.views.sheet import Sheet, Tone
 
-UNKNOWN = -1.0  # stands for an exposure that is found only when the picture is rendered
-
 
 @dataclass(frozen=True)
 class Job:
@@ -30,6 +29,7 @@ class Job:
     preview: bool  # eight bits instead of twelve
     tone: Tone
     sheet: Sheet
+    digests: dict[str, str] = field(default_factory=dict)  # SHA-256 of instance maps by their names
 
     def path(self, kind: str, name: str) -> Path:
         """Of a picture's file in one of the folders."""
@@ -37,7 +37,7 @@ class Job:
         return self.out / kind / f"{name}{suffix}"
 
     def sidecar(self, picture: Picture, exposure_ms: float) -> dict[str, Any]:
-        """All that makes a picture, as JSON has it."""
+        """All that makes a picture, as JSON has it; OSError where its instance map is not there."""
         shot, views = picture.shot(self.views, exposure_ms), self.views
         content = picture.scene.parts[0].scene.sidecar(shot)
         own = {
@@ -57,22 +57,25 @@ class Job:
             "exposure": "stated" if picture.exposure_ms else {AUTO: views.auto_exposure.model_dump()},
             "stars": views.stars.model_dump() if views.stars else None,
             "bits": 8 if self.preview else 12,
+            "instances": self._instances_digest(picture.ground_truth),
         }
         return dict(json.loads(json.dumps(own)))
 
     def found(self, picture: Picture) -> float | None:
         """The exposure of a picture that is there as it would be made now; None where one of its files is not."""
-        paths = [self.path(kind, picture.name) for kind in ("images", "labels")]
-        paths.append(self.path("instances", picture.ground_truth))
         try:
             there = read_json(self.path("sidecars", picture.name))
             exposure = float(there["exposure_ms"])
-        except (PolarsimError, KeyError, TypeError, ValueError):
+            wanted = self.sidecar(picture, picture.exposure_ms or exposure)
+        except (PolarsimError, OSError, KeyError, TypeError, ValueError):
             return None
-        wanted = self.sidecar(picture, picture.exposure_ms or UNKNOWN)
-        if picture.exposure_ms is None:
-            there = {**there, "exposure_ms": UNKNOWN}
-        return exposure if there == wanted and all(path.is_file() for path in paths) else None
+        complete = all(self.path(kind, picture.name).is_file() for kind in ("images", "labels"))
+        return exposure if complete and there == wanted else None
+
+    def write_instances(self, picture: Picture, ids: np.ndarray) -> None:
+        """Write the instance map (h, w) uint16 that the picture shares with others."""
+        self.digests.pop(picture.ground_truth, None)
+        png.write(self.path("instances", picture.ground_truth), ids)
 
     def write(self, picture: Picture, grey: np.ndarray, exposure_ms: float, labels: Sequence[coco.Annotation]) -> None:
         """Write a picture (h, w) uint16 and its boxes, and then its sidecar: where that is, the others are."""
@@ -88,3 +91,8 @@ class Job:
         write_json(self.path("sidecars", picture.name), self.sidecar(picture, exposure_ms))
         if self.sheet.wants(picture.name):
             self.sheet.add(picture.name, pixels, labels)
+
+    def _instances_digest(self, name: str) -> str:
+        if name not in self.digests:
+            self.digests[name] = hashlib.sha256(self.path("instances", name).read_bytes()).hexdigest()
+        return self.digests[name]

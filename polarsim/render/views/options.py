@@ -257,6 +257,8 @@ def _told(problem: Any) -> str:
     place = ".".join(str(part) for part in problem["loc"]) or "the file"
     if problem["type"] in ("extra_forbidden", "missing"):
         return f"{place}: {'missing' if problem['type'] == 'missing' else 'unknown key'}"
+    if problem["type"] == "union_tag_not_found":
+        return f"{place}.kind: missing"
     text = problem["msg"].removeprefix("Value error, ").removeprefix("Input ")
     found = problem.get("input")
     return f"{place}: {text}" if isinstance(found, (dict, BaseModel)) else f"{place}: {text}, found {found!r}"

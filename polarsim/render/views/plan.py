@@ -8,7 +8,7 @@ from itertools import product
 from typing import Any
 
 from polarsim.errors import ConfigError
-from polarsim.render.lamps import ROVER
+from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.options import Model
 from polarsim.render.scene import Shot
 from polarsim.render.views.cameras import Camera, cameras_of
@@ -47,12 +47,15 @@ class Picture:
         """Width and height, px."""
         return self.camera.lens.width, self.camera.lens.height
 
+    def lamps(self, views: Views) -> dict[str, Lamp]:
+        """The lamps that are on; the first throws the labelled shadows."""
+        rover = {ROVER: rover_lamp(views.rover_light, self.camera)} if self.rover else {}
+        return {self.light.name: self.light.lamp, **rover}
+
     def shot(self, views: Views, exposure_ms: float) -> Shot:
         """What makes the picture, at an exposure."""
-        lamps = {self.light.name: self.light.lamp}
-        if self.rover:
-            lamps[ROVER] = rover_lamp(views.rover_light, self.camera)
-        return Shot(self.camera.sandbox_from_camera, self.camera.lens, lamps, exposure_ms, self.model)
+        camera = self.camera
+        return Shot(camera.sandbox_from_camera, camera.lens, self.lamps(views), exposure_ms, self.model)
 
     def columns(self) -> dict[str, Any]:
         """What the index and the COCO file say of it, besides its exposure."""

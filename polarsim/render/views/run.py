@@ -17,7 +17,7 @@ from polarsim.render.lamps import ROVER
 from polarsim.render.layers import render_view
 from polarsim.render.sensor import expose, vignette
 from polarsim.render.views.exposure import auto_exposure
-from polarsim.render.views.job import UNKNOWN, Job
+from polarsim.render.views.job import Job
 from polarsim.render.views.listing import write_listing
 from polarsim.render.views.options import Views
 from polarsim.render.views.plan import Picture, plan
@@ -110,12 +110,12 @@ def _render(
     views, scene, camera = job.views, unit[0].scene, unit[0].camera
     pose, lens = camera.sandbox_from_camera, camera.lens
     lights = {picture.light.name: picture for picture in unit}
-    lamps = {name: lamp for picture in unit for name, lamp in picture.shot(views, UNKNOWN).lamps.items()}
+    lamps = {name: lamp for picture in unit for name, lamp in picture.lamps(views).items()}
     models = [model for model in views.render.models if any(picture.model == model for picture in unit)]
     rendering = render_view(scene.surfaces, pose, lens, lamps, models, list(lights), views.render, threads)
     for name, picture in lights.items():
         labels[picture.ground_truth] = annotations_of(rendering.ids[name], views.render)
-        png.write(job.path("instances", picture.ground_truth), rendering.ids[name])
+        job.write_instances(picture, rendering.ids[name])
     darkening = vignette(lens) if views.render.vignetting else np.float32(1)
     skies = {name: picture.light.sandbox_from_celestial for name, picture in lights.items()}
     stars = sky_layers(sky, skies, scene.surfaces, pose, lens, threads) if sky else {}

@@ -34,6 +34,7 @@ def test_the_example_makes_one_thousand_pictures_of_one_terrain():
         ({"lights": []}, "lights: "),
         ({"scenes": None}, "scenes: "),
         ({"cameras": [{**CAMERA, "kind": "balloon"}]}, "cameras.0: .*'balloon'"),
+        ({"cameras": [{"position_m": [0, 0, 1]}]}, "cameras.0.kind: missing"),
         ({"cameras": [{**CAMERA, "look_at": [0, 0, 0]}]}, "cameras.0.point.look_at: unknown key"),
         ({"cameras": [{"kind": "orbit", "height_m": 1, "number": 3}]}, "cameras.0.orbit.radius_m: missing"),
         ({"cameras": [{**CAMERA, "name": "a_b"}]}, "cameras.0.point.name: .*'a_b'"),

@@ -105,6 +105,15 @@ def test_a_picture_that_lost_a_file_is_made_again(tmp_path, grid, tone, kind):
     assert files(tmp_path) == before
 
 
+def test_an_instance_map_that_changed_is_made_again_with_all_its_pictures(tmp_path, grid, tone):
+    render_views(grid, tmp_path, tone=tone)
+    before = files(tmp_path)
+    path = sorted((tmp_path / "instances").iterdir())[1]
+    png.write(path, np.zeros_like(png.read(path)))
+    assert render_views(grid, tmp_path, tone=tone) == (12, 2)
+    assert files(tmp_path) == before
+
+
 def test_only_what_changed_is_made_again(tmp_path, views_of, tone):
     render = {"models": ["lambert", "hapke"], "rim": False}
     render_views(views_of(render=render), tmp_path, tone=tone)
