@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.photo import BLACK_LEVEL
-from polarsim.render.views.options import AutoExposure
+from polarsim.render.views.sections import AutoExposure
 
 _LIT = 0.25  # of the median radiance: darker pixels lie in shadow or half-shadow
 

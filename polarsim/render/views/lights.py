@@ -15,7 +15,8 @@ from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import ROVER, SUN_RADIUS_DEG, Lamp
 from polarsim.render.views.cameras import Camera
 from polarsim.render.views.moon import local_from_celestial, sun_over
-from polarsim.render.views.options import LunarSuns, NearLamps, RoverLight, Suns, Views
+from polarsim.render.views.options import Views
+from polarsim.render.views.sections import LunarSuns, NearLamps, RoverLight, Suns
 
 log = logging.getLogger("polarsim.render")
 

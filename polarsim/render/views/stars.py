@@ -12,7 +12,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.randomness import generator
 from polarsim.render.hits import cast_strip, for_strips
 from polarsim.render.surfaces import Surfaces
-from polarsim.render.views.options import StarField
+from polarsim.render.views.sections import StarField
 
 # Stars brighter than a visual magnitude, all sky (Hipparcos, ESA SP-1200 (1997), counted in OEIS A053406); between them
 # the logarithm of the number is interpolated.

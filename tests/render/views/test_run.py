@@ -14,9 +14,9 @@ from polarsim.render.automatic import boxes_of
 from polarsim.render.scene import Scene
 from polarsim.render.views import run
 from polarsim.render.views.exposure import auto_exposure
-from polarsim.render.views.options import AutoExposure
 from polarsim.render.views.plan import plan
 from polarsim.render.views.run import render_views, unit_starts
+from polarsim.render.views.sections import AutoExposure
 
 ORBIT = {"kind": "orbit", "radius_m": 1.6, "height_m": 0.9, "number": 3}
 SUNS = {"kind": "sun", "azimuth_deg": [0, 140], "elevation_deg": [20]}
