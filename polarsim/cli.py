@@ -323,9 +323,10 @@ def _render_views(file: Path, out: Path, limit: int | None, scale: float, previe
     from polarsim.tables.tone import to_8bit
 
     tone = partial(to_8bit, white=WHITE_LEVEL - BLACK_LEVEL)  # one white for all: exposures stay apart
-    count, new = render_views(
-        read_views(file), out, tone=tone, limit=limit, scale=scale, preview=preview, threads=threads
-    )
+    with reporting():  # typer keeps Ctrl-C to itself
+        count, new = render_views(
+            read_views(file), out, tone=tone, limit=limit, scale=scale, preview=preview, threads=threads
+        )
     typer.echo(f"{count} labelled pictures in {out}, {new} of them new; {out / 'contact.jpg'} shows them")
 
 
