@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pyarrow
+from pyarrow import csv
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
@@ -27,9 +28,9 @@ class Mesh:
         """(v, 3) unit vertex normals, weighted by area; zero where a vertex has no face."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         face_normals = np.cross(b - a, c - a)
-        normals = np.zeros_like(self.vertices)
-        for k in range(3):
-            np.add.at(normals, self.faces[:, k], face_normals)
+        corners = self.faces.T.ravel()
+        sums = [np.bincount(corners, np.tile(part, 3), len(self.vertices)) for part in face_normals.T]
+        normals = np.stack(sums, axis=1)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
@@ -83,42 +84,48 @@ def read(path: str | Path) -> Mesh:
 
 def _plain_triangles(content: bytes) -> Mesh | None:
     """A file of one block of vertices and one of triangles, read in one go; None for all others."""
-    vertices, faces = _block(content, b"v "), _block(content, b"f ")
-    if vertices is None or faces is None:
+    places = _columns(_block(content, b"v "), float, (1, 2, 3), of=4)
+    faces = _block(content, b"f ")
+    if places is None or faces is None:
         return None
-    count = faces.count(b"\n")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # older NumPy warns of text that is no number
-            places = np.fromstring(vertices, dtype=float, sep=" ")
-            corners = np.fromstring(faces.replace(b"/", b" "), dtype=np.int64, sep=" ")
-    except (ValueError, DeprecationWarning):
+    # Texture and normal numbers follow a corner's vertex, as in `f 1//1 2//2 3//3`: every line has as many slashes.
+    apart = {0: 1, 3: 2, 6: 3}.get(faces.count(b"/", 0, faces.find(b"\n")))
+    if apart is None:
         return None
-    if len(places) != 3 * vertices.count(b"\n") or len(corners) not in (3 * count, 6 * count, 9 * count):
-        return None
-    corners = corners.reshape(count, 3, -1)[:, :, 0]  # texture and normal numbers follow a corner's vertex
-    return Mesh(places.reshape(-1, 3), corners - 1) if corners.min() > 0 else None
+    corners = _columns(faces.replace(b"/", b" "), int, (1, 1 + apart, 1 + 2 * apart), of=1 + 3 * apart)
+    return Mesh(places, corners - 1) if corners is not None and corners.min() > 0 else None
 
 
 def _block(content: bytes, tag: bytes) -> bytes | None:
-    """The lines `a b c` behind the tags of neighbouring lines `tag a b c`; None where lines differ or lie apart.
-
-    Every line has the same number of slashes, so all corners of all faces have the same form.
-    """
+    """All lines with a tag; None where there is none, or where other lines lie between them."""
     start = content.find(b"\n" + tag) + 1
     end = content.find(b"\n", content.rfind(b"\n" + tag) + 1) + 1
     if not 0 < start < end or content.startswith(tag):
         return None
     block = content[start:end]
-    text = np.frombuffer(block, np.uint8)
-    line_ends = np.flatnonzero(text == ord("\n"))
-    for mark, allowed in ((" ", (3,)), ("/", (0, 3, 6))):
-        marks = np.searchsorted(np.flatnonzero(text == ord(mark)), line_ends)
-        if marks[0] not in allowed or (np.diff(marks) != marks[0]).any():
-            return None
-    if block.count(b"\n" + tag) + 1 != len(line_ends):
+    return block if block.count(b"\n" + tag) + 1 == block.count(b"\n") else None
+
+
+def _columns(block: bytes | None, kind: type[float] | type[int], chosen: tuple[int, ...], of: int) -> np.ndarray | None:
+    """(n, len(chosen)) numbers of a block whose every line has `of` fields with one space between; None for others."""
+    if block is None:
         return None
-    return block[len(tag) :].replace(b"\n" + tag, b"\n")
+    names = [str(column) for column in range(of)]
+    wanted = [names[column] for column in chosen]
+    try:
+        table = csv.read_csv(
+            pyarrow.BufferReader(block),
+            csv.ReadOptions(use_threads=False, column_names=names),
+            csv.ParseOptions(delimiter=" ", quote_char=False),
+            csv.ConvertOptions(
+                column_types=dict.fromkeys(wanted, pyarrow.float64() if kind is float else pyarrow.int64()),
+                include_columns=wanted,
+                null_values=[],
+            ),
+        )
+    except pyarrow.ArrowInvalid:
+        return None
+    return np.stack([table[name].to_numpy() for name in wanted], axis=1)
 
 
 def _any_faces(path: str | Path, content: bytes) -> Mesh:

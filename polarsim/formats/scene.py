@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,19 @@ from polarsim.photo import NO_ROCK
 
 @dataclass(frozen=True)
 class TerrainMesh:
-    """Ground and rocks: vertices (v, 3) in the sandbox, faces (f, 3), and the rock of each face (f,)."""
+    """Ground and rocks: vertices (v, 3) in the sandbox, faces (f, 3), the ground's first, and each one's rock (f,)."""
 
     vertices: np.ndarray
     faces: np.ndarray
     rock_of_face: np.ndarray  # NO_ROCK is the ground
-    normals: np.ndarray  # (v, 3) unit, per vertex
+    given_normals: np.ndarray | None = None  # (v, 3) unit, where they are not those of the triangles
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """(v, 3) unit, per vertex."""
+        if self.given_normals is not None:
+            return self.given_normals
+        return obj.Mesh(self.vertices, self.faces).normals()
 
     @property
     def rocks(self) -> list[int]:
@@ -59,5 +67,4 @@ def read_terrain(folder: str | Path, terrain: int) -> TerrainMesh:
         np.concatenate([mesh.vertices for _, mesh in parts]),
         np.concatenate([mesh.faces + start for (_, mesh), start in zip(parts, starts, strict=False)]),
         np.concatenate([np.full(len(mesh.faces), rock) for rock, mesh in parts]),
-        np.concatenate([mesh.normals() for _, mesh in parts]),
     )

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -22,6 +22,7 @@ def read_text(tmp_path, text):
     return obj.read(path)
 
 
+@settings(deadline=None)  # the first file that is read loads pandas
 @given(
     vertices=arrays.arrays(float, (5, 3), elements=st.floats(-9, 9)),
     faces=arrays.arrays(np.int64, st.tuples(st.integers(1, 9), st.just(3)), elements=st.integers(0, 4)),
@@ -111,3 +112,8 @@ def test_a_name_tells_terrain_rock_and_copy():
 def test_normals_of_an_outward_mesh_point_outward():
     offset = TETRAHEDRON.vertices - TETRAHEDRON.vertices.mean(axis=0)
     assert ((TETRAHEDRON.normals() * offset).sum(axis=1) > 0).all()
+
+
+@pytest.mark.parametrize("faces", ["f 1 2  3\n", "f 1 2 3 \n", "f 1/7/1 2//2 3//3\nf 2//2 4 3\n", "f +1 2 3\n"])
+def test_what_the_quick_reader_does_not_know_is_read_line_by_line(tmp_path, faces):
+    np.testing.assert_array_equal(read_text(tmp_path, PLAIN + faces).faces[0], [0, 1, 2])

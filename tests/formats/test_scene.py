@@ -4,7 +4,7 @@ import pytest
 from polarsim.errors import FormatError
 from polarsim.formats import obj
 from polarsim.formats.obj import Mesh
-from polarsim.formats.scene import read_terrain
+from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.photo import NO_ROCK
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
@@ -26,3 +26,10 @@ def test_each_face_knows_its_rock_and_keeps_its_place(tmp_path):
 def test_a_folder_without_ground_is_refused_by_name(tmp_path):
     with pytest.raises(FormatError, match=r"terrain04_ground.obj: the ground mesh is missing"):
         read_terrain(tmp_path, 4)
+
+
+def test_given_normals_stand_before_those_of_the_triangles():
+    given = np.tile([1.0, 0, 0], (3, 1))
+    rock_of_face = np.array([NO_ROCK])
+    assert TerrainMesh(TRIANGLE, FACE, rock_of_face, given).normals is given
+    np.testing.assert_allclose(TerrainMesh(TRIANGLE, FACE, rock_of_face).normals, np.tile([0, 0, 1], (3, 1)))
