@@ -59,20 +59,31 @@ def caster(vertices: np.ndarray, faces: np.ndarray, engine: RayEngine = "embree"
 
 
 class Joined:
-    """Two sets of triangles cast at as one: a few beside many, without building the many anew."""
+    """Two sets of triangles cast at as one: parts that are cast at alone too need not be built twice."""
 
     def __init__(self, first: Caster, second: Caster, first_faces: int) -> None:
         """`first_faces`: number of triangles of the first set; the second set's are numbered on from there."""
         self._first, self._second, self._first_faces = first, second, first_faces
 
     def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        distance, face = self._first.nearest(origins, directions)
+        return self.nearer(*self._first.nearest(origins, directions), origins, directions)
+
+    def nearer(
+        self, distance: np.ndarray, face: np.ndarray, origins: np.ndarray, directions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """`nearest`, where `distance` and `face` (n,) tell what of the first set the rays meet."""
         other, other_face = self._second.nearest(origins, directions)
-        nearer = other < distance
-        return np.where(nearer, other, distance), np.where(nearer, other_face + self._first_faces, face)
+        nearer = np.flatnonzero(other < distance)
+        distance, face = distance.copy(), face.copy()
+        distance[nearer], face[nearer] = other[nearer], other_face[nearer] + self._first_faces
+        return distance, face
 
     def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
-        return self._first.blocked(origins, directions, far) | self._second.blocked(origins, directions, far)
+        hit = self._first.blocked(origins, directions, far)
+        passed = np.flatnonzero(~hit)
+        far = np.broadcast_to(np.asarray(far), len(origins))[passed]
+        hit[passed] = self._second.blocked(origins[passed], directions[passed], far)
+        return hit
 
 
 class NumpyCaster:

@@ -25,11 +25,12 @@ class EmbreeCaster:
             raise PolarsimError(f"rays: engine 'embree' cannot be loaded ({error}); install embreex") from error
         self._threads = max(1, threads)
         self._empty = len(faces) == 0
+        vertices, faces = _used(np.asarray(vertices), np.asarray(faces).reshape(-1, 3))
         self._scene = EmbreeScene(robust=True)  # rays through shared edges must not slip between triangles
         self._mesh = TriangleMesh(
             self._scene,
             np.ascontiguousarray(vertices, np.float32).reshape(-1, 3),
-            np.ascontiguousarray(faces, np.int32).reshape(-1, 3),
+            np.ascontiguousarray(faces, np.int32),
         )
         if not self._empty:  # Embree builds its tree at the first query; threads must not race for it
             self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
@@ -40,9 +41,9 @@ class EmbreeCaster:
 
         def cast(part: slice) -> None:
             found = self._scene.run(_float32(origins[part]), _float32(directions[part]), output=True)
-            hit = found["primID"] >= 0
-            face[part] = np.where(hit, found["primID"], NO_FACE)
-            distance[part] = np.where(hit, found["tfar"], np.inf)
+            hit = np.flatnonzero(found["primID"] >= 0)
+            face[part][hit] = found["primID"][hit]
+            distance[part][hit] = found["tfar"][hit]
 
         self._in_strips(cast, len(origins))
         return distance, face
@@ -72,6 +73,13 @@ class EmbreeCaster:
             return
         with ThreadPoolExecutor(self._threads) as pool:
             list(pool.map(cast, strips))
+
+
+def _used(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (v, 3) without those that no face (f, 3) has: embreex copies them number by number, which takes long."""
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    return vertices[used], (np.cumsum(used) - 1)[faces]
 
 
 def _float32(values: np.ndarray) -> np.ndarray:

@@ -129,3 +129,13 @@ def test_two_sets_of_triangles_cast_at_as_one(engine):
     for mine, expected in zip(joined.nearest(origins, directions), whole.nearest(origins, directions), strict=True):
         np.testing.assert_array_equal(mine, expected)
     np.testing.assert_array_equal(joined.blocked(origins, directions, 2.0), whole.blocked(origins, directions, 2.0))
+
+
+@engines
+def test_vertices_that_no_triangle_has_change_nothing(engine, rng):
+    vertices, faces, origins, directions = random_scene(rng, rays=500)
+    among_others = rng.normal(size=(3 * len(vertices), 3))
+    among_others[1::3] = vertices
+    own = caster(among_others, 3 * faces + 1, engine=engine).nearest(origins, directions)
+    for mine, expected in zip(own, caster(vertices, faces, engine=engine).nearest(origins, directions), strict=True):
+        np.testing.assert_array_equal(mine, expected)
