@@ -72,7 +72,7 @@ class PositionRocks:
     def px_per_m(self, camera: Camera, rock: int) -> float:
         """Scale of a camera's photo at a rock."""
         view, body = self.view(camera), self.world.bodies.get(rock)
-        place = body.vertices.mean(axis=0) if body is not None else np.zeros(3)
+        place = body.centre if body is not None else np.zeros(3)
         return view.focal_px / float(np.linalg.norm(place - view.centre))
 
     def _fused(self, camera: Camera) -> np.ndarray:

@@ -13,6 +13,7 @@ from polarsim.labels.habits import as_people_draw
 from polarsim.labels.identity import match_boxes
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.options import LabelsOptions
+from polarsim.labels.parts import Window, windows_of
 from polarsim.labels.photos import Brightness
 from polarsim.labels.position_rocks import PositionRocks
 from polarsim.labels.shadows import Ids, lamp, shadow_box
@@ -60,7 +61,7 @@ class PositionShadows:
     def __init__(self, rocks: PositionRocks, options: LabelsOptions) -> None:
         self.rocks, self.world, self.options = rocks, rocks.world, options
         self._seen: dict[Camera, Ids] = {}
-        self._shadow_ids: dict[tuple[Camera, bytes], np.ndarray] = {}
+        self._shadow_ids: dict[tuple[Camera, bytes], tuple[np.ndarray, dict[int, Window]]] = {}
 
     def labels(
         self, camera: Camera, light: Light, azimuth: Azimuth, rocks: list[Label], brightness: Brightness | None
@@ -140,11 +141,11 @@ class PositionShadows:
         view, step = self.rocks.view(camera), self.options.ray_step_px
         place = lamp(self.world, view, light, azimuth)
         assert place is not None
-        ids, shadow = self._shadows_seen(camera, place)
+        ids, shadow, windows = self._shadows_seen(camera, place)
         in_the_dark = mostly_shaded(shadow, ids.shaded_by_walls(self.world, place)) if brightness is not None else []
         found = {}
         for rock, rock_box in sorted(rock_boxes.items()):
-            box = None if rock in in_the_dark else shadow_box(shadow, rock, rock_box, step)
+            box = None if rock in in_the_dark else shadow_box(shadow, rock, rock_box, step, windows)
             if box is None:
                 continue
             dark = (
@@ -157,8 +158,8 @@ class PositionShadows:
                 found[rock] = CastShadow(box if dark is None else dark, dark is not None)
         return found
 
-    def _shadows_seen(self, camera: Camera, place: np.ndarray) -> tuple[Ids, np.ndarray]:
-        """What a camera sees, and whose shadow a lamp (3,) throws on the ground there."""
+    def _shadows_seen(self, camera: Camera, place: np.ndarray) -> tuple[Ids, np.ndarray, dict[int, Window]]:
+        """What a camera sees, whose shadow a lamp (3,) throws on the ground there, and the `windows_of` of that."""
         view, step = self.rocks.view(camera), self.options.ray_step_px
         if camera not in self._seen:
             width, height = view.size
@@ -167,10 +168,9 @@ class PositionShadows:
             )
         ids = self._seen[camera]
         if (camera, place.tobytes()) not in self._shadow_ids:
-            self._shadow_ids[camera, place.tobytes()] = np.where(
-                ids.rock == NO_ROCK, ids.shadow_of(self.world, place), NO_ROCK
-            )
-        return ids, self._shadow_ids[camera, place.tobytes()]
+            shadow = np.where(ids.rock == NO_ROCK, ids.shadow_of(self.world, place), NO_ROCK)
+            self._shadow_ids[camera, place.tobytes()] = shadow, windows_of(shadow)
+        return ids, *self._shadow_ids[camera, place.tobytes()]
 
 
 def mostly_shaded(shadow: np.ndarray, shaded: np.ndarray) -> list[int]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from polarsim.geometry.boxes import of_mask
-from polarsim.labels.parts import without_crumbs, without_thin_parts
+from polarsim.labels.parts import Window, without_crumbs, without_thin_parts
 from polarsim.labels.view import View
 from polarsim.labels.world import World
 from polarsim.photo import NO_ROCK, Azimuth, Light
@@ -36,7 +37,8 @@ class Sightlines:
     directions: np.ndarray  # (n, 3)
     distance: np.ndarray  # to ground or rocks; inf for neither
     face: np.ndarray  # of the world's `everything`
-    wall: np.ndarray  # distance to a wall of the sandbox, which the near one hides things with; inf for none
+    ground: np.ndarray  # distance to the ground, whatever stands before it; inf for none
+    wall: np.ndarray  # distance to a wall of the sandbox, which the near one hides things with; inf where it hides none
 
     @property
     def met(self) -> np.ndarray:
@@ -46,11 +48,15 @@ class Sightlines:
 
 def sightlines(world: World, view: View, rows: np.ndarray, columns: np.ndarray) -> Sightlines:
     """Cast a ray through every pixel (row, column)."""
-    directions = view.directions(np.stack(np.meshgrid(columns, rows), axis=-1)).reshape(-1, 3)
+    directions = view.grid_directions(rows, columns).reshape(-1, 3)
     origins = np.broadcast_to(view.centre, directions.shape)
-    distance, face = world.everything.nearest(origins, directions)
-    wall = np.full(len(directions), np.inf) if world.walls is None else world.walls.nearest(origins, directions)[0]
-    return Sightlines(directions, distance, face, wall)
+    ground, ground_face = world.ground.nearest(origins, directions)
+    distance, face = world.everything.nearer(ground, ground_face, origins, directions)
+    wall = np.full(len(directions), np.inf)
+    if world.walls is not None:
+        met = np.flatnonzero(np.isfinite(distance))
+        wall[met] = world.walls.nearest(origins[met], directions[met])[0]
+    return Sightlines(directions, distance, face, ground, wall)
 
 
 class Ids:
@@ -64,13 +70,10 @@ class Ids:
         self.shape = (len(rows), len(columns))
         self.hit = seen.met.reshape(self.shape)
         self.rock = np.where(self.hit, world.rock_of_face[seen.face].reshape(self.shape), NO_ROCK)
-        distance, directions = seen.distance.copy(), seen.directions
-        before_ground = np.flatnonzero(np.isfinite(distance) & ~world.is_ground[seen.face])
-        origins = np.broadcast_to(view.centre, (len(before_ground), 3))
-        distance[before_ground] = world.ground.nearest(origins, directions[before_ground])[0]
-        on_ground = np.isfinite(distance) & (distance < seen.wall)
+        on_ground = np.isfinite(seen.ground) & (seen.ground < seen.wall)
         self.ground = on_ground.reshape(self.shape)
-        self.places = view.centre + distance[on_ground, None] * directions[on_ground]  # (n, 3), row by row
+        # (n, 3), row by row
+        self.places = view.centre + seen.ground[on_ground, None] * seen.directions[on_ground]
 
     def shadow_of(self, world: World, lamp_place: np.ndarray) -> np.ndarray:
         """(rows, columns) rock that takes the lamp's light from the ground at each pixel; `NO_ROCK` elsewhere.
@@ -95,7 +98,9 @@ class Ids:
         return shaded
 
 
-def shadow_box(shadow: np.ndarray, rock: int, rock_box: np.ndarray | None, step: int) -> np.ndarray | None:
+def shadow_box(
+    shadow: np.ndarray, rock: int, rock_box: np.ndarray | None, step: int, windows: Mapping[int, Window]
+) -> np.ndarray | None:
     """(4,) box around the visible shadow of a rock, px; None where too little of it is seen.
 
     Parameters
@@ -104,13 +109,13 @@ def shadow_box(shadow: np.ndarray, rock: int, rock_box: np.ndarray | None, step:
         Rock whose shadow is seen at every `step`-th pixel.
     rock_box : (4,) float or None
         The rock's label in the same photo. People see rock in it, so that a shadow starts where the rock ends.
+    windows
+        The picture's, from `windows_of`.
     """
-    mask = shadow == rock
-    whole = of_mask(mask)
-    if whole is None:
+    if rock not in windows:
         return None
-    left, top, right, bottom = whole.astype(int)
-    mask = mask[top:bottom, left:right]
+    mask = shadow[windows[rock]] == rock
+    (top, bottom), (left, right) = ((side.start, side.stop) for side in windows[rock])
     if rock_box is not None:
         x, y = (np.arange(left, right) + 0.5) * step, (np.arange(top, bottom) + 0.5) * step
         half = np.maximum(rock_box[2:] - rock_box[:2], 1.0) / 2 * ROCK_ELLIPSE

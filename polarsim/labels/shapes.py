@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import find_objects
 
 from polarsim.formats import rle
 from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.polygons import outlines
-from polarsim.labels.parts import without_crumbs
-from polarsim.photo import NO_ROCK
+from polarsim.labels.parts import windows_of, without_crumbs
 
 LIKE_ITS_BOX = 0.2  # smallest IoU of a shape's own box with its label's for the shape to be believed
 
@@ -58,11 +56,9 @@ class Shape:
 
 def shapes_of(ids: np.ndarray) -> dict[int, Shape]:
     """Where a picture of ids (h, w) shows its rocks, as a person would outline them: without holes and crumbs."""
-    windows = find_objects(ids - NO_ROCK)  # counts from 1 on; None for ids that no pixel has
-    found = {rock: window for rock, window in enumerate(windows, 1 + NO_ROCK) if window}
     return {
         rock: _trimmed(Shape(_filled(without_crumbs(ids[rows, columns] == rock)), columns.start, rows.start))
-        for rock, (rows, columns) in found.items()
+        for rock, (rows, columns) in windows_of(ids).items()
     }
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.boxes import centres, clip
+from polarsim.geometry.lens import Lens
 from polarsim.labels.world import World
 from polarsim.photo import Camera
 
@@ -47,6 +49,11 @@ class View:
         directions = self.placed.rig.lens(self.camera).directions(pixels)
         return self.placed.sandbox_from(self.camera).rotate(directions)
 
+    def grid_directions(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """(rows, columns, 3) `directions` through a grid of pixels."""
+        grid = (np.ascontiguousarray(side, float).tobytes() for side in (rows, columns))
+        return self.placed.sandbox_from(self.camera).rotate(_grid_directions(self.placed.rig.lens(self.camera), *grid))
+
     def ground_depth(self, world: World, pixels: np.ndarray) -> np.ndarray:
         """(n,) depth in metres at which the rays through pixels (n, 2) meet the ground; inf above the horizon."""
         return world.ground_distance(self.centre, self.directions(pixels))
@@ -55,6 +62,12 @@ class View:
         """(n,) bool: pixels (n, 2) of the photo; NaN is outside."""
         with np.errstate(invalid="ignore"):
             return np.all((pixels > 0) & (pixels < self.size), axis=-1)
+
+
+@lru_cache(maxsize=2)  # both cameras of a rig: all its places have the same lenses
+def _grid_directions(lens: Lens, rows: bytes, columns: bytes) -> np.ndarray:
+    """In the camera's frame; rows and columns are the bytes of float arrays, for arrays are no keys."""
+    return lens.directions(np.stack(np.meshgrid(np.frombuffer(columns), np.frombuffer(rows)), axis=-1))
 
 
 @dataclass(frozen=True)
@@ -72,9 +85,11 @@ def project_rock(world: World, view: View, rock: int) -> ProjectedRock | None:
     sand widen meshes and hardly heighten them.
     """
     body = world.bodies[rock]
-    pixels = view.project(body.vertices)
-    shown = view.inside(pixels) & ~world.hidden(view.centre, body.vertices, rock)
-    sides, ends = shown & body.trimmed, shown & body.above
+    standing = np.flatnonzero(body.trimmed | body.above)
+    pixels = view.project(body.vertices[standing])
+    shown = view.inside(pixels)
+    shown[shown] = ~world.hidden(view.centre, body.vertices[standing[shown]], rock)
+    sides, ends = shown & body.trimmed[standing], shown & body.above[standing]
     if sides.sum() < SURE_VERTICES or ends.sum() < SURE_VERTICES:
         return None
     box = np.array(

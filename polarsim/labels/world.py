@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -52,6 +53,11 @@ class Body:
     trimmed: np.ndarray
     meshed: bool
 
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """(3,) mean of the vertices."""
+        return np.asarray(self.vertices.mean(axis=0))
+
 
 @dataclass(frozen=True)
 class World:
@@ -59,15 +65,20 @@ class World:
 
     bodies: dict[int, Body]
     rock_of_face: np.ndarray  # (f,) of the faces of `everything`
-    is_ground: np.ndarray  # (f,) bool: faces of `everything` that `ground` has too
-    everything: Caster
     ground: Caster
-    rocks: Caster
+    standing: Caster  # all faces but those of `ground`, whose number follows
+    ground_faces: int
+    rocks: Caster  # of the faces in `standing` those that count as rock
     rock_of_rocks_face: np.ndarray  # rock of each face of `rocks`, and `NO_ROCK` at -1 for rays that meet none
     ground_level: float  # median height of the ground
     ground_bounds: np.ndarray  # (2, 2) lowest and highest x, y of the ground
     walls: Caster | None  # of the sandbox, around the ground
     suns: Mapping[str, np.ndarray]  # azimuth -> (3,) place of the Sun lamp
+
+    @property
+    def everything(self) -> Joined:
+        """Ground and rocks."""
+        return Joined(self.ground, self.standing, self.ground_faces)
 
     def ground_distance(self, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(n,) distance to the ground along directions (n, 3), in their units; to its level beyond the mesh.
@@ -106,10 +117,13 @@ def build_world(
     wall_height
         Of the walls around the ground, metres; 0: none.
     """
-    is_ground = terrain.rock_of_face == NO_ROCK
-    ground_faces = terrain.faces[is_ground]
+    ground_count = int((terrain.rock_of_face == NO_ROCK).sum())
+    ground_faces, standing_faces = np.split(terrain.faces, [ground_count])
+    assert (terrain.rock_of_face[:ground_count] == NO_ROCK).all()
     ground = caster(terrain.vertices, ground_faces)
-    places = terrain.vertices[np.unique(ground_faces)]
+    is_of_ground = np.zeros(len(terrain.vertices), bool)
+    is_of_ground[ground_faces] = True
+    places = terrain.vertices[is_of_ground]
     level = float(np.median(places[:, 2]))
     bounds = np.stack([places[:, :2].min(axis=0), places[:, :2].max(axis=0)])
     rock_of_face = terrain.rock_of_face.copy()
@@ -126,9 +140,9 @@ def build_world(
     return World(
         bodies,
         rock_of_face,
-        is_ground,
-        caster(terrain.vertices, terrain.faces),
         ground,
+        caster(terrain.vertices, standing_faces),
+        ground_count,
         caster(terrain.vertices, terrain.faces[of_rock]),
         np.append(rock_of_face[of_rock], NO_ROCK),
         level,
@@ -158,8 +172,7 @@ def with_domes(world: World, domes: dict[int, Dome]) -> World:
         world,
         bodies=bodies,
         rock_of_face=np.append(world.rock_of_face, rocks),
-        is_ground=np.append(world.is_ground, np.zeros(len(rocks), bool)),
-        everything=Joined(world.everything, added, len(world.rock_of_face)),
+        standing=Joined(world.standing, added, len(world.rock_of_face) - world.ground_faces),
         rocks=Joined(world.rocks, added, len(world.rock_of_rocks_face) - 1),
         rock_of_rocks_face=np.concatenate([world.rock_of_rocks_face[:-1], rocks, [NO_ROCK]]),
     )

@@ -4,6 +4,7 @@ import pytest
 import trimesh
 
 from polarsim.formats.scene import read_terrain
+from polarsim.labels.parts import windows_of
 from polarsim.labels.position_shadows import CastShadow, mean_shadow, mostly_shaded
 from polarsim.labels.shadows import Ids, lamp, shadow_box
 from polarsim.labels.view import View
@@ -24,6 +25,10 @@ def ids(world):
     return Ids(world, View(placed("A"), "L"), np.arange(1, 1216, 2), np.arange(1, 1936, 2))
 
 
+def box_of_shadow(shadow, rock, rock_box, step):
+    return shadow_box(shadow, rock, rock_box, step, windows_of(shadow))
+
+
 @pytest.mark.parametrize("azimuth", ["30", "180", "270", "350"])
 @pytest.mark.parametrize("rock", list(BLOCKS))
 def test_a_block_throws_its_shadow_where_its_top_corners_are_projected_from_the_lamp(world, ids, azimuth, rock):
@@ -36,7 +41,7 @@ def test_a_block_throws_its_shadow_where_its_top_corners_are_projected_from_the_
     # The shadow on the ground is the convex hull of base and thrown top; the box around it, in the photo, is that of
     # its corners. The grid of every second pixel and the trim of 4 mm cost up to three pixels.
     pixels = placed("A").project("L", np.concatenate([bottom, thrown]))
-    found = shadow_box(ids.shadow_of(world, place), rock, None, 2)
+    found = box_of_shadow(ids.shadow_of(world, place), rock, None, 2)
     np.testing.assert_allclose(found, [*pixels.min(axis=0), *pixels.max(axis=0)], atol=4)
 
 
@@ -74,7 +79,7 @@ def test_the_part_of_a_shadow_inside_its_rocks_ellipse_is_left_out():
     shadow[40:60, :100] = 4
     # The ellipse of 0.8 of the rock's box has half axes 24 and 40 around (30, 50). At the band's first row, 9.5 above
     # its centre, it ends at 30 + 24 sqrt(1 - (9.5 / 40)^2) = 53.3; the sliver left of it is too small to count.
-    found = shadow_box(shadow, 4, np.array([0.0, 0, 60, 100]), 1)
+    found = box_of_shadow(shadow, 4, np.array([0.0, 0, 60, 100]), 1)
     np.testing.assert_array_equal(found, [53, 40, 100, 60])
 
 
@@ -82,18 +87,18 @@ def test_a_rim_under_a_rock_does_not_widen_its_shadow():
     shadow = np.full((120, 240), NO_ROCK)
     shadow[40:60, 100:180] = 4
     shadow[60:62, 20:180] = 4  # where a mesh meets the sand: two pixels high, connected, left of the shadow
-    found = shadow_box(shadow, 4, None, 1)
+    found = box_of_shadow(shadow, 4, None, 1)
     np.testing.assert_allclose(found, [100, 40, 180, 62], atol=4)
 
 
 def test_a_thin_shadow_has_a_box_all_the_same():
     shadow = np.full((120, 240), NO_ROCK)
     shadow[60:62, 20:180] = 4
-    np.testing.assert_array_equal(shadow_box(shadow, 4, None, 1), [20, 60, 180, 62])
+    np.testing.assert_array_equal(box_of_shadow(shadow, 4, None, 1), [20, 60, 180, 62])
 
 
 def test_a_rock_whose_shadow_is_not_seen_has_no_box(world, ids):
-    assert shadow_box(ids.shadow_of(world, lamp_position("30")), 99, None, 2) is None
+    assert box_of_shadow(ids.shadow_of(world, lamp_position("30")), 99, None, 2) is None
 
 
 def test_there_is_no_lamp_in_the_dark_and_the_rover_light_is_between_the_cameras(world):
