@@ -6,6 +6,7 @@ J. Graphics Tools 2 (1997) 21), both sides of a triangle count; `rays_embree` ob
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
@@ -15,6 +16,17 @@ START_OFFSET = 1e-4  # metres: `blocked` passes over surfaces nearer than this, 
 _PAIRS = 1 << 20  # ray-triangle pairs tested at once: bounds the memory of the NumPy engine at about 200 MB
 
 RayEngine = Literal["embree", "numpy"]
+
+
+@dataclass(frozen=True)
+class Met:
+    """Where rays first meet triangles: the m rays of n that meet one."""
+
+    ray: np.ndarray  # (m,) numbers of the rays, ascending
+    distance: np.ndarray  # (m,) in units of the direction's length
+    face: np.ndarray  # (m,) int64
+    weights: np.ndarray  # (m, 2) barycentric, of the triangle's second and third corner
+    normal: np.ndarray  # (m, 3) of the flat triangle, of any length: (second - first) x (third - first)
 
 
 class Caster(Protocol):
@@ -45,7 +57,15 @@ class Caster(Protocol):
         ...
 
 
-def caster(vertices: np.ndarray, faces: np.ndarray, engine: RayEngine = "embree", threads: int = 1) -> Caster:
+class Surveyor(Caster, Protocol):
+    """A caster that knows where on a triangle a ray meets it."""
+
+    def meet(self, origins: np.ndarray, directions: np.ndarray) -> Met:
+        """`nearest`, with the place on the triangle."""
+        ...
+
+
+def caster(vertices: np.ndarray, faces: np.ndarray, engine: RayEngine = "embree", threads: int = 1) -> Surveyor:
     """An engine for triangles `faces` (f, 3) of `vertices` (v, 3), metres.
 
     Embree casts float32 rays on `threads` threads; results do not depend on their number. NumPy needs time in
@@ -104,6 +124,19 @@ class NumpyCaster:
             distance[part] = found[np.arange(len(found)), best]
             face[part] = np.where(np.isfinite(distance[part]), best, NO_FACE)
         return distance, face
+
+    def meet(self, origins: np.ndarray, directions: np.ndarray) -> Met:
+        distance, face = self.nearest(origins, directions)
+        ray = np.flatnonzero(face >= 0)
+        distance, face = distance[ray], face[ray]
+        edge1, edge2 = self._edge1[face], self._edge2[face]
+        normal = np.cross(edge1, edge2)
+        area2 = np.einsum("nk,nk->n", normal, normal)
+        place = np.asarray(origins, float)[ray] + distance[:, None] * np.asarray(directions, float)[ray]
+        from_corner = place - self._corner[face]
+        second = np.einsum("nk,nk->n", np.cross(from_corner, edge2), normal) / area2
+        third = np.einsum("nk,nk->n", np.cross(edge1, from_corner), normal) / area2
+        return Met(ray, distance, face, np.stack([second, third], axis=1), normal)
 
     def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
         origins, directions = np.asarray(origins, float), np.asarray(directions, float)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 
 import numpy as np
 
 from polarsim.errors import PolarsimError
-from polarsim.geometry.rays import NO_FACE, START_OFFSET
+from polarsim.geometry.rays import NO_FACE, START_OFFSET, Met
 from polarsim.geometry.vectors import length, moved
 
 _STRIP = 1 << 18  # rays handed to Embree at once, whatever the number of threads: same strips, same bytes
@@ -48,6 +49,21 @@ class EmbreeCaster:
         self._in_strips(cast, len(origins))
         return distance, face
 
+    def meet(self, origins: np.ndarray, directions: np.ndarray) -> Met:
+        parts: dict[int, Met] = {}
+
+        def cast(part: slice) -> None:
+            found = self._scene.run(_float32(origins[part]), _float32(directions[part]), output=True)
+            ray = np.flatnonzero(found["primID"] >= 0)
+            weights = np.stack([found["u"].take(ray), found["v"].take(ray)], axis=1)
+            distance, face = found["tfar"].take(ray), found["primID"].take(ray).astype(np.int64)
+            parts[part.start] = Met(ray + part.start, distance, face, weights, found["Ng"].take(ray, axis=0))
+
+        self._in_strips(cast, len(origins))
+        in_order = [parts[start] for start in sorted(parts)] or [_nothing_met()]
+        names = [field.name for field in fields(Met)]
+        return Met(*(np.concatenate([getattr(part, name) for part in in_order]) for name in names))
+
     def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
         far = np.broadcast_to(np.asarray(far), len(origins))
         hit = np.zeros(len(origins), bool)
@@ -80,6 +96,11 @@ def _used(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     return vertices[used], (np.cumsum(used) - 1)[faces]
+
+
+def _nothing_met() -> Met:
+    none = np.zeros(0, np.int64)
+    return Met(none, np.zeros(0, np.float32), none, np.zeros((0, 2), np.float32), np.zeros((0, 3), np.float32))
 
 
 def _float32(values: np.ndarray) -> np.ndarray:

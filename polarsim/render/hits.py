@@ -11,6 +11,7 @@ import numpy as np
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.pixel_rays import pixel_directions
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.rays import Met
 from polarsim.geometry.vectors import dot, moved, rotated, scaled, unit
 from polarsim.render.surfaces import Surfaces
 
@@ -45,33 +46,30 @@ def cast_strip(
     """Cast a ray through every pixel of the rows, `offset` pixels off its centre; normals are flat unless `smooth`."""
     origin = sandbox_from_camera.translation
     directions = rotated(sandbox_from_camera.rotation, pixel_directions(lens, rows, offset).reshape(-1, 3))
-    distance, face = surfaces.all.nearest(np.broadcast_to(origin, directions.shape), directions)
-    pixel = np.flatnonzero(face >= 0)
-    face, directions, distance = face.take(pixel), directions.take(pixel, axis=0), distance.take(pixel)
-    point = moved(origin, directions, distance).astype(np.float32)
+    met = surfaces.all.meet(np.broadcast_to(origin, directions.shape), directions)
+    directions = directions.take(met.ray, axis=0)
+    point = moved(origin, directions, met.distance).astype(np.float32)
     to_viewer = unit(-directions.astype(np.float32))
-    plane = surfaces.planes.take(face, axis=0)
+    plane = unit(met.normal.astype(np.float32))
     behind = dot(plane, to_viewer) < 0  # open meshes may be seen from inside
     side = np.where(behind, np.float32(-1), np.float32(1))
-    if not smooth:
-        plane = scaled(plane, side)
-        return Hits(rows, pixel, face, point, to_viewer, plane, plane)
-    normal = scaled(_smooth_normals(surfaces, face, point, plane), side)
-    plane = scaled(plane, side)
-    away = dot(normal, to_viewer) < _LEAST_SLOPE
-    normal[away] = plane[away]
-    return Hits(rows, pixel, face, point, to_viewer, normal, plane)
+    normal = plane = scaled(plane, side)
+    if smooth:
+        normal = scaled(_smooth_normals(surfaces, met), side)
+        away = np.flatnonzero(dot(normal, to_viewer) < _LEAST_SLOPE)
+        normal[away] = plane[away]
+    return Hits(rows, met.ray, met.face, point, to_viewer, normal, plane)
 
 
-def _smooth_normals(surfaces: Surfaces, face: np.ndarray, point: np.ndarray, plane: np.ndarray) -> np.ndarray:
-    slopes = surfaces.normal_slopes.take(face, axis=0)
-    from_corner = point - surfaces.corner.take(face, axis=0)
-    normal = np.empty_like(point)
+def _smooth_normals(surfaces: Surfaces, met: Met) -> np.ndarray:
+    """(m, 3) unit normals between those of the corners; zero where these cancel out."""
+    corners = surfaces.corner_normals.take(met.face, axis=0)  # (m, 3, 3)
+    second, third = (met.weights[:, number].astype(np.float32) for number in range(2))
+    first = 1 - second - third
+    normal = np.empty((len(first), 3), np.float32)
     for axis in range(3):
-        normal[:, axis] = dot(slopes[:, axis, :3], from_corner) + slopes[:, axis, 3]
-    without = np.flatnonzero(dot(normal, normal) <= _NO_NORMAL)
-    normal[without] = plane[without]
-    return unit(normal)
+        normal[:, axis] = corners[:, 0, axis] * first + corners[:, 1, axis] * second + corners[:, 2, axis] * third
+    return scaled(unit(normal), (dot(normal, normal) > _NO_NORMAL).astype(np.float32))
 
 
 def between_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:

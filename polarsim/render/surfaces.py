@@ -9,8 +9,7 @@ import numpy as np
 
 from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.rays import Caster, RayEngine, caster
-from polarsim.geometry.vectors import cross
+from polarsim.geometry.rays import Caster, RayEngine, Surveyor, caster
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import RenderOptions
 from polarsim.render.seats import seated
@@ -30,12 +29,12 @@ class Surfaces:
     rays: RayEngine = "embree"
 
     @cached_property
-    def all(self) -> Caster:
+    def all(self) -> Surveyor:
         return caster(self.vertices, self.faces, self.rays)
 
     def prepare(self, *, shadows: bool) -> None:
         """Build what threads would race to build; `shadows`: also what tells whose shadow the ground lies in."""
-        _ = self.all, self.corner, self.planes, self.normal_slopes
+        _ = self.all, self.corner_normals
         if shadows:
             _ = self.rocks, self.rest
 
@@ -55,38 +54,10 @@ class Surfaces:
         return np.flatnonzero(self.id_of_face >= ROCK_IDS)
 
     @cached_property
-    def corner(self) -> np.ndarray:
-        """(f, 3) float32 first corner of every face."""
-        return self.vertices[self.faces[:, 0]].astype(np.float32)
-
-    @cached_property
-    def planes(self) -> np.ndarray:
-        """(f, 3) float32 unit normals of the flat faces; zero where a face has no area."""
-        normal = self._edges[2]
-        length = np.sqrt((normal * normal).sum(axis=1, keepdims=True))
-        return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
-
-    @cached_property
-    def normal_slopes(self) -> np.ndarray:
-        """(f, 3, 4) float32: the smooth normal at point p is slopes[..., :3] @ (p - corner) + slopes[..., 3]."""
-        edge1, edge2, normal = self._edges
-        area2 = np.maximum((normal * normal).sum(axis=1, keepdims=True), np.float32(1e-30))
-        dual1, dual2 = cross(edge2, normal / area2), cross(normal / area2, edge1)  # dual1 . edge1 = 1
+    def corner_normals(self) -> np.ndarray:
+        """(f, 3, 3) float32: by face, corner and axis."""
         normals = self.normals.astype(np.float32)
-        at_a, at_b, at_c = (normals[self.faces[:, k]] for k in range(3))
-        slopes = np.empty((len(self.faces), 3, 4), np.float32)
-        for row in range(3):
-            to_b, to_c = (at_b - at_a)[:, row, None], (at_c - at_a)[:, row, None]
-            slopes[:, row, :3] = to_b * dual1 + to_c * dual2
-        slopes[:, :, 3] = at_a
-        return slopes
-
-    @cached_property
-    def _edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Two edges and their cross product, (f, 3) float32 each."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        edge1, edge2 = (b - a).astype(np.float32), (c - a).astype(np.float32)
-        return edge1, edge2, cross(edge1, edge2)
+        return np.stack([normals.take(self.faces[:, corner], axis=0) for corner in range(3)], axis=1)
 
 
 def surfaces_of(mesh: TerrainMesh, options: RenderOptions) -> Surfaces:

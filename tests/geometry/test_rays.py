@@ -54,6 +54,29 @@ def test_the_nearer_of_two_triangles_wins(engine):
 
 
 @engines
+def test_a_meeting_tells_the_place_on_the_triangle(rng, engine):
+    vertices, faces, origins, directions = random_scene(rng)
+    cast = caster(vertices, faces, engine=engine)
+    met = cast.meet(origins, directions)
+    distance, face = cast.nearest(origins, directions)
+    np.testing.assert_array_equal(met.ray, np.flatnonzero(face >= 0))
+    np.testing.assert_array_equal(met.face, face[met.ray])
+    corners = vertices[faces[met.face]]
+    first = 1 - met.weights.sum(axis=1)
+    place = np.einsum("nk,nkx->nx", np.column_stack([first, met.weights]), corners)
+    np.testing.assert_allclose(place, origins[met.ray] + distance[met.ray, None] * directions[met.ray], atol=1e-4)
+    exact = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    np.testing.assert_allclose(met.normal, exact, atol=1e-4)
+
+
+@engines
+def test_no_triangle_is_met_by_nothing(engine):
+    met = caster(np.zeros((0, 3)), np.zeros((0, 3), int), engine=engine).meet(np.zeros((2, 3)), np.ones((2, 3)))
+    assert len(met.ray) == len(met.face) == 0
+    assert met.weights.shape == (0, 2)
+
+
+@engines
 def test_blocked_looks_between_the_start_offset_and_far(engine):
     cast = caster(*GROUND, engine=engine)
     heights = np.array([1.0, 1.0, 1.0, 0.0, START_OFFSET / 2, 2 * START_OFFSET, 1.0])
