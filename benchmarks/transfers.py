@@ -35,6 +35,7 @@ from polarsim.labels import confidence, habits
 from polarsim.labels import label as label_module
 from polarsim.labels.known import Known, gather
 from polarsim.labels.label import Label
+from polarsim.labels.lamps import with_refined_lamps
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position import PositionLabels
 from polarsim.labels.propagate import at_exposure
@@ -93,7 +94,8 @@ class Scene:
     suns: dict[str, np.ndarray]
 
     def known(self, seeds: Seeds) -> Known:
-        return gather(self.mesh, self.placed, self.suns, seeds, OPTIONS)
+        known = gather(self.mesh, self.placed, self.suns, seeds, OPTIONS)
+        return with_refined_lamps(known, SUNS, OPTIONS) if OPTIONS.refine_lamps else known
 
 
 def scene_from(root: Path, work: Path, truth: Release, azimuths: Sequence[Azimuth]) -> Scene:
@@ -300,7 +302,10 @@ def main() -> None:
     asked.add_argument("--terrains", type=int, nargs="+", default=[1, 3, 4, 8, 11])
     asked.add_argument("--fit", action="store_true")
     asked.add_argument("--quick", action="store_true", help="only what needs seeds of all azimuths")
+    asked.add_argument("--refine-lamps", action="store_true", help="by the seeds' shadows, as labels.refine_lamps does")
     args = asked.parse_args()
+    global OPTIONS
+    OPTIONS = OPTIONS.model_copy(update={"refine_lamps": args.refine_lamps})
     truths = {terrain: read_release(args.release, terrain) for terrain in args.terrains}
     pairs = {}
     if args.fit:

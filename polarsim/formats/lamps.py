@@ -36,7 +36,18 @@ def read_suns(folder: str | Path, placed: Mapping[str, PlacedRig]) -> dict[str, 
     FormatError
         The file is broken.
     """
-    suns = surveyed_suns(placed)
+    return surveyed_suns(placed) | read_found_suns(folder)
+
+
+def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
+    """Place (3,) of the Sun lamps that photos place, by azimuth; the others stand where the survey has them.
+
+    Raises
+    ------
+    FormatError
+        The file is broken.
+    """
+    suns: dict[str, np.ndarray] = {}
     path = Path(folder) / FILE
     if not path.exists():
         return suns

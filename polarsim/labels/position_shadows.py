@@ -13,7 +13,7 @@ from polarsim.labels.habits import as_people_draw
 from polarsim.labels.identity import match_boxes
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.parts import Window, windows_of
+from polarsim.labels.parts import Window, windows_of, without_crumbs
 from polarsim.labels.photos import Brightness
 from polarsim.labels.position_rocks import PositionRocks
 from polarsim.labels.shadows import Ids, lamp, shadow_box
@@ -75,9 +75,9 @@ class PositionShadows:
         """Shadows as drawn in this camera, edges in its photo averaged in; or in the other, averaged with cast ones; or
         cast.
         """
-        own = self._drawn(camera, azimuth)
+        own = self.drawn(camera, azimuth)
         if own is not None:
-            throwers = self._throwers(camera, own, light, azimuth)
+            throwers = self.throwers(camera, own, light, azimuth)
             dark = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo}
             inside = np.zeros(4, bool)
             boxes = [
@@ -86,10 +86,10 @@ class PositionShadows:
             ]
             return [label_of(SHADOW, rock, "seed", box) for rock, box in zip(throwers, boxes, strict=True)]
         other: Camera = "R" if camera == "L" else "L"
-        drawn = self._drawn(other, azimuth)
+        drawn = self.drawn(other, azimuth)
         if drawn is None:
             return self._cast_labels(azimuth, cast)
-        throwers = self._throwers(other, drawn, light, azimuth)
+        throwers = self.throwers(other, drawn, light, azimuth)
         moved = move_flat(self.world, self.rocks.view(other), self.rocks.view(camera), drawn)
         boxes = [
             mean_shadow(box, cut, cast.get(int(rock)), self.options.cast_weight)
@@ -114,11 +114,11 @@ class PositionShadows:
         large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= least}
         return [label_of(SHADOW, rock, "cast", box, by_rover_light=rover) for rock, box in large.items()]
 
-    def _drawn(self, camera: Camera, azimuth: Azimuth) -> np.ndarray | None:
+    def drawn(self, camera: Camera, azimuth: Azimuth) -> np.ndarray | None:
         drawn = self.rocks.drawn.get((camera, azimuth))
         return drawn.shadows if drawn is not None else None
 
-    def _throwers(self, camera: Camera, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
+    def throwers(self, camera: Camera, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
         """(n,) rock that throws each shadow drawn in a camera's photo, by the shadows that the bodies cast there."""
         cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
         expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
@@ -157,6 +157,25 @@ class PositionShadows:
             if area(box) > 0:
                 found[rock] = CastShadow(box if dark is None else dark, dark is not None)
         return found
+
+    def ends(
+        self, camera: Camera, azimuth: Azimuth, rock: int, outward: np.ndarray, count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What ends the shadow that a rock throws under a Sun lamp, towards some directions (n, 2) of the photo.
+
+        Returns the ground (n, count, 3) at the shadow's outermost pixels, and the rock's points (n, count, 3) that take
+        the light from it.
+        """
+        ids, shadow, windows = self._shadows_seen(camera, self.world.suns[azimuth])
+        rows, columns = windows[rock]
+        row, column = np.nonzero(without_crumbs(shadow[windows[rock]] == rock, connectivity=8))
+        row, column = row + rows.start, column + columns.start
+        farthest = np.argsort(-outward @ np.stack([column, row]), axis=1, kind="stable")
+        chosen = farthest[:, np.minimum(np.arange(count), len(row) - 1)]
+        ground, blockers = ids.blockers(
+            self.world, self.world.suns[azimuth], row[chosen].ravel(), column[chosen].ravel()
+        )
+        return ground.reshape(*chosen.shape, 3), blockers.reshape(*chosen.shape, 3)
 
     def _shadows_seen(self, camera: Camera, place: np.ndarray) -> tuple[Ids, np.ndarray, dict[int, Window]]:
         """What a camera sees, whose shadow a lamp (3,) throws on the ground there, and the `windows_of` of that."""

@@ -17,13 +17,14 @@ from polarsim.formats.scene import read_terrain
 from polarsim.labels.corrections import as_drawn, read_corrections
 from polarsim.labels.known import Known, gather
 from polarsim.labels.label import Label
+from polarsim.labels.lamps import with_refined_lamps
 from polarsim.labels.light import LightLayers
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Brightness, Photos, PhotoSet
 from polarsim.labels.position import PositionLabels
 from polarsim.labels.seeds import Drawings, choose_seeds, first_shadow_ms, read_drawings
 from polarsim.labels.visibility import contrast
-from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
+from polarsim.photo import BOX_CLASSES, SHADOW, SUNS, PhotoKey
 
 log = logging.getLogger(__name__)
 
@@ -79,6 +80,9 @@ def propagate_labels(
     shadow_start_ms = first_shadow_ms({**drawings, **corrections}, options.shadow_start(terrain))
     chosen = choose_seeds(drawings, corrections, shadow_start_ms)
     known = gather(read_terrain(meshes, terrain), placed, suns, chosen, options)
+    if options.refine_lamps:
+        in_photos = lamps.read_found_suns(cameras)
+        known = with_refined_lamps(known, [azimuth for azimuth in SUNS if azimuth not in in_photos], options)
     labels = grid_labels(known, keys, options, shadow_start_ms, Photos(photos, terrain), drawings, corrections)
     with writing_folder(boxes) as folder:
         for key in keys:

@@ -30,3 +30,9 @@ def test_a_broken_file_is_named(tmp_path, text):
     (tmp_path / lamps.FILE).write_text(text)
     with pytest.raises(FormatError, match=r"lamps\.json"):
         lamps.read_suns(tmp_path, RIGS)
+
+
+def test_the_file_tells_which_lamps_photos_place(tmp_path):
+    assert lamps.read_found_suns(tmp_path) == {}
+    lamps.write_suns(tmp_path, {"180": np.array([-3.5, 0.4, 0.8])})
+    assert list(lamps.read_found_suns(tmp_path)) == ["180"]
