@@ -46,9 +46,19 @@ def cast_strip(
     """Cast a ray through every pixel of the rows, `offset` pixels off its centre; normals are flat unless `smooth`."""
     origin = sandbox_from_camera.translation
     directions = rotated(sandbox_from_camera.rotation, pixel_directions(lens, rows, offset).reshape(-1, 3))
-    met = surfaces.all.meet(np.broadcast_to(origin, directions.shape), directions)
+    return meet(surfaces, rows, origin, directions, smooth=smooth)
+
+
+def meet(surfaces: Surfaces, rows: slice, origins: np.ndarray, directions: np.ndarray, *, smooth: bool = True) -> Hits:
+    """What rays along directions (n, 3) meet first; `pixel` numbers the rays, the viewer is where they came from.
+
+    Origins are (3,), the same for all, or (n, 3).
+    """
+    met = surfaces.all.meet(np.broadcast_to(origins, directions.shape), directions)
     directions = directions.take(met.ray, axis=0)
-    point = moved(origin, directions, met.distance).astype(np.float32)
+    if origins.ndim > 1:
+        origins = origins.take(met.ray, axis=0)
+    point = moved(origins, directions, met.distance).astype(np.float32)
     to_viewer = unit(-directions.astype(np.float32))
     plane = unit(met.normal.astype(np.float32))
     behind = dot(plane, to_viewer) < 0  # open meshes may be seen from inside

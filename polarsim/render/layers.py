@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from polarsim.errors import RenderError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.vectors import dot, length, scaled
 from polarsim.render import brdf
 from polarsim.render.hits import Hits, cast_strip, for_strips, sample_offsets
+from polarsim.render.indirect import indirect_layers
 from polarsim.render.lamps import Lamp
+from polarsim.render.lighting import lighting
+from polarsim.render.materials import Materials, Reflectance
 from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
-from polarsim.render.penumbra import visible_share
 from polarsim.render.shadows import ground_shadows
 from polarsim.render.surfaces import Surfaces
+from polarsim.render.surroundings import Surroundings
 
 NO_LAMP = "none"  # name of the picture of ids without any shadow
-_SCATTER = (0.6180339887, 0.7548776662)  # steps that never come near a place of before: turns of neighbours differ
 _CENTRE = (0.0, 0.0)  # of a pixel: ids are those of what it meets
-Reflectance = Callable[[Parameters, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,20 @@ class Rendering:
     ids : (h, w) uint16
         BACKGROUND, GROUND, RELIEF_SHADOW (ground that the relief or a wall hides from the lamp), ROCK_IDS + k for rock
         k, SHADOW_IDS + k for ground that rock k hides from the lamp. `NO_LAMP` is without any shadow.
+    indirect : (h, w) float32
+        Light by way of other surfaces, where the options ask for it, by model and lamp; no part of `layers`.
     """
 
     layers: dict[tuple[Model, str], np.ndarray]
     ids: dict[str, np.ndarray]
+    indirect: dict[tuple[Model, str], np.ndarray] = field(default_factory=dict)
+
+    @property
+    def whole(self) -> dict[tuple[Model, str], np.ndarray]:
+        """Layers with the traced light added: what a camera sees."""
+        return {
+            key: layer + self.indirect[key] if key in self.indirect else layer for key, layer in self.layers.items()
+        }
 
 
 def render_view(
@@ -65,14 +75,14 @@ def render_view(
     size = (lens.height, lens.width)
     layers = {(model, name): np.zeros(size, np.float32) for model in models for name in lamps}
     ids = {} if throwing is None else {name: np.zeros(size, np.uint16) for name in (NO_LAMP, *throwing)}
-    from_above = np.zeros(size, np.float32)  # share of the sky that a surface faces: light bounced from all around
+    materials = Materials(surfaces, options, reflectance, albedo)
+    surroundings = Surroundings(options, materials, size)
 
     def work(rows: slice) -> None:
         samples_lit = {name: np.zeros((rows.stop - rows.start) * lens.width, np.uint8) for name in lamps}
         for offset in offsets:
             hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, offset)
-            if options.bounce:
-                from_above[rows].reshape(-1)[hits.pixel] += (1 + hits.normal[:, 2]) / np.float32(2 * len(offsets))
+            surroundings.add(hits, len(offsets))
             for name, lamp in lamps.items():
                 lit, to_lamp, irradiance = lighting(
                     surfaces, hits, lamp, falloff=options.falloff, samples=options.lamp_samples
@@ -83,7 +93,8 @@ def render_view(
                 normal, to_viewer = hits.normal.take(lit, axis=0), hits.to_viewer.take(lit, axis=0)
                 for model in models:
                     strip = layers[model, name][rows].reshape(-1)  # a view: rows are whole
-                    strip[pixel] += reflectance(options.parameters(model), normal, to_lamp, to_viewer) * share
+                    value = materials.reflectance(model, hits.face.take(lit), normal, to_lamp, to_viewer)
+                    strip[pixel] += value * share
         if not ids:
             return
         if offset != _CENTRE:
@@ -92,10 +103,12 @@ def render_view(
         identify(pictures, surfaces, hits, lamps, {name: lit == len(offsets) for name, lit in samples_lit.items()})
 
     for_strips(lens.height, 1 if options.engine == "taichi" else threads, work)
-    if options.bounce:
-        for (model, name), layer in layers.items():
-            layer += np.float32(options.bounce * lamps[name].intensity * albedo[model] / np.pi) * from_above
-    return Rendering(layers, ids)
+    surroundings.into(layers, lamps)
+    indirect = {}
+    if options.bounces:
+        bouncing = [model for model in models if model not in CHRONO]
+        indirect = indirect_layers(surfaces, sandbox_from_camera, lens, lamps, bouncing, materials, options, threads)
+    return Rendering(layers, ids, indirect)
 
 
 def identify(
@@ -115,30 +128,6 @@ def identify(
         if name != NO_LAMP:
             shown = ground_shadows(surfaces, hits, met, lamps[name], np.flatnonzero(lit[name].take(hits.pixel)))
         picture[hits.pixel] = shown
-
-
-def lighting(
-    surfaces: Surfaces, hits: Hits, lamp: Lamp, *, falloff: bool, samples: int = 1
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Numbers (m,) of the hits that a lamp lights, unit vectors (m, 3) to it, irradiance (m,) of the surface there.
-
-    `samples`: rays to a lamp that is a disc, where it is seen in part.
-    """
-    to_lamp, irradiance = lamp.light_at(hits.point, falloff=falloff)
-    # A flat face that looks away gets no light, whatever its smooth normal says: else light leaks past the terminator.
-    along_normal = dot(hits.normal, to_lamp)
-    lit = np.flatnonzero((dot(hits.plane, to_lamp) > 0) & (along_normal > 0))
-    if lamp.radius_m:
-        turn = 2 * np.pi * ((hits.pixel[lit] * _SCATTER[0] + hits.rows.start * _SCATTER[1]) % 1)
-        points, towards = hits.point.take(lit, axis=0), to_lamp.take(lit, axis=0)
-        share = visible_share(surfaces, points, towards, lamp.radius_m, samples, turn)
-        irradiance[lit] *= share
-        lit = lit[share > 0]
-    else:
-        lit = lit[~surfaces.all.blocked(hits.point.take(lit, axis=0), to_lamp.take(lit, axis=0), 1.0)]
-    to_lamp = to_lamp.take(lit, axis=0)
-    nearness = 1 / length(to_lamp)
-    return lit, scaled(to_lamp, nearness), irradiance.take(lit) * along_normal.take(lit) * nearness
 
 
 def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:

@@ -149,8 +149,30 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
         0.01,
         ge=0,
         le=1,
-        description="Light that walls return from above, over a lamp's irradiance 4 m away; 0: none. Chrono's models "
-        "have none.",
+        description="Light that walls return from above, over a lamp's irradiance 4 m away; 0: none. Counts while "
+        "`bounces` is 0, which traces this light instead. Chrono's models have none.",
+    )
+    ambient: float = Field(
+        0,
+        ge=0,
+        le=1,
+        description="Irradiance by even light from all sides, over a lamp's irradiance 4 m away. Nothing shades it "
+        "while `bounces` is 0; else surfaces do, but for the last one of a path. Chrono's models have none.",
+    )
+    bounces: int = Field(
+        0,
+        ge=0,
+        le=8,
+        description="Diffuse reflections that light is traced over between its lamp and the surface that is seen; 0: "
+        "none, `bounce` stands for them. Chrono's models have none.",
+    )
+    bounce_rays: int = Field(64, ge=1, description="Random paths of a traced pixel.")
+    bounce_scale: int = Field(
+        4,
+        ge=1,
+        le=16,
+        description="Paths start at every so many-th pixel of a row and of a column; pixels between take the light of "
+        "alike neighbours. 1: at every pixel, unsmoothed.",
     )
     seat_m: float = Field(
         0.05,
@@ -160,6 +182,9 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
     rim: bool = Field(True, description="Add the walls of the sandbox: they cast shadows and are seen.")
     rim_half_width_m: float = Field(2.05, gt=0, description="Half the inner width of the sandbox, metres.")
     rim_height_m: float = Field(0.28, gt=0, description="Top of the walls above the median ground, metres.")
+    rim_albedo: float | None = Field(
+        None, ge=0, le=1, description="Albedo of the walls, plain diffuse; none: they are as the ground. Cloth: 0.5."
+    )
 
     gain: dict[Model, PositiveFloat] = Field(
         default_factory=dict, description="Grey values per ms and unit of radiance; a model left out is calibrated."
@@ -167,7 +192,7 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
     calibration_photos: int = Field(6, ge=0, description="Photos that a gain is calibrated on; 0: built-in gains.")
     noise: bool = Field(False, description="Shot and read noise; noisy twins take 1.5 times the space.")
     vignetting: bool = Field(False, description="Darken by the fourth power of the cosine to the optical axis.")
-    seed: int = Field(0, ge=0, description="Seed of the noise.")
+    seed: int = Field(0, ge=0, description="Seed of the noise and of traced light.")
 
     min_rock_px: int = Field(30, ge=1, description="Rocks with fewer visible pixels get no box.")
     min_shadow_px: int = Field(60, ge=1, description="Shadows with fewer visible pixels get no box.")

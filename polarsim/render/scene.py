@@ -92,7 +92,7 @@ class Scene:
         view = render_view(
             self.surfaces, shot.sandbox_from_camera, shot.lens, shot.lamps, [shot.model], None, self.options, threads
         )
-        radiance = sum(view.layers.values(), np.zeros((shot.lens.height, shot.lens.width), np.float32))
+        radiance = sum(view.whole.values(), np.zeros((shot.lens.height, shot.lens.width), np.float32))
         if self.options.vignetting:
             radiance = radiance * vignette(shot.lens)
         seed = (self.options.seed, "sensor", "scene", self.terrain, shot.exposure_ms)

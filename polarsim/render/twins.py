@@ -103,14 +103,14 @@ def render_twins(
     found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
         rendering = _render(surfaces, rigs[view[0]], suns, view[1], views[view], list(twins), options, threads)
-        lens = rigs[view[0]].rig.lens(view[1])
+        lens, layers = rigs[view[0]].rig.lens(view[1]), rendering.whole
         for model, folder in twins.items():
             if model not in gains:  # the view with the references comes first
-                found = calibrate(references, rendering.layers, model)
+                found = calibrate(references, layers, model)
                 gains[model] = found or default_gain(model, options)
                 origin = "from photos" if found else "built in"
                 log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, gains[model], origin)
-            own = {name: layer for (of, name), layer in rendering.layers.items() if of == model}
+            own = {name: layer for (of, name), layer in layers.items() if of == model}
             write_photos(folder, views[view], own, lens, gains[model], options, threads)
         found_labels |= label_view(views[view], rendering.ids, labels.boxes, labels.instances, options)
     sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {(WIDTH, HEIGHT)}

@@ -9,7 +9,8 @@ from polarsim.photo import PhotoKey
 from polarsim.render.automatic import box_of_parts, boxes_of
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import NO_LAMP, lighting
+from polarsim.render.layers import NO_LAMP
+from polarsim.render.lighting import lighting
 from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import ground_shadows
 from polarsim.render.surfaces import surfaces_of

@@ -1,0 +1,156 @@
+"""Light that reaches a surface by way of others: random paths over one to n diffuse bounces.
+
+The surface that is seen scatters by its own model; those behind it are diffuse, with the model's bihemispherical albedo
+or the walls' own. At every bounce the lamps' light is counted by shadow rays (next-event estimation, Kajiya, SIGGRAPH
+1986). One set of paths serves all lamps and models.
+
+Most of a sandbox's hemisphere is black sky, and what returns light, walls and rocks, lies near the horizon. So half of
+the paths leave by the cosine and half in a band about the horizon; each counts by the density of both together (the
+balance heuristic of Veach and Guibas, SIGGRAPH 1995), which keeps the mean and lowers the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.rays import START_OFFSET
+from polarsim.randomness import generator
+from polarsim.geometry.vectors import dot, unit
+from polarsim.render.hits import Hits, cast_strip, for_strips, meet, sample_offsets
+from polarsim.render.lamps import Lamp
+from polarsim.render.lighting import lighting
+from polarsim.render.materials import Materials
+from polarsim.render.options import Model, RenderOptions
+from polarsim.render.surfaces import Surfaces
+
+_BAND = np.float32(0.25)  # sine of the height that the band about the horizon reaches, upwards and downwards
+# Roberts' R2 sequence ("The unreasonable effectiveness of quasirandom sequences", 2018): even in two dimensions.
+_STEPS = np.array([0.7548776662, 0.5698402910])
+Layers = dict[tuple[Model, str], np.ndarray]
+
+
+class Paths:
+    """Random paths in a scene, for some models and lamps at once."""
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        lamps: Mapping[str, Lamp],
+        models: Sequence[Model],
+        materials: Materials,
+        options: RenderOptions,
+    ) -> None:
+        self._surfaces, self._materials, self._options = surfaces, materials, options
+        self._keys = [(model, name) for model in models for name in lamps]
+        self._models = tuple(models)
+        # The width of a disc softens the edges of shadows, not the light that these return.
+        self._lamps = [replace(lamp, radius_m=0.0) for lamp in lamps.values()]
+        ambient = [options.ambient * lamp.intensity / np.pi for lamp in self._lamps]
+        self._ambient = np.array(ambient, np.float32)[:, None]  # radiance from all sides
+
+    def radiance(self, hits: Hits, rays: int, rng: np.random.Generator) -> Layers:
+        """(n,) float32 indirect light that the hits (n,) send to their viewer: the mean of `rays` paths each."""
+        found = np.zeros((len(self._models), len(self._lamps), len(hits.pixel)), np.float32)
+        turn = rng.random((len(hits.pixel), 2))
+        for number in range(rays):
+            self._add_path(found, hits, ((turn + number * _STEPS) % 1).astype(np.float32), rng)
+        found /= np.float32(rays)
+        return dict(zip(self._keys, found.reshape(-1, len(hits.pixel)), strict=True))
+
+    def _add_path(self, found: np.ndarray, start: Hits, at: np.ndarray, rng: np.random.Generator) -> None:
+        """Add to `found` (models, lamps, n) what one path from each of the hits (n,) brings; `at` as in `scattered`."""
+        path = np.arange(len(start.pixel))  # number of the path that a surface ends
+        carried = np.ones((len(self._models), len(path)), np.float32)  # share of the light there that comes through
+        for number in range(self._options.bounces):
+            if number:
+                at = rng.random((len(path), 2), np.float32)
+            direction, weight = scattered(start, at)
+            going = np.flatnonzero(weight)
+            origins = start.point[going] + np.float32(START_OFFSET) * start.plane[going]
+            met = meet(self._surfaces, start.rows, origins, direction[going])
+            # Where no light comes from the sky, reflectance is asked for only where a surface is met.
+            used = np.arange(len(going)) if self._options.ambient else met.pixel
+            last = going[used]
+            carried = carried[:, last] * weight[last] * self._scattered(start, last, direction[last])
+            path = path[last]
+            if self._options.ambient:
+                lost = np.delete(used, met.pixel)
+                found[:, :, path[lost]] += carried[:, None, lost] * self._ambient
+                path, carried = path[met.pixel], carried[:, met.pixel]
+            self._add_lamps(found, met, path, carried)
+            start = met
+        if self._options.ambient:
+            albedo = np.stack([self._materials.albedo(model, start.face) for model in self._models])
+            found[:, :, path] += (carried * albedo)[:, None] * self._ambient
+
+    def _add_lamps(self, found: np.ndarray, met: Hits, path: np.ndarray, carried: np.ndarray) -> None:
+        for number, lamp in enumerate(self._lamps):
+            lit, to_lamp, irradiance = lighting(self._surfaces, met, lamp, falloff=self._options.falloff)
+            found[:, number, path[lit]] += carried[:, lit] * irradiance * self._scattered(met, lit, to_lamp)
+
+    def _scattered(self, hits: Hits, chosen: np.ndarray, to_lamp: np.ndarray) -> np.ndarray:
+        """(models, m) f_r of chosen hits (m,) for light from unit vectors (m, 3)."""
+        faces, normal, to_viewer = hits.face[chosen], hits.normal[chosen], hits.to_viewer[chosen]
+        reflectances = [self._materials.reflectance(model, faces, normal, to_lamp, to_viewer) for model in self._models]
+        return np.stack(reflectances)
+
+
+def scattered(hits: Hits, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors (n, 3) away from the hits, and cosine over density (n,); 0 for those into the surface.
+
+    Parameters
+    ----------
+    at : (n, 2) float32
+        Even between 0 and 1.
+    """
+    by_cosine = at[:, 0] < np.float32(0.5)
+    height = 1 - 4 * (at[:, 0] - np.where(by_cosine, np.float32(0), np.float32(0.5)))  # -1 to 1
+    height *= np.where(by_cosine, np.float32(1), _BAND)
+    angle = np.float32(2 * np.pi) * at[:, 1]
+    level = np.sqrt(1 - height * height)
+    sphere = np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)
+    # A point of the unit sphere about the tip of the normal lies in a direction that is spread by the cosine.
+    tip = np.where(dot(sphere, hits.normal) < 0, np.float32(-1), np.float32(1))[:, None] * sphere
+    direction = np.where(by_cosine[:, None], unit(hits.normal + sphere), tip)
+    cosine = dot(direction, hits.normal)
+    outward = (cosine > 0) & (dot(direction, hits.plane) > 0)
+    band = np.where(np.abs(direction[:, 2]) < _BAND, 1 / (np.float32(2 * np.pi) * _BAND), np.float32(0))
+    density = (cosine / np.float32(np.pi) + band) / 2
+    return direction, np.divide(cosine, density, out=np.zeros_like(cosine), where=outward)
+
+
+def indirect_layers(
+    surfaces: Surfaces,
+    sandbox_from_camera: Pose,
+    lens: Lens,
+    lamps: Mapping[str, Lamp],
+    models: Sequence[Model],
+    materials: Materials,
+    options: RenderOptions,
+    threads: int = 1,
+) -> Layers:
+    """(h, w) float32 indirect light of a view by model and lamp, in the units of `Rendering.layers`."""
+    layers = {(model, name): np.zeros((lens.height, lens.width), np.float32) for model in models for name in lamps}
+    if not layers:
+        return layers
+    surfaces.prepare(shadows=False)
+    paths = Paths(surfaces, lamps, models, materials, options)
+    offsets = sample_offsets(options.samples)
+    rays = -(-options.bounce_rays // len(offsets))
+    # Two cameras must not share their grain: stereo would see a picture on the screen.
+    view = np.round(sandbox_from_camera.matrix, 6).tolist()
+
+    def work(rows: slice) -> None:
+        rng = generator(options.seed, "indirect", view, rows.start)
+        for offset in offsets:
+            hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, offset)
+            for key, radiance in paths.radiance(hits, rays, rng).items():
+                layers[key][rows].reshape(-1)[hits.pixel] += radiance / np.float32(len(offsets))
+
+    for_strips(lens.height, 1 if options.engine == "taichi" else threads, work)
+    return layers
