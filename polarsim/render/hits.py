@@ -33,6 +33,11 @@ class Hits:
     normal: np.ndarray  # (n, 3) unit, smooth, towards the viewer
     plane: np.ndarray  # (n, 3) unit normal of the flat face, towards the viewer
 
+    def part(self, chosen: np.ndarray) -> Hits:
+        """Those with numbers (m,)."""
+        arrays = (self.pixel, self.face, self.point, self.to_viewer, self.normal, self.plane)
+        return Hits(self.rows, *(array[chosen] for array in arrays))
+
 
 def cast_strip(
     surfaces: Surfaces,

@@ -1,0 +1,175 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.formats.instances import BACKGROUND, GROUND
+from polarsim.geometry.poses import looking
+from polarsim.photo import BLACK_LEVEL
+from polarsim.render.hits import Hits, cast_strip
+from polarsim.render.indirect import scattered
+from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
+from polarsim.render.layers import render_view
+from polarsim.render.options import CHRONO, LambertParameters, RenderOptions
+from polarsim.render.scene import Scene, Shot
+from polarsim.render.surfaces import Surfaces, surfaces_of
+
+RADIUS, ALBEDO = 2.0, 0.5  # of the integrating sphere
+LAMP = Lamp(np.array([3.0, 0.0, 1.0]))  # low: behind the block lies a shadow
+TRACED = RenderOptions(rim=False, falloff=True, bounces=1, bounce_rays=64, bounce_scale=1)
+
+
+def sphere():
+    """A sphere seen from inside."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    ids = np.full(len(ball.faces), GROUND, np.int32)
+    return Surfaces(RADIUS * ball.vertices, ball.faces[:, ::-1], -ball.vertices, ids)
+
+
+def traced(surfaces, pose, lens, options, model="lambert", lamp=LAMP, threads=1):
+    return render_view(surfaces, pose, lens, {"lamp": lamp}, [model], None, options, threads)
+
+
+def shadow(above, lens):
+    """A pixel of ground that the block hides from the lamp, seen from above."""
+    column, row = np.floor(lens.project(above.inverse().apply(np.array([-0.4, 0.0, 0.0])))).astype(int)
+    return row, column
+
+
+@pytest.mark.parametrize("bounces", [1, 2, 4])
+def test_in_an_integrating_sphere_each_bounce_returns_the_albedo_of_the_last(lens, bounces):
+    lambert = LambertParameters(albedo=ALBEDO)
+    options = TRACED.model_copy(update={"bounces": bounces, "bounce_rays": 32, "lambert": lambert})
+    pose = looking(np.array([0.3, 0.2, 0.1]), 0.5, 0.2)
+    view = traced(sphere(), pose, lens.scaled(0.5), options, lamp=Lamp(np.zeros(3)))
+    direct = ALBEDO / np.pi * REFERENCE_DISTANCE**2 / RADIUS**2
+    assert view.layers["lambert", "lamp"].mean() == pytest.approx(direct, rel=0.01)  # facets, not a sphere
+    expected = direct * sum(ALBEDO**k for k in range(1, bounces + 1))  # Goebel, Appl. Opt. 6 (1967) 125
+    assert view.indirect["lambert", "lamp"].mean() == pytest.approx(expected, rel=0.01)
+
+
+@given(st.tuples(*3 * [st.floats(-1, 1)]).filter(lambda v: np.linalg.norm(v) > 0.1))
+def test_the_cosine_over_any_hemisphere_integrates_to_pi(direction):
+    normal = np.tile((np.array(direction) / np.linalg.norm(direction)).astype(np.float32), (40_000, 1))
+    number = np.arange(40_000)
+    hits = Hits(slice(0, 1), number, number, 0 * normal, normal, normal, normal)
+    even = np.stack(np.meshgrid(*2 * [(np.arange(200) + 0.5) / 200]), axis=-1).reshape(-1, 2).astype(np.float32)
+    away, weight = scattered(hits, even)
+    np.testing.assert_allclose(np.linalg.norm(away, axis=1), 1, atol=1e-5)
+    cosine = (away * normal).sum(axis=1)
+    assert (cosine[weight > 0] > 0).all()
+    assert weight.mean() == pytest.approx(np.pi, rel=0.01)
+    assert (weight * cosine).mean() == pytest.approx(2 * np.pi / 3, rel=0.01)  # of the squared cosine
+
+
+def test_a_level_plane_alone_lights_itself_with_nothing(blocks, above, lens):
+    bare = surfaces_of(blocks((), ()), TRACED)
+    view = traced(bare, above, lens, TRACED)
+    assert (view.layers["lambert", "lamp"] > 0).any()
+    assert not view.indirect["lambert", "lamp"].any()
+
+
+def test_the_shadow_of_a_lit_block_side_gets_light_from_walls(blocks, above, lens):
+    options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3})
+    place = shadow(above, lens)
+    dark, pale = (
+        traced(surfaces_of(blocks(), options), above, lens, options.model_copy(update={"rim_albedo": albedo}))
+        for albedo in (0.1, 0.8)
+    )
+    assert dark.layers["lambert", "lamp"][place] == 0
+    assert pale.whole["lambert", "lamp"][place] > 3 * dark.whole["lambert", "lamp"][place] > 0
+
+
+def test_walls_of_their_own_albedo_are_lit_by_it_and_the_sand_is_as_before(blocks, camera, lens):
+    options = RenderOptions(bounce=0, ambient=0.01, rim_half_width_m=1.3)
+    walled = surfaces_of(blocks(), options)
+    hits = cast_strip(walled, camera, lens, slice(0, lens.height))
+    wall = hits.pixel[walled.id_of_face[hits.face] == BACKGROUND]
+    sand = hits.pixel[walled.id_of_face[hits.face] != BACKGROUND]
+    own, plain, as_lambert = (
+        traced(walled, camera, lens, options.model_copy(update=changes), model).layers[model, "lamp"].ravel()
+        for model, changes in (
+            ("hapke", {}),
+            ("hapke", {"rim_albedo": 0.6}),
+            ("lambert", {"lambert": LambertParameters(albedo=0.6)}),
+        )
+    )
+    np.testing.assert_allclose(plain[wall], as_lambert[wall], rtol=1e-5)
+    np.testing.assert_array_equal(plain[sand], own[sand])
+    assert (plain[wall] > own[wall]).any()
+
+
+def test_even_light_from_all_sides_on_an_open_plane_is_the_same_traced_or_not(blocks, above, lens):
+    bare = surfaces_of(blocks((), ()), TRACED)
+    below = Lamp(np.array([0.0, 0.0, -3.0]))  # its own light does not come here
+    options = TRACED.model_copy(update={"ambient": 0.2, "bounce": 0.0, "bounces": 0})
+    plain = traced(bare, above, lens, options, lamp=below).whole["lambert", "lamp"]
+    options = options.model_copy(update={"bounces": 2})
+    view = traced(bare, above, lens, options, lamp=below)
+    seen = plain > 0
+    np.testing.assert_allclose(plain[seen], 0.2 * options.lambert.albedo / np.pi, rtol=1e-5)
+    assert view.whole["lambert", "lamp"][seen].mean() == pytest.approx(float(plain[seen].mean()), rel=0.01)
+
+
+def test_inside_a_closed_sphere_even_light_comes_from_the_last_surface_alone(lens):
+    lambert = LambertParameters(albedo=ALBEDO)
+    options = TRACED.model_copy(update={"ambient": 0.2, "bounces": 2, "bounce_rays": 32, "lambert": lambert})
+    outside = Lamp(np.array([0.0, 0.0, 3 * RADIUS]))
+    view = traced(sphere(), looking(np.zeros(3), 0.5, 0.2), lens.scaled(0.5), options, lamp=outside)
+    expected = 0.2 / np.pi * ALBEDO**3
+    assert view.whole["lambert", "lamp"].mean() == pytest.approx(expected, rel=0.01)
+
+
+def test_light_from_every_fourth_pixel_is_the_light_of_all(blocks, camera, lens):
+    options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3, "rim_albedo": 0.6, "bounce_rays": 96})
+    walled = surfaces_of(blocks(), options)
+    exact, coarse = (
+        traced(walled, camera, lens, options.model_copy(update=changes)).indirect["lambert", "lamp"]
+        for changes in ({}, {"bounce_rays": 512, "bounce_scale": 4})
+    )
+    assert coarse.mean() == pytest.approx(exact.mean(), rel=0.02)
+    exact, coarse = (picture.reshape(7, 20, 10, 20).mean(axis=(1, 3)) for picture in (exact, coarse))
+    bright = exact > 0.3 * exact.max()
+    assert np.median(np.abs(coarse / np.maximum(exact, 1e-9) - 1)[bright]) < 0.03
+
+
+@pytest.mark.parametrize("scale", [1, 4])
+def test_light_depends_on_the_seed_and_not_on_threads(surfaces, camera, lens, scale):
+    options = TRACED.model_copy(update={"bounce_scale": scale, "bounce_rays": 8})
+    one, two = (traced(surfaces, camera, lens, options, "hapke", threads=n).indirect["hapke", "lamp"] for n in (1, 2))
+    np.testing.assert_array_equal(one, two)
+    assert one.any()
+    other = traced(surfaces, camera, lens, options.model_copy(update={"seed": 1}), "hapke").indirect["hapke", "lamp"]
+    assert (other != one).any()
+
+
+def test_models_and_lamps_together_are_as_each_alone(surfaces, camera, lens):
+    lamps = {"one": LAMP, "half": replace(LAMP, intensity=0.5)}
+    both = render_view(surfaces, camera, lens, lamps, ["hapke", "lambert"], None, TRACED).indirect
+    alone = traced(surfaces, camera, lens, TRACED).indirect["lambert", "lamp"]
+    np.testing.assert_allclose(both["lambert", "one"], alone, rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(both["hapke", "half"], both["hapke", "one"] / 2, rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("model", CHRONO)
+def test_chrono_s_models_stay_with_direct_light(surfaces, camera, lens, model):
+    view = traced(surfaces, camera, lens, TRACED.model_copy(update={"ambient": 0.1}), model)
+    assert not view.indirect
+    plain = traced(surfaces, camera, lens, TRACED.model_copy(update={"bounces": 0, "bounce": 0.0}), model)
+    np.testing.assert_array_equal(view.whole[model, "lamp"], plain.whole[model, "lamp"])
+
+
+def test_pictures_show_traced_light_in_shadows_and_not_the_constant(folders, above, lens):
+    shot = Shot(above, lens, {"mine": LAMP}, 4000.0, "lambert")
+    place = shadow(above, lens)
+    options = RenderOptions(rim_half_width_m=1.3, rim_albedo=0.6, bounce_scale=1)
+    constant, traced_light, off = (
+        Scene(folders / "meshes", 1, options.model_copy(update=changes)).picture(shot)
+        for changes in ({"bounce": 0.05}, {"bounce": 0.05, "bounces": 1}, {"bounce": 0.0})
+    )
+    assert off[place] == BLACK_LEVEL
+    assert constant[place] > traced_light[place] > BLACK_LEVEL

@@ -1,0 +1,148 @@
+"""Our renderer beside Mitsuba 3, an independent one: reflectance, direct light, and light over several bounces."""
+
+import numpy as np
+import pytest
+
+from benchmarks.mitsuba_scene import bsdf, mitsuba_scene, render, variant
+from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import looking
+from polarsim.photo import NO_ROCK
+from polarsim.render import brdf
+from polarsim.render.lamps import Lamp
+from polarsim.render.layers import render_view
+from polarsim.render.options import LambertParameters, PrincipledParameters, RenderOptions
+from polarsim.render.surfaces import surfaces_of
+
+mi = pytest.importorskip("mitsuba", reason="mitsuba is not installed: pip install polarsim[mitsuba]")
+mi.set_variant(variant())
+
+BLOCK = 16  # pixels
+LENS = Lens(150.0, 150.0, 61.0, 45.0, width=128, height=96)  # off-centre, to see that offsets are understood
+# Rolled, so that the walls' edges cross rows of pixels: four rays a pixel are not enough for edges along a row.
+CAMERA = looking(np.array([2.6, -0.3, 1.5]), np.pi, np.radians(30), np.radians(15))
+LAMP = Lamp(np.array([1.2, 2.9, 1.4]))
+OPTIONS = RenderOptions(
+    bounce=0,
+    falloff=True,
+    samples=4,
+    rim_half_width_m=1.9,
+    lambert=LambertParameters(albedo=0.4),
+    bounce_rays=64,
+    bounce_scale=1,
+)
+# Base colour, roughness, specular, metallic.
+SETS = [
+    (0.5, 0.5, 0.5, 0),
+    (0.2, 0.8, 1.0, 0),
+    (0.7, 0.8, 1.0, 0),
+    (0.3, 1.0, 0.0, 0),
+    (0.8, 0.1, 0.5, 0),
+    (0.9, 0.05, 0.2, 0),
+    (0.6, 0.4, 0.5, 1),
+    (0.6, 0.4, 0.5, 0.5),
+]
+
+
+def sandbox():
+    """Bumpy ground 4 m wide and three smooth rocks, half in it."""
+    import trimesh
+
+    axis = np.linspace(-2, 2, 81)
+    x, y = (a.ravel() for a in np.meshgrid(axis, axis))
+    number = np.arange(len(x)).reshape(81, 81)
+    quads = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1).reshape(-1, 4)
+    vertices = [np.stack([x, y, 0.05 * np.sin(3 * x) * np.cos(4 * y)], axis=1)]
+    slopes = [-0.15 * np.cos(3 * x) * np.cos(4 * y), 0.2 * np.sin(3 * x) * np.sin(4 * y), np.ones_like(x)]
+    normals, faces = [np.stack(slopes, axis=1)], [np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])]
+    rock_of_face = [np.full(len(faces[0]), NO_ROCK)]
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    places = [(0.0, 0.1, 0.3, 0.25, 0.3), (0.9, -0.6, 0.15, 0.2, 0.14), (-0.8, -0.7, 0.3, 0.2, 0.2)]
+    for rock, (left, ahead, *radii) in enumerate(places, 1):
+        faces.append(ball.faces + sum(map(len, vertices)))
+        vertices.append(ball.vertices * radii + [left, ahead, 0.05])
+        normals.append(ball.vertices / radii)
+        rock_of_face.append(np.full(len(ball.faces), rock))
+    upright = np.concatenate(normals)
+    upright /= np.linalg.norm(upright, axis=1, keepdims=True)
+    return TerrainMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(rock_of_face), upright)
+
+
+def blocks(picture):
+    """Means over blocks of 16 x 16 pixels."""
+    high, wide = picture.shape
+    return picture.reshape(high // BLOCK, BLOCK, wide // BLOCK, BLOCK).mean(axis=(1, 3))
+
+
+def mitsuba_values(parameters, to_lamp, to_viewer):
+    """(n,) f_r cos(i) of directions (n, 3) in the frame of the surface, all above it."""
+    plugin = mi.load_dict(bsdf(parameters)["side"])
+    values = []
+    for lamp, viewer in zip(to_lamp, to_viewer, strict=True):
+        place = mi.SurfaceInteraction3f()
+        place.wi = viewer
+        values.append(np.array(plugin.eval(mi.BSDFContext(), place, mi.Vector3f(lamp))).ravel()[0])
+    return np.array(values)
+
+
+def hemisphere(rng, count):
+    """Directions whose cosines to +Z are even between 0 and 1."""
+    cosine, angle = 1 - rng.random(count), rng.uniform(0, 2 * np.pi, count)
+    level = np.sqrt(1 - cosine**2)
+    return np.stack([level * np.cos(angle), level * np.sin(angle), cosine], axis=1)
+
+
+@pytest.mark.parametrize("values", SETS, ids=str)
+def test_our_principled_model_is_mitsubas(values, scalar):
+    base, roughness, specular, metallic = values
+    parameters = PrincipledParameters(base_color=base, roughness=roughness, specular=specular, metallic=metallic)
+    rng = np.random.default_rng(5)
+    to_lamp, to_viewer = hemisphere(rng, 2000), hemisphere(rng, 2000)
+    ours = brdf.reflectance(parameters, np.tile([0.0, 0, 1], (2000, 1)), to_lamp, to_viewer) * to_lamp[:, 2]
+    np.testing.assert_allclose(ours, mitsuba_values(parameters, to_lamp, to_viewer), rtol=1e-3)  # 4e-6 seen
+
+
+@pytest.fixture
+def scalar():
+    """Mitsuba without vectors, for single directions."""
+    mi.set_variant("scalar_rgb")
+    yield
+    mi.set_variant(variant())
+
+
+@pytest.mark.parametrize("model", ["principled", "lambert"])
+def test_direct_light_is_mitsubas_in_every_block(model):
+    surfaces = surfaces_of(sandbox(), OPTIONS)
+    ours = blocks(render_view(surfaces, CAMERA, LENS, {"lamp": LAMP}, [model], None, OPTIONS).layers[model, "lamp"])
+    scene = mitsuba_scene(surfaces, CAMERA, LENS, LAMP, OPTIONS.parameters(model))
+    theirs = blocks(render(scene, samples=256))
+    bright = theirs > 0.3 * np.median(theirs)  # else a shadow's edge through a dark block, 4 rays a pixel, decides
+    assert bright.mean() > 0.7
+    np.testing.assert_allclose(ours[bright], theirs[bright], rtol=0.01)
+    assert ours.mean() == pytest.approx(theirs.mean(), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("model", "bounces", "changes"),
+    [
+        ("lambert", 1, {}),
+        ("principled", 1, {"rim_albedo": 0.5}),
+        ("principled", 3, {"rim_albedo": 0.5}),
+        ("principled", 1, {"rim_albedo": 0.5, "bounce_scale": 4, "bounce_rays": 512}),
+    ],
+)
+def test_light_over_bounces_is_that_of_mitsubas_path_tracer(model, bounces, changes):
+    options = OPTIONS.model_copy(update={"bounces": bounces, **changes})
+    surfaces = surfaces_of(sandbox(), options)
+    view = render_view(surfaces, CAMERA, LENS, {"lamp": LAMP}, [model], None, options)
+    look = (surfaces, CAMERA, LENS, LAMP, options.parameters(model))
+    path = render(mitsuba_scene(*look, rim_albedo=options.rim_albedo, integrator="path", bounces=bounces), samples=256)
+    direct = render(mitsuba_scene(*look, rim_albedo=options.rim_albedo), samples=256)
+    ours, theirs = blocks(view.whole[model, "lamp"]), blocks(path)
+    bright = theirs > 0.3 * np.median(theirs)
+    assert bright.mean() > 0.7
+    assert np.abs(ours / theirs - 1)[bright].mean() < 0.01
+    np.testing.assert_allclose(ours[bright], theirs[bright], rtol=0.03)
+    indirect = view.indirect[model, "lamp"].mean()
+    assert indirect > 0.04 * path.mean()  # so 3 % of the whole would not pass without it
+    assert indirect == pytest.approx((path - direct).mean(), rel=0.03)
