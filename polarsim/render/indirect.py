@@ -33,6 +33,7 @@ _HORIZON = 0.15  # sine of a height, where the second density is half of that at
 _SPAN = float(np.arctan(1 / _HORIZON))
 # Roberts' R2 sequence ("The unreasonable effectiveness of quasirandom sequences", 2018): even in two dimensions.
 _STEPS = np.array([0.7548776662, 0.5698402910])
+_LEAST_COSINE = np.float32(1e-6)
 _PIXELS_THICK = 2.0  # surfaces so many coarse pixels off a plane count as others
 Layers = dict[tuple[Model, str], np.ndarray]
 
@@ -60,48 +61,66 @@ class Paths:
         """Number of pairs of a model and a lamp."""
         return len(self._models) * len(self._lamps)
 
-    def radiance(self, hits: Hits, rays: int, rng: np.random.Generator) -> np.ndarray:
-        """(kinds, n) float32 indirect light that the hits (n,) send to their viewer: the mean of `rays` paths each.
+    def radiance(self, hits: Hits, rays: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Indirect light that the hits (n,) send to their viewer, and that comes to them: means of `rays` paths each.
 
-        Kinds are lamps of the first model, lamps of the second, and so on.
+        Returns
+        -------
+        sent : (kinds, n) float32
+            Radiance; kinds are lamps of the first model, lamps of the second, and so on.
+        vector : (kinds, 3, n) float32
+            Integral of radiance times direction: its part along the normal is the irradiance.
         """
-        found = np.zeros((len(self._models), len(self._lamps), len(hits.pixel)), np.float32)
+        sent = np.zeros((len(self._models), len(self._lamps), len(hits.pixel)), np.float32)
+        vector = np.zeros((len(self._models), len(self._lamps), 3, len(hits.pixel)), np.float32)
         turn = rng.random((len(hits.pixel), 2))
         for number in range(rays):
-            self._add_path(found, hits, ((turn + number * _STEPS) % 1).astype(np.float32), rng)
-        found /= np.float32(rays)
-        return found.reshape(self.kinds, -1)
+            direction, weight = scattered(hits, ((turn + number * _STEPS) % 1).astype(np.float32))
+            lit, arriving = self._arriving(hits, direction, weight, rng)
+            along, weight = direction[lit], weight[lit]
+            sent[:, :, lit] += arriving * (weight * self._scattered(hits, lit, along))[:, None]
+            per_angle = weight / np.maximum(dot(along, hits.normal[lit]), _LEAST_COSINE)
+            for axis in range(3):
+                vector[:, :, axis, lit] += arriving * (per_angle * along[:, axis])
+        sent /= np.float32(rays)
+        vector /= np.float32(rays)
+        return sent.reshape(self.kinds, -1), vector.reshape(self.kinds, 3, -1)
 
-    def _add_path(self, found: np.ndarray, start: Hits, at: np.ndarray, rng: np.random.Generator) -> None:
-        """Add to `found` (models, lamps, n) what one path from each of the hits (n,) brings; `at` as in `scattered`."""
-        path = np.arange(len(start.pixel))  # number of the path that a surface ends
+    def _arriving(
+        self, start: Hits, direction: np.ndarray, weight: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers (m,) of hits (n,) to which one path may bring light along `direction` (n, 3), and its radiance.
+
+        Radiance is (models, lamps, m); where `weight` (n,) is 0 there is none.
+        """
+        lit = path = going = np.flatnonzero(weight)  # `path`: number of the hit that a ray's path started at
+        radiance = np.zeros((len(self._models), len(self._lamps), len(start.pixel)), np.float32)
         carried = np.ones((len(self._models), len(path)), np.float32)  # share of the light there that comes through
         for number in range(self._options.bounces):
-            if number:
-                at = rng.random((len(path), 2), np.float32)
-            direction, weight = scattered(start, at)
-            going = np.flatnonzero(weight)
             origins = start.point[going] + np.float32(START_OFFSET) * start.plane[going]
             met = meet(self._surfaces, start.rows, origins, direction[going])
-            # Where no light comes from the sky, reflectance is asked for only where a surface is met.
-            used = np.arange(len(going)) if self._options.ambient else met.pixel
-            last = going[used]
-            carried = carried[:, last] * weight[last] * self._scattered(start, last, direction[last])
-            path = path[last]
             if self._options.ambient:
-                lost = np.delete(used, met.pixel)
-                found[:, :, path[lost]] += carried[:, None, lost] * self._ambient
-                path, carried = path[met.pixel], carried[:, met.pixel]
-            self._add_lamps(found, met, path, carried)
+                lost = np.delete(np.arange(len(path)), met.pixel)
+                radiance[:, :, path[lost]] += carried[:, None, lost] * self._ambient
+            path, carried = path[met.pixel], carried[:, met.pixel]
+            if not number and not self._options.ambient:
+                lit = path
+            self._add_lamps(radiance, met, path, carried)
             start = met
+            if number + 1 < self._options.bounces:
+                direction, weight = scattered(start, rng.random((len(path), 2), np.float32))
+                going = np.flatnonzero(weight)
+                path = path[going]
+                carried = carried[:, going] * weight[going] * self._scattered(start, going, direction[going])
         if self._options.ambient:
             albedo = np.stack([self._materials.albedo(model, start.face) for model in self._models])
-            found[:, :, path] += (carried * albedo)[:, None] * self._ambient
+            radiance[:, :, path] += (carried * albedo)[:, None] * self._ambient
+        return lit, radiance[:, :, lit]
 
-    def _add_lamps(self, found: np.ndarray, met: Hits, path: np.ndarray, carried: np.ndarray) -> None:
+    def _add_lamps(self, radiance: np.ndarray, met: Hits, path: np.ndarray, carried: np.ndarray) -> None:
         for number, lamp in enumerate(self._lamps):
             lit, to_lamp, irradiance = lighting(self._surfaces, met, lamp, falloff=self._options.falloff)
-            found[:, number, path[lit]] += carried[:, lit] * irradiance * self._scattered(met, lit, to_lamp)
+            radiance[:, number, path[lit]] += carried[:, lit] * irradiance * self._scattered(met, lit, to_lamp)
 
     def _scattered(self, hits: Hits, chosen: np.ndarray, to_lamp: np.ndarray) -> np.ndarray:
         """(models, m) f_r of chosen hits (m,) for light from unit vectors (m, 3)."""
@@ -165,10 +184,10 @@ def indirect_layers(
         for offset in offsets:
             hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, offset)
             if grid is None:
-                light = paths.radiance(hits, rays, rng)
+                light, _ = paths.radiance(hits, rays, rng)
             else:
                 light, unknown = grid.at(hits, lens.width, offset)
-                light[:, unknown] = paths.radiance(hits.part(unknown), rays, rng)
+                light[:, unknown], _ = paths.radiance(hits.part(unknown), rays, rng)
             for layer, kind in zip(layers.values(), light, strict=True):
                 layer[rows].reshape(-1)[hits.pixel] += kind / np.float32(len(offsets))
 
@@ -190,12 +209,14 @@ def _gathered(
     size = (coarse.height, coarse.width)
     point, normal = np.zeros((*size, 3), np.float32), np.zeros((*size, 3), np.float32)
     seen, thickness = np.zeros(size, bool), np.zeros(size, np.float32)
-    light = np.zeros((paths.kinds, *size), np.float32)
+    light, vector = np.zeros((paths.kinds, *size), np.float32), np.zeros((paths.kinds, 3, *size), np.float32)
     pixel_size = _PIXELS_THICK / coarse.fx  # at a distance of 1
 
     def work(rows: slice) -> None:
         hits = cast_strip(surfaces, sandbox_from_camera, coarse, rows)
-        found = paths.radiance(hits, options.bounce_rays, generator(options.seed, *purpose, "coarse", rows.start))
+        sent, arriving = paths.radiance(
+            hits, options.bounce_rays, generator(options.seed, *purpose, "coarse", rows.start)
+        )
         from_camera = hits.point - sandbox_from_camera.translation.astype(np.float32)
         for picture, values in (
             (point, hits.point),
@@ -204,8 +225,11 @@ def _gathered(
             (thickness, np.float32(pixel_size) * np.sqrt(dot(from_camera, from_camera))),
         ):
             picture[rows].reshape(-1, *picture.shape[2:])[hits.pixel] = values
-        for picture, values in zip(light, found, strict=True):
-            picture[rows].reshape(-1)[hits.pixel] = values
+        high = rows.stop - rows.start
+        filled = np.zeros((paths.kinds, 4, high * coarse.width), np.float32)
+        filled[:, 0, hits.pixel], filled[:, 1:, hits.pixel] = sent, arriving
+        filled = filled.reshape(paths.kinds, 4, high, coarse.width)
+        light[:, rows], vector[:, :, rows] = filled[:, 0], filled[:, 1:]
 
     for_strips(coarse.height, threads, work)
-    return Grid(options.bounce_scale, seen, point, normal, thickness, light).smoothed()
+    return Grid.smoothed(options.bounce_scale, seen, point, normal, thickness, light, vector)

@@ -166,7 +166,7 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
         description="Diffuse reflections that light is traced over between its lamp and the surface that is seen; 0: "
         "none, `bounce` stands for them. Chrono's models have none.",
     )
-    bounce_rays: int = Field(64, ge=1, description="Random paths of a traced pixel.")
+    bounce_rays: int = Field(128, ge=1, description="Random paths of a traced pixel.")
     bounce_scale: int = Field(
         4,
         ge=1,

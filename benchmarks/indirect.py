@@ -1,0 +1,66 @@
+"""What indirect light adds to a run's terrain, and what it costs.
+
+    python benchmarks/indirect.py results/demo 3 [--rim-albedo 0.5] [--full]
+
+prints, seen from the first position's left camera under every lamp, the share of indirect light in the radiance of lit
+ground, and the radiance of ground in shadow over that of lit ground; then, with --full, the CPU seconds of a whole view
+(five lamps, two models). Shares come from a photo of an eighth of the size, traced at every pixel.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats.instances import GROUND
+from polarsim.formats.lamps import read_suns
+from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.scene import read_terrain
+from polarsim.render.hits import cast_strip
+from polarsim.render.lamps import lamps_of
+from polarsim.render.layers import render_view
+from polarsim.render.options import Model, RenderOptions
+from polarsim.render.surfaces import surfaces_of
+
+MODELS: tuple[Model, ...] = ("hapke", "principled")
+SMALL = 1 / 8  # of a photo
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("run", type=Path)
+    parser.add_argument("terrain", type=int)
+    parser.add_argument("--rim-albedo", type=float, default=0.5)
+    parser.add_argument("--full", action="store_true")
+    given = parser.parse_args()
+    name = f"Terrain{given.terrain:02d}"
+    rigs = read_all_placed(given.run / "cameras" / name)
+    suns = read_suns(given.run / "cameras" / name, rigs)
+    options = RenderOptions(rim_albedo=given.rim_albedo, bounce=0)
+    surfaces = surfaces_of(read_terrain(given.run / "meshes" / name, given.terrain), options)
+    surfaces.prepare(shadows=False)
+    rig = next(iter(rigs.values()))
+    pose, lamps = rig.sandbox_from("L"), lamps_of(suns, rig)
+    lens = rig.rig.left.scaled(SMALL)
+    hits = cast_strip(surfaces, pose, lens, slice(0, lens.height))
+    ground = np.zeros((lens.height, lens.width), bool)
+    ground.reshape(-1)[hits.pixel] = surfaces.id_of_face[hits.face] == GROUND
+    for bounces in (1, 2, 3):
+        changed = options.model_copy(update={"bounces": bounces, "bounce_scale": 1})
+        view = render_view(surfaces, pose, lens, lamps, MODELS, None, changed)
+        for key, whole in view.whole.items():
+            lit, dark = (ground & chosen for chosen in (view.layers[key] > 0, view.layers[key] == 0))
+            share, level = view.indirect[key][lit].sum() / whole[lit].sum(), whole[dark].mean() / whole[lit].mean()
+            print(f"{bounces} bounces, {key[0]:10s} lamp {key[1]:5s}: {share:.3f} of lit ground, shadows {level:.3f}")
+    for bounces in (0, 1, 2, 3) if given.full else ():
+        start = time.process_time()
+        changed = options.model_copy(update={"bounces": bounces})
+        render_view(surfaces, pose, rig.rig.left, lamps, MODELS, None, changed)
+        print(f"a view with {bounces} bounces: {time.process_time() - start:.1f} s CPU")
+
+
+if __name__ == "__main__":
+    main()
