@@ -19,8 +19,8 @@ import numpy as np
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import START_OFFSET
-from polarsim.randomness import generator
 from polarsim.geometry.vectors import dot, unit
+from polarsim.randomness import generator
 from polarsim.render.hits import Hits, cast_strip, for_strips, meet, sample_offsets
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import lighting

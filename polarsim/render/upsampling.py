@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.lens import HALF_PIXEL
-from polarsim.render.hits import Hits, dot
+from polarsim.geometry.vectors import dot
+from polarsim.render.hits import Hits
 
 _LEAST_LIKE = np.float32(0.1)  # weight of all neighbours together, of 1, below which they do not tell
 _POWER = 2  # squarings of the cosine between two normals: its 4th power, one half at 33 degrees

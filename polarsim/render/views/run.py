@@ -113,6 +113,7 @@ def _render(
     lamps = {name: lamp for picture in unit for name, lamp in picture.lamps(views).items()}
     models = [model for model in views.render.models if any(picture.model == model for picture in unit)]
     rendering = render_view(scene.surfaces, pose, lens, lamps, models, list(lights), views.render, threads)
+    layers = rendering.whole
     for name, picture in lights.items():
         labels[picture.ground_truth] = annotations_of(rendering.ids[name], views.render)
         job.write_instances(picture, rendering.ids[name])
@@ -122,9 +123,9 @@ def _render(
 
     def write(picture: Picture) -> float:
         name, gain = picture.light.name, scene.parts[0].scene.gain(picture.model)
-        radiance = rendering.layers[picture.model, name] * darkening
+        radiance = layers[picture.model, name] * darkening
         if picture.rover:
-            radiance += rendering.layers[picture.model, ROVER] * darkening
+            radiance += layers[picture.model, ROVER] * darkening
         exposure_ms = picture.exposure_ms or auto_exposure(radiance, gain, views.auto_exposure)
         if name in stars:
             radiance += stars[name] * darkening
