@@ -5,6 +5,11 @@
 prints, seen from the first position's left camera under every lamp, the share of indirect light in the radiance of lit
 ground, and the radiance of ground in shadow over that of lit ground; then, with --full, the CPU seconds of a whole view
 (five lamps, two models). Shares come from a photo of an eighth of the size, traced at every pixel.
+
+Last figures, demo, terrain 3, walls of albedo 0.5, one bounce: indirect light is 3 to 21 % (hapke) and 7 to 13 %
+(principled) of the light of lit ground under the Sun lamps; ground in shadow has 0.6 to 18 % and 3 to 6 % of the
+radiance of lit ground. Two bounces more add 0.2 to 0.9 % of the whole. A view, CPU seconds on one thread: 3.6 without
+bounces, 40 with one, 80 with three; 590 MB at most.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class Hits:
     def part(self, chosen: np.ndarray) -> Hits:
         """Those with numbers (m,)."""
         arrays = (self.pixel, self.face, self.point, self.to_viewer, self.normal, self.plane)
-        return Hits(self.rows, *(array[chosen] for array in arrays))
+        return Hits(self.rows, *(array.take(chosen, axis=0) for array in arrays))
 
 
 def cast_strip(

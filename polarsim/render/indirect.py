@@ -1,8 +1,7 @@
-"""Light that reaches a surface by way of others: random paths over one to n diffuse bounces.
+"""Light that reaches a surface by way of others: random paths over one to n bounces.
 
-The surface that is seen scatters by its own model; those behind it are diffuse, with the model's bihemispherical albedo
-or the walls' own. At every bounce the lamps' light is counted by shadow rays (next-event estimation, Kajiya, SIGGRAPH
-1986). One set of paths serves all lamps and models.
+Every surface scatters by its model, walls of an albedo of their own evenly. At every bounce the lamps' light is counted
+by shadow rays (next-event estimation, Kajiya, SIGGRAPH 1986). One set of paths serves all lamps and models.
 
 Most of a sandbox's hemisphere is black sky, and what returns light, walls and rocks, lies near the horizon. So half of
 the paths leave by the cosine and half the denser the nearer to the horizon; each counts by the density of both together
@@ -77,9 +76,9 @@ class Paths:
         for number in range(rays):
             direction, weight = scattered(hits, ((turn + number * _STEPS) % 1).astype(np.float32))
             lit, arriving = self._arriving(hits, direction, weight, rng)
-            along, weight = direction[lit], weight[lit]
+            along, weight = direction.take(lit, axis=0), weight.take(lit)
             sent[:, :, lit] += arriving * (weight * self._scattered(hits, lit, along))[:, None]
-            per_angle = weight / np.maximum(dot(along, hits.normal[lit]), _LEAST_COSINE)
+            per_angle = weight / np.maximum(dot(along, hits.normal.take(lit, axis=0)), _LEAST_COSINE)
             for axis in range(3):
                 vector[:, :, axis, lit] += arriving * (per_angle * along[:, axis])
         sent /= np.float32(rays)
@@ -97,8 +96,9 @@ class Paths:
         radiance = np.zeros((len(self._models), len(self._lamps), len(start.pixel)), np.float32)
         carried = np.ones((len(self._models), len(path)), np.float32)  # share of the light there that comes through
         for number in range(self._options.bounces):
-            origins = start.point[going] + np.float32(START_OFFSET) * start.plane[going]
-            met = meet(self._surfaces, start.rows, origins, direction[going])
+            point, plane = start.point.take(going, axis=0), start.plane.take(going, axis=0)
+            origins = point + np.float32(START_OFFSET) * plane
+            met = meet(self._surfaces, start.rows, origins, direction.take(going, axis=0))
             if self._options.ambient:
                 lost = np.delete(np.arange(len(path)), met.pixel)
                 radiance[:, :, path[lost]] += carried[:, None, lost] * self._ambient
@@ -111,7 +111,9 @@ class Paths:
                 direction, weight = scattered(start, rng.random((len(path), 2), np.float32))
                 going = np.flatnonzero(weight)
                 path = path[going]
-                carried = carried[:, going] * weight[going] * self._scattered(start, going, direction[going])
+                carried = (
+                    carried[:, going] * weight[going] * self._scattered(start, going, direction.take(going, axis=0))
+                )
         if self._options.ambient:
             albedo = np.stack([self._materials.albedo(model, start.face) for model in self._models])
             radiance[:, :, path] += (carried * albedo)[:, None] * self._ambient
@@ -124,7 +126,8 @@ class Paths:
 
     def _scattered(self, hits: Hits, chosen: np.ndarray, to_lamp: np.ndarray) -> np.ndarray:
         """(models, m) f_r of chosen hits (m,) for light from unit vectors (m, 3)."""
-        faces, normal, to_viewer = hits.face[chosen], hits.normal[chosen], hits.to_viewer[chosen]
+        faces = hits.face.take(chosen)
+        normal, to_viewer = hits.normal.take(chosen, axis=0), hits.to_viewer.take(chosen, axis=0)
         reflectances = [self._materials.reflectance(model, faces, normal, to_lamp, to_viewer) for model in self._models]
         return np.stack(reflectances)
 

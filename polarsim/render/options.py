@@ -163,7 +163,7 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
         0,
         ge=0,
         le=8,
-        description="Diffuse reflections that light is traced over between its lamp and the surface that is seen; 0: "
+        description="Reflections that light is traced over between its lamp and the surface that is seen; 0: "
         "none, `bounce` stands for them. Chrono's models have none.",
     )
     bounce_rays: int = Field(128, ge=1, description="Random paths of a traced pixel.")

@@ -99,7 +99,7 @@ def test_our_principled_model_is_mitsubas(values, scalar):
     rng = np.random.default_rng(5)
     to_lamp, to_viewer = hemisphere(rng, 2000), hemisphere(rng, 2000)
     ours = brdf.reflectance(parameters, np.tile([0.0, 0, 1], (2000, 1)), to_lamp, to_viewer) * to_lamp[:, 2]
-    np.testing.assert_allclose(ours, mitsuba_values(parameters, to_lamp, to_viewer), rtol=1e-3)  # 4e-6 seen
+    np.testing.assert_allclose(ours, mitsuba_values(parameters, to_lamp, to_viewer), rtol=1e-3)  # 6e-6 seen
 
 
 @pytest.fixture
