@@ -16,7 +16,6 @@ from polarsim.geometry.vectors import dot, moved, rotated, scaled, unit
 from polarsim.render.surfaces import Surfaces
 
 STRIP = 64  # rows cast at once: bounds memory, and is the unit that threads share
-_OFFSETS = {1: ((0.0, 0.0),), 4: ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))}  # pixels
 _NO_NORMAL = 1e-12  # square of the length of smooth normals that cancel out
 _LEAST_SLOPE = 1e-3  # smooth normals that face the viewer less than this give way to the flat ones
 
@@ -102,8 +101,3 @@ def for_strips(height: int, threads: int, work: Callable[[slice], None]) -> None
         return
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(work, strips))
-
-
-def sample_offsets(samples: int) -> tuple[tuple[float, float], ...]:
-    """Places inside a pixel, in pixels from its centre."""
-    return _OFFSETS[samples]

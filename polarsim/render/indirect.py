@@ -20,11 +20,12 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import START_OFFSET
 from polarsim.geometry.vectors import dot, unit
 from polarsim.randomness import generator
-from polarsim.render.hits import Hits, cast_strip, for_strips, meet, sample_offsets
+from polarsim.render.hits import Hits, cast_strip, for_strips, meet
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import lighting
 from polarsim.render.materials import Materials
 from polarsim.render.options import Model, RenderOptions
+from polarsim.render.pixel_filter import sample_offsets
 from polarsim.render.surfaces import Surfaces
 from polarsim.render.upsampling import Grid
 
@@ -173,7 +174,7 @@ def indirect_layers(
         return layers
     surfaces.prepare(shadows=False)
     paths = Paths(surfaces, lamps, models, materials, options)
-    offsets = sample_offsets(options.samples)
+    offsets = sample_offsets(options)
     rays = -(-options.bounce_rays // len(offsets))
     # Two cameras must not share their grain: stereo would see a picture on the screen.
     purpose = ("indirect", np.round(sandbox_from_camera.matrix, 6).tolist())

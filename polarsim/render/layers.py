@@ -11,12 +11,13 @@ from polarsim.errors import RenderError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.render import brdf
-from polarsim.render.hits import Hits, cast_strip, for_strips, sample_offsets
+from polarsim.render.hits import Hits, cast_strip, for_strips
 from polarsim.render.indirect import indirect_layers
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import lighting
 from polarsim.render.materials import Materials, Reflectance
 from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
+from polarsim.render.pixel_filter import sample_offsets
 from polarsim.render.shadows import ground_shadows
 from polarsim.render.surfaces import Surfaces
 from polarsim.render.surroundings import Surroundings
@@ -70,7 +71,7 @@ def render_view(
     """
     reflectance = reflectance_engine(options, threads)
     albedo = {model: 0.0 if model in CHRONO else hemispherical_albedo(options.parameters(model)) for model in models}
-    offsets = sample_offsets(options.samples)
+    offsets = sample_offsets(options)
     surfaces.prepare(shadows=bool(throwing))
     size = (lens.height, lens.width)
     layers = {(model, name): np.zeros(size, np.float32) for model in models for name in lamps}

@@ -6,6 +6,8 @@ from typing import Literal, get_args
 
 from pydantic import BaseModel, Field, PositiveFloat
 
+from polarsim.render.sensor_options import SensorOptions
+
 Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
 MODELS: tuple[Model, ...] = get_args(Model)
 CHRONO: tuple[Model, ...] = ("hapke_chrono", "principled_chrono")  # direct light only, as in the paper's pictures
@@ -123,7 +125,7 @@ Parameters = (
 )
 
 
-class RenderOptions(BaseModel, extra="forbid", frozen=True):
+class RenderOptions(SensorOptions):
     """Twins and automatic labels."""
 
     models: tuple[Model, ...] = Field(("principled", "hapke"), description="Reflectance models that twins are made in.")
@@ -137,7 +139,6 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
     hapke_chrono: HapkeChronoParameters = HapkeChronoParameters()
     principled_chrono: PrincipledChronoParameters = PrincipledChronoParameters()
 
-    samples: Literal[1, 4] = Field(1, description="Rays a pixel.")
     falloff: bool = Field(
         False, description="Lamps weaken with the square of the distance. Off: real spots light the sand more evenly."
     )
@@ -190,8 +191,6 @@ class RenderOptions(BaseModel, extra="forbid", frozen=True):
         default_factory=dict, description="Grey values per ms and unit of radiance; a model left out is calibrated."
     )
     calibration_photos: int = Field(6, ge=0, description="Photos that a gain is calibrated on; 0: built-in gains.")
-    noise: bool = Field(False, description="Shot and read noise; noisy twins take 1.5 times the space.")
-    vignetting: bool = Field(False, description="Darken by the fourth power of the cosine to the optical axis.")
     seed: int = Field(0, ge=0, description="Seed of the noise and of traced light.")
 
     min_rock_px: int = Field(30, ge=1, description="Rocks with fewer visible pixels get no box.")

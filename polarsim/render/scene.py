@@ -18,13 +18,13 @@ from polarsim.formats.scene import read_terrain
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL
-from polarsim.randomness import generator
 from polarsim.render.gain import default_gain
 from polarsim.render.lamps import Lamp
 from polarsim.render.layers import render_view
 from polarsim.render.maps import Maps, maps_of
+from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.sensor import expose, vignette
+from polarsim.render.sensor import expose, noise_of
 from polarsim.render.surfaces import Surfaces, surfaces_of
 
 
@@ -89,15 +89,12 @@ class Scene:
         RenderError
             The engine cannot be loaded.
         """
-        view = render_view(
-            self.surfaces, shot.sandbox_from_camera, shot.lens, shot.lamps, [shot.model], None, self.options, threads
-        )
-        radiance = sum(view.whole.values(), np.zeros((shot.lens.height, shot.lens.width), np.float32))
-        if self.options.vignetting:
-            radiance = radiance * vignette(shot.lens)
-        seed = (self.options.seed, "sensor", "scene", self.terrain, shot.exposure_ms)
-        noise = generator(*seed) if self.options.noise else None
-        return expose(radiance, shot.exposure_ms * self.gain(shot.model), noise)
+        pose, lens, lamps, options = shot.sandbox_from_camera, shot.lens, shot.lamps, self.options
+        view = render_view(self.surfaces, pose, lens, lamps, [shot.model], None, options, threads)
+        layers = through_lens(view.whole, lamps, self.surfaces, pose, lens, options, threads)
+        radiance = sum(layers.values(), np.zeros((lens.height, lens.width), np.float32))
+        noise = noise_of(options, "scene", self.terrain, shot.exposure_ms)
+        return expose(radiance, shot.exposure_ms * self.gain(shot.model), options, noise)
 
     def maps(self, shot: Shot, threads: int = 1) -> Maps:
         """Depth, normals and ids of what a shot shows, and its angles to the first of its lamps."""

@@ -18,13 +18,13 @@ from polarsim.formats.scene import read_terrain
 from polarsim.geometry.lens import Lens
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
-from polarsim.randomness import generator
 from polarsim.render.automatic import label_row, label_view
 from polarsim.render.gain import calibrate, calibration_photos, default_gain
 from polarsim.render.lamps import lamps_of, lit_by
-from polarsim.render.layers import Rendering, render_view
+from polarsim.render.layers import render_view
+from polarsim.render.optics import Layers, through_lens
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.sensor import expose, vignette
+from polarsim.render.sensor import expose, noise_of
 from polarsim.render.surfaces import Surfaces, surfaces_of
 
 log = logging.getLogger("polarsim.render")
@@ -102,8 +102,8 @@ def render_twins(
         folder.mkdir(parents=True, exist_ok=True)
     found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
-        rendering = _render(surfaces, rigs[view[0]], suns, view[1], views[view], list(twins), options, threads)
-        lens, layers = rigs[view[0]].rig.lens(view[1]), rendering.whole
+        layers, ids = _render(surfaces, rigs[view[0]], suns, view[1], views[view], list(twins), options, threads)
+        lens = rigs[view[0]].rig.lens(view[1])
         for model, folder in twins.items():
             if model not in gains:  # the view with the references comes first
                 found = calibrate(references, layers, model)
@@ -112,7 +112,7 @@ def render_twins(
                 log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, gains[model], origin)
             own = {name: layer for (of, name), layer in layers.items() if of == model}
             write_photos(folder, views[view], own, lens, gains[model], options, threads)
-        found_labels |= label_view(views[view], rendering.ids, labels.boxes, labels.instances, options)
+        found_labels |= label_view(views[view], ids, labels.boxes, labels.instances, options)
     sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {(WIDTH, HEIGHT)}
     coco.write_coco(labels.annotations, found_labels, size=max(sizes))
     in_order = sorted(found_labels, key=lambda key: (key.position, key.camera, key))
@@ -129,13 +129,14 @@ def _render(
     models: Sequence[Model],
     options: RenderOptions,
     threads: int,
-) -> Rendering:
-    """The view under the lamps that its photos need."""
+) -> tuple[Layers, dict[str, np.ndarray]]:
+    """Layers of the view through its lens, under the lamps that its photos need, and its ids by lamp."""
     needed = {name for key in keys for name in lit_by(key)}
     lamps = {name: lamp for name, lamp in lamps_of(suns, rig, options.lamp_radius_m).items() if name in needed}
     throwing = sorted({lit_by(key)[0] for key in keys if lit_by(key)})
     pose, lens = rig.sandbox_from(camera), rig.rig.lens(camera)
-    return render_view(surfaces, pose, lens, lamps, models, throwing, options, threads)
+    rendering = render_view(surfaces, pose, lens, lamps, models, throwing, options, threads)
+    return through_lens(rendering.whole, lamps, surfaces, pose, lens, options, threads), rendering.ids
 
 
 def write_photos(
@@ -148,7 +149,6 @@ def write_photos(
     threads: int,
 ) -> None:
     """Write the photos of one view, `folder/KEY.png`, from its layers by lamp."""
-    darkening = vignette(lens) if options.vignetting else None
     dark = np.zeros((lens.height, lens.width), np.float32)
     photo_sets: dict[tuple[object, ...], list[PhotoKey]] = {}
     for key in keys:
@@ -156,11 +156,9 @@ def write_photos(
 
     def write(photo_set: list[PhotoKey]) -> None:
         radiance = sum((layers[name] for name in lit_by(photo_set[0])), dark)
-        if darkening is not None:
-            radiance = radiance * darkening
         for key in photo_set:
-            noise = generator(options.seed, "sensor", key) if options.noise else None
-            png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, noise))
+            noise = noise_of(options, key)
+            png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
         list(pool.map(write, photo_sets.values()))

@@ -1,44 +1,71 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.lens import Lens
-from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
-from polarsim.render.sensor import expose, vignette
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
+from polarsim.render.options import RenderOptions
+from polarsim.render.sensor import expose, noise_of
 
 RADIANCE = np.array([[0.0, 0.1, 1.0, 5.0, 100.0]], np.float32)
+OPTIONS = RenderOptions()
+KEY = PhotoKey.parse("03_A_off_180_L_0256")
 
 
 def test_darkness_is_the_black_level():
-    assert expose(RADIANCE, 10)[0, 0] == BLACK_LEVEL
+    assert expose(RADIANCE, 10, OPTIONS)[0, 0] == BLACK_LEVEL
 
 
 def test_twice_the_exposure_is_twice_the_signal_until_it_clips():
-    short, long = (expose(RADIANCE, light).astype(int) - BLACK_LEVEL for light in (100, 200))
+    short, long = (expose(RADIANCE, light, OPTIONS).astype(int) - BLACK_LEVEL for light in (100, 200))
     assert short[0].tolist() == [0, 10, 100, 500, WHITE_LEVEL - BLACK_LEVEL]
     assert long[0].tolist() == [0, 20, 200, 1000, WHITE_LEVEL - BLACK_LEVEL]
 
 
 def test_no_light_is_too_bright_for_the_sensor():
-    assert expose(np.full((1, 1), 1e30, np.float32), 1e6)[0, 0] == WHITE_LEVEL
+    assert expose(np.full((1, 1), 1e30, np.float32), 1e6, OPTIONS)[0, 0] == WHITE_LEVEL
 
 
 def test_values_are_rounded():
-    assert expose(np.array([[0.149, 0.151]], np.float32), 10)[0].tolist() == [BLACK_LEVEL + 1, BLACK_LEVEL + 2]
+    photo = expose(np.array([[0.149, 0.151]], np.float32), 10, OPTIONS)
+    assert photo[0].tolist() == [BLACK_LEVEL + 1, BLACK_LEVEL + 2]
 
 
 def test_noise_follows_shot_and_read_noise(rng):
-    photo = expose(np.full((400, 400), 1.0, np.float32), 1000, rng).astype(float)
+    photo = expose(np.full((400, 400), 1.0, np.float32), 1000, OPTIONS, rng).astype(float)
     assert photo.mean() == pytest.approx(BLACK_LEVEL + 1000, abs=0.2)
     assert photo.std() == pytest.approx(np.sqrt(8 * 1000 + 49) / 8, rel=0.02)  # 8 electrons a grey value, 7 read
 
 
-def test_the_same_noise_for_the_same_seed():
-    photos = [expose(RADIANCE, 100, np.random.default_rng(1)) for _ in range(2)]
-    np.testing.assert_array_equal(*photos)
+@pytest.mark.parametrize(("per_grey_value", "read"), [(8.0, 7.0), (2.0, 4.0), (20.0, 60.0)])
+def test_the_photon_transfer_curve_tells_gain_and_read_noise(rng, per_grey_value, read):
+    """The variance of grey values is their mean over the gain, plus read noise, plus rounding's 1/12."""
+    options = OPTIONS.model_copy(update={"electrons_per_grey_value": per_grey_value, "read_noise_electrons": read})
+    signals = np.linspace(0, 2000, 9, dtype=np.float32)
+    photos = [expose(np.full((300, 300), signal), 1, options, rng).astype(float) for signal in signals]
+    means = np.array([photo.mean() - BLACK_LEVEL for photo in photos])
+    variances = np.array([photo.var() for photo in photos])
+    np.testing.assert_allclose(means, signals, atol=0.5)
+    np.testing.assert_allclose(variances, signals / per_grey_value + (read / per_grey_value) ** 2 + 1 / 12, rtol=0.03)
+    slope, _ = np.polyfit(means, variances, 1, w=1 / (1 + variances))
+    assert 1 / slope == pytest.approx(per_grey_value, rel=0.02)
 
 
-def test_vignetting_is_cos_to_the_fourth():
-    lens = Lens(100, 100, 100.5, 50.5, width=201, height=101)
-    shade = vignette(lens)
-    assert shade[50, 100] == 1
-    assert shade[50, 200] == pytest.approx(np.cos(np.pi / 4) ** 4)
+def test_without_light_and_read_noise_nothing_varies(rng):
+    options = OPTIONS.model_copy(update={"read_noise_electrons": 0})
+    assert (expose(np.zeros((50, 50), np.float32), 1000, options, rng) == BLACK_LEVEL).all()
+
+
+def test_a_picture_has_its_own_noise_and_the_same_every_time():
+    noisy = RenderOptions(noise=True)
+    assert noise_of(OPTIONS, KEY) is None
+    drawn = [
+        noise_of(options, key).standard_normal(50)
+        for options, key in (
+            (noisy, KEY),
+            (noisy, KEY),
+            (noisy, KEY.with_exposure(512)),
+            (noisy.model_copy(update={"seed": 1}), KEY),
+        )
+    ]
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+    for other in drawn[2:]:
+        assert np.abs(np.corrcoef(drawn[0], other)[0, 1]) < 0.5

@@ -1,0 +1,62 @@
+"""Light of lamps in or beside the picture that scatters in the lens: a veil that thins out with the angle."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from scipy.integrate import quad
+
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.pixel_rays import pixel_directions
+from polarsim.geometry.poses import Pose
+from polarsim.render.lamps import Lamp
+from polarsim.render.options import RenderOptions
+from polarsim.render.penumbra import visible_share
+from polarsim.render.surfaces import Surfaces
+
+CORE = float(np.radians(1))  # angle within which the veil flattens: the law was measured down to here
+
+
+def flare_of(
+    surfaces: Surfaces, sandbox_from_camera: Pose, lens: Lens, lamp: Lamp, options: RenderOptions
+) -> np.ndarray:
+    """(h, w) float32 radiance of the veil that a lamp of the scene draws over the picture; 1 as in layers.
+
+    The lamp's irradiance on the lens, in so far as nothing hides the lamp, times the share `options.flare`, times
+    `scattering`. The lamp's own image is the veil's core, which most exposures clip.
+    """
+    place = sandbox_from_camera.translation[None]
+    to_lamp, irradiance = lamp.light_at(place, falloff=options.falloff)
+    towards = sandbox_from_camera.rotation.T @ (to_lamp[0] / np.linalg.norm(to_lamp))
+    if towards[2] <= 0:  # it stands beside or behind the lens
+        return np.zeros((lens.height, lens.width), np.float32)
+    light = irradiance[0] * towards[2] * _seen_share(surfaces, place, to_lamp, lamp, options.lamp_samples)
+    if not light:
+        return np.zeros((lens.height, lens.width), np.float32)
+    directions = pixel_directions(lens, slice(None))
+    cosine = directions @ towards / np.sqrt((directions**2).sum(axis=-1))
+    return (options.flare * light * scattering(np.arccos(np.clip(cosine, -1, 1)))).astype(np.float32)
+
+
+def scattering(angle: np.ndarray) -> np.ndarray:
+    """Radiance, 1/sr, per scattered irradiance, at angles (...) from the lamp, radians.
+
+    One over the square of the angle, as in Stiles and Holladay's law of disability glare (CIE 146:2002; Vos, Clin. Exp.
+    Optom. 86 (2003) 363), flat within `CORE`: this is Harvey and Shack's law of polished surfaces with its usual slope
+    of -2. All of it falls into the half-space before the lens: the integral over that is 1.
+    """
+    return _strength() / (angle**2 + CORE**2)
+
+
+@cache
+def _strength() -> float:
+    return float(1 / quad(lambda angle: 2 * np.pi * np.sin(angle) / (angle**2 + CORE**2), 0, np.pi / 2)[0])
+
+
+def _seen_share(surfaces: Surfaces, place: np.ndarray, to_lamp: np.ndarray, lamp: Lamp, samples: int) -> float:
+    """Share of the lamp that is seen from a place (1, 3)."""
+    if not lamp.radius_m:
+        return float(not surfaces.all.blocked(place, to_lamp, 1.0)[0])
+    place, to_lamp = place.astype(np.float32), to_lamp.astype(np.float32)
+    return float(visible_share(surfaces, place, to_lamp, lamp.radius_m, samples, np.zeros(1))[0])

@@ -1,0 +1,85 @@
+"""What the lens does to a view's layers. All of it is linear: done once a layer, it holds for every photo."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+
+import numpy as np
+from scipy import fft
+
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.pixel_rays import pixel_directions
+from polarsim.geometry.poses import Pose
+from polarsim.render.flare import flare_of
+from polarsim.render.lamps import Lamp
+from polarsim.render.options import Model, RenderOptions
+from polarsim.render.sensor_options import SensorOptions
+from polarsim.render.surfaces import Surfaces
+
+Layers = dict[tuple[Model, str], np.ndarray]
+
+
+def through_lens(
+    layers: Mapping[tuple[Model, str], np.ndarray],
+    lamps: Mapping[str, Lamp],
+    surfaces: Surfaces,
+    sandbox_from_camera: Pose,
+    lens: Lens,
+    options: RenderOptions,
+    threads: int = 1,
+) -> Layers:
+    """Layers (h, w) by model and lamp, as radiance that the sensor gets: spread, darkened, with the lamps' flare."""
+    darkening = vignette(lens) if options.vignetting else None
+    flares = {}
+    if options.flare:
+        seen_lamps = {name for _, name in layers}
+        flares = {name: flare_of(surfaces, sandbox_from_camera, lens, lamps[name], options) for name in seen_lamps}
+
+    def seen(layer: np.ndarray, lamp: str) -> np.ndarray:
+        layer = spread(layer, options)
+        if darkening is not None:
+            layer = layer * darkening
+        return layer + flares[lamp] if lamp in flares else layer
+
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        found = pool.map(seen, layers.values(), (lamp for _, lamp in layers))
+        return dict(zip(layers, found, strict=True))
+
+
+def spread(image: np.ndarray, options: SensorOptions) -> np.ndarray:
+    """(h, w) float32 image blurred, with halo and veil; without any of these the image itself.
+
+    The light of a point goes to three places: `blur_px` about it, `bloom_px` about it, and everywhere. What leaves the
+    picture comes back in as if the scene went on mirrored, so that its light stays the same and its rim does not
+    darken: then the cosine transform turns all three into one product.
+    """
+    if not (options.blur_px or options.bloom or options.veiling_glare):
+        return image
+    height, width = image.shape
+    row, column = _gaussian(height, options.blur_px), _gaussian(width, options.blur_px)
+    transfer = np.outer((1 - options.bloom - options.veiling_glare) * row, column)
+    if options.bloom:
+        row, column = _gaussian(height, options.bloom_px), _gaussian(width, options.bloom_px)
+        transfer += np.outer(options.bloom * row, column)
+    transfer[0, 0] += options.veiling_glare
+    waves = fft.dctn(image.astype(np.float32, copy=False))
+    waves *= transfer
+    return np.maximum(fft.idctn(waves, overwrite_x=True), 0)  # rounding may leave less than no light
+
+
+def vignette(lens: Lens) -> np.ndarray:
+    """(h, w) float32 share of light that reaches a pixel: the fourth power of the cosine to the optical axis."""
+    directions = pixel_directions(lens, slice(None))
+    return (1 / (directions**2).sum(axis=-1) ** 2).astype(np.float32)
+
+
+@cache
+def _gaussian(size: int, sd_px: float) -> np.ndarray:
+    """(size,) what a Gaussian leaves of the waves of a cosine transform.
+
+    The discrete Gaussian (Lindeberg, IEEE Trans. PAMI 12 (1990) 234) has no negative value, and exactly the variance
+    that is asked for, at any width; a sampled one is off below a pixel.
+    """
+    return np.exp(sd_px**2 * (np.cos(np.pi * np.arange(size) / size) - 1)).astype(np.float32)

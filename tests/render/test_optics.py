@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+from scipy import ndimage
+
+from polarsim.geometry.lens import Lens
+from polarsim.render.flare import flare_of
+from polarsim.render.lamps import Lamp
+from polarsim.render.layers import render_view
+from polarsim.render.optics import spread, through_lens, vignette
+from polarsim.render.sensor_options import SensorOptions
+
+POINT = np.zeros((81, 101), np.float32)
+POINT[40, 50] = 1
+LAMPS = {"front": Lamp(np.array([1.2, 0.9, 1.1])), "seen": Lamp(np.array([-1.0, 0.2, 0.5]))}
+
+
+def second_moment(image):
+    """Of the 41 x 41 pixels about the point, down and across: rounding far from it would count too much."""
+    near, steps = image[20:61, 30:71].astype(float), np.arange(-20, 21)
+    return np.array([(near.sum(axis=axis) * steps**2).sum() for axis in (1, 0)]) / near.sum()
+
+
+def test_a_lens_without_faults_leaves_layers_as_they_are(surfaces, camera, lens, plain):
+    layers = render_view(surfaces, camera, lens, LAMPS, ["lambert"], None, plain).layers
+    seen = through_lens(layers, LAMPS, surfaces, camera, lens, plain)
+    assert all(seen[key] is layer for key, layer in layers.items())
+    assert list(seen) == list(layers)
+
+
+@given(
+    blur_px=st.floats(0, 8),
+    bloom=st.floats(0, 0.5),
+    bloom_px=st.floats(1, 100),
+    veiling_glare=st.floats(0, 0.5),
+    size=st.tuples(st.integers(1, 60), st.integers(1, 60)),
+)
+def test_spreading_light_neither_adds_nor_loses_any(blur_px, bloom, bloom_px, veiling_glare, size):
+    options = SensorOptions(blur_px=blur_px, bloom=bloom, bloom_px=bloom_px, veiling_glare=veiling_glare)
+    image = np.random.default_rng(1).exponential(size=size).astype(np.float32)
+    seen = spread(image, options)
+    assert seen.sum(dtype=float) == pytest.approx(image.sum(dtype=float), rel=1e-5)
+    assert seen.min() >= 0
+
+
+@pytest.mark.parametrize("sd_px", [0.3, 0.6, 2.5])
+def test_a_blurred_point_has_the_stated_width(sd_px):
+    np.testing.assert_allclose(second_moment(spread(POINT, SensorOptions(blur_px=sd_px))), sd_px**2, rtol=2e-3)
+
+
+def test_wide_blur_is_that_of_another_program(rng):
+    image = rng.exponential(size=(90, 70)).astype(np.float32)
+    expected = ndimage.gaussian_filter(image, 5.0, mode="reflect", truncate=8)
+    np.testing.assert_allclose(spread(image, SensorOptions(blur_px=5.0)), expected, rtol=2e-3)
+
+
+def test_halo_and_veil_have_their_shares_of_a_point():
+    seen = spread(POINT, SensorOptions(bloom=0.2, bloom_px=6, veiling_glare=0.1))
+    veil = 0.1 / POINT.size
+    assert seen[40, 50] == pytest.approx(0.7 + 0.2 / (2 * np.pi * 6**2) + veil, rel=1e-4)
+    assert seen[0, 0] == pytest.approx(veil, rel=1e-3)
+    rows, columns = np.indices(POINT.shape)
+    within = (rows - 40) ** 2 + (columns - 50) ** 2 <= 12**2
+    assert (seen - veil)[within].sum() - 0.7 == pytest.approx(0.2 * (1 - np.exp(-2)), rel=0.02)  # two sd of a disc
+
+
+def test_more_than_all_light_cannot_be_spread():
+    with pytest.raises(ValidationError, match="above 1"):
+        SensorOptions(bloom=0.7, veiling_glare=0.4)
+
+
+def test_a_lens_sees_the_sum_of_two_lamps_as_the_sum_of_what_it_sees_of_each(surfaces, camera, lens, plain):
+    faults = {"blur_px": 0.7, "bloom": 0.02, "veiling_glare": 0.01, "flare": 0.01, "vignetting": True}
+    options = plain.model_copy(update=faults)
+    layers = render_view(surfaces, camera, lens, LAMPS, ["lambert"], None, plain).layers
+    seen = through_lens(layers, LAMPS, surfaces, camera, lens, options)
+    both = layers["lambert", "front"] + layers["lambert", "seen"]
+    flares = [flare_of(surfaces, camera, lens, lamp, options) for lamp in LAMPS.values()]
+    expected = spread(both, options) * vignette(lens) + sum(flares)
+    assert all(flare.any() for flare in flares)
+    np.testing.assert_allclose(sum(seen.values()), expected, rtol=1e-5, atol=1e-6 * both.max())
+
+
+def test_threads_do_not_change_a_bit(surfaces, camera, lens, plain):
+    options = plain.model_copy(update={"blur_px": 0.7, "bloom": 0.02, "flare": 0.01})
+    layers = render_view(surfaces, camera, lens, LAMPS, ["lambert", "hapke"], None, plain).layers
+    one, two = (through_lens(layers, LAMPS, surfaces, camera, lens, options, threads) for threads in (1, 2))
+    for key, layer in one.items():
+        np.testing.assert_array_equal(two[key], layer)
+
+
+def test_vignetting_is_cos_to_the_fourth():
+    lens = Lens(100, 100, 100.5, 50.5, width=201, height=101)
+    shade = vignette(lens)
+    assert shade[50, 100] == 1
+    assert shade[50, 200] == pytest.approx(np.cos(np.pi / 4) ** 4)

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+from scipy.special import ndtr
+
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+from polarsim.render.lamps import Lamp
+from polarsim.render.layers import render_view
+from polarsim.render.options import RenderOptions
+from polarsim.render.pixel_filter import sample_offsets
+from polarsim.render.sensor_options import SensorOptions
+from polarsim.render.surfaces import surfaces_of
+
+SD_OF_BOX = 1 / np.sqrt(12)
+TURN = 0.13  # radians, of edges against the rows: the slanted edges of ISO 12233
+
+
+def offsets(samples, **options):
+    return np.array(sample_offsets(SensorOptions.model_construct(samples=samples, **options)))
+
+
+def gaussian(samples, sd_px=0.5):
+    return offsets(samples, pixel_filter="gaussian", filter_sd_px=sd_px)
+
+
+def test_one_ray_goes_through_the_centre_and_four_through_the_middles_of_the_quarters():
+    assert sample_offsets(SensorOptions()) == ((0, 0),)
+    quarters = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
+    assert sample_offsets(SensorOptions(samples=4)) == quarters
+
+
+@pytest.mark.parametrize("side", [3, 4])
+def test_a_box_has_one_sample_in_each_cell_and_in_each_fine_row_and_column(side):
+    places = offsets(side**2) + 0.5
+    cells = np.floor(places * side)
+    assert len(np.unique(cells, axis=0)) == side**2
+    for axis in range(2):
+        np.testing.assert_allclose(np.sort(places[:, axis]), (np.arange(side**2) + 0.5) / side**2)
+
+
+@pytest.mark.parametrize("samples", [4, 9, 16])
+@given(sd_px=st.floats(0.05, 1.5), angle=st.floats(0, np.pi))
+def test_a_gaussian_has_its_width_in_every_direction(samples, sd_px, angle):
+    places = gaussian(samples, sd_px)
+    along = places @ [np.cos(angle), np.sin(angle)]
+    assert along.mean() == pytest.approx(0, abs=1e-12)
+    assert along.std() == pytest.approx(sd_px)
+
+
+@pytest.mark.parametrize("samples", [4, 16, 400, 10_000])
+def test_with_many_samples_an_edge_comes_near_the_normal_distribution(samples):
+    places = np.sort(gaussian(samples)[:, 0])
+    steps = np.arange(samples) / samples
+    found = ndtr(places / 0.5)
+    assert np.maximum(np.abs(found - steps), np.abs(found - steps - 1 / samples)).max() < 0.75 / samples**0.9
+
+
+def test_a_gaussian_of_one_sample_is_refused():
+    with pytest.raises(ValidationError, match="needs samples"):
+        SensorOptions(pixel_filter="gaussian")
+
+
+@pytest.mark.parametrize(
+    ("options", "sd_px"),
+    [
+        ({"samples": 16}, SD_OF_BOX),
+        ({"samples": 9, "pixel_filter": "gaussian", "filter_sd_px": 0.5}, 0.5),
+        ({"samples": 16, "pixel_filter": "gaussian", "filter_sd_px": 0.8}, 0.8),
+    ],
+)
+def test_a_rendered_edge_is_as_wide_as_the_filter(blocks, options, sd_px):
+    """The variance of an edge's profile F, centred, is the integral of 2 |x| (1 - F or F): here over its pixels."""
+    lens, height = Lens(220.0, 220.0, 100.0, 70.0, width=200, height=140), 6.0
+    cos, sin = np.cos(TURN), np.sin(TURN)
+    pose = Pose(np.array([[cos, sin, 0], [sin, -cos, 0], [0, 0, -1]]), np.array([0.0, 0, height]))
+    chosen = RenderOptions(rim=False, bounce=0, **options)
+    lamp = {"lamp": Lamp(np.array([0.0, 0, 1e4]))}
+    image = render_view(surfaces_of(blocks(), chosen), pose, lens, lamp, ["lambert"], None, chosen).layers
+    profile = image["lambert", "lamp"] / (chosen.lambert.albedo / np.pi)
+    x = (np.arange(200) + 0.5 - 100) * height / 220
+    y = (np.arange(140)[:, None] + 0.5 - 70) * height / 220
+    in_sandbox = cos * x + sin * y, sin * x - cos * y
+    outside_px = (in_sandbox[0] - 2.0) * 220 / height  # the ground ends at x = 2
+    reach = 4.0
+    near = (np.abs(outside_px) < reach) & (np.abs(in_sandbox[1]) < 1.5)
+    missing = np.where(outside_px > 0, profile, 1 - profile)[near]
+    variance = (2 * np.abs(outside_px[near]) * missing).mean() * 2 * reach
+    assert near.sum() > 700
+    assert np.sqrt(variance) == pytest.approx(sd_px, rel=0.03)
