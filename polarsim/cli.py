@@ -263,6 +263,12 @@ def render(
     exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = 256.0,
     model: Annotated[Model, typer.Option(help="Reflectance model.")] = Model.hapke,
     engine: Annotated[Engine | None, typer.Option(help="Shading engine; default is the configuration's.")] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUE", help="Any key of the configuration's `render`, as samples=4; may be repeated."
+        ),
+    ] = None,
     cameras: Annotated[
         Path | None, typer.Option(help="PosX.json whose left lens is used; default is the real rig's stated one.")
     ] = None,
@@ -287,6 +293,7 @@ def render(
     _refuse_others(context, set(context.params) - {"limit", "scale"})
     import numpy as np
 
+    from polarsim.config import render_options
     from polarsim.formats import png
     from polarsim.formats.files import write_json
     from polarsim.formats.rigs import read_placed
@@ -294,7 +301,6 @@ def render(
     from polarsim.geometry.stereo import stated_rig
     from polarsim.render.lamps import Lamp
     from polarsim.render.maps import write_maps
-    from polarsim.render.options import RenderOptions
     from polarsim.render.scene import Scene, Shot
     from polarsim.tables.tone import to_8bit
 
@@ -305,7 +311,8 @@ def render(
         exposure_ms=exposure,
         model=model.value,
     )
-    scene = Scene(meshes, terrain, RenderOptions(**({"engine": engine.value} if engine else {})))
+    assignments = [*(option or ()), *([f"engine={engine.value}"] if engine else ())]
+    scene = Scene(meshes, terrain, render_options(assignments))
     picture = scene.picture(shot, threads)
     png.write(out, to_8bit(picture) if preview else picture)
     write_json(out.with_suffix(".json"), scene.sidecar(shot))

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import yaml
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from polarsim.acquire.options import SeedOptions, SourceOptions
@@ -103,11 +104,38 @@ def parse_config(content: Mapping[str, Any]) -> Config:
     try:
         return Config.model_validate(_with_release_root(dict(content)))
     except ValidationError as error:
-        problems = [
-            f"{'.'.join(str(part) for part in problem['loc']) or 'configuration'}: {_reason(problem)}"
-            for problem in error.errors()
-        ]
-        raise ConfigError("; ".join(problems)) from error
+        raise ConfigError(_told(error, "configuration")) from error
+
+
+def render_options(assignments: Sequence[str]) -> RenderOptions:
+    """Options of the renderer from texts `key=value`, such as `samples=4` or `principled.roughness=0.5`; last wins.
+
+    Values are YAML, so `gain={hapke: 150}` is possible.
+
+    Raises
+    ------
+    ConfigError
+        No `=` or no YAML; unknown keys or impossible values: one line that names each key.
+    """
+    content: dict[str, Any] = {}
+    for assignment in assignments:
+        key, equals, text = assignment.partition("=")
+        if not key or not equals:
+            raise ConfigError(f"{assignment!r} is no option: expected KEY=VALUE")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise ConfigError(f"{key}: {text!r} is no YAML value") from error
+        *sections, last = key.split(".")
+        place = content
+        for section in sections:
+            inner = place.get(section)
+            place[section] = place = dict(inner) if isinstance(inner, dict) else {}
+        place[last] = value
+    try:
+        return RenderOptions.model_validate(content)
+    except ValidationError as error:
+        raise ConfigError(_told(error, "options")) from error
 
 
 def schema() -> str:
@@ -121,6 +149,13 @@ def _with_release_root(content: dict[str, Any]) -> dict[str, Any]:
     if root and isinstance(source, Mapping) and source.get("kind") == "release":
         return {**content, "source": {**source, "root": root}}
     return content
+
+
+def _told(error: ValidationError, whole: str) -> str:
+    """All problems in one line; those of no single key are the `whole`'s."""
+    return "; ".join(
+        f"{'.'.join(str(part) for part in problem['loc']) or whole}: {_reason(problem)}" for problem in error.errors()
+    )
 
 
 def _reason(problem: Any) -> str:

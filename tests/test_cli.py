@@ -73,9 +73,10 @@ def test_render_writes_a_12_bit_picture_of_a_lit_plane(tmp_path):
     done = polarsim("render", tmp_path, tmp_path / "twin.png", "--exposure", 128, "--model", "lambert")
     assert done.returncode == 0, done.stderr
     assert png.read_photo(tmp_path / "twin.png").max() > 100
-    done = polarsim("render", tmp_path, tmp_path / "sun.png", "--exposure", 128, "--sun", 30, 15)
+    done = polarsim("render", tmp_path, tmp_path / "sun.png", "--sun", 30, 15, "--option", "blur_px=0.6")
     assert done.returncode == 0, done.stderr
     assert png.read_photo(tmp_path / "sun.png").max() > 100
+    assert json.loads((tmp_path / "sun.json").read_text())["options"]["blur_px"] == 0.6
 
 
 VIEWS = """
@@ -138,7 +139,14 @@ def test_rules_are_listed_with_code_and_severity():
 
 
 @pytest.mark.parametrize(
-    "arguments", [["show", "01_A"], ["masks", "nowhere", "out"], ["report", "nowhere"], ["export", "out"]]
+    "arguments",
+    [
+        ["show", "01_A"],
+        ["masks", "nowhere", "out"],
+        ["report", "nowhere"],
+        ["export", "out"],
+        ["render", "nowhere", "out.png", "--option", "samples=5"],
+    ],
 )
 def test_bad_input_ends_in_one_line(tmp_path, monkeypatch, arguments):
     monkeypatch.chdir(tmp_path)
