@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from scipy import fft
@@ -31,21 +31,24 @@ def through_lens(
     threads: int = 1,
 ) -> Layers:
     """Layers (h, w) by model and lamp, as radiance that the sensor gets: spread, darkened, with the lamps' flare."""
-    darkening = vignette(lens) if options.vignetting else None
     flares = {}
     if options.flare:
-        seen_lamps = {name for _, name in layers}
-        flares = {name: flare_of(surfaces, sandbox_from_camera, lens, lamps[name], options) for name in seen_lamps}
+        names = dict.fromkeys(name for _, name in layers)
+        flares = {name: flare_of(surfaces, sandbox_from_camera, lens, lamps[name], options) for name in names}
 
     def seen(layer: np.ndarray, lamp: str) -> np.ndarray:
-        layer = spread(layer, options)
-        if darkening is not None:
-            layer = layer * darkening
-        return layer + flares[lamp] if lamp in flares else layer
+        image = imaged(layer, lens, options)
+        return image + flares[lamp] if lamp in flares else image
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
         found = pool.map(seen, layers.values(), (lamp for _, lamp in layers))
         return dict(zip(layers, found, strict=True))
+
+
+def imaged(image: np.ndarray, lens: Lens, options: SensorOptions) -> np.ndarray:
+    """(h, w) radiance spread and darkened; without any fault of the lens the image itself."""
+    image = spread(image, options)
+    return image * vignette(lens) if options.vignetting else image
 
 
 def spread(image: np.ndarray, options: SensorOptions) -> np.ndarray:
@@ -69,6 +72,7 @@ def spread(image: np.ndarray, options: SensorOptions) -> np.ndarray:
     return np.maximum(fft.idctn(waves, overwrite_x=True), 0)  # rounding may leave less than no light
 
 
+@lru_cache(maxsize=2)
 def vignette(lens: Lens) -> np.ndarray:
     """(h, w) float32 share of light that reaches a pixel: the fourth power of the cosine to the optical axis."""
     directions = pixel_directions(lens, slice(None))

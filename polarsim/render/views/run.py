@@ -7,15 +7,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
-import numpy as np
-
 from polarsim.formats import coco, png
 from polarsim.progress import track
-from polarsim.randomness import generator
 from polarsim.render.automatic import annotations_of
 from polarsim.render.lamps import ROVER
 from polarsim.render.layers import render_view
-from polarsim.render.sensor import expose, vignette
+from polarsim.render.optics import imaged, through_lens
+from polarsim.render.sensor import expose, noise_of
 from polarsim.render.views.exposure import auto_exposure
 from polarsim.render.views.job import Job
 from polarsim.render.views.listing import write_listing
@@ -113,24 +111,25 @@ def _render(
     lamps = {name: lamp for picture in unit for name, lamp in picture.lamps(views).items()}
     models = [model for model in views.render.models if any(picture.model == model for picture in unit)]
     rendering = render_view(scene.surfaces, pose, lens, lamps, models, list(lights), views.render, threads)
-    layers = rendering.whole
     for name, picture in lights.items():
         labels[picture.ground_truth] = annotations_of(rendering.ids[name], views.render)
         job.write_instances(picture, rendering.ids[name])
-    darkening = vignette(lens) if views.render.vignetting else np.float32(1)
+    layers = through_lens(rendering.whole, lamps, scene.surfaces, pose, lens, views.render, threads)
     skies = {name: picture.light.sandbox_from_celestial for name, picture in lights.items()}
     stars = sky_layers(sky, skies, scene.surfaces, pose, lens, threads) if sky else {}
+    stars = {name: imaged(layer, lens, views.render) for name, layer in stars.items()}
 
     def write(picture: Picture) -> float:
         name, gain = picture.light.name, scene.parts[0].scene.gain(picture.model)
-        radiance = layers[picture.model, name] * darkening
+        radiance = layers[picture.model, name]
         if picture.rover:
-            radiance += layers[picture.model, ROVER] * darkening
+            radiance = radiance + layers[picture.model, ROVER]
         exposure_ms = picture.exposure_ms or auto_exposure(radiance, gain, views.auto_exposure)
         if name in stars:
-            radiance += stars[name] * darkening
-        noise = generator(views.render.seed, "sensor", "views", picture.name) if views.render.noise else None
-        job.write(picture, expose(radiance, exposure_ms * gain, noise), exposure_ms, labels[picture.ground_truth])
+            radiance = radiance + stars[name]
+        noise = noise_of(views.render, "views", picture.name)
+        photo = expose(radiance, exposure_ms * gain, views.render, noise)
+        job.write(picture, photo, exposure_ms, labels[picture.ground_truth])
         return exposure_ms
 
     return write

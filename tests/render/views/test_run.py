@@ -55,8 +55,12 @@ def test_every_picture_has_its_labels_and_its_line_in_the_lists(tmp_path, grid, 
     assert (tmp_path / "contact.jpg").stat().st_size > 1000
 
 
-def test_pictures_are_those_that_a_scene_renders(tmp_path, folders, views_of, tone):
+@pytest.mark.parametrize(
+    "faults", [{}, {"blur_px": 1.0, "bloom": 0.05, "veiling_glare": 0.01, "flare": 0.01, "vignetting": True}]
+)
+def test_pictures_are_those_that_a_scene_renders(tmp_path, folders, views_of, tone, faults):
     views = views_of()
+    views = views.model_copy(update={"render": views.render.model_copy(update=faults)})
     render_views(views, tmp_path, tone=tone)
     (picture,) = plan(views)
     one = Scene(folders / "meshes", 1, views.render).picture(picture.shot(views, 64.0))
