@@ -13,12 +13,11 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.pixel_rays import pixel_directions
 from polarsim.geometry.poses import Pose
 from polarsim.render.flare import flare_of
+from polarsim.render.indirect import Layers
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor_options import SensorOptions
 from polarsim.render.surfaces import Surfaces
-
-Layers = dict[tuple[Model, str], np.ndarray]
 
 
 def through_lens(

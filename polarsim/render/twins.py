@@ -20,9 +20,10 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.render.automatic import label_row, label_view
 from polarsim.render.gain import calibrate, calibration_photos, default_gain
+from polarsim.render.indirect import Layers
 from polarsim.render.lamps import lamps_of, lit_by
 from polarsim.render.layers import render_view
-from polarsim.render.optics import Layers, through_lens
+from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of
 from polarsim.render.surfaces import Surfaces, surfaces_of

@@ -7,6 +7,7 @@ import pytest
 from polarsim.formats import png
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.gain import default_gain, gain_ratios
+from polarsim.render.optics import spread, vignette
 from polarsim.render.options import MODELS, RenderOptions
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.survey import SURVEYED_LEFT, lamp_position
@@ -72,6 +73,18 @@ def test_the_same_bytes_with_one_thread_and_two(folders):
     render(folders, "two", options=options, threads=2)
     for path in (folders / "one").iterdir():
         assert path.read_bytes() == (folders / "two" / path.name).read_bytes()
+
+
+def test_the_lens_darkens_and_blurs_every_photo_once(folders, lens):
+    plain = OPTIONS.model_copy(update={"gain": {"hapke": 20.0}})
+    faulty = plain.model_copy(update={"vignetting": True, "blur_px": 1.5})
+    sharp, seen = render(folders, "plain", options=plain), render(folders, "faulty", options=faulty)
+    for key, twin in seen.items():
+        assert sharp[key].max() < WHITE_LEVEL  # nothing is clipped
+        signal = (sharp[key] - BLACK_LEVEL).astype(np.float32)
+        expected = spread(signal, faulty) * vignette(lens)
+        assert np.abs(twin - BLACK_LEVEL - expected).max() < 1.5  # both are rounded
+        assert np.abs(signal - expected).max() > 0.1 * signal.max()
 
 
 def test_a_position_without_a_pose_is_a_warning_and_a_gap(folders, caplog):
