@@ -295,13 +295,13 @@ def render(
 
     from polarsim.config import render_options
     from polarsim.formats import png
-    from polarsim.formats.files import write_json
     from polarsim.formats.rigs import read_placed
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
     from polarsim.render.lamps import Lamp
     from polarsim.render.maps import write_maps
     from polarsim.render.scene import Scene, Shot
+    from polarsim.render.sidecar import write_sidecar
     from polarsim.tables.tone import to_8bit
 
     shot = Shot(
@@ -315,7 +315,7 @@ def render(
     scene = Scene(meshes, terrain, render_options(assignments))
     picture = scene.picture(shot, threads)
     png.write(out, to_8bit(picture) if preview else picture)
-    write_json(out.with_suffix(".json"), scene.sidecar(shot))
+    write_sidecar(out.with_suffix(".json"), scene.sidecar(shot))
     if maps:
         write_maps(maps, scene.maps(shot, threads))
     typer.echo(str(out))

@@ -50,6 +50,20 @@ class TerrainMesh:
         return self.vertices[np.unique(self.faces[self.rock_of_face == rock])]
 
 
+def mesh_files(folder: str | Path, terrain: int) -> dict[int, Path]:
+    """The files that `read_terrain` reads, by rock, the ground (`NO_ROCK`) first.
+
+    Raises
+    ------
+    FormatError
+        No ground.
+    """
+    ground = Path(folder) / obj.ground_name(terrain)
+    if not ground.exists():
+        raise FormatError(f"{ground}: the ground mesh is missing")
+    return {NO_ROCK: ground, **obj.rock_files(folder)}
+
+
 def read_terrain(folder: str | Path, terrain: int) -> TerrainMesh:
     """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj` (full ones where both are there).
 
@@ -58,10 +72,7 @@ def read_terrain(folder: str | Path, terrain: int) -> TerrainMesh:
     FormatError
         No ground, or a broken mesh.
     """
-    ground = Path(folder) / obj.ground_name(terrain)
-    if not ground.exists():
-        raise FormatError(f"{ground}: the ground mesh is missing")
-    parts = [(NO_ROCK, obj.read(ground)), *((rock, obj.read(path)) for rock, path in obj.rock_files(folder).items())]
+    parts = [(rock, obj.read(path)) for rock, path in mesh_files(folder, terrain).items()]
     starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
     return TerrainMesh(
         np.concatenate([mesh.vertices for _, mesh in parts]),

@@ -2,55 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import polarsim
-from polarsim.formats import obj
-from polarsim.formats.rigs import lens_content
-from polarsim.formats.scene import read_terrain
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
-from polarsim.photo import BLACK_LEVEL
+from polarsim.formats.scene import mesh_files, read_terrain
 from polarsim.render.gain import default_gain
-from polarsim.render.lamps import Lamp
 from polarsim.render.layers import render_view
 from polarsim.render.maps import Maps, maps_of
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.sensor import expose, noise_of
+from polarsim.render.sensor import expose, noise_of, noise_seed
+from polarsim.render.shot import Shot
+from polarsim.render.sidecar import Sidecar, digests_of
 from polarsim.render.surfaces import Surfaces, surfaces_of
-
-
-@dataclass(frozen=True)
-class Shot:
-    """What makes a picture of a scene.
-
-    Parameters
-    ----------
-    sandbox_from_camera : Pose
-        `geometry.poses.looking` makes one from a place and angles.
-    lens : Lens
-        `lens.scaled(0.25)` renders a small picture.
-    lamps : name -> Lamp
-        Near points or discs of light, or `Lamp.sun`; any names. None: black.
-    exposure_ms : float
-        Exposure time, ms.
-    model : str
-        One of `render.options.MODELS`; its parameters and gain are those of the scene's options.
-    """
-
-    sandbox_from_camera: Pose
-    lens: Lens
-    lamps: Mapping[str, Lamp]
-    exposure_ms: float
-    model: Model
 
 
 class Scene:
@@ -78,8 +45,7 @@ class Scene:
     @cached_property
     def mesh_digests(self) -> dict[str, str]:
         """SHA-256 of every mesh by its file's name."""
-        paths = [self.meshes / obj.ground_name(self.terrain), *obj.rock_files(self.meshes).values()]
-        return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+        return digests_of(mesh_files(self.meshes, self.terrain).values())
 
     def picture(self, shot: Shot, threads: int = 1) -> np.ndarray:
         """(h, w) uint16 photo: 12-bit grey values, black level 16.
@@ -106,21 +72,6 @@ class Scene:
         return self.options.gain.get(model, default_gain(model, self.options))
 
     def sidecar(self, shot: Shot) -> dict[str, Any]:
-        """All that made a picture, for JSON: lens, pose, lamps, exposure, model, meshes and their SHA-256."""
-        return {
-            "lens": lens_content(shot.lens),
-            "sandbox_from_camera": shot.sandbox_from_camera.matrix.tolist(),
-            "lamps": {
-                name: asdict(lamp) | {"position": np.asarray(lamp.position, float).tolist()}
-                for name, lamp in shot.lamps.items()
-            },
-            "exposure_ms": shot.exposure_ms,
-            "model": shot.model,
-            "parameters": self.options.parameters(shot.model).model_dump(),
-            "gain_per_ms": self.gain(shot.model),
-            "black_level": BLACK_LEVEL,
-            "options": self.options.model_dump(mode="json"),
-            "terrain": self.terrain,
-            "meshes": self.mesh_digests,
-            "polarsim": polarsim.__version__,
-        }
+        """All that made a picture, for JSON: see `render.sidecar`."""
+        seed = noise_seed(self.options, "scene", self.terrain, shot.exposure_ms)
+        return Sidecar(shot, self.terrain, self.options, self.gain(shot.model), self.mesh_digests, seed).content()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
@@ -10,9 +12,15 @@ from polarsim.render.options import RenderOptions
 from polarsim.render.sensor_options import SensorOptions
 
 
+def noise_seed(options: RenderOptions, *picture: object) -> tuple[Any, ...]:
+    """What `randomness.generator` makes a picture's noise of; empty where the options ask for none."""
+    return (options.seed, "sensor", *picture) if options.noise else ()
+
+
 def noise_of(options: RenderOptions, *picture: object) -> np.random.Generator | None:
     """The noise of a picture, the same whenever it is made; None where the options ask for none."""
-    return generator(options.seed, "sensor", *picture) if options.noise else None
+    seed = noise_seed(options, *picture)
+    return generator(*seed) if seed else None
 
 
 def expose(

@@ -20,13 +20,14 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.render.automatic import label_row, label_view
 from polarsim.render.gain import calibrate, calibration_photos, default_gain
-from polarsim.render.indirect import Layers
-from polarsim.render.lamps import lamps_of, lit_by
+from polarsim.render.lamps import Lamp, lamps_of, lit_by
 from polarsim.render.layers import render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of
-from polarsim.render.surfaces import Surfaces, surfaces_of
+from polarsim.render.shot import Shot
+from polarsim.render.surfaces import surfaces_of
+from polarsim.render.twin_sidecars import TwinSidecars
 
 log = logging.getLogger("polarsim.render")
 View = tuple[str, str]  # position and camera
@@ -70,7 +71,7 @@ def render_twins(
 ) -> None:
     """Write KEY.png for every key into the folder of every model, 16-bit PNG of 12-bit values with black level 16.
 
-    Rays are cast once for all models and for the labels.
+    KEY.json beside it says what made it (`render.sidecar`). Rays are cast once for all models and for the labels.
 
     Parameters
     ----------
@@ -101,19 +102,28 @@ def render_twins(
     first = {(key.position, key.camera) for key in references}
     for folder in twins.values():
         folder.mkdir(parents=True, exist_ok=True)
+    sidecars = TwinSidecars(terrain, meshes, cameras, options)
     found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
-        layers, ids = _render(surfaces, rigs[view[0]], suns, view[1], views[view], list(twins), options, threads)
-        lens = rigs[view[0]].rig.lens(view[1])
+        position, camera = view
+        rig = rigs[position]
+        pose, lens = rig.sandbox_from(camera), rig.rig.lens(camera)
+        lamps = _lamps(suns, rig, views[view], options)
+        throwing = sorted({lit_by(key)[0] for key in views[view] if lit_by(key)})
+        rendering = render_view(surfaces, pose, lens, lamps, list(twins), throwing, options, threads)
+        layers = through_lens(rendering.whole, lamps, surfaces, pose, lens, options, threads)
         for model, folder in twins.items():
             if model not in gains:  # the view with the references comes first
                 found = calibrate(references, layers, model)
+                if found:
+                    sidecars.set_gain_by(model, references.values())
                 gains[model] = found or default_gain(model, options)
                 origin = "from photos" if found else "built in"
                 log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, gains[model], origin)
             own = {name: layer for (of, name), layer in layers.items() if of == model}
             write_photos(folder, views[view], own, lens, gains[model], options, threads)
-        found_labels |= label_view(views[view], ids, labels.boxes, labels.instances, options)
+            sidecars.write(folder, views[view], Shot(pose, lens, lamps, 0, model), gains[model])
+        found_labels |= label_view(views[view], rendering.ids, labels.boxes, labels.instances, options)
     sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {(WIDTH, HEIGHT)}
     coco.write_coco(labels.annotations, found_labels, size=max(sizes))
     in_order = sorted(found_labels, key=lambda key: (key.position, key.camera, key))
@@ -121,23 +131,12 @@ def render_twins(
     tables.write_parquet(labels.table, tables.label_table(rows))
 
 
-def _render(
-    surfaces: Surfaces,
-    rig: PlacedRig,
-    suns: Mapping[str, np.ndarray],
-    camera: str,
-    keys: Sequence[PhotoKey],
-    models: Sequence[Model],
-    options: RenderOptions,
-    threads: int,
-) -> tuple[Layers, dict[str, np.ndarray]]:
-    """Layers of the view through its lens, under the lamps that its photos need, and its ids by lamp."""
+def _lamps(
+    suns: Mapping[str, np.ndarray], rig: PlacedRig, keys: Sequence[PhotoKey], options: RenderOptions
+) -> dict[str, Lamp]:
+    """The lamps that photos need."""
     needed = {name for key in keys for name in lit_by(key)}
-    lamps = {name: lamp for name, lamp in lamps_of(suns, rig, options.lamp_radius_m).items() if name in needed}
-    throwing = sorted({lit_by(key)[0] for key in keys if lit_by(key)})
-    pose, lens = rig.sandbox_from(camera), rig.rig.lens(camera)
-    rendering = render_view(surfaces, pose, lens, lamps, models, throwing, options, threads)
-    return through_lens(rendering.whole, lamps, surfaces, pose, lens, options, threads), rendering.ids
+    return {name: lamp for name, lamp in lamps_of(suns, rig, options.lamp_radius_m).items() if name in needed}
 
 
 def write_photos(

@@ -1,4 +1,3 @@
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -6,12 +5,12 @@ import pytest
 
 from polarsim.formats import obj, png
 from polarsim.formats.instances import GROUND, ROCK_IDS
-from polarsim.formats.rigs import lens_of
-from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.poses import looking
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
 from polarsim.render.maps import write_maps
 from polarsim.render.scene import Scene, Shot
+from polarsim.render.sidecar import read_sidecar, write_sidecar
 
 from .conftest import HEIGHT, PLAIN
 
@@ -82,16 +81,16 @@ def test_maps_in_files_keep_millimetres_and_hundredths_of_degrees(tmp_path, scen
 
 
 def test_the_sidecar_alone_tells_where_mesh_points_are_seen(tmp_path, scene, shot, folders):
-    (tmp_path / "shot.json").write_text(json.dumps(scene.sidecar(shot)))
-    told = json.loads((tmp_path / "shot.json").read_text())
-    lens, pose = lens_of(told["lens"]), Pose.from_matrix(np.array(told["sandbox_from_camera"]))
+    write_sidecar(tmp_path / "shot.json", scene.sidecar(shot))
+    told = read_sidecar(tmp_path / "shot.json")
+    lens, pose = told.shot.lens, told.shot.sandbox_from_camera
     rock = obj.read(folders / "meshes" / obj.rock_name(1, 1))
     top = rock.vertices[rock.vertices[:, 2] > HEIGHT - 1e-6]
     inside = 0.9 * top + 0.1 * top.mean(axis=0)
     column, row = np.floor(lens.project(pose.inverse().apply(inside))).astype(int).T
     assert (scene.maps(shot).ids[row, column] == ROCK_IDS + 1).all()
-    assert told["lamps"]["mine"]["position"] == [0, 3, 1]
-    assert set(told["meshes"]) == {obj.ground_name(1), obj.rock_name(1, 1)}
+    assert told.shot.lamps["mine"].position.tolist() == [0, 3, 1]
+    assert set(told.sources) == {obj.ground_name(1), obj.rock_name(1, 1)}
 
 
 def test_threads_do_not_change_maps(scene, shot):

@@ -26,7 +26,7 @@ def render(folders, out, keys=KEYS, model="hapke", photos=None, options=OPTIONS,
         terrain=1, keys=keys, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos,
         twins={model: folders / out}, labels=label_paths(folders / "labels"), options=options, threads=threads,
     )  # fmt: skip
-    return {path.stem: png.read(path).astype(int) for path in sorted((folders / out).iterdir())}
+    return {path.stem: png.read(path).astype(int) for path in sorted((folders / out).glob("*.png"))}
 
 
 def test_every_key_gets_a_twin_of_12_bits(folders, lens):
@@ -47,7 +47,7 @@ def test_models_that_share_rays_get_the_twins_that_each_gets_alone(folders):
     )  # fmt: skip
     for model, together in both.items():
         alone = render(folders, f"{model}_alone", model=model)
-        assert sorted(alone) == sorted(path.stem for path in together.iterdir())
+        assert sorted(alone) == sorted(path.stem for path in together.glob("*.png"))
         for key, twin in alone.items():
             np.testing.assert_array_equal(png.read(together / f"{key}.png"), twin)
 

@@ -19,6 +19,8 @@ from polarsim.render.views.options import Views
 from polarsim.render.views.plan import AUTO, Picture
 from polarsim.render.views.sheet import Sheet, Tone
 
+_OF_ONE_TERRAIN = ("terrain", "sources", "noise_seed")  # of a scene's sidecar: views may have several
+
 
 @dataclass(frozen=True)
 class Job:
@@ -41,8 +43,7 @@ class Job:
         shot, views = picture.shot(self.views, exposure_ms), self.views
         content = picture.scene.parts[0].scene.sidecar(shot)
         own = {
-            **{key: value for key, value in content.items() if key not in ("terrain", "meshes")},
-            "options": {key: value for key, value in content["options"].items() if key != "models"},
+            **{key: value for key, value in content.items() if key not in _OF_ONE_TERRAIN},
             **picture.columns(),
             "terrains": [
                 {

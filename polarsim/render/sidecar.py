@@ -1,0 +1,119 @@
+"""The JSON file beside every picture: all that made it, so that it can be rendered again and points found in it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import polarsim
+from polarsim.errors import FormatError, about
+from polarsim.formats.files import read_json, write_text
+from polarsim.formats.rigs import lens_content, lens_of
+from polarsim.geometry.poses import Pose
+from polarsim.photo import BLACK_LEVEL
+from polarsim.render.lamps import Lamp
+from polarsim.render.options import MODELS, RenderOptions
+from polarsim.render.shot import Shot
+
+_SAID_APART = {*MODELS, "models", "gain", "maps"}  # options that a sidecar says as `parameters` and `gain_per_ms`
+
+
+@dataclass(frozen=True)
+class Sidecar:
+    """What made a picture of a terrain.
+
+    options : RenderOptions
+        Those that its pixels depend on: with them, `shot` and the meshes it can be rendered again.
+    gain_per_ms : float
+        Grey values per ms and unit radiance.
+    sources : name -> str
+        SHA-256 of what was read, by file; of twins by what it is: `meshes`, `camera`, `lamps`, `photos`.
+    noise_seed : tuple
+        What `randomness.generator` made the noise of; empty without noise.
+    """
+
+    shot: Shot
+    terrain: int
+    options: RenderOptions
+    gain_per_ms: float
+    sources: Mapping[str, str]
+    noise_seed: tuple[Any, ...] = ()
+
+    def content(self) -> dict[str, Any]:
+        """The sidecar as JSON has it."""
+        shot = self.shot
+        return {
+            "terrain": self.terrain,
+            "lens": lens_content(shot.lens),
+            "sandbox_from_camera": shot.sandbox_from_camera.matrix.tolist(),
+            "lamps": {name: _lamp_content(lamp) for name, lamp in shot.lamps.items()},
+            "exposure_ms": shot.exposure_ms,
+            "model": shot.model,
+            "parameters": self.options.parameters(shot.model).model_dump(),
+            "gain_per_ms": self.gain_per_ms,
+            "black_level": BLACK_LEVEL,
+            "noise_seed": [str(part) for part in self.noise_seed],
+            "options": self.options.model_dump(mode="json", exclude=_SAID_APART),
+            "sources": dict(self.sources),
+            "polarsim": polarsim.__version__,
+        }
+
+
+def write_sidecar(path: str | Path, content: Mapping[str, Any]) -> None:
+    """Write `Sidecar.content`, a line a subject, in its order: the first lamp throws the labelled shadows."""
+    lines = (f"{json.dumps(name)}: {json.dumps(value, allow_nan=False)}" for name, value in content.items())
+    write_text(path, "{" + ",\n ".join(lines) + "}\n")
+
+
+def read_sidecar(path: str | Path) -> Sidecar:
+    """Read the JSON file beside a picture.
+
+    Raises
+    ------
+    FormatError
+        The file is missing or is no sidecar.
+    """
+    content = read_json(path)
+    with about(path):
+        try:
+            model, gain = content["model"], float(content["gain_per_ms"])
+            shot = Shot(
+                Pose.from_matrix(np.array(content["sandbox_from_camera"], float)),
+                lens_of(content["lens"]),
+                {name: _lamp(lamp) for name, lamp in content["lamps"].items()},
+                float(content["exposure_ms"]),
+                model,
+            )
+            options = RenderOptions(
+                **content["options"], **{model: content["parameters"]}, models=(model,), gain={model: gain}
+            )
+            seed = tuple(content["noise_seed"])
+            return Sidecar(shot, int(content["terrain"]), options, gain, dict(content["sources"]), seed)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            reason = f"{error!r}".splitlines()[0]
+            raise FormatError(f"no sidecar of a picture, {reason}") from error
+
+
+def digests_of(paths: Iterable[Path]) -> dict[str, str]:
+    """SHA-256 of files by their names, in their order."""
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(paths)}
+
+
+def digest_of(paths: Iterable[Path]) -> str:
+    """SHA-256 of several files as one: what `sha256sum NAMES | sha256sum` prints, names in their order."""
+    lines = (f"{digest}  {name}\n" for name, digest in digests_of(paths).items())
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+def _lamp_content(lamp: Lamp) -> dict[str, Any]:
+    return asdict(lamp) | {"position": np.asarray(lamp.position, float).tolist()}
+
+
+def _lamp(content: Mapping[str, Any]) -> Lamp:
+    return Lamp(**{**content, "position": np.array(content["position"], float).reshape(3)})

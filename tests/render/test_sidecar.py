@@ -1,0 +1,152 @@
+"""The JSON beside a picture tells all that made it."""
+
+import hashlib
+import json
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats import obj, png
+from polarsim.formats.instances import ROCK_IDS
+from polarsim.photo import PhotoKey
+from polarsim.randomness import generator
+from polarsim.render.lamps import ROVER
+from polarsim.render.options import RenderOptions
+from polarsim.render.scene import Scene
+from polarsim.render.sidecar import digest_of, read_sidecar, write_sidecar
+from polarsim.render.twins import LabelPaths, render_twins
+
+KEYS = [PhotoKey.parse(f"01_A_{name}_0256") for name in ("off_30_L", "on_30_L", "on_180_R", "off_no_L")]
+OPTIONS = RenderOptions(rim=False, hapke="sato_mare_643", lamp_radius_m=0.05, gain={"hapke": 40.0})
+
+
+def make(folders, out="twins", options=OPTIONS):
+    labels = LabelPaths(*(folders / "labels" / name for name in ("boxes", "instances", "coco.json", "table.parquet")))
+    render_twins(
+        terrain=1, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", photos=None,
+        twins={"hapke": folders / out}, labels=labels, options=options, threads=1,
+    )  # fmt: skip
+    return folders / out
+
+
+def test_every_twin_has_one_and_no_other_file_lies_there(folders):
+    assert sorted(path.name for path in make(folders).iterdir()) == sorted(
+        f"{key}{suffix}" for key in KEYS for suffix in (".json", ".png")
+    )
+
+
+@pytest.mark.parametrize("key", KEYS, ids=str)
+def test_with_it_and_the_meshes_the_twin_can_be_made_again(folders, key):
+    twins = make(folders)
+    told = read_sidecar(twins / f"{key}.json")
+    again = Scene(folders / "meshes", told.terrain, told.options).picture(told.shot)
+    assert (again != png.read(twins / f"{key}.png")).mean() < 1e-3  # a pose that is read is made orthogonal anew
+    assert (again > 16).any() == (key != KEYS[3])
+
+
+def test_its_seed_makes_the_noise_of_the_twin(folders):
+    twins = make(folders, options=OPTIONS.model_copy(update={"noise": True}))
+    for key in KEYS[:2]:
+        told = read_sidecar(twins / f"{key}.json")
+        quiet = Scene(folders / "meshes", 1, told.options.model_copy(update={"noise": False})).picture(told.shot)
+        draw = generator(*told.noise_seed).standard_normal(quiet.shape, np.float32)
+        noise = png.read(twins / f"{key}.png").astype(float) - quiet
+        free = (quiet > 100) & (quiet < 3500)
+        assert np.corrcoef(noise[free], draw[free])[0, 1] > 0.95  # the rest: rounding, more noise where it is bright
+
+
+def test_it_alone_tells_where_mesh_points_are_seen(folders):
+    twins = make(folders)
+    rock = obj.read(folders / "meshes" / obj.rock_name(1, 1))
+    top = rock.vertices[rock.vertices[:, 2] > rock.vertices[:, 2].max() - 1e-6]
+    inside = 0.9 * top + 0.1 * top.mean(axis=0)
+    for key in KEYS:
+        shot = read_sidecar(twins / f"{key}.json").shot
+        pixels = shot.lens.project(shot.sandbox_from_camera.inverse().apply(inside))
+        column, row = np.floor(pixels).astype(int).T
+        ids = png.read(folders / "labels" / "instances" / f"{str(key).rpartition('_')[0]}.png")
+        assert (ids[row, column] == ROCK_IDS + 1).all()
+
+
+def test_lamps_are_those_that_are_on_the_one_with_the_labelled_shadows_first(folders):
+    twins = make(folders)
+    lamps = {str(key): list(read_sidecar(twins / f"{key}.json").shot.lamps) for key in KEYS}
+    assert list(lamps.values()) == [["30"], ["30", ROVER], ["180", ROVER], []]
+
+
+def test_the_same_run_in_another_folder_gives_the_same_bytes(folders, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "run"
+    subprocess.run(["cp", "-r", str(folders), str(elsewhere)], check=True)
+    first, second = make(folders), make(elsewhere)
+    for path in first.glob("*.json"):
+        assert path.read_bytes() == (second / path.name).read_bytes()
+        assert str(folders) not in path.read_text()
+
+
+def test_another_mesh_or_pose_shows_in_its_sources(folders):
+    def sources():
+        return read_sidecar(make(folders) / f"{KEYS[0]}.json").sources
+
+    before = sources()
+    assert set(before) == {"meshes", "camera"}
+    (folders / "cameras" / "lamps.json").write_text('{"30": [3, 2, 0.8]}')
+    assert set(sources()) == {"meshes", "camera", "lamps"}
+    with (folders / "meshes" / obj.rock_name(1, 1)).open("a") as file:
+        file.write("# edited\n")
+    after = sources()
+    assert after["meshes"] != before["meshes"]
+    assert after["camera"] == before["camera"]
+
+
+def test_a_digest_of_files_is_what_sha256sum_prints(tmp_path):
+    for name in ("b", "a"):
+        (tmp_path / name).write_text(name)
+    line = "".join(f"{hashlib.sha256(name.encode()).hexdigest()}  {name}\n" for name in "ab")
+    assert digest_of([tmp_path / "b", tmp_path / "a"]) == hashlib.sha256(line.encode()).hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("lens", {"fx_px": 3}),
+        ("sandbox_from_camera", [[1, 0], [0, 1]]),
+        ("lamps", {"30": {"position": [1, 2]}}),
+        ("lamps", {"30": {"position": [1, 2, 3], "colour": "red"}}),
+        ("lamps", []),
+        ("model", "phong"),
+        ("parameters", {"w": 3}),
+        ("options", {"rimm": True}),
+        ("gain_per_ms", None),
+        ("gain_per_ms", -1),
+        ("exposure_ms", "long"),
+        ("sources", 7),
+        ("noise_seed", 1),
+    ],
+)
+def test_a_broken_one_is_named_with_the_reason_in_one_line(folders, name, value):
+    path = make(folders) / f"{KEYS[0]}.json"
+    content = json.loads(path.read_text())
+    write_sidecar(path, {**content, name: value})
+    with pytest.raises(FormatError, match=f"^{path}: [^\n]*$"):
+        read_sidecar(path)
+    del content[name]
+    write_sidecar(path, content)
+    with pytest.raises(FormatError, match=f"^{path}: [^\n]*$"):
+        read_sidecar(path)
+
+
+def test_a_scene_s_sidecar_reads_back(folders, lens, camera):
+    scene = Scene(folders / "meshes", 1, OPTIONS)
+    made = make(folders)
+    shot = read_sidecar(made / f"{KEYS[1]}.json").shot
+    write_sidecar(folders / "shot.json", scene.sidecar(replace(shot, exposure_ms=12.5)))
+    told = read_sidecar(folders / "shot.json")
+    assert told.shot.exposure_ms == 12.5
+    assert told.shot.lens == lens
+    assert told.options.parameters("hapke") == OPTIONS.parameters("hapke")
+    assert told.gain_per_ms == 40
+    np.testing.assert_allclose(told.shot.sandbox_from_camera.matrix, camera.matrix, atol=1e-12)
+    assert set(told.sources) == {obj.ground_name(1), obj.rock_name(1, 1)}
