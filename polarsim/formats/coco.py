@@ -19,7 +19,7 @@ from polarsim.formats import rle
 from polarsim.formats.files import writing
 from polarsim.formats.rle import Rle
 from polarsim.formats.tables import key_columns
-from polarsim.geometry.boxes import of_mask
+from polarsim.geometry.boxes import area, of_mask
 from polarsim.geometry.polygons import outlines, rasterised
 from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 
@@ -27,6 +27,14 @@ CATEGORIES = {ROCK: 1, SHADOW: 2}  # from 1 on: to CVAT 0 is no category
 PER_PHOTO = 10_000  # annotation ids of a photo
 FAR_PX = 1e5  # no corner of a polygon lies so far out
 _EXPOSURES, _POSITIONS = 10, "ABCDEFG"  # 16 to 8192 ms
+
+
+@dataclass(frozen=True)
+class Amodal:
+    """All of a thing, with what others hide of it: its pixels, and the box (4,) around them."""
+
+    mask: Rle
+    box: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,14 @@ class Annotation:
     mask: Rle | None = None  # None: nothing but the box is known
     source: str = ""
     confidence: float = 1.0
+    amodal: Amodal | None = None  # None: not known
+
+    @property
+    def visible_share(self) -> float:
+        """Of its amodal mask; 1 where that is not known."""
+        if self.amodal is None or self.mask is None or not self.amodal.mask.area:
+            return 1.0
+        return self.mask.area / self.amodal.mask.area
 
 
 def image_id(key: PhotoKey) -> int:
@@ -118,22 +134,36 @@ def _annotation_rows(
         if own.kind == ROCK and own.rock != NO_ROCK:
             id_of_rock.setdefault(own.rock, number)
     for number, own in zip(ids, annotations, strict=True):
-        x0, y0, x1, y1 = (float(edge) for edge in own.box)
-        mask = own.mask
+        bbox, mask = _bbox(own.box), own.mask
         yield {
             "id": number,
             "image_id": photo,
             "category_id": CATEGORIES[own.kind],
-            "bbox": [round(value, 3) for value in (x0, y0, x1 - x0, y1 - y0)],
-            "area": mask.area if mask else round((x1 - x0) * (y1 - y0), 3),
+            "bbox": bbox,
+            "area": mask.area if mask else round(float(area(own.box)), 3),
             "segmentation": coded(mask),
             "iscrowd": 0,
             "rock": own.rock,
             "source": own.source,
             "confidence": own.confidence,
             **({"shadow_of": id_of_rock.get(own.rock)} if own.kind == SHADOW else {}),
+            **(_amodal_columns(own, coded) if own.amodal else {}),
             "attributes": {"rock": own.rock, "confidence": own.confidence, "label_source": own.source},
         }
+
+
+def _bbox(box: np.ndarray) -> list[float]:
+    x0, y0, x1, y1 = (float(edge) for edge in box)
+    return [round(value, 3) for value in (x0, y0, x1 - x0, y1 - y0)]
+
+
+def _amodal_columns(own: Annotation, coded: Callable[[Rle | None], object]) -> dict[str, object]:
+    assert own.amodal is not None
+    return {
+        "amodal_bbox": _bbox(own.amodal.box),
+        "amodal_segmentation": coded(own.amodal.mask),
+        "visible_share": round(own.visible_share, 4),
+    }
 
 
 class _Part(BaseModel):
@@ -175,6 +205,8 @@ class _Annotation(_Named):
     category_id: int
     bbox: list[float] = []
     segmentation: _Runs | list[list[float]] | None = None
+    amodal_bbox: list[float] = []
+    amodal_segmentation: _Runs | list[list[float]] | None = None
     attributes: _Named | None = None
 
     def named(self, name: str, default: Any) -> Any:
@@ -263,7 +295,9 @@ def _annotation(row: _Annotation, names: Mapping[int, str], size: tuple[int, int
     mask = _mask(row.segmentation, size)
     rock, confidence = row.named("rock", NO_ROCK), row.named("confidence", 1.0)
     source = row.named("source", row.named("label_source", ""))
-    return Annotation(kind, rock, _box(row.bbox, mask, size), mask, source, confidence)
+    whole = _mask(row.amodal_segmentation, size)
+    amodal = Amodal(whole, _box(row.amodal_bbox, whole, size)) if whole else None
+    return Annotation(kind, rock, _box(row.bbox, mask, size), mask, source, confidence, amodal)
 
 
 def _mask(segmentation: _Runs | list[list[float]] | None, size: tuple[int, int]) -> Rle | None:

@@ -44,19 +44,56 @@ def box_of_parts(mask: np.ndarray, least_px: int, least_part_px: int) -> np.ndar
     return of_mask(large[parts]) if sizes[large].sum() >= least_px else None
 
 
-def annotations_of(ids: np.ndarray, options: RenderOptions) -> list[coco.Annotation]:
-    """The same with their masks: the pixels inside the box that show the thing."""
+def annotations_of(
+    ids: np.ndarray, options: RenderOptions, occluded: Mapping[int, coco.Amodal] | None = None
+) -> list[coco.Annotation]:
+    """The same with their masks: the pixels inside the box that show the thing.
+
+    `occluded`: amodal masks of the rocks that others hide in part (`whole_rocks`); all other rocks are then seen
+    whole. Rocks of which too small a share is visible are left out; their shadows stay.
+    """
     found = []
     for kind, rock, box in boxes_of(ids, options):
         left, top, right, bottom = box.astype(int).tolist()
         number = rock + (ROCK_IDS if kind == ROCK else SHADOW_IDS)
         mask = rle.encode(ids[top:bottom, left:right] == number, left, top, ids.shape[::-1])
-        found.append(coco.Annotation(kind, rock, box, mask, SOURCE))
+        amodal = None
+        if occluded is not None and kind == ROCK:
+            amodal = occluded.get(rock, coco.Amodal(mask, box))
+        label = coco.Annotation(kind, rock, box, mask, SOURCE, amodal=amodal)
+        if label.visible_share >= options.min_visible_share:
+            found.append(label)
+    return found
+
+
+def whole_rocks(ids: np.ndarray, hidden: Mapping[int, np.ndarray], options: RenderOptions) -> dict[int, coco.Amodal]:
+    """Amodal masks of the rocks of a picture of ids (h, w) that others hide in part, by rock.
+
+    `hidden`: flat pixels (n,) of each where something else stands in front (`amodal.hidden_parts`).
+    """
+    found = {}
+    for rock, behind in hidden.items():
+        if not len(behind):
+            continue
+        rows, columns = np.divmod(np.append(np.flatnonzero(ids == ROCK_IDS + rock), behind), ids.shape[1])
+        top, left = int(rows.min()), int(columns.min())
+        mask = np.zeros((int(rows.max()) - top + 1, int(columns.max()) - left + 1), bool)
+        mask[rows - top, columns - left] = True
+        box = box_of_parts(mask, options.min_rock_px, options.min_part_px)
+        if box is not None:
+            x0, y0, x1, y1 = box.astype(int).tolist()
+            runs = rle.encode(mask[y0:y1, x0:x1], left + x0, top + y0, ids.shape[::-1])
+            found[rock] = coco.Amodal(runs, box + np.tile([left, top], 2))
     return found
 
 
 def label_view(
-    keys: Sequence[PhotoKey], ids: Mapping[str, np.ndarray], boxes: Path, instances: Path, options: RenderOptions
+    keys: Sequence[PhotoKey],
+    ids: Mapping[str, np.ndarray],
+    hidden: Mapping[int, np.ndarray],
+    boxes: Path,
+    instances: Path,
+    options: RenderOptions,
 ) -> dict[PhotoKey, list[coco.Annotation]]:
     """Write the labels of one view's twins, the same for all models and all exposures of a photo set, and return them.
 
@@ -64,12 +101,15 @@ def label_view(
     ----------
     ids : lamp -> (h, w) uint16
         The view's `Rendering.ids`.
+    hidden : rock -> (n,) int
+        What `amodal.hidden_parts` found in it.
     boxes : Path
         Folder for `KEY.txt`; empty where no lamp is on, for nothing is to be seen there.
     instances : Path
         Folder for `TT_P_light_az_C.png`, the ids of a photo set.
     """
-    found = {name: annotations_of(picture, options) for name, picture in ids.items()}
+    occluded = whole_rocks(ids[NO_LAMP], hidden, options)
+    found = {name: annotations_of(picture, options, occluded) for name, picture in ids.items()}
     labels: dict[PhotoKey, list[coco.Annotation]] = {}
     written = set()
     for key in keys:

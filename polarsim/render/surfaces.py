@@ -45,13 +45,32 @@ class Surfaces:
 
     @cached_property
     def rest(self) -> Caster:
-        """Ground and walls alone."""
-        return caster(self.vertices, self.faces[self.id_of_face < ROCK_IDS], self.rays)
+        """Ground and walls alone; `rest_faces` numbers its triangles."""
+        return caster(self.vertices, self.faces[self.rest_faces], self.rays)
+
+    @cached_property
+    def rest_faces(self) -> np.ndarray:
+        """(r,) numbers of the faces of ground and walls."""
+        return np.flatnonzero(self.id_of_face < ROCK_IDS)
 
     @cached_property
     def rock_faces(self) -> np.ndarray:
         """(r,) numbers of the faces that belong to rocks."""
         return np.flatnonzero(self.id_of_face >= ROCK_IDS)
+
+    @cached_property
+    def rock_corners(self) -> dict[int, np.ndarray]:
+        """Corners (8, 3) of the box around each rock."""
+        if not len(self.rock_faces):
+            return {}
+        order = self.rock_faces[np.argsort(self.id_of_face[self.rock_faces], kind="stable")]
+        numbers, first = np.unique(self.id_of_face[order], return_index=True)
+        points = self.vertices.take(self.faces.take(order, axis=0).ravel(), axis=0)
+        ends = np.stack([extreme.reduceat(points, 3 * first) for extreme in (np.minimum, np.maximum)], axis=2)
+        return {
+            int(number) - ROCK_IDS: np.stack(np.meshgrid(*own), axis=-1).reshape(-1, 3)
+            for number, own in zip(numbers, ends, strict=True)
+        }
 
     @cached_property
     def corner_normals(self) -> np.ndarray:

@@ -18,10 +18,11 @@ from polarsim.formats.scene import read_terrain
 from polarsim.geometry.lens import Lens
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
+from polarsim.render.amodal import hidden_parts
 from polarsim.render.automatic import label_row, label_view
 from polarsim.render.gain import calibrate, calibration_photos, default_gain
 from polarsim.render.lamps import Lamp, lamps_of, lit_by
-from polarsim.render.layers import render_view
+from polarsim.render.layers import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of
@@ -123,7 +124,8 @@ def render_twins(
             own = {name: layer for (of, name), layer in layers.items() if of == model}
             write_photos(folder, views[view], own, lens, gains[model], options, threads)
             sidecars.write(folder, views[view], Shot(pose, lens, lamps, 0, model), gains[model])
-        found_labels |= label_view(views[view], rendering.ids, labels.boxes, labels.instances, options)
+        hidden = hidden_parts(surfaces, pose, lens, rendering.ids[NO_LAMP])
+        found_labels |= label_view(views[view], rendering.ids, hidden, labels.boxes, labels.instances, options)
     sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {(WIDTH, HEIGHT)}
     coco.write_coco(labels.annotations, found_labels, size=max(sizes))
     in_order = sorted(found_labels, key=lambda key: (key.position, key.camera, key))

@@ -12,7 +12,7 @@ from pycocotools.coco import COCO
 
 from polarsim.errors import FormatError
 from polarsim.formats import rle
-from polarsim.formats.coco import Annotation, image_id, read_coco, write_coco
+from polarsim.formats.coco import Amodal, Annotation, image_id, read_coco, write_coco
 from polarsim.photo import NO_ROCK, ROCK, SHADOW, TERRAINS, PhotoKey, photo_grid
 
 GRID = [key for terrain in TERRAINS for key in photo_grid(terrain)]
@@ -49,7 +49,12 @@ def opened(path) -> COCO:
 
 def same(first: Annotation, second: Annotation) -> bool:
     same_values = [getattr(first, n) == getattr(second, n) for n in ("kind", "rock", "mask", "source", "confidence")]
-    return all(same_values) and np.allclose(first.box, second.box, atol=2e-3)  # three decimals
+    boxes = [(first.box, second.box)]
+    if first.amodal and second.amodal:
+        boxes.append((first.amodal.box, second.amodal.box))
+        same_values.append(first.amodal.mask == second.amodal.mask)
+    same_values.append((first.amodal is None) == (second.amodal is None))
+    return all(same_values) and all(np.allclose(*pair, atol=2e-3) for pair in boxes)  # three decimals
 
 
 def test_pycocotools_finds_the_masks_areas_and_boxes(written):
@@ -93,9 +98,11 @@ def test_every_photo_has_an_id_of_its_own():
 @st.composite
 def annotations(draw):
     mask = draw(arrays.arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6))))
-    left, top = draw(st.integers(0, 1930)), draw(st.integers(0, 1210))
+    left, top = draw(st.integers(0, 1929)), draw(st.integers(0, 1210))
     box = np.array([left, top, left + draw(st.floats(0.5, 6)), top + draw(st.floats(0.5, 6))])
     known = draw(st.booleans())
+    whole = np.pad(mask, ((0, 0), (0, 1)), constant_values=True)  # a column more is hidden
+    amodal = Amodal(rle.encode(whole, left, top), box + np.eye(4)[2]) if draw(st.booleans()) else None
     return Annotation(
         draw(st.sampled_from([ROCK, SHADOW])),
         draw(st.integers(-1, 2000)),
@@ -103,6 +110,7 @@ def annotations(draw):
         rle.encode(mask, left, top) if known else None,
         draw(st.sampled_from(["seed", "fused", "projected", "cast", ""])),
         draw(st.floats(0, 1)),
+        amodal,
     )
 
 
@@ -119,6 +127,23 @@ def test_annotations_read_back(tmp_path_factory, photos):
     for key, rows in photos.items():
         assert len(found[key]) == len(rows)
         assert all(same(a, b) for a, b in zip(found[key], rows, strict=True))
+
+
+def test_amodal_fields_stand_where_they_are_known_and_nowhere_else(tmp_path):
+    seen, whole = rle.encode(np.ones((20, 30)), 100, 200), rle.encode(np.ones((20, 40)), 100, 200)
+    box, whole_box = np.array([100.0, 200, 130, 220]), np.array([100.0, 200, 140, 220])
+    labels = [Annotation(ROCK, 7, box, seen, amodal=Amodal(whole, whole_box)), Annotation(ROCK, 8, box, seen)]
+    write_coco(tmp_path / "a.json", {KEY: labels})
+    first, second = json.loads((tmp_path / "a.json").read_text())["annotations"]
+    assert first["visible_share"] == 0.75
+    assert first["amodal_bbox"] == [100, 200, 40, 20]
+    assert first["amodal_segmentation"] == {"size": [1216, 1936], "counts": whole.counts}
+    assert set(first) - set(second) == {"visible_share", "amodal_bbox", "amodal_segmentation"}
+    write_coco(tmp_path / "b.json", {KEY: labels}, 0.6)
+    assert np.array(json.loads((tmp_path / "b.json").read_text())["annotations"][0]["amodal_segmentation"]).shape == (
+        1,
+        8,
+    )
 
 
 def test_the_order_of_photos_does_not_matter(written, tmp_path):

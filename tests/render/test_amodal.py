@@ -1,0 +1,120 @@
+"""Amodal masks against pictures of every rock alone with the ground."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.poses import looking
+from polarsim.photo import NO_ROCK
+from polarsim.render.amodal import hidden_parts
+from polarsim.render.automatic import annotations_of, whole_rocks
+from polarsim.render.layers import NO_LAMP
+from polarsim.render.options import RenderOptions
+from polarsim.render.surfaces import surfaces_of
+
+from .conftest import PLAIN, SMALL, block
+
+ROCKS, PLACES = (4, 7, 9, 12), ((1.1, 0.1), (0.55, 0.2), (0.45, 0.45), (-0.6, -0.8))
+LOW = looking(np.array([2.4, 0.2, 0.45]), np.pi, np.radians(8))  # rocks hide each other
+WALLED = RenderOptions(rim=True, rim_half_width_m=1.4, rim_height_m=0.15, bounce=0)
+
+
+def alone(mesh, rock):
+    """The terrain without any other rock."""
+    stays = (mesh.rock_of_face == NO_ROCK) | (mesh.rock_of_face == rock)
+    return TerrainMesh(mesh.vertices, mesh.faces[stays], mesh.rock_of_face[stays], mesh.normals)
+
+
+def whole_by_brute_force(mesh, rock, pose, ids_of):
+    """(h, w) bool: rock and ground alone in a picture, without walls."""
+    return ids_of(surfaces_of(alone(mesh, rock), PLAIN), pose, SMALL, {})[NO_LAMP] == 1000 + rock
+
+
+def whole(surfaces, pose, ids_of):
+    """The same by rock, from `hidden_parts`."""
+    ids = ids_of(surfaces, pose, SMALL, {})[NO_LAMP]
+    found = {}
+    for rock, behind in hidden_parts(surfaces, pose, SMALL, ids).items():
+        found[rock] = ids == 1000 + rock
+        assert not found[rock].flat[behind].any()
+        found[rock].flat[behind] = True
+    return found
+
+
+@pytest.mark.parametrize("options", [PLAIN, WALLED], ids=["open", "walled"])
+@pytest.mark.parametrize("pose", [LOW, looking(np.array([0.9, 1.9, 0.6]), -2.0, 0.4)], ids=["low", "close"])
+def test_they_are_what_each_rock_covers_alone_with_the_ground(ids_of, pose, options):
+    mesh = block(ROCKS, PLACES)
+    surfaces = surfaces_of(mesh, options)
+    found = whole(surfaces, pose, ids_of)
+    ids = ids_of(surfaces, pose, SMALL, {})[NO_LAMP]
+    assert any((ids == 1000 + rock).sum() < 0.9 * mask.sum() for rock, mask in found.items())
+    for rock, mask in found.items():
+        np.testing.assert_array_equal(mask, whole_by_brute_force(mesh, rock, pose, ids_of))
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(-1200, 1200), st.integers(-1200, 1200), st.integers(-150, 100)),
+        min_size=2,
+        max_size=5,
+        unique_by=(lambda r: r[0] % 400, lambda r: r[1] % 400, lambda r: r[2] % 200),  # no two faces in one plane
+    ),
+    st.floats(0, 2 * np.pi),
+    st.floats(0.1, 1.0),
+)
+def test_they_are_so_wherever_rocks_and_camera_stand(rocks_mm, heading, height):
+    from polarsim.render.layers import render_view
+
+    rocks = np.array(rocks_mm) / 1000
+    mesh = block(range(1, len(rocks) + 1), [(x, y) for x, y, _ in rocks])
+    vertices = mesh.vertices.copy()
+    for rock, (_, _, lift) in enumerate(rocks, 1):  # some float, some are half buried; some stand in each other
+        vertices[mesh.faces[mesh.rock_of_face == rock], 2] += lift
+    mesh = TerrainMesh(vertices, mesh.faces, mesh.rock_of_face, mesh.normals)
+    centre = np.array([2 * np.cos(heading), 2 * np.sin(heading), height])
+    pose = looking(centre, heading + np.pi, np.arctan(height / 2))
+
+    def ids_of(surfaces, pose, lens, lamps):
+        return render_view(surfaces, pose, lens, lamps, [], [], PLAIN).ids
+
+    for rock, mask in whole(surfaces_of(mesh, PLAIN), pose, ids_of).items():
+        expected = whole_by_brute_force(mesh, rock, pose, ids_of)
+        assert (mask != expected).sum() <= 0.002 * expected.sum()  # surfaces that touch within 0.1 mm count as one
+
+
+def test_annotations_say_how_much_is_seen(ids_of):
+    surfaces = surfaces_of(block(ROCKS, PLACES), PLAIN)
+    ids = ids_of(surfaces, LOW, SMALL, {})[NO_LAMP]
+    hidden = hidden_parts(surfaces, LOW, SMALL, ids)
+    labels = {label.rock: label for label in annotations_of(ids, PLAIN, whole_rocks(ids, hidden, PLAIN))}
+    expected = whole(surfaces, LOW, ids_of)
+    assert labels[4].visible_share == 1
+    assert labels[4].amodal.mask == labels[4].mask
+    assert 0 < labels[7].visible_share < 0.9
+    for rock, label in labels.items():
+        shown, all_of_it = label.mask.mask(), label.amodal.mask.mask()
+        assert (all_of_it | ~shown).all()
+        assert (all_of_it & expected[rock]).sum() >= 0.98 * expected[rock].sum()  # crumbs are left out
+        assert label.visible_share == shown.sum() / all_of_it.sum()
+        rows, columns = np.nonzero(all_of_it)
+        np.testing.assert_array_equal(label.amodal.box, [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
+
+
+def test_rocks_that_are_hidden_too_far_get_no_label_but_keep_their_shadow(ids_of):
+    from polarsim.render.lamps import Lamp
+
+    surfaces = surfaces_of(block(ROCKS, PLACES), PLAIN)
+    pictures = ids_of(surfaces, LOW, SMALL, {"sun": Lamp(np.array([0.5, 3.0, 1.0]))})
+    occluded = whole_rocks(pictures[NO_LAMP], hidden_parts(surfaces, LOW, SMALL, pictures[NO_LAMP]), PLAIN)
+    every = annotations_of(pictures["sun"], PLAIN, occluded)
+    for least in (0.0, 0.3, 0.9):
+        few = annotations_of(pictures["sun"], PLAIN.model_copy(update={"min_visible_share": least}), occluded)
+        assert [label.box.tolist() for label in few] == [
+            label.box.tolist() for label in every if label.kind == "shadow" or label.visible_share >= least
+        ]
+    assert min(label.visible_share for label in every) < 0.9
+    assert {label.kind for label in few} == {"rock", "shadow"}
