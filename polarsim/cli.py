@@ -275,7 +275,7 @@ def render(
     preview: Annotated[bool, typer.Option("--preview", help="Write an 8-bit tone-mapped PNG instead.")] = False,
     maps: Annotated[
         Path | None,
-        typer.Option(help="Folder for 16-bit PNGs: depth (mm), normals, ids, incidence, emergence, phase (0.01 deg)."),
+        typer.Option(help="Folder for 16-bit PNGs: depth (mm), normal, ids, angles (0.01 deg), shading, lit."),
     ] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads; they change no byte.")] = 1,
     limit: Annotated[int | None, typer.Option(min=1, help="Of views: only the first pictures.")] = None,
@@ -299,7 +299,7 @@ def render(
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
     from polarsim.render.lamps import Lamp
-    from polarsim.render.maps import write_maps
+    from polarsim.render.map_files import write_maps
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
     from polarsim.tables.tone import to_8bit

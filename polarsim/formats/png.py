@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import FormatError
-from polarsim.formats.files import writing
+from polarsim.formats.files import write_bytes
 from polarsim.photo import HEIGHT, WHITE_LEVEL, WIDTH
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -106,9 +106,7 @@ def write(path: str | Path, pixels: np.ndarray) -> None:
     PolarsimError
         The file cannot be written.
     """
-    content = encode(pixels)
-    with writing(path) as temporary:
-        temporary.write_bytes(content)
+    write_bytes(path, encode(pixels))
 
 
 def encode(pixels: np.ndarray) -> bytes:

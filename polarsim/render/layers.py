@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,11 +14,11 @@ from polarsim.render import brdf
 from polarsim.render.hits import Hits, cast_strip, for_strips
 from polarsim.render.indirect import indirect_layers
 from polarsim.render.lamps import Lamp
-from polarsim.render.lighting import lighting
+from polarsim.render.lighting import lighting, lit_share
 from polarsim.render.materials import Materials, Reflectance
 from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
 from polarsim.render.pixel_filter import sample_offsets
-from polarsim.render.shadows import ground_shadows
+from polarsim.render.shadows import disc_shadows, ground_shadows
 from polarsim.render.surfaces import Surfaces
 from polarsim.render.surroundings import Surroundings
 
@@ -101,7 +101,8 @@ def render_view(
         if offset != _CENTRE:
             hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, _CENTRE, smooth=False)
         pictures = {name: picture[rows].reshape(-1) for name, picture in ids.items()}
-        identify(pictures, surfaces, hits, lamps, {name: lit == len(offsets) for name, lit in samples_lit.items()})
+        lit_pixels = {name: lit == len(offsets) for name, lit in samples_lit.items()}
+        identify(pictures, surfaces, hits, lamps, lit_pixels, options)
 
     for_strips(lens.height, 1 if options.engine == "taichi" else threads, work)
     surroundings.into(layers, lamps)
@@ -118,6 +119,7 @@ def identify(
     hits: Hits,
     lamps: Mapping[str, Lamp],
     lit: Mapping[str, np.ndarray],
+    options: RenderOptions,
 ) -> None:
     """Write a strip's ids into flat pictures by lamp.
 
@@ -126,7 +128,11 @@ def identify(
     met = surfaces.id_of_face.take(hits.face)
     for name, picture in pictures.items():
         shown = met
-        if name != NO_LAMP:
+        if name != NO_LAMP and lamps[name].radius_m:
+            flat = replace(hits, normal=hits.plane)  # whatever the number of samples a pixel
+            dark = lit_share(surfaces, flat, lamps[name], options.lamp_samples) < options.shadow_below
+            shown = disc_shadows(surfaces, hits, met, lamps[name], dark, options.lamp_samples)
+        elif name != NO_LAMP:
             shown = ground_shadows(surfaces, hits, met, lamps[name], np.flatnonzero(lit[name].take(hits.pixel)))
         picture[hits.pixel] = shown
 

@@ -1,23 +1,39 @@
-"""What the pixels of a view show besides light: depth, normals, ids, and the angles that reflectance goes by."""
+"""What the pixels of a view show besides light: depth, normals, ids, the angles that reflectance goes by, shadows."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from polarsim.formats import png
-from polarsim.formats.files import writing_folder
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.vectors import unit
-from polarsim.render.hits import between_deg, cast_strip, for_strips
+from polarsim.render.hits import Hits, between_deg, cast_strip, for_strips
 from polarsim.render.lamps import Lamp
+from polarsim.render.lighting import lit_share
+from polarsim.render.options import RenderOptions
+from polarsim.render.shading import shading_of
 from polarsim.render.surfaces import Surfaces
 
-MM, CENTIDEGREES = 1000.0, 100.0
-MOST = 0xFFFF  # in the files: what no pixel has; depths beyond are cut to one less
+
+@dataclass(frozen=True)
+class LampMaps:
+    """Pictures (h, w) of a view under one lamp; NaN where it shows nothing.
+
+    incidence_deg, phase_deg : float32
+        Between normal and lamp, lamp and viewer.
+    lit : float32
+        Share of the lamp that the surface sees, 0 to 1; 0 where it faces away.
+    shading : uint16
+        LIT, or what keeps the lamp away: codes of `formats.shading`, 0 where it shows nothing.
+    """
+
+    incidence_deg: np.ndarray
+    phase_deg: np.ndarray
+    lit: np.ndarray
+    shading: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -28,56 +44,66 @@ class Maps:
         Along the optical axis, metres.
     normal : (h, w, 3) float32
         Unit, smooth, towards the viewer, sandbox frame.
-    incidence_deg, emergence_deg, phase_deg : float32
-        Between normal and lamp, normal and viewer, lamp and viewer; without a lamp the first and last are NaN.
+    emergence_deg : float32
+        Between normal and viewer.
     ids : uint16
         BACKGROUND, GROUND, ROCK_IDS + k for rock k, as in instance maps.
+    by_lamp : name -> LampMaps
+        What depends on light.
     """
 
     depth_m: np.ndarray
     normal: np.ndarray
-    incidence_deg: np.ndarray
     emergence_deg: np.ndarray
-    phase_deg: np.ndarray
     ids: np.ndarray
+    by_lamp: dict[str, LampMaps]
 
 
-def maps_of(surfaces: Surfaces, sandbox_from_camera: Pose, lens: Lens, lamp: Lamp | None, threads: int = 1) -> Maps:
-    """Cast a ray through every pixel's centre."""
-    surfaces.prepare(shadows=False)
+def maps_of(
+    surfaces: Surfaces,
+    sandbox_from_camera: Pose,
+    lens: Lens,
+    lamps: Mapping[str, Lamp],
+    options: RenderOptions,
+    threads: int = 1,
+) -> Maps:
+    """Cast a ray through every pixel's centre, and from there rays to every lamp."""
+    surfaces.prepare(shadows=bool(lamps))
     size = (lens.height, lens.width)
-    depth, incidence, emergence, phase = (np.full(size, np.nan, np.float32) for _ in range(4))
-    normal, ids = np.full((*size, 3), np.nan, np.float32), np.zeros(size, np.uint16)
+
+    def empty() -> np.ndarray:
+        return np.full(size, np.nan, np.float32)
+
+    by_lamp = {name: LampMaps(empty(), empty(), empty(), np.zeros(size, np.uint16)) for name in lamps}
+    maps = Maps(empty(), np.full((*size, 3), np.nan, np.float32), empty(), np.zeros(size, np.uint16), by_lamp)
     axis = sandbox_from_camera.rotation[:, 2]
 
     def work(rows: slice) -> None:
         hits = cast_strip(surfaces, sandbox_from_camera, lens, rows)
-        from_camera = hits.point - sandbox_from_camera.translation
-        depth[rows].reshape(-1)[hits.pixel] = from_camera @ axis
-        normal[rows].reshape(-1, 3)[hits.pixel] = hits.normal
-        emergence[rows].reshape(-1)[hits.pixel] = between_deg(hits.normal, hits.to_viewer)
-        ids[rows].reshape(-1)[hits.pixel] = surfaces.id_of_face[hits.face]
-        if lamp is not None:
-            to_lamp = unit(lamp.light_at(hits.point, falloff=False)[0])
-            incidence[rows].reshape(-1)[hits.pixel] = between_deg(hits.normal, to_lamp)
-            phase[rows].reshape(-1)[hits.pixel] = between_deg(hits.to_viewer, to_lamp)
+
+        def put(picture: np.ndarray, values: np.ndarray) -> None:
+            picture[rows].reshape(-1, *picture.shape[2:])[hits.pixel] = values
+
+        put(maps.depth_m, (hits.point - sandbox_from_camera.translation) @ axis)
+        put(maps.normal, hits.normal)
+        put(maps.emergence_deg, between_deg(hits.normal, hits.to_viewer))
+        put(maps.ids, surfaces.id_of_face[hits.face])
+        for name, lamp in lamps.items():
+            under = _under(surfaces, hits, lamp, options)
+            for field, values in under.items():
+                put(getattr(by_lamp[name], field), values)
 
     for_strips(lens.height, threads, work)
-    return Maps(depth, normal, incidence, emergence, phase, ids)
+    return maps
 
 
-def write_maps(folder: Path, maps: Maps) -> None:
-    """Write 16-bit PNGs: depth.png in mm and {incidence,emergence,phase}.png in 0.01 degrees, 65535 where nothing is;
-    normal.png, red to blue x to z, (n + 1) / 2 of 65535, black where nothing is; ids.png.
-    """
-    with writing_folder(folder) as out:
-        png.write(out / "depth.png", _scaled(maps.depth_m, MM))
-        for name in ("incidence", "emergence", "phase"):
-            png.write(out / f"{name}.png", _scaled(getattr(maps, f"{name}_deg"), CENTIDEGREES))
-        png.write(out / "normal.png", np.nan_to_num((maps.normal + 1) / 2 * MOST + 0.5).astype(np.uint16))
-        png.write(out / "ids.png", maps.ids)
-
-
-def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
-    steps = np.minimum(np.nan_to_num(values * factor, nan=0.0) + 0.5, MOST - 1)
-    return np.where(np.isnan(values), MOST, steps).astype(np.uint16)
+def _under(surfaces: Surfaces, hits: Hits, lamp: Lamp, options: RenderOptions) -> dict[str, np.ndarray]:
+    """The fields of `LampMaps` at the hits."""
+    to_lamp = unit(lamp.light_at(hits.point, falloff=False)[0])
+    share = lit_share(surfaces, hits, lamp, options.lamp_samples)
+    return {
+        "incidence_deg": between_deg(hits.normal, to_lamp),
+        "phase_deg": between_deg(hits.to_viewer, to_lamp),
+        "lit": share,
+        "shading": shading_of(surfaces, hits, lamp, share < options.shadow_below, options.lamp_samples),
+    }

@@ -10,6 +10,7 @@ from polarsim.render.sensor_options import SensorOptions
 
 Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
 MODELS: tuple[Model, ...] = get_args(Model)
+MapName = Literal["depth", "depth_float", "normal", "angles", "shading", "lit"]
 CHRONO: tuple[Model, ...] = ("hapke_chrono", "principled_chrono")  # direct light only, as in the paper's pictures
 
 
@@ -146,6 +147,9 @@ class RenderOptions(SensorOptions):
         0, ge=0, description="Radius of the Sun lamps' discs, metres; 0: points, whose shadows have sharp edges."
     )
     lamp_samples: int = Field(16, ge=1, description="Rays to a lamp's disc where it is seen in part.")
+    shadow_below: float = Field(
+        0.5, gt=0, le=1, description="A pixel counts as shadow where it sees less than this share of a lamp's disc."
+    )
     bounce: float = Field(
         0.01,
         ge=0,
@@ -193,6 +197,11 @@ class RenderOptions(SensorOptions):
     calibration_photos: int = Field(6, ge=0, description="Photos that a gain is calibrated on; 0: built-in gains.")
     seed: int = Field(0, ge=0, description="Seed of the noise and of traced light.")
 
+    maps: tuple[MapName, ...] = Field(
+        (),
+        description="Pictures beside twins, in renders/maps: depth (mm), depth_float (m), normal, angles (incidence, "
+        "emergence, phase), shading (lit, or what hides the lamp), lit (share of the lamp that is seen).",
+    )
     min_rock_px: int = Field(30, ge=1, description="Rocks with fewer visible pixels get no box.")
     min_shadow_px: int = Field(60, ge=1, description="Shadows with fewer visible pixels get no box.")
     min_part_px: int = Field(20, ge=1, description="Connected parts of a shadow below this do not widen its box.")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from polarsim.geometry.vectors import cross, scaled, unit
 from polarsim.render.surfaces import Surfaces
 
 PROBES = 5  # rays to the centre and rim of the disc: where all agree, no more are cast
+_SCATTER = (0.6180339887, 0.7548776662)  # steps that never come near a place of before: turns of neighbours differ
 _GOLDEN = np.pi * (3 - np.sqrt(5))  # radians between two points of Vogel's sunflower, which covers a disc evenly
 
 
@@ -48,13 +51,30 @@ def _sunflower(samples: int) -> np.ndarray:
 def _blocked_share(
     surfaces: Surfaces, points: np.ndarray, to_lamp: np.ndarray, radius_m: float, pattern: np.ndarray, turn: np.ndarray
 ) -> np.ndarray:
-    across, upward = _facing(to_lamp)
     blocked = np.zeros(len(points), np.float32)
+    for towards in _on_disc(to_lamp, radius_m, pattern, turn):
+        blocked += surfaces.all.blocked(points, towards, 1.0)
+    return blocked / np.float32(len(pattern))
+
+
+def to_disc(to_lamp: np.ndarray, radius_m: float, samples: int, turn: np.ndarray) -> Iterator[np.ndarray]:
+    """The vectors (n, 3) along which `visible_share` looks at a disc; first to its centre, as `to_lamp` (n, 3) does."""
+    yield to_lamp
+    if radius_m:
+        yield from _on_disc(to_lamp, radius_m, np.concatenate([_rim()[1:], _sunflower(samples)]), turn)
+
+
+def turns(pixel: np.ndarray, first_row: int | np.ndarray) -> np.ndarray:
+    """(n,) radians by which the pattern of rays to a disc is turned at pixels (n,) of a strip: each its own."""
+    return np.asarray(2 * np.pi * ((pixel * _SCATTER[0] + first_row * _SCATTER[1]) % 1))
+
+
+def _on_disc(to_lamp: np.ndarray, radius_m: float, pattern: np.ndarray, turn: np.ndarray) -> Iterator[np.ndarray]:
+    across, upward = _facing(to_lamp)
     for radius, angle in pattern:
         turned, far = (angle + turn).astype(np.float32), np.float32(radius * radius_m)
         offset = scaled(across, far * np.cos(turned)) + scaled(upward, far * np.sin(turned))
-        blocked += surfaces.all.blocked(points, to_lamp + offset, 1.0)
-    return blocked / np.float32(len(pattern))
+        yield to_lamp + offset
 
 
 def _facing(to_lamp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

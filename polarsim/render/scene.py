@@ -63,9 +63,8 @@ class Scene:
         return expose(radiance, shot.exposure_ms * self.gain(shot.model), options, noise)
 
     def maps(self, shot: Shot, threads: int = 1) -> Maps:
-        """Depth, normals and ids of what a shot shows, and its angles to the first of its lamps."""
-        lamp = next(iter(shot.lamps.values()), None)
-        return maps_of(self.surfaces, shot.sandbox_from_camera, shot.lens, lamp, threads)
+        """Depth, normals and ids of what a shot shows, its angles to each of its lamps, and shadows under it."""
+        return maps_of(self.surfaces, shot.sandbox_from_camera, shot.lens, shot.lamps, self.options, threads)
 
     def gain(self, model: Model) -> float:
         """Grey values per ms and unit radiance."""

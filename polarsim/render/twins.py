@@ -23,6 +23,8 @@ from polarsim.render.automatic import label_row, label_view
 from polarsim.render.gain import calibrate, calibration_photos, default_gain
 from polarsim.render.lamps import Lamp, lamps_of, lit_by
 from polarsim.render.layers import NO_LAMP, render_view
+from polarsim.render.map_files import lamps_of_maps, write_view_maps
+from polarsim.render.maps import maps_of
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of
@@ -36,12 +38,16 @@ View = tuple[str, str]  # position and camera
 
 @dataclass(frozen=True)
 class LabelPaths:
-    """Where a terrain's automatic labels go: folders of boxes `KEY.txt` and of ids, COCO file, table of label rows."""
+    """Where a terrain's automatic labels go: folders of boxes `KEY.txt` and of ids, COCO file, table of label rows.
+
+    `maps`: folder of the maps that the options ask for.
+    """
 
     boxes: Path
     instances: Path
     annotations: Path
     table: Path
+    maps: Path | None = None
 
 
 def views_of(keys: Iterable[PhotoKey], rigs: Mapping[str, PlacedRig], cameras: Path) -> dict[View, list[PhotoKey]]:
@@ -126,6 +132,10 @@ def render_twins(
             sidecars.write(folder, views[view], Shot(pose, lens, lamps, 0, model), gains[model])
         hidden = hidden_parts(surfaces, pose, lens, rendering.ids[NO_LAMP])
         found_labels |= label_view(views[view], rendering.ids, hidden, labels.boxes, labels.instances, options)
+        if options.maps and labels.maps:
+            shining = {name: lamps[name] for name in lamps_of_maps(options.maps, throwing)}
+            maps = maps_of(surfaces, pose, lens, shining, options, threads)
+            write_view_maps(labels.maps, views[view], maps, options.maps)
     sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {(WIDTH, HEIGHT)}
     coco.write_coco(labels.annotations, found_labels, size=max(sizes))
     in_order = sorted(found_labels, key=lambda key: (key.position, key.camera, key))

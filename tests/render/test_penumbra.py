@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
+from polarsim.formats.instances import GROUND, SHADOW_IDS
 from polarsim.render.lamps import SUN_RADIUS_DEG, Lamp
 from polarsim.render.layers import render_view
+from polarsim.render.maps import maps_of
 from polarsim.render.penumbra import visible_share
 
 from .conftest import HEIGHT, SIDE
@@ -65,11 +67,22 @@ def test_threads_do_not_change_a_penumbra(surfaces, camera, lens, plain):
     np.testing.assert_array_equal(*images)
 
 
-def test_ids_of_shadows_are_those_of_the_disc_s_middle(surfaces, above, lens, ids_of):
+def test_ground_that_sees_too_little_of_a_disc_is_shadow(surfaces, above, lens, plain, ids_of):
+    maps = maps_of(surfaces, above, lens, {"lamp": LAMP}, plain)
+    ground, share = maps.ids == GROUND, maps.by_lamp["lamp"].lit
+    sizes = []
+    for below in (0.05, 0.5, 1.0):
+        options = plain.model_copy(update={"shadow_below": below})
+        ids = ids_of(surfaces, above, lens, {"lamp": LAMP}, options=options)["lamp"]
+        np.testing.assert_array_equal(ids[ground] == SHADOW_IDS + 1, share[ground] < below)
+        sizes.append((ids == SHADOW_IDS + 1).sum())
+    assert sizes[0] < 0.99 * sizes[1] < 0.97 * sizes[2]
+
+
+def test_half_a_disc_ends_the_shadow_about_where_its_middle_does(surfaces, above, lens, ids_of):
     point = Lamp(LAMP.position)
-    np.testing.assert_array_equal(
-        ids_of(surfaces, above, lens, {"lamp": LAMP})["lamp"], ids_of(surfaces, above, lens, {"lamp": point})["lamp"]
-    )
+    disc, middle = (ids_of(surfaces, above, lens, {"lamp": lamp})["lamp"] == SHADOW_IDS + 1 for lamp in (LAMP, point))
+    assert (disc & middle).sum() > 0.95 * (disc | middle).sum()
 
 
 def test_the_sun_is_half_a_degree_wide_and_as_bright_everywhere(surfaces):

@@ -8,7 +8,7 @@ from polarsim.formats.instances import GROUND, ROCK_IDS
 from polarsim.geometry.poses import looking
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
-from polarsim.render.maps import write_maps
+from polarsim.render.map_files import write_maps
 from polarsim.render.scene import Scene, Shot
 from polarsim.render.sidecar import read_sidecar, write_sidecar
 
@@ -63,9 +63,10 @@ def test_angles_are_those_of_lamp_and_viewer(scene, from_above):
     to_lamp, to_viewer = np.array([0.0, 3, 1]) - place, np.array([0, 0, ABOVE]) - place
     to_lamp, to_viewer = (v / np.linalg.norm(v) for v in (to_lamp, to_viewer))
     expected = np.degrees(np.arccos([to_lamp[2], to_viewer[2], to_lamp @ to_viewer]))
-    found = [angle[row, column] for angle in (maps.incidence_deg, maps.emergence_deg, maps.phase_deg)]
+    mine = maps.by_lamp["mine"]
+    found = [angle[row, column] for angle in (mine.incidence_deg, maps.emergence_deg, mine.phase_deg)]
     np.testing.assert_allclose(found, expected, atol=1e-3)
-    assert np.isnan(scene.maps(replace(from_above, lamps={})).phase_deg).all()
+    assert scene.maps(replace(from_above, lamps={})).by_lamp == {}
 
 
 def test_maps_in_files_keep_millimetres_and_hundredths_of_degrees(tmp_path, scene, from_above):
@@ -74,7 +75,7 @@ def test_maps_in_files_keep_millimetres_and_hundredths_of_degrees(tmp_path, scen
     seen = maps.ids > 0
     depth, phase, normal = (png.read(tmp_path / "maps" / f"{name}.png") for name in ("depth", "phase", "normal"))
     np.testing.assert_allclose(depth[seen] / 1000, maps.depth_m[seen], atol=5.1e-4)
-    np.testing.assert_allclose(phase[seen] / 100, maps.phase_deg[seen], atol=5.1e-3)
+    np.testing.assert_allclose(phase[seen] / 100, maps.by_lamp["mine"].phase_deg[seen], atol=5.1e-3)
     np.testing.assert_allclose(normal[seen] / 65535 * 2 - 1, maps.normal[seen], atol=2e-5)
     assert (depth[~seen] == 65535).all()
     np.testing.assert_array_equal(png.read(tmp_path / "maps" / "ids.png"), maps.ids)

@@ -59,6 +59,13 @@ def test_corrected_label_files_are_input_of_their_terrain_alone(checkout, snakem
     assert "Terrain01" in users[0]
 
 
+def test_maps_beside_twins_are_planned_where_they_are_asked_for(checkout, snakemake):
+    for setting, count in (("{}", 0), ("{maps: [depth, shading]}", 4)):
+        done = snakemake(checkout, "render", "--dry-run", "--config", f"render={setting}")
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert (done.stdout + done.stderr).count("renders/maps/Terrain") == count
+
+
 def test_labels_that_nobody_drew_are_not_scored(checkout, snakemake, tmp_path):
     root = tmp_path / "release"
     (root / "TerrainMeshes/Terrain06").mkdir(parents=True)

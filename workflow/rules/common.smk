@@ -122,6 +122,13 @@ def twins_by_model():
     }
 
 
+def maps_of_twins():
+    """Folder of the maps beside a terrain's twins, where the configuration asks for some."""
+    if not CONFIG.render.maps:
+        return {}
+    return {"maps": directory("results/{run}/renders/maps/Terrain{terrain}")}
+
+
 def pictures_of(wildcards):
     """Photos stand in a table, twins in folders."""
     if wildcards.domain == CONFIG.photo_domain:

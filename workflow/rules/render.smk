@@ -21,6 +21,7 @@ rule render_twins:
         photos=photos_of_terrain,
     output:
         **twins_by_model(),
+        **maps_of_twins(),
         boxes=directory("results/{run}/renders/boxes/Terrain{terrain}"),
         instances=directory("results/{run}/renders/instances/Terrain{terrain}"),
         annotations="results/{run}/renders/coco/Terrain{terrain}.json",

@@ -21,6 +21,7 @@ with reporting(log=snakemake.log[0]):
             instances=Path(snakemake.output.instances),
             annotations=Path(snakemake.output.annotations),
             table=Path(snakemake.output.table),
+            maps=Path(snakemake.output.maps) if snakemake.params.options["maps"] else None,
         ),
         options=RenderOptions(**snakemake.params.options),
         threads=snakemake.threads,

@@ -1,0 +1,73 @@
+"""Maps beside twins, as the configuration asks for them."""
+
+import numpy as np
+import pytest
+
+from polarsim.formats import png, tiff
+from polarsim.formats.instances import SHADOW_IDS
+from polarsim.formats.shading import FACES_AWAY, LIT, read_shading
+from polarsim.photo import PhotoKey
+from polarsim.render.options import RenderOptions
+from polarsim.render.scene import Scene
+from polarsim.render.sidecar import read_sidecar
+from polarsim.render.twins import LabelPaths, render_twins
+
+KEYS = [PhotoKey.parse(f"01_A_{name}") for name in ("off_30_L_0256", "on_30_L_0064", "on_30_L_0256", "off_no_L_0512")]
+SETS = ["01_A_off_30_L.png", "01_A_on_30_L.png"]
+
+
+def make(folders, names, keys=KEYS, threads=1):
+    labels = (folders / "labels" / name for name in ("boxes", "instances", "coco.json", "table.parquet", "maps"))
+    render_twins(
+        terrain=1, keys=keys, cameras=folders / "cameras", meshes=folders / "meshes", photos=None,
+        twins={"hapke": folders / "twins"}, labels=LabelPaths(*labels),
+        options=RenderOptions(rim=False, maps=names), threads=threads,
+    )  # fmt: skip
+    return folders / "labels" / "maps"
+
+
+def files_of(maps):
+    return {folder.name: sorted(path.name for path in folder.iterdir()) for folder in maps.iterdir()}
+
+
+def test_only_what_is_asked_for_is_written(folders):
+    assert not make(folders, ()).exists()
+    assert files_of(make(folders, ("depth",))) == {"depth": ["01_A_L.png"]}
+
+
+def test_views_have_what_no_lamp_changes_and_photo_sets_the_rest(folders):
+    maps = make(folders, ("depth", "depth_float", "normal", "angles", "shading", "lit"))
+    of_views = {name: ["01_A_L.png"] for name in ("depth", "normal", "emergence")} | {"depth_float": ["01_A_L.tif"]}
+    of_sets = dict.fromkeys(("incidence", "phase", "shading", "lit"), SETS)
+    assert files_of(maps) == of_views | of_sets
+
+
+def test_they_are_the_maps_of_the_scene_that_the_sidecar_tells(folders):
+    maps = make(folders, ("depth", "depth_float", "normal", "angles", "shading", "lit"))
+    told = read_sidecar(folders / "twins" / f"{KEYS[2]}.json")
+    expected = Scene(folders / "meshes", 1, told.options).maps(told.shot)
+    sun, seen = expected.by_lamp["30"], expected.ids > 0
+    of_set = {name: png.read(maps / name / SETS[1]) for name in ("incidence", "phase", "lit")}
+    depth = tiff.read_floats(maps / "depth_float" / "01_A_L.tif")
+    np.testing.assert_allclose(depth, expected.depth_m, rtol=1e-6)
+    np.testing.assert_allclose(png.read(maps / "depth" / "01_A_L.png")[seen] / 1000, depth[seen], atol=5.1e-4)
+    np.testing.assert_allclose(of_set["incidence"][seen] / 100, sun.incidence_deg[seen], atol=6e-3)
+    np.testing.assert_allclose(of_set["phase"][seen] / 100, sun.phase_deg[seen], atol=6e-3)
+    assert all((picture[~seen] == 65535).all() for picture in of_set.values())
+    shading = read_shading(maps / "shading" / SETS[1])
+    assert (shading != sun.shading).mean() < 1e-3  # the pose was made orthogonal anew
+    np.testing.assert_array_equal(of_set["lit"][seen] == 10_000, shading[seen] == LIT)
+    ids = png.read(folders / "labels" / "instances" / SETS[1])
+    np.testing.assert_array_equal((ids >= SHADOW_IDS) & (shading != FACES_AWAY), (ids >= SHADOW_IDS) & (shading == ids))
+
+
+def test_the_same_bytes_with_one_thread_and_two(folders):
+    names = ("normal", "angles", "shading", "lit", "depth_float")
+    first = {path: path.read_bytes() for path in make(folders, names).rglob("*.*")}
+    assert len(first) == 11
+    assert first == {path: path.read_bytes() for path in make(folders, names, threads=2).rglob("*.*")}
+
+
+def test_an_unknown_map_is_refused():
+    with pytest.raises(ValueError, match="maps"):
+        RenderOptions(maps=("albedo",))

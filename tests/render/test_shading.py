@@ -1,0 +1,209 @@
+"""Shadows by brute force: rays against every rock, the relief and the walls, one after the other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.formats.scene import TerrainMesh
+from polarsim.formats.shading import BY_RELIEF, BY_WALL, FACES_AWAY, LIT, NOTHING, cast_shadow, self_shadow
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import looking
+from polarsim.photo import NO_ROCK
+from polarsim.render.hits import STRIP, cast_strip
+from polarsim.render.lamps import Lamp
+from polarsim.render.lighting import lighting
+from polarsim.render.maps import maps_of
+from polarsim.render.options import RenderOptions
+from polarsim.render.penumbra import to_disc, turns
+from polarsim.render.surfaces import surfaces_of
+
+from .conftest import block
+
+LENS = Lens(420.0, 420.0, 200.0, 140.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), 400, 280)
+CAMERA = looking(np.array([2.4, -1.2, 1.7]), 2.7, 0.6)
+ROCKS, PLACES = (3, 4, 8, 9), ((0.2, 0.3), (0.5, 0.75), (-0.7, -0.6), (-0.1, -1.0))
+OPTIONS = RenderOptions(rim=True, rim_half_width_m=1.5, rim_height_m=0.25, bounce=0)
+LOW = Lamp(np.array([1.0, 3.6, 0.9]))
+BEHIND = Lamp(np.array([-0.32, 3.6, 0.8]))  # the mound, of block 8
+
+
+def hills():
+    """(n, n) grid of ground with a mound, and its triangles."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-2, 2, 81), np.linspace(-2, 2, 81)))
+    z = 0.25 * np.exp(-((x + 0.6) ** 2 + (y - 0.5) ** 2) / 0.08) + 0.01 * np.sin(4 * x) * np.cos(3 * y)
+    first = (np.arange(80)[:, None] * 81 + np.arange(80)).ravel()
+    quads = np.stack([first, first + 1, first + 82, first + 81], axis=1)
+    return np.stack([x, y, z], axis=1), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    """A mound, an L-shaped rock that shades itself, three blocks of which two stand behind each other; walls."""
+    vertices, faces = hills()
+    rocks = block(ROCKS, PLACES)
+    tower = block((3,), ((0.4, 0.1),))  # with block 3 it makes an L
+    upper = tower.vertices * [0.5, 0.5, 2] + [0.3, 0.25, 0]
+    parts = [(vertices, faces, np.full(len(faces), NO_ROCK))]
+    for own, points in ((rocks, rocks.vertices), (tower, upper)):
+        stone = own.rock_of_face != NO_ROCK
+        parts.append((points - [0, 0, 0.02], own.faces[stone], own.rock_of_face[stone]))
+    starts = np.cumsum([0, *(len(part[0]) for part in parts)])
+    vertices = np.concatenate([part[0] for part in parts])
+    faces = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=False)])
+    normals = np.zeros_like(vertices)
+    for corner in range(3):
+        a, b, c = (vertices[faces[:, k]] for k in range(3))
+        np.add.at(normals, faces[:, corner], np.cross(b - a, c - a))
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return TerrainMesh(vertices, faces, np.concatenate([part[2] for part in parts]), normals)
+
+
+@pytest.fixture(scope="module")
+def surfaces(mesh):
+    return surfaces_of(mesh, OPTIONS)
+
+
+@pytest.fixture(scope="module")
+def hits(surfaces):
+    return cast_strip(surfaces, CAMERA, LENS, slice(0, LENS.height))
+
+
+def of(surfaces, ids):
+    """Some of the surfaces alone."""
+    some = np.isin(surfaces.id_of_face, list(ids))
+    return replace(surfaces, faces=surfaces.faces[some], id_of_face=surfaces.id_of_face[some])
+
+
+def without(surfaces, *rocks):
+    return of(surfaces, set(surfaces.id_of_face.tolist()) - {ROCK_IDS + rock for rock in rocks})
+
+
+def lit(surfaces, hits, lamp):
+    """(n,) bool: hits that the lamp lights past these surfaces."""
+    found = np.zeros(len(hits.pixel), bool)
+    found[lighting(surfaces, hits, lamp, falloff=False)[0]] = True
+    return found
+
+
+def iou(first, second):
+    return (first & second).sum() / (first | second).sum()
+
+
+@pytest.mark.parametrize("lamp", [LOW, Lamp(np.array([-1.2, 3.4, 1.1])), Lamp(np.array([3.5, -1.4, 0.8]))])
+def test_cast_shadows_are_the_ground_that_turns_lit_without_the_rock(surfaces, hits, ids_of, lamp):
+    """Of ground that several rocks hide the first one counts, so that there only all of them together are tested.
+
+    Ground in a rock's shadow that were dark without any rock, grains that face away, is left out: it belongs to it.
+    """
+    ids = ids_of(surfaces, CAMERA, LENS, {"sun": lamp})["sun"].reshape(-1)[hits.pixel]
+    ground = surfaces.id_of_face[hits.face] == GROUND
+    without_any = lit(without(surfaces, *ROCKS), hits, lamp)
+    by_any = ground & without_any & ~lit(surfaces, hits, lamp)
+    by_one = {rock: by_any & lit(without(surfaces, rock), hits, lamp) for rock in ROCKS}
+    by_several = by_any & ~np.any(list(by_one.values()), axis=0)
+    assert iou(ids >= SHADOW_IDS, by_any) >= 0.99
+    for rock, expected in by_one.items():
+        assert expected.sum() > 100
+        assert iou((ids == SHADOW_IDS + rock) & without_any & ~by_several, expected) >= 0.99
+
+
+def blocking(surfaces, hits, towards):
+    """By id of a thing, (n,) bool: it alone stands between the hits and what `towards` leads to."""
+    return {
+        number: of(surfaces, [number]).all.blocked(hits.point, towards, 1.0)
+        for number in np.unique(surfaces.id_of_face).tolist()
+    }
+
+
+def named(shading):
+    """(n,) id of the thing that a code names; -1 for LIT and FACES_AWAY."""
+    return np.select(
+        [shading == BY_RELIEF, shading == BY_WALL, shading >= SHADOW_IDS, shading >= ROCK_IDS],
+        [GROUND, BACKGROUND, shading.astype(int) - SHADOW_IDS + ROCK_IDS, shading],
+        -1,
+    )
+
+
+def test_every_dark_pixel_names_what_hides_the_lamp_from_it(surfaces, hits):
+    own, found = surfaces.id_of_face[hits.face], dict.fromkeys(("itself", "rock", "relief", "wall", "sand"), 0)
+    for lamp in (LOW, BEHIND):
+        shading = maps_of(surfaces, CAMERA, LENS, {"sun": lamp}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
+        towards = lamp.light_at(hits.point, falloff=False)[0]
+        np.testing.assert_array_equal(shading == LIT, lit(surfaces, hits, lamp))
+        away = (np.sum(hits.plane * towards, axis=1) <= 0) | (np.sum(hits.normal * towards, axis=1) <= 0)
+        np.testing.assert_array_equal(shading == FACES_AWAY, away)
+        thing, by = named(shading), blocking(surfaces, hits, towards)
+        assert all(by[number][thing == number].all() for number in by)  # it does hide the lamp
+        alone = (thing >= 0) & (np.sum(list(by.values()), axis=0) == 1)
+        assert alone.sum() > 0.6 * (thing >= 0).sum()
+        for number, blocks in by.items():
+            np.testing.assert_array_equal(thing[alone] == number, blocks[alone])
+        on_rock, by_rock = own >= ROCK_IDS, thing >= ROCK_IDS
+        kinds = (thing == own, (thing != own) & by_rock, thing == GROUND, thing == BACKGROUND)
+        for name, pixels in zip(found, (*(on_rock & kind for kind in kinds), ~on_rock & by_rock), strict=True):
+            found[name] += pixels.sum()
+    assert min(found.values()) > 10, found
+
+
+def test_self_and_cast_shadow_are_apart_and_all_that_is_dark(surfaces, hits):
+    maps = maps_of(surfaces, CAMERA, LENS, {"sun": LOW}, OPTIONS).by_lamp["sun"]
+    own, cast = self_shadow(maps.shading), cast_shadow(maps.shading)
+    assert not (own & cast).any()
+    np.testing.assert_array_equal(own | cast, (maps.shading != LIT) & (maps.shading != NOTHING))
+    seen = np.zeros(maps.shading.size, bool)
+    seen[hits.pixel] = True
+    np.testing.assert_array_equal(maps.shading.ravel() != NOTHING, seen)
+    np.testing.assert_array_equal(np.isnan(maps.lit).ravel(), ~seen)
+
+
+@pytest.mark.parametrize("lamp", [LOW, BEHIND])
+def test_rocks_shade_exactly_the_ground_and_walls_that_are_lit_without_them(surfaces, hits, lamp):
+    shading = maps_of(surfaces, CAMERA, LENS, {"sun": lamp}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
+    dark = (surfaces.id_of_face[hits.face] < ROCK_IDS) & ~lit(surfaces, hits, lamp)
+    by_any = dark & lit(without(surfaces, *ROCKS), hits, lamp)
+    by_one = {rock: dark & lit(without(surfaces, rock), hits, lamp) for rock in ROCKS}
+    by_several = by_any & ~np.any(list(by_one.values()), axis=0)
+    on_rest = surfaces.id_of_face[hits.face] < ROCK_IDS
+    assert iou((shading >= SHADOW_IDS) & on_rest, by_any) >= 0.999
+    for rock, expected in by_one.items():
+        assert iou((shading == SHADOW_IDS + rock) & on_rest & ~by_several, expected) >= 0.999
+
+
+def test_rocks_shade_no_other_ground_than_pictures_of_ids_say(surfaces, hits, ids_of):
+    shading = maps_of(surfaces, CAMERA, LENS, {"sun": LOW}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
+    ids = ids_of(surfaces, CAMERA, LENS, {"sun": LOW})["sun"].reshape(-1)[hits.pixel]
+    by_rock = (surfaces.id_of_face[hits.face] == GROUND) & (shading >= SHADOW_IDS)
+    np.testing.assert_array_equal(shading[by_rock], ids[by_rock])
+    filled_in = (ids >= SHADOW_IDS) & ~by_rock
+    assert set(np.unique(shading[filled_in])) <= {BY_RELIEF, BY_WALL, FACES_AWAY}
+    assert filled_in.sum() < 0.03 * by_rock.sum()
+
+
+def test_under_a_disc_dark_is_what_sees_too_little_of_it(surfaces, hits):
+    disc = replace(LOW, radius_m=0.25)
+    towards = disc.light_at(hits.point, falloff=False)[0]
+    first_row = hits.pixel // LENS.width // STRIP * STRIP
+    turn = turns(hits.pixel - first_row * LENS.width, first_row)
+    by = None
+    for way in to_disc(towards, disc.radius_m, OPTIONS.lamp_samples, turn):
+        found = blocking(surfaces, hits, way)
+        by = found if by is None else {number: by[number] | found[number] for number in by}
+    sizes = []
+    for below in (0.2, 0.5, 1.0):
+        options = OPTIONS.model_copy(update={"shadow_below": below})
+        maps = maps_of(surfaces, CAMERA, LENS, {"sun": disc}, options).by_lamp["sun"]
+        share, shading = (picture.reshape(-1)[hits.pixel] for picture in (maps.lit, maps.shading))
+        np.testing.assert_array_equal(shading == LIT, share >= below)
+        thing = named(shading)
+        assert min(by[number][thing == number].mean() for number in by) > 0.999
+        sizes.append((shading != LIT).sum())
+    assert sizes[0] < sizes[1] < sizes[2]
+    assert ((share > 0.2) & (share < 0.8)).sum() > 500
+
+
+def test_threads_do_not_change_them(surfaces):
+    one, two = (maps_of(surfaces, CAMERA, LENS, {"sun": LOW}, OPTIONS, threads).by_lamp["sun"] for threads in (1, 2))
+    np.testing.assert_array_equal(one.shading, two.shading)
+    np.testing.assert_array_equal(one.lit, two.lit)
