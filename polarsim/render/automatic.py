@@ -109,7 +109,11 @@ def label_view(
         Folder for `TT_P_light_az_C.png`, the ids of a photo set.
     """
     occluded = whole_rocks(ids[NO_LAMP], hidden, options)
-    found = {name: annotations_of(picture, options, occluded) for name, picture in ids.items()}
+    rocks = annotations_of(ids[NO_LAMP], options, occluded)
+    found = {NO_LAMP: rocks}
+    for name, picture in ids.items():
+        shadows = picture * (picture >= SHADOW_IDS)  # a view's rocks are the same under every lamp
+        found[name] = rocks + annotations_of(shadows, options)
     labels: dict[PhotoKey, list[coco.Annotation]] = {}
     written = set()
     for key in keys:
