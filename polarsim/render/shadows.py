@@ -26,8 +26,7 @@ def ground_shadows(surfaces: Surfaces, hits: Hits, ids: np.ndarray, lamp: Lamp, 
     """
     ids = ids.copy()
     in_question = ids == GROUND
-    if lit is not None:
-        in_question[lit] = False
+    in_question[lit] = False
     ground = np.flatnonzero(in_question)
     point = hits.point.take(ground, axis=0)
     to_lamp, _ = lamp.light_at(point, falloff=False)
