@@ -31,10 +31,11 @@ class Hits:
     to_viewer: np.ndarray  # (n, 3) unit
     normal: np.ndarray  # (n, 3) unit, smooth, towards the viewer
     plane: np.ndarray  # (n, 3) unit normal of the flat face, towards the viewer
+    weights: np.ndarray  # (n, 2) barycentric, of the face's second and third corner
 
     def part(self, chosen: np.ndarray) -> Hits:
         """Those with numbers (m,)."""
-        arrays = (self.pixel, self.face, self.point, self.to_viewer, self.normal, self.plane)
+        arrays = (self.pixel, self.face, self.point, self.to_viewer, self.normal, self.plane, self.weights)
         return Hits(self.rows, *(array.take(chosen, axis=0) for array in arrays))
 
 
@@ -72,7 +73,7 @@ def meet(surfaces: Surfaces, rows: slice, origins: np.ndarray, directions: np.nd
         normal = scaled(_smooth_normals(surfaces, met), side)
         away = np.flatnonzero(dot(normal, to_viewer) < _LEAST_SLOPE)
         normal[away] = plane[away]
-    return Hits(rows, met.ray, met.face, point, to_viewer, normal, plane)
+    return Hits(rows, met.ray, met.face, point, to_viewer, normal, plane, met.weights)
 
 
 def _smooth_normals(surfaces: Surfaces, met: Met) -> np.ndarray:

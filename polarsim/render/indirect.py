@@ -116,7 +116,7 @@ class Paths:
                     carried[:, going] * weight[going] * self._scattered(start, going, direction.take(going, axis=0))
                 )
         if self._options.ambient:
-            albedo = np.stack([self._materials.albedo(model, start.face) for model in self._models])
+            albedo = np.stack([self._materials.albedo(model, start) for model in self._models])
             radiance[:, :, path] += (carried * albedo)[:, None] * self._ambient
         return lit, radiance[:, :, lit]
 
@@ -127,9 +127,9 @@ class Paths:
 
     def _scattered(self, hits: Hits, chosen: np.ndarray, to_lamp: np.ndarray) -> np.ndarray:
         """(models, m) f_r of chosen hits (m,) for light from unit vectors (m, 3)."""
-        faces = hits.face.take(chosen)
         normal, to_viewer = hits.normal.take(chosen, axis=0), hits.to_viewer.take(chosen, axis=0)
-        reflectances = [self._materials.reflectance(model, faces, normal, to_lamp, to_viewer) for model in self._models]
+        vectors = (normal, to_lamp, to_viewer)
+        reflectances = [self._materials.reflectance(model, hits, chosen, *vectors) for model in self._models]
         return np.stack(reflectances)
 
 

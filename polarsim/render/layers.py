@@ -16,7 +16,7 @@ from polarsim.render.indirect import indirect_layers
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import lighting, lit_share
 from polarsim.render.materials import Materials, Reflectance
-from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
+from polarsim.render.options import CHRONO, Model, RenderOptions
 from polarsim.render.pixel_filter import sample_offsets
 from polarsim.render.shadows import disc_shadows, ground_shadows
 from polarsim.render.surfaces import Surfaces
@@ -70,14 +70,13 @@ def render_view(
         The engine cannot be loaded.
     """
     reflectance = reflectance_engine(options, threads)
-    albedo = {model: 0.0 if model in CHRONO else hemispherical_albedo(options.parameters(model)) for model in models}
     offsets = sample_offsets(options)
     surfaces.prepare(shadows=bool(throwing))
     size = (lens.height, lens.width)
     layers = {(model, name): np.zeros(size, np.float32) for model in models for name in lamps}
     ids = {} if throwing is None else {name: np.zeros(size, np.uint16) for name in (NO_LAMP, *throwing)}
-    materials = Materials(surfaces, options, reflectance, albedo)
-    surroundings = Surroundings(options, materials, size)
+    materials = Materials(surfaces, options, reflectance)
+    surroundings = Surroundings(options, materials, models, size)
 
     def work(rows: slice) -> None:
         samples_lit = {name: np.zeros((rows.stop - rows.start) * lens.width, np.uint8) for name in lamps}
@@ -94,7 +93,7 @@ def render_view(
                 normal, to_viewer = hits.normal.take(lit, axis=0), hits.to_viewer.take(lit, axis=0)
                 for model in models:
                     strip = layers[model, name][rows].reshape(-1)  # a view: rows are whole
-                    value = materials.reflectance(model, hits.face.take(lit), normal, to_lamp, to_viewer)
+                    value = materials.reflectance(model, hits, lit, normal, to_lamp, to_viewer)
                     strip[pixel] += value * share
         if not ids:
             return
@@ -153,14 +152,3 @@ def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:
         raise RenderError(f"render.engine: 'taichi' cannot be loaded ({error}); install taichi") from error
     brdf_taichi.start(threads)
     return brdf_taichi.reflectance
-
-
-def hemispherical_albedo(parameters: Parameters) -> float:
-    """Share of light from all sides that a surface scatters back (bihemispherical albedo), by a fixed quadrature."""
-    places = (np.arange(12) + 0.5) / 12  # of sin^2: equal shares of cosine-weighted light
-    cos_i, cos_e, psi = (a.ravel() for a in np.meshgrid(np.sqrt(places), np.sqrt(places), places * np.pi))
-    sin_i, sin_e, zero = np.sqrt(1 - cos_i**2), np.sqrt(1 - cos_e**2), np.zeros_like(psi)
-    normal = np.stack([zero, zero, zero + 1], axis=1)
-    to_lamp = np.stack([sin_i, zero, cos_i], axis=1)
-    to_viewer = np.stack([sin_e * np.cos(psi), sin_e * np.sin(psi), cos_e], axis=1)
-    return float(np.pi * brdf.reflectance(parameters, normal, to_lamp, to_viewer).mean())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
-from pydantic import BaseModel, Field, PositiveFloat
+from pydantic import BaseModel, Field, PositiveFloat, field_validator
 
 from polarsim.render.sensor_options import SensorOptions
 
@@ -126,6 +126,51 @@ Parameters = (
 )
 
 
+class Material(BaseModel, extra="forbid", frozen=True):
+    """What a thing is made of, where it differs from the run's models. Parameters that are left out are the run's."""
+
+    albedo: PositiveFloat = Field(1, description="Factor of the reflectance.")
+    hapke: HapkeSet | HapkeParameters | None = Field(None, description="Name of a parameter set, or the parameters.")
+    principled: PrincipledParameters | None = None
+    lambert: LambertParameters | None = None
+    lunar_lambert: LunarLambertParameters | None = None
+    hapke_chrono: HapkeChronoParameters | None = None
+    principled_chrono: PrincipledChronoParameters | None = None
+
+
+_THINGS = ("ground", "rocks", "walls")
+
+
+class FittingOptions(BaseModel, extra="forbid", frozen=True):
+    """Materials fitted to a terrain's photos."""
+
+    parameters: dict[Model, tuple[str, ...]] = Field(
+        {
+            "principled": ("roughness", "specular"),
+            "hapke": ("w", "b", "c", "b_s0", "h_s", "theta_bar_deg"),
+        },
+        description="Parameters of each model that are fitted; a model left out keeps its own.",
+    )
+    held_out: Literal["no", "30", "180", "270", "350"] = Field(
+        "30", description="Azimuth whose photos check the fit: parameters are fitted without them; no: none."
+    )
+    step_px: int = Field(
+        2,
+        ge=1,
+        le=16,
+        description="Of the ground every so many-th pixel of a row and of a column counts; of rocks all.",
+    )
+    border_px: int = Field(3, ge=1, description="Pixels so near to the edge of a thing or of a shadow are left out.")
+    rim_m: float = Field(
+        0.15, ge=0, description="What walls so much nearer and higher might hide or shade is left out, m."
+    )
+    least_cosine: float = Field(0.06, ge=0, lt=1, description="Surfaces lit at a lower cosine are left out.")
+    smoothness: float = Field(
+        0.05, gt=0, description="Typical difference of two neighbouring vertices' albedos, as a share of them."
+    )
+    spread: float = Field(0.3, gt=0, description="Typical difference of an albedo from its thing's mean, as a share.")
+
+
 class RenderOptions(SensorOptions):
     """Twins and automatic labels."""
 
@@ -139,6 +184,18 @@ class RenderOptions(SensorOptions):
     lunar_lambert: LunarLambertParameters = LunarLambertParameters()
     hapke_chrono: HapkeChronoParameters = HapkeChronoParameters()
     principled_chrono: PrincipledChronoParameters = PrincipledChronoParameters()
+
+    materials: dict[str, Material] = Field(
+        default_factory=dict,
+        description="Materials of `ground`, of all `rocks`, of one rock by its number, and of `walls`.",
+    )
+    materials_from_photos: bool = Field(
+        False,
+        description="Fit albedo, the models' parameters and the lamps' brightness to the terrain's photos; where there "
+        "are none, materials are constant. Fits go before `falloff`, `vignetting` and the models' parameters; a given "
+        "`gain` goes before theirs.",
+    )
+    fitting: FittingOptions = FittingOptions()
 
     falloff: bool = Field(
         False, description="Lamps weaken with the square of the distance. Off: real spots light the sand more evenly."
@@ -209,9 +266,21 @@ class RenderOptions(SensorOptions):
         0, ge=0, le=1, description="Rocks of which others leave less than this share to be seen get no box."
     )
 
-    def parameters(self, model: Model) -> Parameters:
-        """The parameters of a model."""
-        if model == "hapke":
-            return hapke_parameters(self.hapke)
-        found: Parameters = getattr(self, model)
-        return found
+    @field_validator("materials")
+    @classmethod
+    def _known_things(cls, materials: dict[str, Material]) -> dict[str, Material]:
+        for name in materials:
+            if name not in _THINGS and not name.isdecimal():
+                raise ValueError(f"{name!r} is no material, expected {', '.join(_THINGS)} or a rock's number")
+        return materials
+
+    def parameters(self, model: Model, *things: str) -> Parameters:
+        """The parameters of a model; of a thing, named from its own name to that of its kind, where it has some."""
+        own = (getattr(self.materials[thing], model) for thing in things if thing in self.materials)
+        found: Parameters | str = next((given for given in own if given is not None), getattr(self, model))
+        return HAPKE_SETS[found] if isinstance(found, str) else found
+
+    def albedo_factor(self, *things: str) -> float:
+        """Factor of a thing's reflectance, under its names as above."""
+        own = (self.materials[thing] for thing in things if thing in self.materials)
+        return next((given.albedo for given in own if "albedo" in given.model_fields_set), 1.0)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +12,7 @@ from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.rays import Caster, RayEngine, Surveyor, caster
 from polarsim.photo import NO_ROCK
-from polarsim.render.options import RenderOptions
+from polarsim.render.options import Model, RenderOptions
 from polarsim.render.seats import seated
 
 _WALL_THICKNESS = 0.05  # metres
@@ -27,6 +28,7 @@ class Surfaces:
     normals: np.ndarray  # (v, 3) unit, for smooth shading
     id_of_face: np.ndarray  # (f,) int32
     rays: RayEngine = "embree"
+    albedo: Mapping[Model, np.ndarray] = field(default_factory=dict)  # (v,) float32 factors of the reflectance
 
     @cached_property
     def all(self) -> Surveyor:
@@ -79,21 +81,35 @@ class Surfaces:
         return np.stack([normals.take(self.faces[:, corner], axis=0) for corner in range(3)], axis=1)
 
 
-def surfaces_of(mesh: TerrainMesh, options: RenderOptions) -> Surfaces:
-    """The terrain's triangles, rocks seated in the sand, with the sandbox's walls where the options ask for them."""
-    mesh = seated(mesh, options.seat_m) if options.seat_m else mesh
+def surfaces_of(
+    mesh: TerrainMesh, options: RenderOptions, albedo: Mapping[Model, np.ndarray] | None = None
+) -> Surfaces:
+    """The terrain's triangles, rocks seated in the sand, with the sandbox's walls where the options ask for them.
+
+    `albedo`: by model, factors (v,) of the mesh's vertices.
+    """
+    given, mesh = mesh, seated(mesh, options.seat_m) if options.seat_m else mesh
     id_of_face = np.where(mesh.rock_of_face == NO_ROCK, GROUND, ROCK_IDS + mesh.rock_of_face).astype(np.int32)
-    if not options.rim:
-        return Surfaces(mesh.vertices, mesh.faces, mesh.normals, id_of_face, options.rays)
-    level = mesh.sand_level
-    vertices, faces, normals = walls(options.rim_half_width_m, level - _WALL_FOOT, level + options.rim_height_m)
-    return Surfaces(
-        np.concatenate([mesh.vertices, vertices]),
-        np.concatenate([mesh.faces, faces + len(mesh.vertices)]),
-        np.concatenate([mesh.normals, normals]),
-        np.concatenate([id_of_face, np.full(len(faces), BACKGROUND, np.int32)]),
-        options.rays,
-    )
+    vertices, faces, normals = mesh.vertices, mesh.faces, mesh.normals
+    if options.rim:
+        level = mesh.sand_level
+        boards = walls(options.rim_half_width_m, level - _WALL_FOOT, level + options.rim_height_m)
+        faces = np.concatenate([faces, boards[1] + len(vertices)])
+        vertices, normals = np.concatenate([vertices, boards[0]]), np.concatenate([normals, boards[2]])
+        id_of_face = np.concatenate([id_of_face, np.full(len(boards[1]), BACKGROUND, np.int32)])
+    painted = {model: _spread_out(factors, given, mesh, len(vertices)) for model, factors in (albedo or {}).items()}
+    return Surfaces(vertices, faces, normals, id_of_face, options.rays, painted)
+
+
+def _spread_out(factors: np.ndarray, given: TerrainMesh, mesh: TerrainMesh, count: int) -> np.ndarray:
+    """Factors of all vertices (count,) from those of the given mesh: feet drawn out have their rock's mean, walls 1."""
+    whole = np.ones(count, np.float32)
+    whole[: len(factors)] = factors
+    for rock in mesh.rocks:
+        used = np.unique(mesh.faces[mesh.rock_of_face == rock])
+        own = used < len(given.vertices)
+        whole[used[~own]] = factors[used[own]].mean()
+    return whole
 
 
 def walls(half_width: float, low: float, high: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -18,29 +18,48 @@ _SEEN: dict[str, Callable[[np.ndarray], np.ndarray]] = {  # share of the light t
 
 
 class Surroundings:
-    """Collects how much of such light the pixels of a view face; nothing where paths are traced instead."""
+    """Collects how much of such light the pixels of a view face; nothing where paths are traced instead.
 
-    def __init__(self, options: RenderOptions, materials: Materials, size: tuple[int, int]) -> None:
+    Models with one albedo share what they collect; those whose albedo differs from place to place have their own.
+    """
+
+    def __init__(
+        self, options: RenderOptions, materials: Materials, models: Sequence[Model], size: tuple[int, int]
+    ) -> None:
         self._options, self._materials = options, materials
-        self._amounts = {} if options.bounces else {kind: getattr(options, kind) for kind in _SEEN}
-        self._amounts = {kind: amount for kind, amount in self._amounts.items() if amount}
+        amounts = {} if options.bounces else {kind: getattr(options, kind) for kind in _SEEN}
+        self._amounts = {kind: amount for kind, amount in amounts.items() if amount}
+        models = [model for model in models if model not in CHRONO] if self._amounts else []
+        albedos = {model: materials.same_everywhere(model) for model in models}
+        self._even = {model: albedo for model, albedo in albedos.items() if albedo is not None}
+        self._varied = [model for model, albedo in albedos.items() if albedo is None]
         plain = (False,) if options.rim_albedo is None else (False, True)
-        self._shares = {(kind, of): np.zeros(size, np.float32) for kind in self._amounts for of in plain}
+        pairs = [(kind, of) for kind in self._amounts for of in plain] if self._even else []
+        self._shares = {pair: np.zeros(size, np.float32) for pair in pairs}
+        self._sent = {(kind, model): np.zeros(size, np.float32) for kind in self._amounts for model in self._varied}
 
     def add(self, hits: Hits, samples: int) -> None:
         """Count the hits of one of so many samples a pixel."""
+        if not self._amounts:
+            return
         plain = self._materials.plain(hits.face) if self._options.rim_albedo is not None else None
-        for (kind, of), share in self._shares.items():
+        albedos = {model: self._materials.albedo(model, hits) for model in self._varied}
+        for kind in self._amounts:
             seen = _SEEN[kind](hits.normal) / np.float32(samples)
-            if plain is not None:
-                seen = np.where(plain == of, seen, np.float32(0))
-            share[hits.rows].reshape(-1)[hits.pixel] += seen
+            for of in (of for found, of in self._shares if found == kind):
+                own = seen if plain is None else np.where(plain == of, seen, np.float32(0))
+                self._shares[kind, of][hits.rows].reshape(-1)[hits.pixel] += own
+            for model, albedo in albedos.items():
+                self._sent[kind, model][hits.rows].reshape(-1)[hits.pixel] += albedo * seen
 
     def into(self, layers: Mapping[tuple[Model, str], np.ndarray], lamps: Mapping[str, Lamp]) -> None:
         """Add the light to layers; Chrono's models have none."""
         for (model, name), layer in layers.items():
-            if model in CHRONO:
-                continue
-            for (kind, plain), share in self._shares.items():
-                albedo = self._options.rim_albedo if plain else self._materials.model_albedo[model]
-                layer += np.float32(self._amounts[kind] * lamps[name].intensity * (albedo or 0.0) / np.pi) * share
+            for kind, amount in self._amounts.items():
+                irradiance = amount * lamps[name].intensity
+                if model in self._even:
+                    for plain in (plain for found, plain in self._shares if found == kind):
+                        albedo = self._options.rim_albedo if plain else self._even[model]
+                        layer += np.float32(irradiance * (albedo or 0.0) / np.pi) * self._shares[kind, plain]
+                elif model in self._varied:
+                    layer += np.float32(irradiance / np.pi) * self._sent[kind, model]

@@ -56,7 +56,7 @@ def test_in_an_integrating_sphere_each_bounce_returns_the_albedo_of_the_last(len
 def test_the_cosine_over_any_hemisphere_integrates_to_pi(direction):
     normal = np.tile((np.array(direction) / np.linalg.norm(direction)).astype(np.float32), (40_000, 1))
     number = np.arange(40_000)
-    hits = Hits(slice(0, 1), number, number, 0 * normal, normal, normal, normal)
+    hits = Hits(slice(0, 1), number, number, 0 * normal, normal, normal, normal, 0 * normal[:, :2])
     even = np.stack(np.meshgrid(*2 * [(np.arange(200) + 0.5) / 200]), axis=-1).reshape(-1, 2).astype(np.float32)
     away, weight = scattered(hits, even)
     np.testing.assert_allclose(np.linalg.norm(away, axis=1), 1, atol=1e-5)

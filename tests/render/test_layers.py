@@ -9,7 +9,8 @@ from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp, lamps_of, lit_by
-from polarsim.render.layers import hemispherical_albedo, render_view
+from polarsim.render.layers import render_view
+from polarsim.render.materials import hemispherical_albedo
 from polarsim.render.options import CHRONO, HAPKE_SETS, LambertParameters, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.survey import ROVER_LIGHT_SHARE

@@ -1,0 +1,147 @@
+"""Materials of single things and albedo of vertices change what they name, and nothing else."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
+from polarsim.render.hits import cast_strip
+from polarsim.render.lamps import Lamp
+from polarsim.render.layers import render_view
+from polarsim.render.materials import between_corners
+from polarsim.render.options import LambertParameters, Material, RenderOptions
+from polarsim.render.surfaces import surfaces_of
+
+LAMP = Lamp(np.array([1.2, 0.9, 1.1]))
+TWO = ((1, 2), ((0.3, 0.0), (-0.4, 0.3)))  # blocks
+
+
+@pytest.fixture
+def mesh(blocks):
+    return blocks(*TWO)
+
+
+def layer(mesh, pose, lens, options, model="lambert", albedo=None):
+    surfaces = surfaces_of(mesh, options, albedo)
+    image = render_view(surfaces, pose, lens, {"lamp": LAMP}, [model], None, options).layers[model, "lamp"]
+    hits = cast_strip(surfaces, pose, lens, slice(0, lens.height))
+    ids = np.zeros(image.size, int)
+    ids[hits.pixel] = surfaces.id_of_face[hits.face]
+    return image.ravel(), ids
+
+
+def with_(options, **changed):
+    return RenderOptions.model_validate(options.model_dump() | changed)
+
+
+@pytest.mark.parametrize("engine", ["numpy", "taichi"])
+@pytest.mark.parametrize("surround", [{}, {"bounce": 0.05}, {"ambient": 0.05}])
+@pytest.mark.parametrize(
+    ("name", "shown"), [("ground", [GROUND]), ("rocks", [ROCK_IDS + 1, ROCK_IDS + 2]), ("2", [ROCK_IDS + 2])]
+)
+def test_a_factor_scales_its_things_alone(mesh, camera, lens, plain, engine, surround, name, shown):
+    options = with_(plain, engine=engine, **surround)
+    plainly, ids = layer(mesh, camera, lens, options, "hapke")
+    brighter, _ = layer(mesh, camera, lens, with_(options, materials={name: Material(albedo=1.5)}), "hapke")
+    own = np.isin(ids, shown)
+    assert (plainly[own] > 0).sum() > 50
+    np.testing.assert_allclose(brighter[own], 1.5 * plainly[own], rtol=1e-6)
+    np.testing.assert_array_equal(brighter[~own], plainly[~own])
+
+
+def test_walls_are_a_thing_too(mesh, camera, lens, plain):
+    options = with_(plain, rim=True, rim_half_width_m=1.0)
+    plainly, ids = layer(mesh, camera, lens, options)
+    darker, _ = layer(mesh, camera, lens, with_(options, materials={"walls": Material(albedo=0.5)}))
+    walls = (ids == BACKGROUND) & (plainly > 0)
+    assert walls.sum() > 100
+    np.testing.assert_allclose(darker[walls], plainly[walls] / 2, rtol=1e-6)
+    np.testing.assert_array_equal(darker[~walls], plainly[~walls])
+
+
+@pytest.mark.parametrize("engine", ["numpy", "taichi"])
+def test_a_rock_scatters_by_its_own_parameters_and_the_others_by_theirs(mesh, camera, lens, plain, engine):
+    options = with_(plain, engine=engine)
+    rocky = {"rocks": Material(hapke="sato_mare_643"), "2": Material(hapke="sato_highlands_643")}
+    mixed, ids = layer(mesh, camera, lens, with_(options, materials=rocky), "hapke")
+    for thing, soil in (
+        (GROUND, "chrono_lunar"),
+        (ROCK_IDS + 1, "sato_mare_643"),
+        (ROCK_IDS + 2, "sato_highlands_643"),
+    ):
+        alone, _ = layer(mesh, camera, lens, with_(options, hapke=soil), "hapke")
+        np.testing.assert_allclose(mixed[ids == thing], alone[ids == thing], rtol=1e-6)
+
+
+def test_one_rock_takes_what_it_leaves_open_from_all_rocks(plain):
+    options = with_(
+        plain,
+        materials={"rocks": Material(albedo=2, lambert=LambertParameters(albedo=0.4)), "7": Material(albedo=3)},
+    )
+    assert options.parameters("lambert", "7", "rocks").albedo == 0.4
+    assert options.albedo_factor("7", "rocks") == 3
+    assert options.albedo_factor("8", "rocks") == 2
+    assert options.albedo_factor("ground") == 1
+
+
+@pytest.mark.parametrize("name", ["stones", "1.5", ""])
+def test_a_material_of_nothing_is_refused(name):
+    with pytest.raises(ValidationError, match="is no material"):
+        RenderOptions(materials={name: Material()})
+
+
+def test_materials_that_say_what_was_so_anyway_change_no_bit(mesh, camera, lens, plain):
+    options = with_(plain, bounce=0.05)
+    same = {"ground": Material(), "1": Material(lambert=options.lambert), "rocks": Material(albedo=1)}
+    np.testing.assert_array_equal(
+        layer(mesh, camera, lens, options)[0], layer(mesh, camera, lens, with_(options, materials=same))[0]
+    )
+
+
+@pytest.mark.parametrize("engine", ["numpy", "taichi"])
+def test_albedo_of_vertices_is_linear_between_them(mesh, camera, lens, plain, engine):
+    options = with_(plain, engine=engine, bounce=0.02)
+    plainly, ids = layer(mesh, camera, lens, options)
+    factor = 1 + 0.2 * mesh.vertices[:, 0] - 0.1 * mesh.vertices[:, 1] + 0.3 * mesh.vertices[:, 2]
+    painted, _ = layer(mesh, camera, lens, options, albedo={"lambert": factor})
+    hits = cast_strip(surfaces_of(mesh, options), camera, lens, slice(0, lens.height))
+    expected = np.ones(len(ids))
+    expected[hits.pixel] = 1 + hits.point @ [0.2, -0.1, 0.3]
+    np.testing.assert_allclose(painted, plainly * expected, rtol=2e-5)
+
+
+def test_light_off_a_painted_wall_is_as_bright_as_off_a_grey_one(mesh, camera, lens, plain):
+    options = with_(plain, bounces=1, bounce_rays=4, bounce_scale=1)
+    grey = with_(options, lambert=LambertParameters(albedo=0.1))
+    factor = {"lambert": np.full(len(mesh.vertices), 0.5)}
+    one, other = (
+        render_view(surfaces_of(mesh, own, paint), camera, lens, {"lamp": LAMP}, ["lambert"], None, own).whole
+        for own, paint in ((grey, None), (options, factor))
+    )
+    np.testing.assert_allclose(other["lambert", "lamp"], one["lambert", "lamp"], rtol=1e-5)
+
+
+def test_feet_that_are_drawn_out_have_their_rocks_mean_and_walls_one(blocks, plain):
+    mesh = blocks()
+    open_below = mesh.faces[~(mesh.vertices[mesh.faces][:, :, 2] == 0).all(axis=1) | (mesh.rock_of_face < 0)]
+    kept = np.isin(mesh.faces, open_below).all(axis=1) & (
+        ~(mesh.vertices[mesh.faces][:, :, 2] == 0).all(axis=1) | (mesh.rock_of_face < 0)
+    )
+    mesh = type(mesh)(mesh.vertices, mesh.faces[kept], mesh.rock_of_face[kept], mesh.given_normals)
+    factor = np.where(np.arange(len(mesh.vertices)) < 4, 1.0, 0.7)
+    surfaces = surfaces_of(mesh, with_(plain, rim=True, seat_m=0.05), {"lambert": factor})
+    added = surfaces.albedo["lambert"][len(mesh.vertices) :]
+    walls = np.unique(surfaces.faces[surfaces.id_of_face == BACKGROUND]) - len(mesh.vertices)
+    np.testing.assert_array_equal(added[walls], 1)
+    feet = np.setdiff1d(np.arange(len(added)), walls)
+    assert len(feet) == 16  # four rims, four corners each
+    np.testing.assert_allclose(added[feet], 0.7, rtol=1e-6)
+
+
+@given(st.floats(0, 1), st.floats(0, 1), st.lists(st.floats(-5, 5), min_size=3, max_size=3))
+def test_values_between_corners_stay_between_theirs(second, third, corners):
+    second, third = min(second, 1 - third), third
+    found = between_corners(np.array(corners), np.array([[0, 1, 2]]), np.array([[second, third]]))[0]
+    assert min(corners) - 1e-5 <= found <= max(corners) + 1e-5
