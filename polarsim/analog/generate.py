@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.analog import scanner
+from polarsim.analog.albedo import AlbedoMap
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.photographer import empty_labels, take_photos
 from polarsim.analog.presets import PRESETS
@@ -67,10 +68,11 @@ def generate_terrain(
         calibration = nasa.read_calibration(into["raw"] / nasa.CALIBRATION_NAME)  # with the file's rounding
         _write_scans(made, calibration, into["raw"], into["ranges"], options, threads)
         write_truth(made, into["truth"], options)
-        labels = empty_labels()
+        labels, albedo = empty_labels(), AlbedoMap()
         if options.photos:
-            labels = take_photos(made, sorted(keys), into["raw"], into["seeds"], options, threads)
+            labels = take_photos(made, sorted(keys), into["raw"], into["seeds"], albedo, options, threads)
         tables.write_parquet(into["truth"] / "labels.parquet", labels)
+        tables.write_parquet(into["truth"] / "albedo.parquet", albedo.table())
 
 
 def _write_scans(

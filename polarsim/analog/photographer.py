@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from polarsim.analog.albedo import AlbedoMap
 from polarsim.analog.annotator import annotate
 from polarsim.analog.bounce import AMBIENT, Bounce, gather_bounce
 from polarsim.analog.light import Lamp, direct, visibility
@@ -67,9 +68,15 @@ def _lamps_of(key: PhotoKey) -> list[str]:
 
 
 def take_photos(
-    made: Terrain, keys: Sequence[PhotoKey], raw: Path, seeds: Path, options: AnalogOptions, threads: int
+    made: Terrain,
+    keys: Sequence[PhotoKey],
+    raw: Path,
+    seeds: Path,
+    albedo: AlbedoMap,
+    options: AnalogOptions,
+    threads: int,
 ) -> pd.DataFrame:
-    """Write the photos and the seed labels; the true labels of all photos."""
+    """Write the photos and the seed labels; the true labels of all photos. `albedo` collects what they show."""
     at = sorted({key.position for key in keys})
     lamps = {position: _lamps(made.set_up, position, options) for position in at}
     bounces = gather_bounce(
@@ -83,7 +90,7 @@ def take_photos(
         if not here:
             continue
         wanted = {lamp: lamps[position][lamp] for lamp in sorted({name for key in here for name in _lamps_of(key)})}
-        layers = _layers(made, position, camera, wanted, bounces, options, threads)
+        layers = _layers(made, position, camera, wanted, bounces, albedo, options, threads)
         rows += _shoot(layers, here, tokens, raw, seeds, options, threads)
     return _label_table(rows)
 
@@ -118,12 +125,13 @@ def _named(lamps: Mapping[str, Mapping[str, Lamp]]) -> dict[str, Lamp]:
 
 
 def _layers(
-    made: Terrain, position: str, camera: str, lamps: Mapping[str, Lamp], bounces: Bounce, options: AnalogOptions,
-    threads: int,
+    made: Terrain, position: str, camera: str, lamps: Mapping[str, Lamp], bounces: Bounce, albedo: AlbedoMap,
+    options: AnalogOptions, threads: int,
 ) -> Layers:  # fmt: skip
     scene, lens = made.scene, made.set_up.rig.lens(camera)
     pose = made.set_up.sandbox_from(position, camera)
     view = look(scene, made.caster, _textures(options.seed, made.terrain), lens, _directions(lens), pose, threads)
+    albedo.add(view)
     rock_caster = scene.rock_caster() if scene.rocks else None
     images, shadows = {}, {}
     hall = options.hall_light_dn_per_s * options.electrons_per_dn / 1000 / ELECTRONS / _SAND_ALBEDO

@@ -139,13 +139,29 @@ def test_seeds_are_one_a_sun_and_near_the_truth(made):
     assert best.max() < 1.0
 
 
+def test_true_albedo_is_told_of_all_sand_and_rocks_that_are_seen(made):
+    truth = made / "truth" / "Terrain11"
+    table = pd.read_parquet(truth / "albedo.parquet")
+    assert list(table.columns) == ["rock", "x", "y", "z", "albedo", "pixels"]
+    labels = pd.read_parquet(truth / "labels.parquet")
+    assert set(labels["rock"]) <= set(table["rock"])
+    assert table["pixels"].sum() > 0.5 * 1936 * 1216  # of one picture; the hall is left out
+    sand = table[table["rock"] == -1]
+    assert np.average(sand["albedo"], weights=sand["pixels"]) == pytest.approx(0.19, rel=0.05)  # what sand is made of
+    rocks = pd.read_parquet(truth / "rocks.parquet").set_index("rock")
+    for rock, own in table[table["rock"] > 0].groupby("rock"):
+        centre = rocks.loc[rock, ["x", "y", "z"]].to_numpy(float)
+        assert np.linalg.norm(own[["x", "y", "z"]].to_numpy() - centre, axis=1).max() < rocks.loc[rock, "size_m"]
+
+
 def test_scans_alone_are_the_same_bytes_every_time_and_need_no_photos(tmp_path, coarse, made):
     options = coarse.model_copy(update={"photos": False})
     generate(tmp_path, options)
     again, before = files_of(tmp_path), files_of(made)
     assert [name for name in again if name.endswith(".png")] == []
-    assert {name: before[name] for name in again if not name.endswith("labels.parquet")} == {
-        name: data for name, data in again.items() if not name.endswith("labels.parquet")
+    of_photos = ("labels.parquet", "albedo.parquet")
+    assert {name: before[name] for name in again if not name.endswith(of_photos)} == {
+        name: data for name, data in again.items() if not name.endswith(of_photos)
     }
     assert len(pd.read_parquet(tmp_path / "truth" / "Terrain11" / "labels.parquet")) == 0
 
