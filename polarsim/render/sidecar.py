@@ -21,7 +21,8 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.options import MODELS, RenderOptions
 from polarsim.render.shot import Shot
 
-_SAID_APART = {*MODELS, "models", "gain", "maps"}  # options that a sidecar says as `parameters` and `gain_per_ms`
+# Options that a sidecar says as `parameters`, `gain_per_ms` and `sources`.
+_SAID_APART = {*MODELS, "models", "gain", "maps", "fitting", "materials_from_photos"}
 
 
 @dataclass(frozen=True)

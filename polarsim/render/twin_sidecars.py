@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from polarsim.formats import lamps as lamp_files
+from polarsim.formats import materials as material_files
 from polarsim.formats.scene import mesh_files
 from polarsim.photo import PhotoKey
 from polarsim.render.lamps import lit_by
@@ -20,16 +21,20 @@ class TwinSidecars:
     """Sidecars of one terrain's twins.
 
     Their `sources` are `meshes`; `camera`: the position's `PosX.json`; `lamps`: `lamps.json`, where photos showed where
-    lamps stood; `photos`: those that set the model's gain, where there were some.
+    lamps stood; `photos`: those that set the model's gain, where there were some; `materials`: what was fitted to
+    photos, if it was: albedo by vertex is in there alone, and lamps are as bright as it says.
     """
 
-    def __init__(self, terrain: int, meshes: Path, cameras: Path, options: RenderOptions) -> None:
-        """`meshes`, `cameras`: the terrain's folders."""
+    def __init__(
+        self, terrain: int, meshes: Path, cameras: Path, materials: Path | None, options: RenderOptions
+    ) -> None:
+        """`meshes`, `cameras`, `materials`: the terrain's folders."""
         self._terrain, self._cameras, self._options = terrain, cameras, options
         found = cameras / lamp_files.FILE
         self._sources = {
             "meshes": digest_of(mesh_files(meshes, terrain).values()),
             **({"lamps": digest_of([found])} if found.exists() else {}),
+            **({"materials": digest_of(material_files.files_of(materials))} if materials else {}),
         }
         self._photos: dict[Model, str] = {}
 

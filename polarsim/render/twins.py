@@ -13,6 +13,7 @@ import numpy as np
 
 from polarsim.formats import coco, png, tables
 from polarsim.formats.lamps import read_suns
+from polarsim.formats.materials import read_materials
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.lens import Lens
@@ -20,6 +21,7 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.render.amodal import hidden_parts
 from polarsim.render.automatic import label_row, label_view
+from polarsim.render.fitted import as_bright_as_fitted, with_fit
 from polarsim.render.gain import calibrate, calibration_photos, default_gain
 from polarsim.render.lamps import Lamp, lamps_of, lit_by
 from polarsim.render.layers import NO_LAMP, render_view
@@ -75,6 +77,7 @@ def render_twins(
     labels: LabelPaths,
     options: RenderOptions,
     threads: int,
+    materials: Path | None = None,
 ) -> None:
     """Write KEY.png for every key into the folder of every model, 16-bit PNG of 12-bit values with black level 16.
 
@@ -91,6 +94,8 @@ def render_twins(
         exposures set the brightness; a gain in the options goes before both.
     labels : LabelPaths
         Where the automatic labels go.
+    materials : Path or None
+        Folder with the terrain's fitted materials and lamps; they go before the options.
 
     Raises
     ------
@@ -102,14 +107,17 @@ def render_twins(
     rigs = read_all_placed(cameras)
     suns = read_suns(cameras, rigs)
     views = views_of(keys, rigs, cameras)
-    surfaces = surfaces_of(read_terrain(meshes, terrain), options)
+    mesh = read_terrain(meshes, terrain)
+    fitted = None if materials is None else read_materials(materials, mesh)
+    options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)
+    surfaces = surfaces_of(mesh, options, albedo)
     gains = {model: options.gain[model] for model in twins if options.gain.get(model)}
     shown = list(chain.from_iterable(views.values()))
     references = calibration_photos(photos, shown, options.calibration_photos) if len(gains) < len(twins) else {}
     first = {(key.position, key.camera) for key in references}
     for folder in twins.values():
         folder.mkdir(parents=True, exist_ok=True)
-    sidecars = TwinSidecars(terrain, meshes, cameras, options)
+    sidecars = TwinSidecars(terrain, meshes, cameras, materials, options)
     found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
         position, camera = view
@@ -127,9 +135,12 @@ def render_twins(
                 gains[model] = found or default_gain(model, options)
                 origin = "from photos" if found else "built in"
                 log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, gains[model], origin)
+            shining = as_bright_as_fitted(lamps, fitted, model)
             own = {name: layer for (of, name), layer in layers.items() if of == model}
+            if shining is not lamps:
+                own = {name: layer * (shining[name].intensity / lamps[name].intensity) for name, layer in own.items()}
             write_photos(folder, views[view], own, lens, gains[model], options, threads)
-            sidecars.write(folder, views[view], Shot(pose, lens, lamps, 0, model), gains[model])
+            sidecars.write(folder, views[view], Shot(pose, lens, shining, 0, model), gains[model])
         hidden = hidden_parts(surfaces, pose, lens, rendering.ids[NO_LAMP])
         found_labels |= label_view(views[view], rendering.ids, hidden, labels.boxes, labels.instances, options)
         if options.maps and labels.maps:

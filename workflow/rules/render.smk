@@ -13,12 +13,38 @@ rule render:
         of_run("results/{run}/renders/labels.parquet"),
 
 
+rule fit_materials:
+    """Albedo, the models' parameters and the lamps' brightness, fitted to the photos of a terrain."""
+    input:
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+        photos=photos_of_terrain,
+    output:
+        materials=directory("results/{run}/renders/materials/Terrain{terrain}"),
+    log:
+        "results/{run}/logs/render/fit_materials_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/render/fit_materials_{terrain}.tsv"
+    priority: TWINS_WAIT
+    threads: 1
+    resources:
+        mem_mb=6000,
+        runtime=30,
+    params:
+        models=MODELS,
+        options=options("render"),
+        code=code_of("render.fitting.fit"),
+    script:
+        "../scripts/fit_materials.py"
+
+
 rule render_twins:
     """The twin of every photo of a terrain under every reflectance model, and their exact labels, from the same rays."""
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
         photos=photos_of_terrain,
+        materials=materials_of_terrain,
     output:
         **twins_by_model(),
         **maps_of_twins(),

@@ -25,4 +25,5 @@ with reporting(log=snakemake.log[0]):
         ),
         options=RenderOptions(**snakemake.params.options),
         threads=snakemake.threads,
+        materials=Path(snakemake.input.materials) if snakemake.input.materials else None,
     )

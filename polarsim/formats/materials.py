@@ -1,0 +1,114 @@
+"""A terrain's fitted materials: `albedo.parquet`, a factor a vertex and model, and `materials.json`, all else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.errors import FormatError, about
+from polarsim.formats import tables
+from polarsim.formats.files import read_json, write_json, writing_folder
+from polarsim.formats.scene import TerrainMesh
+from polarsim.photo import NO_ROCK
+
+ALBEDO_FILE, TABLE_FILE = "albedo.parquet", "materials.json"
+_KEYS = {"falloff", "vignetting", "models"}
+_MODEL_KEYS = {"parameters", "lamps", "rocks", "check"}
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What a model needs to look like a terrain's photos."""
+
+    parameters: dict[str, Any]  # of the model
+    lamps: dict[str, float]  # grey values per ms and unit radiance under each lamp
+    rocks: dict[int, float]  # mean albedo factor by rock; the ground's median is 1
+    albedo: np.ndarray  # (v,) float32 factors, in the order of a terrain's meshes
+    check: dict[str, Any] = field(default_factory=dict)  # errors on the azimuth that was held out
+
+
+@dataclass(frozen=True)
+class FittedMaterials:
+    """Of a terrain: how its lamps and lenses darken, and every model; none where nothing could be fitted."""
+
+    falloff: bool
+    vignetting: bool
+    models: dict[str, Fitted]
+    looks: np.ndarray  # (v,) lamps and views in which a vertex was seen lit
+
+
+def write_materials(folder: Path, mesh: TerrainMesh, found: FittedMaterials) -> None:
+    """Write a terrain's fit; `mesh` tells which vertices belong to which rock."""
+    table = pd.DataFrame({"rock": rock_of_vertex(mesh).astype(np.int32), "looks": found.looks.astype(np.int32)})
+    for model in sorted(found.models):
+        table[model] = found.models[model].albedo.astype(np.float32)
+    models = {
+        model: {
+            "parameters": fit.parameters,
+            "lamps": {name: _rounded(gain) for name, gain in fit.lamps.items()},
+            "rocks": {str(rock): _rounded(factor) for rock, factor in fit.rocks.items()},
+            "check": fit.check,
+        }
+        for model, fit in found.models.items()
+    }
+    with writing_folder(folder) as into:
+        tables.write_parquet(into / ALBEDO_FILE, table)
+        write_json(into / TABLE_FILE, {"falloff": found.falloff, "vignetting": found.vignetting, "models": models})
+
+
+def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
+    """Read a terrain's fit, made for its meshes `mesh`.
+
+    Raises
+    ------
+    FormatError
+        A file is missing or broken, or its vertices are not those of the meshes.
+    """
+    table = tables.read_parquet(folder / ALBEDO_FILE, ["rock", "looks"])
+    content = read_json(folder / TABLE_FILE)
+    with about(folder / TABLE_FILE):
+        _check(content, set(table.columns))
+    if not np.array_equal(table["rock"].to_numpy(), rock_of_vertex(mesh)):
+        raise FormatError(f"{folder / ALBEDO_FILE}: {len(table)} vertices that are not those of the terrain's meshes")
+    models = {
+        model: Fitted(
+            fit["parameters"],
+            {name: float(gain) for name, gain in fit["lamps"].items()},
+            {int(rock): float(factor) for rock, factor in fit["rocks"].items()},
+            table[model].to_numpy(np.float32),
+            fit["check"],
+        )
+        for model, fit in content["models"].items()
+    }
+    return FittedMaterials(content["falloff"], content["vignetting"], models, table["looks"].to_numpy())
+
+
+def files_of(folder: Path) -> list[Path]:
+    """All files of a fit."""
+    return [folder / ALBEDO_FILE, folder / TABLE_FILE]
+
+
+def rock_of_vertex(mesh: TerrainMesh) -> np.ndarray:
+    """(v,) rock of every vertex; the ground's and those of no face: `NO_ROCK`."""
+    rock = np.full(len(mesh.vertices), NO_ROCK)
+    rock[mesh.faces.ravel()] = np.repeat(mesh.rock_of_face, 3)
+    return rock
+
+
+def _check(content: Any, columns: set[str]) -> None:
+    if not isinstance(content, Mapping) or set(content) != _KEYS or not isinstance(content["models"], Mapping):
+        raise FormatError(f"expected {', '.join(sorted(_KEYS))}")
+    for model, fit in content["models"].items():
+        if not isinstance(fit, Mapping) or set(fit) != _MODEL_KEYS:
+            raise FormatError(f"{model}: expected {', '.join(sorted(_MODEL_KEYS))}")
+        if model not in columns:
+            raise FormatError(f"{model}: {ALBEDO_FILE} has no such column")
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")

@@ -1,0 +1,192 @@
+"""Materials of a terrain from its photos, files to files."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.formats import tables
+from polarsim.formats.lamps import read_suns
+from polarsim.formats.materials import Fitted, FittedMaterials, rock_of_vertex, write_materials
+from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.scene import TerrainMesh, read_terrain
+from polarsim.photo import CAMERAS, SUNS, PhotoKey
+from polarsim.progress import track
+from polarsim.randomness import generator
+from polarsim.render.fitting.check import compared
+from polarsim.render.fitting.exposures import single_lamps
+from polarsim.render.fitting.samples import Darkening, Samples, radiance, samples_of_view
+from polarsim.render.fitting.search import fitted_models, places_of
+from polarsim.render.fitting.texels import Solution, Texels, solve, texels_of
+from polarsim.render.lamps import ROVER, lamps_of
+from polarsim.render.layers import reflectance_engine
+from polarsim.render.materials import Reflectance, between_corners
+from polarsim.render.options import Model, Parameters, RenderOptions
+from polarsim.render.surfaces import surfaces_of
+
+log = logging.getLogger("polarsim.render")
+
+LAMPS = (*SUNS, ROVER)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """All but the albedo that makes radiance of samples."""
+
+    model: Model
+    parameters: Parameters
+    darkening: Darkening
+    engine: Reflectance
+    options: RenderOptions
+
+    def radiance(self, samples: Samples) -> np.ndarray:
+        """(n,) at unit albedo."""
+        return radiance(samples, self.model, self.parameters, self.engine, self.options, self.darkening)
+
+
+def fit_materials(
+    *,
+    terrain: int,
+    cameras: Path,
+    meshes: Path,
+    photos: Path | None,
+    models: Sequence[Model],
+    materials: Path,
+    options: RenderOptions,
+    threads: int,
+) -> None:
+    """Write the folder `materials`; without photos that show lit surfaces a warning, and a folder that fits nothing.
+
+    Parameters
+    ----------
+    cameras : Path
+        Folder with the terrain's `PosX.json`.
+    meshes : Path
+        Folder with the terrain's meshes.
+    photos : Path or None
+        `photos.parquet`; it may have no row.
+
+    Raises
+    ------
+    FormatError
+        A mesh, pose or table is missing or broken.
+    RenderError
+        The engine cannot be loaded.
+    """
+    mesh = read_terrain(meshes, terrain)
+    samples = _samples_of_terrain(terrain, cameras, mesh, photos, options, threads)
+    engine = reflectance_engine(options, threads)
+    found = None if samples is None else fit(samples, mesh, models, engine, options)
+    if found is None:
+        log.warning("terrain %02d: no photo shows lit surfaces, its twins have constant materials", terrain)
+        found = FittedMaterials(options.falloff, options.vignetting, {}, np.zeros(len(mesh.vertices), np.int64))
+    write_materials(materials, mesh, found)
+
+
+def fit(
+    samples: Samples, mesh: TerrainMesh, models: Sequence[Model], engine: Reflectance, options: RenderOptions
+) -> FittedMaterials | None:
+    """What explains the samples best under every model; None where they are too few.
+
+    Parameters of the models, falloff and vignetting come from samples without the azimuth that is held out; albedo and
+    lamps, once they are checked on that, from all.
+    """
+    held_out = LAMPS.index(options.fitting.held_out) if options.fitting.held_out != "no" else -1
+    known = samples.part(samples.lamp != held_out)
+    places = places_of(known, generator(options.seed, "materials"))
+    if places is None:
+        return None
+    start = {model: options.parameters(model) for model in models}
+    darkening, parameters = fitted_models(places, start, engine, options)
+    fitted: dict[str, Fitted] = {}
+    looks = np.zeros(len(mesh.vertices), np.int64)
+    for model, own in parameters.items():
+        after = Setting(model, own, darkening, engine, options)
+        before = Setting(model, start[model], Darkening(options.falloff, options.vignetting), engine, options)
+        texels = texels_of(samples, after.radiance(samples), mesh.faces)
+        check = _check(samples, texels, before, after, mesh, held_out)
+        solution = solve(texels, mesh.faces, rock_of_vertex(mesh), options.fitting)
+        fitted[model] = _fitted(solution, own, check)
+        looks = np.bincount(texels.vertex, minlength=len(mesh.vertices))
+        log.info("%s: %s, lamps %s, %s", model, own, fitted[model].lamps, check)
+    return FittedMaterials(darkening.falloff, darkening.vignetting, fitted, looks)
+
+
+def _fitted(solution: Solution, parameters: Parameters, check: dict[str, Any]) -> Fitted:
+    return Fitted(
+        parameters.model_dump(mode="json"),
+        {LAMPS[number]: float(np.exp(gain)) for number, gain in solution.lamps.items()},
+        {rock: float(np.exp(mean)) for rock, mean in solution.rocks.items()},
+        np.exp(solution.albedo).astype(np.float32),
+        check,
+    )
+
+
+def _check(
+    samples: Samples, texels: Texels, before: Setting, after: Setting, mesh: TerrainMesh, held_out: int
+) -> dict[str, Any]:
+    """Errors under the lamp that was held out, whose brightness alone is taken from its photos; none without it."""
+    held = texels.lamp == held_out
+    if not held.any() or held.all():
+        return {}
+    solution = solve(texels.part(~held), mesh.faces, rock_of_vertex(mesh), after.options.fitting)
+    seen = np.bincount(texels.vertex[~held], minlength=len(mesh.vertices)) > 0
+    own = samples.part(samples.lamp == held_out)
+    own = own.part(seen[mesh.faces.take(own.face, axis=0)].all(axis=1))
+    if not len(own):
+        return {}
+    constant, unfitted = after.radiance(own), before.radiance(own)
+    corners = mesh.faces.take(own.face, axis=0)
+    albedo = between_corners(solution.albedo.astype(np.float32), corners, own.weights)
+    ratio = np.log(own.rate / constant)
+    by_texel = texels_of(own, constant, mesh.faces)
+    return {
+        "azimuth": after.options.fitting.held_out,
+        "pixels": compared(np.log(own.rate / unfitted), ratio, ratio - albedo),
+        "texels": compared(
+            texels_of(own, unfitted, mesh.faces).ratio,
+            by_texel.ratio,
+            by_texel.ratio - solution.albedo[by_texel.vertex],
+        ),
+    }
+
+
+def _samples_of_terrain(
+    terrain: int, cameras: Path, mesh: TerrainMesh, photos: Path | None, options: RenderOptions, threads: int
+) -> Samples | None:
+    """Of all views whose position has a pose; None without any."""
+    rigs = read_all_placed(cameras)
+    suns = read_suns(cameras, rigs)
+    surfaces = surfaces_of(mesh, options)
+    paths = _paths_by_view(terrain, photos)
+    views = [view for view in sorted(paths) if view[0] in rigs]
+    parts: list[Samples] = []
+    for number, view in enumerate(track(views, f"photos of terrain {terrain:02d}")):
+        rig = rigs[view[0]]
+        lens = rig.rig.lens(view[1])
+        lamps = lamps_of(suns, rig)
+        parts += samples_of_view(
+            surfaces, number, rig.sandbox_from(view[1]), lens, lamps, single_lamps(paths[view], lens), LAMPS, options,
+            threads,
+        )  # fmt: skip
+    parts = [part.part(part.face < len(mesh.faces)) for part in parts]  # without feet that are drawn out
+    samples = Samples.joined(parts) if parts else None
+    return samples if samples is not None and len(samples) else None
+
+
+def _paths_by_view(terrain: int, photos: Path | None) -> Mapping[tuple[str, str], Mapping[PhotoKey, Path]]:
+    if photos is None:
+        return {}
+    table = tables.read_parquet(photos, ["key", "path"])
+    found: dict[tuple[str, str], dict[PhotoKey, Path]] = {}
+    for text, path in zip(table["key"], table["path"], strict=True):
+        key = PhotoKey.parse(str(text))
+        if key.terrain == terrain and Path(str(path)).is_file():
+            found.setdefault((key.position, key.camera), {})[key] = Path(str(path))
+    assert all(camera in CAMERAS for _, camera in found)
+    return found

@@ -1,0 +1,191 @@
+"""Pixels of photos that one lamp lights, with all that a model needs to say how bright they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy import ndimage
+
+from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.vectors import dot, length
+from polarsim.render.fitting.exposures import Linear
+from polarsim.render.hits import Hits, cast_strip, for_strips
+from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
+from polarsim.render.lighting import lighting
+from polarsim.render.materials import Reflectance, hemispherical_albedo
+from polarsim.render.optics import vignette
+from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
+from polarsim.render.surfaces import Surfaces
+
+_NOISE = 0.2  # relative noise (sd) of a pixel that still tells something
+
+
+@dataclass(frozen=True)
+class Samples:
+    """n pairs of a pixel and a lamp; float32, sandbox frame."""
+
+    lamp: np.ndarray  # (n,) int16 place in the names of lamps
+    view: np.ndarray  # (n,) int16
+    rate: np.ndarray  # (n,) grey values per ms
+    face: np.ndarray  # (n,) int32
+    weights: np.ndarray  # (n, 2) barycentric
+    point: np.ndarray  # (n, 3) metres
+    normal: np.ndarray  # (n, 3) unit
+    to_lamp: np.ndarray  # (n, 3) unit
+    to_viewer: np.ndarray  # (n, 3) unit
+    intensity: np.ndarray  # (n,) of the lamp, as the survey has it
+    distance: np.ndarray  # (n,) metres to the lamp
+    vignette: np.ndarray  # (n,) share of the light that the lens lets through, where it darkens
+
+    def __len__(self) -> int:
+        return len(self.lamp)
+
+    def part(self, chosen: np.ndarray) -> Samples:
+        """Those chosen by a mask or by numbers."""
+        return Samples(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+    @staticmethod
+    def joined(parts: Sequence[Samples]) -> Samples:
+        """All of some, of which there must be one."""
+        return Samples(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Samples)))
+
+
+@dataclass(frozen=True)
+class Darkening:
+    """What darkens beside the surfaces themselves: lamps over the distance, lenses outwards."""
+
+    falloff: bool
+    vignetting: bool
+
+
+def radiance(
+    samples: Samples,
+    model: Model,
+    parameters: Parameters,
+    engine: Reflectance,
+    options: RenderOptions,
+    darkening: Darkening,
+) -> np.ndarray:
+    """(n,) radiance of the samples at unit albedo, as `render_view` has it in its layers, through the lens."""
+    found = engine(parameters, samples.normal, samples.to_lamp, samples.to_viewer)
+    found *= dot(samples.normal, samples.to_lamp)
+    if darkening.falloff:
+        found *= np.float32(REFERENCE_DISTANCE**2) / samples.distance**2
+    if model not in CHRONO:
+        albedo = hemispherical_albedo(parameters) / np.pi
+        found += np.float32(options.bounce * albedo) * (1 + samples.normal[:, 2]) / np.float32(2)
+        found += np.float32(options.ambient * albedo)
+    found *= samples.intensity
+    return found * samples.vignette if darkening.vignetting else found
+
+
+def samples_of_view(
+    surfaces: Surfaces,
+    number: int,
+    sandbox_from_camera: Pose,
+    lens: Lens,
+    lamps: Mapping[str, Lamp],
+    photos: Mapping[str, Linear],
+    names: Sequence[str],
+    options: RenderOptions,
+    threads: int = 1,
+) -> list[Samples]:
+    """Samples of a view by lamp: lit pixels away from all edges, bright enough and not clipped.
+
+    Parameters
+    ----------
+    number : int
+        Of the view.
+    photos : lamp -> Linear
+        The view under each lamp alone.
+    names : sequence of str
+        All lamps; samples number them.
+    """
+    size, fit = (lens.height, lens.width), options.fitting
+    surfaces.prepare(shadows=False)
+    met = np.zeros(size, np.int32)
+    lit = {name: np.zeros(size, bool) for name in photos}
+    darkening = vignette(lens)
+    found: dict[tuple[str, int], tuple[np.ndarray, Samples]] = {}
+
+    def work(rows: slice) -> None:
+        hits = cast_strip(surfaces, sandbox_from_camera, lens, rows)
+        met[rows].reshape(-1)[hits.pixel] = surfaces.id_of_face.take(hits.face)
+        pixel = hits.pixel + rows.start * lens.width
+        row, column = np.divmod(pixel, lens.width)
+        on_grid = (row % fit.step_px == 0) & (column % fit.step_px == 0)
+        on_grid |= met[rows].reshape(-1)[hits.pixel] >= ROCK_IDS  # rocks are small
+        on_grid &= clear_of_rim(hits.point, sandbox_from_camera.translation, surfaces, options)
+        for name in photos:
+            lamp = lamps[name]
+            shining = Lamp(lamp.position)
+            numbers, to_lamp, cosine = lighting(surfaces, hits, shining, falloff=False)
+            lit[name][rows].reshape(-1)[hits.pixel[numbers]] = True
+            kept = np.flatnonzero(on_grid[numbers] & (cosine > fit.least_cosine))
+            kept = kept[clear_of_rim(hits.point[numbers[kept]], lamp.position, surfaces, options)]
+            part = hits.part(numbers[kept])
+            at = pixel[numbers[kept]]
+            samples = _samples(part, names.index(name), number, photos[name], at, to_lamp[kept], lamp, darkening)
+            found[name, rows.start] = at, samples
+
+    for_strips(lens.height, threads, work)
+    window = 2 * fit.border_px + 1
+    inside = (ndimage.minimum_filter(met, window) == ndimage.maximum_filter(met, window)) & (met >= GROUND)
+    parts = []
+    for name, start in sorted(found, key=lambda key: (names.index(key[0]), key[1])):
+        at, samples = found[name, start]
+        if start == 0:
+            photo = photos[name]
+            sharp = photo.variance < (_NOISE * photo.rate) ** 2
+            good = inside & sharp & (photo.rate > 0) & ndimage.minimum_filter(lit[name], window)
+        parts.append(samples.part(good.reshape(-1)[at]))
+    return parts
+
+
+def clear_of_rim(points: np.ndarray, towards: np.ndarray, surfaces: Surfaces, options: RenderOptions) -> np.ndarray:
+    """(n,) bool: inside the sandbox, and the way to a place (3,) passes well above its walls, wherever these stand."""
+    if not options.rim:
+        return np.ones(len(points), bool)
+    half, margin = options.rim_half_width_m - options.fitting.rim_m, options.fitting.rim_m
+    walls = surfaces.vertices[np.unique(surfaces.faces[surfaces.id_of_face == BACKGROUND]), 2]
+    top = walls.max() + margin
+    clear = (np.abs(points[:, :2]) < half).all(axis=1)
+    way = towards.astype(np.float32) - points
+    for axis in range(2):
+        side = half * np.sign(way[:, axis])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (side - points[:, axis]) / way[:, axis]
+        height = points[:, 2] + share * way[:, 2]
+        clear &= ~((share > 0) & (share < 1) & (height < top))
+    return clear
+
+
+def _samples(
+    hits: Hits,
+    lamp_number: int,
+    view: int,
+    photo: Linear,
+    pixel: np.ndarray,
+    to_lamp: np.ndarray,
+    lamp: Lamp,
+    darkening: np.ndarray,
+) -> Samples:
+    count = len(pixel)
+    return Samples(
+        np.full(count, lamp_number, np.int16),
+        np.full(count, view, np.int16),
+        photo.rate.reshape(-1)[pixel],
+        hits.face.astype(np.int32),
+        hits.weights.astype(np.float32),
+        hits.point,
+        hits.normal,
+        to_lamp.astype(np.float32),
+        hits.to_viewer,
+        np.full(count, lamp.intensity, np.float32),
+        length(lamp.position.astype(np.float32) - hits.point),
+        darkening.reshape(-1)[pixel],
+    )

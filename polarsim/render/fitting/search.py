@@ -1,0 +1,173 @@
+"""Parameters of a model that photos agree with, whatever the albedo: a search by Nelder and Mead's simplex.
+
+Places of a few centimetres are seen from several views and under several lamps. With the right parameters one albedo a
+place and one brightness a lamp explain them all; what is left over is what the search makes small.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import ValidationError
+
+from polarsim.render.fitting.samples import Darkening, Samples, radiance
+from polarsim.render.materials import Reflectance
+from polarsim.render.options import Model, Parameters, RenderOptions
+
+PLACE = 0.06  # metres
+_MOST_SAMPLES = 250_000
+_ROUNDS = 5
+_CLEAR = 0.1  # residual that counts fully, natural logarithm
+_MOST = 5.0  # and how many times that counts at most: edges of shadows and other faults
+_EVALUATIONS = 45  # a parameter
+_TURNS = 3
+_LEAST = 3  # samples of a place under a lamp in a view
+
+
+@dataclass(frozen=True)
+class Places:
+    """Samples by place, lamp and view: one observation each."""
+
+    samples: Samples
+    of_sample: np.ndarray  # (n,) observation of each sample
+    light: np.ndarray  # (m,) sum of the photos'
+    place: np.ndarray  # (m,)
+    lamp: np.ndarray  # (m,)
+
+    def disagreement(self, found: np.ndarray) -> float:
+        """Mean clipped residual of the radiance (n,) of a model, albedos and lamps' brightness taken out."""
+        model = np.bincount(self.of_sample, found, len(self.light))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.log(self.light / model)
+        if not np.isfinite(ratio).all():
+            return np.inf
+        lamps, places = int(self.lamp.max()) + 1, int(self.place.max()) + 1
+        albedo, weight = np.zeros(places), np.ones(len(ratio))
+        left = ratio
+        for _ in range(_ROUNDS):
+            left = ratio - albedo[self.place]
+            whole = np.bincount(self.lamp, weight, lamps)
+            gain = np.divide(np.bincount(self.lamp, weight * left, lamps), whole, out=np.zeros(lamps), where=whole > 0)
+            left = ratio - gain[self.lamp]
+            albedo = np.bincount(self.place, weight * left, places) / np.bincount(self.place, weight, places)
+            left = left - albedo[self.place]
+            weight = 1 / (1 + (left / (_MOST * _CLEAR)) ** 2)
+        return float(np.minimum(np.abs(left) / _CLEAR, _MOST).mean())
+
+
+def places_of(samples: Samples, rng: np.random.Generator) -> Places | None:
+    """Places from samples, of many a part; None where there is nothing to compare."""
+    if len(samples) > _MOST_SAMPLES:
+        samples = samples.part(np.sort(rng.choice(len(samples), _MOST_SAMPLES, replace=False)))
+    grid = np.floor(samples.point / PLACE).astype(np.int64)
+    columns = np.column_stack([grid, samples.lamp, samples.view])
+    seen, of_sample, count = np.unique(columns, axis=0, return_inverse=True, return_counts=True)
+    enough = count >= _LEAST
+    if not enough.any():
+        return None
+    kept = enough[of_sample.ravel()]
+    number = np.cumsum(enough) - 1
+    of_sample, samples, seen = number[of_sample.ravel()[kept]], samples.part(kept), seen[enough]
+    place = np.unique(seen[:, :3], axis=0, return_inverse=True)[1].ravel()
+    light = np.bincount(of_sample, samples.rate, len(seen))
+    return Places(samples, of_sample, light, place, seen[:, 3])
+
+
+def fitted_models(
+    places: Places, start: Mapping[Model, Parameters], engine: Reflectance, options: RenderOptions
+) -> tuple[Darkening, dict[Model, Parameters]]:
+    """What the photos agree with: one darkening for all models, and the parameters of each.
+
+    They are found in turn, for the one hangs on the other.
+    """
+    found = dict(start)
+    darkening = best_darkening(places, found, engine, options)
+    for _ in range(_TURNS):
+        found = {
+            model: fitted_parameters(places, model, own, engine, options, darkening) for model, own in start.items()
+        }
+        before, darkening = darkening, best_darkening(places, found, engine, options)
+        if darkening == before:
+            return darkening, found
+    return before, found
+
+
+def best_darkening(
+    places: Places, models: Mapping[Model, Parameters], engine: Reflectance, options: RenderOptions
+) -> Darkening:
+    """That which all models together agree with best."""
+
+    def cost(darkening: Darkening) -> float:
+        found = (radiance(places.samples, model, own, engine, options, darkening) for model, own in models.items())
+        return sum(places.disagreement(values) for values in found)
+
+    return min((Darkening(*both) for both in itertools.product((False, True), repeat=2)), key=cost)
+
+
+def fitted_parameters(
+    places: Places,
+    model: Model,
+    start: Parameters,
+    engine: Reflectance,
+    options: RenderOptions,
+    darkening: Darkening,
+) -> Parameters:
+    """The model's parameters with those that the options name fitted; where the search finds none better, `start`."""
+    from scipy.optimize import minimize
+
+    names = options.fitting.parameters.get(model, ())
+    if not names:
+        return start
+
+    def cost(values: np.ndarray) -> float:
+        own = _with(start, names, values)
+        if own is None:
+            return np.inf
+        return places.disagreement(radiance(places.samples, model, own, engine, options, darkening))
+
+    first = np.array([getattr(start, name) for name in names], float)
+    corners = [first, *(_stepped(start, names, first, number) for number in range(len(names)))]
+    found = minimize(
+        _cached(cost),
+        first,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.array(corners),
+            "maxfev": _EVALUATIONS * len(names),
+            "xatol": 1e-3,
+            "fatol": 1e-4,
+        },
+    )
+    better = _with(start, names, np.array([float(f"{value:.4g}") for value in found.x]))
+    return better if better is not None and found.fun < cost(first) else start
+
+
+def _with(start: Parameters, names: tuple[str, ...], values: np.ndarray) -> Parameters | None:
+    """The parameters with some of them replaced; None where these cannot be."""
+    try:
+        return type(start).model_validate(start.model_dump() | dict(zip(names, values.tolist(), strict=True)))
+    except ValidationError:
+        return None
+
+
+def _stepped(start: Parameters, names: tuple[str, ...], first: np.ndarray, number: int) -> np.ndarray:
+    """A corner of the first simplex: one parameter a fifth up, or down where it cannot go up."""
+    step = np.zeros(len(first))
+    step[number] = 0.2 * abs(first[number]) + 0.02
+    up = first + step
+    return up if _with(start, names, up) is not None else first - step
+
+
+def _cached(cost: Callable[[np.ndarray], float]) -> Callable[[np.ndarray], float]:
+    known: dict[bytes, float] = {}
+
+    def looked_up(values: np.ndarray) -> float:
+        key = values.tobytes()
+        if key not in known:
+            known[key] = cost(values)
+        return known[key]
+
+    return looked_up

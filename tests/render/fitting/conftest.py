@@ -1,0 +1,105 @@
+"""A sandbox with a known pattern of albedo and lamps of known brightness, photographed from two places."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose, looking
+from polarsim.photo import BLACK_LEVEL, NO_ROCK, WHITE_LEVEL
+from polarsim.render import brdf
+from polarsim.render.fitting.exposures import merged
+from polarsim.render.fitting.fit import LAMPS
+from polarsim.render.fitting.samples import Samples, samples_of_view
+from polarsim.render.lamps import ROVER, Lamp
+from polarsim.render.layers import render_view
+from polarsim.render.options import FittingOptions, RenderOptions
+from polarsim.render.surfaces import box, surfaces_of
+
+LENS = Lens(260.0, 260.0, 120.0, 80.0, (0.0, 0.0, 0.0, 0.0, 0.0), 240, 160)
+PLACES = (
+    looking(np.array([2.4, -0.3, 1.8]), np.pi, np.radians(37)),
+    looking(np.array([-0.2, -2.4, 1.8]), np.pi / 2, np.radians(37)),
+)
+LIGHTS = {
+    "30": Lamp(np.array([3.5, 1.8, 1.6])),
+    "180": Lamp(np.array([-3.6, 0.3, 1.5])),
+    "270": Lamp(np.array([0.2, -3.6, 1.7])),
+    ROVER: Lamp(np.array([2.5, -0.3, 2.3]), 0.2),
+}
+GAINS = {"30": 60.0, "180": 300.0, "270": 90.0, ROVER: 200.0}  # grey values per ms and unit radiance
+UNSEEN, SEEN = 7, 1  # rocks: one out of all pictures
+
+
+@dataclass(frozen=True)
+class Studio:
+    mesh: TerrainMesh
+    albedo: np.ndarray  # (v,) true factors; the ground's median is 1
+    options: RenderOptions
+    samples: Samples
+
+
+def sandbox() -> TerrainMesh:
+    """Ground of 5 cm triangles, 2 m wide, and two blocks: one in its middle, one far outside the pictures."""
+    axis = np.linspace(-1, 1, 41)
+    x, y = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
+    vertices = [np.stack([x, y, 0.02 * np.sin(3 * x) * np.cos(4 * y)], axis=1)]
+    k = (np.arange(40)[:, None] * 41 + np.arange(40)).ravel()
+    faces = [np.concatenate([np.stack([k, k + 41, k + 1], 1), np.stack([k + 1, k + 41, k + 42], 1)])]
+    rocks = [np.full(len(faces[0]), NO_ROCK)]
+    for rock, place in ((SEEN, [0.1, 0.1, 0.0]), (UNSEEN, [40.0, 0.0, 0.0])):
+        v, f, _ = box(np.add(place, [-0.15, -0.15, -0.1]), np.add(place, 0.15))
+        faces.append(f + sum(map(len, vertices)))
+        vertices.append(v)
+        rocks.append(np.full(len(f), rock))
+    return TerrainMesh(*(np.concatenate(parts) for parts in (vertices, faces, rocks)))
+
+
+def pattern(mesh: TerrainMesh) -> np.ndarray:
+    """Patches of a quarter on the ground, and rocks of 1.5."""
+    x, y, _ = mesh.vertices.T
+    factor = np.exp(0.25 * np.sin(6 * x + 1) * np.cos(5 * y))
+    factor[np.unique(mesh.faces[mesh.rock_of_face != NO_ROCK])] = 1.5
+    ground = np.unique(mesh.faces[mesh.rock_of_face == NO_ROCK])
+    return (factor / np.median(factor[ground])).astype(np.float32)
+
+
+def photographed(layer: np.ndarray, gain: float, rng: np.random.Generator) -> list[tuple[np.ndarray, float]]:
+    """Noisy 12-bit photos of a layer, some of them clipped."""
+    photos = []
+    for exposure_ms in (32.0, 128.0, 512.0):
+        light = gain * exposure_ms * layer
+        noisy = light + np.sqrt(light / 8 + 0.8) * rng.standard_normal(layer.shape)
+        photos.append((np.clip(np.rint(noisy + BLACK_LEVEL), 0, WHITE_LEVEL).astype(np.uint16), exposure_ms))
+    return photos
+
+
+def shoot(mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, places: tuple[Pose, ...] = PLACES) -> Samples:
+    """What the fit sees of the sandbox under its true albedo."""
+    rng = np.random.default_rng(3)
+    painted, plain = surfaces_of(mesh, options, {"lambert": albedo, "hapke": albedo}), surfaces_of(mesh, options)
+    model = "hapke" if options.models == ("hapke",) else "lambert"
+    parts = []
+    for number, place in enumerate(places):
+        layers = render_view(painted, place, LENS, LIGHTS, [model], None, options).layers
+        photos = {name: merged(photographed(layers[model, name], GAINS[name], rng)) for name in LIGHTS}
+        parts += samples_of_view(plain, number, place, LENS, LIGHTS, photos, LAMPS, options)
+    return Samples.joined(parts)
+
+
+@pytest.fixture(scope="package")
+def studio() -> Studio:
+    options = RenderOptions(
+        models=("lambert",), rim=False, bounce=0, falloff=True, seat_m=0,
+        fitting=FittingOptions(step_px=1, border_px=1, parameters={}),
+    )  # fmt: skip
+    mesh = sandbox()
+    albedo = pattern(mesh)
+    return Studio(mesh, albedo, options, shoot(mesh, albedo, options))
+
+
+@pytest.fixture(scope="package")
+def engine():
+    return brdf.reflectance

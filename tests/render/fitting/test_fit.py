@@ -1,0 +1,102 @@
+"""From photos back to the albedo and the lamps that made them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polarsim.formats.materials import rock_of_vertex
+from polarsim.photo import NO_ROCK
+from polarsim.render.fitting.fit import LAMPS, fit
+from polarsim.render.options import FittingOptions, RenderOptions
+
+from .conftest import GAINS, SEEN, UNSEEN, pattern, sandbox, shoot
+
+
+@pytest.fixture(scope="module")
+def found(studio, engine):
+    return fit(studio.samples, studio.mesh, ["lambert"], engine, studio.options)
+
+
+def test_albedo_comes_back_from_noisy_photos(studio, found):
+    seen = found.looks >= 2
+    assert seen.sum() > 800
+    error = found.models["lambert"].albedo[seen] / studio.albedo[seen] - 1
+    assert np.median(np.abs(error)) < 0.02  # 0.25 of albedo's own spread
+
+
+def test_lamps_come_back_on_one_scale(found):
+    lamps = found.models["lambert"].lamps
+    assert set(lamps) == set(GAINS)
+    ratios = np.array([lamps[name] / GAINS[name] for name in GAINS])
+    np.testing.assert_allclose(ratios, 1, rtol=0.03)
+
+
+def test_falloff_is_recognised_and_vignetting_is_not_made_up(found):
+    assert (found.falloff, found.vignetting) == (True, False)
+
+
+def test_a_rock_that_no_photo_shows_has_the_mean_of_the_others(studio, found):
+    rocks = found.models["lambert"].rocks
+    true = float(studio.albedo[rock_of_vertex(studio.mesh) == SEEN].mean())
+    assert rocks[SEEN] == pytest.approx(true, rel=0.05)
+    assert rocks[UNSEEN] == pytest.approx(rocks[SEEN], rel=1e-6)
+    unseen = found.models["lambert"].albedo[rock_of_vertex(studio.mesh) == UNSEEN]
+    np.testing.assert_allclose(unseen, rocks[UNSEEN], rtol=0.02)
+
+
+def test_the_held_out_azimuth_is_told_better_with_albedo_than_without(found):
+    check = found.models["lambert"].check
+    assert check["azimuth"] == "30"
+    for scale in ("pixels", "texels"):
+        assert check[scale]["fitted"]["median_stops"] < 0.5 * check[scale]["constant_albedo"]["median_stops"]
+
+
+def test_the_held_out_lamp_does_not_touch_parameters_but_its_albedo_is_used(studio, engine, found):
+    without = studio.samples.part(studio.samples.lamp != LAMPS.index("30"))
+    again = fit(without, studio.mesh, ["lambert"], engine, studio.options)
+    assert again.models["lambert"].check == {}
+    assert (again.falloff, again.vignetting) == (found.falloff, found.vignetting)
+    assert "30" not in again.models["lambert"].lamps
+    assert (found.looks >= again.looks).all()
+    assert found.looks.sum() > again.looks.sum()
+
+
+def test_samples_that_are_nothing_fit_nothing(studio, engine):
+    nothing = studio.samples.part(np.zeros(len(studio.samples), bool))
+    assert fit(nothing, studio.mesh, ["lambert"], engine, studio.options) is None
+
+
+def test_vertices_never_seen_keep_the_mean_of_their_thing(studio, engine):
+    half = studio.samples.part(studio.samples.point[:, 0] > 0)
+    albedo = fit(half, studio.mesh, ["lambert"], engine, studio.options).models["lambert"].albedo
+    far = studio.mesh.vertices[:, 0] < -0.6
+    far &= rock_of_vertex(studio.mesh) == NO_ROCK
+    np.testing.assert_allclose(albedo[far], np.median(albedo[far]), rtol=0.1)
+    assert np.median(albedo[far]) == pytest.approx(1, abs=0.1)
+
+
+def test_a_shadow_that_the_meshes_do_not_know_does_little_harm(studio, engine, found):
+    shaded = (studio.samples.lamp == LAMPS.index("180")) & (studio.samples.point[:, 0] > 0.4)
+    rate = np.where(shaded, studio.samples.rate / 20, studio.samples.rate)
+    assert 0.02 < shaded.mean() < 0.2
+    spoilt = replace(studio.samples, rate=rate)
+    dirty = fit(spoilt, studio.mesh, ["lambert"], engine, studio.options)
+    seen = (found.looks >= 4) & (studio.mesh.vertices[:, 0] > 0.45)
+    error = dirty.models["lambert"].albedo[seen] / studio.albedo[seen] - 1
+    assert np.median(np.abs(error)) < 0.03
+    assert dirty.models["lambert"].lamps["180"] == pytest.approx(GAINS["180"], rel=0.05)
+
+
+def test_parameters_come_back_whatever_the_albedo(engine):
+    mesh = sandbox()
+    options = RenderOptions(
+        models=("hapke",), rim=False, bounce=0, falloff=True, seat_m=0,
+        fitting=FittingOptions(step_px=1, border_px=1, parameters={"hapke": ("theta_bar_deg",)}),
+    )  # fmt: skip
+    samples = shoot(mesh, pattern(mesh), options)
+    start = options.parameters("hapke")
+    wrong = options.model_copy(update={"hapke": start.model_copy(update={"theta_bar_deg": 12.0})})
+    parameters = fit(samples, mesh, ["hapke"], engine, wrong).models["hapke"].parameters
+    assert parameters["theta_bar_deg"] == pytest.approx(23.4, abs=1.5)
+    assert parameters["w"] == start.w

@@ -1,0 +1,136 @@
+"""Twins of a run that fits materials to its photos, files to files."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats import png
+from polarsim.formats.materials import Fitted, FittedMaterials, read_materials, write_materials
+from polarsim.formats.scene import read_terrain
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
+from polarsim.render.fitted import as_bright_as_fitted, with_fit
+from polarsim.render.fitting.fit import fit_materials
+from polarsim.render.lamps import ROVER, Lamp
+from polarsim.render.options import FittingOptions, LambertParameters, RenderOptions
+from polarsim.render.twins import LabelPaths, render_twins
+
+OPTIONS = RenderOptions(
+    models=("lambert",), rim=False, bounce=0, fitting=FittingOptions(step_px=1, border_px=1, parameters={})
+)
+KEYS = [PhotoKey.parse(f"01_A_{name}_L_{ms:04d}") for name in ("off_30", "off_180", "on_no") for ms in (32, 128, 512)]
+LIT = 60  # grey values above black
+
+
+def fit_of(parameters, **lamps):
+    return Fitted(parameters, lamps, {}, np.ones(4, np.float32))
+
+
+def twins_of(folders, out, options=OPTIONS, materials=None):
+    labels = folders / "labels"
+    render_twins(
+        terrain=1, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", photos=None,
+        twins={"lambert": folders / out}, options=options, threads=1, materials=materials,
+        labels=LabelPaths(labels / "boxes", labels / "instances", labels / "coco.json", labels / "table.parquet"),
+    )  # fmt: skip
+    return {PhotoKey.parse(path.stem): path for path in sorted((folders / out).glob("*.png"))}
+
+
+def index(folders, paths):
+    path = folders / "photos.parquet"
+    pd.DataFrame({"key": list(map(str, paths)), "path": list(map(str, paths.values()))}).to_parquet(path)
+    return path
+
+
+def fitted(folders, photos, out="materials", threads=1, options=OPTIONS):
+    fit_materials(
+        terrain=1, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos, models=["lambert"],
+        materials=folders / out, options=options, threads=threads,
+    )  # fmt: skip
+    return folders / out
+
+
+@pytest.fixture
+def photographed(folders):
+    """Photos of a terrain whose rock is twice as bright as its ground, under lamps of which one is twice as bright."""
+    mesh = read_terrain(folders / "meshes", 1)
+    albedo = np.where(np.arange(len(mesh.vertices)) < 4, 1.0, 2.0)
+    lamps = {"30": 60.0, "180": 120.0, "rover": 90.0}
+    made_of = Fitted({"albedo": 0.2}, lamps, {1: 2.0}, albedo.astype(np.float32))
+    truth = FittedMaterials(False, False, {"lambert": made_of}, np.ones(len(albedo), int))
+    write_materials(folders / "truth", mesh, truth)
+    return twins_of(folders, "photos", materials=folders / "truth")
+
+
+def test_twins_with_fitted_materials_are_the_photos(folders, photographed):
+    materials = fitted(folders, index(folders, photographed))
+    again = twins_of(folders, "again", materials=materials)
+    plain = twins_of(folders, "plain")
+    differ = {}
+    for key, path in photographed.items():
+        photo, twin, constant = (png.read(one).astype(float) - BLACK_LEVEL for one in (path, again[key], plain[key]))
+        lit = (photo > LIT) & (photo < WHITE_LEVEL - BLACK_LEVEL) & (constant > 0)
+        if not lit.any():  # too short under the rover light
+            continue
+        differ[key] = [np.median(np.abs(np.log2(np.maximum(one[lit], 1) / photo[lit]))) for one in (twin, constant)]
+    with_fit_stops, without = np.array(list(differ.values())).T
+    assert len(differ) >= 6
+    assert with_fit_stops.max() < 0.02
+    told = json.loads(again[KEYS[0]].with_suffix(".json").read_text())
+    assert "materials" in told["sources"]
+    assert "materials" not in json.loads(plain[KEYS[0]].with_suffix(".json").read_text())["sources"]
+    assert without.max() > 0.5
+
+
+def test_a_fit_has_the_same_bytes_with_one_thread_and_two(folders, photographed):
+    photos = index(folders, photographed)
+    one, two = fitted(folders, photos, "one"), fitted(folders, photos, "two", threads=2)
+    for path in one.iterdir():
+        assert path.read_bytes() == (two / path.name).read_bytes()
+
+
+@pytest.mark.parametrize("there", ["no table", "no photo", "dark photos"])
+def test_without_photos_that_show_anything_twins_stay_constant_with_a_warning(folders, there, caplog):
+    paths = {}
+    if there == "dark photos":
+        paths = {key: folders / "dark" / f"{key}.png" for key in KEYS}
+        for path in paths.values():
+            png.write(path, np.full((140, 200), BLACK_LEVEL, np.uint16))
+    materials = fitted(folders, None if there == "no table" else index(folders, paths))
+    assert "no photo shows lit surfaces" in caplog.text
+    assert read_materials(materials, read_terrain(folders / "meshes", 1)).models == {}
+    plain, with_nothing = twins_of(folders, "plain"), twins_of(folders, "nothing", materials=materials)
+    for key, path in plain.items():
+        assert path.read_bytes() == with_nothing[key].read_bytes()
+
+
+def test_a_gain_in_the_options_goes_before_the_fits():
+    found = FittedMaterials(True, True, {"lambert": fit_of({"albedo": 0.3}, **{"30": 2.0, "rover": 9.0})}, np.ones(4))
+    options, albedo = with_fit(RenderOptions(gain={"lambert": 5}), found)
+    assert options.gain["lambert"] == 5
+    assert with_fit(RenderOptions(), found)[0].gain["lambert"] == 2
+    assert (options.falloff, options.vignetting) == (True, True)
+    assert options.lambert == LambertParameters(albedo=0.3)
+    assert list(albedo) == ["lambert"]
+
+
+def test_lamps_keep_their_shares_of_the_sun_lamps_median():
+    lamps = {
+        name: Lamp(np.zeros(3), intensity) for name, intensity in (("30", 1), ("180", 1), ("350", 1), (ROVER, 0.5))
+    }
+    found = FittedMaterials(
+        True, True, {"lambert": fit_of({}, **{"30": 2.0, "180": 12.0, "270": 3.0, "rover": 6.0})}, np.ones(4)
+    )
+    shining = as_bright_as_fitted(lamps, found, "lambert")
+    brightness = {name: lamp.intensity for name, lamp in shining.items()}
+    assert brightness == pytest.approx({"30": 2 / 3, "180": 4, "350": 1, ROVER: 1})  # no photo shows 350
+    assert as_bright_as_fitted(lamps, None, "lambert") is lamps
+    assert as_bright_as_fitted(lamps, found, "hapke") is lamps
+
+
+def test_parameters_that_a_model_does_not_take_are_refused():
+    found = FittedMaterials(True, True, {"lambert": fit_of({"w": 0.3}, **{"30": 2.0})}, np.ones(4))
+    with pytest.raises(FormatError, match="fitted materials"):
+        with_fit(RenderOptions(), found)
