@@ -15,7 +15,7 @@ from polarsim.formats.tables import read_csv, write_csv
 from polarsim.tables.layout import MISSING, format_value, origin_note, with_origin, write_table
 
 COLUMNS = ("stage", "terrain", "subject", "figure", "value", "unit", "n", "against")
-STAGES = ("cameras", "rocks", "labels", "render")
+STAGES = ("cameras", "rocks", "labels", "render", "materials")
 CAPTION = "Quality of every stage. Unit 1: a share or ratio; against: what a figure is measured against."
 
 BOX_FIGURES = ("precision", "recall", "f1", "miou")  # of every box score, in this order

@@ -78,6 +78,25 @@ def test_labels_that_nobody_drew_are_not_scored(checkout, snakemake, tmp_path):
     assert not {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
 
 
+@pytest.mark.parametrize(("asked", "jobs"), [(True, 4), (False, None)])
+def test_materials_are_fitted_where_the_configuration_asks(checkout, snakemake, asked, jobs):
+    done = snakemake(checkout, "render", "--dry-run", "--config", f"render={{materials_from_photos: {asked}}}")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert planned(done).get("fit_materials") == jobs  # one a terrain
+
+
+def test_fitted_materials_are_scored_where_truth_is_known(checkout, snakemake, release_like):
+    asked = ("--config", "render={materials_from_photos: true}")
+    done = snakemake(checkout, "--dry-run", *asked)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert planned(done)["score_materials"] == 4
+    done = snakemake(
+        checkout, "--dry-run", "--configfile", "config/release.yaml", *asked, POLAR_SIM_ROOT=str(release_like)
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "score_materials" not in planned(done)
+
+
 def test_accuracy_is_measured_without_labels_and_twins(checkout, snakemake):
     done = snakemake(checkout, "geometry", "--dry-run", "--configfile", "config/accuracy.yaml")
     assert done.returncode == 0, done.stderr

@@ -105,6 +105,13 @@ def photos_of_terrain(wildcards):
     return f"results/{wildcards.run}/acquire/Terrain{wildcards.terrain}/photos.parquet"
 
 
+def materials_of_terrain(wildcards):
+    """Materials fitted to a terrain's photos, where the configuration asks for them."""
+    if not CONFIG.render.materials_from_photos:
+        return []
+    return f"results/{wildcards.run}/renders/materials/Terrain{wildcards.terrain}"
+
+
 def corrections_of(wildcards):
     """Label files that people put right, so that a new edit is a new input."""
     folder = CONFIG.labels.corrections
@@ -207,16 +214,25 @@ def can_score_labels(terrain):
     return KIND == "analog" or drawn_labels(terrain) is not None
 
 
+def can_score_materials(terrain):
+    """Where materials are fitted and truth is known, whichever terrain."""
+    return KIND == "analog" and CONFIG.render.materials_from_photos
+
+
 SCORED_TERRAINS = list(filter(can_score_labels, TERRAINS))
 
 
 def quality_parts(wildcards):
     """The quality of each stage and terrain; labels only where there is something to compare them with."""
-    scored = {"labels": can_score_labels, "outlines": drawn_polygons}
+    scored = {
+        "labels": can_score_labels,
+        "outlines": drawn_polygons,
+        "materials": can_score_materials,
+    }
     return [
         f"results/{wildcards.run}/quality/{stage}_Terrain{terrain}.csv"
         for terrain in TERRAINS
-        for stage in ("cameras", "rocks", "labels", "outlines", "twins")
+        for stage in ("cameras", "rocks", "labels", "outlines", "twins", "materials")
         if stage not in scored or scored[stage](terrain)
     ]
 

@@ -168,6 +168,30 @@ rule score_twins:
         "../scripts/score_twins.py"
 
 
+rule score_materials:
+    """Fitted albedo against truth, and twins with it against photos that were held out."""
+    input:
+        raw=raw_data,
+        materials="results/{run}/renders/materials/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+        cameras="results/{run}/cameras/Terrain{terrain}",
+    output:
+        quality="results/{run}/quality/materials_Terrain{terrain}.csv",
+    log:
+        "results/{run}/logs/tables/score_materials_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/score_materials_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        truth=truth_of,
+        code=code_of("tables.quality_materials"),
+    script:
+        "../scripts/score_materials.py"
+
+
 rule gather_quality:
     """The quality of every stage in one table."""
     input:

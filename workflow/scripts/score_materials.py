@@ -1,0 +1,16 @@
+"""Score one terrain's fitted materials."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.quality_materials import score_materials
+
+with reporting(log=snakemake.log[0]):
+    score_materials(
+        terrain=int(snakemake.wildcards.terrain),
+        materials=Path(snakemake.input.materials),
+        meshes=Path(snakemake.input.meshes),
+        cameras=Path(snakemake.input.cameras),
+        truth=Path(snakemake.params.truth),
+        quality=Path(snakemake.output.quality),
+    )
