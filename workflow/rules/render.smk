@@ -11,6 +11,7 @@ rule render:
         ),
         of_run("results/{run}/renders/boxes/Terrain{terrain}", terrain=TERRAINS),
         of_run("results/{run}/renders/labels.parquet"),
+        of_run("results/{run}/renders/reflectance.csv"),
 
 
 rule fit_materials:
