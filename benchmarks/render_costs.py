@@ -34,7 +34,7 @@ from polarsim.render.layers import reflectance_engine, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
-from polarsim.render.twins import write_photos
+from polarsim.render.twin_writer import write_photos
 from polarsim.survey import SUN_LAMPS
 
 

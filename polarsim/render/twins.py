@@ -4,35 +4,32 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
-from polarsim.formats import coco, png, tables
+from polarsim.formats import coco, tables
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.materials import read_materials
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import read_terrain
-from polarsim.geometry.lens import Lens
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.render.amodal import hidden_parts
 from polarsim.render.automatic import label_row, label_view
-from polarsim.render.fitted import as_bright_as_fitted, with_fit
-from polarsim.render.gain import calibrate, calibration_photos, default_gain
+from polarsim.render.fitted import with_fit
+from polarsim.render.gain import calibration_photos
 from polarsim.render.lamps import Lamp, lamps_of, lit_by
 from polarsim.render.layers import NO_LAMP, render_view
 from polarsim.render.map_files import lamps_of_maps, write_view_maps
 from polarsim.render.maps import maps_of
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.sensor import expose, noise_of
-from polarsim.render.shot import Shot
 from polarsim.render.surfaces import surfaces_of
 from polarsim.render.twin_sidecars import TwinSidecars
+from polarsim.render.twin_writer import TwinWriter
 
 log = logging.getLogger("polarsim.render")
 View = tuple[str, str]  # position and camera
@@ -111,46 +108,38 @@ def render_twins(
     fitted = None if materials is None else read_materials(materials, mesh)
     options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)
     surfaces = surfaces_of(mesh, options, albedo)
-    gains = {model: options.gain[model] for model in twins if options.gain.get(model)}
     shown = list(chain.from_iterable(views.values()))
-    references = calibration_photos(photos, shown, options.calibration_photos) if len(gains) < len(twins) else {}
+    calibrated = any(not options.gain.get(model) for model in twins)
+    references = calibration_photos(photos, shown, options.calibration_photos) if calibrated else {}
     first = {(key.position, key.camera) for key in references}
-    for folder in twins.values():
-        folder.mkdir(parents=True, exist_ok=True)
     sidecars = TwinSidecars(terrain, meshes, cameras, materials, options)
+    writer = TwinWriter(twins, references, fitted, sidecars, options, threads)
     found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
-        position, camera = view
-        rig = rigs[position]
-        pose, lens = rig.sandbox_from(camera), rig.rig.lens(camera)
-        lamps = _lamps(suns, rig, views[view], options)
-        throwing = sorted({lit_by(key)[0] for key in views[view] if lit_by(key)})
+        rig, own = rigs[view[0]], views[view]
+        pose, lens = rig.sandbox_from(view[1]), rig.rig.lens(view[1])
+        lamps = _lamps(suns, rig, own, options)
+        throwing = sorted({lit_by(key)[0] for key in own if lit_by(key)})
         rendering = render_view(surfaces, pose, lens, lamps, list(twins), throwing, options, threads)
-        layers = through_lens(rendering.whole, lamps, surfaces, pose, lens, options, threads)
-        for model, folder in twins.items():
-            if model not in gains:  # the view with the references comes first
-                found = calibrate(references, layers, model)
-                if found:
-                    sidecars.set_gain_by(model, references.values())
-                gains[model] = found or default_gain(model, options)
-                origin = "from photos" if found else "built in"
-                log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, gains[model], origin)
-            shining = as_bright_as_fitted(lamps, fitted, model)
-            own = {name: layer for (of, name), layer in layers.items() if of == model}
-            if shining is not lamps:
-                own = {name: layer * (shining[name].intensity / lamps[name].intensity) for name, layer in own.items()}
-            write_photos(folder, views[view], own, lens, gains[model], options, threads)
-            sidecars.write(folder, views[view], Shot(pose, lens, shining, 0, model), gains[model])
+        writer.write(
+            own, through_lens(rendering.whole, lamps, surfaces, pose, lens, options, threads), lamps, pose, lens
+        )
         hidden = hidden_parts(surfaces, pose, lens, rendering.ids[NO_LAMP])
-        found_labels |= label_view(views[view], rendering.ids, hidden, labels.boxes, labels.instances, options)
+        found_labels |= label_view(own, rendering.ids, hidden, labels.boxes, labels.instances, options)
         if options.maps and labels.maps:
             shining = {name: lamps[name] for name in lamps_of_maps(options.maps, throwing)}
-            maps = maps_of(surfaces, pose, lens, shining, options, threads)
-            write_view_maps(labels.maps, views[view], maps, options.maps)
+            write_view_maps(labels.maps, own, maps_of(surfaces, pose, lens, shining, options, threads), options.maps)
+    _write_labels(labels, found_labels, rigs)
+
+
+def _write_labels(
+    labels: LabelPaths, found: Mapping[PhotoKey, Sequence[coco.Annotation]], rigs: Mapping[str, PlacedRig]
+) -> None:
+    """Write the labels of all twins as COCO and as a table."""
     sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {(WIDTH, HEIGHT)}
-    coco.write_coco(labels.annotations, found_labels, size=max(sizes))
-    in_order = sorted(found_labels, key=lambda key: (key.position, key.camera, key))
-    rows = [label_row(key, label) for key in in_order for label in found_labels[key]]
+    coco.write_coco(labels.annotations, found, size=max(sizes))
+    in_order = sorted(found, key=lambda key: (key.position, key.camera, key))
+    rows = [label_row(key, label) for key in in_order for label in found[key]]
     tables.write_parquet(labels.table, tables.label_table(rows))
 
 
@@ -160,28 +149,3 @@ def _lamps(
     """The lamps that photos need."""
     needed = {name for key in keys for name in lit_by(key)}
     return {name: lamp for name, lamp in lamps_of(suns, rig, options.lamp_radius_m).items() if name in needed}
-
-
-def write_photos(
-    folder: Path,
-    keys: Sequence[PhotoKey],
-    layers: Mapping[str, np.ndarray],
-    lens: Lens,
-    gain: float,
-    options: RenderOptions,
-    threads: int,
-) -> None:
-    """Write the photos of one view, `folder/KEY.png`, from its layers by lamp."""
-    dark = np.zeros((lens.height, lens.width), np.float32)
-    photo_sets: dict[tuple[object, ...], list[PhotoKey]] = {}
-    for key in keys:
-        photo_sets.setdefault(key.photo_set, []).append(key)
-
-    def write(photo_set: list[PhotoKey]) -> None:
-        radiance = sum((layers[name] for name in lit_by(photo_set[0])), dark)
-        for key in photo_set:
-            noise = noise_of(options, key)
-            png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))
-
-    with ThreadPoolExecutor(max(1, threads)) as pool:
-        list(pool.map(write, photo_sets.values()))

@@ -1,0 +1,102 @@
+"""The files of a terrain's twins: pictures by model, exposed from a view's layers, and what made them beside each."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats import png
+from polarsim.formats.materials import FittedMaterials
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+from polarsim.photo import PhotoKey
+from polarsim.render.fitted import as_bright_as_fitted
+from polarsim.render.gain import calibrate, default_gain
+from polarsim.render.indirect import Layers
+from polarsim.render.lamps import Lamp, lit_by
+from polarsim.render.options import Model, RenderOptions
+from polarsim.render.sensor import expose, noise_of
+from polarsim.render.shot import Shot
+from polarsim.render.twin_sidecars import TwinSidecars
+
+log = logging.getLogger("polarsim.render")
+
+
+class TwinWriter:
+    """Writes the twins of one terrain, view by view."""
+
+    def __init__(
+        self,
+        twins: Mapping[Model, Path],
+        references: Mapping[PhotoKey, Path],
+        fitted: FittedMaterials | None,
+        sidecars: TwinSidecars,
+        options: RenderOptions,
+        threads: int,
+    ) -> None:
+        """
+        Parameters
+        ----------
+        twins : model -> Path
+            Folders, made if they are not there.
+        references : key -> Path
+            Photos that set the brightness of models without a gain; their view must be written first.
+        """
+        for folder in twins.values():
+            folder.mkdir(parents=True, exist_ok=True)
+        self._twins, self._references, self._fitted, self._sidecars = twins, references, fitted, sidecars
+        self._options, self._threads = options, threads
+        self._gains = {model: options.gain[model] for model in twins if options.gain.get(model)}
+
+    def write(
+        self, keys: Sequence[PhotoKey], layers: Layers, lamps: Mapping[str, Lamp], sandbox_from_camera: Pose, lens: Lens
+    ) -> None:
+        """Write `KEY.png` and `KEY.json` of one view into the folder of every model."""
+        for model, folder in self._twins.items():
+            gain = self._gain(model, layers, keys[0].terrain)
+            shining = as_bright_as_fitted(lamps, self._fitted, model)
+            own = {name: layer for (of, name), layer in layers.items() if of == model}
+            if shining is not lamps:
+                own = {name: layer * (shining[name].intensity / lamps[name].intensity) for name, layer in own.items()}
+            write_photos(folder, keys, own, lens, gain, self._options, self._threads)
+            self._sidecars.write(folder, keys, Shot(sandbox_from_camera, lens, shining, 0, model), gain)
+
+    def _gain(self, model: Model, layers: Layers, terrain: int) -> float:
+        """Of the options, else as bright as the photos, else built in."""
+        if model not in self._gains:
+            found = calibrate(self._references, layers, model)
+            if found:
+                self._sidecars.set_gain_by(model, self._references.values())
+            self._gains[model] = found or default_gain(model, self._options)
+            origin = "from photos" if found else "built in"
+            log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, self._gains[model], origin)
+        return self._gains[model]
+
+
+def write_photos(
+    folder: Path,
+    keys: Sequence[PhotoKey],
+    layers: Mapping[str, np.ndarray],
+    lens: Lens,
+    gain: float,
+    options: RenderOptions,
+    threads: int,
+) -> None:
+    """Write the photos of one view, `folder/KEY.png`, from its layers by lamp."""
+    dark = np.zeros((lens.height, lens.width), np.float32)
+    photo_sets: dict[tuple[object, ...], list[PhotoKey]] = {}
+    for key in keys:
+        photo_sets.setdefault(key.photo_set, []).append(key)
+
+    def write(photo_set: list[PhotoKey]) -> None:
+        radiance = sum((layers[name] for name in lit_by(photo_set[0])), dark)
+        for key in photo_set:
+            noise = noise_of(options, key)
+            png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))
+
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        list(pool.map(write, photo_sets.values()))
