@@ -8,6 +8,9 @@ workflow calls it, from OBJ meshes on disk. Mitsuba (left out with a message whe
 left camera, one after the other, with its fastest CPU variant that runs here, the `direct` integrator, the principled
 model, the same samples a pixel, on as many threads; its scenes are built before the clock starts, every kernel has run
 once, and no file is written.
+
+Last figures (two runs, AMD EPYC, 2 cores, nothing else running, 776,482 triangles): 9.8 and 9.4 photos/s, 43.7 and 45.0
+CPU seconds; Mitsuba 3.9.1, `llvm_ad_mono`: 1.14 and 0.96 photos/s; 8.5 and 9.8 times as fast, 10.0 and 11.5 by CPU time.
 """
 
 from __future__ import annotations
