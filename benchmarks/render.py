@@ -10,7 +10,8 @@ model, the same samples a pixel, on as many threads; its scenes are built before
 once, and no file is written.
 
 Last figures (two runs, AMD EPYC, 2 cores, nothing else running, 776,482 triangles): 9.8 and 9.4 photos/s, 43.7 and 45.0
-CPU seconds; Mitsuba 3.9.1, `llvm_ad_mono`: 1.14 and 0.96 photos/s; 8.5 and 9.8 times as fast, 10.0 and 11.5 by CPU time.
+CPU seconds; Mitsuba 3.9.1, `llvm_ad_mono`: 1.14 and 0.96 photos/s; ours is 8.5 and 9.8 times as fast, by CPU time 10.0
+and 11.5 times.
 """
 
 from __future__ import annotations
