@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from polarsim.geometry.boxes import centres
+from polarsim.labels.fusion import CAUCHY
 from polarsim.labels.habits import OUTWARD
 from polarsim.labels.known import Known
 from polarsim.labels.options import LabelsOptions
@@ -37,7 +38,6 @@ WALL = 0.05  # metres from the ground's end: a shadow that reaches there goes on
 BORDER_PX = 6.0  # from the photo's border: a shadow that is seen there goes on unseen
 NUDGE = 0.02  # metres: how far lamps are moved to see how edges follow
 STEPS, CLOSE = 30, 1e-4  # of the robust fit; metres by which its last one moves a lamp
-CAUCHY = 2.385  # standard deviations at which an edge's weight is half: 95 % as efficient as least squares
 LEAST_SD_PX = 3.0  # of a drawn edge: people are no surer than that
 
 

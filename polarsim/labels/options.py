@@ -49,7 +49,10 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         0.5, ge=0, le=1, description="Share of the seeds that must show a rock for it to be labelled at other azimuths."
     )
     mesh_weight: float = Field(
-        0.5, ge=0, description="Weight of a rock's projected mesh in its fused box; a drawn box weighs 1."
+        1.0,
+        ge=0,
+        description="Weight of a rock's projected mesh in its fused box, for edges that agree with the drawn ones; a "
+        "drawn box weighs 1.",
     )
 
     # Rocks as bodies.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.geometry.boxes import area, clip, iou
+from polarsim.labels.fusion import mesh_weights
 from polarsim.labels.known import Known
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.options import LabelsOptions
@@ -43,6 +44,10 @@ class PositionRocks:
         chosen = [row for row in range(len(self.tracks)) if share[row] >= self.options.presence]
         return [label_of(ROCK, self.ids[row], "fused", boxes[row], float(share[row])) for row in chosen]
 
+    def drawn_azimuths(self, rock: int) -> set[Azimuth]:
+        """Under which lamps people drew a rock here."""
+        return {azimuth for row in np.flatnonzero(self.ids == rock) for azimuth in self.tracks[row].azimuths}
+
     def undrawn(self, camera: Camera, rocks: list[Label]) -> list[Label]:
         """Rocks that other azimuths, other positions or scans know, as far as no label shows them yet."""
         known = {label.rock for label in rocks}
@@ -76,7 +81,7 @@ class PositionRocks:
         return view.focal_px / float(np.linalg.norm(place - view.centre))
 
     def _fused(self, camera: Camera) -> np.ndarray:
-        """(tracks, 4) mean of each track's boxes, moved into a camera, and of its rock's mesh there with its weight."""
+        """(tracks, 4) mean of each track's boxes, moved into a camera, and of its mesh there as far as that fits."""
         if camera not in self._fused_boxes:
             total, weight = np.zeros((len(self.tracks), 4)), np.zeros((len(self.tracks), 4))
             shown = [self._mesh_box(camera, int(rock)) for rock in self.ids]
@@ -88,11 +93,12 @@ class PositionRocks:
                 cut = self._cut(boxes, self.ids[rows], source) & has_mesh & (source != camera)
                 total[rows] += count * ~cut * moved
                 weight[rows] += count * ~cut
-            for row, box in enumerate(shown):
-                if box is not None:
-                    mesh = np.where(weight[row] > 0, self.options.mesh_weight, 1.0)
-                    total[row] += mesh * box
-                    weight[row] += mesh
+            meshed = np.flatnonzero([box is not None for box in shown])
+            mesh = np.array([shown[row] for row in meshed]).reshape(-1, 4)
+            count, drawn = weight[meshed], total[meshed] / np.maximum(weight[meshed], 1)
+            own = mesh_weights(drawn, count, mesh, self.options.mesh_weight)
+            total[meshed] += own * mesh
+            weight[meshed] += own
             self._fused_boxes[camera] = total / weight
         return self._fused_boxes[camera]
 
