@@ -45,7 +45,7 @@ from polarsim.rocks.adopt import adopt_rocks
 from polarsim.rocks.options import RocksOptions
 from polarsim.tables.score import Counts, count_boxes
 
-OPTIONS = LabelsOptions(shadow_start_ms_by_terrain={1: 32, 13: 32})
+OPTIONS = LabelsOptions(visibility="annotator", shadow_start_ms_by_terrain={1: 32, 13: 32})
 POSITIONS = "ABC"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from polarsim.geometry.boxes import area
+from polarsim.labels.dark import hidden_by_dark
 from polarsim.labels.known import Known
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
@@ -17,7 +18,7 @@ class PositionLabels:
     """Labels of one position; without photos as people draw them, with photos as these show things."""
 
     def __init__(self, known: Known, position: str, options: LabelsOptions, photos: Photos | None = None) -> None:
-        self.position, self.photos = position, photos
+        self.position, self.photos, self.options = position, photos, options
         self.rocks = PositionRocks(known, position, options)
         self.shadows = PositionShadows(self.rocks, options)
         self._known: dict[tuple[Camera, Light, Azimuth], list[Label]] = {}
@@ -35,11 +36,16 @@ class PositionLabels:
     def _labels(self, camera: Camera, light: Light, azimuth: Azimuth) -> list[Label]:
         brightness = self._brightness(camera, light, azimuth)
         labels = self.rocks.labels(camera, azimuth)
+        if self.options.visibility == "annotator" and azimuth not in self.rocks.azimuths:
+            labels = [label for label in labels if not self._hidden_by_dark(label.rock, azimuth)]
         if brightness is not None:
             labels += self.rocks.undrawn(camera, labels)
         if lamp(self.rocks.world, self.rocks.view(camera), light, azimuth) is not None:
             labels += self.shadows.labels(camera, light, azimuth, labels, brightness)
         return [label for label in labels if area(label.box) > 0]
+
+    def _hidden_by_dark(self, rock: int, azimuth: Azimuth) -> bool:
+        return hidden_by_dark(self.rocks.world, rock, azimuth, self.rocks.drawn_azimuths(rock))
 
     def _brightness(self, camera: Camera, light: Light, azimuth: Azimuth) -> Brightness | None:
         """What photos show under a Sun lamp: without rover light where there are such, for it brightens shadows."""

@@ -1,0 +1,98 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polarsim.formats.scene import TerrainMesh
+from polarsim.labels.dark import hidden_by_dark, in_the_dark
+from polarsim.labels.known import gather
+from polarsim.labels.options import LabelsOptions
+from polarsim.labels.position import PositionLabels
+from polarsim.labels.seeds import Drawn
+from polarsim.labels.view import View, project_rock
+from polarsim.labels.world import build_world
+from polarsim.photo import NO_ROCK, ROCK
+from polarsim.survey import SUN_LAMPS
+
+from .conftest import block, flat_ground, placed
+
+OPEN, BEHIND, BARRIER = 1, 2, 3
+ROCKS = {  # centre of the base, full extents: BARRIER stands between BEHIND and lamp 180, at x = -3.5 m
+    OPEN: ([0.6, 0.8, 0.0], [0.2, 0.2, 0.1]),
+    BEHIND: ([0.6, -0.6, 0.0], [0.2, 0.2, 0.1]),
+    BARRIER: ([0.1, -0.6, 0.0], [0.2, 1.2, 0.8]),
+}
+OPTIONS = LabelsOptions(visibility="annotator", ray_step_px=4, wall_height_m=0)
+
+
+@pytest.fixture(scope="module")
+def terrain():
+    parts = [(NO_ROCK, flat_ground()), *((rock, block(*map(np.array, shape))) for rock, shape in ROCKS.items())]
+    starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
+    return TerrainMesh(
+        np.concatenate([mesh.vertices for _, mesh in parts]),
+        np.concatenate([mesh.faces + start for (_, mesh), start in zip(parts, starts, strict=False)]),
+        np.concatenate([np.full(len(mesh.faces), rock) for rock, mesh in parts]),
+    )
+
+
+@pytest.fixture(scope="module")
+def world(terrain):
+    return build_world(terrain, OPTIONS.trim_mm / 1000)
+
+
+def labelled(terrain, drawn_at, options, azimuth="180"):
+    """Rocks labelled under a lamp where the same boxes were drawn under others."""
+    view = View(placed("A"), "L")
+    world = build_world(terrain, options.trim_mm / 1000)
+    boxes = np.array([project_rock(world, view, rock).box for rock in ROCKS])
+    drawings = {("L", other): Drawn(boxes, None) for other in drawn_at}
+    seeds = {"A": drawings} if drawings else {}
+    known = gather(terrain, {"A": view.placed}, SUN_LAMPS, seeds, options)
+    labels = PositionLabels(known, "A", options).labels("L", "off", azimuth)
+    return {label.rock for label in labels if label.kind == ROCK}
+
+
+def test_a_rock_behind_a_high_one_is_in_the_dark_under_the_lamp_on_the_other_side_alone(world):
+    assert in_the_dark(world, BEHIND, "180")
+    assert not any(in_the_dark(world, BEHIND, azimuth) for azimuth in ("30", "270", "350"))
+
+
+def test_no_rock_shades_itself_from_every_ray(world):
+    assert not any(in_the_dark(world, rock, azimuth) for rock in (OPEN, BARRIER) for azimuth in SUN_LAMPS)
+
+
+@pytest.mark.parametrize(("above", "dark"), [(-0.1, True), (0.1, False)])
+def test_a_rock_that_one_place_of_the_lamp_lights_is_not_in_the_dark(world, above, dark):
+    """The ray over the barrier's far edge (0.2, 0.8 m high) to the far end of the rock's top (0.7, 0.1 m high)."""
+    x, y, _ = SUN_LAMPS["180"]
+    nearest = x + 0.6  # two standard deviations of the survey towards the barrier
+    grazing = 0.8 + (0.8 - 0.1) / (0.7 - 0.2) * (0.2 - nearest)
+    raised = replace(world, suns={"180": np.array([x, y, grazing + above])})
+    assert in_the_dark(raised, BEHIND, "180") == dark
+
+
+def test_walls_darken_what_lies_at_their_foot(terrain):
+    walled = build_world(terrain, OPTIONS.trim_mm / 1000, wall_height=2.0)
+    assert in_the_dark(walled, OPEN, "30")
+
+
+def test_nothing_is_in_the_dark_of_a_lamp_that_is_not_there_nor_a_rock_that_has_no_body(world):
+    assert not in_the_dark(world, BEHIND, "no")
+    assert not in_the_dark(world, 77, "180")
+
+
+def test_a_rock_that_people_drew_in_what_should_be_dark_is_no_rock_in_the_dark(world):
+    assert hidden_by_dark(world, BEHIND, "180", ["30", "350"])
+    assert not hidden_by_dark(world, BEHIND, "180", ["30", "180"])
+
+
+def test_people_who_label_what_they_see_leave_out_rocks_in_the_dark(terrain):
+    assert labelled(terrain, ["30"], OPTIONS) == {OPEN, BARRIER}
+    assert labelled(terrain, [], OPTIONS) == {OPEN, BARRIER}  # projected meshes
+    assert labelled(terrain, ["30"], OPTIONS, azimuth="350") == set(ROCKS)
+
+
+def test_drawn_rocks_stay_in_the_other_cameras_photos_and_by_photos_the_photo_decides(terrain):
+    assert labelled(terrain, ["180"], OPTIONS) == set(ROCKS)
+    assert labelled(terrain, ["30"], OPTIONS.model_copy(update={"visibility": "photo"})) == set(ROCKS)
