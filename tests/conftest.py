@@ -3,6 +3,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
+
+settings.register_profile("polarsim", deadline=None)  # machines that are busy are slow: time is for benchmarks
+settings.load_profile("polarsim")
 
 CHECKOUT = Path(__file__).parent.parent
 

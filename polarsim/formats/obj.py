@@ -13,6 +13,7 @@ from pyarrow import csv
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
+from polarsim.geometry.vectors import cross
 
 _ROCK_NAME = re.compile(r"terrain(\d\d)_rock(\d+)(_decimate-005)?\.obj")
 
@@ -27,7 +28,7 @@ class Mesh:
     def normals(self) -> np.ndarray:
         """(v, 3) unit vertex normals, weighted by area; zero where a vertex has no face."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        face_normals = np.cross(b - a, c - a)
+        face_normals = cross(b - a, c - a)
         corners = self.faces.T.ravel()
         sums = [np.bincount(corners, np.tile(part, 3), len(self.vertices)) for part in face_normals.T]
         normals = np.stack(sums, axis=1)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.pixel_rays import pixel_directions
@@ -96,9 +98,16 @@ def between_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 def for_strips(height: int, threads: int, work: Callable[[slice], None]) -> None:
     """Do the work for every strip of rows, on so many threads; strips write to places of their own."""
     strips = [slice(start, min(start + STRIP, height)) for start in range(0, height, STRIP)]
-    if threads <= 1:
-        for strip in strips:
-            work(strip)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(work, strips))
+    with _blas().limit(limits=1):  # its own threads would wait busily beside ours
+        if threads <= 1:
+            for strip in strips:
+                work(strip)
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(work, strips))
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    """NumPy's library of linear algebra."""
+    return ThreadpoolController().select(user_api="blas")

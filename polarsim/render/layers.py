@@ -71,7 +71,7 @@ def render_view(
     """
     reflectance = reflectance_engine(options, threads)
     offsets = sample_offsets(options)
-    surfaces.prepare(shadows=bool(throwing))
+    surfaces.prepare(shadows=bool(throwing), threads=threads)
     size = (lens.height, lens.width)
     layers = {(model, name): np.zeros(size, np.float32) for model in models for name in lamps}
     ids = {} if throwing is None else {name: np.zeros(size, np.uint16) for name in (NO_LAMP, *throwing)}

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -34,11 +35,11 @@ class Surfaces:
     def all(self) -> Surveyor:
         return caster(self.vertices, self.faces, self.rays)
 
-    def prepare(self, *, shadows: bool) -> None:
+    def prepare(self, *, shadows: bool, threads: int = 1) -> None:
         """Build what threads would race to build; `shadows`: also what tells whose shadow the ground lies in."""
-        _ = self.all, self.corner_normals
-        if shadows:
-            _ = self.rocks, self.rest
+        names = ("all", "corner_normals", *(("rest", "rocks") if shadows else ()))
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(partial(getattr, self), names))
 
     @cached_property
     def rocks(self) -> Caster:

@@ -162,3 +162,15 @@ def test_vertices_that_no_triangle_has_change_nothing(engine, rng):
     own = caster(among_others, 3 * faces + 1, engine=engine).nearest(origins, directions)
     for mine, expected in zip(own, caster(vertices, faces, engine=engine).nearest(origins, directions), strict=True):
         np.testing.assert_array_equal(mine, expected)
+
+
+@pytest.mark.parametrize("engine", ["embree", "numpy"])
+def test_arrays_that_must_not_be_written_can_be_cast(engine):
+    origins, directions, far = np.array([[0.2, 0.2, 1.5]]), np.array([DOWN]), np.ones(1)
+    for array in (origins, directions, far):
+        array.flags.writeable = False
+    cast = caster(*GROUND, engine=engine)
+    assert (
+        cast.meet(origins.astype(np.float32), directions).face.tolist() == cast.nearest(origins, directions)[1].tolist()
+    )
+    assert cast.blocked(origins, directions, far).shape == (1,)

@@ -1,0 +1,99 @@
+"""Loops over rays that call Embree, compiled by Numba: a call from Python for every ray would take longer than the ray.
+
+Rays go in packets, for neighbours share most of their way through Embree's tree. A packet is Embree's RTCRayHit8
+(embree4/rtcore_ray.h): 24 rows of eight numbers of four bytes, aligned to 32 bytes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import llvmlite.binding as llvm
+import numba as nb
+import numpy as np
+
+from polarsim.geometry.embree_library import embree
+
+SIZE = 8  # rays of a packet
+ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, NUMBER, FLAGS = 0, 3, 4, 7, 8, 9, 10, 11  # rows of a packet
+NORMAL, WEIGHTS, FACE, SHAPE, ROWS = 12, 15, 17, 18, 24
+NOTHING = np.uint32(0xFFFFFFFF)  # RTC_INVALID_GEOMETRY_ID
+# RTCIntersectArguments: rays near each other, all features, no context, no filter, no function of ours.
+COHERENT = np.array([1 << 16, 0xFFFFFFFF, 0, 0, 0, 0, 0, 0], np.uint32)
+
+
+def _embree(name: str) -> nb.types.ExternalFunction:
+    """A query of Embree by a name that compiled and cached loops find it by."""
+    llvm.add_symbol(f"polarsim_{name}", ctypes.cast(getattr(embree(), name), ctypes.c_void_p).value)
+    return nb.types.ExternalFunction(f"polarsim_{name}", nb.types.void(*[nb.types.intp] * 4))
+
+
+_intersect, _occluded = _embree("rtcIntersect8"), _embree("rtcOccluded8")
+_RAYS = "float32[:, ::1]"
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _packet():  # type: ignore[no-untyped-def]
+    """Room for a packet, as floats and as integers, and for which of its rays count."""
+    room = np.zeros(ROWS * SIZE + SIZE, np.float32)
+    start = (-(room.ctypes.data // 4)) % SIZE
+    rays = room[start : start + ROWS * SIZE].reshape(ROWS, SIZE)
+    valid = np.zeros(2 * SIZE, np.int32)
+    start = (-(valid.ctypes.data // 4)) % SIZE
+    return rays, rays.view(np.uint32), valid[start : start + SIZE]
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _fill(rays, integers, valid, origins, directions, first):  # type: ignore[no-untyped-def]
+    """Put the rays from number `first` on into the packet; how many these are."""
+    count = min(SIZE, len(origins) - first)
+    for k in range(SIZE):
+        valid[k] = -1 if k < count else 0
+    for axis in range(3):
+        for k in range(count):
+            rays[ORIGIN + axis, k] = origins[first + k, axis]
+            rays[DIRECTION + axis, k] = directions[first + k, axis]
+    integers[MASK, :] = NOTHING
+    return count
+
+
+@nb.njit(
+    f"int64(intp, {_RAYS}, {_RAYS}, int64[::1], float32[::1], int64[::1], {_RAYS}, {_RAYS})", cache=True, nogil=True
+)
+def meet(scene, origins, directions, number, distance, face, weights, normal):  # type: ignore[no-untyped-def]
+    """Write what rays meet to the front of the arrays, in the order of rays; how many do."""
+    rays, integers, valid = _packet()
+    arguments = COHERENT.copy()
+    met = 0
+    for first in range(0, len(origins), SIZE):
+        count = _fill(rays, integers, valid, origins, directions, first)
+        rays[FAR, :] = np.inf
+        integers[SHAPE, :] = NOTHING
+        _intersect(valid.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        for k in range(count):
+            if integers[SHAPE, k] == NOTHING:
+                continue
+            number[met], distance[met], face[met] = first + k, rays[FAR, k], integers[FACE, k]
+            weights[met, 0], weights[met, 1] = rays[WEIGHTS, k], rays[WEIGHTS + 1, k]
+            for axis in range(3):
+                normal[met, axis] = rays[NORMAL + axis, k]
+            met += 1
+    return met
+
+
+@nb.njit(f"void(intp, {_RAYS}, {_RAYS}, float32[::1], float32, boolean[::1])", cache=True, nogil=True)
+def blocked(scene, origins, directions, far, near_metres, hit):  # type: ignore[no-untyped-def]
+    """Whether a triangle lies between `near_metres` and `far` (n,), in units of the direction's length."""
+    rays, integers, valid = _packet()
+    arguments = COHERENT.copy()
+    for first in range(0, len(origins), SIZE):
+        count = _fill(rays, integers, valid, origins, directions, first)
+        for k in range(count):
+            x, y, z = rays[DIRECTION, k], rays[DIRECTION + 1, k], rays[DIRECTION + 2, k]
+            rays[NEAR, k] = near_metres / np.sqrt(x * x + y * y + z * z)
+            rays[FAR, k] = far[first + k]
+            if rays[NEAR, k] >= rays[FAR, k]:
+                valid[k] = 0
+        _occluded(valid.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        for k in range(count):
+            hit[first + k] = valid[k] != 0 and rays[FAR, k] < 0  # Embree's mark of a ray that met something

@@ -1,0 +1,101 @@
+"""Intel's Embree 4, the library itself: found in the wheel of embreex, called through its C interface.
+
+embreex's own classes copy meshes number by number and take directions apart ray by ray in Python's reach; Embree reads
+NumPy's arrays where they lie. Names and numbers: embree4/rtcore_*.h of Embree 4.4.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import PolarsimError
+
+_POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
+_TRIANGLES = 0  # RTC_GEOMETRY_TYPE_TRIANGLE
+_INDICES, _VERTICES = 0, 1  # RTC_BUFFER_TYPE_INDEX, _VERTEX
+_THREE_INTEGERS, _THREE_FLOATS = 0x5003, 0x9003  # RTC_FORMAT_UINT3, _FLOAT3
+_ROBUST = 1 << 2  # RTC_SCENE_FLAG_ROBUST: rays through shared edges do not slip between triangles
+_ONE_THREAD = (
+    b"threads=1,set_affinity=0"  # the tree, and so which of two triangles at one edge is hit, is the same anywhere
+)
+
+_INTERFACE: dict[str, tuple[object, list[object]]] = {
+    "rtcNewDevice": (_POINTER, [ctypes.c_char_p]),
+    "rtcGetDeviceError": (ctypes.c_int, [_POINTER]),
+    "rtcNewScene": (_POINTER, [_POINTER]),
+    "rtcReleaseScene": (None, [_POINTER]),
+    "rtcSetSceneFlags": (None, [_POINTER, ctypes.c_int]),
+    "rtcCommitScene": (None, [_POINTER]),
+    "rtcNewGeometry": (_POINTER, [_POINTER, ctypes.c_int]),
+    "rtcReleaseGeometry": (None, [_POINTER]),
+    "rtcSetSharedGeometryBuffer": (
+        None,
+        [_POINTER, ctypes.c_int, ctypes.c_uint, ctypes.c_int, _POINTER, _SIZE, _SIZE, _SIZE],
+    ),
+    "rtcCommitGeometry": (None, [_POINTER]),
+    "rtcAttachGeometry": (ctypes.c_uint, [_POINTER, _POINTER]),
+}
+
+
+@cache
+def embree() -> ctypes.CDLL:
+    """The library, its functions typed.
+
+    Raises
+    ------
+    PolarsimError
+        embreex is not installed, or brings no Embree 4.
+    """
+    try:
+        import embreex.rtcore_scene  # noqa: F401  (loads the thread library that Embree needs)
+
+        files = metadata.files("embreex") or []
+    except (ImportError, metadata.PackageNotFoundError) as error:
+        raise PolarsimError(f"rays: engine 'embree' cannot be loaded ({error}); install embreex") from error
+    found = [Path(str(file.locate())) for file in files if file.name.startswith(("libembree4", "embree4"))]
+    if not found:
+        raise PolarsimError("rays: this embreex brings no Embree 4; install embreex 4.4 or newer")
+    library = ctypes.CDLL(str(found[0]))
+    for name, (result, arguments) in _INTERFACE.items():
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+class Scene:
+    """Triangles `faces` (f, 3) of `vertices` (v, 3) with Embree's tree over them; `address` is its RTCScene."""
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        library = embree()
+        # Embree reads 16 bytes of every vertex, the last one too.
+        self._vertices = np.zeros((len(vertices) + 1, 3), np.float32)
+        self._vertices[:-1] = vertices
+        self._faces = np.ascontiguousarray(faces, np.uint32)
+        device = _device()
+        self.address: int = library.rtcNewScene(device)
+        weakref.finalize(self, library.rtcReleaseScene, self.address)
+        library.rtcSetSceneFlags(self.address, _ROBUST)
+        geometry = library.rtcNewGeometry(device, _TRIANGLES)
+        for kind, form, numbers, count in (
+            (_INDICES, _THREE_INTEGERS, self._faces, len(self._faces)),
+            (_VERTICES, _THREE_FLOATS, self._vertices, len(vertices)),
+        ):
+            library.rtcSetSharedGeometryBuffer(geometry, kind, 0, form, numbers.ctypes.data, 0, 12, count)
+        library.rtcCommitGeometry(geometry)
+        library.rtcAttachGeometry(self.address, geometry)
+        library.rtcReleaseGeometry(geometry)  # the scene keeps it
+        library.rtcCommitScene(self.address)
+        if code := library.rtcGetDeviceError(device):
+            raise PolarsimError(f"rays: Embree cannot take these {len(faces)} triangles, error {code}")
+
+
+@cache
+def _device() -> int:
+    """One for all scenes: with a second one a thread of Embree's would spin as long as the process runs."""
+    return int(embree().rtcNewDevice(_ONE_THREAD))
