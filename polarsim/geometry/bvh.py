@@ -1,0 +1,221 @@
+"""A tree of boxes over triangles, for casters of our own: built with NumPy, walked by `rays_taichi`.
+
+Binned surface-area heuristic (Wald, IEEE Symposium on Interactive Ray Tracing 2007, 33), all nodes of a level at once.
+Nothing in it is random and nothing depends on threads: same triangles, same tree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+LEAF = 4  # most triangles of a leaf
+LEVELS = 40  # most inner nodes on the way down to a leaf: what a walk's stack must hold
+COUNT_BITS = 3  # of a leaf's code that say how many triangles it has
+_MOST = 1 << (31 - COUNT_BITS)  # triangles that a leaf's code can number
+_BINS = 16  # places of a node where it may be cut
+_FEW_BINS = 4  # of small nodes
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Inner nodes, parents before children, number 0 the root; each knows the boxes of its two children.
+
+    boxes : (m, 4, 3) float32
+        Low and high corner of the first child's box, low and high corner of the second's.
+    children : (m, 2) int32
+        Number of an inner node, or code of a leaf, below 0: see `leaf_of`.
+    order : (f,) int32
+        Numbers of the triangles, those of a leaf side by side.
+    """
+
+    boxes: np.ndarray
+    children: np.ndarray
+    order: np.ndarray
+
+
+def leaf_of(code: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of leaves' codes: place of the first triangle in the tree's order, number of triangles."""
+    return ~code >> COUNT_BITS, ~code & ((1 << COUNT_BITS) - 1)
+
+
+def _code(first: np.ndarray, count: np.ndarray) -> np.ndarray:
+    return ~((first << COUNT_BITS) | count)
+
+
+@dataclass
+class _Level:
+    """Nodes of one level that are still to be cut, and their triangles, node after node."""
+
+    low: list[np.ndarray]  # three of (k,) by axis, of the triangles' boxes
+    high: list[np.ndarray]
+    triangle: np.ndarray  # (k,) its number
+    start: np.ndarray  # (n,) first triangle of a node, in these arrays
+    count: np.ndarray  # (n,)
+    first: np.ndarray  # (n,) its place in the tree's order
+
+    @property
+    def node(self) -> np.ndarray:
+        """(k,) the triangles' nodes."""
+        return np.repeat(np.arange(len(self.count)), self.count)
+
+
+def built(vertices: np.ndarray, faces: np.ndarray) -> Tree:
+    """The tree of triangles `faces` (f, 3) of `vertices` (v, 3), whose boxes hold them as float32; f > 0.
+
+    Raises
+    ------
+    ValueError
+        There are no triangles, or more than 2^28.
+    """
+    if not 0 < len(faces) < _MOST:
+        raise ValueError(f"{len(faces)} triangles, a tree holds 1 to {_MOST - 1}")
+    level = _root(np.asarray(vertices, np.float32), np.asarray(faces))
+    if len(faces) <= LEAF:
+        return _single(level)
+    order = np.empty(len(faces), np.int32)
+    boxes, children, numbered = [], [], 1
+    depth = 0
+    while len(level.count):
+        level = _cut(level, depth)
+        depth += 1
+        boxes.append(_boxes(level).reshape(-1, 4, 3))
+        leaf = level.count <= LEAF
+        codes = _code(level.first, level.count)
+        codes[~leaf] = numbered + np.arange(np.count_nonzero(~leaf))
+        numbered += int(np.count_nonzero(~leaf))
+        children.append(codes.reshape(-1, 2).astype(np.int32))
+        level = _without(level, leaf, order)
+    return Tree(np.concatenate(boxes), np.concatenate(children), order)
+
+
+def _root(vertices: np.ndarray, faces: np.ndarray) -> _Level:
+    columns = [[vertices[:, axis].take(faces[:, corner]) for corner in range(3)] for axis in range(3)]
+    low = [np.minimum(np.minimum(a, b), c) for a, b, c in columns]
+    high = [np.maximum(np.maximum(a, b), c) for a, b, c in columns]
+    zero = np.zeros(1, np.int64)
+    return _Level(low, high, np.arange(len(faces)), zero, zero + len(faces), zero)
+
+
+def _single(level: _Level) -> Tree:
+    """The tree of a scene that fits into a leaf: its second child is empty."""
+    box = _boxes(level)[0]
+    children = _code(np.zeros(2, np.int64), np.array([level.count[0], 0])).astype(np.int32)
+    return Tree(np.concatenate([box, box])[None], children[None], np.arange(level.count[0], dtype=np.int32))
+
+
+def _boxes(level: _Level) -> np.ndarray:
+    """(n, 2, 3) low and high corner around the triangles of each node."""
+    low = [np.minimum.reduceat(values, level.start) for values in level.low]
+    high = [np.maximum.reduceat(values, level.start) for values in level.high]
+    return np.stack([np.stack(low, axis=1), np.stack(high, axis=1)], axis=1)
+
+
+def _cut(level: _Level, depth: int) -> _Level:
+    """The two children of every node, side by side."""
+    node = level.node
+    second = _by_area(level, node, depth)
+    before = np.cumsum(~second) - ~second  # triangles of first children before each triangle
+    before -= before[level.start][node]
+    in_first = np.add.reduceat(~second, level.start, dtype=np.int64)
+    within = np.arange(len(node)) - level.start[node]
+    place = level.start[node] + np.where(second, in_first[node] + within - before, before)
+    count = np.stack([in_first, level.count - in_first], axis=1)
+
+    def moved(values: np.ndarray) -> np.ndarray:
+        out = np.empty_like(values)
+        out[place] = values
+        return out
+
+    def starts(of_node: np.ndarray) -> np.ndarray:
+        return np.stack([of_node, of_node + in_first], axis=1).ravel()
+
+    return _Level(
+        [moved(values) for values in level.low],
+        [moved(values) for values in level.high],
+        moved(level.triangle),
+        starts(level.start),
+        count.ravel(),
+        starts(level.first),
+    )
+
+
+def _by_area(level: _Level, node: np.ndarray, depth: int) -> np.ndarray:
+    """(k,) bool: triangles that go to the second child.
+
+    A node is cut across the axis along which its triangles' middles spread most, where the children's areas times their
+    numbers of triangles are least. Where all middles fall together, and where the tree would get too deep, its
+    triangles are halved as they come.
+    """
+    middle, spread = _along_widest(level, node)
+    bins = _BINS if len(node) > 2 * _BINS * len(level.count) else _FEW_BINS
+    with np.errstate(divide="ignore", over="ignore"):
+        scale = np.where(spread > 0, np.float32(bins * (1 - 1e-6)) / spread, np.float32(0))
+    scale[~np.isfinite(scale)] = 0  # spreads too small for a quotient
+    found = np.minimum((middle * scale[node]).astype(np.int64), bins - 1)
+    cut = _best_cut(level, node * bins + found, bins)
+    second = found > cut[node]
+    halved = (cut < 0) | (level.count > LEAF * 2.0 ** (LEVELS - 2 - depth))
+    if halved.any():
+        within = np.arange(len(node)) - level.start[node]
+        second = np.where(halved[node], within >= (level.count // 2)[node], second)
+    return second
+
+
+def _along_widest(level: _Level, node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles' middles (k,) along the axis of their node's widest spread, from its lowest; that spread (n,)."""
+    middles = [low / 2 + high / 2 for low, high in zip(level.low, level.high, strict=True)]
+    lowest = np.stack([np.minimum.reduceat(values, level.start) for values in middles])
+    spreads = np.stack([np.maximum.reduceat(values, level.start) for values in middles]) - lowest
+    axis = spreads.argmax(axis=0)
+    chosen = np.choose(axis[node].astype(np.intp), middles)
+    each = np.arange(len(axis))
+    return chosen - lowest[axis, each][node], spreads[axis, each]
+
+
+def _best_cut(level: _Level, key: np.ndarray, bins: int) -> np.ndarray:
+    """(n,) last bin of the first child; -1 where one child would be empty. `key`: (k,) node * bins + bin."""
+    shape = (len(level.count), bins)
+    count = np.bincount(key, minlength=shape[0] * bins).reshape(shape)
+    low, high = [], []
+    for axis in range(3):
+        lowest, highest = (np.full(count.size, end, np.float32) for end in (np.inf, -np.inf))
+        np.minimum.at(lowest, key, level.low[axis])
+        np.maximum.at(highest, key, level.high[axis])
+        low.append(lowest.reshape(shape))
+        high.append(highest.reshape(shape))
+    before = np.cumsum(count, axis=1)[:, :-1]
+    after = level.count[:, None] - before
+    from_the_end = _areas(*([values[:, ::-1] for values in part] for part in (low, high)))
+    cost = before * _areas(low, high)[:, :-1] + after * from_the_end[:, -2::-1]
+    cost[(before == 0) | (after == 0)] = np.inf
+    best = cost.argmin(axis=1)
+    return np.where(np.isfinite(cost[np.arange(len(best)), best]), best, -1)
+
+
+def _areas(low: list[np.ndarray], high: list[np.ndarray]) -> np.ndarray:
+    """(n, bins) half the area of the box around the bins up to each one."""
+    with np.errstate(invalid="ignore", over="ignore"):  # no bin filled yet: infinite sides
+        x, y, z = (
+            np.maximum.accumulate(h, axis=1) - np.minimum.accumulate(v, axis=1) for v, h in zip(low, high, strict=True)
+        )
+        area = x * y + y * z + z * x
+    return np.where(np.isfinite(area), area.astype(float), 0.0)
+
+
+def _without(level: _Level, leaf: np.ndarray, order: np.ndarray) -> _Level:
+    """The level without its leaves, whose triangles find their places in the tree's order."""
+    node = level.node
+    done = leaf[node]
+    place = level.first[node] + np.arange(len(node)) - level.start[node]
+    order[place[done]] = level.triangle[done]
+    count = level.count[~leaf]
+    return _Level(
+        [values[~done] for values in level.low],
+        [values[~done] for values in level.high],
+        level.triangle[~done],
+        np.cumsum(count) - count,
+        count,
+        level.first[~leaf],
+    )

@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from polarsim.geometry import bvh
+
+coordinates = st.floats(-100, 100, width=32)
+
+
+@st.composite
+def triangles(draw):
+    """Vertices and faces; coarse coordinates, so that many middles and whole triangles fall together."""
+    count = draw(st.integers(1, 60))
+    coarse = st.integers(-2, 2).map(float)
+    values = draw(st.sampled_from([coarse, coordinates]))
+    return draw(arrays.arrays(np.float64, (3 * count, 3), elements=values)), np.arange(3 * count).reshape(-1, 3)
+
+
+def walked(tree):
+    """Every node from the root down: (depth, low, high, code) of each child."""
+    left = [(0, 0)]
+    while left:
+        node, depth = left.pop()
+        for side in range(2):
+            code = int(tree.children[node, side])
+            yield depth + 1, *tree.boxes[node, 2 * side : 2 * side + 2], code
+            if code >= 0:
+                left.append((code, depth + 1))
+
+
+def places(code):
+    first, count = bvh.leaf_of(np.array([code]))
+    return np.arange(first[0], first[0] + count[0])
+
+
+@settings(max_examples=60, deadline=None)
+@given(triangles())
+def test_every_triangle_is_in_exactly_one_leaf(scene):
+    tree = bvh.built(*scene)
+    in_leaves = np.concatenate([places(code) for *_, code in walked(tree) if code < 0])
+    np.testing.assert_array_equal(np.sort(in_leaves), np.arange(len(scene[1])))
+    np.testing.assert_array_equal(np.sort(tree.order), np.arange(len(scene[1])))
+
+
+@settings(max_examples=60, deadline=None)
+@given(triangles())
+def test_every_inner_node_is_met_once_on_the_way_down(scene):
+    tree = bvh.built(*scene)
+    inner = sorted(code for *_, code in walked(tree) if code >= 0)
+    assert inner == list(range(1, len(tree.children)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(triangles())
+def test_boxes_hold_the_boxes_and_triangles_below_them(scene):
+    vertices, faces = scene
+    tree = bvh.built(vertices, faces)
+    corners = vertices.astype(np.float32)[faces[tree.order]]
+    for _, low, high, code in walked(tree):
+        inside = tree.boxes[code] if code >= 0 else corners[places(code)].reshape(-1, 3)
+        assert (inside >= low).all()
+        assert (inside <= high).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(triangles())
+def test_leaves_are_small_and_not_too_deep(scene):
+    for depth, _, _, code in walked(bvh.built(*scene)):
+        assert depth <= bvh.LEVELS
+        assert code >= 0 or len(places(code)) <= bvh.LEAF
+
+
+def test_a_tree_that_would_get_too_deep_is_halved(monkeypatch):
+    count = 300
+    middles = 2.0 ** -np.arange(count)[:, None] * 1e30  # each cut takes few off
+    vertices = (middles[:, None] * np.array([[1, 0, 0], [1.1, 0, 0], [1, 0.1, 0]])).reshape(-1, 3)
+    faces = np.arange(3 * count).reshape(-1, 3)
+    deep = max(depth for depth, *_ in walked(bvh.built(vertices, faces)))
+    monkeypatch.setattr(bvh, "LEVELS", 8)
+    shallow = max(depth for depth, *_ in walked(bvh.built(vertices, faces)))
+    assert shallow <= 8 < deep
+
+
+@settings(max_examples=60, deadline=None)
+@given(triangles())
+def test_same_triangles_same_tree(scene):
+    one, other = bvh.built(*scene), bvh.built(*scene)
+    for name in ("boxes", "children", "order"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def test_a_cut_parts_what_lies_apart():
+    near = np.random.default_rng(0).uniform(0, 1, (30, 3))
+    vertices = np.concatenate([near, near + np.array([100, 0, 0])])
+    faces = np.random.default_rng(1).permutation(np.arange(60).reshape(-1, 3))
+    tree = bvh.built(vertices, faces)
+    assert sorted(tree.boxes[0, [0, 2], 0] > 50) == [False, True]
+    assert sorted(tree.boxes[0, [1, 3], 0] > 50) == [False, True]
+
+
+def test_nothing_has_no_tree():
+    with pytest.raises(ValueError, match="0 triangles"):
+        bvh.built(np.zeros((0, 3)), np.zeros((0, 3), int))
