@@ -20,14 +20,36 @@ _DEGREES = (14, 24, 40)
 
 def pixel_directions(lens: Lens, rows: slice, offset: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
     """(rows, w, 3) directions with z = 1 through the pixels' centres, moved by `offset` pixels."""
-    u = np.arange(lens.width) + HALF_PIXEL + offset[0]
-    v = np.arange(lens.height)[rows] + HALF_PIXEL + offset[1]
+    u, v = _centres(lens, offset)
+    v = v[rows]
     fit = _inverse(lens)
     if fit is None:
         return lens.directions(np.stack(np.meshgrid(u, v), axis=-1))
     directions = np.ones((len(v), len(u), 3))
     directions[..., :2] = _evaluated(fit, lens, u, v)
     return directions
+
+
+def separated(lens: Lens, offset: tuple[float, float] = (0.0, 0.0)) -> tuple[np.ndarray, np.ndarray] | None:
+    """Directions of a whole photo as sums of products, for devices that multiply faster than they are given arrays.
+
+    Returns
+    -------
+    of_row, of_column : (h, n, 2), (w, n)
+        x and y of the direction through pixel (v, u), moved by `offset` pixels: of_row[v].T @ of_column[u]. None where
+        `pixel_directions` finds no polynomial.
+    """
+    fit = _inverse(lens)
+    if fit is None:
+        return None
+    u, v = _centres(lens, offset)
+    along_v = chebyshev.chebvander(2 * v / lens.height - 1, len(fit) - 1)
+    return np.einsum("vi,ijk->vjk", along_v, fit), chebyshev.chebvander(2 * u / lens.width - 1, len(fit) - 1)
+
+
+def _centres(lens: Lens, offset: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Places u (w,) and v (h,) of pixels' centres, moved by `offset` pixels."""
+    return np.arange(lens.width) + HALF_PIXEL + offset[0], np.arange(lens.height) + HALF_PIXEL + offset[1]
 
 
 @lru_cache(maxsize=16)

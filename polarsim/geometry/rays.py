@@ -1,7 +1,7 @@
 """Rays against triangles: where a ray first meets a surface, and whether anything stands between two points.
 
 `caster` builds an engine once for a set of triangles. The NumPy engine here defines the result (Moeller and Trumbore,
-J. Graphics Tools 2 (1997) 21), both sides of a triangle count; `rays_embree` obeys it in float32.
+J. Graphics Tools 2 (1997) 21), both sides of a triangle count; `rays_embree` and `rays_taichi` obey it in float32.
 """
 
 from __future__ import annotations
@@ -11,11 +11,14 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from polarsim.errors import PolarsimError
+
 NO_FACE = -1  # face number of a ray that meets nothing
 START_OFFSET = 1e-4  # metres: `blocked` passes over surfaces nearer than this, so that no surface shades itself
 _PAIRS = 1 << 20  # ray-triangle pairs tested at once: bounds the memory of the NumPy engine at about 200 MB
 
-RayEngine = Literal["embree", "numpy"]
+RayEngine = Literal["embree", "taichi", "numpy"]
+Device = Literal["cpu", "cuda", "vulkan"]  # what Taichi runs on
 
 
 @dataclass(frozen=True)
@@ -65,17 +68,35 @@ class Surveyor(Caster, Protocol):
         ...
 
 
-def caster(vertices: np.ndarray, faces: np.ndarray, engine: RayEngine = "embree", threads: int = 1) -> Surveyor:
+def caster(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    engine: RayEngine = "embree",
+    threads: int | None = None,
+    device: Device = "cpu",
+) -> Surveyor:
     """An engine for triangles `faces` (f, 3) of `vertices` (v, 3), metres.
 
-    Embree casts float32 rays on `threads` threads; results do not depend on their number. NumPy needs time in
-    proportion to rays times triangles and is there to define the result.
+    Embree casts float32 rays on `threads` threads, None: one. So does Taichi on its device, None: on as many as it runs
+    with. Results do not depend on the number. NumPy needs time in proportion to rays times
+    triangles and is there to define the result.
+
+    Raises
+    ------
+    PolarsimError
+        The engine cannot be loaded, or the device is not there.
     """
     if engine == "numpy":
         return NumpyCaster(vertices, faces)
+    if engine == "taichi":
+        try:
+            from polarsim.geometry.rays_taichi import TaichiCaster
+        except ImportError as error:
+            raise PolarsimError(f"rays: engine 'taichi' cannot be loaded ({error}); install taichi") from error
+        return TaichiCaster(vertices, faces, threads, device)
     from polarsim.geometry.rays_embree import EmbreeCaster
 
-    return EmbreeCaster(vertices, faces, threads)
+    return EmbreeCaster(vertices, faces, threads or 1)
 
 
 class Joined:

@@ -6,14 +6,10 @@ Imported only where the configuration asks for it: importing Taichi's kernels ne
 # No `from __future__ import annotations` here: Taichi reads the kernels' annotations as objects.
 
 import math
-import os
 
 import numpy as np
 
-os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
-import taichi as ti
-
-from polarsim.errors import RenderError
+from polarsim.geometry.taichi_device import on_its_thread, ti
 from polarsim.render.brdf import GRAZING
 from polarsim.render.options import (
     HapkeChronoParameters,
@@ -27,42 +23,26 @@ from polarsim.render.options import (
 _VECTORS = ti.types.ndarray(dtype=ti.math.vec3, ndim=1)
 _VALUES = ti.types.ndarray(dtype=ti.f32, ndim=1)
 _PI = math.pi
-_running = 0  # threads that Taichi was started with; 0 before
 
 
-def start(threads: int) -> None:
-    """Start Taichi on the CPU with so many threads; a second start with the same number does nothing.
-
-    Raises
-    ------
-    RenderError
-        Taichi does not start.
-    """
-    global _running
-    if _running == threads:
-        return
-    try:
-        # Kernels compile in under a second: no cache in anyone's home folder.
-        ti.init(
-            arch=ti.cpu, cpu_max_num_threads=threads, offline_cache=False, fast_math=False, log_level=ti.ERROR,
-            default_fp=ti.f32,
-        )  # fmt: skip
-    except Exception as error:  # Taichi raises many kinds
-        raise RenderError(f"engine 'taichi' does not start, {str(error).splitlines()[0]}") from error
-    _running = threads
-
-
+@on_its_thread
 def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:
-    """`brdf.reflectance` in float32; `start` comes first."""
+    """`brdf.reflectance` in float32; `taichi_device.start` comes first."""
     vectors = [np.ascontiguousarray(v, np.float32) for v in (normal, to_lamp, to_viewer)]
     value = np.zeros(len(normal), np.float32)
     if not len(normal):
         return value
+    evaluate(parameters, *vectors, value)
+    return value
+
+
+def evaluate(parameters: Parameters, normal, to_lamp, to_viewer, value) -> None:
+    """Write f_r into `value` (n,), arrays of NumPy or on the device; what is not lit keeps its value."""
+    vectors = normal, to_lamp, to_viewer
     if isinstance(parameters, HapkeParameters):
-        _hapke(*vectors, value, *_hapke_numbers(parameters), 0)
+        _hapke(*vectors, value, *_hapke_numbers(parameters), 0, 1.0)
     elif isinstance(parameters, HapkeChronoParameters):
-        _hapke(*vectors, value, *_hapke_numbers(parameters.hapke), 1)
-        value *= np.float32(parameters.k_d)
+        _hapke(*vectors, value, *_hapke_numbers(parameters.hapke), 1, parameters.k_d)
     elif isinstance(parameters, PrincipledChronoParameters):
         p = parameters
         _principled_chrono(*vectors, value, p.roughness, p.albedo, p.mirrored, p.grazing)
@@ -75,7 +55,6 @@ def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray,
     else:
         weight = -1.0 if parameters.weight == "mcewen" else float(parameters.weight)
         _lunar_lambert(*vectors, value, parameters.albedo, weight)
-    return value
 
 
 def _hapke_numbers(p: HapkeParameters) -> tuple[float, ...]:
@@ -237,7 +216,7 @@ def _roughness(tan_bar, normal, lamp, viewer, cos_i, cos_e, viewer_steeper):
 def _hapke(
     normal: _VECTORS, lamp: _VECTORS, viewer: _VECTORS, out: _VALUES,
     w: ti.f32, b: ti.f32, c: ti.f32, b_s0: ti.f32, h_s: ti.f32, b_c0: ti.f32, h_c: ti.f32,
-    tan_bar: ti.f32, porosity: ti.f32, h_function: ti.f32, by_phase: ti.i32,
+    tan_bar: ti.f32, porosity: ti.f32, h_function: ti.f32, by_phase: ti.i32, factor: ti.f32,
 ):  # fmt: skip
     for n in out:
         cos_i, cos_e = normal[n].dot(lamp[n]), normal[n].dot(viewer[n])
@@ -253,4 +232,4 @@ def _hapke(
             multiple = _chandrasekhar(rough[0] / porosity, w, h_function)
             multiple = multiple * _chandrasekhar(rough[1] / porosity, w, h_function) - 1
             value = porosity * w / (4 * _PI) * rough[0] / (rough[0] + rough[1]) * (single + multiple) * rough[2]
-            out[n] = value * (1 + b_c0 * _coherent(tan_half / h_c))
+            out[n] = factor * value * (1 + b_c0 * _coherent(tan_half / h_c))

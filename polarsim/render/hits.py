@@ -18,8 +18,8 @@ from polarsim.geometry.vectors import dot, moved, rotated, scaled, unit
 from polarsim.render.surfaces import Surfaces
 
 STRIP = 64  # rows cast at once: bounds memory, and is the unit that threads share
-_NO_NORMAL = 1e-12  # square of the length of smooth normals that cancel out
-_LEAST_SLOPE = 1e-3  # smooth normals that face the viewer less than this give way to the flat ones
+NO_NORMAL = 1e-12  # square of the length of smooth normals that cancel out
+LEAST_SLOPE = 1e-3  # smooth normals that face the viewer less than this give way to the flat ones
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def meet(surfaces: Surfaces, rows: slice, origins: np.ndarray, directions: np.nd
     normal = plane = scaled(plane, side)
     if smooth:
         normal = scaled(_smooth_normals(surfaces, met), side)
-        away = np.flatnonzero(dot(normal, to_viewer) < _LEAST_SLOPE)
+        away = np.flatnonzero(dot(normal, to_viewer) < LEAST_SLOPE)
         normal[away] = plane[away]
     return Hits(rows, met.ray, met.face, point, to_viewer, normal, plane, met.weights)
 
@@ -86,7 +86,7 @@ def _smooth_normals(surfaces: Surfaces, met: Met) -> np.ndarray:
     normal = np.empty((len(first), 3), np.float32)
     for axis in range(3):
         normal[:, axis] = corners[:, 0, axis] * first + corners[:, 1, axis] * second + corners[:, 2, axis] * third
-    return scaled(unit(normal), (dot(normal, normal) > _NO_NORMAL).astype(np.float32))
+    return scaled(unit(normal), (dot(normal, normal) > NO_NORMAL).astype(np.float32))
 
 
 def between_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:

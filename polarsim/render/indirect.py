@@ -178,10 +178,9 @@ def indirect_layers(
     rays = -(-options.bounce_rays // len(offsets))
     # Two cameras must not share their grain: stereo would see a picture on the screen.
     purpose = ("indirect", np.round(sandbox_from_camera.matrix, 6).tolist())
-    workers = 1 if options.engine == "taichi" else threads
     grid = None
     if options.bounce_scale > 1:
-        grid = _gathered(surfaces, sandbox_from_camera, lens, paths, options, purpose, workers)
+        grid = _gathered(surfaces, sandbox_from_camera, lens, paths, options, purpose, threads)
 
     def work(rows: slice) -> None:
         rng = generator(options.seed, *purpose, rows.start)
@@ -195,7 +194,7 @@ def indirect_layers(
             for layer, kind in zip(layers.values(), light, strict=True):
                 layer[rows].reshape(-1)[hits.pixel] += kind / np.float32(len(offsets))
 
-    for_strips(lens.height, workers, work)
+    for_strips(lens.height, threads, work)
     return layers
 
 

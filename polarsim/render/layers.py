@@ -77,10 +77,16 @@ def render_view(
     ids = {} if throwing is None else {name: np.zeros(size, np.uint16) for name in (NO_LAMP, *throwing)}
     materials = Materials(surfaces, options, reflectance)
     surroundings = Surroundings(options, materials, models, size)
+    samples_lit = {name: np.zeros(size, np.uint8) for name in lamps}
+    by_device = made_by_device(options, lamps)
+    if by_device:
+        from polarsim.render.device_layers import add_layers
+
+        add_layers(layers, samples_lit, surroundings, surfaces, sandbox_from_camera, lens, lamps, offsets, options)
 
     def work(rows: slice) -> None:
-        samples_lit = {name: np.zeros((rows.stop - rows.start) * lens.width, np.uint8) for name in lamps}
-        for offset in offsets:
+        offset = None
+        for offset in () if by_device else offsets:
             hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, offset)
             surroundings.add(hits, len(offsets))
             for name, lamp in lamps.items():
@@ -89,7 +95,7 @@ def render_view(
                 )
                 pixel, share = hits.pixel.take(lit), irradiance / np.float32(len(offsets))
                 if not lamp.radius_m:  # else it may be a part of the disc alone that lights them
-                    samples_lit[name][pixel] += 1
+                    samples_lit[name][rows].reshape(-1)[pixel] += 1
                 normal, to_viewer = hits.normal.take(lit, axis=0), hits.to_viewer.take(lit, axis=0)
                 for model in models:
                     strip = layers[model, name][rows].reshape(-1)  # a view: rows are whole
@@ -100,16 +106,22 @@ def render_view(
         if offset != _CENTRE:
             hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, _CENTRE, smooth=False)
         pictures = {name: picture[rows].reshape(-1) for name, picture in ids.items()}
-        lit_pixels = {name: lit == len(offsets) for name, lit in samples_lit.items()}
+        lit_pixels = {name: lit[rows].reshape(-1) == len(offsets) for name, lit in samples_lit.items()}
         identify(pictures, surfaces, hits, lamps, lit_pixels, options)
 
-    for_strips(lens.height, 1 if options.engine == "taichi" else threads, work)
+    if ids or not by_device:
+        for_strips(lens.height, threads, work)
     surroundings.into(layers, lamps)
     indirect = {}
     if options.bounces:
         bouncing = [model for model in models if model not in CHRONO]
         indirect = indirect_layers(surfaces, sandbox_from_camera, lens, lamps, bouncing, materials, options, threads)
     return Rendering(layers, ids, indirect)
+
+
+def made_by_device(options: RenderOptions, lamps: Mapping[str, Lamp]) -> bool:
+    """Whether layers are made by Taichi from ray to sum; only lamps that are points are."""
+    return options.engine == options.rays == "taichi" and not any(lamp.radius_m for lamp in lamps.values())
 
 
 def identify(
@@ -137,18 +149,20 @@ def identify(
 
 
 def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:
-    """The function that evaluates reflectance.
+    """The function that evaluates reflectance; Taichi is started where the options ask for it.
 
     Raises
     ------
     RenderError
         The engine cannot be loaded.
+    PolarsimError
+        Its device is not there.
     """
-    if options.engine == "numpy":
-        return brdf.reflectance
-    try:
-        from polarsim.render import brdf_taichi
-    except ImportError as error:
-        raise RenderError(f"render.engine: 'taichi' cannot be loaded ({error}); install taichi") from error
-    brdf_taichi.start(threads)
-    return brdf_taichi.reflectance
+    if options.uses_taichi:
+        try:
+            from polarsim.geometry import taichi_device
+            from polarsim.render import brdf_taichi
+        except ImportError as error:
+            raise RenderError(f"render: 'taichi' cannot be loaded ({error}); install taichi") from error
+        taichi_device.start(threads, options.device)
+    return brdf_taichi.reflectance if options.engine == "taichi" else brdf.reflectance

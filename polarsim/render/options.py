@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal, Self, get_args
 
-from pydantic import BaseModel, Field, PositiveFloat, field_validator
+from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_validator
 
+from polarsim.geometry.rays import Device, RayEngine
 from polarsim.render.sensor_options import SensorOptions
 
 Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
@@ -176,7 +177,14 @@ class RenderOptions(SensorOptions):
 
     models: tuple[Model, ...] = Field(("principled", "hapke"), description="Reflectance models that twins are made in.")
     engine: Literal["numpy", "taichi"] = Field("numpy", description="What evaluates reflectance; both in float32.")
-    rays: Literal["embree", "numpy"] = Field("embree", description="What casts rays; numpy is for tiny scenes.")
+    rays: RayEngine = Field(
+        "embree", description="What casts rays; taichi is for GPUs, numpy for tiny scenes. Both in float32 but numpy."
+    )
+    device: Device = Field(
+        "cpu",
+        description="What Taichi runs on, for `engine` and `rays`. Where both are taichi, layers of lamps that "
+        "are points are made there from ray to sum.",
+    )
 
     hapke: HapkeSet | HapkeParameters = Field("chrono_lunar", description="Name of a parameter set, or the parameters.")
     principled: PrincipledParameters = PrincipledParameters()
@@ -273,6 +281,16 @@ class RenderOptions(SensorOptions):
             if name not in _THINGS and not name.isdecimal():
                 raise ValueError(f"{name!r} is no material, expected {', '.join(_THINGS)} or a rock's number")
         return materials
+
+    @model_validator(mode="after")
+    def _device_has_work(self) -> Self:
+        if self.device != "cpu" and not self.uses_taichi:
+            raise ValueError(f"device {self.device!r} is for Taichi, expected engine or rays to be 'taichi'")
+        return self
+
+    @property
+    def uses_taichi(self) -> bool:
+        return "taichi" in (self.engine, self.rays)
 
     def parameters(self, model: Model, *things: str) -> Parameters:
         """The parameters of a model; of a thing, named from its own name to that of its kind, where it has some."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.rays import Caster, RayEngine, Surveyor, caster
+from polarsim.geometry.rays import Caster, Device, RayEngine, Surveyor, caster
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.seats import seated
@@ -30,10 +30,11 @@ class Surfaces:
     id_of_face: np.ndarray  # (f,) int32
     rays: RayEngine = "embree"
     albedo: Mapping[Model, np.ndarray] = field(default_factory=dict)  # (v,) float32 factors of the reflectance
+    device: Device = "cpu"
 
     @cached_property
     def all(self) -> Surveyor:
-        return caster(self.vertices, self.faces, self.rays)
+        return caster(self.vertices, self.faces, self.rays, device=self.device)
 
     def prepare(self, *, shadows: bool, threads: int = 1) -> None:
         """Build what threads would race to build; `shadows`: also what tells whose shadow the ground lies in."""
@@ -44,12 +45,12 @@ class Surfaces:
     @cached_property
     def rocks(self) -> Caster:
         """The rocks alone; `rock_faces` numbers its triangles."""
-        return caster(self.vertices, self.faces[self.rock_faces], self.rays)
+        return caster(self.vertices, self.faces[self.rock_faces], self.rays, device=self.device)
 
     @cached_property
     def rest(self) -> Caster:
         """Ground and walls alone; `rest_faces` numbers its triangles."""
-        return caster(self.vertices, self.faces[self.rest_faces], self.rays)
+        return caster(self.vertices, self.faces[self.rest_faces], self.rays, device=self.device)
 
     @cached_property
     def rest_faces(self) -> np.ndarray:
@@ -99,7 +100,7 @@ def surfaces_of(
         vertices, normals = np.concatenate([vertices, boards[0]]), np.concatenate([normals, boards[2]])
         id_of_face = np.concatenate([id_of_face, np.full(len(boards[1]), BACKGROUND, np.int32)])
     painted = {model: _spread_out(factors, given, mesh, len(vertices)) for model, factors in (albedo or {}).items()}
-    return Surfaces(vertices, faces, normals, id_of_face, options.rays, painted)
+    return Surfaces(vertices, faces, normals, id_of_face, options.rays, painted, options.device)
 
 
 def _spread_out(factors: np.ndarray, given: TerrainMesh, mesh: TerrainMesh, count: int) -> np.ndarray:

@@ -38,6 +38,16 @@ class Surroundings:
         self._shares = {pair: np.zeros(size, np.float32) for pair in pairs}
         self._sent = {(kind, model): np.zeros(size, np.float32) for kind in self._amounts for model in self._varied}
 
+    @property
+    def even(self) -> bool:
+        """All surfaces scatter such light alike: what `take_in` takes is enough."""
+        return not self._varied and (self._options.rim_albedo is None or not self._amounts)
+
+    def take_in(self, faced: Mapping[str, np.ndarray]) -> None:
+        """Take the shares (h, w) of each kind of light that pixels face, the mean over their samples."""
+        for (kind, _), share in self._shares.items():
+            share += faced[kind]
+
     def add(self, hits: Hits, samples: int) -> None:
         """Count the hits of one of so many samples a pixel."""
         if not self._amounts:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.pixel_rays import CLOSE_PX, pixel_directions
+from polarsim.geometry.pixel_rays import CLOSE_PX, pixel_directions, separated
 from polarsim.geometry.stereo import stated_rig
 
 LENSES = {
@@ -28,3 +28,10 @@ def test_a_part_of_the_rows_has_the_directions_of_the_whole():
     lens = LENSES["small"]
     whole = pixel_directions(lens, slice(None))
     np.testing.assert_array_equal(pixel_directions(lens, slice(5, 17)), whole[5:17])
+
+
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+def test_directions_in_rows_and_columns_are_those_of_the_whole(lens):
+    of_row, of_column = separated(lens, (0.25, -0.25))
+    xy = np.einsum("vtk,ut->vuk", of_row, of_column)
+    np.testing.assert_allclose(xy, pixel_directions(lens, slice(None), (0.25, -0.25))[..., :2], atol=1e-12)

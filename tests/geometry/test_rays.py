@@ -1,11 +1,16 @@
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
+from polarsim.errors import PolarsimError
 from polarsim.geometry.rays import NO_FACE, START_OFFSET, Joined, caster
 
 GROUND = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float), np.array([[0, 1, 2]])
 DOWN, UP = [0, 0, -1], [0, 0, 1]
-engines = pytest.mark.parametrize("engine", ["numpy", "embree"])
+engines = pytest.mark.parametrize("engine", ["numpy", "embree", "taichi"])
+fast_engines = pytest.mark.parametrize("engine", ["embree", "taichi"])
 
 
 def random_scene(rng, triangles=200, rays=5000):
@@ -106,42 +111,68 @@ def test_no_rays_and_no_triangles_are_fine(engine):
     assert not cast.blocked(np.ones((2, 3)), np.ones((2, 3)), np.inf).any()
 
 
-def test_embree_obeys_the_reference(rng):
+@fast_engines
+def test_fast_engines_obey_the_reference(engine, rng):
     vertices, faces, origins, directions = random_scene(rng)
     expected, expected_face = caster(vertices, faces, "numpy").nearest(origins, directions)
-    distance, face = caster(vertices, faces, "embree").nearest(origins, directions)
+    distance, face = caster(vertices, faces, engine).nearest(origins, directions)
     differ = face != expected_face  # rays through an edge may see either side of it in float32
     assert differ.mean() < 1e-3
     np.testing.assert_allclose(distance[~differ], expected[~differ], rtol=2e-5, atol=5e-6)  # 2e-6 seen
 
 
-def test_embree_blocks_what_the_reference_blocks(rng):
+@fast_engines
+def test_fast_engines_block_what_the_reference_blocks(engine, rng):
     vertices, faces, origins, directions = random_scene(rng)
     expected = caster(vertices, faces, "numpy").blocked(origins, directions, 1.0)
     assert 0.05 < expected.mean() < 0.95
-    assert (caster(vertices, faces, "embree").blocked(origins, directions, 1.0) != expected).mean() < 1e-3
+    assert (caster(vertices, faces, engine).blocked(origins, directions, 1.0) != expected).mean() < 1e-3
 
 
-def test_embree_lets_no_ray_through_a_closed_grid(rng):
-    side = 60
+def closed_grid(side=60):
+    """Vertices and faces of a wavy sheet of 4 m x 4 m, its waves 5 cm high."""
     x, y = np.meshgrid(np.linspace(-2, 2, side), np.linspace(-2, 2, side))
     vertices = np.stack([x, y, 0.05 * np.sin(7 * x) * np.cos(5 * y)], axis=-1).reshape(-1, 3)
     corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
     faces = np.concatenate(
         [np.stack([corner, corner + 1, corner + side], 1), np.stack([corner + 1, corner + side + 1, corner + side], 1)]
     )
+    return vertices, faces
+
+
+@fast_engines
+def test_fast_engines_let_no_ray_through_a_closed_grid(engine, rng):
+    vertices, faces = closed_grid()
     targets = np.stack([*rng.uniform(-1.6, 1.6, (2, 1_000_000)), np.zeros(1_000_000)], axis=1)
     lens = np.tile([3.6, -0.4, 1.5], (len(targets), 1))
-    distance, _ = caster(vertices, faces).nearest(lens, targets - lens)
+    distance, _ = caster(vertices, faces, engine).nearest(lens, targets - lens)
     np.testing.assert_allclose(distance, 1.0, atol=0.2)  # the ground lies within 5 cm of the targets' plane
 
 
-def test_embree_gives_the_same_with_one_and_two_threads(rng):
+@fast_engines
+@pytest.mark.parametrize("direction", [(0, 0, -1), (0, 0, -7), (0.3, 0.2, -1), (1e-9, 0, -1), (-1, 0, -0.6)])
+def test_no_ray_slips_through_a_vertex_or_an_edge(engine, direction):
+    vertices, faces = closed_grid()
+    shown = np.abs(vertices[faces]).max(axis=(1, 2)) < 1.5
+    corners = vertices.astype(np.float32)[faces[shown]].astype(float)
+    targets = np.concatenate([corners.reshape(-1, 3), (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3) / 2])
+    directions = np.tile(np.array(direction, float), (len(targets), 1))
+    # Steeper than the waves; straight down the ray's x and y are those of the vertex to the last bit.
+    origins = targets - 0.25 * directions / np.abs(directions[:, 2:])
+    cast = caster(vertices, faces, engine)
+    assert (cast.nearest(origins, directions)[1] != NO_FACE).all()
+    assert cast.blocked(origins, directions, np.inf).all()
+
+
+@fast_engines
+def test_fast_engines_give_the_same_with_one_and_two_threads(engine, rng):
     vertices, faces, origins, directions = random_scene(rng, rays=600_000)
-    one, two = (caster(vertices, faces, threads=threads) for threads in (1, 2))
-    for first, second in zip(one.nearest(origins, directions), two.nearest(origins, directions), strict=True):
+    found = []
+    for threads in (1, 2):
+        cast = caster(vertices, faces, engine, threads)
+        found.append((*cast.nearest(origins, directions), cast.blocked(origins, directions, 1.0)))
+    for first, second in zip(*found, strict=True):
         np.testing.assert_array_equal(first, second)
-    np.testing.assert_array_equal(one.blocked(origins, directions, 1.0), two.blocked(origins, directions, 1.0))
 
 
 @engines
@@ -174,3 +205,37 @@ def test_arrays_that_must_not_be_written_can_be_cast(engine):
         cast.meet(origins.astype(np.float32), directions).face.tolist() == cast.nearest(origins, directions)[1].tolist()
     )
     assert cast.blocked(origins, directions, far).shape == (1,)
+
+
+def test_taichi_casts_from_any_thread(rng):
+    vertices, faces, origins, directions = random_scene(rng, rays=2000)
+    cast = caster(vertices, faces, "taichi")
+    expected = cast.nearest(origins, directions)[0]
+    with ThreadPoolExecutor(3) as pool:
+        for distance, _ in pool.map(lambda _: cast.nearest(origins, directions), range(6)):
+            np.testing.assert_array_equal(distance, expected)
+
+
+def test_a_device_that_is_not_there_is_an_error(monkeypatch):
+    monkeypatch.setattr("polarsim.geometry.taichi_device.is_there", lambda _: False)
+    with pytest.raises(PolarsimError, match="no vulkan device is here"):
+        caster(*GROUND, "taichi", device="vulkan")
+
+
+def test_a_caster_works_on_after_taichi_was_started_anew():
+    from polarsim.geometry import taichi_device
+
+    cast = caster(*GROUND, "taichi")
+    down = np.array([[0.2, 0.2, 1.5]]), np.array([DOWN])
+    before = cast.nearest(*down)[0]
+    began = taichi_device.starts()
+    taichi_device.start(threads=2)
+    taichi_device.start(threads=1)
+    assert taichi_device.starts() > began
+    np.testing.assert_array_equal(cast.nearest(*down)[0], before)
+
+
+def test_an_engine_that_cannot_be_loaded_is_an_error(monkeypatch):
+    monkeypatch.setitem(sys.modules, "polarsim.geometry.rays_taichi", None)
+    with pytest.raises(PolarsimError, match="install taichi"):
+        caster(*GROUND, "taichi")

@@ -163,9 +163,10 @@ def test_the_opposition_surge_of_lunar_soil_is_there(name):
 
 @pytest.fixture(scope="module")
 def brdf_taichi():
+    from polarsim.geometry import taichi_device
     from polarsim.render import brdf_taichi
 
-    brdf_taichi.start(threads=1)
+    taichi_device.start(threads=1)
     return brdf_taichi
 
 

@@ -68,6 +68,7 @@ class Ensemble:
             np.concatenate([part.normals for part in parts]),
             np.concatenate([_renumbered(part.id_of_face, number, new_ids) for number, part in enumerate(parts)]),
             parts[0].rays,
+            device=parts[0].device,
         )
 
     @cached_property

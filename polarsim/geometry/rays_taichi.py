@@ -1,0 +1,165 @@
+"""`rays.Caster` as Taichi kernels over a tree of our own: float32, on the CPU or on a GPU by CUDA or Vulkan."""
+# mypy: ignore-errors
+# No `from __future__ import annotations` here: Taichi reads the kernels' annotations as objects.
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.geometry import bvh, taichi_device
+from polarsim.geometry.rays import NO_FACE, START_OFFSET, Device, Met
+from polarsim.geometry.taichi_device import on_its_thread, ti
+from polarsim.geometry.taichi_walk import FAR, VECTORS, walk
+from polarsim.geometry.vectors import length
+
+_STRIP = 1 << 20  # rays that go to the device at once: 40 MB there and back
+_VALUES = ti.types.ndarray(dtype=ti.f32, ndim=1)
+_NUMBERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
+
+
+@dataclass(frozen=True)
+class OnDevice:
+    """A tree and its triangles on the device; kernels take them in this order."""
+
+    boxes: ti.Ndarray  # (m, 4) vectors
+    children: ti.Ndarray  # (m, 2)
+    corners: ti.Ndarray  # (f, 3) vectors, in the tree's order
+    face: ti.Ndarray  # (f,) their numbers
+    starts: int  # of Taichi when they were laid there
+
+    @property
+    def tree(self) -> tuple[ti.Ndarray, ...]:
+        return self.boxes, self.children, self.corners
+
+
+class TaichiCaster:
+    """Triangles that stay on the device between casts; threads that cast at once wait for one another."""
+
+    def __init__(
+        self, vertices: np.ndarray, faces: np.ndarray, threads: int | None = None, device: Device = "cpu"
+    ) -> None:
+        """`threads`: of the CPU; None: those that Taichi runs with. Results do not depend on their number."""
+        self._threads, self._device = threads, device
+        taichi_device.start(threads, device)
+        faces = np.asarray(faces).reshape(-1, 3)
+        self._corners = np.asarray(vertices, np.float32).reshape(-1, 3)[faces]
+        self._tree = bvh.built(vertices, faces) if len(faces) else None
+        self._laid: OnDevice | None = None
+
+    def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        distance = np.full(len(origins), np.inf)
+        face = np.full(len(origins), NO_FACE, np.int64)
+        for part, (found, slot, _) in self._first(origins, directions):
+            hit = np.flatnonzero(slot >= 0)
+            distance[part][hit] = found.take(hit)
+            face[part][hit] = self._tree.order.take(slot.take(hit))
+        return distance, face
+
+    def meet(self, origins: np.ndarray, directions: np.ndarray) -> Met:
+        none = np.zeros(0, np.int64)
+        parts = [(none, np.zeros(0, np.float32), none, np.zeros((0, 2), np.float32))]
+        for part, (found, slot, weights) in self._first(origins, directions):
+            ray = np.flatnonzero(slot >= 0)
+            parts.append((ray + part.start, found.take(ray), slot.take(ray), weights.take(ray, axis=0)))
+        ray, distance, slot, weights = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        if self._tree is None:
+            return Met(ray, distance, slot, weights, np.zeros((0, 3), np.float32))
+        face = self._tree.order.take(slot).astype(np.int64)
+        first, second, third = (self._corners[:, corner].take(face, axis=0) for corner in range(3))
+        return Met(ray, distance, face, weights, np.cross(second - first, third - first))
+
+    def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
+        hit = np.zeros(len(origins), np.int32)
+        far = np.broadcast_to(np.asarray(far), len(origins))
+        for part in self._strips(len(origins)):
+            along = directions[part]
+            near = _float32(START_OFFSET / length(along))
+            limit = _float32(np.minimum(far[part], FAR))
+            rays = _float32(origins[part]), _float32(along), near, limit
+            self._call(_blocked, *rays, hit[part])
+        return hit > 0
+
+    @on_its_thread
+    def _call(self, kernel, *arrays: np.ndarray) -> None:
+        kernel(*self.on_device().tree, *arrays)
+
+    @on_its_thread
+    def on_device(self) -> OnDevice:
+        """Tree and triangles, laid there when they are first asked for, and again after Taichi was started anew."""
+        taichi_device.start(self._threads, self._device)
+        if self._laid is None or self._laid.starts != taichi_device.starts():
+            tree = self._tree
+            self._laid = OnDevice(
+                laid_vectors(tree.boxes),
+                laid(tree.children),
+                laid_vectors(self._corners.take(tree.order, axis=0)),
+                laid(tree.order),
+                taichi_device.starts(),
+            )
+        return self._laid
+
+    @property
+    def empty(self) -> bool:
+        return self._tree is None
+
+    @property
+    def order(self) -> np.ndarray:
+        """(f,) numbers of the triangles by their places in the tree."""
+        return self._tree.order
+
+    def _first(self, origins: np.ndarray, directions: np.ndarray):
+        """Strips of rays with distances, places in the tree's order (-1: none) and weights of what they meet."""
+        for part in self._strips(len(origins)):
+            rays = part.stop - part.start
+            distance, slot = np.empty(rays, np.float32), np.empty(rays, np.int32)
+            weights = np.empty((rays, 2), np.float32)
+            rays = _float32(origins[part]), _float32(directions[part])
+            self._call(_nearest, *rays, distance, slot, weights)
+            yield part, (distance, slot, weights)
+
+    def _strips(self, rays: int) -> list[slice]:
+        if self._tree is None:
+            return []
+        return [slice(start, min(start + _STRIP, rays)) for start in range(0, rays, _STRIP)]
+
+
+def laid(values: np.ndarray) -> ti.Ndarray:
+    """Numbers, float32 or int32, as an array on the device."""
+    values = np.ascontiguousarray(values, np.float32 if values.dtype.kind == "f" else np.int32)
+    there = ti.ndarray(ti.f32 if values.dtype == np.float32 else ti.i32, values.shape)
+    there.from_numpy(values)
+    return there
+
+
+def laid_vectors(vectors: np.ndarray) -> ti.Ndarray:
+    """Vectors (..., k) as an array of float32 vectors on the device."""
+    there = ti.Vector.ndarray(vectors.shape[-1], ti.f32, vectors.shape[:-1])
+    there.from_numpy(_float32(vectors))
+    return there
+
+
+def _float32(values: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(values, np.float32)
+
+
+@ti.kernel
+def _nearest(
+    boxes: ti.types.ndarray(dtype=ti.math.vec3, ndim=2), children: ti.types.ndarray(dtype=ti.i32, ndim=2),
+    corners: ti.types.ndarray(dtype=ti.math.vec3, ndim=2), origins: VECTORS, directions: VECTORS,
+    distance: _VALUES, slot: _NUMBERS, weights: ti.types.ndarray(dtype=ti.math.vec2, ndim=1),
+):  # fmt: skip
+    for n in slot:
+        found = walk(boxes, children, corners, origins[n], directions[n], 0.0, FAR, 0)
+        distance[n] = found.distance
+        slot[n] = found.slot
+        weights[n] = found.weights
+
+
+@ti.kernel
+def _blocked(
+    boxes: ti.types.ndarray(dtype=ti.math.vec3, ndim=2), children: ti.types.ndarray(dtype=ti.i32, ndim=2),
+    corners: ti.types.ndarray(dtype=ti.math.vec3, ndim=2), origins: VECTORS, directions: VECTORS,
+    near: _VALUES, far: _VALUES, hit: _NUMBERS,
+):  # fmt: skip
+    for n in hit:
+        hit[n] = walk(boxes, children, corners, origins[n], directions[n], near[n], far[n], 1).slot >= 0

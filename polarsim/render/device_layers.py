@@ -1,0 +1,236 @@
+"""Layers of a view made on Taichi's device from ray to sum: rays, shadows, reflectance; only sums come back.
+
+`layers.render_view` does the same strip by strip in NumPy and defines the result. Lamps that are discs are left to it.
+"""
+# mypy: ignore-errors
+# No `from __future__ import annotations` here: Taichi reads the kernels' annotations as objects.
+
+import math
+
+import numpy as np
+
+from polarsim.formats.instances import BACKGROUND
+from polarsim.geometry.pixel_rays import pixel_directions, separated
+from polarsim.geometry.rays import START_OFFSET
+from polarsim.geometry.rays_taichi import laid, laid_vectors
+from polarsim.geometry.taichi_device import on_its_thread, ti
+from polarsim.geometry.taichi_walk import FAR, VECTORS, walk
+from polarsim.render.brdf_taichi import evaluate
+from polarsim.render.hits import LEAST_SLOPE, NO_NORMAL, Hits
+from polarsim.render.lamps import REFERENCE_DISTANCE
+from polarsim.render.materials import kinds_of
+
+_BOXES = ti.types.ndarray(dtype=ti.math.vec3, ndim=2)
+_PAIRS = ti.types.ndarray(dtype=ti.i32, ndim=2)
+_VALUES = ti.types.ndarray(dtype=ti.f32, ndim=1)
+_NUMBERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
+_WEIGHTS = ti.types.ndarray(dtype=ti.math.vec2, ndim=1)
+_NO_ID = -1
+
+
+class Pixels:
+    """What the n pixels of a view see, on the device; slot -1 for nothing."""
+
+    def __init__(self, count: int) -> None:
+        self.slot = ti.ndarray(ti.i32, count)  # of the face in the tree's order
+        self.weights = ti.Vector.ndarray(2, ti.f32, count)
+        self.point, self.to_viewer, self.normal, self.plane = (ti.Vector.ndarray(3, ti.f32, count) for _ in range(4))
+
+    def hits(self, face: np.ndarray, height: int) -> Hits:
+        """As strips of rows have them, of the whole picture; `face`: by place in the tree's order."""
+        slot = self.slot.to_numpy()
+        pixel = np.flatnonzero(slot >= 0)
+        point, to_viewer, normal, plane, weights = (
+            there.to_numpy().take(pixel, axis=0)
+            for there in (self.point, self.to_viewer, self.normal, self.plane, self.weights)
+        )
+        face = face.take(slot.take(pixel)).astype(np.int64)
+        return Hits(slice(0, height), pixel, face, point, to_viewer, normal, plane, weights)
+
+
+class _Model:
+    """What a model needs to know of a scene's things."""
+
+    def __init__(self, model, surfaces, options, face: np.ndarray) -> None:
+        kinds = kinds_of(model, surfaces, options)
+        ids = int(surfaces.id_of_face.max(initial=BACKGROUND)) + 1
+        of_id = np.zeros(ids) if kinds.of_id is None else kinds.of_id
+        factor = np.ones(ids) if kinds.factor is None else kinds.factor
+        of_vertex = surfaces.albedo.get(model)
+        albedo = np.ones((1, 3)) if of_vertex is None else of_vertex[surfaces.faces[face]]
+        self.parameters = kinds.parameters
+        self.of_id, self.factor = laid(np.asarray(of_id, np.int32)), laid(np.asarray(factor, float))
+        self.albedo, self.painted = laid_vectors(albedo), int(of_vertex is not None)
+
+
+@on_its_thread
+def add_layers(layers, samples_lit, surroundings, surfaces, sandbox_from_camera, lens, lamps, offsets, options) -> None:
+    """Fill layers (h, w) by model and lamp, and (h, w) counts of lit samples by lamp; tell `surroundings` what is seen.
+
+    Arguments are those of `layers.render_view`, which calls this; its surfaces are cast at by Taichi.
+    """
+    caster = surfaces.all
+    if caster.empty:
+        return
+    there, count = caster.on_device(), lens.height * lens.width
+    face = caster.order
+    id_of_slot = laid(surfaces.id_of_face[face].astype(np.int32))
+    corner_normals = laid_vectors(surfaces.corner_normals.take(face, axis=0))
+    names = dict.fromkeys(name for _, name in layers)
+    models = {model: _Model(model, surfaces, options, face) for model in dict.fromkeys(model for model, _ in layers)}
+    sums = {key: ti.ndarray(ti.f32, count) for key in layers}
+    lit = {name: ti.ndarray(ti.i32, count) for name in lamps}
+    pixels, to_lamp = Pixels(count), ti.Vector.ndarray(3, ti.f32, count)
+    share, value, upward, seen = (ti.ndarray(ti.f32, count) for _ in range(4))
+    for array in (*sums.values(), *lit.values(), upward, seen):
+        array.fill(0)
+    directions = ti.Vector.ndarray(3, ti.f32, count)
+    rotation = ti.Matrix(sandbox_from_camera.rotation.tolist(), ti.f32)
+    origin = ti.Vector(sandbox_from_camera.translation.tolist(), ti.f32)
+    plain_id = _NO_ID if options.rim_albedo is None else BACKGROUND
+    plain = (options.rim_albedo or 0.0) / math.pi
+    for offset in offsets:
+        _aim_at(directions, lens, offset)
+        _see(
+            *there.tree, corner_normals, directions, rotation, origin, 1 / len(offsets),
+            pixels.slot, pixels.weights, pixels.point, pixels.to_viewer, pixels.normal, pixels.plane, upward, seen,
+        )  # fmt: skip
+        if not surroundings.even:
+            surroundings.add(pixels.hits(face, lens.height), len(offsets))
+        for name in names:
+            lamp = lamps[name]
+            near_lamp = options.falloff and not lamp.distant
+            _light(
+                *there.tree, pixels.slot, pixels.point, pixels.normal, pixels.plane,
+                ti.Vector(lamp.position.tolist(), ti.f32), lamp.intensity / len(offsets), int(near_lamp),
+                to_lamp, share, lit[name],
+            )  # fmt: skip
+            for model, own in models.items():
+                for number, parameters in enumerate(own.parameters):
+                    value.fill(0)
+                    evaluate(parameters, pixels.normal, to_lamp, pixels.to_viewer, value)
+                    _add(
+                        value, share, pixels.slot, pixels.weights, id_of_slot, own.of_id, number, own.factor,
+                        own.albedo, own.painted, plain_id, plain, sums[model, name],
+                    )  # fmt: skip
+    for key, layer in layers.items():
+        layer += sums[key].to_numpy().reshape(layer.shape)
+    for name, picture in samples_lit.items():
+        picture += lit[name].to_numpy().reshape(picture.shape).astype(picture.dtype)
+    if surroundings.even:
+        shape = (lens.height, lens.width)
+        surroundings.take_in({"bounce": upward.to_numpy().reshape(shape), "ambient": seen.to_numpy().reshape(shape)})
+
+
+def _aim_at(directions, lens, offset) -> None:
+    """Fill directions (n,) through all pixels, in the camera's frame."""
+    parts = separated(lens, offset)
+    if parts is None:
+        directions.from_numpy(pixel_directions(lens, slice(None), offset).reshape(-1, 3).astype(np.float32))
+    else:
+        _aim(*(part.astype(np.float32) for part in parts), lens.width, directions)
+
+
+@ti.kernel
+def _aim(
+    of_row: ti.types.ndarray(dtype=ti.math.vec2, ndim=2), of_column: ti.types.ndarray(dtype=ti.f32, ndim=2),
+    width: ti.i32, directions: VECTORS,
+):  # fmt: skip
+    for n in directions:
+        row, column = n // width, n % width
+        x = y = 0.0
+        for term in range(of_column.shape[1]):
+            x += of_row[row, term][0] * of_column[column, term]
+            y += of_row[row, term][1] * of_column[column, term]
+        directions[n] = ti.math.vec3(x, y, 1.0)
+
+
+@ti.func
+def _unit(vector):
+    square = vector.dot(vector)
+    length = ti.sqrt(square)
+    if square == 0:
+        length = 1.0
+    return vector / length
+
+
+@ti.kernel
+def _see(
+    boxes: _BOXES, children: _PAIRS, corners: _BOXES, corner_normals: _BOXES,
+    directions: VECTORS, rotation: ti.math.mat3, origin: ti.math.vec3, share: ti.f32,
+    slot: _NUMBERS, weights: _WEIGHTS, point: VECTORS, to_viewer: VECTORS, normal: VECTORS, plane: VECTORS,
+    upward: _VALUES, seen: _VALUES,
+):  # fmt: skip
+    """`hits.meet` of rays along directions in the camera's frame; and how much of the sky's half each pixel faces."""
+    for n in slot:
+        along = rotation @ directions[n]
+        met = walk(boxes, children, corners, origin, along, 0.0, FAR, 0)
+        slot[n] = met.slot
+        if met.slot >= 0:
+            s, w = met.slot, ti.math.vec3(1 - met.weights.sum(), met.weights)
+            back = _unit(-along)
+            flat = _unit((corners[s, 1] - corners[s, 0]).cross(corners[s, 2] - corners[s, 0]))
+            side = 1.0
+            if flat.dot(back) < 0:  # open meshes may be seen from inside
+                side = -1.0
+            flat *= side
+            smooth = corner_normals[s, 0] * w[0] + corner_normals[s, 1] * w[1] + corner_normals[s, 2] * w[2]
+            if smooth.dot(smooth) > NO_NORMAL:
+                smooth = _unit(smooth) * side
+            if smooth.dot(back) < LEAST_SLOPE:  # or they cancel out
+                smooth = flat
+            weights[n], point[n], to_viewer[n] = met.weights, origin + met.distance * along, back
+            normal[n], plane[n] = smooth, flat
+            upward[n] += share * (1 + smooth[2]) / 2
+            seen[n] += share
+
+
+@ti.kernel
+def _light(
+    boxes: _BOXES, children: _PAIRS, corners: _BOXES,
+    slot: _NUMBERS, point: VECTORS, normal: VECTORS, plane: VECTORS,
+    lamp: ti.math.vec3, intensity: ti.f32, falloff: ti.i32,
+    to_lamp: VECTORS, share: _VALUES, lit: _NUMBERS,
+):  # fmt: skip
+    """`lighting.lighting`: irradiance that each pixel gets, 0 where something hides the lamp."""
+    for n in slot:
+        share[n] = 0.0
+        to_lamp[n] = -normal[n]  # reflectance is left out there
+        if slot[n] >= 0:
+            towards = lamp - point[n]
+            along_normal = normal[n].dot(towards)
+            if plane[n].dot(towards) > 0 and along_normal > 0:
+                square = towards.dot(towards)
+                distance = ti.sqrt(square)
+                near = START_OFFSET / distance
+                if walk(boxes, children, corners, point[n], towards, near, 1.0, 1).slot < 0:
+                    irradiance = intensity
+                    if falloff:
+                        irradiance *= REFERENCE_DISTANCE * REFERENCE_DISTANCE / square
+                    to_lamp[n] = towards / distance
+                    share[n] = irradiance * along_normal / distance
+                    lit[n] += 1
+
+
+@ti.kernel
+def _add(
+    value: _VALUES, share: _VALUES, slot: _NUMBERS, weights: _WEIGHTS, id_of_slot: _NUMBERS,
+    kind_of_id: _NUMBERS, kind: ti.i32, factor: _VALUES, albedo: VECTORS, painted: ti.i32,
+    plain_id: ti.i32, plain: ti.f32, layer: _VALUES,
+):  # fmt: skip
+    """`materials.Materials.reflectance` times irradiance, of the things that are of one kind."""
+    for n in layer:
+        if share[n] > 0 and value[n] > 0:
+            thing = id_of_slot[slot[n]]
+            if kind_of_id[thing] == kind:
+                f = value[n] * factor[thing]
+                if painted:
+                    corners = albedo[slot[n]]
+                    f *= (
+                        corners[0]
+                        + weights[n][0] * (corners[1] - corners[0])
+                        + weights[n][1] * (corners[2] - corners[0])
+                    )
+                if thing == plain_id:
+                    f = plain
+                layer[n] += f * share[n]

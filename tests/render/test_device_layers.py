@@ -1,0 +1,83 @@
+"""Layers made on Taichi's device from ray to sum, beside those of NumPy and Embree."""
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from polarsim.geometry.poses import looking
+from polarsim.render.lamps import Lamp
+from polarsim.render.layers import made_by_device, render_view
+from polarsim.render.options import Material, RenderOptions
+from polarsim.render.surfaces import surfaces_of
+
+DEVICE = {"engine": "taichi", "rays": "taichi"}
+LAMPS = {"sun": Lamp(np.array([1.2, 0.9, 1.1])), "rover": Lamp(np.array([2.4, -0.5, 1.6]), 0.4)}
+
+
+def both(mesh, pose, lens, options, models, albedo=None, throwing=("sun",)):
+    """Renderings of a view by NumPy and Embree, and by the device."""
+    return [
+        render_view(surfaces_of(mesh, each, albedo), pose, lens, LAMPS, models, throwing, each)
+        for each in (options, options.model_copy(update=DEVICE))
+    ]
+
+
+def assert_alike(device, reference):
+    for key, expected in reference.layers.items():
+        assert expected.any()
+        off = np.abs(device.layers[key] - expected) > 2e-4 * expected.max()
+        assert off.mean() < 3e-3, key  # pixels that have a sample on an edge
+        np.testing.assert_allclose(device.layers[key].mean(), expected.mean(), rtol=1e-3)
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_the_device_makes_the_layers_and_ids_that_numpy_makes(blocks, camera, lens, samples):
+    options = RenderOptions(samples=samples, falloff=True, ambient=0.02)
+    models = ["principled", "hapke", "lunar_lambert", "hapke_chrono", "principled_chrono"]
+    reference, device = both(blocks(), camera, lens, options, models)
+    assert_alike(device, reference)
+    for name, ids in reference.ids.items():
+        assert (device.ids[name] != ids).mean() < 2e-3
+
+
+def test_the_device_knows_materials_paint_and_plain_walls(blocks, camera, lens):
+    mesh = blocks((1, 2), ((0.0, 0.0), (0.7, 0.6)))
+    materials = {"ground": Material(albedo=0.7), "2": Material(hapke="curtis_apollo11_rough", albedo=1.3)}
+    options = RenderOptions(materials=materials, rim_albedo=0.5)
+    rng = np.random.default_rng(0)
+    albedo = {"hapke": rng.uniform(0.5, 1.5, len(mesh.vertices)).astype(np.float32)}
+    reference, device = both(mesh, camera, lens, options, ["hapke", "lambert"], albedo)
+    assert_alike(device, reference)
+
+
+def test_the_device_sees_nothing_in_the_sky(blocks, camera, lens, plain):
+    options = plain.model_copy(update=DEVICE)
+    upwards = looking(camera.translation, 0.0, np.radians(-60))
+    view = render_view(surfaces_of(blocks(), options), upwards, lens, LAMPS, ["lambert"], None, options)
+    assert not any(layer.any() for layer in view.layers.values())
+
+
+def test_threads_do_not_change_a_bit_on_the_device(blocks, camera, lens, plain):
+    options = plain.model_copy(update=DEVICE)
+    one, two = (
+        render_view(surfaces_of(blocks(), options), camera, lens, LAMPS, ["hapke"], ["sun"], options, threads)
+        for threads in (1, 2)
+    )
+    for key, layer in one.layers.items():
+        np.testing.assert_array_equal(layer, two.layers[key])
+    for name, ids in one.ids.items():
+        np.testing.assert_array_equal(ids, two.ids[name])
+
+
+def test_discs_are_left_to_numpy(blocks, camera, lens, plain):
+    discs = {name: Lamp(lamp.position, radius_m=0.05) for name, lamp in LAMPS.items()}
+    options = plain.model_copy(update=DEVICE)
+    assert made_by_device(options, LAMPS)
+    assert not made_by_device(options, discs)
+    assert not made_by_device(plain, LAMPS)
+
+
+def test_a_device_that_nothing_would_use_is_refused():
+    with pytest.raises(ValidationError, match="expected engine or rays to be 'taichi'"):
+        RenderOptions(device="cuda")
+    assert RenderOptions(device="cuda", rays="taichi").uses_taichi
