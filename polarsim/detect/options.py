@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
 
 class DetectOptions(BaseModel, extra="forbid", frozen=True):
     """The defaults train small and short, from scratch, as the demo does. The paper: 200 epochs, pre-trained."""
 
-    model: str = Field("yolov5n", pattern="^yolov5[nsmlx]$", description="Architecture and size of the judge.")
+    model: str = Field(
+        "yolov5n",
+        pattern="^(yolov5[nsmlx]|yolov8[nsmlx]|yolov9[tsmce]|yolov10[nsmblx]|yolo(11|12|26)[nsmlx]|compact(-l)?)$",
+        description="Judge: compact and compact-l are our own (BSD-3-Clause), all others Ultralytics' (AGPL-3.0).",
+    )
     pretrained: Path | None = Field(None, description="Weights to start from (.pt); none: random weights.")
+    pretrained_url: str | None = Field(
+        None,
+        pattern="^(https|file)://",
+        description="Where to fetch `pretrained` from if it is missing.",
+    )
+    pretrained_sha256: str | None = Field(
+        None, pattern="^[0-9a-fA-F]{64}$", description="Checksum of what is fetched; needed for pretrained_url."
+    )
     epochs: int = Field(4, ge=1, description="Passes over the training pictures; the paper has 200.")
     imgsz: int = Field(320, ge=64, multiple_of=32, description="Longer side of the judge's pictures, px.")
     batch: int = Field(4, ge=1, description="Pictures a training step.")
@@ -52,3 +64,11 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         0.25, ge=0, lt=1, description="Least confidence of a prediction in IOU_mean and IPD; the paper states none."
     )
     resamples: int = Field(1000, ge=100, description="Bootstrap samples of the IPD's 95 % interval.")
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if self.pretrained_url and not (self.pretrained and self.pretrained_sha256):
+            raise ValueError("pretrained_url needs pretrained, where the file goes, and pretrained_sha256")
+        if self.mosaic and self.model.startswith("compact"):
+            raise ValueError(f"mosaic: judge {self.model} has none")
+        return self

@@ -9,6 +9,7 @@ import pytest
 from polarsim.detect import judges
 from polarsim.detect.dataset import make_dataset, read_pictures
 from polarsim.detect.evaluate import evaluate
+from polarsim.detect.judges.yolo.library import ultralytics
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS, predict
 from polarsim.detect.split import read_split, split_photos
@@ -100,7 +101,9 @@ def test_a_stopped_training_goes_on_where_it_stopped(judged, monkeypatch, caplog
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("polarsim.detect.train._report", stop)  # called when the checkpoint of an epoch is on the disk
+        patch.setattr(
+            "polarsim.detect.judges.yolo.training._report", stop
+        )  # called when the checkpoint of an epoch is on the disk
         with pytest.raises(KeyboardInterrupt):
             train(judged, "stopped", OPTIONS.model_copy(update={"epochs": 3}))
     assert not (judged / "stopped.pt").exists()
@@ -111,7 +114,7 @@ def test_a_stopped_training_goes_on_where_it_stopped(judged, monkeypatch, caplog
 
 
 def test_our_predictions_are_those_of_ultralytics_own_predictor(judged):
-    library = judges.ultralytics(judged)
+    library = ultralytics(judged)
     judge = judges.read_judge(judged / "real.pt")
     model = library.YOLO("yolov5n.yaml")
     model.model = library.DetectionModel("yolov5n.yaml", nc=2, verbose=False)
