@@ -116,7 +116,7 @@ def _train_epoch(state: State, pictures: Pictures, epoch: int, options: DetectOp
         totals += [float(part.detach()) for part in parts]
     if not np.isfinite(totals).all():
         raise DetectError("training diverged: lower detect.learning_rate")
-    return dict(zip(("train_class_loss", "train_box_loss"), totals / steps, strict=True))
+    return dict(zip(("train_class_loss", "train_box_loss"), (totals / steps).tolist(), strict=True))
 
 
 def _rate(step: int, steps: int) -> float:
@@ -154,7 +154,7 @@ def _validate(module: Compact, pictures: Pictures, options: DetectOptions, devic
     ]
     labelled = [row for row in precision if not np.isnan(row).any()]
     mean = np.mean(labelled, axis=0) if labelled else np.zeros(len(metrics.IOU_THRESHOLDS))
-    class_loss, box_loss = totals / math.ceil(len(seen) / options.batch)
+    class_loss, box_loss = (totals / math.ceil(len(seen) / options.batch)).tolist()
     return {
         "val_class_loss": class_loss,
         "val_box_loss": box_loss,
@@ -194,9 +194,10 @@ def _write_checkpoint(state: State, path: Path) -> None:
 
 def _go_on(state: State, path: Path) -> None:
     """Bring a fresh state to where a checkpoint was written, if there is one."""
-    if not path.is_file():
+    try:
+        content = load(path)
+    except DetectError:  # there is none, or none that is whole
         return
-    content = load(path)
     state.module.load_state_dict(content["module"])
     state.average.load_state_dict(content["average"])
     state.optimizer.load_state_dict(content["optimizer"])
