@@ -8,6 +8,25 @@ from typing import Literal, Self
 from pydantic import BaseModel, Field, model_validator
 
 
+class StereoOptions(BaseModel, extra="forbid", frozen=True):
+    """Depth from pairs of photos, a judge that is not trained: OpenCV's semi-global matching."""
+
+    run: bool = Field(False, description="Match all pairs of photos and of twins; costs about a second a pair.")
+    scale: float = Field(0.5, gt=0, le=1, description="Size of the matched pictures, of a photo's.")
+    exposures_ms: tuple[int, ...] = Field((), description="Exposures to match, ms; none: all.")
+    nearest_m: float = Field(1.5, gt=0, description="Nearest depth that is looked for, m.")
+    farthest_m: float = Field(9, gt=0, description="Farthest depth that is looked for, m.")
+    bad_mm: float = Field(20, gt=0, description="Depth error from which a pixel is bad, mm.")
+    bad_percent: float = Field(1, gt=0, description="The same, in percent of the depth.")
+    min_rock_px: int = Field(25, ge=1, description="Rocks with fewer pixels of the matched picture are left out.")
+
+    @model_validator(mode="after")
+    def _depths_are_ordered(self) -> Self:
+        if self.nearest_m >= self.farthest_m:
+            raise ValueError(f"nearest_m {self.nearest_m:g} must be below farthest_m {self.farthest_m:g}")
+        return self
+
+
 class DetectOptions(BaseModel, extra="forbid", frozen=True):
     """The defaults train small and short, from scratch, as the demo does. The paper: 200 epochs, pre-trained."""
 
@@ -64,6 +83,8 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         0.25, ge=0, lt=1, description="Least confidence of a prediction in IOU_mean and IPD; the paper states none."
     )
     resamples: int = Field(1000, ge=100, description="Bootstrap samples of the IPD's 95 % interval.")
+
+    stereo: StereoOptions = Field(StereoOptions(), description="Stereo depth as a second kind of judge.")
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:

@@ -25,6 +25,7 @@ ROOT = CONFIG.source.root
 TERRAINS = [f"{terrain:02d}" for terrain in CONFIG.terrains]
 DOMAINS = list(CONFIG.domains)
 MODELS = list(CONFIG.render.models)
+STEREO = CONFIG.detect.stereo.run and bool(DOMAINS)
 # Twins that stand in for missing photos; the analog misses none, so its labels can be looked at before twins are made.
 STAND_INS = [] if KIND == "analog" else MODELS[:1]
 # Trainings are the longest jobs: what they wait for goes first, figures and scores fill the gaps.

@@ -6,6 +6,7 @@ rule detect:
     input:
         of_run("results/{run}/detect/detection.parquet") if DOMAINS else [],
         of_run("results/{run}/detect/ipd.parquet") if DOMAINS else [],
+        of_run("results/{run}/detect/stereo.parquet") if STEREO else [],
 
 
 rule split_photos:
@@ -136,3 +137,62 @@ rule evaluate:
         code=code_of("detect.evaluate"),
     script:
         "../scripts/evaluate.py"
+
+
+rule measure_stereo:
+    """Depth from every pair of a terrain's photos, and of its twins, against the depth of the meshes."""
+    input:
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
+    output:
+        pairs="results/{run}/detect/stereo/pairs_Terrain{terrain}.parquet",
+        rocks="results/{run}/detect/stereo/rocks_Terrain{terrain}.parquet",
+    log:
+        "results/{run}/logs/detect/measure_stereo_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/detect/measure_stereo_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=240,
+    params:
+        positions=positions_here,
+        grid=options("grid"),
+        domain=CONFIG.photo_domain,
+        models=MODELS,
+        options=options("detect"),
+        code=code_of("detect.stereo.measure"),
+    script:
+        "../scripts/measure_stereo.py"
+
+
+rule compare_stereo:
+    """Stereo depth of all terrains, and its IPD between domains."""
+    input:
+        pairs=of_run(
+            "results/{run}/detect/stereo/pairs_Terrain{terrain}.parquet",
+            terrain=TERRAINS,
+        ),
+        rocks=of_run(
+            "results/{run}/detect/stereo/rocks_Terrain{terrain}.parquet",
+            terrain=TERRAINS,
+        ),
+    output:
+        stereo="results/{run}/detect/stereo.parquet",
+        instances="results/{run}/detect/stereo_instances.parquet",
+        ipd="results/{run}/detect/stereo_ipd.parquet",
+    log:
+        "results/{run}/logs/detect/compare_stereo.log",
+    benchmark:
+        "results/{run}/benchmarks/detect/compare_stereo.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=15,
+    params:
+        options=options("detect"),
+        code=code_of("detect.stereo.compare"),
+    script:
+        "../scripts/compare_stereo.py"
