@@ -178,3 +178,21 @@ def test_missing_pretrained_weights_are_named(judged, tmp_path):
     options = OPTIONS.model_copy(update={"pretrained": tmp_path / "absent.pt"})
     with pytest.raises(DetectError, match=r"absent\.pt: the pretrained weights are missing"):
         train(tmp_path, "none", options, dataset=judged / "real")
+
+
+@pytest.mark.parametrize("model", ["yolov8n", "yolov10n", "yolo11n", "yolo26n"])
+def test_newer_models_train_and_predict_by_name(judged, tmp_path, model):
+    options = OPTIONS.model_copy(update={"model": model, "epochs": 1})
+    train(tmp_path, model, options, dataset=judged / "real")
+    curve = tables.read_csv(tmp_path / f"{model}.csv")
+    assert np.isfinite(curve["val_box_loss"]).all()
+    predict(
+        weights=tmp_path / f"{model}.pt",
+        dataset=judged / "real",
+        predictions=tmp_path / "found.parquet",
+        options=options.model_copy(update={"confidence": 1e-6}),
+        threads=1,
+    )
+    table = tables.read_parquet(tmp_path / "found.parquet")
+    assert set(table["key"]) == set(read_pictures(judged / "real", "test"))
+    assert table.groupby("key").size().max() <= options.max_boxes

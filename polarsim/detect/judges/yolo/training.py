@@ -35,6 +35,7 @@ CURVE_COLUMNS = {  # of Ultralytics' results.csv -> ours
     "metrics/mAP50(B)": "val_map50",
     "metrics/mAP50-95(B)": "val_map50_95",
 }
+EDGE_COLUMNS = ("train/dfl_loss", "val/dfl_loss")
 log = logging.getLogger("polarsim")
 
 
@@ -174,6 +175,6 @@ def _read_curve(path: Path) -> pd.DataFrame:
     """Ultralytics' own log without its times."""
     table = tables.read_csv(path)
     table.columns = [str(name).strip() for name in table.columns]
-    absent = sorted(set(CURVE_COLUMNS) - set(table.columns))
+    absent = sorted(set(CURVE_COLUMNS) - set(table.columns) - set(EDGE_COLUMNS))  # YOLO26 has none of these
     assert not absent, f"Ultralytics' log lacks {absent}"
-    return table[list(CURVE_COLUMNS)].rename(columns=CURVE_COLUMNS)
+    return table[[name for name in CURVE_COLUMNS if name in table.columns]].rename(columns=CURVE_COLUMNS)
