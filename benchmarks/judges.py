@@ -5,6 +5,10 @@
 Pictures are noise with 20 blobs each, as photos become at that size. Start-up does not count: training is the
 difference of a long and a short one. Every judge has a process of its own, so that its peak of memory is its own.
 Rates are of wall time; on a machine that does other things too, look at the CPU seconds.
+
+Last figures (AMD EPYC, Zen 4, one thread of a busy machine, `--imgsz 288 --pictures 8`): compact 64 ms of CPU a
+picture to train, 34 ms to predict, 569 MB; yolov5n 93 ms, 47 ms, 742 MB. With so few pictures an epoch's validation and
+checkpoint weigh much: compact on 259 pictures 43 ms. The paper's protocol on this thread: 97 and 182 hours.
 """
 
 from __future__ import annotations
