@@ -3,7 +3,7 @@ import weakref
 
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect.parts import digest, write_in_parts
@@ -19,6 +19,7 @@ def rows_of(items):
     return table.astype({"key": "str", "value": "float64"})
 
 
+@settings(deadline=None)
 @given(size=st.integers(1, 30))
 def test_the_table_is_the_same_whatever_the_size_of_its_parts(tmp_path_factory, size):
     path = tmp_path_factory.mktemp("parts") / "table.parquet"
