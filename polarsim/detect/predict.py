@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +13,21 @@ from polarsim.detect import judges
 from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.frame import frame, read_picture
 from polarsim.detect.options import DetectOptions
+from polarsim.detect.parts import digest, write_in_parts
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError, about
-from polarsim.formats import tables
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
-from polarsim.progress import track
 
 PREDICTION_COLUMNS = ("key", "kind", "confidence", *BOX_COLUMNS)
 BATCH = 8
+PART = 25 * BATCH  # pictures whose predictions are held in memory
 
 
 def predict(*, weights: Path, dataset: Path, predictions: Path, options: DetectOptions, threads: int) -> None:
     """Write what a judge sees in the test part of a data set, boxes in pixels of the full photo.
+
+    Memory does not grow with the number of pictures; a call that was stopped goes on where it stopped.
 
     Raises
     ------
@@ -37,15 +39,22 @@ def predict(*, weights: Path, dataset: Path, predictions: Path, options: DetectO
     predictions.parent.mkdir(parents=True, exist_ok=True)
     with about(weights):
         detector = judges.family(judge.model).load(judge, predictions.parent, options, threads)
-    rows = []
-    for group in track([keys[n : n + BATCH] for n in range(0, len(keys), BATCH)], "predict"):
-        pictures = [read_picture(dataset / "images" / TEST / f"{key}.png") for key in group]
-        rows += [
-            (key, BOX_CLASSES[int(found[5])], found[4], *found[:4])
-            for key, result in zip(group, detect(detector, pictures, judge.imgsz), strict=True)
-            for found in result
-        ]
-    tables.write_parquet(predictions, _table(rows))
+    paths = {key: dataset / "images" / TEST / f"{key}.png" for key in keys}
+
+    def see(some: Sequence[str]) -> pd.DataFrame:
+        rows: list[tuple[Any, ...]] = []
+        for group in (some[n : n + BATCH] for n in range(0, len(some), BATCH)):
+            pictures = [read_picture(paths[key]) for key in group]
+            results = detect(detector, pictures, judge.imgsz)
+            rows += [
+                (key, BOX_CLASSES[int(found[5])], found[4], *found[:4])
+                for key, result in zip(group, results, strict=True)
+                for found in result
+            ]
+        return _table(rows)
+
+    identity = digest([weights, *paths.values()], options.model_dump_json())
+    write_in_parts(predictions, keys, see, PART, identity)
 
 
 def detect(detector: judges.Detector, pictures: list[np.ndarray], imgsz: int) -> Iterator[np.ndarray]:

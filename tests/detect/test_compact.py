@@ -33,7 +33,7 @@ OPTIONS = DetectOptions(model="compact", imgsz=128, epochs=4, batch=2, device="c
 @pytest.fixture(scope="module")
 def dataset(world, keys, tmp_path_factory) -> Path:
     root = tmp_path_factory.mktemp("compact")
-    split_photos(keys=keys, split=root / "split.csv", options=OPTIONS)
+    split_photos(keys=keys, by="photo", split=root / "split.csv", options=OPTIONS)
     make_dataset(
         domain="real",
         pictures=world / "photos.parquet",

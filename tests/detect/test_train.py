@@ -2,16 +2,19 @@
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from polarsim.detect import judges
+from polarsim.detect import parts as parts_module
 from polarsim.detect.dataset import make_dataset, read_pictures
 from polarsim.detect.evaluate import evaluate
 from polarsim.detect.judges.yolo.library import ultralytics
 from polarsim.detect.options import DetectOptions
-from polarsim.detect.predict import PREDICTION_COLUMNS, predict
+from polarsim.detect.predict import BATCH, PREDICTION_COLUMNS, predict
 from polarsim.detect.split import read_split, split_photos
 from polarsim.detect.train import train_judge
 from polarsim.errors import DetectError
@@ -26,7 +29,7 @@ OPTIONS = DetectOptions(imgsz=96, epochs=2, device="cpu")
 def judged(world, keys, tmp_path_factory) -> Path:
     """A folder with split.csv, the data set real/, real.pt, real.csv, real_on_real.parquet."""
     root = tmp_path_factory.mktemp("judged")
-    split_photos(keys=keys, split=root / "split.csv", options=OPTIONS)
+    split_photos(keys=keys, by="photo", split=root / "split.csv", options=OPTIONS)
     make_dataset(
         domain="real",
         pictures=world / "photos.parquet",
@@ -85,6 +88,36 @@ def test_predictions_are_well_formed(judged):
 def test_the_same_weights_predict_the_same_bytes(judged):
     run_predict(judged, "again_on_real.parquet")
     assert (judged / "again_on_real.parquet").read_bytes() == (judged / "real_on_real.parquet").read_bytes()
+
+
+def test_predictions_made_in_parts_are_the_same_and_a_stopped_prediction_goes_on(judged, monkeypatch):
+    monkeypatch.setattr("polarsim.detect.predict.PART", BATCH)
+    written = []
+
+    def stop_at_the_second(path, table):
+        written.append(path.name)
+        if len(written) == 2:
+            raise KeyboardInterrupt
+        tables.write_parquet(path, table)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("polarsim.detect.parts.tables", SimpleNamespace(write_parquet=stop_at_the_second))
+        with pytest.raises(KeyboardInterrupt):
+            run_predict(judged, "parts_on_real.parquet")
+    first = judged / ".parts_on_real.parts" / "00000.parquet"
+    made = first.stat().st_mtime_ns
+
+    def watch(parts, path):
+        assert [part.name for part in parts] == ["00000.parquet", "00001.parquet"]
+        assert first.stat().st_mtime_ns == made
+        join(parts, path)
+
+    join = parts_module._join
+    monkeypatch.setattr("polarsim.detect.parts._join", watch)
+    run_predict(judged, "parts_on_real.parquet")
+    assert not first.exists()
+    again, once = (tables.read_parquet(judged / f"{name}_on_real.parquet") for name in ("parts", "real"))
+    pd.testing.assert_frame_equal(again, once)
 
 
 def test_the_same_training_gives_the_same_bytes_and_a_stopped_one_is_redone(judged):

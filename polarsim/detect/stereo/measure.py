@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import tone
-from polarsim.detect.dataset import picture_paths
 from polarsim.detect.options import DetectOptions
+from polarsim.detect.pictures import picture_paths
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
 from polarsim.detect.stereo.score import rock_performance, score
@@ -54,7 +54,7 @@ def measure_stereo(
     meshes : Path
         Folder of the terrain's meshes.
     pictures : mapping of str to Path
-        By domain, the table of photos or the folder of twins, see `dataset.picture_paths`.
+        By domain, the table of photos or the folder of twins, see `pictures.picture_paths`.
     pairs, rocks : Path
         Parquet files to write, `PAIR_COLUMNS` and `ROCK_COLUMNS`; key is that of the left photo.
 
@@ -83,7 +83,7 @@ def measure_stereo(
             if left.position == position
         ]
         for domain, key, left_path, right_path in track(work, f"stereo {position}"):
-            left, right = (_picture(path, options, rig) for path in (left_path, right_path))
+            left, right = (_picture(path, key.exposure_ms, options, rig) for path in (left_path, right_path))
             depth = match(left, right, rig, chosen)
             name = {"domain": domain} | tables.key_columns(key)
             pair_rows.append(name | score(depth, truth, chosen))
@@ -100,11 +100,11 @@ def _pairs(paths: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:
     return [(left, right) for left, right in lefts if right in paths]
 
 
-def _picture(path: Path, options: DetectOptions, rig: Rectification) -> np.ndarray:
+def _picture(path: Path, exposure_ms: int, options: DetectOptions, rig: Rectification) -> np.ndarray:
     """A photo as the matcher takes it: shrunk, then 8 bits by the judges' tone curve."""
     with about(path):
         pixels = png.read_photo(path)
-    return tone.to_8_bits(tone.shrink(pixels, max(rig.lens.width, rig.lens.height)), options)
+    return tone.to_8_bits(tone.shrink(pixels, max(rig.lens.width, rig.lens.height)), options, exposure_ms)
 
 
 def _write(path: Path, rows: list[dict[str, object]], columns: tuple[str, ...]) -> None:
