@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 from polarsim.acquire.options import SeedOptions, SourceOptions
 from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.options import CamerasOptions
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import VIEWS, DetectOptions
 from polarsim.errors import ConfigError
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
@@ -77,6 +77,16 @@ class Config(BaseModel, extra="forbid", frozen=True):
                 raise ValueError(f"positions: terrain {terrain} has none of {', '.join(self.positions)}")
         return self
 
+    @model_validator(mode="after")
+    def _domains_of_mixes(self) -> Config:
+        single = {*self.domains, *([VIEWS] if self.detect.views else [])}
+        for name, weights in self.detect.mixes.items():
+            if name in single | {VIEWS}:
+                raise ValueError(f"detect.mixes: {name} is a domain, a mix needs a name of its own")
+            if unknown := sorted(set(weights) - single):
+                raise ValueError(f"detect.mixes.{name}: domain {unknown[0]!r}, expected {', '.join(sorted(single))}")
+        return self
+
     @property
     def photo_domain(self) -> str:
         """What the photos of this run are: never is the analog called real."""
@@ -84,8 +94,14 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @property
     def domains(self) -> tuple[str, ...]:
-        """Domains that judges are trained on and compared over; the release has no photos, so it has none."""
+        """Domains that judges are compared over; the release has no photos, so it has none."""
         return () if self.source.kind == "release" else (self.photo_domain, *self.render.models)
+
+    @property
+    def training_domains(self) -> tuple[str, ...]:
+        """Domains that judges are trained on: those, then novel views, then mixes."""
+        views = [VIEWS] if self.domains and self.detect.views else []
+        return (*self.domains, *views, *(self.detect.mixes if self.domains else ()))
 
     def digest(self) -> str:
         """Short name of the whole configuration, for tables."""

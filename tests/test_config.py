@@ -1,6 +1,6 @@
 import pytest
 
-from polarsim.config import render_options
+from polarsim.config import parse_config, render_options
 from polarsim.errors import ConfigError
 from polarsim.render.options import RenderOptions
 
@@ -33,3 +33,29 @@ def test_a_wrong_assignment_is_told_in_one_line(assignment, told):
     with pytest.raises(ConfigError, match=told) as error:
         render_options([assignment])
     assert "\n" not in str(error.value)
+
+
+def detect(**options):
+    source = {"kind": "analog", "root": "data"}
+    return parse_config({"source": source, "detect": options})
+
+
+def test_judges_are_trained_on_mixes_and_views_and_compared_over_domains_alone():
+    found = detect(views="results/views", mixes={"mixed": {"analog": 1, "views": 0.5}})
+    assert found.domains == ("analog", "principled", "hapke")
+    assert found.training_domains == ("analog", "principled", "hapke", "views", "mixed")
+
+
+@pytest.mark.parametrize(
+    ("mixes", "told"),
+    [
+        ({"mixed": {"real": 1}}, "detect.mixes.mixed: domain 'real', expected analog, hapke, principled"),
+        ({"mixed": {"views": 1}}, "detect.mixes.mixed: domain 'views'"),
+        ({"hapke": {"analog": 1}}, "hapke is a domain, a mix needs a name of its own"),
+        ({"views": {"analog": 1}}, "views is a domain, a mix needs a name of its own"),
+        ({"one": {"analog": 1}, "two": {"one": 1}}, "detect.mixes.two: domain 'one'"),
+    ],
+)
+def test_a_mix_of_what_is_not_there_is_told(mixes, told):
+    with pytest.raises(ConfigError, match=told):
+        detect(mixes=mixes)

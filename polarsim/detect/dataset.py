@@ -1,118 +1,205 @@
-"""A domain's pictures and boxes as a YOLO data set of 8-bit pictures."""
+"""Data sets in YOLO's layout: links to a domain's converted pictures, shared out to parts by a split."""
 
 from __future__ import annotations
 
 import logging
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
-from polarsim.detect import tone
-from polarsim.detect.options import DetectOptions
-from polarsim.detect.split import PARTS, read_split
-from polarsim.errors import DetectError, about
-from polarsim.formats import png, tables, yolo
-from polarsim.formats.files import write_json, write_text, writing_folder
-from polarsim.geometry import boxes
+from polarsim.detect.options import VIEWS, DetectOptions
+from polarsim.detect.pictures import BOX_COLUMNS as BOX_COLUMNS
+from polarsim.detect.pictures import CORRUPT, USED, convert_photos, read_states
+from polarsim.detect.split import PARTS, PHOTO, TERRAIN, TEST, TRAIN, VAL, draw_val, read_split
+from polarsim.errors import DetectError
+from polarsim.formats import tables
+from polarsim.formats.files import read_json, write_json, write_text, writing_folder
 from polarsim.photo import BOX_CLASSES, PhotoKey
-from polarsim.progress import track
+from polarsim.randomness import generator
 
-BOX_COLUMNS = ("x0", "y0", "x1", "y1")
 PICTURE_COLUMNS = ("key", "part")
+KINDS = (("images", ".png"), ("labels", ".txt"))  # YOLO's folders, and how the names of their files end
 log = logging.getLogger("polarsim")
 
 
-def make_dataset(
-    *, domain: str, pictures: Path, labels: Path, split: Path, dataset: Path, options: DetectOptions
-) -> None:
-    """Write the folder of one domain's data set.
+@dataclass(frozen=True)
+class Entry:
+    """A picture of a data set: its name in it, its part, and the files that it links to."""
 
-    Parameters
-    ----------
-    domain : str
-        Name of the domain, noted in `dataset.json`.
-    pictures : Path
-        Either `photos.parquet` (columns key and path) or the folder of a reflectance model's twins.
-    labels : Path
-        Label table of the domain, `LABEL_COLUMNS`.
-    split : Path
-        CSV of key and part; a photo without a picture is a warning and a gap.
-    dataset : Path
-        Folder to write: `images/<part>/KEY.png`, `labels/<part>/KEY.txt`, `data.yaml`, and `pictures.csv`, which lists
-        the pictures that are really there.
+    name: str
+    part: str
+    image: Path
+    label: Path
+
+
+def make_dataset(
+    *, domain: str, pictures: Path, labels: Path, split: Path, dataset: Path, options: DetectOptions, by: str = PHOTO
+) -> None:
+    """Convert a domain's photos or twins and share them out, all in one folder: `convert_photos`, `share_pictures`.
 
     Raises
     ------
     PolarsimError
         A broken file, or a part without any picture.
     """
-    parts = read_split(split)
-    paths = picture_paths(pictures, list(parts))
-    if missing := len(parts) - len(paths):
-        log.warning("%s: %d of %d pictures of the split are missing, left out", pictures, missing, len(parts))
-    boxes_of = _boxes_by_photo(labels)
-    rows: list[tuple[str, str]] = []
+    parts = read_split(split, by)
     with writing_folder(dataset) as folder:
-        for part in PARTS:
-            (folder / "images" / part).mkdir(parents=True)
-            (folder / "labels" / part).mkdir(parents=True)
-        for key in track(sorted(paths), f"{domain} pictures"):
-            part = parts[key]
-            if _write_picture(paths[key], folder / "images" / part / f"{key}.png", options):
-                classes, corners = boxes_of.get(str(key), (np.zeros(0, int), np.zeros((0, 4))))
-                yolo.write_boxes(folder / "labels" / part / f"{key}.txt", classes, corners)
-                rows.append((str(key), part))
-        counts = {part: sum(row[1] == part for row in rows) for part in PARTS}
-        for part, count in counts.items():
-            if not count:
-                raise DetectError(f"{dataset}: no {domain} picture in the {part} part")
-        log.info("%s: %d train, %d val, %d test pictures", domain, *counts.values())
-        tables.write_csv(folder / "pictures.csv", pd.DataFrame(rows, columns=list(PICTURE_COLUMNS)))
-        write_text(folder / "data.yaml", _data_yaml())
-        write_json(folder / "dataset.json", {"domain": domain, "tone": options.tone, "pictures": counts})
+        convert_photos(
+            domain=domain,
+            pictures=pictures,
+            labels=labels,
+            keys=list(parts),
+            folder=folder / "pictures",
+            options=options,
+        )
+        _share(domain, dataset, folder / "pictures", parts, by, folder, options)
 
 
-def picture_paths(pictures: Path, keys: list[PhotoKey]) -> dict[PhotoKey, Path]:
-    """File of each photo that has one: from a photo table, or from a folder of twins `TerrainTT/KEY.png`."""
-    if pictures.is_dir():
-        found = {key: pictures / f"Terrain{key.terrain:02d}" / f"{key}.png" for key in keys}
-    else:
-        table = tables.read_parquet(pictures, ("key", "path"))
-        listed = dict(zip(table["key"].astype(str), table["path"].astype(str), strict=True))
-        found = {key: Path(listed[str(key)]) for key in keys if str(key) in listed}
-    return {key: path for key, path in found.items() if path.is_file()}
+def share_pictures(*, domain: str, pictures: Path, split: Path, by: str, dataset: Path, options: DetectOptions) -> None:
+    """Write the folder of one domain's data set.
+
+    Photos and twins lie in the part of their key. Novel views train and choose weights, parted by their cameras, and
+    test nothing; split by terrain, those that show a terrain of the test part are left out.
+
+    Parameters
+    ----------
+    pictures : Path
+        Folder of `convert_photos` or `convert_views`.
+    split : Path
+        CSV of key and part.
+    by : str
+        What the split is by.
+    dataset : Path
+        Folder to write: `images/<part>/NAME.png` and `labels/<part>/NAME.txt` (links), `data.yaml`, `pictures.csv`,
+        `dataset.json`, and, where corrupt pictures are left out, `left_out.csv`.
+
+    Raises
+    ------
+    PolarsimError
+        A broken file, a split that leaks, or a part without any picture.
+    """
+    parts = read_split(split, by)
+    with writing_folder(dataset) as folder:
+        _share(domain, dataset, pictures, parts, by, folder, options)
+
+
+def mix_datasets(
+    *, domain: str, weights: Mapping[str, float], datasets: Mapping[str, Path], dataset: Path, options: DetectOptions
+) -> None:
+    """Write a data set to train on, of pictures that other data sets link to; it has no test part.
+
+    Of each part of a domain as many pictures are drawn as its weight says: 0.5 takes half of them, 1.5 takes all and
+    half of them once more. A picture is called `<domain>-<name>`, and `-2`, `-3` behind it where it is taken again.
+
+    Raises
+    ------
+    PolarsimError
+        A broken data set, or a part without any picture.
+    """
+    entries, left_out = [], []
+    for source, weight in sorted(weights.items()):
+        folder = datasets[source]
+        for part in (TRAIN, VAL):
+            names = read_pictures(folder, part)
+            order = generator(options.seed, "detect", "mix", domain, source, part).permutation(len(names))
+            for n in range(round(weight * len(names))):
+                name, copy = names[order[n % len(names)]], n // len(names) + 1
+                files = (folder / kind / part / f"{name}{ending}" for kind, ending in KINDS)
+                entries.append(Entry(f"{source}-{name}" + (f"-{copy}" if copy > 1 else ""), part, *files))
+        left_out += [(f"{source}-{name}", part) for name, part in _left_out(folder) if part != TEST]
+    with writing_folder(dataset) as made:
+        _write(domain, dataset, entries, left_out, made, {"weights": dict(weights)}, (TRAIN, VAL))
 
 
 def read_pictures(dataset: Path, part: str) -> list[str]:
-    """Keys of the pictures that a part of a data set really has, sorted."""
+    """Names of the pictures that a part of a data set really has, sorted; those of photos and twins are keys."""
     table = tables.read_csv(dataset / "pictures.csv", PICTURE_COLUMNS)
     return sorted(table.loc[table["part"] == part, "key"].astype(str))
 
 
-def _boxes_by_photo(labels: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Class numbers (n,) and boxes (n, 4) inside the photo of every labelled photo."""
-    table = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    unknown = sorted(set(table["kind"].astype(str)) - set(BOX_CLASSES))
-    if unknown:
-        raise DetectError(f"{labels}: kind {unknown[0]!r}, expected one of {', '.join(BOX_CLASSES)}")
-    found = {}
-    for key, rows in table.groupby("key", sort=True):
-        corners = boxes.clip(rows[list(BOX_COLUMNS)].to_numpy(float))
-        seen = boxes.area(corners) > 0
-        classes = np.array([BOX_CLASSES.index(kind) for kind in rows["kind"]])
-        found[str(key)] = classes[seen], corners[seen]
-    return found
+def count_left_out(dataset: Path, parts: Sequence[str]) -> int:
+    """How many pictures of these parts are left out since they or their labels are corrupt."""
+    return sum(part in parts for _, part in _left_out(dataset))
 
 
-def _write_picture(source: Path, target: Path, options: DetectOptions) -> bool:
-    """Convert one picture; False where it is darker than the options allow."""
-    with about(source):
-        pixels = png.read_photo(source)
-    if options.min_mean_dn > 0 and tone.mean_dn(pixels) < options.min_mean_dn:
-        return False
-    png.write(target, tone.to_8_bits(tone.shrink(pixels, options.imgsz) if options.downsize else pixels, options))
-    return True
+def _share(
+    domain: str,
+    dataset: Path,
+    pictures: Path,
+    parts: Mapping[PhotoKey, str],
+    by: str,
+    folder: Path,
+    options: DetectOptions,
+) -> None:
+    states = read_states(pictures)
+    views = domain == VIEWS
+    part_of = _parts_of_views(states, parts, by, options) if views else {str(key): part for key, part in parts.items()}
+    entries, left_out = [], []
+    for key, state in zip(states["key"], states["state"], strict=True):
+        part = part_of.get(key)
+        if part and state == USED:
+            entries.append(Entry(key, part, *(pictures / kind / f"{key}{ending}" for kind, ending in KINDS)))
+        elif part and state == CORRUPT:
+            left_out.append((key, part))
+    facts = {"split": by, "tone": read_json(pictures / "domain.json")["tone"]}
+    _write(domain, dataset, entries, left_out, folder, facts, (TRAIN, VAL) if views else PARTS)
+
+
+def _parts_of_views(
+    states: pd.DataFrame, parts: Mapping[PhotoKey, str], by: str, options: DetectOptions
+) -> dict[str, str]:
+    """Train or val for novel views, by their cameras; split by terrain, those that show a test terrain have no part."""
+    part_of_camera = draw_val(states["camera"], options)
+    left = {key.terrain for key, part in parts.items() if part == TEST} if by == TERRAIN else set()
+    return {
+        str(key): part_of_camera[str(camera)]
+        for key, camera, shown in zip(states["key"], states["camera"], states["terrains"], strict=True)
+        if not left & set(map(int, shown.split()))
+    }
+
+
+def _write(
+    domain: str,
+    dataset: Path,
+    entries: Sequence[Entry],
+    left_out: Sequence[tuple[str, str]],
+    folder: Path,
+    facts: Mapping[str, object],
+    needed: Sequence[str],
+) -> None:
+    """Fill the folder that will be called `dataset`."""
+    for part in PARTS:
+        for kind, _ in KINDS:
+            (folder / kind / part).mkdir(parents=True)
+    counts = {part: sum(entry.part == part for entry in entries) for part in PARTS}
+    for part in needed:
+        if not counts[part]:
+            raise DetectError(f"{dataset}: no {domain} picture in the {part} part")
+    for entry in entries:
+        for (kind, ending), file in zip(KINDS, (entry.image, entry.label), strict=True):
+            place = folder / kind / entry.part
+            # Relative, so that results can be moved; the folder's own name takes part in no link.
+            link = os.path.relpath(file.resolve(), place.resolve())
+            (place / f"{entry.name}{ending}").symlink_to(link)
+    log.info("%s: %d train, %d val, %d test pictures", domain, *counts.values())
+    rows = [(entry.name, entry.part) for entry in entries]
+    tables.write_csv(folder / "pictures.csv", pd.DataFrame(rows, columns=list(PICTURE_COLUMNS)))
+    if left_out:
+        tables.write_csv(folder / "left_out.csv", pd.DataFrame(left_out, columns=list(PICTURE_COLUMNS)))
+    write_text(folder / "data.yaml", _data_yaml())
+    corrupt = {part: sum(row[1] == part for row in left_out) for part in PARTS}
+    write_json(folder / "dataset.json", {"domain": domain, "pictures": counts, "left_out": corrupt, **facts})
+
+
+def _left_out(dataset: Path) -> list[tuple[str, str]]:
+    path = dataset / "left_out.csv"
+    if not path.is_file():
+        return []
+    table = tables.read_csv(path, PICTURE_COLUMNS)
+    return list(zip(table["key"].astype(str), table["part"].astype(str), strict=True))
 
 
 def _data_yaml() -> str:

@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import metrics
-from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
+from polarsim.detect.dataset import BOX_COLUMNS, count_left_out, read_pictures
 from polarsim.detect.ipd import INSTANCE_COLUMNS, instance_performance, instance_performance_difference
 from polarsim.detect.judges import judge_name
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
-from polarsim.detect.split import TEST, leaks, read_split
+from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, leaks, read_split
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.geometry import boxes
@@ -25,7 +25,7 @@ from polarsim.photo import BOX_CLASSES
 ALL = "all"
 DETECTION_COLUMNS = (
     "trained", "evaluated", "kind", "split", "leaks_views", "judge", "start", "epochs", "imgsz",
-    "images", "labels", "map50", "map50_95", "iou_mean",
+    "images", "left_out", "labels", "map50", "map50_95", "iou_mean",
 )  # fmt: skip
 IPD_COLUMNS = (
     "trained", "first", "second", "kind", "pairs",
@@ -40,6 +40,7 @@ def evaluate(
     labels: Mapping[str, Path],
     datasets: Mapping[str, Path],
     split: Path,
+    by: str = PHOTO,
     detection: Path,
     ipd: Path,
     instances: Path,
@@ -53,8 +54,11 @@ def evaluate(
         Files named `<trained>_on_<evaluated>.parquet`.
     labels, datasets : mapping of str to Path
         Label table and data set of each evaluated domain; only pictures that the data set has in its test part count.
+        Data sets of domains that are trained on only may be among them, for what they leave out.
     split : Path
         The split that the data sets were made by.
+    by : str
+        What it is by: photo, view, position or terrain.
 
     Raises
     ------
@@ -62,7 +66,7 @@ def evaluate(
         A broken file, a name that is none, or a domain without labels or data set.
     """
     named = {trained_and_evaluated(path): path for path in predictions}
-    leaked = bool(leaks(read_split(split)))
+    leaked = bool(leaks(read_split(split, by)))
     keys, truth = {}, {}
     for domain in sorted({evaluated for _, evaluated in named}):
         if domain not in labels or domain not in datasets:
@@ -79,13 +83,14 @@ def evaluate(
         facts = {
             "trained": trained,
             "evaluated": evaluated,
-            "split": options.split,
+            "split": by,
             "leaks_views": leaked,
             "judge": judge_name(options.model),
             "start": options.pretrained.name if options.pretrained else "scratch",
             "epochs": options.epochs,
             "imgsz": options.imgsz,
             "images": len(keys[evaluated]),
+            "left_out": _left_out(datasets, trained, evaluated),
         }
         rows += [
             facts | figures for figures in detection_figures(keys[evaluated], truth[evaluated], found, performance)
@@ -134,6 +139,12 @@ def detection_figures(
     figures = pd.DataFrame(rows)[["map50", "map50_95", "iou_mean"]]
     means = {str(name): float(value) for name, value in figures.mean().items()}  # a class without labels has none
     return [*rows, {"kind": ALL, "labels": len(performance)} | means]
+
+
+def _left_out(datasets: Mapping[str, Path], trained: str, evaluated: str) -> int:
+    """Corrupt pictures that a judge was not trained on or not tested on."""
+    training = count_left_out(datasets[trained], (TRAIN, VAL)) if trained in datasets else 0
+    return training + count_left_out(datasets[evaluated], (TEST,))
 
 
 def _by_photo(table: pd.DataFrame, columns: Sequence[str], keys: Sequence[str]) -> list[np.ndarray]:

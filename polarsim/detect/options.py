@@ -2,17 +2,53 @@
 
 from __future__ import annotations
 
+import math
+import re
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, field_validator, model_validator
+
+VIEWS = "views"  # the training domain of pictures that nobody photographed
+SplitName = Literal["photo", "view", "position", "terrain"]
+
+
+class StereoOptions(BaseModel, extra="forbid", frozen=True):
+    """Depth from pairs of photos, a judge that is not trained: OpenCV's semi-global matching."""
+
+    run: bool = Field(False, description="Match all pairs of photos and of twins; costs about a second a pair.")
+    scale: float = Field(0.5, gt=0, le=1, description="Size of the matched pictures, of a photo's.")
+    exposures_ms: tuple[int, ...] = Field((), description="Exposures to match, ms; none: all.")
+    nearest_m: float = Field(1.5, gt=0, description="Nearest depth that is looked for, m.")
+    farthest_m: float = Field(9, gt=0, description="Farthest depth that is looked for, m.")
+    bad_mm: float = Field(20, gt=0, description="Depth error from which a pixel is bad, mm.")
+    bad_percent: float = Field(1, gt=0, description="The same, in percent of the depth.")
+    min_rock_px: int = Field(25, ge=1, description="Rocks with fewer pixels of the matched picture are left out.")
+
+    @model_validator(mode="after")
+    def _depths_are_ordered(self) -> Self:
+        if self.nearest_m >= self.farthest_m:
+            raise ValueError(f"nearest_m {self.nearest_m:g} must be below farthest_m {self.farthest_m:g}")
+        return self
 
 
 class DetectOptions(BaseModel, extra="forbid", frozen=True):
     """The defaults train small and short, from scratch, as the demo does. The paper: 200 epochs, pre-trained."""
 
-    model: str = Field("yolov5n", pattern="^yolov5[nsmlx]$", description="Architecture and size of the judge.")
+    model: str = Field(
+        "yolov5n",
+        pattern="^(yolov5[nsmlx]|yolov8[nsmlx]|yolov9[tsmce]|yolov10[nsmblx]|yolo(11|12|26)[nsmlx]|compact(-l)?)$",
+        description="Judge: compact and compact-l are our own (BSD-3-Clause), all others Ultralytics' (AGPL-3.0).",
+    )
     pretrained: Path | None = Field(None, description="Weights to start from (.pt); none: random weights.")
+    pretrained_url: str | None = Field(
+        None,
+        pattern="^(https|file)://",
+        description="Where to fetch `pretrained` from if it is missing.",
+    )
+    pretrained_sha256: str | None = Field(
+        None, pattern="^[0-9a-fA-F]{64}$", description="Checksum of what is fetched; needed for pretrained_url."
+    )
     epochs: int = Field(4, ge=1, description="Passes over the training pictures; the paper has 200.")
     imgsz: int = Field(320, ge=64, multiple_of=32, description="Longer side of the judge's pictures, px.")
     batch: int = Field(4, ge=1, description="Pictures a training step.")
@@ -24,19 +60,45 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
     device: Literal["auto", "cpu", "cuda"] = Field(
         "cpu", description="Where judges run; auto: cuda where there is one."
     )
-    seed: int = Field(0, ge=0, description="Seed of the split, of training, and of the bootstrap.")
-
-    split: Literal["photo", "terrain"] = Field(
-        "photo",
-        description="photo: a random share of the photos is the test (as in the paper); terrain: whole terrains.",
+    seed: int = Field(0, ge=0, description="Seed of the splits, the mixes and the bootstrap.")
+    seeds: tuple[int, ...] = Field(
+        (0,), min_length=1, description="Seeds of training: every judge is trained once with each."
     )
-    test_share: float = Field(1 / 3, gt=0, lt=1, description="Share of the photos (or terrains) in the test part.")
-    test_terrains: tuple[int, ...] = Field((), description="Terrains of the test part; none: drawn. For split terrain.")
-    val_share: float = Field(0.1, gt=0, lt=1, description="Share of the photos left for training that selects weights.")
 
-    tone: Literal["gamma", "percentile", "linear"] = Field(
+    splits: tuple[SplitName, ...] = Field(
+        ("photo",),
+        min_length=1,
+        description="What is drawn for the test, each with judges and rows in the tables of its own. photo: photos, as "
+        "in the paper, so that views lie on both sides; view: terrain, position and camera; position: terrain and "
+        "position, both cameras; terrain: whole terrains.",
+    )
+    test_share: float = Field(1 / 3, gt=0, lt=1, description="Share of what is drawn that is the test part.")
+    test_terrains: tuple[int, ...] = Field((), description="Terrains of the test part; none: drawn. For split terrain.")
+    val_share: float = Field(
+        0.1,
+        gt=0,
+        lt=1,
+        description="Share of what is left that selects weights, drawn like the test (where it is less than half a "
+        "view, position or terrain: by photo).",
+    )
+
+    views: Path | None = Field(
+        None,
+        description="Folder that `polarsim render VIEWS.yaml` wrote, without --preview: the training domain `views`.",
+    )
+    mixes: dict[str, dict[str, float]] = Field(
+        {},
+        description="Training domains made of others: name -> domain -> weight. 0.5 takes half of the domain's "
+        "pictures, 2 takes each twice.",
+    )
+
+    tone: Literal["gamma", "percentile", "linear", "fixed"] = Field(
         "gamma",
-        description="From 12 to 8 bits. linear: the full range; percentile: stretched; gamma: stretched, then 1/2.2.",
+        description="From 12 to 8 bits. linear: the full range; percentile: stretched; gamma: stretched, then 1/2.2; "
+        "fixed: as if exposed for tone_exposure_ms, then 1/2.2.",
+    )
+    tone_exposure_ms: float = Field(
+        256, gt=0, description="The exposure that curve `fixed` brings all pictures to, ms; what is beyond white clips."
     )
     tone_percentile: float = Field(99.5, gt=50, le=100, description="Percentile of the picture that becomes white.")
     tone_floor_dn: float = Field(64, gt=0, description="Least white point above black, DN: keeps dark noise dark.")
@@ -52,3 +114,37 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         0.25, ge=0, lt=1, description="Least confidence of a prediction in IOU_mean and IPD; the paper states none."
     )
     resamples: int = Field(1000, ge=100, description="Bootstrap samples of the IPD's 95 % interval.")
+
+    stereo: StereoOptions = Field(StereoOptions(), description="Stereo depth as a second kind of judge.")
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if self.pretrained_url and not (self.pretrained and self.pretrained_sha256):
+            raise ValueError("pretrained_url needs pretrained, where the file goes, and pretrained_sha256")
+        if self.mosaic and self.model.startswith("compact"):
+            raise ValueError(f"mosaic: judge {self.model} has none")
+        return self
+
+    @field_validator("splits", "seeds")
+    @classmethod
+    def _named_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
+        if len(set(values)) < len(values):
+            raise ValueError("named twice")
+        return values
+
+    @field_validator("seeds")
+    @classmethod
+    def _not_negative(cls, values: tuple[int, ...]) -> tuple[int, ...]:
+        if min(values) < 0:
+            raise ValueError(f"seed {min(values)}, expected 0 or more")
+        return values
+
+    @field_validator("mixes")
+    @classmethod
+    def _possible_mixes(cls, mixes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+        for name, weights in mixes.items():
+            if not re.fullmatch(r"[a-z][a-z0-9-]*", name):
+                raise ValueError(f"mix {name!r}: expected a name of small letters, digits and -")
+            if not weights or not all(0 < weight < math.inf for weight in weights.values()):
+                raise ValueError(f"mix {name}: expected domains with weights above 0")
+        return mixes

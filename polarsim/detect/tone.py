@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.detect.options import DetectOptions
+from polarsim.errors import DetectError
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 GAMMA = 2.2
@@ -20,14 +21,27 @@ def shrink(pixels: np.ndarray, imgsz: int) -> np.ndarray:
     return np.asarray(cv2.resize(pixels.astype(np.float32), size, interpolation=cv2.INTER_AREA))
 
 
-def to_8_bits(pixels: np.ndarray, options: DetectOptions) -> np.ndarray:
-    """(h, w) uint8 picture of linear 12-bit pixels (h, w), by the curve that the options name."""
+def to_8_bits(pixels: np.ndarray, options: DetectOptions, exposure_ms: float | None = None) -> np.ndarray:
+    """(h, w) uint8 picture of linear 12-bit pixels (h, w), by the curve that the options name.
+
+    Curve `fixed` needs the picture's exposure in ms: light is scaled to what `tone_exposure_ms` would have gathered, so
+    pictures of one scene look alike. A longer exposure's clipped pixels come out grey: what they were is not known.
+
+    Raises
+    ------
+    DetectError
+        Curve `fixed`, and no exposure.
+    """
     light = np.clip(pixels.astype(np.float32) - BLACK_LEVEL, 0, None)
     white = float(WHITE_LEVEL - BLACK_LEVEL)
-    if options.tone != "linear":
+    if options.tone == "fixed":
+        if not exposure_ms:
+            raise DetectError("tone curve fixed needs the picture's exposure")
+        white *= exposure_ms / options.tone_exposure_ms
+    elif options.tone != "linear":
         white = min(white, max(float(np.percentile(light, options.tone_percentile)), options.tone_floor_dn))
     bright = np.clip(light / white, 0, 1)
-    if options.tone == "gamma":
+    if options.tone in ("gamma", "fixed"):
         bright **= 1 / GAMMA
     return np.rint(255 * bright).astype(np.uint8)
 

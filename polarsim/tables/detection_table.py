@@ -37,6 +37,9 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     """
     table = detection[list(COLUMNS)].copy()
     table.insert(COLUMNS.index("epochs"), "start", detection["start"] if "start" in detection.columns else "")
+    for name, after in (("seed", "split"), ("left_out", "images")):
+        place = list(table.columns).index(after) + 1
+        table.insert(place, name, detection[name] if name in detection.columns else 0)
     for name in ("trained", "evaluated"):
         table[name] = pd.Series([paper.own_name(str(domain), source) for domain in table[name]], dtype="str")
     places = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
@@ -94,6 +97,8 @@ def _judge_notes(table: pd.DataFrame) -> list[str]:
         images = f"{low}" if low == high else f"{low} to {high}"
         training = f"started from {start}, {epochs} epochs" if start else f"{epochs} epochs"
         notes.append(f"Judge {judge}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
+        if corrupt := int(part["left_out"].max()):
+            notes.append(f"Split by {split}: up to {corrupt} corrupt pictures of a judge's training and test left out.")
     if len(table):
         notes.append("Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
     return notes

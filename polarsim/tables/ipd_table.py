@@ -36,14 +36,15 @@ def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str]) -> None:
 def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
     """A row for every kind, judge and pair of domains in the paper's order; `paper_ipd` for rocks where it has one."""
     rows = []
-    for entry in ipd[list(COLUMNS)].to_dict("records"):
+    for entry in ipd.to_dict("records"):
         trained, *pair = (paper.own_name(str(entry[name]), source) for name in ("trained", "first", "second"))
         first, second = paper.ordered_pair(*pair)
         key = paper.counterpart(trained), (paper.counterpart(first), paper.counterpart(second))
         figure = paper.IPD.get(key) if entry["kind"] == ROCK else None
         rows.append({**entry, "trained": trained, "first": first, "second": second, "paper_ipd": figure})
     rows.sort(key=_place)
-    table = pd.DataFrame(rows, columns=[*COLUMNS, "paper_ipd"])
+    drawn = [name for name in ("split", "seed") if name in ipd.columns]
+    table = pd.DataFrame(rows, columns=[*drawn, *COLUMNS, "paper_ipd"])
     return table.astype({"paper_ipd": "float64", "trained": "str", "first": "str", "second": "str"})
 
 
@@ -51,8 +52,11 @@ def lay_out_ipd(table: pd.DataFrame) -> pd.DataFrame:
     """The paper's Table 2 out of tidy rows: a row a judge, a column a pair, then the paper's columns."""
     pairs = sorted(set(zip(table["first"], table["second"], strict=True)), key=_pair_place)
     rows = []
-    for (kind, trained), part in table.groupby(["kind", "trained"], sort=False):
+    splits = table["split"] if "split" in table.columns else pd.Series("", index=table.index)
+    for (split, kind, trained), part in table.groupby([splits, "kind", "trained"], sort=False):
         row: dict[str, str] = {"labels": str(kind), "T": judge_title(str(trained))}
+        if len(set(splits)) > 1:
+            row["split by"] = str(split)
         for first, second in pairs:
             found = part[(part["first"] == first) & (part["second"] == second)]
             row[_pair_title(first, second)] = _cell(found)
@@ -92,4 +96,11 @@ def _pair_place(pair: tuple[str, str]) -> tuple[object, ...]:
 def _place(row: Mapping[Hashable, object]) -> tuple[object, ...]:
     kind, trained = str(row["kind"]), str(row["trained"])
     place = KINDS.index(kind) if kind in KINDS else len(KINDS)
-    return place, kind, paper.rank(trained), trained, _pair_place((str(row["first"]), str(row["second"])))
+    return (
+        place,
+        kind,
+        str(row.get("split", "")),
+        paper.rank(trained),
+        trained,
+        _pair_place((str(row["first"]), str(row["second"]))),
+    )

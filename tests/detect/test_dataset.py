@@ -1,13 +1,18 @@
+import shutil
+
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 
-from polarsim.detect.dataset import make_dataset, picture_paths, read_pictures
+from polarsim.detect.dataset import count_left_out, make_dataset, mix_datasets, read_pictures, share_pictures
 from polarsim.detect.options import DetectOptions
+from polarsim.detect.pictures import convert_photos
 from polarsim.detect.split import draw_split, split_photos
-from polarsim.errors import DetectError, FormatError
+from polarsim.errors import DetectError
 from polarsim.formats import png, tables, yolo
+from polarsim.formats.files import read_json
+from polarsim.photo import PhotoKey
 
 OPTIONS = DetectOptions(imgsz=160)
 
@@ -22,7 +27,7 @@ def made(world, few, tmp_path):
     """Make a data set of the small world with changes to the call; returns its folder."""
 
     def make(options=OPTIONS, keys=few, **changes):
-        split_photos(keys=list(keys), split=tmp_path / "split.csv", options=options)
+        split_photos(keys=list(keys), by="photo", split=tmp_path / "split.csv", options=options)
         arguments = {"pictures": world / "photos.parquet", "labels": world / "labels.parquet"} | changes
         make_dataset(
             domain="real", split=tmp_path / "split.csv", dataset=tmp_path / "real", options=options, **arguments
@@ -34,7 +39,7 @@ def made(world, few, tmp_path):
 
 def test_every_picture_lies_in_its_part_with_its_labels(few, made):
     folder = made()
-    for key, part in draw_split(few, OPTIONS).items():
+    for key, part in draw_split(few, "photo", OPTIONS).items():
         assert png.read(folder / "images" / part / f"{key}.png").shape == (100, 160)  # 1216 / 1936 of 160 is 100.5
         assert (folder / "labels" / part / f"{key}.txt").is_file()
 
@@ -106,22 +111,150 @@ def test_full_size_pictures_are_kept_where_asked(few, made):
     assert png.read(next(folder.glob("images/train/*.png"))).shape == (1216, 1936)
 
 
-def test_a_broken_picture_is_named_and_nothing_is_left(made, world, tmp_path):
-    photos = tables.read_parquet(world / "photos.parquet")
-    bad = tmp_path / "bad.png"
-    bad.write_bytes(b"\x89PNG no more")
-    photos.loc[0, "path"] = str(bad)
-    tables.write_parquet(tmp_path / "photos.parquet", photos)
-    with pytest.raises(FormatError, match=r"bad\.png"):
-        made(pictures=tmp_path / "photos.parquet")
-    assert not [path for path in tmp_path.iterdir() if "real" in path.name]
-
-
 def test_a_domain_without_pictures_is_refused(made, tmp_path):
     tables.write_parquet(tmp_path / "none.parquet", pd.DataFrame({"key": ["x"], "path": ["y"]}))
     with pytest.raises(DetectError, match="no real picture in the train part"):
         made(pictures=tmp_path / "none.parquet")
 
 
-def test_pictures_of_a_folder_are_found_by_terrain_and_key(few, world):
-    assert picture_paths(world / "twins", few[:1]) == {few[0]: world / "twins" / "Terrain01" / "01_A_off_30_L_0064.png"}
+def test_parts_are_links_that_go_on_working_when_the_results_are_moved(few, made, world, tmp_path):
+    folder = made()
+    key = read_pictures(folder, "train")[0]
+    link = folder / "images" / "train" / f"{key}.png"
+    assert link.is_symlink()
+    before = link.read_bytes()
+    moved = folder.rename(tmp_path / "moved")
+    assert (moved / "images" / "train" / f"{key}.png").read_bytes() == before
+
+
+@pytest.fixture(scope="module")
+def converted(world, keys, tmp_path_factory):
+    """Folder with the converted pictures of two domains, photos and twins, of which one twin is corrupt."""
+    root = tmp_path_factory.mktemp("converted")
+    shutil.copytree(world / "twins", root / "twins")
+    corrupt = root / "twins" / "Terrain01" / f"{keys[0]}.png"
+    corrupt.write_bytes(corrupt.read_bytes()[:5000])
+    for domain, pictures in (("real", world / "photos.parquet"), ("hapke", root / "twins")):
+        convert_photos(
+            domain=domain,
+            pictures=pictures,
+            labels=world / "labels.parquet",
+            keys=keys,
+            folder=root / domain,
+            options=OPTIONS,
+        )
+    return root
+
+
+@pytest.fixture
+def share(converted, keys, tmp_path):
+    """Share a domain's pictures out by a split; returns the data set's folder."""
+
+    def share(domain, by="photo", options=OPTIONS):
+        split_photos(keys=keys, by=by, split=tmp_path / f"{by}.csv", options=options)
+        dataset = tmp_path / by / domain
+        share_pictures(
+            domain=domain,
+            pictures=converted / domain,
+            split=tmp_path / f"{by}.csv",
+            by=by,
+            dataset=dataset,
+            options=options,
+        )
+        return dataset
+
+    return share
+
+
+def test_data_sets_of_two_splits_link_to_one_picture(share, converted, keys):
+    for by in ("photo", "terrain"):
+        for part in ("train", "val", "test"):
+            for path in (share("real", by) / "images" / part).iterdir():
+                assert path.resolve() == converted / "real" / "images" / path.name
+
+
+@pytest.mark.parametrize("by", ["view", "position", "terrain"])
+def test_no_view_of_the_test_part_is_trained_on(share, by):
+    folder = share("real", by)
+    views = {
+        part: {PhotoKey.parse(key).view for key in read_pictures(folder, part)} for part in ("train", "val", "test")
+    }
+    assert views["test"]
+    assert not views["test"] & (views["train"] | views["val"])
+
+
+def test_a_split_that_leaks_makes_no_data_set(converted, keys, tmp_path):
+    split_photos(keys=keys, by="photo", split=tmp_path / "split.csv", options=OPTIONS)
+    with pytest.raises(DetectError, match="split by view, but view 1 A L is in the test part and outside it"):
+        share_pictures(
+            domain="real",
+            pictures=converted / "real",
+            split=tmp_path / "split.csv",
+            by="view",
+            dataset=tmp_path / "real",
+            options=OPTIONS,
+        )
+    assert not (tmp_path / "real").exists()
+
+
+def test_a_corrupt_picture_is_counted_in_its_part(share, keys):
+    folder = share("hapke")
+    part = draw_split(keys, "photo", OPTIONS)[keys[0]]
+    assert str(keys[0]) not in read_pictures(folder, part)
+    assert read_json(folder / "dataset.json")["left_out"] == {"train": 0, "val": 0, "test": 0} | {part: 1}
+    assert [count_left_out(folder, [one]) for one in ("train", "val", "test")] == [
+        int(one == part) for one in ("train", "val", "test")
+    ]
+    assert count_left_out(share("real"), ("train", "val", "test")) == 0
+
+
+@pytest.fixture
+def mix(share, tmp_path):
+    """Mix the two domains with weights; returns the data set's folder."""
+
+    def mix(weights, by="photo"):
+        mix_datasets(
+            domain="mixed",
+            weights=weights,
+            datasets={domain: share(domain, by) for domain in weights},
+            dataset=tmp_path / "mixed",
+            options=OPTIONS,
+        )
+        return tmp_path / "mixed"
+
+    return mix
+
+
+@pytest.mark.parametrize(("real", "hapke"), [(0.5, 0.5), (1, 0.25), (2, 1), (1.5, 0.1)])
+def test_a_mix_has_as_many_pictures_of_each_domain_as_its_weight_says(mix, share, real, hapke):
+    weights = {"real": real, "hapke": hapke}
+    folder = mix(weights)
+    names = read_pictures(folder, "train")
+    for domain, weight in weights.items():
+        whole = len(read_pictures(share(domain), "train"))
+        assert sum(name.startswith(f"{domain}-") for name in names) == round(weight * whole)
+    assert len(set(names)) == len(names)
+
+
+def test_pictures_of_a_mix_are_links_to_those_of_its_domains_and_none_is_tested(mix, share, converted, keys):
+    folder = mix({"real": 2, "hapke": 0.5})
+    tested = {str(key) for key, part in draw_split(keys, "photo", OPTIONS).items() if part == "test"}
+    for part in ("train", "val"):
+        for name in read_pictures(folder, part):
+            domain, key = name.split("-")[:2]
+            for kind, ending in (("images", "png"), ("labels", "txt")):
+                link = folder / kind / part / f"{name}.{ending}"
+                assert link.resolve() == converted / domain / kind / f"{key}.{ending}"
+            assert key not in tested
+    assert read_pictures(folder, "test") == []
+
+
+def test_a_weight_of_two_takes_every_picture_twice(mix, share):
+    names = read_pictures(mix({"real": 2}), "train")
+    keys = read_pictures(share("real"), "train")
+    assert names == sorted([*(f"real-{key}" for key in keys), *(f"real-{key}-2" for key in keys)])
+
+
+def test_a_mix_counts_what_its_domains_leave_out_of_training(mix, share, keys):
+    part = draw_split(keys, "photo", OPTIONS)[keys[0]]
+    assert count_left_out(mix({"real": 1, "hapke": 1}), ("train", "val")) == (part != "test")

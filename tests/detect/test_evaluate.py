@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -41,6 +43,22 @@ GOOD = predictions(
 BAD = predictions((TESTED, "rock", 0.9, 0, 0, 100, 50), (TESTED, "shadow", 0.9, 900, 0, 1000, 100))
 
 
+def run(root: Path, by: str) -> pd.DataFrame:
+    """Evaluate the judge of domain `real` on both domains; returns the detection table."""
+    evaluate(
+        predictions=[root / "real_on_real.parquet", root / "real_on_hapke.parquet"],
+        labels=dict.fromkeys(("real", "hapke"), root / "labels.parquet"),
+        datasets={domain: root / domain for domain in ("real", "hapke")},
+        split=root / "split.csv",
+        by=by,
+        detection=root / "detection.parquet",
+        ipd=root / "ipd.parquet",
+        instances=root / "instances.parquet",
+        options=DetectOptions(),
+    )
+    return tables.read_parquet(root / "detection.parquet")
+
+
 @pytest.fixture
 def tested(tmp_path):
     """Two domains with the same labels: in `real` the judge is good, in `hapke` it is bad; one photo is a gap."""
@@ -50,16 +68,7 @@ def tested(tmp_path):
         (tmp_path / domain / "pictures.csv").write_text(SPLIT.replace(f"{DARK},test\n", ""))
         tables.write_parquet(tmp_path / f"real_on_{domain}.parquet", found)
     tables.write_parquet(tmp_path / "labels.parquet", LABELS)
-    evaluate(
-        predictions=[tmp_path / "real_on_real.parquet", tmp_path / "real_on_hapke.parquet"],
-        labels=dict.fromkeys(("real", "hapke"), tmp_path / "labels.parquet"),
-        datasets={domain: tmp_path / domain for domain in ("real", "hapke")},
-        split=tmp_path / "split.csv",
-        detection=tmp_path / "detection.parquet",
-        ipd=tmp_path / "ipd.parquet",
-        instances=tmp_path / "instances.parquet",
-        options=DetectOptions(),
-    )
+    run(tmp_path, "photo")
     return tmp_path
 
 
@@ -95,6 +104,18 @@ def test_every_tested_label_has_a_row_of_its_own(tested):
 
 def test_a_split_that_leaks_no_view_says_so(tested):
     assert not tables.read_parquet(tested / "detection.parquet")["leaks_views"].any()
+
+
+def test_corrupt_pictures_of_training_and_test_are_counted(tested):
+    (tested / "real" / "left_out.csv").write_text("key,part\nx,train\ny,val\nz,test\n")
+    (tested / "hapke" / "left_out.csv").write_text("key,part\nx,train\ny,test\nz,test\n")
+    assert run(tested, "view").set_index("evaluated")["left_out"].to_dict() == {"real": 3, "hapke": 4}
+
+
+def test_a_strict_split_that_leaks_is_refused(tested):
+    (tested / "split.csv").write_text(SPLIT.replace("01_B_off_180_R_0256", "01_A_off_180_L_0512"))
+    with pytest.raises(DetectError, match="view 1 A L is in the test part and outside it"):
+        run(tested, "view")
 
 
 def test_a_class_without_labels_has_no_figure_and_does_not_lower_the_mean():

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import polarsim.detect
-from polarsim.detect.judges import Judge, choose_device, judge_name, network, read_judge, write_judge
+from polarsim.detect.judges import Judge, choose_device, judge_name, read_judge, write_judge
+from polarsim.detect.judges.yolo.weights import network
 from polarsim.errors import DetectError
 
 torch = pytest.importorskip("torch")
@@ -15,7 +16,7 @@ torch = pytest.importorskip("torch")
 
 @pytest.fixture
 def judge(tmp_path) -> Judge:
-    from polarsim.detect.judges import ultralytics
+    from polarsim.detect.judges.yolo.library import ultralytics
 
     torch.manual_seed(0)
     module = ultralytics(tmp_path).DetectionModel("yolov5n.yaml", nc=2, verbose=False)
@@ -75,19 +76,26 @@ def test_cuda_that_is_not_there_is_an_error(monkeypatch):
         choose_device("cuda")
 
 
-def test_the_tables_name_the_judge_for_what_it_is():
-    assert judge_name("yolov5n") == "yolov5n (YOLOv5u)"
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [("yolov5n", "yolov5n (YOLOv5u)"), ("yolo11s", "yolo11s"), ("compact", "compact (polarsim's own)")],
+)
+def test_the_tables_name_the_judge_for_what_it_is(model, name):
+    assert judge_name(model) == name
 
 
-def test_one_module_alone_imports_ultralytics_and_none_imports_torch_at_its_top():
+def test_one_module_alone_imports_ultralytics_and_torch_stays_out_of_what_all_judges_import():
     importers = set()
-    for path in Path(polarsim.detect.__file__).parent.glob("*.py"):
+    root = Path(polarsim.detect.__file__).parent
+    for path in root.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
+        heavy = {"ultralytics", "torchvision", "cv2"} | (set() if path.parent.name == "compact" else {"torch"})
         for node in ast.walk(tree):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             if any(name.split(".")[0] == "ultralytics" for name in names):
-                importers.add(path.name)
+                importers.add(str(path.relative_to(root)))
             if node in tree.body:
-                assert not {name.split(".")[0] for name in names} & {"torch", "ultralytics", "torchvision", "cv2"}
-    assert importers == {"judges.py"}
+                assert not {name.split(".")[0] for name in names} & heavy
+                assert path.parent.name == "compact" or not any(".compact." in name for name in names)
+    assert importers == {"judges/yolo/library.py"}

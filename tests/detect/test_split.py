@@ -1,18 +1,20 @@
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect.options import DetectOptions
-from polarsim.detect.split import draw_split, leaks, read_split, split_photos
+from polarsim.detect.split import check_split, draw_split, draw_val, leaks, read_split, split_photos
 from polarsim.errors import DetectError
+from polarsim.formats.files import read_json
 from polarsim.photo import TERRAINS, PhotoKey, photo_grid
 
 GRID = [key for terrain in TERRAINS for key in photo_grid(terrain)]
-BY_PHOTO, BY_TERRAIN = DetectOptions(split="photo"), DetectOptions(split="terrain")
+OPTIONS = DetectOptions()
+STRICT = ("view", "position", "terrain")
 
 
 def test_all_photos_split_two_to_one_as_in_the_paper():
-    parts = list(draw_split(GRID, BY_PHOTO).values())
+    parts = list(draw_split(GRID, "photo", OPTIONS).values())
     assert len(parts) == 5190
     assert parts.count("test") == 1730  # paper, section 5: 3,460 to train and validate, 1,730 to evaluate
 
@@ -20,33 +22,81 @@ def test_all_photos_split_two_to_one_as_in_the_paper():
 @settings(deadline=None)
 @given(st.lists(st.sampled_from(GRID), min_size=6, unique=True), st.integers(0, 5))
 def test_every_photo_gets_one_part_and_no_part_is_empty(keys, seed):
-    parts = draw_split(keys, DetectOptions(seed=seed))
+    parts = draw_split(keys, "photo", DetectOptions(seed=seed))
     assert set(parts) == set(keys)
     assert set(parts.values()) == {"train", "val", "test"}
 
 
 def test_the_order_of_the_photos_does_not_matter():
-    assert draw_split(GRID[::-1], BY_PHOTO) == draw_split(GRID, BY_PHOTO)
+    assert draw_split(GRID[::-1], "photo", OPTIONS) == draw_split(GRID, "photo", OPTIONS)
 
 
 def test_another_seed_draws_another_split():
-    assert draw_split(GRID, DetectOptions(seed=1)) != draw_split(GRID, BY_PHOTO)
+    assert draw_split(GRID, "photo", DetectOptions(seed=1)) != draw_split(GRID, "photo", OPTIONS)
 
 
-def test_a_split_by_photo_leaks_views_and_one_by_terrain_does_not():
-    assert (1, "A", "L") in leaks(draw_split(GRID, BY_PHOTO))
-    assert leaks(draw_split(GRID, BY_TERRAIN)) == []
+def test_a_split_by_photo_leaks_views():
+    assert (1, "A", "L") in leaks(draw_split(GRID, "photo", OPTIONS))
+
+
+@settings(deadline=None)
+@given(st.lists(st.sampled_from(GRID), min_size=1, unique=True), st.sampled_from(STRICT), st.integers(0, 5))
+def test_no_view_is_on_both_sides_of_a_strict_split(keys, by, seed):
+    try:
+        parts = draw_split(keys, by, DetectOptions(seed=seed))
+    except DetectError:
+        assume(False)  # too few photos to split
+    assert leaks(parts) == []
+    assert set(parts.values()) == {"train", "val", "test"}
+
+
+@pytest.mark.parametrize(("by", "parts_of_unit"), [("view", lambda k: k.view), ("position", lambda k: k.set_up)])
+def test_whole_units_are_drawn_a_third_of_them(by, parts_of_unit):
+    parts = draw_split(GRID, by, OPTIONS)
+    tested = {parts_of_unit(key) for key, part in parts.items() if part == "test"}
+    others = {parts_of_unit(key) for key, part in parts.items() if part != "test"}
+    assert not tested & others
+    assert len(tested) == round(len(tested | others) / 3)
+
+
+def test_weights_of_a_strict_split_are_chosen_on_whole_units_where_there_are_enough():
+    parts = draw_split(GRID, "terrain", OPTIONS)
+    chosen = {key.terrain for key, part in parts.items() if part == "val"}
+    assert len(chosen) == 1  # a tenth of 9
+    assert not chosen & {key.terrain for key, part in parts.items() if part == "train"}
+    few = draw_split([key for key in GRID if key.terrain < 4], "terrain", OPTIONS)
+    assert {key.terrain for key, part in few.items() if part == "val"} == {
+        key.terrain for key, part in few.items() if part == "train"
+    }  # of two terrains none can be spared
+
+
+@pytest.mark.parametrize(
+    ("by", "named"), [("view", "view 1 A L"), ("position", "position 1 A"), ("terrain", "terrain 1")]
+)
+def test_a_strict_split_that_leaks_is_refused(tmp_path, by, named):
+    rows = "01_A_off_180_L_0256,test\n01_A_off_180_L_0512,train\n"
+    (tmp_path / "split.csv").write_text(f"key,part\n{rows}")
+    with pytest.raises(DetectError, match=f"split.csv: split by {by}, but {named} is in the test part and outside it"):
+        read_split(tmp_path / "split.csv", by)
+    assert len(read_split(tmp_path / "split.csv", "photo")) == 2
+
+
+def test_both_cameras_of_a_position_are_on_one_side_of_a_split_by_position_only():
+    left, right = PhotoKey.parse("01_A_off_180_L_0256"), PhotoKey.parse("01_A_off_180_R_0256")
+    check_split({left: "train", right: "test"}, "view")
+    with pytest.raises(DetectError, match="position 1 A"):
+        check_split({left: "train", right: "test"}, "position")
 
 
 def test_a_third_of_the_terrains_is_left_out():
-    parts = draw_split(GRID, BY_TERRAIN)
+    parts = draw_split(GRID, "terrain", OPTIONS)
     tested = {key.terrain for key, part in parts.items() if part == "test"}
     assert len(tested) == 4  # of 13
     assert not tested & {key.terrain for key, part in parts.items() if part != "test"}
 
 
 def test_given_terrains_are_the_test():
-    parts = draw_split(GRID, DetectOptions(split="terrain", test_terrains=(4,)))
+    parts = draw_split(GRID, "terrain", DetectOptions(test_terrains=(4,)))
     assert {key.terrain for key, part in parts.items() if part == "test"} == {4}
 
 
@@ -58,21 +108,38 @@ def test_a_leak_is_a_view_on_both_sides():
 
 
 @pytest.mark.parametrize(
-    ("keys", "options", "message"),
+    ("keys", "by", "options", "message"),
     [
-        (GRID[:1], BY_PHOTO, "leave"),
-        (GRID[:40], BY_TERRAIN, "leave"),
-        (GRID[:40], DetectOptions(split="terrain", test_terrains=(7,)), "test terrain 7 has no photos"),
+        (GRID[:1], "photo", OPTIONS, "leave 1 to test and 0 to train"),
+        (GRID[:40], "terrain", OPTIONS, "split by terrain leave 40 to test and 0 to train"),
+        (GRID[:40], "terrain", DetectOptions(test_terrains=(7,)), "test terrain 7 has no photos"),
     ],
 )
-def test_a_split_that_cannot_be_is_refused(keys, options, message):
+def test_a_split_that_cannot_be_is_refused(keys, by, options, message):
     with pytest.raises(DetectError, match=message):
-        draw_split(keys, options)
+        draw_split(keys, by, options)
 
 
 def test_a_written_split_reads_back(tmp_path):
-    split_photos(keys=GRID[:90], split=tmp_path / "split.csv", options=BY_PHOTO)
-    assert read_split(tmp_path / "split.csv") == draw_split(GRID[:90], BY_PHOTO)
+    split_photos(keys=GRID[:90], by="photo", split=tmp_path / "split.csv", options=OPTIONS)
+    assert read_split(tmp_path / "split.csv") == draw_split(GRID[:90], "photo", OPTIONS)
+
+
+def test_beside_a_split_stands_how_it_was_drawn(tmp_path):
+    options = DetectOptions(seed=3, test_terrains=(4, 11))
+    split_photos(keys=GRID, by="terrain", split=tmp_path / "split.csv", options=options)
+    facts = read_json(tmp_path / "split.json")
+    assert (facts["by"], facts["seed"], facts["test_terrains"]) == ("terrain", 3, [4, 11])
+    assert facts["photos"]["test"] == sum(key.terrain in (4, 11) for key in GRID)
+    assert facts["views_on_both_sides"] == 0
+
+
+@settings(deadline=None)
+@given(st.sets(st.text("abc", min_size=1), min_size=2), st.integers(0, 5))
+def test_groups_train_or_choose_weights_and_both_have_some(groups, seed):
+    parts = draw_val(sorted(groups), DetectOptions(seed=seed))
+    assert set(parts) == groups
+    assert set(parts.values()) == {"train", "val"}
 
 
 def test_an_unknown_part_is_named(tmp_path):

@@ -1,7 +1,11 @@
 import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.tone import shrink, to_8_bits
+from polarsim.errors import DetectError
 
 RAMP = np.linspace(16, 4095, 4080).round().astype(np.uint16)[None].repeat(4, axis=0)
 
@@ -35,6 +39,31 @@ def test_a_shorter_exposure_gives_the_same_picture_where_nothing_clips():
 def test_noise_of_a_dark_photo_is_not_stretched(rng):
     dark = rng.integers(14, 19, (50, 60)).astype(np.uint16)
     assert to_8_bits(dark, DetectOptions(tone="percentile", tone_floor_dn=100)).max() <= 5  # 2 of 100 DN
+
+
+FIXED = DetectOptions(tone="fixed", tone_exposure_ms=256)
+
+
+def test_the_fixed_curve_is_the_linear_one_to_the_power_of_1_over_2_2_at_its_own_exposure():
+    linear = to_8_bits(RAMP, DetectOptions(tone="linear")) / 255
+    shades = linear > 0.05
+    np.testing.assert_allclose(to_8_bits(RAMP, FIXED, 256)[shades] / 255, linear[shades] ** (1 / 2.2), atol=0.01)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 4079), st.sampled_from([16, 64, 512, 2048]))
+def test_the_fixed_curve_shows_one_scene_alike_at_every_exposure(light, exposure_ms):
+    at_256 = light * 256 / exposure_ms  # of a scene whose picture has this light, DN
+    assume(at_256 < 4079)
+    shown = [
+        to_8_bits(np.array([[16 + value]]), FIXED, ms)[0, 0] for value, ms in ((light, exposure_ms), (at_256, 256))
+    ]
+    assert shown[0] == shown[1]
+
+
+def test_the_fixed_curve_needs_an_exposure():
+    with pytest.raises(DetectError, match="needs the picture's exposure"):
+        to_8_bits(RAMP, FIXED)
 
 
 def test_shrinking_averages_light():

@@ -2,15 +2,19 @@
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from polarsim.detect import judges
+from polarsim.detect import parts as parts_module
 from polarsim.detect.dataset import make_dataset, read_pictures
 from polarsim.detect.evaluate import evaluate
+from polarsim.detect.judges.yolo.library import ultralytics
 from polarsim.detect.options import DetectOptions
-from polarsim.detect.predict import PREDICTION_COLUMNS, predict
+from polarsim.detect.predict import BATCH, PREDICTION_COLUMNS, predict
 from polarsim.detect.split import read_split, split_photos
 from polarsim.detect.train import train_judge
 from polarsim.errors import DetectError
@@ -25,7 +29,7 @@ OPTIONS = DetectOptions(imgsz=96, epochs=2, device="cpu")
 def judged(world, keys, tmp_path_factory) -> Path:
     """A folder with split.csv, the data set real/, real.pt, real.csv, real_on_real.parquet."""
     root = tmp_path_factory.mktemp("judged")
-    split_photos(keys=keys, split=root / "split.csv", options=OPTIONS)
+    split_photos(keys=keys, by="photo", split=root / "split.csv", options=OPTIONS)
     make_dataset(
         domain="real",
         pictures=world / "photos.parquet",
@@ -86,6 +90,36 @@ def test_the_same_weights_predict_the_same_bytes(judged):
     assert (judged / "again_on_real.parquet").read_bytes() == (judged / "real_on_real.parquet").read_bytes()
 
 
+def test_predictions_made_in_parts_are_the_same_and_a_stopped_prediction_goes_on(judged, monkeypatch):
+    monkeypatch.setattr("polarsim.detect.predict.PART", BATCH)
+    written = []
+
+    def stop_at_the_second(path, table):
+        written.append(path.name)
+        if len(written) == 2:
+            raise KeyboardInterrupt
+        tables.write_parquet(path, table)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("polarsim.detect.parts.tables", SimpleNamespace(write_parquet=stop_at_the_second))
+        with pytest.raises(KeyboardInterrupt):
+            run_predict(judged, "parts_on_real.parquet")
+    first = judged / ".parts_on_real.parts" / "00000.parquet"
+    made = first.stat().st_mtime_ns
+
+    def watch(parts, path):
+        assert [part.name for part in parts] == ["00000.parquet", "00001.parquet"]
+        assert first.stat().st_mtime_ns == made
+        join(parts, path)
+
+    join = parts_module._join
+    monkeypatch.setattr("polarsim.detect.parts._join", watch)
+    run_predict(judged, "parts_on_real.parquet")
+    assert not first.exists()
+    again, once = (tables.read_parquet(judged / f"{name}_on_real.parquet") for name in ("parts", "real"))
+    pd.testing.assert_frame_equal(again, once)
+
+
 def test_the_same_training_gives_the_same_bytes_and_a_stopped_one_is_redone(judged):
     (judged / "work_again" / "training" / "out" / "weights").mkdir(parents=True)
     (judged / "work_again" / "training" / "identity.json").write_text('{"options": "of another training"}')
@@ -100,7 +134,9 @@ def test_a_stopped_training_goes_on_where_it_stopped(judged, monkeypatch, caplog
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("polarsim.detect.train._report", stop)  # called when the checkpoint of an epoch is on the disk
+        patch.setattr(
+            "polarsim.detect.judges.yolo.training._report", stop
+        )  # called when the checkpoint of an epoch is on the disk
         with pytest.raises(KeyboardInterrupt):
             train(judged, "stopped", OPTIONS.model_copy(update={"epochs": 3}))
     assert not (judged / "stopped.pt").exists()
@@ -111,7 +147,7 @@ def test_a_stopped_training_goes_on_where_it_stopped(judged, monkeypatch, caplog
 
 
 def test_our_predictions_are_those_of_ultralytics_own_predictor(judged):
-    library = judges.ultralytics(judged)
+    library = ultralytics(judged)
     judge = judges.read_judge(judged / "real.pt")
     model = library.YOLO("yolov5n.yaml")
     model.model = library.DetectionModel("yolov5n.yaml", nc=2, verbose=False)
@@ -175,3 +211,21 @@ def test_missing_pretrained_weights_are_named(judged, tmp_path):
     options = OPTIONS.model_copy(update={"pretrained": tmp_path / "absent.pt"})
     with pytest.raises(DetectError, match=r"absent\.pt: the pretrained weights are missing"):
         train(tmp_path, "none", options, dataset=judged / "real")
+
+
+@pytest.mark.parametrize("model", ["yolov8n", "yolov10n", "yolo11n", "yolo26n"])
+def test_newer_models_train_and_predict_by_name(judged, tmp_path, model):
+    options = OPTIONS.model_copy(update={"model": model, "epochs": 1})
+    train(tmp_path, model, options, dataset=judged / "real")
+    curve = tables.read_csv(tmp_path / f"{model}.csv")
+    assert np.isfinite(curve["val_box_loss"]).all()
+    predict(
+        weights=tmp_path / f"{model}.pt",
+        dataset=judged / "real",
+        predictions=tmp_path / "found.parquet",
+        options=options.model_copy(update={"confidence": 1e-6}),
+        threads=1,
+    )
+    table = tables.read_parquet(tmp_path / "found.parquet")
+    assert set(table["key"]) == set(read_pictures(judged / "real", "test"))
+    assert table.groupby("key").size().max() <= options.max_boxes

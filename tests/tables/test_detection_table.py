@@ -28,6 +28,16 @@ def ipd(domains=("analog", "hapke", "principled")):
     return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
 
 
+def test_corrupt_pictures_that_were_left_out_are_noted(tmp_path):
+    left_out = [0, 3, *[0] * (len(detection()) - 2)]
+    write_parquet(tmp_path / "d.parquet", detection().assign(left_out=left_out))
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    assert "up to 3 corrupt pictures of a judge's training and test left out" in (tmp_path / "detection.md").read_text()
+    write_parquet(tmp_path / "d.parquet", detection().assign(left_out=0))
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    assert "corrupt" not in (tmp_path / "detection.md").read_text()
+
+
 def test_every_ipd_of_the_paper_is_the_difference_of_two_of_its_mean_ious():
     for (trained, (first, second)), value in paper.IPD.items():
         means = [paper.DETECTION[trained, domain][2] for domain in (first, second)]
@@ -107,3 +117,12 @@ def test_ipd_pairs_are_brought_into_the_papers_order_whichever_way_they_come():
     assert shown.loc[0, "Analog - Principled"] == "0.1000 [0.050, 0.150] / 0.2000 [0.120, 0.280]"
     assert shown.loc[2, "paper, Real - Hapke"] == "0.4638"
     assert shown.loc[0, "paper, Principled - Hapke"] == "–"
+
+
+def test_ipd_has_a_row_for_each_split():
+    given = pd.concat([ipd().assign(split="photo", seed=0), ipd().assign(split="terrain", seed=0)], ignore_index=True)
+    table = tidy_ipd(given, "analog")
+    assert list(table.columns[:2]) == ["split", "seed"]
+    shown = lay_out_ipd(table)
+    assert len(shown) == 2 * len(lay_out_ipd(tidy_ipd(ipd(), "analog")))
+    assert set(shown["split by"]) == {"photo", "terrain"}

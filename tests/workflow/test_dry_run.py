@@ -47,6 +47,29 @@ def test_every_configuration_plans_its_jobs(checkout, snakemake, release_like, n
     assert ("train_judge" in jobs) == (name != "release")  # the release has no photos
 
 
+def test_the_papers_protocol_trains_each_domain_by_two_splits_with_three_seeds(checkout, snakemake, release_like):
+    done = snakemake(checkout, "--dry-run", "--configfile", "config/paper.yaml", POLAR_SIM_ROOT=str(release_like))
+    jobs = planned(done)
+    assert (jobs["convert_pictures"], jobs["make_dataset"], jobs["split_photos"]) == (3, 6, 2)
+    assert jobs["train_judge"] == jobs["predict"] == 3 * 2 * 3
+    assert jobs["evaluate"] == 2 * 3
+    assert jobs["total"] < 1000
+
+
+def test_mixes_and_novel_views_are_trained_on_and_not_tested_on(checkout, snakemake):
+    (checkout / "views").mkdir()
+    (checkout / "views/index.csv").write_text("name,scene,camera,exposure_ms\n")
+    detect = "{views: views, mixes: {mixed: {analog: 0.5, views: 2}}, splits: [position]}"
+    done = snakemake(checkout, "detect", "--dry-run", "--config", f"detect={detect}")
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs = planned(done)
+    assert (jobs["train_judge"], jobs["mix_datasets"], jobs["make_dataset"], jobs["convert_pictures"]) == (5, 1, 4, 4)
+    text = done.stdout + done.stderr
+    assert "detect/position/seed0/predictions/mixed_on_analog.parquet" in text
+    assert "_on_mixed" not in text
+    assert "_on_views" not in text
+
+
 def test_corrected_label_files_are_input_of_their_terrain_alone(checkout, snakemake, tmp_path):
     edited = tmp_path / "edited" / "01_A_off_30_L_0256.txt"
     edited.parent.mkdir()
@@ -108,6 +131,7 @@ def test_accuracy_is_measured_without_labels_and_twins(checkout, snakemake):
 def test_thirteen_terrains_plan_fewer_than_1000_jobs_in_ten_seconds(checkout, snakemake):
     content = yaml.safe_load((checkout / "config/config.yaml").read_text())
     content.update(terrains=list(range(1, 14)), positions=list("ABCDEFG"), grid={})
+    content["detect"] |= {"splits": ["photo", "terrain"], "seeds": [0, 1, 2]}
     (checkout / "config/all.yaml").write_text(yaml.safe_dump(content))
     start = time.monotonic()
     done = snakemake(checkout, "--dry-run", "--configfile", "config/all.yaml")
@@ -124,6 +148,8 @@ def test_thirteen_terrains_plan_fewer_than_1000_jobs_in_ten_seconds(checkout, sn
         ({"terrains": [14]}, "terrains"),
         ({"positions": ["H"]}, "positions"),
         ({"detect": {"epochs": 0}}, "detect.epochs"),
+        ({"detect": {"splits": ["rock"]}}, "detect.splits"),
+        ({"detect": {"mixes": {"mixed": {"real": 1}}}}, "detect.mixes.mixed: domain 'real'"),
         ({"grid": {"lights": [True]}}, "grid.lights"),
         ({"source": {"kind": "moon"}}, "source.kind"),
         ({"run": "../elsewhere"}, "run"),

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 
 @pytest.fixture
@@ -43,6 +44,23 @@ def test_an_edit_reruns_what_uses_it_and_nothing_else(finished, snakemake):
 
     edit(finished / "polarsim/render/brdf.py", "\nCHANGED = 1\n")
     stale = stale_rules(snakemake, finished)
-    assert {"render_twins", "make_dataset", "train_judge", "evaluate", "tabulate_detection"} <= stale
+    assert {"render_twins", "convert_pictures", "train_judge", "evaluate", "tabulate_detection"} <= stale
     assert not stale & {"generate_analog", "index_terrain", "locate_cameras", "find_rocks", "mesh_rocks"}
     assert not stale & {"propagate_labels", "draw_masks"}
+
+
+def test_a_seed_or_split_or_mix_more_leaves_finished_judges_alone(finished, snakemake):
+    content = yaml.safe_load((finished / "config/config.yaml").read_text())
+    split = content["detect"].get("splits", ["photo"])[0]
+    more = {"seeds": [0, 1], "splits": [split, "terrain"], "mixes": {"mixed": {"analog": 1, "hapke": 1}}}
+    content["detect"] |= more
+    (finished / "config/config.yaml").write_text(yaml.safe_dump(content))
+    done = snakemake(finished, "--dry-run", "detect")
+    assert done.returncode == 0, done.stderr
+    made = re.findall(r"^ +output: results/demo/detect/(\S+?),?(?: |$)", done.stdout, re.MULTILINE)
+    judges = {name for name in made if "/judges/" in name}
+    assert f"{split}/seed1/judges/analog.pt" in judges
+    assert f"{split}/seed0/judges/mixed.pt" in judges
+    assert "terrain/seed0/judges/hapke.pt" in judges
+    assert f"{split}/seed0/judges/analog.pt" not in judges
+    assert not [name for name in made if name.startswith("pictures/")]

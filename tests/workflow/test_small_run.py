@@ -17,7 +17,12 @@ SMALL = {
     "source": {"kind": "analog", "root": "data/analog"},
     "rocks": {"rock_cell_mm": 3, "ground_mesh_cell_mm": 10},
     "grid": {"azimuths": ["30"], "lights": ["off"], "exposures_ms": [64, 128, 256, 512]},
-    "detect": {"epochs": 1, "imgsz": 96},
+    "detect": {
+        "epochs": 1,
+        "imgsz": 96,
+        "splits": ["photo", "position"],
+        "mixes": {"mixed": {"analog": 0.5, "hapke": 1}},
+    },
 }
 
 
@@ -46,9 +51,13 @@ def test_a_small_run_ends_and_repeats(checkout, snakemake, tmp_path):
     rocks, _ = yolo.read_boxes(results / "labels/boxes/Terrain01/01_A_off_30_R_0064.txt")
     assert len(rocks) > 5
     detection = pd.read_parquet(results / "detect/detection.parquet")
-    assert set(zip(detection["trained"], detection["evaluated"], strict=True)) == {
-        (a, b) for a in ("analog", "principled", "hapke") for b in ("analog", "principled", "hapke")
+    assert set(zip(detection["split"], detection["trained"], detection["evaluated"], strict=True)) == {
+        (split, trained, evaluated)
+        for split in ("photo", "position")
+        for trained in ("analog", "principled", "hapke", "mixed")
+        for evaluated in ("analog", "principled", "hapke")
     }
+    assert detection.groupby("split")["leaks_views"].all().to_dict() == {"photo": True, "position": False}
     for name in ("detection", "ipd", "quality"):
         for form in ("csv", "md", "tex", "parquet"):
             assert (results / f"tables/{name}.{form}").stat().st_size

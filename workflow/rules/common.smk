@@ -24,7 +24,11 @@ KIND = CONFIG.source.kind
 ROOT = CONFIG.source.root
 TERRAINS = [f"{terrain:02d}" for terrain in CONFIG.terrains]
 DOMAINS = list(CONFIG.domains)
+TRAINED = list(CONFIG.training_domains)
+SPLITS, SEEDS = list(CONFIG.detect.splits), list(CONFIG.detect.seeds)
+MIXES = {name: dict(weights) for name, weights in CONFIG.detect.mixes.items()}
 MODELS = list(CONFIG.render.models)
+STEREO = CONFIG.detect.stereo.run and bool(DOMAINS)
 # Twins that stand in for missing photos; the analog misses none, so its labels can be looked at before twins are made.
 STAND_INS = [] if KIND == "analog" else MODELS[:1]
 # Trainings are the longest jobs: what they wait for goes first, figures and scores fill the gaps.
@@ -33,13 +37,21 @@ LABEL_ROOT = Path(CONFIG.labels.seeds.root or ROOT)
 ORIGIN = {"run": RUN, "source": KIND, "config": CONFIG.digest()}
 
 
+def one_of(names, but=()):
+    """A pattern of these names alone; of none it matches nothing that is there."""
+    return "|".join(re.escape(name) for name in names if name not in but) or "none"
+
+
 wildcard_constraints:
     run=re.escape(RUN),
     terrain=r"\d\d",
     position="[A-G]",
-    domain="|".join(map(re.escape, DOMAINS)) or "none",
-    trained="|".join(map(re.escape, DOMAINS)) or "none",
-    evaluated="|".join(map(re.escape, DOMAINS)) or "none",
+    domain=one_of(TRAINED, but=MIXES),
+    mix=one_of(MIXES),
+    trained=one_of(TRAINED),
+    evaluated=one_of(DOMAINS),
+    split=one_of(SPLITS),
+    seed=r"\d+",
 
 
 def of_run(pattern, **wildcards):
@@ -55,6 +67,30 @@ def options(section):
         if section == "labels"
         else chosen.model_dump(mode="json")
     )
+
+
+# Options that name jobs or belong to other steps: a second seed or split must not make the first one's results stale.
+NAMES_JOBS = ("splits", "seeds", "views", "mixes")
+DRAWS_SPLITS = ("test_share", "test_terrains", "val_share")
+COMPARES = ("iou_confidence", "resamples")
+TRAINS = (
+    "model",
+    "pretrained",
+    "epochs",
+    "batch",
+    "learning_rate",
+    "augment",
+    "mosaic",
+    "device",
+)
+
+
+def detect_options(*left_out):
+    """The detect stage's options without some groups of them."""
+    names = set(NAMES_JOBS).union(*left_out)
+    return {
+        name: value for name, value in options("detect").items() if name not in names
+    }
 
 
 def code_of(*modules):
@@ -137,9 +173,11 @@ def maps_of_twins():
 
 
 def pictures_of(wildcards):
-    """Photos stand in a table, twins in folders."""
+    """Photos stand in a table, twins and novel views in folders."""
     if wildcards.domain == CONFIG.photo_domain:
         return [f"results/{wildcards.run}/acquire/photos.parquet"]
+    if wildcards.domain == "views":
+        return [f"{CONFIG.detect.views}/index.csv"]
     return of_run(
         "results/{run}/renders/{model}/Terrain{terrain}",
         model=wildcards.domain,
@@ -148,13 +186,12 @@ def pictures_of(wildcards):
 
 
 def pictures_place(wildcards):
-    """The table of photos, or the folder above the terrains of a model's twins."""
-    photos = f"results/{wildcards.run}/acquire/photos.parquet"
-    return (
-        photos
-        if wildcards.domain == CONFIG.photo_domain
-        else f"results/{wildcards.run}/renders/{wildcards.domain}"
-    )
+    """The table of photos, the folder above the terrains of a model's twins, or that of novel views."""
+    if wildcards.domain == CONFIG.photo_domain:
+        return f"results/{wildcards.run}/acquire/photos.parquet"
+    if wildcards.domain == "views":
+        return str(CONFIG.detect.views)
+    return f"results/{wildcards.run}/renders/{wildcards.domain}"
 
 
 def labels_of(domain):
@@ -167,7 +204,33 @@ def labels_of(domain):
 
 
 def labels_of_domain(wildcards):
-    return labels_of(wildcards.domain)
+    """Novel views have theirs beside them."""
+    return [] if wildcards.domain == "views" else labels_of(wildcards.domain)
+
+
+def datasets_in(mix):
+    """Data sets of a split that a mix takes pictures from."""
+    return expand(
+        "results/{{run}}/detect/{{split}}/datasets/{domain}", domain=MIXES[mix]
+    )
+
+
+def datasets_of_mix(wildcards):
+    return datasets_in(wildcards.mix)
+
+
+def pictures_behind(domains):
+    """Converted pictures that data sets of these domains link to."""
+    single = {one for domain in domains for one in MIXES.get(domain, [domain])}
+    return expand("results/{{run}}/detect/pictures/{domain}", domain=sorted(single))
+
+
+def pictures_behind_training(wildcards):
+    return pictures_behind([wildcards.trained])
+
+
+def weights_of_mix(wildcards):
+    return MIXES[wildcards.mix]
 
 
 def truth_of(wildcards):

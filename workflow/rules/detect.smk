@@ -1,21 +1,28 @@
-"""Stage 6: judges trained on each domain and asked about every domain."""
+"""Stage 6: judges trained on each domain and asked about every domain, for each split and seed of training."""
+
+EVALUATED = ["detection", "ipd", "instances"]  # tables of `evaluate`
 
 
 rule detect:
     """Everything of this stage."""
     input:
-        of_run("results/{run}/detect/detection.parquet") if DOMAINS else [],
-        of_run("results/{run}/detect/ipd.parquet") if DOMAINS else [],
+        (
+            of_run("results/{run}/detect/{table}.parquet", table=EVALUATED)
+            if DOMAINS
+            else []
+        ),
+        of_run("results/{run}/detect/stereo.parquet") if STEREO else [],
 
 
 rule split_photos:
     """Which photos train, choose weights, and test: the same ones in every domain."""
     output:
-        split="results/{run}/detect/split.csv",
+        split="results/{run}/detect/{split}/split.csv",
+        facts="results/{run}/detect/{split}/split.json",
     log:
-        "results/{run}/logs/detect/split_photos.log",
+        "results/{run}/logs/detect/split_photos_{split}.log",
     benchmark:
-        "results/{run}/benchmarks/detect/split_photos.tsv"
+        "results/{run}/benchmarks/detect/split_photos_{split}.tsv"
     priority: TRAINING_WAITS
     threads: 1
     resources:
@@ -25,24 +32,23 @@ rule split_photos:
         terrains=CONFIG.terrains,
         positions=CONFIG.positions,
         grid=options("grid"),
-        options=options("detect"),
+        options=detect_options(TRAINS, COMPARES),
         code=code_of("detect.split"),
     script:
         "../scripts/split_photos.py"
 
 
-rule make_dataset:
+rule convert_pictures:
     """8-bit pictures and labels of one domain, as YOLO wants them."""
     input:
         pictures=pictures_of,
         labels=labels_of_domain,
-        split="results/{run}/detect/split.csv",
     output:
-        dataset=directory("results/{run}/detect/datasets/{domain}"),
+        pictures=directory("results/{run}/detect/pictures/{domain}"),
     log:
-        "results/{run}/logs/detect/make_dataset_{domain}.log",
+        "results/{run}/logs/detect/convert_pictures_{domain}.log",
     benchmark:
-        "results/{run}/benchmarks/detect/make_dataset_{domain}.tsv"
+        "results/{run}/benchmarks/detect/convert_pictures_{domain}.tsv"
     priority: TRAINING_WAITS
     threads: 1
     resources:
@@ -50,89 +56,230 @@ rule make_dataset:
         runtime=60,
     params:
         pictures=pictures_place,
-        options=options("detect"),
+        terrains=CONFIG.terrains,
+        positions=CONFIG.positions,
+        grid=options("grid"),
+        options=detect_options(DRAWS_SPLITS, TRAINS, COMPARES),
+        code=code_of("detect.pictures"),
+    script:
+        "../scripts/convert_pictures.py"
+
+
+rule make_dataset:
+    """The pictures of one domain shared out by a split: links."""
+    input:
+        pictures="results/{run}/detect/pictures/{domain}",
+        split="results/{run}/detect/{split}/split.csv",
+    output:
+        dataset=directory("results/{run}/detect/{split}/datasets/{domain}"),
+    log:
+        "results/{run}/logs/detect/make_dataset_{split}_{domain}.log",
+    benchmark:
+        "results/{run}/benchmarks/detect/make_dataset_{split}_{domain}.tsv"
+    priority: TRAINING_WAITS
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        options=detect_options(TRAINS, COMPARES),
         code=code_of("detect.dataset"),
     script:
         "../scripts/make_dataset.py"
 
 
-rule train_judge:
-    """A detector trained on one domain."""
+rule mix_datasets:
+    """A data set to train on, of pictures of several domains."""
     input:
-        dataset="results/{run}/detect/datasets/{domain}",
+        datasets=datasets_of_mix,
     output:
-        weights="results/{run}/detect/judges/{domain}.pt",
-        curve="results/{run}/detect/judges/{domain}.csv",
+        dataset=directory("results/{run}/detect/{split}/datasets/{mix}"),
     log:
-        "results/{run}/logs/detect/train_judge_{domain}.log",
+        "results/{run}/logs/detect/mix_datasets_{split}_{mix}.log",
     benchmark:
-        "results/{run}/benchmarks/detect/train_judge_{domain}.tsv"
+        "results/{run}/benchmarks/detect/mix_datasets_{split}_{mix}.tsv"
+    priority: TRAINING_WAITS
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        weights=weights_of_mix,
+        options=detect_options(TRAINS, COMPARES),
+        code=code_of("detect.dataset"),
+    script:
+        "../scripts/mix_datasets.py"
+
+
+rule train_judge:
+    """A detector trained on one domain or mix."""
+    input:
+        dataset="results/{run}/detect/{split}/datasets/{trained}",
+        pictures=pictures_behind_training,
+    output:
+        weights="results/{run}/detect/{split}/seed{seed}/judges/{trained}.pt",
+        curve="results/{run}/detect/{split}/seed{seed}/judges/{trained}.csv",
+    log:
+        "results/{run}/logs/detect/train_judge_{split}_seed{seed}_{trained}.log",
+    benchmark:
+        "results/{run}/benchmarks/detect/train_judge_{split}_seed{seed}_{trained}.tsv"
     priority: TRAINING_WAITS
     threads: 1
     resources:
         mem_mb=2500,
         runtime=2880,  # minutes
     params:
-        options=options("detect"),
-        work="results/{run}/detect/work/{domain}",
+        options=detect_options(DRAWS_SPLITS, COMPARES),
+        work="results/{run}/detect/{split}/seed{seed}/work/{trained}",
         code=code_of("detect.train"),
     script:
         "../scripts/train_judge.py"
 
 
 rule predict:
-    """What a judge of one domain sees in the test pictures of every domain."""
+    """What a judge sees in the test pictures of every domain."""
     input:
-        weights="results/{run}/detect/judges/{trained}.pt",
+        weights="results/{run}/detect/{split}/seed{seed}/judges/{trained}.pt",
         datasets=expand(
-            "results/{{run}}/detect/datasets/{evaluated}", evaluated=DOMAINS
+            "results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS
         ),
+        pictures=pictures_behind(DOMAINS),
     output:
         predictions=expand(
-            "results/{{run}}/detect/predictions/{{trained}}_on_{evaluated}.parquet",
+            "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{{trained}}_on_{evaluated}.parquet",
             evaluated=DOMAINS,
         ),
     log:
-        "results/{run}/logs/detect/predict_{trained}.log",
+        "results/{run}/logs/detect/predict_{split}_seed{seed}_{trained}.log",
     benchmark:
-        "results/{run}/benchmarks/detect/predict_{trained}.tsv"
+        "results/{run}/benchmarks/detect/predict_{split}_seed{seed}_{trained}.tsv"
     threads: 1
     resources:
         mem_mb=2000,
         runtime=240,
     params:
-        options=options("detect"),
+        options=detect_options(DRAWS_SPLITS, COMPARES),
         code=code_of("detect.predict"),
     script:
         "../scripts/predict.py"
 
 
 rule evaluate:
-    """mAP, IOU_mean and IPD of every judge on every domain."""
+    """mAP, IOU_mean and IPD of every judge of a split and seed on every domain."""
     input:
-        predictions=of_run(
-            "results/{run}/detect/predictions/{trained}_on_{evaluated}.parquet",
-            trained=DOMAINS,
+        predictions=expand(
+            "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{evaluated}.parquet",
+            trained=TRAINED,
             evaluated=DOMAINS,
         ),
         labels=[path for domain in DOMAINS for path in labels_of(domain)],
-        datasets=of_run("results/{run}/detect/datasets/{domain}", domain=DOMAINS),
-        split="results/{run}/detect/split.csv",
+        datasets=expand(
+            "results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED
+        ),
+        split="results/{run}/detect/{split}/split.csv",
     output:
-        detection="results/{run}/detect/detection.parquet",
-        ipd="results/{run}/detect/ipd.parquet",
-        instances="results/{run}/detect/instances.parquet",
+        detection="results/{run}/detect/{split}/seed{seed}/detection.parquet",
+        ipd="results/{run}/detect/{split}/seed{seed}/ipd.parquet",
+        instances="results/{run}/detect/{split}/seed{seed}/instances.parquet",
     log:
-        "results/{run}/logs/detect/evaluate.log",
+        "results/{run}/logs/detect/evaluate_{split}_seed{seed}.log",
     benchmark:
-        "results/{run}/benchmarks/detect/evaluate.tsv"
+        "results/{run}/benchmarks/detect/evaluate_{split}_seed{seed}.tsv"
     threads: 1
     resources:
         mem_mb=2000,
         runtime=60,
     params:
         domains=DOMAINS,
-        options=options("detect"),
+        trained=TRAINED,
+        options=detect_options(DRAWS_SPLITS),
         code=code_of("detect.evaluate"),
     script:
         "../scripts/evaluate.py"
+
+
+rule measure_stereo:
+    """Depth from every pair of a terrain's photos, and of its twins, against the depth of the meshes."""
+    input:
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
+    output:
+        pairs="results/{run}/detect/stereo/pairs_Terrain{terrain}.parquet",
+        rocks="results/{run}/detect/stereo/rocks_Terrain{terrain}.parquet",
+    log:
+        "results/{run}/logs/detect/measure_stereo_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/detect/measure_stereo_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=240,
+    params:
+        positions=positions_here,
+        grid=options("grid"),
+        domain=CONFIG.photo_domain,
+        models=MODELS,
+        options=options("detect"),
+        code=code_of("detect.stereo.measure"),
+    script:
+        "../scripts/measure_stereo.py"
+
+
+rule compare_stereo:
+    """Stereo depth of all terrains, and its IPD between domains."""
+    input:
+        pairs=of_run(
+            "results/{run}/detect/stereo/pairs_Terrain{terrain}.parquet",
+            terrain=TERRAINS,
+        ),
+        rocks=of_run(
+            "results/{run}/detect/stereo/rocks_Terrain{terrain}.parquet",
+            terrain=TERRAINS,
+        ),
+    output:
+        stereo="results/{run}/detect/stereo.parquet",
+        instances="results/{run}/detect/stereo_instances.parquet",
+        ipd="results/{run}/detect/stereo_ipd.parquet",
+    log:
+        "results/{run}/logs/detect/compare_stereo.log",
+    benchmark:
+        "results/{run}/benchmarks/detect/compare_stereo.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=15,
+    params:
+        options=options("detect"),
+        code=code_of("detect.stereo.compare"),
+    script:
+        "../scripts/compare_stereo.py"
+
+
+rule gather_tables:
+    """One table of all splits and seeds."""
+    input:
+        parts=of_run(
+            "results/{run}/detect/{split}/seed{seed}/{{table}}.parquet",
+            split=SPLITS,
+            seed=SEEDS,
+        ),
+    output:
+        table="results/{run}/detect/{table}.parquet",
+    log:
+        "results/{run}/logs/detect/gather_tables_{table}.log",
+    benchmark:
+        "results/{run}/benchmarks/detect/gather_tables_{table}.tsv"
+    wildcard_constraints:
+        table=one_of(EVALUATED),
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        splits=[split for split in SPLITS for seed in SEEDS],
+        seeds=[seed for split in SPLITS for seed in SEEDS],
+        code=code_of("detect.gather"),
+    script:
+        "../scripts/gather_tables.py"

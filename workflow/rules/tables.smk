@@ -17,6 +17,7 @@ rule tables:
         of_run("results/{run}/tables/{name}.csv", name=["detection", "ipd"])
         if DOMAINS
         else [],
+        of_run("results/{run}/tables/stereo.csv") if STEREO else [],
         of_run("results/{run}/figures/{name}.png", name=["detection", "ipd"])
         if DOMAINS
         else [],
@@ -411,6 +412,36 @@ rule tabulate_ipd:
         code=code_of("tables.ipd_table"),
     script:
         "../scripts/tabulate_ipd.py"
+
+
+rule tabulate_stereo:
+    """Stereo depth against the meshes, in every domain."""
+    input:
+        stereo="results/{run}/detect/stereo.parquet",
+        instances="results/{run}/detect/stereo_instances.parquet",
+        ipd="results/{run}/detect/stereo_ipd.parquet",
+    output:
+        table=report(
+            "results/{run}/tables/stereo.csv",
+            caption="../report/stereo_table.rst",
+            category="Tables",
+            labels={"table": "stereo depth"},
+        ),
+        others=multiext("results/{run}/tables/stereo", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/tables/tabulate_stereo.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_stereo.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        stereo=options("detect")["stereo"],
+        code=code_of("tables.stereo_table"),
+    script:
+        "../scripts/tabulate_stereo.py"
 
 
 rule draw_comparison:

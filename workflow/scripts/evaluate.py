@@ -1,4 +1,4 @@
-"""Compare all judges on all domains."""
+"""Compare all judges of a split and seed on all domains."""
 
 from pathlib import Path
 
@@ -7,12 +7,12 @@ from polarsim.detect.options import DetectOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
-    domains = snakemake.params.domains
     evaluate(
         predictions=[Path(path) for path in snakemake.input.predictions],
-        labels=dict(zip(domains, map(Path, snakemake.input.labels), strict=True)),
-        datasets=dict(zip(domains, map(Path, snakemake.input.datasets), strict=True)),
+        labels=dict(zip(snakemake.params.domains, map(Path, snakemake.input.labels), strict=True)),
+        datasets=dict(zip(snakemake.params.trained, map(Path, snakemake.input.datasets), strict=True)),
         split=Path(snakemake.input.split),
+        by=snakemake.wildcards.split,
         detection=Path(snakemake.output.detection),
         ipd=Path(snakemake.output.ipd),
         instances=Path(snakemake.output.instances),

@@ -1,17 +1,17 @@
-"""Make the data set of one domain."""
+"""Share the pictures of one domain out to the parts of a split."""
 
 from pathlib import Path
 
-from polarsim.detect.dataset import make_dataset
+from polarsim.detect.dataset import share_pictures
 from polarsim.detect.options import DetectOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
-    make_dataset(
+    share_pictures(
         domain=snakemake.wildcards.domain,
-        pictures=Path(snakemake.params.pictures),
-        labels=Path(snakemake.input.labels[0]),
+        pictures=Path(snakemake.input.pictures),
         split=Path(snakemake.input.split),
+        by=snakemake.wildcards.split,
         dataset=Path(snakemake.output.dataset),
         options=DetectOptions(**snakemake.params.options),
     )

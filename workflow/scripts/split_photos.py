@@ -12,6 +12,7 @@ with reporting(log=snakemake.log[0]):
         keys=selected_grids(
             snakemake.params.terrains, snakemake.params.positions, GridOptions(**snakemake.params.grid)
         ),
+        by=snakemake.wildcards.split,
         split=Path(snakemake.output.split),
         options=DetectOptions(**snakemake.params.options),
     )

@@ -1,4 +1,4 @@
-"""Train a judge on one domain."""
+"""Train a judge on one domain or mix."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ with reporting(log=snakemake.log[0]):
         dataset=Path(snakemake.input.dataset),
         weights=Path(snakemake.output.weights),
         curve=Path(snakemake.output.curve),
-        options=DetectOptions(**snakemake.params.options),
+        options=DetectOptions(**snakemake.params.options | {"seed": int(snakemake.wildcards.seed)}),
         threads=snakemake.threads,
         work=Path(snakemake.params.work),
     )

@@ -20,14 +20,16 @@ TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mea
 def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
     """Write detection of rocks as three matrices: a row a judge, a column a domain."""
     table = detection_table.tidy_detection(read_parquet(detection, detection_table.COLUMNS), origin["source"])
-    rocks = table[table["kind"] == ROCK]
+    rocks, split = _of_one_split(table[table["kind"] == ROCK])
     width = options.figure_width_px
     with page(figure, width, round(width * 0.42)) as sheet:
         if not len(rocks):
             note(sheet, "no judged rocks")
             return
         sheet.suptitle(
-            f"Rock detection, source {origin['source']} (small: the paper's photos and twins)", x=0.01, ha="left"
+            f"Rock detection, source {origin['source']}{split} (small: the paper's photos and twins)",
+            x=0.01,
+            ha="left",
         )
         for number, (axes, measure) in enumerate(zip(sheet.subplots(1, 3), TITLES, strict=True)):
             _draw_matrix(axes, rocks, measure)
@@ -38,14 +40,14 @@ def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], opt
 def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
     """Write IPD of rocks as bars with 95 % intervals, a group a judge and pair of domains."""
     table = ipd_table.tidy_ipd(read_parquet(ipd, ipd_table.COLUMNS), origin["source"])
-    rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()].reset_index(drop=True)
+    rocks, split = _of_one_split(table[(table["kind"] == ROCK) & table["ipd"].notna()])
     width = options.figure_width_px
     with page(figure, width, round(width * 0.42)) as sheet:
         if not len(rocks):
             note(sheet, "no rock is labelled in two domains")
             return
         axes = sheet.subplots()
-        axes.set_title(f"Instance performance difference of rocks, source {origin['source']}")
+        axes.set_title(f"Instance performance difference of rocks, source {origin['source']}{split}")
         place = np.arange(len(rocks))
         for shift, name, text, colour in (
             (-0.2, "ipd", "|mean difference|", SERIES[0]),
@@ -73,6 +75,14 @@ def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], options: Tables
         axes.grid(visible=True, axis="y")
         sheet.legend(ncols=3, loc="outside upper right")
         _name_judges(axes, rocks)
+
+
+def _of_one_split(rocks: pd.DataFrame) -> tuple[pd.DataFrame, str]:
+    """The rows of the first split, and its name for the title; the tables have all."""
+    if "split" not in rocks.columns or not len(rocks):
+        return rocks.reset_index(drop=True), ""
+    split = rocks["split"].iloc[0]
+    return rocks[rocks["split"] == split].reset_index(drop=True), f", split by {split}"
 
 
 def _draw_matrix(axes: Any, rocks: pd.DataFrame, measure: str) -> None:

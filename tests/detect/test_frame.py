@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.detect.predict import frame
+from polarsim.detect.frame import frame
 
 
 @pytest.mark.parametrize(("height", "width", "imgsz"), [(201, 320, 320), (221, 352, 352), (1216, 1936, 320)])

@@ -1,0 +1,164 @@
+"""Speed and memory of any judge on the device that is there, and the time that the paper's full protocol would take.
+
+    python benchmarks/judges.py [--models compact yolov5n] [--imgsz 640] [--device auto] [--threads 2] [--json]
+
+Pictures are noise with 20 blobs each, as photos become at that size. Start-up does not count: training is the
+difference of a long and a short one. Every judge has a process of its own, so that its peak of memory is its own.
+Rates are of wall time; on a machine that does other things too, look at the CPU seconds.
+
+Last figures (AMD EPYC, Zen 4, one thread of a busy machine, `--imgsz 288 --pictures 8`): compact 64 ms of CPU a
+picture to train, 34 ms to predict, 569 MB; yolov5n 93 ms, 47 ms, 742 MB. With so few pictures an epoch's validation and
+checkpoint weigh much: compact on 259 pictures 43 ms. The paper's protocol on this thread: 97 and 182 hours.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.detect.judges import choose_device, judge_name, load_torch
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.predict import predict
+from polarsim.detect.train import train_judge
+from polarsim.formats import png, tables, yolo
+from polarsim.photo import HEIGHT, WIDTH, photo_grid
+
+PAPER_TRAINED, PAPER_EPOCHS, PAPER_JUDGES = 3460, 200, 3
+PAPER_PREDICTED, PAPER_PAIRS = 5190, 9
+SHORT, LONG = 1, 4  # epochs
+
+
+def make_dataset(root: Path, imgsz: int, train: int, test: int) -> Path:
+    """A data set as `polarsim.detect.dataset` writes it."""
+    random = np.random.default_rng(0)
+    height = round(imgsz * HEIGHT / WIDTH)
+    parts = ["train"] * train + ["val"] * 2 + ["test"] * test
+    keys = [str(key) for terrain in range(1, 13) for key in sorted(photo_grid(terrain))][: len(parts)]
+    for key, part in zip(keys, parts, strict=True):
+        pixels = random.normal(90, 12, (height, imgsz))
+        low = random.uniform(0, (WIDTH - 130, HEIGHT - 100), (20, 2))
+        boxes = np.concatenate([low, low + random.uniform(30, (120, 90), (20, 2))], axis=1)
+        for x0, y0, x1, y1 in np.rint(boxes * imgsz / WIDTH).astype(int):
+            pixels[y0:y1, x0:x1] = 200
+        png.write(root / "images" / part / f"{key}.png", np.clip(pixels, 0, 255).astype(np.uint8))
+        yolo.write_boxes(root / "labels" / part / f"{key}.txt", np.zeros(20, int), boxes)
+    tables.write_csv(root / "pictures.csv", pd.DataFrame({"key": keys, "part": parts}))
+    return root
+
+
+def measure(model: str, given: argparse.Namespace) -> dict[str, object]:
+    """Rates, memory and predicted time of one judge."""
+    root = Path(tempfile.mkdtemp())
+    try:
+        options = DetectOptions(model=model, imgsz=given.imgsz, batch=given.batch, device=given.device)
+        dataset = make_dataset(root / "data", given.imgsz, given.pictures, given.pictures)
+        _train(root, dataset, options, SHORT, given.threads)  # pays for the imports
+        spent = {epochs: _train(root, dataset, options, epochs, given.threads) for epochs in (SHORT, LONG)}
+        train_s, train_cpu_s = (
+            (long - short) / (LONG - SHORT) / given.pictures
+            for short, long in zip(spent[SHORT], spent[LONG], strict=True)
+        )
+        _predict(root, dataset, options, given.threads)  # the first pays for start-up
+        predict_s, predict_cpu_s = (value / given.pictures for value in _predict(root, dataset, options, given.threads))
+        return {
+            "judge": judge_name(model),
+            "device": _device_name(given.device),
+            "imgsz": given.imgsz,
+            "batch": given.batch,
+            "threads": given.threads,
+            "train_images_per_s": round(1 / train_s, 2),
+            "train_cpu_ms_per_image": round(1000 * train_cpu_s, 1),
+            "predict_images_per_s": round(1 / predict_s, 2),
+            "predict_cpu_ms_per_image": round(1000 * predict_cpu_s, 1),
+            "memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
+            "gpu_memory_mb": _gpu_memory_mb(),
+            **paper_hours(train_s, predict_s),
+        }
+    finally:
+        shutil.rmtree(root, ignore_errors=True)
+
+
+def paper_hours(train_s: float, predict_s: float) -> dict[str, float]:
+    """Hours of the paper's protocol, by seconds a picture: 3 judges, 200 epochs of 3,460; 9 times 5,190 predictions."""
+    one = PAPER_TRAINED * PAPER_EPOCHS * train_s / 3600
+    predictions = PAPER_PREDICTED * PAPER_PAIRS * predict_s / 3600
+    return {
+        "paper_train_one_h": round(one, 2),
+        "paper_predict_h": round(predictions, 2),
+        "paper_total_h": round(PAPER_JUDGES * one + predictions, 2),
+    }
+
+
+def _train(root: Path, dataset: Path, options: DetectOptions, epochs: int, threads: int) -> tuple[float, float]:
+    """Wall and CPU seconds."""
+    start = time.perf_counter(), time.process_time()
+    train_judge(
+        dataset=dataset,
+        weights=root / "judge.pt",
+        curve=root / "judge.csv",
+        options=options.model_copy(update={"epochs": epochs}),
+        threads=threads,
+        work=root / "work",
+    )
+    return time.perf_counter() - start[0], time.process_time() - start[1]
+
+
+def _predict(root: Path, dataset: Path, options: DetectOptions, threads: int) -> tuple[float, float]:
+    start = time.perf_counter(), time.process_time()
+    predict(
+        weights=root / "judge.pt",
+        dataset=dataset,
+        predictions=root / "predictions.parquet",
+        options=options,
+        threads=threads,
+    )
+    return time.perf_counter() - start[0], time.process_time() - start[1]
+
+
+def _device_name(device: str) -> str:
+    return load_torch().cuda.get_device_name() if choose_device(device) == "cuda" else "cpu"
+
+
+def _gpu_memory_mb() -> int:
+    torch = load_torch()
+    return round(torch.cuda.max_memory_allocated() / 2**20) if torch.cuda.is_available() else 0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--models", nargs="+", default=["compact", "yolov5n"])
+    parser.add_argument("--imgsz", type=int, default=640, help="px")
+    parser.add_argument("--batch", type=int, default=4)
+    parser.add_argument("--device", default="auto", choices=["auto", "cpu", "cuda"])
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--pictures", type=int, default=24, help="to train on, and to predict")
+    parser.add_argument("--json", action="store_true", help="a list with an object a judge")
+    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)  # one judge, in this process
+    given = parser.parse_args()
+    if given.here:
+        sys.stdout.write(json.dumps(measure(given.models[0], given)))
+        return
+    rows = []
+    for model in given.models:
+        words = [f"--{name}={getattr(given, name)}" for name in ("imgsz", "batch", "device", "threads", "pictures")]
+        command = [sys.executable, __file__, "--here", "--models", model, *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            sys.exit(f"{model}: {done.stderr.strip().splitlines()[-1]}")
+        rows.append(json.loads(done.stdout.splitlines()[-1]))
+    sys.stdout.write(json.dumps(rows, indent=1) + "\n" if given.json else pd.DataFrame(rows).T.to_string(header=False))
+    sys.stdout.write("" if given.json else "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,46 @@
+"""Pictures as a network takes them, and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import DetectError
+from polarsim.formats import png
+from polarsim.photo import HEIGHT, WIDTH
+
+STRIDE = 32  # a network's pictures have sides that are multiples of it
+PADDING = 114  # grey value around the picture, as in training
+
+
+def read_picture(path: Path) -> np.ndarray:
+    """(h, w) uint8.
+
+    Raises
+    ------
+    PolarsimError
+        No picture, or not of one channel of 8 bits.
+    """
+    pixels = png.read(path)
+    if pixels.ndim != 2 or pixels.dtype != np.uint8:
+        raise DetectError(f"{path}: {pixels.dtype} with shape {pixels.shape}, expected one channel of 8 bits")
+    return pixels
+
+
+def frame(picture: np.ndarray, imgsz: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A picture (h, w) uint8 as the network takes it: longer side `imgsz`, padded to whole strides.
+
+    Returns the pixels, the (x, y) offset of the picture in them, and the (x, y) pixels of a full photo to one of them.
+    """
+    import cv2
+
+    height, width = picture.shape
+    if max(height, width) != imgsz:
+        scale = imgsz / max(height, width)
+        width, height = round(width * scale), round(height * scale)
+        picture = np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_LINEAR))
+    rows, columns = -height % STRIDE, -width % STRIDE
+    top, left = rows // 2, columns // 2
+    pixels = np.pad(picture, ((top, rows - top), (left, columns - left)), constant_values=PADDING)
+    return pixels, np.array([left, top], float), np.array([WIDTH / width, HEIGHT / height])

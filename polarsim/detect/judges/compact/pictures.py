@@ -1,0 +1,98 @@
+"""Pictures of a data set with their boxes, in the order and with the changes that a training asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.detect.dataset import read_pictures
+from polarsim.detect.frame import PADDING, frame, read_picture
+from polarsim.errors import DetectError
+from polarsim.formats import yolo
+
+_CACHE_BYTES = 1 << 30  # pictures beyond are read again in every epoch
+_SHIFT, _SCALE, _BRIGHTNESS = 0.1, 0.3, 0.3  # largest random changes, as shares, as those of the other judges
+_LEAST_SEEN = 0.25  # share of a box that must stay inside a moved picture
+_LEAST_SIDE = 0.5  # px
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One picture as the network takes it."""
+
+    pixels: np.ndarray  # (h, w) uint8
+    classes: np.ndarray  # (n,) int64
+    boxes: np.ndarray  # (n, 4) x0, y0, x1, y1 in px of the picture
+
+
+class Pictures:
+    """A part of a data set; pictures stay in memory while there is room for them."""
+
+    def __init__(self, dataset: Path, part: str, imgsz: int) -> None:
+        self._dataset, self._part, self._imgsz = dataset, part, imgsz
+        self._keys = read_pictures(dataset, part)
+        self._cache: dict[int, Picture] = {}
+        self._room = _CACHE_BYTES
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def __getitem__(self, index: int) -> Picture:
+        if index in self._cache:
+            return self._cache[index]
+        picture = self._read(self._keys[index])
+        if self._room >= picture.pixels.nbytes:
+            self._cache[index] = picture
+            self._room -= picture.pixels.nbytes
+        return picture
+
+    def _read(self, key: str) -> Picture:
+        pixels, offset, scale = frame(read_picture(self._dataset / "images" / self._part / f"{key}.png"), self._imgsz)
+        classes, boxes = yolo.read_boxes(self._dataset / "labels" / self._part / f"{key}.txt")
+        return Picture(pixels, classes, boxes / np.tile(scale, 2) + np.tile(offset, 2))
+
+
+def batches(pictures: Pictures, order: np.ndarray, size: int) -> Iterator[list[Picture]]:
+    """The pictures in an order, some at a time.
+
+    Raises
+    ------
+    DetectError
+        Pictures of a batch have different sizes.
+    """
+    for start in range(0, len(order), size):
+        batch = [pictures[int(index)] for index in order[start : start + size]]
+        if len({picture.pixels.shape for picture in batch}) > 1:
+            raise DetectError(f"pictures of sizes {sorted({one.pixels.shape for one in batch})}, expected one size")
+        yield batch
+
+
+def changed(picture: Picture, random: np.random.Generator) -> Picture:
+    """A picture mirrored at random, moved, scaled, made brighter or darker; its boxes go with it."""
+    import cv2
+
+    height, width = picture.pixels.shape
+    scale = 1 + random.uniform(-_SCALE, _SCALE)
+    shift = random.uniform(-_SHIFT, _SHIFT, 2) * (width, height)
+    mirror = -1 if random.random() < 0.5 else 1
+    middle = np.array([width, height]) / 2
+    factor = np.array([mirror * scale, scale])
+    offset = middle + shift - factor * middle  # in places counted from the picture's corner
+    # OpenCV counts from the first pixel's centre.
+    matrix = np.column_stack([np.diag(factor), offset + 0.5 * factor - 0.5])
+    pixels = np.asarray(
+        cv2.warpAffine(
+            picture.pixels, matrix, (width, height), flags=cv2.INTER_LINEAR, borderValue=(float(PADDING),) * 4
+        )
+    )
+    gain = 1 + random.uniform(-_BRIGHTNESS, _BRIGHTNESS)
+    pixels = np.clip(pixels * gain + 0.5, 0, 255).astype(np.uint8)
+    low, high = picture.boxes[:, :2] * factor + offset, picture.boxes[:, 2:] * factor + offset
+    moved = np.concatenate([np.minimum(low, high), np.maximum(low, high)], axis=1)
+    inside = np.clip(moved, 0, [width, height, width, height])
+    before, sides = (moved[:, 2:] - moved[:, :2]).prod(axis=1), inside[:, 2:] - inside[:, :2]
+    seen = (sides.min(axis=1) >= _LEAST_SIDE) & (sides.prod(axis=1) >= _LEAST_SEEN * before)
+    return Picture(pixels, picture.classes[seen], inside[seen])

@@ -1,0 +1,206 @@
+"""Training of `compact`: AdamW, a rate that rises and falls once, averaged weights, a checkpoint an epoch."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+
+from polarsim.detect import metrics
+from polarsim.detect.judges.compact.loss import losses
+from polarsim.detect.judges.compact.network import Compact
+from polarsim.detect.judges.compact.pictures import Picture, Pictures, batches, changed
+from polarsim.detect.judges.compact.weights import as_input, found, network
+from polarsim.detect.judges.devices import choose_device
+from polarsim.detect.judges.families import Trained, Training
+from polarsim.detect.judges.files import load, read_judge, save
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.split import TRAIN, VAL
+from polarsim.errors import DetectError, about
+from polarsim.photo import BOX_CLASSES
+from polarsim.randomness import generator
+
+_WARM_UP = 100  # steps over which the rate rises
+_LAST_RATE = 0.02  # of the largest one
+_DECAY = 0.01  # of convolutions' weights, not of biases and norms
+_AVERAGE = 0.98  # of the averaged weights that a step keeps; Polyak and Juditsky, SIAM J. Control 30 (1992) 838
+_LARGEST_GRADIENT = 10.0
+log = logging.getLogger("polarsim")
+
+
+@dataclass
+class State:
+    """All that a training needs to go on."""
+
+    module: Compact
+    average: Compact  # what is validated and kept
+    optimizer: torch.optim.Optimizer
+    steps: int = 0
+    best: dict[str, Any] = field(default_factory=dict)
+    best_fitness: float = -1.0
+    curve: list[dict[str, float]] = field(default_factory=list)  # a row an epoch done
+
+
+def train(training: Training) -> Trained:
+    """See `Family.train`. A training that was stopped ends with the bytes of one that was not."""
+    options, checkpoint = training.options, training.folder / "checkpoint.pt"
+    device = _set_up_torch(options, training.threads)
+    pictures, held_out = (Pictures(training.dataset, part, options.imgsz) for part in (TRAIN, VAL))
+    state = _start(options, device)
+    _go_on(state, checkpoint)
+    for epoch in range(len(state.curve), options.epochs):
+        row = {"epoch": epoch + 1} | _train_epoch(state, pictures, epoch, options, device)
+        row |= _validate(state.average, held_out, options, device)
+        state.curve.append(row)
+        # As Ultralytics weighs them. Of equals the later one: the rate was lower.
+        fitness = 0.1 * row["val_map50"] + 0.9 * row["val_map50_95"]
+        if fitness >= state.best_fitness:
+            state.best_fitness, state.best = fitness, _half(state.average)
+        _write_checkpoint(state, checkpoint)
+        log.info(
+            "epoch %d of %d: losses class %.3f, box %.3f; val mAP50 %.3f",
+            epoch + 1, options.epochs, row["train_class_loss"], row["train_box_loss"], row["val_map50"],
+        )  # fmt: skip
+    return Trained(state.best, pd.DataFrame(state.curve).round(6))
+
+
+def _set_up_torch(options: DetectOptions, threads: int) -> str:
+    torch.set_num_threads(threads)
+    torch.backends.cudnn.deterministic, torch.backends.cudnn.benchmark = True, False
+    return choose_device(options.device)
+
+
+def _start(options: DetectOptions, device: str) -> State:
+    with torch.random.fork_rng(devices=[]):  # on the CPU for all devices: same seed, same start
+        torch.manual_seed(int(generator(options.seed, "detect", "weights").integers(2**31)))
+        module, average = network(options.model), network(options.model)
+    if options.pretrained:
+        if not options.pretrained.is_file():
+            raise DetectError(f"{options.pretrained}: the pretrained weights are missing")
+        with about(options.pretrained):
+            module = network(options.model, read_judge(options.pretrained).state)
+    average.load_state_dict(module.state_dict())
+    module, average = module.to(device), average.to(device).eval()
+    kernels = [value for value in module.parameters() if value.ndim > 1]
+    others = [value for value in module.parameters() if value.ndim <= 1]
+    groups = [{"params": kernels, "weight_decay": _DECAY}, {"params": others, "weight_decay": 0.0}]
+    return State(module, average, torch.optim.AdamW(groups, lr=options.learning_rate, fused=True))
+
+
+def _train_epoch(state: State, pictures: Pictures, epoch: int, options: DetectOptions, device: str) -> dict[str, float]:
+    """One pass over the pictures; mean losses of its steps. Its randomness depends on nothing but seed and epoch."""
+    random = generator(options.seed, "detect", "epoch", epoch)
+    order = random.permutation(len(pictures))
+    steps = math.ceil(len(order) / options.batch)
+    totals = np.zeros(2)
+    state.module.train()
+    for batch in batches(pictures, order, options.batch):
+        rate = options.learning_rate * _rate(state.steps, steps * options.epochs)
+        for group in state.optimizer.param_groups:
+            group["lr"] = rate
+        shown = [changed(picture, random) for picture in batch] if options.augment else batch
+        logits, boxes = state.module(_input(shown, device))
+        parts = losses(logits, boxes, _labels(shown, device))
+        state.optimizer.zero_grad()
+        sum(parts).backward()  # type: ignore[union-attr]
+        torch.nn.utils.clip_grad_norm_(state.module.parameters(), _LARGEST_GRADIENT)
+        state.optimizer.step()
+        state.steps += 1
+        _update_average(state)
+        totals += [float(part.detach()) for part in parts]
+    if not np.isfinite(totals).all():
+        raise DetectError("training diverged: lower detect.learning_rate")
+    return dict(zip(("train_class_loss", "train_box_loss"), (totals / steps).tolist(), strict=True))
+
+
+def _rate(step: int, steps: int) -> float:
+    """Share of the largest rate: a line up, then half a cosine down."""
+    falling = _LAST_RATE + (1 - _LAST_RATE) * (1 + math.cos(math.pi * step / steps)) / 2
+    return min(1.0, (step + 1) / min(_WARM_UP, steps)) * falling
+
+
+def _update_average(state: State) -> None:
+    keep = min(_AVERAGE, (1 + state.steps) / (10 + state.steps))  # at first the start would weigh too much
+    with torch.no_grad():
+        for mean, value in zip(state.average.state_dict().values(), state.module.state_dict().values(), strict=True):
+            if mean.is_floating_point():
+                mean.lerp_(value, 1 - keep)
+            else:
+                mean.copy_(value)
+
+
+def _validate(module: Compact, pictures: Pictures, options: DetectOptions, device: str) -> dict[str, float]:
+    """Losses, mAP@0.5 and mAP@[0.5:0.95], the mean over classes that have labels."""
+    totals, seen, detections = np.zeros(2), [], []
+    for batch in batches(pictures, np.arange(len(pictures)), options.batch):
+        with torch.inference_mode():
+            logits, boxes = module(_input(batch, device))
+            totals += [float(part) for part in losses(logits, boxes, _labels(batch, device))]
+        seen += batch
+        detections += found(logits, boxes, options)
+    precision = [
+        metrics.average_precision(
+            [picture.boxes[picture.classes == kind] for picture in seen],
+            [rows[rows[:, 5] == kind, :4] for rows in detections],
+            [rows[rows[:, 5] == kind, 4] for rows in detections],
+        )
+        for kind in range(len(BOX_CLASSES))
+    ]
+    labelled = [row for row in precision if not np.isnan(row).any()]
+    mean = np.mean(labelled, axis=0) if labelled else np.zeros(len(metrics.IOU_THRESHOLDS))
+    class_loss, box_loss = (totals / math.ceil(len(seen) / options.batch)).tolist()
+    return {
+        "val_class_loss": class_loss,
+        "val_box_loss": box_loss,
+        "val_map50": float(mean[0]),
+        "val_map50_95": float(mean.mean()),
+    }
+
+
+def _input(batch: list[Picture], device: str) -> torch.Tensor:
+    return as_input(np.stack([picture.pixels for picture in batch]), device)
+
+
+def _labels(batch: list[Picture], device: str) -> list[tuple[torch.Tensor, torch.Tensor]]:
+    return [
+        (torch.from_numpy(picture.classes).to(device), torch.from_numpy(picture.boxes).float().to(device))
+        for picture in batch
+    ]
+
+
+def _half(module: Compact) -> dict[str, Any]:
+    values = module.state_dict().items()
+    return {name: (value.half() if value.is_floating_point() else value).cpu().clone() for name, value in values}
+
+
+def _write_checkpoint(state: State, path: Path) -> None:
+    content = {
+        "module": state.module.state_dict(),
+        "average": state.average.state_dict(),
+        "optimizer": state.optimizer.state_dict(),
+        "steps": state.steps,
+        "best": state.best,
+        "best_fitness": state.best_fitness,
+        "curve": state.curve,
+    }
+    save(path, content)
+
+
+def _go_on(state: State, path: Path) -> None:
+    """Bring a fresh state to where a checkpoint was written, if there is one."""
+    try:
+        content = load(path)
+    except DetectError:  # there is none, or none that is whole
+        return
+    state.module.load_state_dict(content["module"])
+    state.average.load_state_dict(content["average"])
+    state.optimizer.load_state_dict(content["optimizer"])
+    state.steps, state.best = content["steps"], content["best"]
+    state.best_fitness, state.curve = content["best_fitness"], content["curve"]
+    log.info("going on with the training in %s after epoch %d", path.parent, len(state.curve))

@@ -1,0 +1,75 @@
+"""Networks with fresh or given weights, and how they predict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from polarsim.detect.judges.compact.network import WIDTHS, Compact
+from polarsim.detect.judges.devices import choose_device
+from polarsim.detect.judges.families import Detector
+from polarsim.detect.judges.files import Judge
+from polarsim.detect.nms import nms
+from polarsim.detect.options import DetectOptions
+from polarsim.errors import DetectError
+from polarsim.photo import BOX_CLASSES
+
+_MOST = 1000  # boxes of a picture and class that suppression looks at, the surest
+
+
+def network(model: str, state: dict[str, Any] | None = None) -> Compact:
+    """A network, its weights drawn from torch's generator where no state is given.
+
+    Raises
+    ------
+    DetectError
+        The state is of another network.
+    """
+    module = Compact(WIDTHS[model], len(BOX_CLASSES)).to(memory_format=torch.channels_last)
+    if state is not None:
+        try:
+            module.load_state_dict(state)  # copies into the network's own precision
+        except RuntimeError as error:
+            raise DetectError(f"weights do not fit {model}: {str(error).splitlines()[0]}") from error
+    return module
+
+
+def load(judge: Judge, folder: Path, options: DetectOptions, threads: int) -> Detector:  # noqa: ARG001 - of the interface
+    """See `Family.load`."""
+    torch.set_num_threads(threads)
+    device = choose_device(options.device)
+    module = network(judge.model, judge.state).to(device).eval()
+
+    def detect(pictures: np.ndarray) -> list[np.ndarray]:
+        with torch.inference_mode():
+            logits, boxes = module(as_input(pictures, device))
+        return found(logits, boxes, options)
+
+    return detect
+
+
+def as_input(pictures: np.ndarray, device: str) -> Tensor:
+    """Pictures (b, h, w) uint8 as the network takes them."""
+    batch = torch.from_numpy(pictures)[:, None].to(device).float() / 255
+    return batch.contiguous(memory_format=torch.channels_last)
+
+
+def found(logits: Tensor, boxes: Tensor, options: DetectOptions) -> list[np.ndarray]:
+    """What the network's answers mean, as a `Detector` gives it."""
+    scores, boxes = logits.sigmoid().flatten(2).cpu(), boxes.flatten(3).cpu()
+    pictures = []
+    for score, box in zip(scores, boxes, strict=True):
+        rows = [np.zeros((0, 6))]
+        for kind in range(len(score)):
+            surest, place = score[kind].topk(min(_MOST, score.shape[1]))
+            likely = surest > options.confidence
+            surest, corners = surest[likely], box[kind][:, place[likely]].T
+            kept = nms(corners, surest, options.nms_iou)
+            rows.append(np.column_stack([corners[kept], surest[kept], np.full(len(kept), kind)]).astype(float))
+        table = np.concatenate(rows)
+        pictures.append(table[np.argsort(-table[:, 4], kind="stable")[: options.max_boxes]])
+    return pictures

@@ -1,0 +1,42 @@
+"""Weights to start from that are not on the disk yet; only where the configuration names an address."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import urllib.request
+from pathlib import Path
+
+from polarsim.detect.options import DetectOptions
+from polarsim.errors import FetchError
+from polarsim.formats.files import write_bytes
+
+_TIMEOUT_S = 60
+log = logging.getLogger("polarsim")
+
+
+def ensure_weights(options: DetectOptions) -> None:
+    """Fetch `pretrained` from `pretrained_url` where it is missing.
+
+    Raises
+    ------
+    FetchError
+        No such address, or another file than `pretrained_sha256` pins.
+    """
+    if options.pretrained and options.pretrained_url and not options.pretrained.is_file():
+        assert options.pretrained_sha256, "options are checked"
+        fetch(options.pretrained_url, options.pretrained, options.pretrained_sha256)
+
+
+def fetch(url: str, path: Path, sha256: str) -> None:
+    """Write what an address gives, if it has this checksum."""
+    log.info("fetching %s", url)
+    try:
+        with urllib.request.urlopen(url, timeout=_TIMEOUT_S) as answer:  # noqa: S310 - options allow https and file
+            content = answer.read()
+    except (OSError, ValueError) as error:
+        raise FetchError(f"{path}: cannot be fetched from {url}, {error}") from error
+    found = hashlib.sha256(content).hexdigest()
+    if found != sha256.lower():
+        raise FetchError(f"{url}: SHA-256 {found}, expected {sha256}")
+    write_bytes(path, content)

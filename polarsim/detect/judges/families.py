@@ -1,0 +1,85 @@
+"""What every family of judges can do, and which family a model is of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+
+from polarsim.detect.judges.files import Judge
+from polarsim.detect.options import DetectOptions
+
+# Pictures (b, h, w) uint8 of one size, as `frame` makes them -> for each what is in it, (n, 6) float64: x0, y0, x1, y1
+# in px of the picture, confidence, class; the surest first.
+Detector = Callable[[np.ndarray], list[np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Training:
+    """What a training is told."""
+
+    dataset: Path  # folder that `make_dataset` wrote, read only
+    folder: Path  # for checkpoints; what lies there is of this very training, stopped before its end
+    options: DetectOptions
+    threads: int  # of torch on a CPU
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a training gives."""
+
+    state: dict[str, Any]  # tensors by name in half precision: the weights of the best validation
+    curve: pd.DataFrame  # a row an epoch: epoch, losses, val_map50, val_map50_95
+
+
+class Family(Protocol):
+    """A kind of detector: one module implements it."""
+
+    def train(self, training: Training) -> Trained:
+        """Train, or go on with what was stopped.
+
+        Raises
+        ------
+        PolarsimError
+            A broken data set or pretrained weights, or a training that diverges.
+        """
+        ...
+
+    def load(self, judge: Judge, folder: Path, options: DetectOptions, threads: int) -> Detector:
+        """A judge that is ready to predict; `folder` is for files of its library, until the process ends.
+
+        Raises
+        ------
+        DetectError
+            The weights do not fit the model.
+        """
+        ...
+
+
+def family(model: str) -> Family:
+    """The family of a model that `DetectOptions.model` allows. Only what is asked for is imported."""
+    if _is_compact(model):
+        from polarsim.detect.judges.compact import family as compact
+
+        return compact
+    from polarsim.detect.judges.yolo import family as yolo
+
+    return yolo
+
+
+def judge_name(model: str) -> str:
+    """A model as tables name it.
+
+    Ultralytics builds YOLOv5's body with its later anchor-free head; the tables must not call that YOLOv5.
+    """
+    if _is_compact(model):
+        return f"{model} (polarsim's own)"
+    return f"{model} (YOLOv5u)" if model.startswith("yolov5") else model
+
+
+def _is_compact(model: str) -> bool:
+    return model.startswith("compact")

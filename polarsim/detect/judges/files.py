@@ -1,0 +1,69 @@
+"""Judges as files."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from polarsim.detect.judges.devices import load_torch
+from polarsim.errors import DetectError
+from polarsim.formats.files import write_bytes
+from polarsim.photo import BOX_CLASSES
+
+_FORMAT = "polarsim judge 1"
+
+
+@dataclass(frozen=True)
+class Judge:
+    """A trained detector: its architecture, how it was trained, and its tensors."""
+
+    model: str  # architecture, such as yolov5n
+    imgsz: int  # px, longer side of the pictures it was trained on
+    epochs: int
+    start: str  # "scratch", or the name of the weights it started from
+    state: dict[str, Any]  # tensors by name, half precision
+
+
+def write_judge(path: Path, judge: Judge) -> None:
+    """Tensors and plain values only: no code to run on loading, no paths or dates, same judge same bytes."""
+    save(path, {"format": _FORMAT, "classes": list(BOX_CLASSES), **vars(judge)})
+
+
+def read_judge(path: Path) -> Judge:
+    """Read what `write_judge` wrote; nothing in the file is executed.
+
+    Raises
+    ------
+    DetectError
+        The file is missing, or is no judge of ours.
+    """
+    content = load(path)
+    if not isinstance(content, dict) or content.get("format") != _FORMAT:
+        raise DetectError(f"{path}: not weights that polarsim wrote, expected format {_FORMAT!r}")
+    if tuple(content["classes"]) != BOX_CLASSES:
+        raise DetectError(f"{path}: a judge of classes {content['classes']}, expected {list(BOX_CLASSES)}")
+    return Judge(**{name: content[name] for name in Judge.__dataclass_fields__})
+
+
+def save(path: Path, content: dict[str, Any]) -> None:
+    """Write tensors and plain values; same content, same bytes."""
+    buffer = io.BytesIO()  # torch would put a file's name into the archive
+    load_torch().save(content, buffer)
+    write_bytes(path, buffer.getvalue())
+
+
+def load(path: Path) -> Any:
+    """Read what `save` wrote; nothing in the file is executed.
+
+    Raises
+    ------
+    DetectError
+        The file is missing, or is none.
+    """
+    torch = load_torch()
+    try:
+        return torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # torch raises many kinds
+        raise DetectError(f"{path}: no readable judge, {str(error).splitlines()[0]}") from error

@@ -1,0 +1,1 @@
+"""Judges of Ultralytics (AGPL-3.0)."""

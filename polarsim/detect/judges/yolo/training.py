@@ -1,0 +1,180 @@
+"""Training by Ultralytics' trainer."""
+
+from __future__ import annotations
+
+import logging
+import math
+from copy import copy
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from polarsim.detect.dataset import read_pictures
+from polarsim.detect.judges.devices import choose_device
+from polarsim.detect.judges.families import Trained, Training
+from polarsim.detect.judges.yolo.library import ultralytics
+from polarsim.detect.judges.yolo.weights import load_start
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.split import TRAIN, VAL
+from polarsim.errors import DetectError, about
+from polarsim.formats import tables
+from polarsim.formats.files import write_text
+from polarsim.photo import BOX_CLASSES
+
+CURVE_COLUMNS = {  # of Ultralytics' results.csv -> ours
+    "epoch": "epoch",
+    "train/box_loss": "train_box_loss",
+    "train/cls_loss": "train_class_loss",
+    "train/dfl_loss": "train_edge_loss",
+    "val/box_loss": "val_box_loss",
+    "val/cls_loss": "val_class_loss",
+    "val/dfl_loss": "val_edge_loss",
+    "metrics/precision(B)": "val_precision",
+    "metrics/recall(B)": "val_recall",
+    "metrics/mAP50(B)": "val_map50",
+    "metrics/mAP50-95(B)": "val_map50_95",
+}
+EDGE_COLUMNS = ("train/dfl_loss", "val/dfl_loss")
+log = logging.getLogger("polarsim")
+
+
+def train(training: Training) -> Trained:
+    """See `Family.train`."""
+    run = training.folder
+    _link(training.dataset, run)
+    trainer = _fit(run, training)
+    state = ultralytics(run.parent).load_checkpoint(str(trainer.best))[0].state_dict()
+    return Trained({name: value.half() for name, value in state.items()}, _read_curve(Path(trainer.csv)))
+
+
+def _link(dataset: Path, run: Path) -> None:
+    """Lists of pictures, and links to the data set.
+
+    Ultralytics puts caches beside the labels that it reads and follows no link when it names them, so it gets links to
+    the data set's folders in a place of its own.
+    """
+    for part in (TRAIN, VAL):
+        for kind in ("images", "labels"):
+            (run / kind).mkdir(parents=True, exist_ok=True)
+            link = run / kind / part
+            link.unlink(missing_ok=True)
+            link.symlink_to((dataset / kind / part).resolve(), target_is_directory=True)
+        write_text(run / f"{part}.txt", "".join(f"./images/{part}/{key}.png\n" for key in read_pictures(dataset, part)))
+    names = "".join(f"  {number}: {name}\n" for number, name in enumerate(BOX_CLASSES))
+    write_text(run / "data.yaml", f"path: {run.resolve()}\ntrain: {TRAIN}.txt\nval: {VAL}.txt\nnames:\n{names}")
+
+
+def _fit(run: Path, training: Training) -> Any:
+    """Ultralytics' trainer after its work, new or gone on with."""
+    options, library = training.options, ultralytics(run.parent)
+    last = run / "out" / "weights" / "last.pt"
+    arguments = _arguments(run, options)
+    if _unfinished(last, library):
+        log.info("going on with the training in %s", run)
+        arguments |= {"model": str(last), "resume": str(last)}
+    start = None
+    if options.pretrained:
+        start = load_start(options.pretrained, options.model, run.parent)
+
+    class Validator(library.DetectionValidator):  # type: ignore[name-defined, misc]
+        def postprocess(self, preds: Any) -> list[dict[str, Any]]:
+            found = library.non_max_suppression(preds, self.args.conf, self.args.iou, max_det=self.args.max_det)
+            return [{"bboxes": x[:, :4], "conf": x[:, 4], "cls": x[:, 5], "extra": x[:, 6:]} for x in found]
+
+    class Trainer(library.DetectionTrainer):  # type: ignore[name-defined, misc]
+        def get_model(self, cfg: Any = None, weights: Any = None, verbose: bool = False) -> Any:
+            return super().get_model(cfg, weights or start, verbose)
+
+        def build_optimizer(self, *args: Any, **kwargs: Any) -> Any:
+            optimizer = super().build_optimizer(*args, **kwargs)
+            for group in optimizer.param_groups:
+                group["fused"] = True  # Ultralytics asks for one kernel instead of hundreds on GPUs only
+            return optimizer
+
+        def get_validator(self) -> Any:
+            return Validator(self.test_loader, save_dir=self.save_dir, args=copy(self.args), _callbacks=self.callbacks)
+
+    trainer = Trainer(overrides=arguments)
+    trainer.add_callback("on_train_start", lambda t: _set_up_torch(t, training.threads))
+    trainer.add_callback("on_fit_epoch_end", _report)
+    with about(run):
+        trainer.train()
+        if not trainer.best.is_file() or not math.isfinite(float(sum(trainer.tloss.values()))):
+            raise DetectError("training diverged: lower detect.learning_rate")
+    return trainer
+
+
+def _unfinished(checkpoint: Path, library: Any) -> bool:
+    """Whether a training can go on from a checkpoint: it is whole, and not the last one."""
+    try:
+        return bool(checkpoint.is_file() and library.load_checkpoint(str(checkpoint))[1]["epoch"] >= 0)
+    except Exception:  # cut in the middle of writing: torch raises many kinds
+        return False
+
+
+def _arguments(run: Path, options: DetectOptions) -> dict[str, Any]:
+    """Every argument that is not Ultralytics' default, and why."""
+    augment = options.augment
+    return {
+        "model": f"{options.model}.yaml",
+        "data": str(run / "data.yaml"),
+        "project": str(run.resolve()),
+        "name": "out",
+        "exist_ok": True,
+        "epochs": options.epochs,
+        "patience": options.epochs,  # no early stop: judges of a table are trained alike
+        "imgsz": options.imgsz,
+        "batch": options.batch,
+        "nbs": options.batch,  # a step a batch; else gradients of 64 pictures are gathered before each step
+        "optimizer": "AdamW",  # "auto" would overrule lr0
+        "lr0": options.learning_rate,
+        "lrf": 0.05,
+        "cos_lr": True,
+        "warmup_epochs": min(1.0, options.epochs / 10),
+        "warmup_bias_lr": 0.0,
+        "device": "0" if choose_device(options.device) == "cuda" else "cpu",
+        "iou": options.nms_iou,  # of validation, as in prediction
+        "max_det": options.max_boxes,
+        "seed": options.seed,
+        "deterministic": True,
+        "pretrained": False,  # or it would download; `Trainer.get_model` loads the weights that options name
+        "amp": False,  # its check would download
+        "plots": False,  # would download a font
+        "verbose": False,
+        "rect": not options.mosaic,  # pictures of one shape need no padding to a square
+        "mosaic": float(options.mosaic),
+        "close_mosaic": min(10, options.epochs // 3),
+        "fliplr": 0.5 if augment else 0.0,
+        "translate": 0.1 if augment else 0.0,
+        "scale": 0.3 if augment else 0.0,
+        "hsv_h": 0.0,  # pictures are grey
+        "hsv_s": 0.0,
+        "hsv_v": 0.3 if augment else 0.0,
+    }
+
+
+def _set_up_torch(trainer: Any, threads: int) -> None:
+    """Undo Ultralytics' choice of one thread; channels last is faster on a CPU, and it applies that to GPUs only."""
+    import torch
+
+    if trainer.device.type == "cpu":
+        torch.set_num_threads(threads)
+        trainer.model.to(memory_format=torch.channels_last)
+
+
+def _report(trainer: Any) -> None:
+    if trainer.epoch >= trainer.epochs:
+        return  # called once more after the last epoch, for the best weights
+    losses = ", ".join(f"{name.removesuffix('_loss')} {float(value):.3f}" for name, value in trainer.tloss.items())
+    map50 = float(trainer.metrics.get("metrics/mAP50(B)", 0))
+    log.info("epoch %d of %d: losses %s; val mAP50 %.3f", trainer.epoch + 1, trainer.epochs, losses, map50)
+
+
+def _read_curve(path: Path) -> pd.DataFrame:
+    """Ultralytics' own log without its times."""
+    table = tables.read_csv(path)
+    table.columns = [str(name).strip() for name in table.columns]
+    absent = sorted(set(CURVE_COLUMNS) - set(table.columns) - set(EDGE_COLUMNS))  # YOLO26 has none of these
+    assert not absent, f"Ultralytics' log lacks {absent}"
+    return table[[name for name in CURVE_COLUMNS if name in table.columns]].rename(columns=CURVE_COLUMNS)

@@ -1,0 +1,70 @@
+"""Weights in and out: judges as networks that predict, and weights to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.detect.judges.devices import choose_device, load_torch
+from polarsim.detect.judges.families import Detector
+from polarsim.detect.judges.files import Judge, read_judge
+from polarsim.detect.judges.yolo.library import ultralytics
+from polarsim.detect.options import DetectOptions
+from polarsim.errors import DetectError
+from polarsim.photo import BOX_CLASSES
+
+
+def load(judge: Judge, folder: Path, options: DetectOptions, threads: int) -> Detector:
+    """See `Family.load`."""
+    torch, library = load_torch(), ultralytics(folder)
+    torch.set_num_threads(threads)
+    device = choose_device(options.device)
+    module = network(judge, folder).to(device, memory_format=torch.channels_last)
+
+    def detect(pictures: np.ndarray) -> list[np.ndarray]:
+        batch = torch.from_numpy(pictures)[:, None].expand(-1, 3, -1, -1).to(device)
+        with torch.inference_mode():
+            found = library.non_max_suppression(
+                module(batch.float().contiguous(memory_format=torch.channels_last) / 255),
+                conf_thres=options.confidence,
+                iou_thres=options.nms_iou,
+                max_det=options.max_boxes,
+            )
+        return [result.cpu().numpy().astype(float) for result in found]
+
+    return detect
+
+
+def network(judge: Judge, folder: Path) -> Any:
+    """The judge as a torch module that is ready to predict. `folder`: see `ultralytics`."""
+    module = ultralytics(folder).DetectionModel(f"{judge.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
+    try:
+        module.load_state_dict({name: value.float() for name, value in judge.state.items()})
+    except RuntimeError as error:
+        raise DetectError(f"weights do not fit {judge.model}: {str(error).splitlines()[0]}") from error
+    return module.eval().fuse(verbose=False)
+
+
+def load_start(path: Path, model: str, folder: Path) -> Any:
+    """Weights to start a training from, as a torch module: a judge of ours or an Ultralytics checkpoint.
+
+    Raises
+    ------
+    DetectError
+        The file is missing or holds no such weights.
+    """
+    if not path.is_file():
+        raise DetectError(f"{path}: the pretrained weights are missing")
+    library = ultralytics(folder)
+    try:
+        judge = read_judge(path)
+    except DetectError:
+        try:
+            return library.load_checkpoint(str(path))[0]
+        except Exception as error:
+            raise DetectError(f"{path}: no weights of {model}, {str(error).splitlines()[0]}") from error
+    module = library.DetectionModel(f"{judge.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
+    module.load_state_dict({name: value.float() for name, value in judge.state.items()})
+    return module

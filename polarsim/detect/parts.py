@@ -1,0 +1,65 @@
+"""A long table made part by part: memory is bounded by a part, and work that was stopped goes on after the last one."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from polarsim.formats import tables
+from polarsim.formats.files import write_text, writing
+from polarsim.progress import track
+
+
+def write_in_parts(
+    path: Path, items: Sequence[str], rows_of: Callable[[Sequence[str]], pd.DataFrame], size: int, identity: str
+) -> None:
+    """Write the rows of all items as one Parquet file, a row group a part.
+
+    Parameters
+    ----------
+    items : sequence of str
+        In the order that the table will have; not none.
+    rows_of : callable
+        The table of some items one after the other, always with the same columns.
+    size : int
+        Items of a part.
+    identity : str
+        Of all that decides the rows. Parts that an earlier call left behind are taken over if it had the same one.
+    """
+    folder = path.with_name(f".{path.stem}.parts")
+    note = folder / "identity.txt"
+    if not note.is_file() or note.read_text(encoding="utf-8") != identity:
+        shutil.rmtree(folder, ignore_errors=True)
+        write_text(note, identity)
+    parts = []
+    for number, start in enumerate(track(range(0, len(items), size), path.stem)):
+        part = folder / f"{number:05d}.parquet"
+        if not part.is_file():
+            tables.write_parquet(part, rows_of(items[start : start + size]))
+        parts.append(part)
+    _join(parts, path)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def digest(files: Iterable[Path], *words: str) -> str:
+    """Of the names and contents of files, and of words."""
+    found = hashlib.sha256("\n".join(words).encode())
+    for file in files:
+        found.update(f"\n{file.name}\n".encode())
+        found.update(file.read_bytes())
+    return found.hexdigest()
+
+
+def _join(parts: Sequence[Path], path: Path) -> None:
+    from pyarrow import parquet
+
+    with (
+        writing(path) as temporary,
+        parquet.ParquetWriter(temporary, parquet.read_schema(parts[0]), compression="zstd") as writer,
+    ):
+        for part in parts:
+            writer.write_table(parquet.read_table(part))

@@ -1,0 +1,226 @@
+"""A domain's pictures and boxes as YOLO wants them, converted once: all data sets link to these."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.detect import tone
+from polarsim.detect.options import VIEWS, DetectOptions
+from polarsim.errors import DetectError, PolarsimError, about
+from polarsim.formats import png, tables, yolo
+from polarsim.formats.files import read_json, write_json, writing_folder
+from polarsim.geometry import boxes
+from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
+from polarsim.progress import track
+
+BOX_COLUMNS = ("x0", "y0", "x1", "y1")
+USED, MISSING, DARK, CORRUPT = STATES = ("used", "missing", "dark", "corrupt")
+STATE_COLUMNS = ("key", "state", "camera", "terrains")
+VIEW_COLUMNS = ("name", "scene", "camera", "exposure_ms")
+Labels = tuple[np.ndarray, np.ndarray]  # class numbers (n,), boxes (n, 4) in pixels
+log = logging.getLogger("polarsim")
+
+
+@dataclass(frozen=True)
+class Source:
+    """A picture to convert."""
+
+    key: str
+    path: Path | None  # none: it is known to be missing
+    exposure_ms: float
+    camera: str  # pictures of one camera are alike
+    terrains: tuple[int, ...]  # that are to be seen
+    size: tuple[int, int] | None = (WIDTH, HEIGHT)  # px; none: any
+
+
+def convert_domain(
+    *,
+    domain: str,
+    pictures: Path,
+    labels: Sequence[Path],
+    keys: Sequence[PhotoKey],
+    folder: Path,
+    options: DetectOptions,
+) -> None:
+    """`convert_views` for the domain of novel views, which have labels of their own, else `convert_photos`."""
+    if domain == VIEWS:
+        convert_views(views=pictures, folder=folder, options=options)
+    else:
+        convert_photos(domain=domain, pictures=pictures, labels=labels[0], keys=keys, folder=folder, options=options)
+
+
+def convert_photos(
+    *, domain: str, pictures: Path, labels: Path, keys: Sequence[PhotoKey], folder: Path, options: DetectOptions
+) -> None:
+    """Write a domain's photos or twins as 8-bit pictures with YOLO labels.
+
+    Parameters
+    ----------
+    domain : str
+        Name of the domain, noted in `domain.json`.
+    pictures : Path
+        Either `photos.parquet` (columns key and path) or the folder of a reflectance model's twins.
+    labels : Path
+        Label table of the domain, `LABEL_COLUMNS`.
+    folder : Path
+        Folder to write: `images/KEY.png`, `labels/KEY.txt`, `domain.json`, and `pictures.csv` with the state of every
+        picture: used, missing, dark (see `options.min_mean_dn`), or corrupt. A corrupt picture or label is a warning.
+
+    Raises
+    ------
+    PolarsimError
+        A broken table, or a full disk.
+    """
+    paths = picture_paths(pictures, list(keys))
+    if missing := len(keys) - len(paths):
+        log.warning("%s: %d of %d pictures are missing, left out", pictures, missing, len(keys))
+    sources = [
+        Source(str(key), paths.get(key), key.exposure_ms, f"{key.position} {key.camera}", (key.terrain,))
+        for key in sorted(keys)
+    ]
+    boxes_of = _boxes_by_photo(labels)
+
+    def labelled(source: Source, size: tuple[int, int]) -> Labels:
+        with about(f"{labels}: {source.key}"):
+            return _inside(*boxes_of.get(source.key, (np.zeros(0, int), np.zeros((0, 4)))), size)
+
+    _convert(domain, sources, labelled, folder, options)
+
+
+def convert_views(*, views: Path, folder: Path, options: DetectOptions) -> None:
+    """As `convert_photos`, for what `polarsim render VIEWS.yaml` wrote: 12-bit pictures with labels beside them.
+
+    Raises
+    ------
+    PolarsimError
+        No such folder, or a broken index in it.
+    """
+    index = tables.read_csv(views / "index.csv", VIEW_COLUMNS)
+    terrains_of: dict[str, tuple[int, ...]] = {}
+    sources = []
+    for row in index.sort_values("name").to_dict("records"):
+        name, scene = str(row["name"]), str(row["scene"])
+        if scene not in terrains_of:
+            terrains_of[scene] = _terrains_of_view(views / "sidecars" / f"{name}.json")
+        path = views / "images" / f"{name}.png"
+        found = path if path.is_file() else None
+        camera = f"{scene} {row['camera']}"
+        sources.append(Source(name, found, float(row["exposure_ms"]), camera, terrains_of[scene], size=None))
+
+    def labelled(source: Source, size: tuple[int, int]) -> Labels:
+        return _inside(*yolo.read_boxes(views / "labels" / f"{source.key}.txt", size), size)
+
+    _convert(VIEWS, sources, labelled, folder, options)
+
+
+def _terrains_of_view(sidecar: Path) -> tuple[int, ...]:
+    try:
+        return tuple(sorted({int(terrain["terrain"]) for terrain in read_json(sidecar)["terrains"]}))
+    except (KeyError, TypeError, ValueError) as error:
+        raise DetectError(f"{sidecar}: does not say which terrains are to be seen") from error
+
+
+def picture_paths(pictures: Path, keys: list[PhotoKey]) -> dict[PhotoKey, Path]:
+    """File of each photo that has one: from a photo table, or from a folder of twins `TerrainTT/KEY.png`."""
+    if pictures.is_dir():
+        found = {key: pictures / f"Terrain{key.terrain:02d}" / f"{key}.png" for key in keys}
+    else:
+        table = tables.read_parquet(pictures, ("key", "path"))
+        listed = dict(zip(table["key"].astype(str), table["path"].astype(str), strict=True))
+        found = {key: Path(listed[str(key)]) for key in keys if str(key) in listed}
+    return {key: path for key, path in found.items() if path.is_file()}
+
+
+def read_states(folder: Path) -> pd.DataFrame:
+    """The row of every picture, `STATE_COLUMNS`, all of them texts; terrains are parted by spaces."""
+    table = tables.read_csv(folder / "pictures.csv", STATE_COLUMNS)
+    return table[list(STATE_COLUMNS)].astype(str)
+
+
+def _convert(
+    domain: str,
+    sources: Sequence[Source],
+    labelled: Callable[[Source, tuple[int, int]], Labels],
+    folder: Path,
+    options: DetectOptions,
+) -> None:
+    rows = []
+    with writing_folder(folder) as made:
+        for name in ("images", "labels"):
+            (made / name).mkdir()
+        for source in track(sources, f"{domain} pictures"):
+            state = _convert_one(source, labelled, made, options)
+            rows.append((source.key, state, source.camera, " ".join(map(str, source.terrains))))
+        table = pd.DataFrame(rows, columns=list(STATE_COLUMNS))
+        counts = {state: int((table["state"] == state).sum()) for state in STATES}
+        tables.write_csv(made / "pictures.csv", table)
+        write_json(made / "domain.json", {"domain": domain, "tone": options.tone, "pictures": counts})
+    log.info("%s: %s", domain, ", ".join(f"{count} {state}" for state, count in counts.items()))
+
+
+def _convert_one(
+    source: Source, labelled: Callable[[Source, tuple[int, int]], Labels], made: Path, options: DetectOptions
+) -> str:
+    """Write one picture and its labels, unless there is a reason against; its state."""
+    if source.path is None:
+        return MISSING
+    try:
+        picture = _read(source.path, source.size)
+        size = picture.shape[1], picture.shape[0]
+        classes, corners = labelled(source, size)
+    except PolarsimError as error:
+        log.warning("left out: %s", error)
+        return CORRUPT
+    if options.min_mean_dn > 0 and tone.mean_dn(picture) < options.min_mean_dn:
+        return DARK
+    small = tone.shrink(picture, options.imgsz) if options.downsize else picture
+    png.write(made / "images" / f"{source.key}.png", tone.to_8_bits(small, options, source.exposure_ms))
+    yolo.write_boxes(made / "labels" / f"{source.key}.txt", classes, corners, size)
+    return USED
+
+
+def _read(path: Path, size: tuple[int, int] | None) -> np.ndarray:
+    """(h, w) uint16 with 12-bit values."""
+    try:
+        header = png.parse_header(path.read_bytes())  # OpenCV reads a cut picture without a word
+    except OSError as error:
+        raise DetectError(f"{path}: cannot be read, {error.strerror or error}") from error
+    except PolarsimError as error:
+        raise DetectError(f"{path}: {error}") from error
+    return png.read_photo(path, size or (header.width, header.height))
+
+
+def _boxes_by_photo(labels: Path) -> dict[str, Labels]:
+    """Class numbers (n,) and boxes (n, 4) of every labelled photo."""
+    table = tables.read_parquet(labels, tables.LABEL_COLUMNS)
+    unknown = sorted(set(table["kind"].astype(str)) - set(BOX_CLASSES))
+    if unknown:
+        raise DetectError(f"{labels}: kind {unknown[0]!r}, expected one of {', '.join(BOX_CLASSES)}")
+    return {
+        str(key): (
+            np.array([BOX_CLASSES.index(kind) for kind in rows["kind"]]),
+            rows[list(BOX_COLUMNS)].to_numpy(float),
+        )
+        for key, rows in table.groupby("key", sort=True)
+    }
+
+
+def _inside(classes: np.ndarray, corners: np.ndarray, size: tuple[int, int]) -> Labels:
+    """What of the boxes lies in the picture.
+
+    Raises
+    ------
+    DetectError
+        A box without corners, or with its right one on the left.
+    """
+    if not np.isfinite(corners).all() or (corners[:, 2:] < corners[:, :2]).any():
+        raise DetectError("a label that is no box")
+    clipped = boxes.clip(corners, *size)
+    seen = boxes.area(clipped) > 0
+    return classes[seen], clipped[seen]

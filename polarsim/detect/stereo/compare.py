@@ -1,0 +1,43 @@
+"""All terrains' stereo depths together, and how differently the same rocks come out in two domains."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from itertools import combinations
+from pathlib import Path
+
+import pandas as pd
+
+from polarsim.detect.ipd import Difference, instance_performance_difference
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.stereo.measure import PAIR_COLUMNS, ROCK_COLUMNS, stereo_table
+from polarsim.formats import tables
+from polarsim.photo import ROCK
+
+IPD_COLUMNS = ("first", "second", *Difference.__dataclass_fields__)
+
+
+def compare_stereo(
+    *, pairs: list[Path], rocks: list[Path], stereo: Path, instances: Path, ipd: Path, options: DetectOptions
+) -> None:
+    """Merge what `measure_stereo` wrote for every terrain, and write the IPD of every pair of domains.
+
+    A rock's performance stands where IoU stands for detectors: the share of its pixels with the right depth.
+    """
+    tables.write_parquet(stereo, stereo_table(pd.concat([tables.read_parquet(path, PAIR_COLUMNS) for path in pairs])))
+    seen = stereo_table(pd.concat([tables.read_parquet(path, ROCK_COLUMNS) for path in rocks]))
+    tables.write_parquet(instances, seen)
+    by_domain = {
+        str(domain): rows.rename(columns={"performance": "iou"}).assign(kind=ROCK)
+        for domain, rows in seen.groupby("domain")
+    }
+    differences = [
+        {"first": first, "second": second}
+        | asdict(
+            instance_performance_difference(
+                by_domain[first], by_domain[second], seed=options.seed, resamples=options.resamples
+            )
+        )
+        for first, second in combinations(sorted(by_domain), 2)
+    ]
+    tables.write_parquet(ipd, pd.DataFrame(differences, columns=list(IPD_COLUMNS)).round(6))

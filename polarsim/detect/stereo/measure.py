@@ -1,0 +1,120 @@
+"""Stereo depth of all pairs of a terrain, in every domain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.detect import tone
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.pictures import picture_paths
+from polarsim.detect.stereo.match import match
+from polarsim.detect.stereo.rectify import Rectification, rectify
+from polarsim.detect.stereo.score import rock_performance, score
+from polarsim.detect.stereo.truth import depth_truth
+from polarsim.errors import DetectError, about
+from polarsim.formats import png, tables
+from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.scene import read_terrain
+from polarsim.geometry.rays import caster
+from polarsim.photo import PhotoKey
+from polarsim.progress import track
+
+PAIR_COLUMNS = (
+    "domain", "key", "terrain", "position", "light", "azimuth", "exposure_ms",
+    "pixels", "valid_share", "median_abs_error_mm", "bad_share", "bad_relative_share",
+)  # fmt: skip
+ROCK_COLUMNS = ("domain", "key", "rock", "pixels", "performance")
+
+
+def measure_stereo(
+    *,
+    terrain: int,
+    keys: Iterable[PhotoKey],
+    cameras: Path,
+    meshes: Path,
+    pictures: Mapping[str, Path],
+    pairs: Path,
+    rocks: Path,
+    options: DetectOptions,
+    threads: int,
+) -> None:
+    """Match every pair of left and right pictures of a terrain and write a row a pair, and a row a rock in it.
+
+    Parameters
+    ----------
+    keys
+        Photos of the terrain; right ones are found by their left ones.
+    cameras : Path
+        Folder with `PosX.json` of the terrain.
+    meshes : Path
+        Folder of the terrain's meshes.
+    pictures : mapping of str to Path
+        By domain, the table of photos or the folder of twins, see `pictures.picture_paths`.
+    pairs, rocks : Path
+        Parquet files to write, `PAIR_COLUMNS` and `ROCK_COLUMNS`; key is that of the left photo.
+
+    Raises
+    ------
+    PolarsimError
+        Something is missing or broken, or no domain has a pair.
+    """
+    import cv2
+
+    cv2.setNumThreads(threads)
+    chosen = options.stereo
+    asked = [key for key in sorted(keys) if not chosen.exposures_ms or key.exposure_ms in chosen.exposures_ms]
+    placed, mesh = read_all_placed(cameras), read_terrain(meshes, terrain)
+    surfaces = caster(mesh.vertices, mesh.faces, threads=threads)
+    by_domain = {domain: picture_paths(place, asked) for domain, place in pictures.items()}
+    pair_rows, rock_rows = [], []
+    for position in sorted(set(placed) & {key.position for key in asked}):
+        with about(cameras / f"Pos{position}.json"):
+            rig = rectify(placed[position].rig, chosen.scale)
+        truth = depth_truth(mesh, surfaces, placed[position], rig)
+        work = [
+            (domain, left, paths[left], paths[right])
+            for domain, paths in by_domain.items()
+            for left, right in _pairs(paths)
+            if left.position == position
+        ]
+        for domain, key, left_path, right_path in track(work, f"stereo {position}"):
+            left, right = (_picture(path, key.exposure_ms, options, rig) for path in (left_path, right_path))
+            depth = match(left, right, rig, chosen)
+            name = {"domain": domain} | tables.key_columns(key)
+            pair_rows.append(name | score(depth, truth, chosen))
+            rock_rows += [name | row for row in rock_performance(depth, truth, chosen)]
+    if not pair_rows:
+        raise DetectError(f"{cameras}: terrain {terrain} has no pair of pictures for stereo")
+    _write(pairs, pair_rows, PAIR_COLUMNS)
+    _write(rocks, rock_rows, ROCK_COLUMNS)
+
+
+def _pairs(paths: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:
+    """Left photos whose right one is there too."""
+    lefts = [(key, replace(key, camera="R")) for key in paths if key.camera == "L"]
+    return [(left, right) for left, right in lefts if right in paths]
+
+
+def _picture(path: Path, exposure_ms: int, options: DetectOptions, rig: Rectification) -> np.ndarray:
+    """A photo as the matcher takes it: shrunk, then 8 bits by the judges' tone curve."""
+    with about(path):
+        pixels = png.read_photo(path)
+    return tone.to_8_bits(tone.shrink(pixels, max(rig.lens.width, rig.lens.height)), options, exposure_ms)
+
+
+def _write(path: Path, rows: list[dict[str, object]], columns: tuple[str, ...]) -> None:
+    tables.write_parquet(path, stereo_table(pd.DataFrame(rows, columns=list(columns))))
+
+
+def stereo_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Typed, rounded, in the order of domain and photo."""
+    for name in ("domain", "key", "position", "light", "azimuth"):
+        if name in table.columns:
+            table[name] = table[name].astype("str")
+    order = [name for name in ("domain", "key", "rock") if name in table.columns]
+    return table.round(6).sort_values(order, kind="stable", ignore_index=True)

@@ -1,0 +1,43 @@
+"""What the rectified left camera would measure: depth and rock of every pixel, from the meshes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.detect.stereo.rectify import Rectification
+from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.rays import Caster
+from polarsim.photo import NO_ROCK
+
+
+@dataclass(frozen=True)
+class DepthTruth:
+    """Of every pixel of the rectified left picture."""
+
+    depth: np.ndarray  # (h, w) metres along z, NaN beside the meshes
+    rock: np.ndarray  # (h, w) rock id, NO_ROCK elsewhere
+    shared: np.ndarray  # (h, w) bool: the right camera sees the same point
+
+
+def depth_truth(mesh: TerrainMesh, caster: Caster, placed: PlacedRig, rig: Rectification) -> DepthTruth:
+    """Cast a ray through every pixel, and one back to the right camera."""
+    sandbox_from_rectified = placed.sandbox_from_left @ rig.left_from_rectified
+    shape = (rig.lens.height, rig.lens.width)
+    directions = sandbox_from_rectified.rotate(rig.lens.pixel_directions().reshape(-1, 3))
+    origins = np.broadcast_to(sandbox_from_rectified.translation, directions.shape)
+    depth, face = caster.nearest(origins, directions)  # in units of directions, whose z is 1
+    met = np.flatnonzero(np.isfinite(depth))
+    points = origins[met] + depth[met, None] * directions[met]
+    shared = np.zeros(len(depth), bool)
+    pixels = placed.project("R", points)
+    size = np.array([placed.rig.right.width, placed.rig.right.height])
+    inside = (pixels >= 0).all(axis=1) & (pixels < size).all(axis=1)  # NaN behind the camera is not
+    back = placed.sandbox_from("R").translation - points
+    shared[met] = inside & ~caster.blocked(points, back, 1.0)
+    rock = np.full(len(depth), NO_ROCK)
+    rock[met] = mesh.rock_of_face[face[met]]
+    depth = np.where(np.isfinite(depth), depth, np.nan)
+    return DepthTruth(depth.reshape(shape), rock.reshape(shape), shared.reshape(shape))

@@ -1,0 +1,233 @@
+"""The judge of our own: its parts by hand-made cases, and small trainings on blobs."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.detect import judges
+from polarsim.detect.dataset import make_dataset
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.predict import predict
+from polarsim.detect.split import split_photos
+from polarsim.detect.train import train_judge
+from polarsim.errors import DetectError
+from polarsim.formats import tables
+
+torch = pytest.importorskip("torch")
+
+from polarsim.detect.judges.compact.loss import assign, losses  # noqa: E402
+from polarsim.detect.judges.compact.network import STRIDE  # noqa: E402
+from polarsim.detect.judges.compact.pictures import Picture, changed  # noqa: E402
+from polarsim.detect.judges.compact.weights import found, network  # noqa: E402
+
+pytestmark = pytest.mark.slow
+OPTIONS = DetectOptions(model="compact", imgsz=128, epochs=4, batch=2, device="cpu")
+
+
+@pytest.fixture(scope="module")
+def dataset(world, keys, tmp_path_factory) -> Path:
+    root = tmp_path_factory.mktemp("compact")
+    split_photos(keys=keys, by="photo", split=root / "split.csv", options=OPTIONS)
+    make_dataset(
+        domain="real",
+        pictures=world / "photos.parquet",
+        labels=world / "labels.parquet",
+        split=root / "split.csv",
+        dataset=root / "real",
+        options=OPTIONS,
+    )
+    return root / "real"
+
+
+def train(dataset: Path, folder: Path, name: str, options: DetectOptions = OPTIONS) -> bytes:
+    weights = folder / f"{name}.pt"
+    train_judge(
+        dataset=dataset,
+        weights=weights,
+        curve=folder / f"{name}.csv",
+        options=options,
+        threads=1,
+        work=folder / f"work_{name}",
+    )
+    return weights.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def judged(dataset, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("judged")
+    train(dataset, folder, "real")
+    return folder
+
+
+def test_it_learns(judged):
+    curve = tables.read_csv(judged / "real.csv")
+    assert curve["epoch"].tolist() == [1, 2, 3, 4]
+    assert curve["val_map50"].max() > 0.5
+    assert curve["train_box_loss"].is_monotonic_decreasing
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(dataset, judged, tmp_path):
+    assert train(dataset, tmp_path, "again") == (judged / "real.pt").read_bytes()
+    one = OPTIONS.model_copy(update={"epochs": 1})
+    assert train(dataset, tmp_path, "one", one) != train(dataset, tmp_path, "two", one.model_copy(update={"seed": 1}))
+
+
+def test_a_training_that_was_stopped_ends_with_the_bytes_of_one_that_was_not(dataset, judged, tmp_path, monkeypatch):
+    from polarsim.detect.judges.compact import training
+
+    written = training._write_checkpoint
+
+    def stop_after_two(state, path):
+        written(state, path)
+        if len(state.curve) == 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "_write_checkpoint", stop_after_two)
+        with pytest.raises(KeyboardInterrupt):
+            train(dataset, tmp_path, "stopped")
+    assert not (tmp_path / "stopped.pt").exists()
+    trained = []
+    epoch = training._train_epoch
+    monkeypatch.setattr(training, "_train_epoch", lambda *given: trained.append(given[2]) or epoch(*given))
+    assert train(dataset, tmp_path, "stopped") == (judged / "real.pt").read_bytes()
+    assert trained == [2, 3]
+    assert (tmp_path / "stopped.csv").read_bytes() == (judged / "real.csv").read_bytes()
+    assert list((tmp_path / "work_stopped").iterdir()) == []
+
+
+def test_predictions_are_well_formed_and_find_the_blobs(dataset, judged, tmp_path, world):
+    predict(
+        weights=judged / "real.pt",
+        dataset=dataset,
+        predictions=tmp_path / "real_on_real.parquet",
+        options=OPTIONS,
+        threads=1,
+    )
+    table = tables.read_parquet(tmp_path / "real_on_real.parquet")
+    assert table["confidence"].between(OPTIONS.confidence, 1).all()
+    assert ((table["x0"] >= 0) & (table["x0"] < table["x1"]) & (table["x1"] <= 1936)).all()
+    labels = tables.read_parquet(world / "labels.parquet")
+    labels = labels[labels["key"].isin(table["key"]) & (labels["kind"] == "rock")]
+    surest = table[table["kind"] == "rock"].groupby("key").head(5)
+    centres = ((surest["x0"] + surest["x1"]) / 2).groupby(surest["key"]).apply(list)
+    near = [any(abs(x - (row.x0 + row.x1) / 2) < 30 for x in centres.get(row.key, [])) for row in labels.itertuples()]
+    assert np.mean(near) > 0.6  # five places at random find less than a sixth
+
+
+def test_it_trains_and_predicts_where_ultralytics_cannot_be_imported(dataset, tmp_path):
+    script = f"""
+import sys
+sys.modules["ultralytics"] = sys.modules["torchvision"] = None
+from pathlib import Path
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.predict import predict
+from polarsim.detect.train import train_judge
+options = DetectOptions(model="compact", imgsz=96, epochs=1)
+folder, dataset, both = Path({str(tmp_path)!r}), Path({str(dataset)!r}), dict(options=options, threads=1)
+train_judge(dataset=dataset, weights=folder / "a.pt", curve=folder / "a.csv", work=folder / "work", **both)
+predict(weights=folder / "a.pt", dataset=dataset, predictions=folder / "a.parquet", **both)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert not tables.read_parquet(tmp_path / "a.parquet").empty
+
+
+def test_a_judge_of_ours_is_a_start_for_another(dataset, judged, tmp_path):
+    options = OPTIONS.model_copy(update={"pretrained": judged / "real.pt", "epochs": 1, "augment": True})
+    train(dataset, tmp_path, "tuned", options)
+    assert judges.read_judge(tmp_path / "tuned.pt").start == "real.pt"
+    first, tuned = (
+        tables.read_csv(path)["val_map50"].iloc[0] for path in (judged / "real.csv", tmp_path / "tuned.csv")
+    )
+    assert tuned > first
+
+
+def test_weights_of_another_network_are_refused_by_name(dataset, judged, tmp_path):
+    options = OPTIONS.model_copy(update={"pretrained": judged / "real.pt", "model": "compact-l"})
+    with pytest.raises(DetectError, match=r"real\.pt: weights do not fit compact-l"):
+        train(dataset, tmp_path, "none", options)
+
+
+def test_mosaic_is_refused_because_compact_has_none():
+    with pytest.raises(ValueError, match="mosaic"):
+        DetectOptions(model="compact", mosaic=True)
+
+
+def test_a_cell_answers_for_the_smallest_label_of_its_class_around_it():
+    classes = torch.tensor([0, 0, 1])
+    boxes = torch.tensor([[0.0, 0, 32, 32], [12, 12, 20, 20], [0, 0, 32, 32]])
+    owner = assign(classes, boxes, (2, 8, 8))  # cells of 4 px, centres at 2, 6, 10, ...
+    middle = (owner[1] == 2).nonzero()
+    assert middle.min() == 2  # centres 10 to 22 lie within a quarter of 32 px of the box's centre
+    assert middle.max() == 5
+    assert sorted(map(tuple, (owner[0] == 1).nonzero().tolist())) == [(3, 3), (3, 4), (4, 3), (4, 4)]
+    assert (owner[0] == 0).sum() == 16 - 4
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(st.floats(0, 60), st.floats(0, 60), st.floats(0.5, 40), st.floats(0.5, 40)), min_size=1))
+def test_every_label_alone_in_its_class_has_the_cell_of_its_centre(sides):
+    for x, y, width, height in sides:
+        box = torch.tensor([[x, y, x + width, y + height]])
+        owner = assign(torch.tensor([1]), box, (2, 32, 32))
+        column, row = (int((low + side / 2) / STRIDE) for low, side in ((x, width), (y, height)))
+        assert owner[1, row, column] == 0
+        assert (owner[0] == -1).all()
+
+
+def test_right_boxes_with_sure_scores_have_no_loss_and_a_miss_has():
+    boxes = torch.tensor([4.0, 4, 12, 16]).view(1, 1, 4, 1, 1).repeat(1, 1, 1, 8, 8)
+    labels = [(torch.tensor([0]), torch.tensor([[4.0, 4, 12, 16]]))]
+    owned = assign(*labels[0], (1, 8, 8)) == 0
+    logits = torch.where(owned, 30.0, -30.0)[None]
+    assert float(sum(losses(logits, boxes, labels))) == pytest.approx(0, abs=1e-6)
+    class_loss, box_loss = losses(-logits, boxes + 100, labels)
+    assert class_loss > 10
+    # Side by side without contact: 1 - GIoU is 1 and the empty share of the hull, 108 x 112 less twice 96.
+    assert float(box_loss) == pytest.approx(2 * (2 - 2 * 96 / (108 * 112)), rel=1e-5)
+
+
+def test_pictures_without_labels_have_a_loss_that_can_be_followed_back():
+    logits = torch.zeros(1, 2, 4, 4, requires_grad=True)
+    class_loss, box_loss = losses(
+        logits, torch.ones(1, 2, 4, 4, 4), [(torch.zeros(0, dtype=torch.long), torch.zeros(0, 4))]
+    )
+    assert float(box_loss) == 0
+    assert class_loss.item() == pytest.approx(32 * 0.25 * math.log(2))
+    class_loss.backward()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_changed_picture_has_its_blob_where_its_box_says(seed):
+    pixels = np.full((96, 160), 60, np.uint8)
+    pixels[30:60, 50:90] = 200
+    picture = changed(Picture(pixels, np.array([1]), np.array([[50.0, 30, 90, 60]])), np.random.default_rng(seed))
+    rows, columns = np.nonzero(picture.pixels > (int(picture.pixels.max()) + 60) // 2)
+    assert picture.classes.tolist() == [1]
+    np.testing.assert_allclose(
+        picture.boxes[0], [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], atol=1.01
+    )
+
+
+def test_suppression_keeps_classes_apart_and_the_limits():
+    logits = torch.full((1, 2, 2, 2), -9.0)
+    logits[0, 0, 0, 0], logits[0, 0, 1, 1], logits[0, 1, 0, 0] = 2.0, 1.0, 0.0
+    boxes = torch.tensor([0.0, 0, 10, 10]).view(1, 1, 4, 1, 1).repeat(1, 2, 1, 2, 2)
+    rows = found(logits, boxes, OPTIONS)[0]
+    assert rows[:, 5].tolist() == [0, 1]  # the second rock is the first one's double
+    np.testing.assert_allclose(rows[:, 4], [1 / (1 + math.exp(-2)), 0.5], rtol=1e-6)
+    assert len(found(logits, boxes, OPTIONS.model_copy(update={"max_boxes": 1}))[0]) == 1
+
+
+def test_a_network_answers_at_every_fourth_pixel():
+    logits, boxes = network("compact").eval()(torch.zeros(1, 1, 64, 96))
+    assert logits.shape == (1, 2, 16, 24)
+    assert boxes.shape == (1, 2, 4, 16, 24)
+    assert (boxes[:, :, 2:] > boxes[:, :, :2]).all()

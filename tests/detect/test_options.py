@@ -1,0 +1,22 @@
+import pytest
+from pydantic import ValidationError
+
+from polarsim.detect.options import DetectOptions
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"splits": ["photo", "photo"]}, "named twice"),
+        ({"splits": []}, "at least 1 item"),
+        ({"seeds": [3, 3]}, "named twice"),
+        ({"seeds": [-1]}, "seed -1, expected 0 or more"),
+        ({"mixes": {"real_on_hapke": {"real": 1}}}, "expected a name of small letters"),
+        ({"mixes": {"mixed": {}}}, "expected domains with weights above 0"),
+        ({"mixes": {"mixed": {"real": 0}}}, "expected domains with weights above 0"),
+        ({"mixes": {"mixed": {"real": float("nan")}}}, "expected domains with weights above 0"),
+    ],
+)
+def test_options_that_name_nothing_or_one_thing_twice_are_refused(changes, told):
+    with pytest.raises(ValidationError, match=told):
+        DetectOptions(**changes)

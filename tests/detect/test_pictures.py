@@ -1,0 +1,202 @@
+import json
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.detect.dataset import read_pictures, share_pictures
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.pictures import convert_photos, convert_views, picture_paths, read_states
+from polarsim.detect.split import split_photos
+from polarsim.errors import DetectError, FormatError
+from polarsim.formats import png, tables, yolo
+from polarsim.formats.files import read_json
+
+OPTIONS = DetectOptions(imgsz=160)
+
+
+@pytest.fixture
+def few(keys):
+    return keys[:4]
+
+
+@pytest.fixture
+def twins(world, tmp_path):
+    """A copy of the small world's twins, to be spoilt."""
+    shutil.copytree(world / "twins", tmp_path / "twins")
+    return tmp_path / "twins"
+
+
+@pytest.fixture
+def states(world, few, tmp_path):
+    """Convert pictures; returns key -> state."""
+
+    def convert(pictures, labels=None, options=OPTIONS):
+        convert_photos(
+            domain="hapke",
+            pictures=pictures,
+            labels=labels or world / "labels.parquet",
+            keys=few,
+            folder=tmp_path / "made",
+            options=options,
+        )
+        return dict(read_states(tmp_path / "made")[["key", "state"]].to_numpy().tolist())
+
+    return convert
+
+
+def path_of(twins, key):
+    return twins / f"Terrain{key.terrain:02d}" / f"{key}.png"
+
+
+def spoil_cut(path):
+    path.write_bytes(path.read_bytes()[:-2000])
+
+
+def spoil_bit(path):
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def spoil_size(path):
+    png.write(path, np.full((20, 30), 100, np.uint16))
+
+
+def spoil_depth(path):
+    png.write(path, np.full((1216, 1936), 100, np.uint8))
+
+
+def spoil_kind(path):
+    path.write_bytes(b"GIF89a")
+
+
+@pytest.mark.parametrize("spoil", [spoil_cut, spoil_bit, spoil_size, spoil_depth, spoil_kind])
+def test_a_corrupt_picture_is_named_left_out_and_counted(states, twins, few, tmp_path, caplog, spoil):
+    spoil(path_of(twins, few[1]))
+    found = states(twins)
+    assert found == dict.fromkeys(map(str, few), "used") | {str(few[1]): "corrupt"}
+    assert [line for line in caplog.messages if line.startswith("left out") and str(path_of(twins, few[1])) in line]
+    assert not (tmp_path / "made" / "images" / f"{few[1]}.png").exists()
+    assert read_json(tmp_path / "made" / "domain.json")["pictures"] == {
+        "used": 3,
+        "missing": 0,
+        "dark": 0,
+        "corrupt": 1,
+    }
+
+
+@pytest.mark.parametrize("broken", [{"x0": np.nan}, {"x0": 500.0, "x1": 400.0}, {"y1": np.inf}])
+def test_a_photo_with_a_label_that_is_no_box_is_left_out(states, world, few, tmp_path, caplog, broken):
+    table = tables.read_parquet(world / "labels.parquet")
+    row = table.index[table["key"] == str(few[2])][3]
+    table.loc[row, list(broken)] = list(broken.values())
+    tables.write_parquet(tmp_path / "labels.parquet", table)
+    found = states(world / "photos.parquet", tmp_path / "labels.parquet")
+    assert found == dict.fromkeys(map(str, few), "used") | {str(few[2]): "corrupt"}
+    assert f"labels.parquet: {few[2]}: a label that is no box" in caplog.text
+
+
+def test_missing_and_dark_pictures_are_not_called_corrupt(states, twins, few):
+    path_of(twins, few[0]).unlink()
+    png.write(path_of(twins, few[1]), np.full((1216, 1936), 20, np.uint16))  # 4 DN above black
+    found = states(twins, options=OPTIONS.model_copy(update={"min_mean_dn": 5}))
+    assert list(found.values()) == ["missing", "dark", "used", "used"]
+
+
+def test_a_label_table_with_an_unknown_kind_is_refused(states, world, tmp_path):
+    table = tables.read_parquet(world / "labels.parquet").replace({"kind": {"rock": "crater"}})
+    tables.write_parquet(tmp_path / "labels.parquet", table)
+    with pytest.raises(DetectError, match="kind 'crater'"):
+        states(world / "photos.parquet", tmp_path / "labels.parquet")
+
+
+def test_pictures_of_a_folder_are_found_by_terrain_and_key(few, world):
+    assert picture_paths(world / "twins", few[:1]) == {few[0]: world / "twins" / "Terrain01" / "01_A_off_30_L_0064.png"}
+
+
+VIEWED = {"near": [1], "far": [4], "both": [1, 4]}  # scene -> terrains
+SIZE = (640, 480)
+
+
+@pytest.fixture
+def views(tmp_path):
+    """What `polarsim render VIEWS.yaml` writes, as far as it is read: three scenes, four cameras, two exposures."""
+    root, rows = tmp_path / "views", []
+    for scene, terrains in VIEWED.items():
+        for camera in range(4):
+            for exposure in (256, 512):
+                name = f"{scene}_cam-{camera}_lamp_off_hapke_{exposure:04d}"
+                rows.append({"name": name, "scene": scene, "camera": f"cam-{camera}", "exposure_ms": exposure})
+                pixels = np.full(SIZE[::-1], 16 + 4 * exposure, np.uint16)
+                png.write(root / "images" / f"{name}.png", pixels)
+                yolo.write_boxes(root / "labels" / f"{name}.txt", [0], [[64, 48, 128, 96]], SIZE)
+                (root / "sidecars").mkdir(exist_ok=True)
+                sections = [{"terrain": terrain} for terrain in terrains]
+                (root / "sidecars" / f"{name}.json").write_text(json.dumps({"terrains": sections}))
+    tables.write_csv(root / "index.csv", pd.DataFrame(rows))
+    return root
+
+
+@pytest.fixture
+def shared_views(views, keys, tmp_path):
+    """Convert the views and share them out; returns the data set's folder."""
+
+    def share(by, **changes):
+        options = OPTIONS.model_copy(update=changes)
+        convert_views(views=views, folder=tmp_path / "made", options=options)
+        split_photos(keys=keys, by=by, split=tmp_path / "split.csv", options=options)
+        share_pictures(
+            domain="views",
+            pictures=tmp_path / "made",
+            split=tmp_path / "split.csv",
+            by=by,
+            dataset=tmp_path / "dataset",
+            options=options,
+        )
+        return tmp_path / "dataset"
+
+    return share
+
+
+def test_novel_views_of_any_size_keep_their_labels(shared_views):
+    folder = shared_views("photo")
+    name = read_pictures(folder, "train")[0]
+    assert png.read(folder / "images" / "train" / f"{name}.png").shape == (120, 160)
+    classes, found = yolo.read_boxes(folder / "labels" / "train" / f"{name}.txt", SIZE)
+    assert classes.tolist() == [0]
+    np.testing.assert_allclose(found, [[64, 48, 128, 96]], atol=0.01)
+
+
+def test_all_novel_views_of_a_camera_are_in_one_part(shared_views):
+    folder = shared_views("view")
+    cameras = {part: {name[: name.index("_lamp")] for name in read_pictures(folder, part)} for part in ("train", "val")}
+    assert not cameras["train"] & cameras["val"]
+    assert len(cameras["train"] | cameras["val"]) == 12
+    assert read_pictures(folder, "test") == []
+
+
+def test_novel_views_that_show_a_test_terrain_do_not_train(shared_views):
+    folder = shared_views("terrain", test_terrains=(4,))
+    assert {name.split("_")[0] for part in ("train", "val") for name in read_pictures(folder, part)} == {"near"}
+
+
+def test_novel_views_have_the_exposure_of_their_index(shared_views):
+    folder = shared_views("photo", tone="fixed", tone_exposure_ms=512)
+    values = {png.read(folder / "images" / "train" / f"{name}.png")[0, 0] for name in read_pictures(folder, "train")}
+    assert values == {round(255 * (2048 / 4079) ** (1 / 2.2))}  # 4 DN a ms, whatever the exposure
+
+
+def test_a_view_whose_label_file_is_broken_is_left_out(views, tmp_path, caplog):
+    bad = next((views / "labels").glob("near_cam-1_*.txt"))
+    bad.write_text("0 0.5 0.5 0.1\n")
+    convert_views(views=views, folder=tmp_path / "made", options=OPTIONS)
+    table = read_states(tmp_path / "made")
+    assert table.loc[table["state"] == "corrupt", "key"].tolist() == [bad.stem]
+    assert f"{bad}:1: 4 fields" in caplog.text
+
+
+def test_a_folder_that_holds_no_views_is_refused(tmp_path):
+    with pytest.raises(FormatError, match=r"index\.csv"):
+        convert_views(views=tmp_path, folder=tmp_path / "made", options=OPTIONS)

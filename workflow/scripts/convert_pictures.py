@@ -1,0 +1,20 @@
+"""Convert the pictures and labels of one domain."""
+
+from pathlib import Path
+
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.pictures import convert_domain
+from polarsim.grid import GridOptions, selected_grids
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    convert_domain(
+        domain=snakemake.wildcards.domain,
+        pictures=Path(snakemake.params.pictures),
+        labels=[Path(path) for path in snakemake.input.labels],
+        keys=selected_grids(
+            snakemake.params.terrains, snakemake.params.positions, GridOptions(**snakemake.params.grid)
+        ),
+        folder=Path(snakemake.output.pictures),
+        options=DetectOptions(**snakemake.params.options),
+    )

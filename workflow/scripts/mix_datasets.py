@@ -1,0 +1,16 @@
+"""Mix the data sets of several domains."""
+
+from pathlib import Path
+
+from polarsim.detect.dataset import mix_datasets
+from polarsim.detect.options import DetectOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    mix_datasets(
+        domain=snakemake.wildcards.mix,
+        weights=snakemake.params.weights,
+        datasets={Path(path).name: Path(path) for path in snakemake.input.datasets},
+        dataset=Path(snakemake.output.dataset),
+        options=DetectOptions(**snakemake.params.options),
+    )

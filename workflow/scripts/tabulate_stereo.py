@@ -1,0 +1,17 @@
+"""Tabulate stereo depth."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.stereo_table import tabulate_stereo
+
+with reporting(log=snakemake.log[0]):
+    tabulate_stereo(
+        stereo=Path(snakemake.input.stereo),
+        instances=Path(snakemake.input.instances),
+        ipd=Path(snakemake.input.ipd),
+        stem=Path(snakemake.output.table).with_suffix(""),
+        origin=snakemake.params.origin,
+        bad_mm=snakemake.params.stereo["bad_mm"],
+        bad_percent=snakemake.params.stereo["bad_percent"],
+    )
