@@ -93,6 +93,11 @@ def detect_options(*left_out):
     }
 
 
+def split_options():
+    """What alone decides the parts of photos, novel views and mixes."""
+    return {name: options("detect")[name] for name in ("seed", *DRAWS_SPLITS)}
+
+
 def code_of(*modules):
     """Digest of the library code behind a rule: Snakemake watches the script, not what it imports."""
     return code_digest(*(f"polarsim.{module}" for module in modules))

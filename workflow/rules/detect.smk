@@ -32,7 +32,7 @@ rule split_photos:
         terrains=CONFIG.terrains,
         positions=CONFIG.positions,
         grid=options("grid"),
-        options=detect_options(TRAINS, COMPARES),
+        options=split_options(),
         code=code_of("detect.split"),
     script:
         "../scripts/split_photos.py"
@@ -82,7 +82,7 @@ rule make_dataset:
         mem_mb=500,
         runtime=10,
     params:
-        options=detect_options(TRAINS, COMPARES),
+        options=split_options(),
         code=code_of("detect.dataset"),
     script:
         "../scripts/make_dataset.py"
@@ -105,7 +105,7 @@ rule mix_datasets:
         runtime=10,
     params:
         weights=weights_of_mix,
-        options=detect_options(TRAINS, COMPARES),
+        options=split_options(),
         code=code_of("detect.dataset"),
     script:
         "../scripts/mix_datasets.py"
