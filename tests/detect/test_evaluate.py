@@ -1,9 +1,9 @@
-import numpy as np
+from dataclasses import fields
+
 import pandas as pd
 import pytest
 
-from polarsim.detect.evaluate import detection_figures, evaluate, trained_and_evaluated
-from polarsim.detect.ipd import instance_performance
+from polarsim.detect.evaluate import Evaluation, evaluate, trained_and_evaluated
 from polarsim.detect.options import DetectOptions
 from polarsim.errors import DetectError
 from polarsim.formats import tables
@@ -41,6 +41,10 @@ GOOD = predictions(
 BAD = predictions((TESTED, "rock", 0.9, 0, 0, 100, 50), (TESTED, "shadow", 0.9, 900, 0, 1000, 100))
 
 
+def tables_below(folder) -> Evaluation:
+    return Evaluation(**{field.name: folder / f"{field.name}.parquet" for field in fields(Evaluation)})
+
+
 @pytest.fixture
 def tested(tmp_path):
     """Two domains with the same labels: in `real` the judge is good, in `hapke` it is bad; one photo is a gap."""
@@ -55,9 +59,7 @@ def tested(tmp_path):
         labels=dict.fromkeys(("real", "hapke"), tmp_path / "labels.parquet"),
         datasets={domain: tmp_path / domain for domain in ("real", "hapke")},
         split=tmp_path / "split.csv",
-        detection=tmp_path / "detection.parquet",
-        ipd=tmp_path / "ipd.parquet",
-        instances=tmp_path / "instances.parquet",
+        tables_of=tables_below(tmp_path),
         options=DetectOptions(),
     )
     return tmp_path
@@ -97,11 +99,39 @@ def test_a_split_that_leaks_no_view_says_so(tested):
     assert not tables.read_parquet(tested / "detection.parquet")["leaks_views"].any()
 
 
-def test_a_class_without_labels_has_no_figure_and_does_not_lower_the_mean():
-    rocks = LABELS[LABELS["kind"] == "rock"]
-    figures = detection_figures([TESTED], rocks, GOOD, instance_performance(rocks, GOOD, 0))
-    assert np.isnan(figures[1]["map50"])
-    assert figures[2]["map50"] == figures[0]["map50"]
+def test_every_table_names_its_judge_and_its_domains(tested):
+    for name in ("detection", "breakdown", "curves", "false_alarms", "instances"):
+        table = tables.read_parquet(tested / f"{name}.parquet", ["trained", "evaluated"])
+        assert set(zip(table["trained"], table["evaluated"], strict=True)) == {("real", "real"), ("real", "hapke")}
+    for name in ("ipd", "rocks"):
+        table = tables.read_parquet(tested / f"{name}.parquet", ["trained", "first", "second"])
+        assert table[["trained", "first", "second"]].drop_duplicates().to_numpy().tolist() == [
+            ["real", "hapke", "real"]
+        ]
+
+
+def test_the_rock_table_has_each_rocks_mean_in_both_domains(tested):
+    table = tables.read_parquet(tested / "rocks.parquet").set_index(["kind", "rock"])
+    assert table.loc[("rock", 1), ["terrain", "photos", "iou_first", "iou_second"]].tolist() == [1, 1, 0.5, 0.8]
+    assert table.loc[("rock", 1), "difference"] == pytest.approx(-0.3)
+
+
+def test_the_rules_of_the_options_are_heeded_and_stated(tested):
+    evaluate(
+        predictions=[tested / "real_on_real.parquet", tested / "real_on_hapke.parquet"],
+        labels=dict.fromkeys(("real", "hapke"), tested / "labels.parquet"),
+        datasets={domain: tested / domain for domain in ("real", "hapke")},
+        split=tested / "split.csv",
+        tables_of=tables_below(tested / "other"),
+        options=DetectOptions(undetected="left_out", resampled="photo", iou_confidence=0.05),
+    )
+    table = tables.read_parquet(tested / "other/ipd.parquet").set_index("kind")
+    assert table.loc["rock", ["undetected", "unpaired", "unit", "confidence"]].tolist() == [
+        "left_out", "left_out", "photo", 0.05,
+    ]  # fmt: skip
+    assert table.loc["rock", "pairs"] == 1  # the second rock is found in one domain only
+    assert table.loc["rock", "ipd"] == pytest.approx(0.8 - 0.5)
+    assert table.loc["shadow", "pairs"] == 0  # missed in `hapke`
 
 
 def test_domains_come_from_the_files_name(tmp_path):
@@ -117,8 +147,6 @@ def test_a_domain_without_labels_is_named(tested):
             labels={"real": tested / "labels.parquet"},
             datasets={"real": tested / "real"},
             split=tested / "split.csv",
-            detection=tested / "d.parquet",
-            ipd=tested / "i.parquet",
-            instances=tested / "n.parquet",
+            tables_of=tables_below(tested / "again"),
             options=DetectOptions(),
         )

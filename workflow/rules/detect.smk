@@ -108,7 +108,7 @@ rule predict:
 
 
 rule evaluate:
-    """mAP, IOU_mean and IPD of every judge on every domain."""
+    """mAP, IOU_mean, false alarms and IPD of every judge on every domain, with intervals."""
     input:
         predictions=of_run(
             "results/{run}/detect/predictions/{trained}_on_{evaluated}.parquet",
@@ -120,7 +120,11 @@ rule evaluate:
         split="results/{run}/detect/split.csv",
     output:
         detection="results/{run}/detect/detection.parquet",
+        breakdown="results/{run}/detect/breakdown.parquet",
+        curves="results/{run}/detect/curves.parquet",
+        false_alarms="results/{run}/detect/false_alarms.parquet",
         ipd="results/{run}/detect/ipd.parquet",
+        rocks="results/{run}/detect/rocks.parquet",
         instances="results/{run}/detect/instances.parquet",
     log:
         "results/{run}/logs/detect/evaluate.log",
