@@ -8,7 +8,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.tables import paper
-from polarsim.tables.detection_table import KINDS, judge_title
+from polarsim.tables.detection_table import KINDS
 from polarsim.tables.layout import MISSING, origin_note, with_origin, write_blocks
 from polarsim.tables.seeds import seed_notes, shown
 
@@ -61,7 +61,7 @@ def lay_out_breakdown(table: pd.DataFrame) -> pd.DataFrame:
     names = ["kind", "trained", "evaluated"]
     rows = []
     for (kind, trained, evaluated), part in table.groupby(names, sort=False):
-        row = {"labels": kind, "T": judge_title(str(trained)), "E": paper.title(str(evaluated))}
+        row = {"labels": kind, "T": paper.title(str(trained)), "E": paper.title(str(evaluated))}
         for group in groups:
             found = part[part["group"] == group]
             row[str(group)] = shown(found, "map50") if len(found) else MISSING

@@ -8,7 +8,6 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.tables import paper
-from polarsim.tables.detection_table import judge_title
 from polarsim.tables.layout import origin_note, with_origin, write_table
 from polarsim.tables.seeds import seed_notes, shown
 
@@ -49,7 +48,7 @@ def lay_out_false_alarms(table: pd.DataFrame) -> pd.DataFrame:
         percent = part.assign(**{name: 100 * part[name] for name in shares})
         values = (
             place,
-            judge_title(str(trained)),
+            paper.title(str(trained)),
             paper.title(str(evaluated)),
             str(part["terrains"].iloc[0]),
             int(part["images"].iloc[0]),

@@ -9,7 +9,6 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.tables import paper
-from polarsim.tables.detection_table import judge_title
 from polarsim.tables.layout import origin_note, with_origin, write_table
 
 COLUMNS = (
@@ -60,6 +59,6 @@ def lay_out_ipd_rocks(table: pd.DataFrame) -> pd.DataFrame:
         pair = f"{paper.title(str(first))} - {paper.title(str(second))}"
         for row in largest(part, SHOWN).to_dict("records"):
             figures = (row["terrain"], row["rock"], row["photos"], row["iou_first"], row["iou_second"])
-            values = (judge_title(str(trained)), pair, *figures, row["difference"])
+            values = (paper.title(str(trained)), pair, *figures, row["difference"])
             rows.append(dict(zip(columns, values, strict=True)))
     return pd.DataFrame(rows, columns=columns)

@@ -251,6 +251,19 @@ def every_figure(name):
     ]
 
 
+def tables_of_judges():
+    """Where judges are trained."""
+    names = ["detection", "detection_breakdown", "false_alarms", "ipd", "ipd_rocks"]
+    return of_run("results/{run}/tables/{name}.csv", name=names if DOMAINS else [])
+
+
+def figures_of_judges():
+    """Where judges are trained; a page of rocks for each."""
+    names = ["detection", "precision_recall", "ipd", "ipd_histogram"]
+    names += [f"gap_rocks_{domain}" for domain in DOMAINS]
+    return of_run("results/{run}/figures/{name}.png", name=names if DOMAINS else [])
+
+
 def shown_photo(wildcards):
     """The photo that stands for a position in the report: Sun 30 if there, rover light off, Left, near 256 ms."""
     keys = selected_grid(int(wildcards.terrain), [wildcards.position], CONFIG.grid)
