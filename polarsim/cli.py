@@ -144,6 +144,71 @@ def score(
     _print_scores(report)
 
 
+class Treatment(StrEnum):
+    """What becomes of a rock."""
+
+    zero = "zero"
+    left_out = "left_out"
+
+
+class Unit(StrEnum):
+    """What the bootstrap draws."""
+
+    view = "view"
+    photo = "photo"
+
+
+@app.command()
+def ipd(
+    labels_a: Annotated[
+        Path, typer.Argument(help="Labels of the first domain: a folder of YOLO files, or a Parquet table.")
+    ],
+    predictions_a: Annotated[
+        Path, typer.Argument(help="What a judge sees there; YOLO files with the confidence as sixth field, or a table.")
+    ],
+    labels_b: Annotated[Path, typer.Argument(help="Labels of the second domain, files of the same names.")],
+    predictions_b: Annotated[Path, typer.Argument(help="What the same judge sees there.")],
+    confidence: Annotated[float, typer.Option(min=0, max=1, help="Least confidence of a prediction.")] = 0.25,
+    undetected: Annotated[
+        Treatment, typer.Option(help="A labelled rock that no prediction overlaps: IoU 0, or left out.")
+    ] = Treatment.zero,
+    unpaired: Annotated[
+        Treatment, typer.Option(help="A rock labelled in one domain only: IoU 0 in the other, or left out.")
+    ] = Treatment.left_out,
+    pair_iou: Annotated[
+        float, typer.Option(min=0.01, max=1, help="Without rock ids: least IoU of labels of the same rock.")
+    ] = 0.5,
+    unit: Annotated[
+        Unit | None,
+        typer.Option(help="What intervals draw; default: views where all names are photo keys, else photos."),
+    ] = None,
+    resamples: Annotated[int, typer.Option(min=100, help="Bootstrap samples.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Of the bootstrap.")] = 0,
+    json: JsonFile = None,
+) -> None:
+    """Instance performance difference of a judge between two domains, with 95 % intervals.
+
+    ipd: absolute value of the mean difference of IoU, as the paper's table; ipd_abs: mean of the absolute differences.
+    """
+    from polarsim.detect.ipd import Rules
+    from polarsim.detect.sets import compare_sets
+    from polarsim.formats.files import write_json
+
+    report = compare_sets(
+        (labels_a, labels_b),
+        (predictions_a, predictions_b),
+        confidence=confidence,
+        rules=Rules(undetected.value, unpaired.value),
+        unit=unit.value if unit else None,
+        pair_iou=pair_iou,
+        seed=seed,
+        resamples=resamples,
+    )
+    if json:
+        write_json(json, report)
+    _print_ipd(report)
+
+
 @app.command()
 def masks(
     polygons: Annotated[
@@ -430,3 +495,23 @@ def _print_scores(report: dict[str, Any]) -> None:
         )
         table.add_row(name, *counts, *ratios)
     Console().print(table)
+
+
+def _print_ipd(report: dict[str, Any]) -> None:
+    def shown(row: dict[str, Any], name: str) -> str:
+        value, low, high = (row.get(column) for column in (name, f"{name}_low", f"{name}_high"))
+        if value is None:
+            return "-"
+        return f"{value:.4f}" + (f" [{low:.4f}, {high:.4f}]" if low is not None and high is not None else "")
+
+    rows = [["class", "pairs", f"{report['unit']}s", "IOU_mean A", "IOU_mean B", "ipd [95 %]", "ipd_abs [95 %]"]]
+    for name, row in report["classes"].items():
+        figures = [shown(row, key) for key in ("iou_mean_a", "iou_mean_b", "ipd", "ipd_abs")]
+        rows.append([name, str(row["pairs"]), str(row["units"]), *figures])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for cells in rows:
+        typer.echo("  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip())
+    typer.echo(
+        f"{report['pictures']} pictures; paired by {report['paired_by']}; confidence from {report['confidence']:g}; "
+        f"undetected: {report['undetected']}; unpaired: {report['unpaired']}; intervals over {report['unit']}s"
+    )

@@ -173,3 +173,28 @@ def test_brdf_refuses_a_set_that_is_not_there():
     done = polarsim("brdf", "hapke", "--set", "basalt")
     assert done.returncode == 1
     assert "expected chrono_lunar" in done.stderr
+
+
+def test_ipd_of_two_folders_is_printed_and_written(tmp_path):
+    for name, lines in (("a", "0 0.3 0.3 0.2 0.2"), ("b", "0 0.3 0.3 0.2 0.1")):
+        for folder, text in ((f"labels_{name}", "0 0.3 0.3 0.2 0.2\n"), (f"found_{name}", f"{lines} 0.9\n")):
+            (tmp_path / folder).mkdir()
+            for picture in ("one", "two"):
+                (tmp_path / folder / f"{picture}.txt").write_text(text)
+    sets = [tmp_path / name for name in ("labels_a", "found_a", "labels_b", "found_b")]
+    done = polarsim("ipd", *sets, "--json", tmp_path / "ipd.json")
+    assert done.returncode == 0, done.stderr
+    assert "0.5000 [0.5000, 0.5000]" in done.stdout
+    assert "intervals over photos" in done.stdout
+    rock = json.loads((tmp_path / "ipd.json").read_text())["classes"]["rock"]
+    assert [rock[name] for name in ("pairs", "ipd", "iou_mean_a")] == pytest.approx([2, 0.5, 1], abs=1e-5)
+
+
+def test_ipd_of_names_that_have_no_view_ends_in_one_line_where_views_are_asked_for(tmp_path):
+    for folder, text in (("labels", "0 0.3 0.3 0.2 0.2\n"), ("found", "0 0.3 0.3 0.2 0.2 0.9\n")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "one.txt").write_text(text)
+    done = polarsim("ipd", *[tmp_path / name for name in ("labels", "found")] * 2, "--unit", "view")
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: 'one' is no photo key")
+    assert len(done.stderr.splitlines()) == 1

@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from polarsim.detect import metrics
+from polarsim.detect.breakdown import (
+    ALL,
+    BREAKDOWN_COLUMNS,
+    CURVE_COLUMNS,
+    FIGURE_COLUMNS,
+    breakdown,
+    curves,
+    judge,
+)  # fmt: skip
 from polarsim.detect.dataset import BOX_COLUMNS, count_left_out, read_pictures
-from polarsim.detect.ipd import INSTANCE_COLUMNS, instance_performance, instance_performance_difference
+from polarsim.detect.false_alarms import FALSE_ALARM_COLUMNS, false_alarms
+from polarsim.detect.ipd import (
+    INSTANCE_COLUMNS,
+    ROCK_COLUMNS,
+    Rules,
+    instance_performance,
+    instance_performance_difference,
+    of_rocks,
+    pair,
+)  # fmt: skip
 from polarsim.detect.judges import judge_name
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
@@ -21,17 +38,32 @@ from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
+from polarsim.progress import track
 
-ALL = "all"
+SIDES = ("trained", "evaluated")
+PAIR = ("trained", "first", "second")
 DETECTION_COLUMNS = (
-    "trained", "evaluated", "kind", "split", "leaks_views", "judge", "start", "epochs", "imgsz",
-    "images", "left_out", "labels", "map50", "map50_95", "iou_mean",
+    *SIDES, "kind", "split", "leaks_views", "judge", "start", "epochs", "imgsz",
+    "images", "left_out", "units", "unit", "labels", *FIGURE_COLUMNS,
 )  # fmt: skip
 IPD_COLUMNS = (
-    "trained", "first", "second", "kind", "pairs",
+    *PAIR, "kind", "pairs", "units", "unit", "undetected", "unpaired", "confidence",
     "ipd", "ipd_abs", "ipd_low", "ipd_high", "ipd_abs_low", "ipd_abs_high",
 )  # fmt: skip
 _DIGITS = 6
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The tables that `evaluate` writes."""
+
+    detection: Path  # DETECTION_COLUMNS
+    breakdown: Path  # trained, evaluated, BREAKDOWN_COLUMNS
+    curves: Path  # trained, evaluated, CURVE_COLUMNS
+    false_alarms: Path  # trained, evaluated, FALSE_ALARM_COLUMNS
+    ipd: Path  # IPD_COLUMNS
+    rocks: Path  # trained, first, second, ROCK_COLUMNS
+    instances: Path  # trained, evaluated, INSTANCE_COLUMNS, area_px
 
 
 def evaluate(
@@ -41,12 +73,10 @@ def evaluate(
     datasets: Mapping[str, Path],
     split: Path,
     by: str = PHOTO,
-    detection: Path,
-    ipd: Path,
-    instances: Path,
+    tables_of: Evaluation,
     options: DetectOptions,
 ) -> None:
-    """Write the detection, IPD and instance tables of all pairs of domains.
+    """Write the figures of all pairs of domains.
 
     Parameters
     ----------
@@ -72,32 +102,25 @@ def evaluate(
         if domain not in labels or domain not in datasets:
             raise DetectError(f"domain {domain!r} is predicted on, but has no labels or no data set")
         keys[domain] = read_pictures(datasets[domain], TEST)
-        truth[domain] = _read_labels(labels[domain], keys[domain])
-    rows: list[dict[str, object]] = []
+        truth[domain] = _read_labels(labels[domain])
+    parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_alarms": []}
     performances: dict[tuple[str, str], pd.DataFrame] = {}
-    for (trained, evaluated), path in sorted(named.items()):
+    for (trained, evaluated), path in track(sorted(named.items()), "evaluate"):
         found = tables.read_parquet(path, PREDICTION_COLUMNS)
-        found = found[found["key"].isin(keys[evaluated])]
-        performance = instance_performance(truth[evaluated], found, options.iou_confidence)
-        performances[trained, evaluated] = performance
-        facts = {
-            "trained": trained,
-            "evaluated": evaluated,
-            "split": by,
-            "leaks_views": leaked,
-            "judge": judge_name(options.model),
-            "start": options.pretrained.name if options.pretrained else "scratch",
-            "epochs": options.epochs,
-            "imgsz": options.imgsz,
-            "images": len(keys[evaluated]),
-            "left_out": _left_out(datasets, trained, evaluated),
-        }
-        rows += [
-            facts | figures for figures in detection_figures(keys[evaluated], truth[evaluated], found, performance)
-        ]
-    tables.write_parquet(detection, pd.DataFrame(rows, columns=list(DETECTION_COLUMNS)).round(_DIGITS))
-    tables.write_parquet(ipd, _ipd_table(performances, options).round(_DIGITS))
-    tables.write_parquet(instances, _instance_table(performances).round(_DIGITS))
+        figures = _figures(keys[evaluated], truth[evaluated], found, options)
+        performances[trained, evaluated] = figures.pop("instances")
+        for name, table in figures.items():
+            parts[name].append(_named(table, SIDES, (trained, evaluated)))
+    judged = _joined(parts["breakdown"], (*SIDES, *BREAKDOWN_COLUMNS))
+    _write(tables_of.breakdown, judged)
+    left_out = {sides: _left_out(datasets, *sides) for sides in named}
+    _write(tables_of.detection, _detection_table(judged, by, leaked, left_out, options))
+    _write(tables_of.curves, _joined(parts["curves"], (*SIDES, *CURVE_COLUMNS)))
+    _write(tables_of.false_alarms, _joined(parts["false_alarms"], (*SIDES, *FALSE_ALARM_COLUMNS)))
+    _write(tables_of.ipd, _ipd_table(performances, options))
+    _write(tables_of.rocks, _rock_table(performances, options))
+    instances = [_named(table, SIDES, sides) for sides, table in sorted(performances.items())]
+    _write(tables_of.instances, _joined(instances, (*SIDES, *INSTANCE_COLUMNS, "area_px")))
 
 
 def trained_and_evaluated(path: Path) -> tuple[str, str]:
@@ -114,31 +137,30 @@ def trained_and_evaluated(path: Path) -> tuple[str, str]:
     return trained, evaluated
 
 
-def detection_figures(
-    keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, performance: pd.DataFrame
-) -> list[dict[str, object]]:
-    """Kind, labels, map50, map50_95, iou_mean of each class, and as `all` the mean over classes that have labels.
-
-    `performance` has the row of `instance_performance` of each label; the other two tables have kinds and boxes.
-    """
-    rows: list[dict[str, object]] = []
-    for kind in BOX_CLASSES:
-        labelled = _by_photo(labels[labels["kind"] == kind], BOX_COLUMNS, keys)
-        predicted = _by_photo(predictions[predictions["kind"] == kind], (*BOX_COLUMNS, "confidence"), keys)
-        precision = metrics.average_precision(labelled, [p[:, :4] for p in predicted], [p[:, 4] for p in predicted])
-        overlap = performance.loc[performance["kind"] == kind, "iou"].to_numpy(float)
-        rows.append(
-            {
-                "kind": kind,
-                "labels": len(overlap),
-                "map50": precision[0],
-                "map50_95": precision.mean(),
-                "iou_mean": overlap.mean() if len(overlap) else np.nan,
-            }
-        )
-    figures = pd.DataFrame(rows)[["map50", "map50_95", "iou_mean"]]
-    means = {str(name): float(value) for name, value in figures.mean().items()}  # a class without labels has none
-    return [*rows, {"kind": ALL, "labels": len(performance)} | means]
+def _figures(
+    keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, options: DetectOptions
+) -> dict[str, pd.DataFrame]:
+    """All that concerns one judge and one domain."""
+    drawing = {"seed": options.seed, "resamples": options.resamples}
+    own = labels[labels["key"].isin(keys)]
+    found = predictions[predictions["key"].isin(keys)]
+    performance = instance_performance(own, found, options.iou_confidence)
+    judged = judge(keys, own, found, performance, options.resampled)
+    alarms = false_alarms(
+        keys,
+        labels,
+        found,
+        confidence=options.iou_confidence,
+        overlap=options.false_alarm_overlap,
+        unit=options.resampled,
+        **drawing,
+    )
+    return {
+        "instances": performance,
+        "breakdown": breakdown(judged, **drawing, group_resamples=options.group_resamples),
+        "curves": curves(judged),
+        "false_alarms": alarms,
+    }
 
 
 def _left_out(datasets: Mapping[str, Path], trained: str, evaluated: str) -> int:
@@ -147,38 +169,77 @@ def _left_out(datasets: Mapping[str, Path], trained: str, evaluated: str) -> int
     return training + count_left_out(datasets[evaluated], (TEST,))
 
 
-def _by_photo(table: pd.DataFrame, columns: Sequence[str], keys: Sequence[str]) -> list[np.ndarray]:
-    """(n, columns) values of each photo, in the order of the keys."""
-    found = {str(key): rows.to_numpy(float) for key, rows in table.groupby("key")[list(columns)]}
-    return [found.get(key, np.zeros((0, len(columns)))) for key in keys]
-
-
-def _read_labels(path: Path, keys: Sequence[str]) -> pd.DataFrame:
-    """Labels of the evaluated pictures, cut at the photo's border as the data set's are."""
+def _read_labels(path: Path) -> pd.DataFrame:
+    """Labels cut at the photo's border as the data set's are."""
     table = tables.read_parquet(path, tables.LABEL_COLUMNS)
-    table = table[table["key"].isin(keys)].copy()
     corners = boxes.clip(table[list(BOX_COLUMNS)].to_numpy(float))
     table[list(BOX_COLUMNS)] = corners
     return table[boxes.area(corners) > 0]
 
 
-def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: DetectOptions) -> pd.DataFrame:
-    rows = []
+def _detection_table(
+    judged: pd.DataFrame, by: str, leaked: bool, left_out: Mapping[tuple[str, str], int], options: DetectOptions
+) -> pd.DataFrame:
+    """`DETECTION_COLUMNS` of all photos."""
+    facts: dict[str, Any] = {
+        "split": by,
+        "leaks_views": leaked,
+        "judge": judge_name(options.model),
+        "start": options.pretrained.name if options.pretrained else "scratch",
+        "epochs": options.epochs,
+        "imgsz": options.imgsz,
+        "unit": options.resampled,
+    }
+    found = judged[judged["by"] == ALL].assign(**facts)
+    found["left_out"] = [left_out[sides] for sides in zip(found["trained"], found["evaluated"], strict=True)]
+    return found[list(DETECTION_COLUMNS)]
+
+
+def _pairs_of_domains(
+    performances: Mapping[tuple[str, str], pd.DataFrame],
+) -> Iterator[tuple[tuple[str, str, str], pd.DataFrame, pd.DataFrame]]:
+    """Every judge and two domains, with its performances in both."""
     for trained in sorted({trained for trained, _ in performances}):
         domains = sorted(evaluated for judge, evaluated in performances if judge == trained)
         for first, second in combinations(domains, 2):
-            for kind in BOX_CLASSES:
-                sides = (performances[trained, domain] for domain in (first, second))
-                difference = instance_performance_difference(
-                    *(side[side["kind"] == kind] for side in sides), seed=options.seed, resamples=options.resamples
-                )
-                rows.append({"trained": trained, "first": first, "second": second, "kind": kind, **asdict(difference)})
+            yield (trained, first, second), performances[trained, first], performances[trained, second]
+
+
+def _rules(options: DetectOptions) -> Rules:
+    return Rules(options.undetected, options.unpaired, options.resampled)
+
+
+def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: DetectOptions) -> pd.DataFrame:
+    rules = {"undetected": options.undetected, "unpaired": options.unpaired, "confidence": options.iou_confidence}
+    rows = []
+    for names, *sides in _pairs_of_domains(performances):
+        for kind in BOX_CLASSES:
+            difference = instance_performance_difference(
+                *(side[side["kind"] == kind] for side in sides),
+                rules=_rules(options),
+                seed=options.seed,
+                resamples=options.resamples,
+            )
+            rows.append(dict(zip(PAIR, names, strict=True)) | {"kind": kind} | rules | asdict(difference))
     return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
 
 
-def _instance_table(performances: Mapping[tuple[str, str], pd.DataFrame]) -> pd.DataFrame:
-    parts = [
-        table[list(INSTANCE_COLUMNS)].assign(trained=trained, evaluated=evaluated)
-        for (trained, evaluated), table in sorted(performances.items())
+def _rock_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: DetectOptions) -> pd.DataFrame:
+    found = [
+        _named(of_rocks(pair(first, second, _rules(options))), PAIR, names)
+        for names, first, second in _pairs_of_domains(performances)
     ]
-    return pd.concat(parts, ignore_index=True)[["trained", "evaluated", *INSTANCE_COLUMNS]]
+    return _joined(found, (*PAIR, *ROCK_COLUMNS))
+
+
+def _named(table: pd.DataFrame, columns: Sequence[str], names: Sequence[str]) -> pd.DataFrame:
+    return table.assign(**dict(zip(columns, names, strict=True)))
+
+
+def _joined(parts: Sequence[pd.DataFrame], columns: Sequence[str]) -> pd.DataFrame:
+    filled = [part for part in parts if len(part)] or list(parts[:1])
+    return pd.concat(filled, ignore_index=True)[list(columns)] if filled else pd.DataFrame(columns=list(columns))
+
+
+def _write(path: Path, table: pd.DataFrame) -> None:
+    tables.write_parquet(path, table.round(_DIGITS).reset_index(drop=True))

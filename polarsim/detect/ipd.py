@@ -1,29 +1,59 @@
 """Instance performance difference: how differently one judge performs on the same rocks in two domains.
 
 Chen, Negrut et al., arXiv 2411.07375. The performance of a rock in a photo is the IoU of its label with the best
-predicted box (`instance_performance`); rocks are paired by photo key and rock id.
+predicted box (`instance_performance`); rocks are paired by photo key and rock id. What the paper leaves open is stated
+by `Rules`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pandas as pd
 
-from polarsim.detect import metrics
+from polarsim.detect import bootstrap, metrics
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.errors import DetectError
-from polarsim.randomness import generator
+from polarsim.geometry import boxes
+from polarsim.photo import PhotoKey
 
 INSTANCE_COLUMNS = ("key", "kind", "rock", "iou")
+ROCK_COLUMNS = ("terrain", "rock", "kind", "photos", "iou_first", "iou_second", "difference")
+Treatment = Literal["zero", "left_out"]
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What counts. The defaults follow the paper as far as it can be read: its IPD is a difference of two IOU_means.
+
+    Attributes
+    ----------
+    undetected
+        A labelled rock that no prediction overlaps: performance 0, or the pair is left out.
+    unpaired
+        A rock with a label in one domain only: left out, or performance 0 in the other. Labels without a rock id are
+        left out always, for nobody knows their partners.
+    unit
+        What the bootstrap draws.
+    """
+
+    undetected: Treatment = "zero"
+    unpaired: Treatment = "left_out"
+    unit: bootstrap.Unit = "view"
 
 
 @dataclass(frozen=True)
 class Difference:
-    """IPD over `pairs` rocks, with 95 % bootstrap intervals over photos; NaN without pairs."""
+    """IPD over `pairs` rocks in `units` views or photos, with 95 % bootstrap intervals over these.
+
+    All figures are NaN without pairs, and intervals with fewer than two units.
+    """
 
     pairs: int
+    units: int
+    unit: str
     ipd: float  # | mean of p_first - p_second |, as the paper's Table 2: gains and losses cancel
     ipd_abs: float  # mean of | p_first - p_second |: they do not
     ipd_low: float
@@ -47,32 +77,47 @@ def instance_performance(labels: pd.DataFrame, predictions: pd.DataFrame, confid
     Returns
     -------
     DataFrame
-        Columns key, kind, rock, iou; a row a label, ordered by photo, kind, rock.
+        Columns key, kind, rock, iou, area_px (of the label's box, px^2); a row a label, by photo, kind, rock.
     """
     sure = predictions[predictions["confidence"] >= confidence]
     found = {name: rows[list(BOX_COLUMNS)].to_numpy(float) for name, rows in sure.groupby(["key", "kind"])}
     parts = []
     for name, rows in labels.groupby(["key", "kind"]):
-        overlap = metrics.best_overlap(rows[list(BOX_COLUMNS)].to_numpy(float), found.get(name, np.zeros((0, 4))))
-        parts.append(rows[["key", "kind", "rock"]].assign(iou=overlap))
-    table = pd.concat(parts) if parts else labels[["key", "kind", "rock"]].assign(iou=0.0)
+        corners = rows[list(BOX_COLUMNS)].to_numpy(float)
+        overlap = metrics.best_overlap(corners, found.get(name, np.zeros((0, 4))))
+        parts.append(rows[["key", "kind", "rock"]].assign(iou=overlap, area_px=boxes.area(corners)))
+    table = pd.concat(parts) if parts else labels[["key", "kind", "rock"]].assign(iou=0.0, area_px=0.0)
     return table.sort_values(["key", "kind", "rock", "iou"], kind="stable", ignore_index=True)
 
 
-def pair(first: pd.DataFrame, second: pd.DataFrame) -> pd.DataFrame:
-    """Rocks that both tables of `instance_performance` know: key, kind, rock, first, second (their performances).
+def pair(first: pd.DataFrame, second: pd.DataFrame, rules: Rules | None = None) -> pd.DataFrame:
+    """Rocks of both tables of `instance_performance`: key, kind, rock, first, second (their performances).
 
-    Labels without a rock (id below 1) have no partner. Of several labels of one rock in a photo the best one counts.
+    Of several labels of one rock in a photo the best one counts. A performance that is NaN is none.
+
+    Raises
+    ------
+    DetectError
+        A column is missing.
     """
+    rules = rules or Rules()
     sides = []
     for table, name in ((first, "first"), (second, "second")):
-        known = table[table["rock"] > 0]
+        missing = [column for column in INSTANCE_COLUMNS if column not in table.columns]
+        if missing:
+            raise DetectError(f"column {missing[0]!r} of the instance performances is missing")
+        known = table[(table["rock"] > 0) & table["iou"].notna()]
         sides.append(known.groupby(["key", "kind", "rock"])["iou"].max().rename(name).reset_index())
-    return sides[0].merge(sides[1], on=["key", "kind", "rock"], how="inner", validate="one_to_one")
+    how: Literal["outer", "inner"] = "outer" if rules.unpaired == "zero" else "inner"
+    pairs = sides[0].merge(sides[1], on=["key", "kind", "rock"], how=how, validate="one_to_one")
+    if rules.undetected == "left_out":
+        pairs = pairs[(pairs["first"] != 0) & (pairs["second"] != 0)]  # a missing label is NaN here, and stays
+    pairs = pairs.fillna({"first": 0.0, "second": 0.0})
+    return pairs.sort_values(["key", "kind", "rock"], ignore_index=True)
 
 
 def instance_performance_difference(
-    first: pd.DataFrame, second: pd.DataFrame, *, seed: int = 0, resamples: int = 1000
+    first: pd.DataFrame, second: pd.DataFrame, *, rules: Rules | None = None, seed: int = 0, resamples: int = 1000
 ) -> Difference:
     """IPD of one judge between two domains, from the rows of `instance_performance` in each.
 
@@ -80,35 +125,31 @@ def instance_performance_difference(
     ----------
     first, second : DataFrame
         Columns key, kind, rock, iou.
+    rules
+        The defaults of `Rules` when None.
     seed, resamples : int
-        Of the bootstrap, which draws photos, not rocks: rocks of one photo are not independent.
+        Of the bootstrap.
 
     Raises
     ------
     DetectError
-        A column is missing.
+        A column is missing; or views are to be drawn, and keys are no photo keys.
     """
-    for table in (first, second):
-        missing = [name for name in INSTANCE_COLUMNS if name not in table.columns]
-        if missing:
-            raise DetectError(f"column {missing[0]!r} of the instance performances is missing")
-    pairs = pair(first, second)
+    rules = rules or Rules()
+    pairs = pair(first, second, rules)
     if pairs.empty:
-        return Difference(0, *[float("nan")] * 6)
+        return Difference(0, 0, rules.unit, *[float("nan")] * 6)
     gain = (pairs["first"] - pairs["second"]).to_numpy(float)
-    photo = pd.factorize(pairs["key"], sort=True)[0]
-    rocks, total, total_abs = (np.bincount(photo, weights) for weights in (np.ones_like(gain), gain, np.abs(gain)))
-    random = generator(seed, "detect", "ipd")
-    means, means_abs = np.empty(resamples), np.empty(resamples)
-    for n in range(resamples):
-        drawn = random.integers(len(rocks), size=len(rocks))
-        means[n] = total[drawn].sum() / rocks[drawn].sum()
-        means_abs[n] = total_abs[drawn].sum() / rocks[drawn].sum()
-    low, high = np.quantile(means, [0.025, 0.975])
+    unit = bootstrap.units_of(pairs["key"].astype(str).tolist(), rules.unit)
+    units = int(unit.max()) + 1
+    drawn = bootstrap.draws(units, resamples, seed)
+    low, high = bootstrap.interval(bootstrap.resampled_means(gain, unit, drawn), units)
     folded = 0.0 if low <= 0 <= high else min(abs(low), abs(high))  # of the mean's interval, where its sign is open
-    abs_low, abs_high = np.quantile(means_abs, [0.025, 0.975])
+    abs_low, abs_high = bootstrap.interval(bootstrap.resampled_means(np.abs(gain), unit, drawn), units)
     return Difference(
         len(gain),
+        units,
+        rules.unit,
         float(abs(gain.mean())),
         float(np.abs(gain).mean()),
         float(folded),
@@ -116,3 +157,12 @@ def instance_performance_difference(
         float(abs_low),
         float(abs_high),
     )
+
+
+def of_rocks(pairs: pd.DataFrame) -> pd.DataFrame:
+    """`ROCK_COLUMNS` of the rows of `pair`: mean performance of each rock in each domain over its photos."""
+    terrain = [PhotoKey.parse(str(key)).terrain for key in pairs["key"]]
+    grouped = pairs.assign(terrain=terrain).groupby(["terrain", "kind", "rock"])
+    table = grouped.agg(photos=("key", "size"), iou_first=("first", "mean"), iou_second=("second", "mean"))
+    table["difference"] = table["iou_first"] - table["iou_second"]
+    return table.reset_index()[list(ROCK_COLUMNS)]

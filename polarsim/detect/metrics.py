@@ -1,11 +1,14 @@
 """Detection figures of one class: average precision as COCO defines it, and the best overlap of every label.
 
-All functions take one entry a picture; boxes are (n, 4) as x0, y0, x1, y1.
+All functions take one entry a picture; boxes are (n, 4) as x0, y0, x1, y1. The rules are those of COCO's evaluation
+(Lin et al., ECCV 2014; pycocotools `COCOeval`), interpolation included: the mean, over the recalls 0, 0.01 ... 1, of
+the highest precision at that recall or beyond. Only its limit of 100 boxes a picture is left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +16,71 @@ from polarsim.geometry import boxes
 
 IOU_THRESHOLDS = np.linspace(0.5, 0.95, 10)  # mAP@[0.5:0.95]; the first one is mAP@0.5
 RECALLS = np.linspace(0, 1, 101)
+ANY_AREA = ((0.0, np.inf),)
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """All predictions of a class, matched with labels once, from sure to unsure: sums over them give any figure.
+
+    There are n predictions, p pictures, t thresholds of IoU, and g ranges of area.
+    """
+
+    confidence: np.ndarray  # (n,) falling
+    picture: np.ndarray  # (n,) its number
+    right: np.ndarray  # (g, t, n) bool: takes a label of the range
+    counted: np.ndarray  # (g, t, n) bool: right or wrong; the others are neither, for they concern another range
+    labels: np.ndarray  # (g, p) labels of the range in each picture
+
+    def of_pictures(self, chosen: np.ndarray) -> Ranked:
+        """The same for the chosen (p,) bool pictures alone; they keep their numbers."""
+        kept = chosen[self.picture]
+        return Ranked(
+            self.confidence[kept],
+            self.picture[kept],
+            self.right[:, :, kept],
+            self.counted[:, :, kept],
+            np.where(chosen, self.labels, 0),
+        )
+
+
+def rank(
+    labels: Sequence[np.ndarray],
+    predictions: Sequence[np.ndarray],
+    confidences: Sequence[np.ndarray],
+    thresholds: np.ndarray = IOU_THRESHOLDS,
+    areas: Sequence[tuple[float, float]] = ANY_AREA,
+) -> Ranked:
+    """Match predictions with labels, picture by picture.
+
+    The surest prediction first takes the label with the largest IoU that is still free. Where only some areas (px^2,
+    both ends included) are asked for, labels of others are free for all: a prediction on them is neither right nor
+    wrong, nor is one of another area that takes no label.
+    """
+    low, high = np.array(areas, float).T[:, :, None]
+    sure, picture, counts = [np.zeros(0)], [np.zeros(0, int)], []
+    right, counted = ([np.zeros((len(areas), len(thresholds), 0), bool)] for _ in range(2))
+    for number, (label, prediction, confidence) in enumerate(zip(labels, predictions, confidences, strict=True)):
+        order = np.argsort(-confidence, kind="stable")
+        prediction = prediction[order].reshape(-1, 4)
+        label = label.reshape(-1, 4)
+        other_label, other = (
+            (size < low) | (size > high) for size in (boxes.area(label)[None], boxes.area(prediction)[None])
+        )
+        matched, passed = _match(boxes.iou(prediction, label), thresholds, other_label)
+        sure.append(confidence[order])
+        picture.append(np.full(len(order), number))
+        right.append(matched)
+        counted.append(~passed & (matched | ~other[:, None]))
+        counts.append((~other_label).sum(axis=1))
+    order = np.argsort(-np.concatenate(sure), kind="stable")
+    return Ranked(
+        np.concatenate(sure)[order],
+        np.concatenate(picture)[order],
+        np.concatenate(right, axis=2)[:, :, order],
+        np.concatenate(counted, axis=2)[:, :, order],
+        np.array(counts, int).reshape(-1, len(areas)).T,
+    )
 
 
 def average_precision(
@@ -20,44 +88,37 @@ def average_precision(
     predictions: Sequence[np.ndarray],
     confidences: Sequence[np.ndarray],
     thresholds: np.ndarray = IOU_THRESHOLDS,
+    area: tuple[float, float] = ANY_AREA[0],
 ) -> np.ndarray:
-    """(t,) average precision at each IoU threshold: mean of the highest precision at 101 recalls or beyond.
+    """(t,) average precision at each IoU threshold, of the labels of one range of area; NaN without labels."""
+    ranked = rank(labels, predictions, confidences, thresholds, [area])
+    return precision_at_recalls(ranked).mean(axis=1)
 
-    The rules are those of COCO's evaluation (Lin et al., ECCV 2014; pycocotools `COCOeval`): the surest prediction
-    first takes the label with the largest IoU that is still free; any other prediction is a false one.
-    NaN without labels.
+
+def precision_at_recalls(ranked: Ranked, area: int = 0, weights: np.ndarray | None = None) -> np.ndarray:
+    """(t, 101) highest precision at each of `RECALLS` or beyond, 0 where no recall goes so far; NaN without labels.
+
+    Parameters
+    ----------
+    area
+        Number of the range of area.
+    weights : (p,)
+        How often each picture counts; once when None.
     """
-    count = sum(map(len, labels))
+    weights = np.ones(ranked.labels.shape[1]) if weights is None else weights
+    count = float(ranked.labels[area] @ weights)
     if not count:
-        return np.full(len(thresholds), np.nan)
-    taken, sure = [np.zeros((len(thresholds), 0), bool)], [np.zeros(0)]
-    for label, prediction, confidence in zip(labels, predictions, confidences, strict=True):
-        order = np.argsort(-confidence, kind="stable")
-        sure.append(confidence[order])
-        taken.append(true_positives(boxes.iou(prediction[order], label), thresholds))
-    order = np.argsort(-np.concatenate(sure), kind="stable")
-    right = np.concatenate(taken, axis=1)[:, order].cumsum(axis=1)  # (t, n) among the n surest predictions
-    recall = right / count
-    precision = right / np.arange(1, right.shape[1] + 1)
-    precision = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
-    places = [np.searchsorted(row, RECALLS, side="left") for row in recall]
-    reached = [row[place[place < len(row)]] for row, place in zip(precision, places, strict=True)]
-    return np.array([row.sum() / len(RECALLS) for row in reached])
-
-
-def true_positives(overlap: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
-    """(t, n) which predictions find a label, of overlaps (n predictions from sure to unsure, m labels)."""
-    found = np.zeros((len(thresholds), len(overlap)), bool)
-    if not overlap.size:
-        return found
-    free = np.ones((len(thresholds), overlap.shape[1]), bool)
-    backwards = overlap[:, ::-1]  # of equal overlaps COCO takes the last label
-    for n in np.flatnonzero(overlap.max(axis=1) >= thresholds.min()):
-        open_overlap = np.where(free, backwards[n], -1)
-        best = open_overlap.argmax(axis=1)
-        found[:, n] = open_overlap[np.arange(len(thresholds)), best] >= thresholds
-        free[found[:, n], best[found[:, n]]] = False
-    return found
+        return np.full((ranked.right.shape[1], len(RECALLS)), np.nan)
+    weight = weights[ranked.picture]
+    curves = np.zeros((ranked.right.shape[1], len(RECALLS)))
+    for curve, right, counted in zip(curves, ranked.right[area], ranked.counted[area], strict=True):
+        found = np.flatnonzero(right)  # the highest precisions stand where a label has just been found
+        so_far = weight[found].cumsum()
+        best = so_far / np.maximum((weight * counted).cumsum()[found], 1e-12)  # 0 before the first that counts
+        best = np.maximum.accumulate(best[::-1])[::-1]
+        places = np.searchsorted(so_far / count, RECALLS, side="left")
+        curve[places < len(found)] = best[places[places < len(found)]]
+    return curves
 
 
 def best_overlap(labels: np.ndarray, predictions: np.ndarray) -> np.ndarray:
@@ -65,3 +126,30 @@ def best_overlap(labels: np.ndarray, predictions: np.ndarray) -> np.ndarray:
     if not len(predictions):
         return np.zeros(len(labels))
     return boxes.iou(labels, predictions).max(axis=1)
+
+
+def _match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(g, t, n) which predictions take a label that is asked for, and which take one that is not (`other`, (g, m)).
+
+    Of overlaps (n predictions from sure to unsure, m labels). Labels that are asked for go first.
+    """
+    shape = (len(other), len(thresholds))
+    matched, passed = np.zeros((*shape, len(overlap)), bool), np.zeros((*shape, len(overlap)), bool)
+    if not overlap.size:
+        return matched, passed
+    asked = ~other[:, None, ::-1]  # backwards: of equal overlaps COCO takes the last label
+    free = np.ones((*shape, overlap.shape[1]), bool)
+    ranges, levels = np.ogrid[: shape[0], : shape[1]]
+    backwards, some_other = overlap[:, ::-1], other.any()
+    for n in np.flatnonzero(overlap.max(axis=1) >= thresholds.min()):
+        near = free & (backwards[n] >= thresholds[:, None])
+        wanted = near & asked
+        best = np.where(wanted, backwards[n], -1).argmax(axis=2)
+        matched[:, :, n] = wanted[ranges, levels, best]
+        if some_other:
+            rest = near & ~asked & ~matched[:, :, n, None]
+            second = np.where(rest, backwards[n], -1).argmax(axis=2)
+            passed[:, :, n] = rest[ranges, levels, second]
+            best = np.where(matched[:, :, n], best, second)
+        free[ranges, levels, best] &= ~(matched[:, :, n] | passed[:, :, n])
+    return matched, passed

@@ -111,9 +111,33 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
     )
     max_boxes: int = Field(300, ge=1, description="Most predictions a picture, the surest ones.")
     iou_confidence: float = Field(
-        0.25, ge=0, lt=1, description="Least confidence of a prediction in IOU_mean and IPD; the paper states none."
+        0.25,
+        ge=0,
+        lt=1,
+        description="Least confidence of a prediction in IOU_mean, IPD and false alarms; the paper states none.",
     )
-    resamples: int = Field(1000, ge=100, description="Bootstrap samples of the IPD's 95 % interval.")
+    undetected: Literal["zero", "left_out"] = Field(
+        "zero", description="In IPD, a labelled rock that no prediction overlaps: IoU 0, or left out."
+    )
+    unpaired: Literal["left_out", "zero"] = Field(
+        "left_out", description="In IPD, a rock labelled in one domain only: left out, or IoU 0 in the other."
+    )
+    false_alarm_overlap: float = Field(
+        0.1,
+        gt=0,
+        le=1,
+        description="A predicted rock is a false alarm if it covers less than this share of the smaller one of it and "
+        "each rock label.",
+    )
+    resampled: Literal["view", "photo"] = Field(
+        "view",
+        description="What the bootstrap of 95 % intervals draws: views (terrain, position, camera), whose photos show "
+        "the same rocks, or photos.",
+    )
+    resamples: int = Field(1000, ge=100, description="Bootstrap samples of the 95 % intervals.")
+    group_resamples: int = Field(
+        200, ge=100, description="The same for groups of photos and size classes, of which there are many."
+    )
 
     stereo: StereoOptions = Field(StereoOptions(), description="Stereo depth as a second kind of judge.")
 

@@ -10,6 +10,7 @@ from polarsim.errors import FormatError
 from polarsim.formats.files import write_text
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
 
+CLASS_FILE = "classes.txt"  # beside label files: the names of their class numbers, one a line
 _SIZE = np.array([WIDTH, HEIGHT], float)
 
 
@@ -51,6 +52,41 @@ def write_boxes(path: str | Path, classes: np.ndarray, boxes: np.ndarray, size: 
         for c, (x, y), (w, h) in zip(np.asarray(classes, int), centre, extent, strict=True)
     ]
     write_text(path, "".join(lines))
+
+
+def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Class numbers (n,), boxes (n, 4) and confidences (n,) of anyone's boxes, of whatever classes.
+
+    Boxes are in pixels of a photo of the rig. A line may have a sixth field, the confidence; it is NaN where there is
+    none.
+
+    Raises
+    ------
+    FormatError
+        A line that is no box with area: file, line number and reason.
+    """
+    classes, boxes, confidences = [], [], []
+    for number, fields in _lines(path):
+        if len(fields) not in (5, 6):
+            raise FormatError(f"{path}:{number}: {len(fields)} fields, expected class x y width height [confidence]")
+        if not fields[0].isdigit():
+            raise FormatError(f"{path}:{number}: class {fields[0]}, expected a whole number")
+        values = _numbers(path, number, fields)
+        centre, extent = values[1:3] * _SIZE, values[3:5] * _SIZE
+        if (extent <= 0).any():
+            raise FormatError(f"{path}:{number}: box without area")
+        classes.append(int(fields[0]))
+        boxes.append(np.concatenate([centre - extent / 2, centre + extent / 2]))
+        confidences.append(values[5] if len(values) == 6 else np.nan)
+    return np.array(classes, int), np.array(boxes, float).reshape(-1, 4), np.array(confidences, float)
+
+
+def class_names(folder: Path) -> tuple[str, ...]:
+    """Names of the class numbers in a folder of label files: those of its list, else rock and shadow."""
+    path = folder / CLASS_FILE
+    if not path.is_file():
+        return BOX_CLASSES
+    return tuple(line.strip() for line in path.read_text(encoding="utf-8").splitlines() if line.strip())
 
 
 def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -10,24 +10,31 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.tables import paper
-from polarsim.tables.layout import MISSING, origin_note, with_origin, write_table
+from polarsim.tables.layout import MISSING, origin_note, with_origin, write_blocks
+from polarsim.tables.seeds import SEED, over_seeds, seed_notes
 
 COLUMNS = (
     "trained", "evaluated", "kind", "split", "leaks_views", "judge", "epochs", "imgsz", "images", "labels",
     "map50", "map50_95", "iou_mean",
 )  # fmt: skip
 MEASURES = ("map50", "map50_95", "iou_mean")
+INTERVALS = tuple(f"{name}_{bound}" for name in MEASURES for bound in ("low", "high"))
 KINDS = (ROCK, "shadow", "all")
 CAPTION = "Detection: mAP@0.5 / mAP@[0.5:0.95] / IOU_mean, higher is better (T: trained on, E: evaluated on)."
+INTERVAL_CAPTION = "95 % intervals of the same figures, by a bootstrap of {}s."
 
 
 def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str]) -> None:
     """Write tables/detection.{csv,md,tex,parquet} from detect/detection.parquet."""
     table = tidy_detection(read_parquet(detection, COLUMNS), origin["source"])
-    notes = [*_judge_notes(table), origin_note(origin)]
+    notes = [*_judge_notes(table), *seed_notes(table), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
         notes.insert(0, paper.ANALOG_NOTE)
-    write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_detection(table), notes=notes)
+    blocks = {CAPTION: lay_out_detection(table)}
+    if set(INTERVALS) <= set(table.columns) and not seed_notes(table):
+        unit = "/".join(sorted(set(table.get("unit", pd.Series(["view"])).astype(str)))) or "view"
+        blocks[INTERVAL_CAPTION.format(unit)] = lay_out_intervals(table)
+    write_blocks(stem, with_origin(table, origin), blocks, notes)
 
 
 def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
@@ -37,11 +44,13 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     """
     table = detection[list(COLUMNS)].copy()
     table.insert(COLUMNS.index("epochs"), "start", detection["start"] if "start" in detection.columns else "")
-    for name, after in (("seed", "split"), ("left_out", "images")):
+    for name, after in ((SEED, "split"), ("left_out", "images")):
         place = list(table.columns).index(after) + 1
         table.insert(place, name, detection[name] if name in detection.columns else 0)
-    for name in ("trained", "evaluated"):
-        table[name] = pd.Series([paper.own_name(str(domain), source) for domain in table[name]], dtype="str")
+    for name in ("unit", "units", *INTERVALS):
+        if name in detection.columns:
+            table[name] = detection[name]
+    table = paper.with_own_names(table, ("trained", "evaluated"), source)
     places = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
     found = [
         paper.DETECTION.get((paper.counterpart(trained), paper.counterpart(evaluated))) if kind == ROCK else None
@@ -56,6 +65,16 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
 
 def lay_out_detection(table: pd.DataFrame) -> pd.DataFrame:
     """The paper's Table 1 out of tidy rows: a row a judge, a column an evaluated domain, then the paper's columns."""
+    return _lay_out(table, _cell)
+
+
+def lay_out_intervals(table: pd.DataFrame) -> pd.DataFrame:
+    """The same places with the bounds of the intervals; the paper has none."""
+    shown = _lay_out(table, _interval_cell)
+    return shown[[name for name in shown.columns if not name.startswith("paper")]]
+
+
+def _lay_out(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd.DataFrame:
     evaluated = paper.in_order(set(table["evaluated"]))
     several = len(table[["split", "judge", "epochs", "imgsz"]].drop_duplicates()) > 1
     rows = []
@@ -70,7 +89,7 @@ def lay_out_detection(table: pd.DataFrame) -> pd.DataFrame:
                 name = paper.title(domain if not prefix else paper.counterpart(domain))
                 if prefix and paper.counterpart(domain) not in paper.DOMAIN_ORDER:
                     continue
-                row[text.format(name)] = _cell(part[part["evaluated"] == domain], prefix)
+                row[text.format(name)] = cell(part[part["evaluated"] == domain], prefix)
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["labels", "T"])
 
@@ -83,7 +102,16 @@ def judge_title(trained: str) -> str:
 
 def _cell(part: pd.DataFrame, prefix: str) -> str:
     figures = part[[prefix + name for name in MEASURES]].dropna()
-    return " / ".join(f"{value:.3f}" for value in figures.iloc[0]) if len(figures) else MISSING
+    if not len(figures):
+        return MISSING
+    return " / ".join(over_seeds(figures[name] if not prefix else figures[name][:1]) for name in figures.columns)
+
+
+def _interval_cell(part: pd.DataFrame, prefix: str) -> str:
+    if prefix or not len(part) or part[list(INTERVALS)].iloc[0].isna().all():
+        return MISSING
+    row = part.iloc[0]
+    return " / ".join(f"[{row[f'{name}_low']:.3f}, {row[f'{name}_high']:.3f}]" for name in MEASURES)
 
 
 def _judge_notes(table: pd.DataFrame) -> list[str]:

@@ -12,7 +12,9 @@ from polarsim.photo import ROCK
 from polarsim.tables import paper
 from polarsim.tables.detection_table import KINDS, judge_title
 from polarsim.tables.layout import MISSING, origin_note, with_origin, write_table
+from polarsim.tables.seeds import SEED, seed_notes, shown
 
+RULES = ("units", "unit", "undetected", "unpaired", "confidence")  # by which rocks were paired, where it is told
 COLUMNS = (
     "trained", "first", "second", "kind", "pairs", "ipd", "ipd_abs", "ipd_low", "ipd_high", "ipd_abs_low",
     "ipd_abs_high",
@@ -20,14 +22,14 @@ COLUMNS = (
 CAPTION = "Instance performance difference, lower is better (T: trained on). Each cell: ipd [95 %] / ipd_abs [95 %]."
 FORMULA_NOTE = (
     "ipd is the absolute value of the mean difference of the rocks' IoU, as the paper's table computes it; ipd_abs is "
-    "the mean of the absolute differences, where gains and losses cannot cancel. Intervals: 95 % bootstrap of photos."
+    "the mean of the absolute differences, where gains and losses cannot cancel."
 )
 
 
 def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str]) -> None:
     """Write tables/ipd.{csv,md,tex,parquet} from detect/ipd.parquet."""
     table = tidy_ipd(read_parquet(ipd, COLUMNS), origin["source"])
-    notes = [FORMULA_NOTE, origin_note(origin)]
+    notes = [FORMULA_NOTE, *_rule_notes(table), *seed_notes(table), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["first"], *table["second"]}:
         notes.insert(0, paper.ANALOG_NOTE)
     write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_ipd(table), notes=notes)
@@ -36,15 +38,16 @@ def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str]) -> None:
 def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
     """A row for every kind, judge and pair of domains in the paper's order; `paper_ipd` for rocks where it has one."""
     rows = []
-    for entry in ipd.to_dict("records"):
+    drawn = [name for name in ("split", SEED) if name in ipd.columns]
+    told = [name for name in RULES if name in ipd.columns]
+    for entry in ipd[[*drawn, *COLUMNS, *told]].to_dict("records"):
         trained, *pair = (paper.own_name(str(entry[name]), source) for name in ("trained", "first", "second"))
         first, second = paper.ordered_pair(*pair)
         key = paper.counterpart(trained), (paper.counterpart(first), paper.counterpart(second))
         figure = paper.IPD.get(key) if entry["kind"] == ROCK else None
         rows.append({**entry, "trained": trained, "first": first, "second": second, "paper_ipd": figure})
     rows.sort(key=_place)
-    drawn = [name for name in ("split", "seed") if name in ipd.columns]
-    table = pd.DataFrame(rows, columns=[*drawn, *COLUMNS, "paper_ipd"])
+    table = pd.DataFrame(rows, columns=[*drawn, *COLUMNS, *told, "paper_ipd"])
     return table.astype({"paper_ipd": "float64", "trained": "str", "first": "str", "second": "str"})
 
 
@@ -73,15 +76,29 @@ def lay_out_ipd(table: pd.DataFrame) -> pd.DataFrame:
 def _cell(found: pd.DataFrame) -> str:
     if not len(found):
         return MISSING
-    row = found.iloc[0]
     parts = []
     for name in ("ipd", "ipd_abs"):
-        value, low, high = (float(row[column]) for column in (name, f"{name}_low", f"{name}_high"))
-        if value != value:  # NaN: no rock is labelled in both domains
+        if found[name].isna().all():  # no rock is labelled in both domains
             return MISSING
-        interval = f" [{low:.3f}, {high:.3f}]" if low == low and high == high else ""
-        parts.append(f"{value:.4f}{interval}")
+        value, _, interval = shown(found, name).partition(" [")
+        if len(found) == 1:
+            value = f"{found[name].iloc[0]:.4f}"  # as many digits as the paper prints
+        parts.append(f"{value} [{interval}" if interval else value)
     return " / ".join(parts)
+
+
+def _rule_notes(table: pd.DataFrame) -> list[str]:
+    """The rules of pairing, where the table tells them."""
+    if not {"unit", "undetected", "unpaired", "confidence"} <= set(table.columns):
+        return []
+    words = {"zero": "IoU 0", "left_out": "left out"}
+    return [
+        f"Least confidence {confidence:g}; rocks that no prediction overlaps: {words[undetected]}; "
+        f"rocks labelled in one domain only: {words[unpaired]}; intervals: 95 % bootstrap of {unit}s."
+        for unit, undetected, unpaired, confidence in table[["unit", "undetected", "unpaired", "confidence"]]
+        .drop_duplicates()
+        .itertuples(index=False)
+    ]
 
 
 def _pair_title(first: str, second: str) -> str:

@@ -18,7 +18,8 @@ MISSING = "–"  # a cell without a value
 
 _DECIMALS = {"_mm": 2, "_px": 2, "_deg": 3}  # by the unit that a column's name ends with; all else has three
 _TEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "<": r"$<$"}
-_TEX |= {character: "\\" + character for character in "&%$#_{}"} | {">": r"$>$", "≥": r"$\geq$", "°": r"$^\circ$"}
+_TEX |= {character: "\\" + character for character in "&%$#_{}"}
+_TEX |= {">": r"$>$", "≥": r"$\geq$", "±": r"$\pm$", "°": r"$^\circ$"}
 
 
 def with_origin(table: pd.DataFrame, origin: Mapping[str, str]) -> pd.DataFrame:
@@ -87,14 +88,19 @@ def markdown(table: pd.DataFrame, caption: str, notes: Sequence[str] = ()) -> st
 
 
 def latex(table: pd.DataFrame, caption: str, notes: Sequence[str] = (), label: str = "") -> str:
-    """The table in LaTeX; needs no package."""
+    """The table in LaTeX, with the rules of booktabs."""
     header = [f"\\textbf{{{tex_text(str(name))}}}" for name in table.columns]
     rows = [[tex_text(cell) for cell in row] for row in cells(table)]
-    lines = ["\\begin{table}", "\\centering", f"\\caption{{{tex_text(caption)}}}"]
+    lines = ["% Needs \\usepackage{booktabs}.", "\\begin{table}", "\\centering", f"\\caption{{{tex_text(caption)}}}"]
     lines += [f"\\label{{tab:{label}}}"] if label else []
     lines += ["\\begin{tabular}{" + "".join("r" if _is_number(table[name]) else "l" for name in table.columns) + "}"]
-    lines += ["\\hline", " & ".join(header) + r" \\", "\\hline", *(" & ".join(row) + r" \\" for row in rows)]
-    lines += ["\\hline", "\\end{tabular}", *(f"\\par\\smallskip {tex_text(note)}" for note in notes), "\\end{table}"]
+    lines += ["\\toprule", " & ".join(header) + r" \\", "\\midrule", *(" & ".join(row) + r" \\" for row in rows)]
+    lines += [
+        "\\bottomrule",
+        "\\end{tabular}",
+        *(f"\\par\\smallskip {tex_text(note)}" for note in notes),
+        "\\end{table}",
+    ]
     return "\n".join(lines) + "\n"
 
 

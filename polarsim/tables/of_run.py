@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from polarsim.errors import LabelError
 from polarsim.formats.instances import read_kind_masks
+from polarsim.formats.tables import read_parquet
 from polarsim.formats.yolo import read_polygons
 from polarsim.geometry.polygons import paint
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey
 from polarsim.tables.figures.comparison import draw_comparison
 from polarsim.tables.figures.contact import draw_contact
+from polarsim.tables.figures.gap_rocks import draw_gap_rocks
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.run_files import cover_photo_of, instances_of, photo_of, polygons_of, twin_of
 from polarsim.tables.show import show
@@ -107,5 +109,33 @@ def draw_comparison_of_run(
         automatic=run / "renders" / "tables" / table,
         cover_photo=cover_photo_of(run, key),
         figure=figure,
+        options=options,
+    )
+
+
+def draw_gap_rocks_of_run(
+    *,
+    trained: str,
+    run: Path,
+    photo_domain: str | None,
+    instances: Path,
+    ipd: Path,
+    predictions: Mapping[str, Path],
+    labels: Mapping[str, Path],
+    figure: Path,
+    origin: dict[str, str],
+    options: TablesOptions,
+) -> None:
+    """The page of rocks of one judge of a run; least confidence as its IPD was computed."""
+    confidence = read_parquet(ipd, ["confidence"])["confidence"]
+    draw_gap_rocks(
+        trained=trained,
+        instances=instances,
+        predictions=predictions,
+        labels=labels,
+        picture_of=lambda domain, key: photo_of(run, key) if domain == photo_domain else twin_of(run, domain, key),
+        confidence=float(confidence.iloc[0]) if len(confidence) else 0.0,
+        figure=figure,
+        origin=origin,
         options=options,
     )

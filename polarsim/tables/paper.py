@@ -5,6 +5,10 @@ They concern rocks, real photos and 200 epochs from pre-trained weights. They st
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import pandas as pd
+
 REAL, ANALOG, PRINCIPLED, HAPKE = "real", "analog", "principled", "hapke"
 DOMAIN_ORDER = (REAL, ANALOG, PRINCIPLED, HAPKE)
 
@@ -36,6 +40,14 @@ ANALOG_NOTE = (
     "Analog pictures come from a simulated sandbox and are no photos. The paper's Real column stands beside them "
     "because it has that place in the layout, not because the figures could be compared."
 )
+
+ANALOG_PICTURES_NOTE = "Analog pictures come from a simulated sandbox and are no photos."
+
+
+def with_own_names(table: pd.DataFrame, columns: Sequence[str], source: str) -> pd.DataFrame:
+    """A copy of the table with the domains in some columns named by `own_name`."""
+    names = {column: [own_name(str(domain), source) for domain in table[column]] for column in columns}
+    return table.assign(**{column: pd.Series(values, table.index, dtype="str") for column, values in names.items()})
 
 
 def own_name(domain: str, source: str) -> str:

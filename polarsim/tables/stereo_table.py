@@ -8,7 +8,8 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.tables import paper
-from polarsim.tables.layout import MISSING, origin_note, with_origin, write_blocks
+from polarsim.tables.layout import origin_note, with_origin, write_blocks
+from polarsim.tables.seeds import with_interval
 
 MEASURES = ("valid_share", "median_abs_error_mm", "bad_share", "bad_relative_share")
 COLUMNS = ("domain", "terrain", "pairs", *MEASURES, "rocks", "performance")
@@ -62,8 +63,7 @@ def lay_out_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
         pair = paper.ordered_pair(*(paper.own_name(str(entry[name]), source) for name in ("first", "second")))
         row: dict[str, object] = {"domains": " - ".join(map(paper.title, pair)), "rocks": int(entry["pairs"])}
         for name in ("ipd", "ipd_abs"):
-            value, low, high = (float(entry[column]) for column in (name, f"{name}_low", f"{name}_high"))
-            row[name] = f"{value:.4f} [{low:.3f}, {high:.3f}]" if value == value else MISSING
+            row[name] = with_interval(pd.Series(entry), name)
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["domains"])
 

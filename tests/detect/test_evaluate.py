@@ -1,11 +1,10 @@
+from dataclasses import fields
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.detect.evaluate import detection_figures, evaluate, trained_and_evaluated
-from polarsim.detect.ipd import instance_performance
+from polarsim.detect.evaluate import Evaluation, evaluate, trained_and_evaluated
 from polarsim.detect.options import DetectOptions
 from polarsim.errors import DetectError
 from polarsim.formats import tables
@@ -43,7 +42,11 @@ GOOD = predictions(
 BAD = predictions((TESTED, "rock", 0.9, 0, 0, 100, 50), (TESTED, "shadow", 0.9, 900, 0, 1000, 100))
 
 
-def run(root: Path, by: str) -> pd.DataFrame:
+def tables_below(folder: Path) -> Evaluation:
+    return Evaluation(**{field.name: folder / f"{field.name}.parquet" for field in fields(Evaluation)})
+
+
+def run(root: Path, by: str, out: Path | None = None, **options: object) -> pd.DataFrame:
     """Evaluate the judge of domain `real` on both domains; returns the detection table."""
     evaluate(
         predictions=[root / "real_on_real.parquet", root / "real_on_hapke.parquet"],
@@ -51,12 +54,10 @@ def run(root: Path, by: str) -> pd.DataFrame:
         datasets={domain: root / domain for domain in ("real", "hapke")},
         split=root / "split.csv",
         by=by,
-        detection=root / "detection.parquet",
-        ipd=root / "ipd.parquet",
-        instances=root / "instances.parquet",
-        options=DetectOptions(),
+        tables_of=tables_below(out or root),
+        options=DetectOptions(**options),
     )
-    return tables.read_parquet(root / "detection.parquet")
+    return tables.read_parquet((out or root) / "detection.parquet")
 
 
 @pytest.fixture
@@ -118,11 +119,32 @@ def test_a_strict_split_that_leaks_is_refused(tested):
         run(tested, "view")
 
 
-def test_a_class_without_labels_has_no_figure_and_does_not_lower_the_mean():
-    rocks = LABELS[LABELS["kind"] == "rock"]
-    figures = detection_figures([TESTED], rocks, GOOD, instance_performance(rocks, GOOD, 0))
-    assert np.isnan(figures[1]["map50"])
-    assert figures[2]["map50"] == figures[0]["map50"]
+def test_every_table_names_its_judge_and_its_domains(tested):
+    for name in ("detection", "breakdown", "curves", "false_alarms", "instances"):
+        table = tables.read_parquet(tested / f"{name}.parquet", ["trained", "evaluated"])
+        assert set(zip(table["trained"], table["evaluated"], strict=True)) == {("real", "real"), ("real", "hapke")}
+    for name in ("ipd", "rocks"):
+        table = tables.read_parquet(tested / f"{name}.parquet", ["trained", "first", "second"])
+        assert table[["trained", "first", "second"]].drop_duplicates().to_numpy().tolist() == [
+            ["real", "hapke", "real"]
+        ]
+
+
+def test_the_rock_table_has_each_rocks_mean_in_both_domains(tested):
+    table = tables.read_parquet(tested / "rocks.parquet").set_index(["kind", "rock"])
+    assert table.loc[("rock", 1), ["terrain", "photos", "iou_first", "iou_second"]].tolist() == [1, 1, 0.5, 0.8]
+    assert table.loc[("rock", 1), "difference"] == pytest.approx(-0.3)
+
+
+def test_the_rules_of_the_options_are_heeded_and_stated(tested):
+    run(tested, "photo", tested / "other", undetected="left_out", resampled="photo", iou_confidence=0.05)
+    table = tables.read_parquet(tested / "other/ipd.parquet").set_index("kind")
+    assert table.loc["rock", ["undetected", "unpaired", "unit", "confidence"]].tolist() == [
+        "left_out", "left_out", "photo", 0.05,
+    ]  # fmt: skip
+    assert table.loc["rock", "pairs"] == 1  # the second rock is found in one domain only
+    assert table.loc["rock", "ipd"] == pytest.approx(0.8 - 0.5)
+    assert table.loc["shadow", "pairs"] == 0  # missed in `hapke`
 
 
 def test_domains_come_from_the_files_name(tmp_path):
@@ -138,8 +160,6 @@ def test_a_domain_without_labels_is_named(tested):
             labels={"real": tested / "labels.parquet"},
             datasets={"real": tested / "real"},
             split=tested / "split.csv",
-            detection=tested / "d.parquet",
-            ipd=tested / "i.parquet",
-            instances=tested / "n.parquet",
+            tables_of=tables_below(tested / "again"),
             options=DetectOptions(),
         )

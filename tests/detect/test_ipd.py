@@ -1,10 +1,13 @@
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.detect.ipd import instance_performance, instance_performance_difference, pair
+from polarsim.detect import ipd
+from polarsim.detect.ipd import Rules, instance_performance, of_rocks, pair
 from polarsim.errors import DetectError
 
 # arXiv 2309.12397: IOU_mean of Table 1 in two domains, and the IPD of Table 2.
@@ -16,6 +19,10 @@ PAPER = [
     (0.898, 0.872, 0.0261),  # trained on Hapke: Hapke, Principled
     (0.898, 0.434, 0.4638),  # Hapke, Real
 ]
+
+
+PHOTOS = Rules(unit="photo")  # the photos here have short names
+instance_performance_difference = partial(ipd.instance_performance_difference, rules=PHOTOS)
 
 
 def performances(*rows: tuple[str, int, float], kind: str = "rock") -> pd.DataFrame:
@@ -66,7 +73,7 @@ def test_ipd_is_symmetric_bounded_and_at_most_the_absolute_one(first, second):
         assert there.ipd == pytest.approx(back.ipd)
         assert there.ipd_abs == pytest.approx(back.ipd_abs)
         assert 0 <= there.ipd <= there.ipd_abs + 1e-12 <= 1 + 1e-12
-        assert there.ipd_low <= there.ipd_high <= 1
+        assert np.isnan(there.ipd_low) if there.units == 1 else there.ipd_low <= there.ipd_high <= 1
 
 
 def test_only_rocks_known_in_both_domains_are_pairs():
@@ -90,7 +97,7 @@ def test_no_pairs_give_no_number():
     assert np.isnan(found.ipd)
 
 
-def test_the_interval_of_a_steady_difference_is_narrow_and_of_one_photo_is_a_point():
+def test_the_interval_of_a_steady_difference_is_narrow_and_of_one_photo_is_none():
     steady = performances(*[(f"p{n}", 1, 0.5) for n in range(30)])
     shifted = steady.assign(iou=0.4)
     found = instance_performance_difference(steady, shifted)
@@ -130,3 +137,66 @@ def test_a_prediction_of_the_other_kind_does_not_count():
 def test_a_missing_column_is_named():
     with pytest.raises(DetectError, match="'rock'"):
         instance_performance_difference(FIRST.drop(columns="rock"), SECOND)
+
+
+def test_an_undetected_rock_counts_zero_or_is_left_out():
+    first, second = performances(("a", 1, 0.9), ("b", 1, 0.6)), performances(("a", 1, 0.0), ("b", 1, 0.5))
+    found = instance_performance_difference(first, second)
+    assert (found.pairs, found.ipd) == (2, pytest.approx((0.9 + 0.1) / 2))
+    found = instance_performance_difference(first, second, rules=Rules(undetected="left_out", unit="photo"))
+    assert (found.pairs, found.ipd) == (1, pytest.approx(0.1))
+
+
+def test_an_unpaired_rock_is_left_out_or_counts_zero_in_the_other_domain():
+    first, second = performances(("a", 1, 0.9), ("b", 1, 0.6)), performances(("a", 1, 0.7), ("c", 1, 0.5))
+    found = instance_performance_difference(first, second)
+    assert (found.pairs, found.ipd) == (1, pytest.approx(0.2))
+    found = instance_performance_difference(first, second, rules=Rules(unpaired="zero", unit="photo"))
+    assert (found.pairs, found.ipd) == (3, pytest.approx((0.2 + 0.6 - 0.5) / 3))
+    assert found.ipd_abs == pytest.approx((0.2 + 0.6 + 0.5) / 3)
+
+
+def test_an_undetected_rock_that_is_unpaired_is_left_out_where_undetected_ones_are():
+    first, second = performances(("a", 1, 0.0), ("b", 1, 0.6)), performances(("b", 1, 0.5))
+    rules = Rules(undetected="left_out", unpaired="zero", unit="photo")
+    assert pair(first, second, rules)["key"].tolist() == ["b"]
+
+
+def test_a_performance_that_is_no_number_is_none():
+    assert pair(performances(("a", 1, np.nan), ("b", 1, 0.5)), performances(("a", 1, 0.5), ("b", 1, 0.5)))[
+        "key"
+    ].tolist() == ["b"]
+
+
+def test_intervals_over_views_are_wider_than_over_photos_where_a_views_photos_agree():
+    keys = [f"01_{p}_off_180_{c}_{e:04d}" for p in "ABC" for c in "LR" for e in (32, 64, 128, 256)]
+    shift = {"A": 0.1, "B": 0.3, "C": 0.5}
+    first = performances(*[(key, 1, 0.9) for key in keys])
+    second = performances(*[(key, 1, 0.9 - shift[key[3]]) for key in keys])
+    views = instance_performance_difference(first, second, rules=Rules())
+    photos = instance_performance_difference(first, second)
+    assert (views.units, photos.units) == (6, 24)
+    assert views.ipd == photos.ipd == pytest.approx(0.3)
+    spread = np.sqrt((0.2**2) * 2 / 3)  # standard deviation of the shifts
+    assert views.ipd_high - views.ipd_low == pytest.approx(2 * 1.96 * spread / np.sqrt(6), rel=0.15)
+    assert photos.ipd_high - photos.ipd_low == pytest.approx(2 * 1.96 * spread / np.sqrt(24), rel=0.15)
+
+
+def test_one_view_has_no_interval():
+    first = performances(("01_A_off_180_L_0256", 1, 0.9), ("01_A_off_180_L_0512", 1, 0.8))
+    found = instance_performance_difference(first, first.assign(iou=0.5), rules=Rules())
+    assert found.ipd == pytest.approx(0.35)
+    assert np.isnan([found.ipd_low, found.ipd_high, found.ipd_abs_low, found.ipd_abs_high]).all()
+
+
+def test_names_that_are_no_photo_keys_have_no_view():
+    with pytest.raises(DetectError, match="draw photos instead"):
+        instance_performance_difference(FIRST, SECOND, rules=Rules())
+
+
+def test_a_rocks_row_is_the_mean_over_its_photos():
+    keys = ("03_A_off_180_L_0256", "03_A_off_180_R_0256")
+    pairs = pair(performances((keys[0], 7, 0.9), (keys[1], 7, 0.7)), performances((keys[0], 7, 0.5), (keys[1], 7, 0.1)))
+    row = of_rocks(pairs).iloc[0]
+    assert row[["terrain", "rock", "kind", "photos"]].tolist() == [3, 7, "rock", 2]
+    assert row[["iou_first", "iou_second", "difference"]].tolist() == pytest.approx([0.8, 0.3, 0.5])

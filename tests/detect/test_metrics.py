@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.detect.metrics import IOU_THRESHOLDS, average_precision, best_overlap
+from polarsim.detect.metrics import IOU_THRESHOLDS, average_precision, best_overlap, precision_at_recalls, rank
 
 UNIT = np.array([[0.0, 0, 100, 100]])
 
@@ -71,8 +71,8 @@ def random_case(rng, pictures=12):
     return labels, predictions, confidences
 
 
-def coco_precision(labels, predictions, confidences):
-    """(t,) average precision by pycocotools, without its limit of 100 boxes a picture."""
+def coco_precision(labels, predictions, confidences, area=(0, 1e10)):
+    """(t,) average precision by pycocotools, without its limit of 100 boxes a picture; -1 without labels."""
     from pycocotools.coco import COCO
     from pycocotools.cocoeval import COCOeval
 
@@ -97,6 +97,7 @@ def coco_precision(labels, predictions, confidences):
         truth.createIndex()
         rating = COCOeval(truth, truth.loadRes(records(predictions, confidences)), "bbox")
         rating.params.maxDets = [1, 10, 1000]
+        rating.params.areaRng, rating.params.areaRngLbl = [list(area)], ["all"]
         rating.evaluate()
         rating.accumulate()
     return rating.eval["precision"][:, :, 0, 0, 2].mean(axis=1)
@@ -106,6 +107,42 @@ def coco_precision(labels, predictions, confidences):
 def test_average_precision_is_that_of_pycocotools(seed):
     case = random_case(np.random.default_rng(seed))
     np.testing.assert_allclose(average_precision(*case, IOU_THRESHOLDS), coco_precision(*case), atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("area", [(0, 70**2), (70**2, 120**2), (120**2, 1e10)])
+def test_average_precision_of_a_size_class_is_that_of_pycocotools(seed, area):
+    case = random_case(np.random.default_rng(seed))
+    sizes = np.concatenate([np.prod(label[:, 2:] - label[:, :2], axis=1) for label in case[0]])
+    assert ((sizes >= area[0]) & (sizes <= area[1])).mean() > 0.05  # some are of the class
+    np.testing.assert_allclose(average_precision(*case, IOU_THRESHOLDS, area), coco_precision(*case, area), atol=1e-9)
+
+
+def test_a_prediction_on_a_label_of_another_size_is_neither_right_nor_wrong():
+    small = np.array([[0.0, 0, 10, 10]])
+    labels, predictions = [np.concatenate([UNIT, small + 500])], [np.concatenate([UNIT, small + 500])]
+    found = average_precision(labels, predictions, [np.array([0.5, 0.9])], area=(50**2, np.inf))
+    np.testing.assert_allclose(found, 1)
+
+
+def test_a_stray_prediction_of_another_size_is_not_wrong_either():
+    small = np.array([[0.0, 0, 10, 10]])
+    case = [UNIT], [np.concatenate([UNIT, small + 500])], [np.array([0.5, 0.9])]
+    np.testing.assert_allclose(average_precision(*case, area=(50**2, np.inf)), 1)
+    np.testing.assert_allclose(average_precision(*case), 0.5)
+
+
+def test_a_weight_is_a_number_of_copies(rng):
+    labels, predictions, confidences = random_case(rng)
+    confidences = [rng.uniform(size=len(confidence)) for confidence in confidences]  # no ties: copies stay together
+    weights = rng.integers(0, 4, len(labels))
+    copied = [
+        [part for part, n in zip(parts, weights, strict=True) for _ in range(n)]
+        for parts in (labels, predictions, confidences)
+    ]
+    ranked = rank(labels, predictions, confidences)
+    weighted = precision_at_recalls(ranked, weights=weights.astype(float)).mean(axis=1)
+    np.testing.assert_allclose(weighted, average_precision(*copied), atol=1e-12)
 
 
 def test_each_label_takes_the_box_with_the_largest_overlap():

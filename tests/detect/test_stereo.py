@@ -206,7 +206,7 @@ def test_a_domain_and_its_copy_have_the_same_figures_and_no_difference(scene, me
     table = tables.read_parquet(tmp_path / "stereo_table.parquet")
     assert table["terrain"].tolist() == ["all", "01"] * 2
     assert table["pairs"].tolist() == [2] * 4
-    assert "0.0000 [0.000, 0.000]" in (tmp_path / "stereo_table.md").read_text()
+    assert "| Analog - Hapke | 2 | 0.000 | 0.000 |" in (tmp_path / "stereo_table.md").read_text()
 
 
 def test_a_terrain_without_a_pair_is_an_error(meshes, tmp_path):

@@ -1,6 +1,7 @@
 """One small judge is trained for this file: it has to learn, and the stage has to hold together around it."""
 
 import shutil
+from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +12,7 @@ import pytest
 from polarsim.detect import judges
 from polarsim.detect import parts as parts_module
 from polarsim.detect.dataset import make_dataset, read_pictures
-from polarsim.detect.evaluate import evaluate
+from polarsim.detect.evaluate import Evaluation, evaluate
 from polarsim.detect.judges.yolo.library import ultralytics
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.predict import BATCH, PREDICTION_COLUMNS, predict
@@ -180,9 +181,7 @@ def test_evaluation_of_a_judge_in_its_own_domain_and_in_an_equal_one(judged, wor
         labels=dict.fromkeys(("real", "copy"), world / "labels.parquet"),
         datasets=dict.fromkeys(("real", "copy"), judged / "real"),
         split=judged / "split.csv",
-        detection=judged / "detection.parquet",
-        ipd=judged / "ipd.parquet",
-        instances=judged / "instances.parquet",
+        tables_of=Evaluation(**{field.name: judged / f"{field.name}.parquet" for field in fields(Evaluation)}),
         options=OPTIONS,
     )
     detection = tables.read_parquet(judged / "detection.parquet")

@@ -126,3 +126,53 @@ def test_ipd_has_a_row_for_each_split():
     shown = lay_out_ipd(table)
     assert len(shown) == 2 * len(lay_out_ipd(tidy_ipd(ipd(), "analog")))
     assert set(shown["split by"]) == {"photo", "terrain"}
+
+
+def with_intervals(table):
+    bounds = {
+        f"{name}_{bound}": table[name] + shift
+        for name in ("map50", "map50_95", "iou_mean")
+        for bound, shift in (("low", -0.1), ("high", 0.1))
+    }
+    return table.assign(**bounds, unit="view")
+
+
+def test_intervals_stand_in_a_block_of_their_own(tmp_path):
+    table = with_intervals(detection(kinds=("rock",)).assign(map50=0.5, map50_95=0.4, iou_mean=0.3))
+    write_parquet(tmp_path / "d.parquet", table)
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    text = (tmp_path / "detection.md").read_text()
+    assert "by a bootstrap of views" in text
+    assert text.count("[0.400, 0.600] / [0.300, 0.500] / [0.200, 0.400]") == 9
+    assert {"map50_low", "iou_mean_high"} <= set(read_csv(tmp_path / "detection.csv").columns)
+
+
+def test_several_seeds_are_shown_by_mean_and_deviation_with_their_number(tmp_path):
+    one = detection(kinds=("rock",)).assign(map50=0.5, map50_95=0.4, iou_mean=0.3)
+    table = pd.concat([one.assign(seed=seed, map50=0.5 + 0.1 * seed) for seed in (0, 1, 2)])
+    write_parquet(tmp_path / "d.parquet", with_intervals(table))
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    text = (tmp_path / "detection.md").read_text()
+    assert text.count("0.600 ± 0.100 / 0.400 ± 0.000 / 0.300 ± 0.000") == 9
+    assert "over n = 3 trainings of other seeds (0, 1, 2)" in text
+    assert "0.987 / 0.805 / 0.849" in text  # the paper has one
+    assert len(read_csv(tmp_path / "detection.csv", ["seed"])) == 27
+    assert r"0.600 $\pm$ 0.100" in (tmp_path / "detection.tex").read_text()
+
+
+def test_several_seeds_of_ipd_are_shown_by_mean_and_deviation(tmp_path):
+    table = pd.concat([ipd().assign(seed=seed, ipd=0.1 + 0.1 * seed) for seed in (0, 1)])
+    write_parquet(tmp_path / "i.parquet", table)
+    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
+    text = (tmp_path / "ipd.md").read_text()
+    assert text.count("0.150 ± 0.071 / 0.200 ± 0.000") == 9
+    assert "n = 2 trainings" in text
+
+
+def test_the_rules_of_an_ipd_are_told(tmp_path):
+    rules = {"unit": "view", "units": 12, "undetected": "zero", "unpaired": "left_out", "confidence": 0.25}
+    write_parquet(tmp_path / "i.parquet", ipd().assign(**rules))
+    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
+    text = (tmp_path / "ipd.md").read_text()
+    assert "Least confidence 0.25; rocks that no prediction overlaps: IoU 0" in text
+    assert "labelled in one domain only: left out; intervals: 95 % bootstrap of views" in text

@@ -40,6 +40,15 @@ def test_latex_escapes_commands_and_aligns_numbers_to_the_right():
     assert r"a \& b" in text
 
 
+def test_latex_has_the_rules_of_booktabs_and_says_that_it_needs_it():
+    lines = layout.latex(TABLE, "A caption").splitlines()
+    assert lines[0] == r"% Needs \usepackage{booktabs}."
+    rules = [line for line in lines if line.endswith("rule")]
+    assert rules == [r"\toprule", r"\midrule", r"\bottomrule"]
+    assert lines.index(r"\toprule") + 2 == lines.index(r"\midrule")  # the header between them
+    assert not any("hline" in line for line in lines)
+
+
 @given(st.text(alphabet=st.characters(codec="ascii", exclude_categories=["Cc"])))
 def test_latex_text_leaves_no_special_character_bare(text):
     shown = layout.tex_text(text)

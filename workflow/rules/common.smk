@@ -26,6 +26,9 @@ TERRAINS = [f"{terrain:02d}" for terrain in CONFIG.terrains]
 DOMAINS = list(CONFIG.domains)
 TRAINED = list(CONFIG.training_domains)
 SPLITS, SEEDS = list(CONFIG.detect.splits), list(CONFIG.detect.seeds)
+FIRST_TRAINING = (
+    f"results/{{run}}/detect/{SPLITS[0]}/seed{SEEDS[0]}"  # what figures show
+)
 MIXES = {name: dict(weights) for name, weights in CONFIG.detect.mixes.items()}
 MODELS = list(CONFIG.render.models)
 STEREO = CONFIG.detect.stereo.run and bool(DOMAINS)
@@ -317,6 +320,19 @@ def every_figure(name):
             position=position,
         )
     ]
+
+
+def tables_of_judges():
+    """Where judges are trained."""
+    names = ["detection", "detection_breakdown", "false_alarms", "ipd", "ipd_rocks"]
+    return of_run("results/{run}/tables/{name}.csv", name=names if DOMAINS else [])
+
+
+def figures_of_judges():
+    """Where judges are trained; a page of rocks for each."""
+    names = ["detection", "precision_recall", "ipd", "ipd_histogram"]
+    names += [f"gap_rocks_{domain}" for domain in DOMAINS]
+    return of_run("results/{run}/figures/{name}.png", name=names if DOMAINS else [])
 
 
 def shown_photo(wildcards):

@@ -1,6 +1,14 @@
 """Stage 6: judges trained on each domain and asked about every domain, for each split and seed of training."""
 
-EVALUATED = ["detection", "ipd", "instances"]  # tables of `evaluate`
+EVALUATED = [  # tables of `evaluate`
+    "detection",
+    "breakdown",
+    "curves",
+    "false_alarms",
+    "ipd",
+    "rocks",
+    "instances",
+]
 
 
 rule detect:
@@ -165,7 +173,7 @@ rule predict:
 
 
 rule evaluate:
-    """mAP, IOU_mean and IPD of every judge of a split and seed on every domain."""
+    """mAP, IOU_mean, false alarms and IPD of every judge of a split and seed on every domain, with intervals."""
     input:
         predictions=expand(
             "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{evaluated}.parquet",
@@ -179,7 +187,11 @@ rule evaluate:
         split="results/{run}/detect/{split}/split.csv",
     output:
         detection="results/{run}/detect/{split}/seed{seed}/detection.parquet",
+        breakdown="results/{run}/detect/{split}/seed{seed}/breakdown.parquet",
+        curves="results/{run}/detect/{split}/seed{seed}/curves.parquet",
+        false_alarms="results/{run}/detect/{split}/seed{seed}/false_alarms.parquet",
         ipd="results/{run}/detect/{split}/seed{seed}/ipd.parquet",
+        rocks="results/{run}/detect/{split}/seed{seed}/rocks.parquet",
         instances="results/{run}/detect/{split}/seed{seed}/instances.parquet",
     log:
         "results/{run}/logs/detect/evaluate_{split}_seed{seed}.log",

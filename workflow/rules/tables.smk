@@ -14,13 +14,9 @@ rule tables:
     input:
         rules.geometry.input,
         of_run("results/{run}/tables/{name}.csv", name=["quality", "render"]),
-        of_run("results/{run}/tables/{name}.csv", name=["detection", "ipd"])
-        if DOMAINS
-        else [],
+        tables_of_judges(),
+        figures_of_judges(),
         of_run("results/{run}/tables/stereo.csv") if STEREO else [],
-        of_run("results/{run}/figures/{name}.png", name=["detection", "ipd"])
-        if DOMAINS
-        else [],
         of_run("results/{run}/figures/reflectance.png"),
         every_figure("comparison_Terrain{terrain}_Pos{position}"),
         every_figure("contact_Terrain{terrain}_Pos{position}"),
@@ -444,6 +440,89 @@ rule tabulate_stereo:
         "../scripts/tabulate_stereo.py"
 
 
+rule tabulate_breakdown:
+    """Detection by size of the label, exposure, azimuth, rover light and terrain."""
+    input:
+        breakdown="results/{run}/detect/breakdown.parquet",
+    output:
+        table=report(
+            "results/{run}/tables/detection_breakdown.csv",
+            caption="../report/detection_breakdown_table.rst",
+            category="Tables",
+            labels={"table": "detection, broken down"},
+        ),
+        others=multiext(
+            "results/{run}/tables/detection_breakdown", ".md", ".tex", ".parquet"
+        ),
+    log:
+        "results/{run}/logs/tables/tabulate_breakdown.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_breakdown.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.breakdown_table"),
+    script:
+        "../scripts/tabulate_breakdown.py"
+
+
+rule tabulate_false_alarms:
+    """Rocks that judges see where no rock is labelled."""
+    input:
+        false_alarms="results/{run}/detect/false_alarms.parquet",
+    output:
+        table=report(
+            "results/{run}/tables/false_alarms.csv",
+            caption="../report/false_alarms_table.rst",
+            category="Tables",
+            labels={"table": "false alarms"},
+        ),
+        others=multiext("results/{run}/tables/false_alarms", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/tables/tabulate_false_alarms.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_false_alarms.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.false_alarms_table"),
+    script:
+        "../scripts/tabulate_false_alarms.py"
+
+
+rule tabulate_ipd_rocks:
+    """How well each rock is found in two domains."""
+    input:
+        rocks="results/{run}/detect/rocks.parquet",
+    output:
+        table=report(
+            "results/{run}/tables/ipd_rocks.csv",
+            caption="../report/ipd_rocks_table.rst",
+            category="Tables",
+            labels={"table": "IPD, rock by rock"},
+        ),
+        others=multiext("results/{run}/tables/ipd_rocks", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/tables/tabulate_ipd_rocks.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_ipd_rocks.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.ipd_rocks_table"),
+    script:
+        "../scripts/tabulate_ipd_rocks.py"
+
+
 rule draw_comparison:
     """One photo of a position beside its twins, labels drawn in."""
     input:
@@ -765,3 +844,100 @@ rule draw_ipd:
         code=code_of("tables.figures.judges"),
     script:
         "../scripts/draw_ipd.py"
+
+
+rule draw_curves:
+    """Precision over recall of every judge on every domain."""
+    input:
+        curves="results/{run}/detect/curves.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/precision_recall.png",
+            caption="../report/precision_recall.rst",
+            category="Detection",
+            labels={"picture": "precision and recall"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_curves.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_curves.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("tables.figures.curves"),
+    script:
+        "../scripts/draw_curves.py"
+
+
+rule draw_ipd_histogram:
+    """How the performance of single rocks differs between domains."""
+    input:
+        rocks="results/{run}/detect/rocks.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/ipd_histogram.png",
+            caption="../report/ipd_histogram.rst",
+            category="Detection",
+            labels={"picture": "IPD of rocks"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_ipd_histogram.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_ipd_histogram.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("tables.figures.ipd_histogram"),
+    script:
+        "../scripts/draw_ipd_histogram.py"
+
+
+rule draw_gap_rocks:
+    """The rocks that a judge finds most differently in two domains, photo and twin side by side."""
+    input:
+        instances=FIRST_TRAINING + "/instances.parquet",
+        ipd=FIRST_TRAINING + "/ipd.parquet",
+        predictions=[
+            FIRST_TRAINING + f"/predictions/{{trained}}_on_{domain}.parquet"
+            for domain in DOMAINS
+        ],
+        labels=[path for domain in DOMAINS for path in labels_of(domain)],
+        pictures=of_run(
+            "results/{run}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS
+        )
+        + of_run(
+            "results/{run}/renders/{model}/Terrain{terrain}",
+            model=[domain for domain in DOMAINS if domain != CONFIG.photo_domain],
+            terrain=TERRAINS,
+        ),
+    output:
+        figure=report(
+            "results/{run}/figures/gap_rocks_{trained}.png",
+            caption="../report/gap_rocks.rst",
+            category="Detection",
+            labels={"picture": "rocks, judge of {trained}"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_gap_rocks_{trained}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_gap_rocks_{trained}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        domains=DOMAINS,
+        photo_domain=CONFIG.photo_domain,
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("tables.of_run"),
+    script:
+        "../scripts/draw_gap_rocks.py"

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.detect.evaluate import evaluate
+from polarsim.detect.evaluate import Evaluation, evaluate
 from polarsim.detect.options import DetectOptions
 from polarsim.reporting import reporting
 
@@ -13,8 +13,6 @@ with reporting(log=snakemake.log[0]):
         datasets=dict(zip(snakemake.params.trained, map(Path, snakemake.input.datasets), strict=True)),
         split=Path(snakemake.input.split),
         by=snakemake.wildcards.split,
-        detection=Path(snakemake.output.detection),
-        ipd=Path(snakemake.output.ipd),
-        instances=Path(snakemake.output.instances),
+        tables_of=Evaluation(**{name: Path(path) for name, path in snakemake.output.items()}),
         options=DetectOptions(**snakemake.params.options),
     )

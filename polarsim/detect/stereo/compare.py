@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.detect.ipd import Difference, instance_performance_difference
+from polarsim.detect.ipd import Difference, Rules, instance_performance_difference
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.stereo.measure import PAIR_COLUMNS, ROCK_COLUMNS, stereo_table
 from polarsim.formats import tables
@@ -35,7 +35,11 @@ def compare_stereo(
         {"first": first, "second": second}
         | asdict(
             instance_performance_difference(
-                by_domain[first], by_domain[second], seed=options.seed, resamples=options.resamples
+                by_domain[first],
+                by_domain[second],
+                rules=Rules(unit=options.resampled),
+                seed=options.seed,
+                resamples=options.resamples,
             )
         )
         for first, second in combinations(sorted(by_domain), 2)

@@ -13,6 +13,7 @@ from polarsim.photo import ROCK
 from polarsim.tables import detection_table, ipd_table, paper
 from polarsim.tables.figures.canvas import FAINT, INK, SERIES, note, page
 from polarsim.tables.options import TablesOptions
+from polarsim.tables.seeds import first_training
 
 TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mean"}
 
@@ -20,7 +21,7 @@ TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mea
 def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
     """Write detection of rocks as three matrices: a row a judge, a column a domain."""
     table = detection_table.tidy_detection(read_parquet(detection, detection_table.COLUMNS), origin["source"])
-    rocks, split = _of_one_split(table[table["kind"] == ROCK])
+    rocks, split = first_training(table[table["kind"] == ROCK])
     width = options.figure_width_px
     with page(figure, width, round(width * 0.42)) as sheet:
         if not len(rocks):
@@ -40,7 +41,7 @@ def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], opt
 def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
     """Write IPD of rocks as bars with 95 % intervals, a group a judge and pair of domains."""
     table = ipd_table.tidy_ipd(read_parquet(ipd, ipd_table.COLUMNS), origin["source"])
-    rocks, split = _of_one_split(table[(table["kind"] == ROCK) & table["ipd"].notna()])
+    rocks, split = first_training(table[(table["kind"] == ROCK) & table["ipd"].notna()])
     width = options.figure_width_px
     with page(figure, width, round(width * 0.42)) as sheet:
         if not len(rocks):
@@ -75,14 +76,6 @@ def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], options: Tables
         axes.grid(visible=True, axis="y")
         sheet.legend(ncols=3, loc="outside upper right")
         _name_judges(axes, rocks)
-
-
-def _of_one_split(rocks: pd.DataFrame) -> tuple[pd.DataFrame, str]:
-    """The rows of the first split, and its name for the title; the tables have all."""
-    if "split" not in rocks.columns or not len(rocks):
-        return rocks.reset_index(drop=True), ""
-    split = rocks["split"].iloc[0]
-    return rocks[rocks["split"] == split].reset_index(drop=True), f", split by {split}"
 
 
 def _draw_matrix(axes: Any, rocks: pd.DataFrame, measure: str) -> None:

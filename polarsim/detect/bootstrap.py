@@ -1,0 +1,122 @@
+"""95 % intervals of figures, by drawing views (or photos) again with replacement (Efron, Ann. Statist. 7 (1979) 1).
+
+Photos of one view show the same rocks from the same place under other light: they are not independent, and intervals
+over photos come out too narrow. Views of one terrain show the same rocks too, from elsewhere; few terrains are tested,
+so intervals say how sure a figure is of these terrains, not of another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from polarsim.detect.metrics import RECALLS, Ranked
+from polarsim.errors import DetectError, LabelError
+from polarsim.photo import PhotoKey
+from polarsim.randomness import generator
+
+Unit = Literal["view", "photo"]
+LEVELS = (0.025, 0.975)
+_CHUNK = 100_000  # numbers that are worked on at once: they stay in the cache
+
+
+def units_of(keys: Sequence[str], unit: Unit) -> np.ndarray:
+    """(n,) number of each photo's view, from 0, in the order of the views; or of each photo.
+
+    Raises
+    ------
+    DetectError
+        Views are asked for, and a name is no photo key.
+    """
+    if unit == "photo":
+        return np.unique(np.array(keys, str), return_inverse=True)[1]
+    try:
+        views = [PhotoKey.parse(key).view for key in keys]
+    except LabelError as error:
+        raise DetectError(f"{error}, so its view is not known: draw photos instead") from error
+    number = {view: n for n, view in enumerate(sorted(set(views)))}
+    return np.array([number[view] for view in views], int)
+
+
+def draws(units: int, resamples: int, seed: int) -> np.ndarray:
+    """(resamples, units) how often each unit is drawn; the same for all figures, so their differences are paired."""
+    random = generator(seed, "detect", "bootstrap", units)
+    return random.multinomial(units, np.full(units, 1 / units), size=resamples).astype(float)
+
+
+def interval(values: np.ndarray, units: int) -> tuple[float, float]:
+    """Bounds of the middle 95 % of resampled values; NaN for fewer than two units, which show no spread.
+
+    Resamples without a value, for lack of labels, are left out.
+    """
+    values = values[~np.isnan(values)]
+    if units < 2 or not len(values):
+        return float("nan"), float("nan")
+    low, high = np.quantile(values, LEVELS)
+    return float(low), float(high)
+
+
+def resampled_means(values: np.ndarray, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
+    """(resamples,) means of values (n,) whose units (n,) are drawn anew; NaN where none is drawn."""
+    count, total = (np.bincount(unit, weights, drawn.shape[1]) for weights in (np.ones(len(values)), values))
+    counts = drawn @ count
+    return np.divide(drawn @ total, counts, out=np.full(len(drawn), np.nan), where=counts > 0)
+
+
+def resampled_precision(ranked: Ranked, area: int, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
+    """(resamples, t) average precision at each threshold with the units of the pictures (p,) drawn anew.
+
+    The same as `precision_at_recalls` with each resample's weights: matches stay, so drawing only weighs them.
+    """
+    labels = drawn @ np.bincount(unit, ranked.labels[area], drawn.shape[1])
+    at_all = np.flatnonzero(ranked.counted[area].any(axis=0))  # the rest belongs to other ranges of area
+    owner = unit[ranked.picture[at_all]]
+    levels = [
+        _Level(owner, right, counted)
+        for right, counted in zip(ranked.right[area][:, at_all], ranked.counted[area][:, at_all], strict=True)
+    ]
+    precision = np.full((len(drawn), len(levels)), np.nan)
+    known = np.flatnonzero(labels)
+    for chunk in np.array_split(known, max(1, len(known) * len(owner) // _CHUNK)):
+        asked = drawn[chunk][:, owner].cumsum(axis=1)
+        for number, level in enumerate(levels):
+            precision[chunk, number] = level.precision(drawn[chunk], asked, labels[chunk])
+    return precision
+
+
+class _Level:
+    """Right predictions at one threshold of IoU, among the n that some threshold counts.
+
+    Parameters
+    ----------
+    owner : (n,) int
+        Unit of each prediction.
+    right, counted : (n,) bool
+        As in `Ranked`.
+    """
+
+    def __init__(self, owner: np.ndarray, right: np.ndarray, counted: np.ndarray) -> None:
+        self._places, passed = np.flatnonzero(right), np.flatnonzero(~counted)
+        self._owner, self._owner_passed = owner[self._places], owner[passed]
+        self._passed_before = np.searchsorted(passed, self._places)
+
+    def precision(self, drawn: np.ndarray, asked: np.ndarray, labels: np.ndarray) -> np.ndarray:
+        """(r,) average precision of draws (r, units); `asked` (r, n) counts predictions so far, `labels` (r,) all."""
+        if not len(self._places):
+            return np.zeros(len(drawn))
+        so_far = asked[:, self._places]
+        if len(self._owner_passed):
+            passed = np.zeros((len(drawn), len(self._owner_passed) + 1))
+            passed[:, 1:] = drawn[:, self._owner_passed].cumsum(axis=1)
+            so_far -= passed[:, self._passed_before]
+        right = drawn[:, self._owner].cumsum(axis=1)
+        best = right / np.maximum(so_far, 1)  # nothing was asked yet where all weights are 0
+        np.maximum.accumulate(best[:, ::-1], axis=1, out=best[:, ::-1])
+        recall = right / labels[:, None]
+        reached = (recall * (len(RECALLS) - 1) + 1e-6).astype(int)
+        reached -= RECALLS[reached] > recall  # as floating point compares them, which is how COCO does
+        reached[:, 1:] -= reached[:, :-1].copy()
+        reached[:, 0] += 1  # recall 0
+        return np.einsum("rk,rk->r", best, reached) / len(RECALLS)

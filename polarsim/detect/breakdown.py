@@ -1,0 +1,157 @@
+"""Detection figures with intervals, of all photos and by what photos and labels are like."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from polarsim.detect import bootstrap, metrics
+from polarsim.detect.dataset import BOX_COLUMNS
+from polarsim.photo import BOX_CLASSES, PhotoKey
+
+ALL = "all"
+SIZES = {"small": (0.0, 32.0**2), "medium": (32.0**2, 96.0**2), "large": (96.0**2, np.inf)}  # COCO's, px^2 of the box
+PHOTO_GROUPS: dict[str, Callable[[PhotoKey], str]] = {
+    "exposure": lambda key: f"{key.exposure_ms:04d}",  # ms
+    "azimuth": lambda key: key.azimuth,
+    "light": lambda key: key.light,
+    "terrain": lambda key: f"{key.terrain:02d}",
+}
+MEASURES = ("map50", "map50_95", "iou_mean")
+FIGURE_COLUMNS = tuple(f"{name}{bound}" for name in MEASURES for bound in ("", "_low", "_high"))
+BREAKDOWN_COLUMNS = ("by", "group", "kind", "images", "units", "labels", *FIGURE_COLUMNS)
+CURVE_IOUS = (0.5, 0.75)
+CURVE_COLUMNS = ("kind", "iou", "recall", "precision")
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What one judge saw of one domain: matched predictions and label overlaps of each class, and the photos' units."""
+
+    keys: list[PhotoKey]
+    ranked: dict[str, metrics.Ranked]  # by kind; areas: all, then those of SIZES
+    overlap: dict[str, np.ndarray]  # (n,) best IoU of every label
+    area: dict[str, np.ndarray]  # (n,) of the labels, px^2
+    picture: dict[str, np.ndarray]  # (n,) place of the labels' photo among the keys
+    unit: bootstrap.Unit
+
+
+def judge(
+    keys: Sequence[str],
+    labels: pd.DataFrame,
+    predictions: pd.DataFrame,
+    performance: pd.DataFrame,
+    unit: bootstrap.Unit = "view",
+) -> Judged:
+    """Match once what all figures are sums of.
+
+    Parameters
+    ----------
+    keys
+        Of the evaluated photos.
+    labels, predictions : DataFrame
+        key, kind, x0, y0, x1, y1; predictions also confidence.
+    performance : DataFrame
+        The row of `ipd.instance_performance` of each label.
+    """
+    place = {key: n for n, key in enumerate(keys)}
+    ranked, own = {}, {}
+    for kind in BOX_CLASSES:
+        labelled = _by_photo(labels[labels["kind"] == kind], BOX_COLUMNS, keys)
+        predicted = _by_photo(predictions[predictions["kind"] == kind], (*BOX_COLUMNS, "confidence"), keys)
+        corners, sure = [found[:, :4] for found in predicted], [found[:, 4] for found in predicted]
+        ranked[kind] = metrics.rank(labelled, corners, sure, areas=[*metrics.ANY_AREA, *SIZES.values()])
+        own[kind] = performance[performance["kind"] == kind]
+    return Judged(
+        [PhotoKey.parse(key) for key in keys],
+        ranked,
+        {kind: rows["iou"].to_numpy(float) for kind, rows in own.items()},
+        {kind: rows["area_px"].to_numpy(float) for kind, rows in own.items()},
+        {kind: rows["key"].map(place).to_numpy(int) for kind, rows in own.items()},
+        unit,
+    )
+
+
+def breakdown(judged: Judged, *, seed: int = 0, resamples: int = 1000, group_resamples: int = 200) -> pd.DataFrame:
+    """`BREAKDOWN_COLUMNS` of all photos, of each size class of labels, and of each group of photos.
+
+    A size class follows COCO's rules (`metrics.rank`). Kind `all` is the mean over classes that have labels. Intervals
+    are of the photos' views or photos, `units` of them.
+    """
+    rows: list[dict[str, object]] = []
+    everything = np.ones(len(judged.keys), bool)
+    parts: list[tuple[str, str, np.ndarray, int]] = [(ALL, ALL, everything, 0)]
+    parts += [("size", name, everything, number) for number, name in enumerate(SIZES, 1)]
+    for by, group_of in PHOTO_GROUPS.items():
+        groups = np.array([group_of(key) for key in judged.keys], str)
+        parts += [(by, str(group), groups == group, 0) for group in np.unique(groups)]
+    for by, group, chosen, area in parts:
+        again = resamples if by == ALL else group_resamples
+        rows += [{"by": by, "group": group} | row for row in _figures(judged, chosen, area, seed, again)]
+    return pd.DataFrame(rows, columns=list(BREAKDOWN_COLUMNS))
+
+
+def curves(judged: Judged) -> pd.DataFrame:
+    """`CURVE_COLUMNS`: precision as COCO interpolates it, at 101 recalls, of each class that has labels."""
+    parts = []
+    for kind, ranked in judged.ranked.items():
+        if ranked.labels[0].any():
+            precision = metrics.precision_at_recalls(ranked)
+            for iou in CURVE_IOUS:
+                level = int(np.abs(metrics.IOU_THRESHOLDS - iou).argmin())
+                columns = {"kind": kind, "iou": iou, "recall": metrics.RECALLS, "precision": precision[level]}
+                parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(CURVE_COLUMNS))
+
+
+def _figures(judged: Judged, chosen: np.ndarray, area: int, seed: int, resamples: int) -> Iterator[dict[str, object]]:
+    """One row a class and one of all classes, for chosen (p,) photos and a range of area (0: all)."""
+    unit = np.zeros(len(chosen), int)
+    unit[chosen] = bootstrap.units_of(
+        [str(key) for key, is_in in zip(judged.keys, chosen, strict=True) if is_in], judged.unit
+    )
+    units = int(unit.max(initial=-1)) + 1
+    drawn = bootstrap.draws(units, resamples, seed)
+    values: list[np.ndarray] = []
+    samples: list[np.ndarray] = []
+    counts: list[int] = []
+    for kind in BOX_CLASSES:
+        ranked = judged.ranked[kind].of_pictures(chosen)
+        precision = metrics.precision_at_recalls(ranked, area).mean(axis=1)
+        counted = chosen[judged.picture[kind]] & _in_size(judged.area[kind], area)
+        overlap, owner = judged.overlap[kind][counted], unit[judged.picture[kind][counted]]
+        values.append(np.array([precision[0], precision.mean(), overlap.mean() if len(overlap) else np.nan]))
+        again = bootstrap.resampled_precision(ranked, area, unit, drawn)
+        means = bootstrap.resampled_means(overlap, owner, drawn)
+        samples.append(np.stack([again[:, 0], again.mean(axis=1), means], axis=1))
+        counts.append(len(overlap))
+    values.append(_mean(np.array(values)))
+    samples.append(_mean(np.array(samples)))
+    facts = {"images": int(chosen.sum()), "units": units}
+    for kind, count, value, sample in zip((*BOX_CLASSES, ALL), (*counts, sum(counts)), values, samples, strict=True):
+        row: dict[str, object] = {"kind": kind, **facts, "labels": count}
+        for number, name in enumerate(MEASURES):
+            low, high = bootstrap.interval(sample[:, number], units)
+            row |= {name: float(value[number]), f"{name}_low": low, f"{name}_high": high}
+        yield row
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """Mean over the first axis of those that are numbers; NaN where none is."""
+    known = ~np.isnan(values)
+    total = np.where(known, values, 0).sum(axis=0)
+    return np.divide(total, known.sum(axis=0), out=np.full(total.shape, np.nan), where=known.any(axis=0))
+
+
+def _in_size(area: np.ndarray, number: int) -> np.ndarray:
+    low, high = (*metrics.ANY_AREA, *SIZES.values())[number]
+    return (area >= low) & (area <= high)
+
+
+def _by_photo(table: pd.DataFrame, columns: Sequence[str], keys: Sequence[str]) -> list[np.ndarray]:
+    """(n, columns) values of each photo, in the order of the keys."""
+    found = {str(key): rows.to_numpy(float) for key, rows in table.groupby("key")[list(columns)]}
+    return [found.get(key, np.zeros((0, len(columns)))) for key in keys]

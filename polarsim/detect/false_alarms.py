@@ -1,0 +1,157 @@
+"""Rocks that a judge sees where no rock is labelled: how many a photo, and on which share of its area.
+
+mAP mixes false alarms with misses and looks only at photos that have rocks. Here places without rocks are asked: whole
+photos of terrains without a rock label, and rock-free tiles of all others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from polarsim.detect import bootstrap
+from polarsim.detect.dataset import BOX_COLUMNS
+from polarsim.geometry import boxes
+from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
+
+TERRAIN, TILES = PLACES = ("rock-free terrain", "rock-free tiles")
+COLUMNS_OF_TILES, ROWS_OF_TILES = 8, 4  # 242 x 304 px each
+RATES = ("per_photo", "area_share")
+FALSE_ALARM_COLUMNS = (
+    "place", "terrains", "images", "units", "photo_areas", "alarms",
+    *(f"{name}{bound}" for name in RATES for bound in ("", "_low", "_high")),
+)  # fmt: skip
+
+
+def false_alarms(
+    keys: Sequence[str],
+    labels: pd.DataFrame,
+    predictions: pd.DataFrame,
+    *,
+    confidence: float,
+    overlap: float,
+    unit: bootstrap.Unit = "view",
+    seed: int = 0,
+    resamples: int = 1000,
+) -> pd.DataFrame:
+    """`FALSE_ALARM_COLUMNS`, a row a place that there is.
+
+    Parameters
+    ----------
+    keys
+        Of the evaluated photos.
+    labels, predictions : DataFrame
+        key, kind, x0, y0, x1, y1 of the full photo; predictions also confidence.
+    confidence
+        Predictions below it do not count.
+    overlap
+        A predicted rock is a false alarm if it covers less than this share of the smaller one of it and each rock
+        label, so neither a label's part nor a box around it is one.
+
+    Returns
+    -------
+    DataFrame
+        `photo_areas`: rock-free area in photos (a whole photo is 1). `per_photo`: alarms over it; an alarm belongs to
+        the tile in which its middle lies. `area_share`: share of that area that alarms cover, overlaps counted once.
+    """
+    rocks = _by_photo(labels[labels["kind"] == ROCK])
+    sure = predictions[(predictions["kind"] == ROCK) & (predictions["confidence"] >= confidence)]
+    found = _by_photo(sure)
+    nothing = np.zeros((0, 4))
+    with_rocks = {PhotoKey.parse(key).terrain for key in rocks}
+    rows: dict[str, list[tuple[str, float, int, float]]] = {place: [] for place in PLACES}
+    for key in keys:
+        label, predicted = rocks.get(key, nothing), found.get(key, nothing)
+        free = _free_tiles(label)
+        alarms = predicted[covered_share(predicted, label) < overlap]
+        place = TILES if PhotoKey.parse(key).terrain in with_rocks else TERRAIN
+        rows[place].append((key, float(free.mean()), _on(alarms, free), _area_on(alarms, free) / (WIDTH * HEIGHT)))
+    tables = [_rates(place, rows[place], unit, seed, resamples) for place in PLACES if rows[place]]
+    return pd.DataFrame(tables, columns=list(FALSE_ALARM_COLUMNS))
+
+
+def covered_share(predicted: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """(n,) largest intersection of each box (n, 4) with a label (m, 4), over the smaller area of both; 0 without."""
+    if not len(labels) or not len(predicted):
+        return np.zeros(len(predicted))
+    low = np.maximum(predicted[:, None, :2], labels[None, :, :2])
+    high = np.minimum(predicted[:, None, 2:], labels[None, :, 2:])
+    smaller = np.minimum(boxes.area(predicted)[:, None], boxes.area(labels)[None])
+    common = boxes.area(np.concatenate([low, high], axis=2))
+    return np.divide(common, smaller, out=np.zeros_like(common), where=smaller > 0).max(axis=1)
+
+
+def _rates(
+    place: str, rows: list[tuple[str, float, int, float]], unit: bootstrap.Unit, seed: int, resamples: int
+) -> dict[str, object]:
+    """One row; rates are sums over sums, so photos count by their rock-free area."""
+    keys = [key for key, *_ in rows]
+    free, alarms, area = np.array([values for _, *values in rows], float).T
+    owner = bootstrap.units_of(keys, unit)
+    units = int(owner.max()) + 1
+    drawn = bootstrap.draws(units, resamples, seed)
+    terrains = sorted({PhotoKey.parse(key).terrain for key in keys})
+    row: dict[str, object] = {
+        "place": place,
+        "terrains": " ".join(f"{terrain:02d}" for terrain in terrains),
+        "images": len(keys),
+        "units": units,
+        "photo_areas": float(free.sum()),
+        "alarms": int(alarms.sum()),
+    }
+    frees = drawn @ np.bincount(owner, free, units)
+    for name, values in zip(RATES, (alarms, area), strict=True):
+        totals = drawn @ np.bincount(owner, values, units)
+        again = np.divide(totals, frees, out=np.full(len(totals), np.nan), where=frees > 0)
+        low, high = bootstrap.interval(again, units)
+        value = float(values.sum() / free.sum()) if free.sum() else float("nan")
+        row |= {name: value, f"{name}_low": low, f"{name}_high": high}
+    return row
+
+
+def _free_tiles(rocks: np.ndarray) -> np.ndarray:
+    """(rows, columns) bool: tiles of a photo that no rock label (n, 4) reaches into."""
+    x, y = _edges()
+    across = (rocks[:, None, 0] < x[1:]) & (rocks[:, None, 2] > x[:-1])
+    down = (rocks[:, None, 1] < y[1:]) & (rocks[:, None, 3] > y[:-1])
+    return np.asarray(~(down[:, :, None] & across[:, None, :]).any(axis=0))
+
+
+def _on(alarms: np.ndarray, free: np.ndarray) -> int:
+    """Alarms whose middle lies in a free tile."""
+    x, y = _edges()
+    middle = boxes.centres(alarms)
+    column = (np.searchsorted(x, middle[:, 0], side="right") - 1).clip(0, COLUMNS_OF_TILES - 1)
+    row = (np.searchsorted(y, middle[:, 1], side="right") - 1).clip(0, ROWS_OF_TILES - 1)
+    return int(free[row, column].sum())
+
+
+def _area_on(alarms: np.ndarray, free: np.ndarray) -> float:
+    """Area of the alarms' union inside free tiles, px^2: boxes and tiles cut the photo into cells that are whole."""
+    if not len(alarms):
+        return 0.0
+    tiles_x, tiles_y = _edges()
+    x, y = (
+        np.unique(np.concatenate([edges, alarms[:, n], alarms[:, n + 2]])) for n, edges in enumerate((tiles_x, tiles_y))
+    )
+    middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
+    across = (alarms[:, None, 0] <= middle_x) & (alarms[:, None, 2] >= middle_x)
+    down = (alarms[:, None, 1] <= middle_y) & (alarms[:, None, 3] >= middle_y)
+    covered = (down[:, :, None] & across[:, None, :]).any(axis=0)
+    column, row = (
+        np.searchsorted(edges, middle, side="right") - 1 for edges, middle in ((tiles_x, middle_x), (tiles_y, middle_y))
+    )
+    inside = ((column >= 0) & (column < COLUMNS_OF_TILES))[None] & ((row >= 0) & (row < ROWS_OF_TILES))[:, None]
+    asked = inside & free[row.clip(0, ROWS_OF_TILES - 1)][:, column.clip(0, COLUMNS_OF_TILES - 1)]
+    return float((np.diff(y)[:, None] * np.diff(x)[None])[covered & asked].sum())
+
+
+def _edges() -> tuple[np.ndarray, np.ndarray]:
+    """Of the tiles: columns + 1 along x, rows + 1 along y, px."""
+    return np.linspace(0, WIDTH, COLUMNS_OF_TILES + 1), np.linspace(0, HEIGHT, ROWS_OF_TILES + 1)
+
+
+def _by_photo(table: pd.DataFrame) -> dict[str, np.ndarray]:
+    return {str(key): rows.to_numpy(float) for key, rows in table.groupby("key")[list(BOX_COLUMNS)]}

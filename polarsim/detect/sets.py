@@ -1,0 +1,141 @@
+"""IPD of anyone's judge: two sets of labels and predictions, as YOLO folders or as Parquet tables."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.detect.bootstrap import Unit
+from polarsim.detect.dataset import BOX_COLUMNS
+from polarsim.detect.ipd import Rules, instance_performance, instance_performance_difference
+from polarsim.errors import DetectError, LabelError
+from polarsim.formats import tables, yolo
+from polarsim.geometry import boxes
+from polarsim.photo import NO_ROCK, PhotoKey
+
+PAIR_IOU = 0.5
+
+
+def compare_sets(
+    labels: tuple[Path, Path],
+    predictions: tuple[Path, Path],
+    *,
+    confidence: float = 0.25,
+    rules: Rules | None = None,
+    unit: Unit | None = None,
+    pair_iou: float = PAIR_IOU,
+    seed: int = 0,
+    resamples: int = 1000,
+) -> dict[str, Any]:
+    """IPD and IOU_mean of each class between two sets, and by which rules.
+
+    Parameters
+    ----------
+    labels, predictions
+        Of the first and the second domain. A folder of YOLO files, one a picture (predictions with a confidence as
+        sixth field), or a Parquet table: key, kind, x0, y0, x1, y1, of labels also rock, of predictions confidence.
+        Pictures belong together by name.
+    unit
+        What the bootstrap draws; when None, views if all names are photo keys, else photos. `rules.unit` is not heeded.
+    pair_iou
+        Without rock ids on both sides, labels of one class are the same thing if they are each other's match (one to
+        one, most pairs first) with this IoU or more.
+
+    Raises
+    ------
+    PolarsimError
+        A broken file, or sets without a common picture.
+    """
+    sides = [read_labels(path) for path in labels]
+    found = [read_predictions(path) for path in predictions]
+    common = sorted(set(sides[0]["key"]) & set(sides[1]["key"]))
+    if not common:
+        raise DetectError(f"{labels[0]} and {labels[1]}: no picture has labels in both")
+    by_id = all((side["rock"] != NO_ROCK).any() for side in sides)
+    if not by_id:
+        sides = list(identify(sides[0], sides[1], pair_iou))
+    rules = replace(rules or Rules(), unit=unit or ("view" if all(map(_is_key, common)) else "photo"))
+    performances = [instance_performance(*pair, confidence) for pair in zip(sides, found, strict=True)]
+    report: dict[str, Any] = {
+        "pictures": len(common),
+        "paired_by": "rock id" if by_id else f"overlap of labels, IoU {pair_iou:g} or more",
+        "confidence": confidence,
+        "undetected": rules.undetected,
+        "unpaired": rules.unpaired,
+        "unit": rules.unit,
+        "classes": {},
+    }
+    for kind in sorted(set(sides[0]["kind"]) | set(sides[1]["kind"])):
+        own = [performance[performance["kind"] == kind] for performance in performances]
+        difference = instance_performance_difference(*own, rules=rules, seed=seed, resamples=resamples)
+        figures: dict[str, Any] = {key: value for key, value in asdict(difference).items() if key != "unit"}
+        for name, performance in zip(("a", "b"), own, strict=True):
+            figures |= {f"labels_{name}": len(performance), f"iou_mean_{name}": float(performance["iou"].mean())}
+        report["classes"][kind] = {
+            key: None if isinstance(value, float) and np.isnan(value) else value for key, value in figures.items()
+        }
+    return report
+
+
+def read_labels(path: Path) -> pd.DataFrame:
+    """key, kind, rock (-1: not known), x0, y0, x1, y1 of a YOLO folder or a table."""
+    if path.is_dir():
+        return _read_folder(path)[["key", "kind", *BOX_COLUMNS]].assign(rock=NO_ROCK)
+    table = tables.read_parquet(path, ("key", "kind", *BOX_COLUMNS))
+    return table if "rock" in table.columns else table.assign(rock=NO_ROCK)
+
+
+def read_predictions(path: Path) -> pd.DataFrame:
+    """key, kind, confidence, x0, y0, x1, y1 of a YOLO folder or a table."""
+    if not path.is_dir():
+        return tables.read_parquet(path, ("key", "kind", "confidence", *BOX_COLUMNS))
+    table = _read_folder(path)
+    if table["confidence"].isna().any():
+        key = table.loc[table["confidence"].isna(), "key"].iloc[0]
+        raise DetectError(f"{path / key}.txt: a prediction has 6 fields: class x y width height confidence")
+    return table
+
+
+def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The same label tables with ids: labels of both that match have the same one, all others one of their own."""
+    tables_of = first.reset_index(drop=True), second.reset_index(drop=True)
+    ids = [np.arange(1, len(tables_of[0]) + 1), np.arange(1, len(tables_of[1]) + 1) + len(tables_of[0])]
+    places = [table.groupby(["key", "kind"]).indices for table in tables_of]
+    for name in set(places[0]) & set(places[1]):  # in any order: each has rows of its own
+        own = [rows[name] for rows in places]
+        corners = [table[list(BOX_COLUMNS)].to_numpy(float)[rows] for table, rows in zip(tables_of, own, strict=True)]
+        rows, columns = boxes.match(boxes.iou(*corners), pair_iou)
+        ids[1][own[1][columns]] = ids[0][own[0][rows]]
+    return tables_of[0].assign(rock=ids[0]), tables_of[1].assign(rock=ids[1])
+
+
+def _read_folder(folder: Path) -> pd.DataFrame:
+    """Every box of a folder's files; IoU does not ask for the pictures' size, so that of POLAR's photos is taken."""
+    names = yolo.class_names(folder)
+    parts = []
+    for path in sorted(folder.glob("*.txt")):
+        if path.name == yolo.CLASS_FILE:
+            continue
+        numbers, corners, confidence = yolo.read_detections(path)
+        kinds = [_kind(number, names) for number in numbers]
+        columns = dict(zip(BOX_COLUMNS, corners.T, strict=True))
+        parts.append(pd.DataFrame({"key": path.stem, "kind": kinds, "confidence": confidence} | columns))
+    if not parts:
+        raise DetectError(f"{folder}: no YOLO file (*.txt)")
+    return pd.concat(parts, ignore_index=True).astype({"key": "str", "kind": "str"})
+
+
+def _kind(number: int, names: tuple[str, ...]) -> str:
+    return names[number] if number < len(names) else f"class {number}"
+
+
+def _is_key(name: str) -> bool:
+    try:
+        PhotoKey.parse(name)
+    except LabelError:
+        return False
+    return True

@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+
+from polarsim.detect import bootstrap
+from polarsim.detect.metrics import precision_at_recalls, rank
+from polarsim.errors import DetectError
+
+AREAS = [(0.0, np.inf), (0.0, 60.0**2), (60.0**2, np.inf)]
+
+
+def case(rng, pictures):
+    """Labels, predictions and confidences: jittered copies and strays."""
+    found = []
+    for _ in range(pictures):
+        corner, size = rng.uniform(0, 1000, (6, 2)), rng.uniform(20, 120, (6, 2))
+        label = np.concatenate([corner, corner + size], axis=1)
+        prediction = np.concatenate([label + rng.normal(0, spread, label.shape) for spread in (2, 10, 200)])
+        prediction[:, 2:] = np.maximum(prediction[:, 2:], prediction[:, :2] + 1)
+        found.append((label, prediction, rng.uniform(0, 1, len(prediction)).round(2)))
+    return tuple(zip(*found, strict=True))
+
+
+@pytest.mark.parametrize("area", range(3))
+def test_a_resample_is_the_average_precision_with_its_weights(rng, area):
+    ranked = rank(*case(rng, 20), areas=AREAS)
+    unit = rng.integers(0, 5, 20)
+    drawn = bootstrap.draws(5, 30, seed=1)
+    expected = [precision_at_recalls(ranked, area, weights[unit]).mean(axis=1) for weights in drawn]
+    np.testing.assert_allclose(bootstrap.resampled_precision(ranked, area, unit, drawn), expected, atol=1e-12)
+
+
+def test_chunks_change_nothing(rng, monkeypatch):
+    ranked = rank(*case(rng, 10))
+    unit, drawn = np.arange(10), bootstrap.draws(10, 25, seed=0)
+    whole = bootstrap.resampled_precision(ranked, 0, unit, drawn)
+    monkeypatch.setattr(bootstrap, "_CHUNK", 200)
+    np.testing.assert_allclose(bootstrap.resampled_precision(ranked, 0, unit, drawn), whole, rtol=1e-12)
+
+
+def test_a_resample_without_labels_has_no_precision():
+    ranked = rank([np.zeros((0, 4)), np.array([[0.0, 0, 9, 9]])], [np.zeros((0, 4))] * 2, [np.zeros(0)] * 2)
+    found = bootstrap.resampled_precision(ranked, 0, np.array([0, 1]), np.array([[2.0, 0], [1, 1]]))
+    assert np.isnan(found[0]).all()
+    assert (found[1] == 0).all()
+
+
+def test_every_resample_draws_as_many_units_as_there_are():
+    drawn = bootstrap.draws(7, 100, seed=3)
+    assert (drawn.sum(axis=1) == 7).all()
+    np.testing.assert_array_equal(drawn, bootstrap.draws(7, 100, seed=3))
+
+
+def test_the_interval_of_a_mean_is_the_normal_one_for_many_units(rng):
+    values = rng.normal(5, 2, 400)
+    drawn = bootstrap.draws(400, 4000, seed=0)
+    low, high = bootstrap.interval(bootstrap.resampled_means(values, np.arange(400), drawn), 400)
+    half = 1.96 * values.std() / 20
+    np.testing.assert_allclose([low, high], [values.mean() - half, values.mean() + half], atol=0.1 * half)
+
+
+def test_photos_of_one_view_are_one_unit():
+    keys = ["01_A_off_180_L_0256", "01_A_on_30_L_0512", "01_A_off_180_R_0256", "02_A_off_180_L_0256"]
+    assert bootstrap.units_of(keys, "view").tolist() == [0, 0, 1, 2]
+    assert bootstrap.units_of(keys, "photo").tolist() == [0, 2, 1, 3]
+
+
+def test_names_that_are_no_keys_have_photos_only():
+    assert bootstrap.units_of(["b", "a"], "photo").tolist() == [1, 0]
+    with pytest.raises(DetectError, match=r"'b' is no photo key.*draw photos"):
+        bootstrap.units_of(["b", "a"], "view")
+
+
+def test_one_unit_shows_no_spread():
+    assert np.isnan(bootstrap.interval(np.array([0.5, 0.5]), 1)).all()

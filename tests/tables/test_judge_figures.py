@@ -1,0 +1,92 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import png
+from polarsim.formats.tables import key_columns, label_table, write_parquet
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.tables.figures import curves, draw_curves, draw_gap_rocks, draw_ipd_histogram
+from polarsim.tables.figures.gap_rocks import most_different
+from polarsim.tables.ipd_rocks_table import COLUMNS
+from polarsim.tables.options import TablesOptions
+
+OPTIONS = TablesOptions(figure_width_px=640)
+ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
+KEYS = ("01_A_off_180_L_0256", "01_A_off_180_L_0512")
+
+
+def is_drawn(path) -> bool:
+    pixels = png.read(path)
+    return pixels.shape[1] == 640 and len(np.unique(pixels)) > 2
+
+
+@pytest.mark.parametrize("kinds", [("rock", "shadow"), ("rock",), ()])
+def test_precision_and_recall_are_drawn_also_without_labels(tmp_path, kinds):
+    rows = [
+        (trained, evaluated, kind, iou, recall, 1 - recall)
+        for trained in ("real", "hapke")
+        for evaluated in ("real", "hapke")
+        for kind in kinds
+        for iou in (0.5, 0.75)
+        for recall in (0.0, 0.5, 1.0)
+    ]
+    write_parquet(tmp_path / "c.parquet", pd.DataFrame(rows, columns=list(curves.COLUMNS)))
+    draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / "c.png", origin=ORIGIN, options=OPTIONS)
+    assert is_drawn(tmp_path / "c.png")
+
+
+@pytest.mark.parametrize("count", [0, 30])
+def test_differences_of_rocks_are_drawn_also_without_rocks(tmp_path, count):
+    rows = [("hapke", "real", "hapke", 1, n, "rock", 4, n / 30, 0.5, n / 30 - 0.5) for n in range(1, count)]
+    write_parquet(tmp_path / "r.parquet", pd.DataFrame(rows, columns=list(COLUMNS)))
+    draw_ipd_histogram(rocks=tmp_path / "r.parquet", figure=tmp_path / "h.png", origin=ORIGIN, options=OPTIONS)
+    assert is_drawn(tmp_path / "h.png")
+
+
+def seen(*rows):
+    return pd.DataFrame(rows, columns=["key", "rock", "iou"])
+
+
+def test_rocks_are_chosen_by_their_mean_and_shown_where_they_differ_most():
+    first = seen((KEYS[0], 1, 0.9), (KEYS[1], 1, 0.8), (KEYS[0], 2, 0.5), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.2))
+    second = seen((KEYS[0], 1, 0.7), (KEYS[1], 1, 0.1), (KEYS[0], 2, 0.4), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.9))
+    assert most_different(first, second, 1) == [(KEYS[1], 1), (KEYS[0], 3)]
+    assert most_different(first, second, 5) == [(KEYS[1], 1), (KEYS[0], 2), (KEYS[0], 3)]
+    assert most_different(first, first, 5) == []
+
+
+def test_a_page_of_rocks_shows_label_and_best_box_in_both_domains(tmp_path):
+    box = {"x0": 900.0, "y0": 500.0, "x1": 1000.0, "y1": 600.0}
+    key = PhotoKey.parse(KEYS[0])
+    label = key_columns(key) | {"kind": "rock", "rock": 1, "source": "truth", "confidence": 1.0} | box
+    write_parquet(tmp_path / "labels.parquet", label_table([label]))
+    found = pd.DataFrame([{"key": str(key), "kind": "rock", "confidence": 0.9} | box | {"x0": 880.0, "y1": 620.0}])
+    write_parquet(tmp_path / "hit.parquet", found)
+    write_parquet(tmp_path / "miss.parquet", found.assign(confidence=0.1))
+    instances = [("real", "real", str(key), "rock", 1, 1.0), ("real", "hapke", str(key), "rock", 1, 0.0)]
+    columns = ["trained", "evaluated", "key", "kind", "rock", "iou"]
+    write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=columns))
+    png.write(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
+
+    def draw(trained):
+        draw_gap_rocks(
+            trained=trained,
+            instances=tmp_path / "instances.parquet",
+            predictions={"real": tmp_path / "hit.parquet", "hapke": tmp_path / "miss.parquet"},
+            labels=dict.fromkeys(("real", "hapke"), tmp_path / "labels.parquet"),
+            picture_of=lambda domain, key: tmp_path / "photo.png" if domain == "real" else None,
+            confidence=0.25,
+            figure=tmp_path / f"{trained}.png",
+            origin=ORIGIN,
+            options=OPTIONS,
+        )
+        return png.read(tmp_path / f"{trained}.png")[..., :3].astype(int)
+
+    def shows(pixels, colour):
+        return bool((np.abs(pixels - colour).max(axis=2) < 40).any())
+
+    page = draw("real")
+    assert shows(page, (255, 176, 0))  # the label's line
+    assert shows(page, (0, 229, 255))  # the box that the judge found in the photo
+    draw("hapke")
+    assert is_drawn(tmp_path / "hapke.png")  # says that there is nothing
