@@ -8,8 +8,8 @@ seconds throughout, one thread.
 Last figures (two shared cores, loaded; slips 0 to 0.8, both wheels, contact normal): 5 mm cells sinkage within 0.9 %,
 torque 1.0 %, pull 2 % or 0.2 N; 2 cm cells 1.4 %, 1.7 %, 8 % or 1.0 N. Plates within 0.0001 %. Soils of their own: TREC
 2.92 degrees RMS, tilt bed 1.31 (lunar 4.62, 4.87). Sinkage on Moon and Earth 16.93 and 16.79 mm, with constants left
-alone 16.93 and 51.93. Locked on 15 degrees: -0.005 mm in 10 s. A step of four wheels on 2 cm cells 148 us, 195 with
-bulldozing every 10 steps, 439 on 1 cm.
+alone 16.93 and 51.93. Locked on 15 degrees: -0.005 mm in 10 s. A step of four wheels on 2 cm cells 103 us, 136 with
+bulldozing every 10 steps, 382 on 1 cm; busier 148, 195, 439.
 """
 
 from __future__ import annotations
