@@ -13,7 +13,8 @@ import numpy as np
 from scipy import ndimage
 
 _PURE = 190  # red above green from which a pixel is nothing but stroke
-_MOST_GRAIN = 4  # grey values
+_MOST_GRAIN = 3  # times the usual size of grain, the median over a square of _USUAL_PX
+_USUAL_PX = 21
 _MOST_COVER = 0.5  # share of a stroke's colour up to which the grey value below it is recovered
 _GROWN = np.ones((3, 3), bool)
 _REACH = 4  # pixels from which inpainting takes its light
@@ -65,8 +66,10 @@ def _with_grain(filled: np.ndarray, photo: np.ndarray, strokes: np.ndarray) -> n
     """The filled picture with the fine grain that the photo has on the other side of the stroke's edge."""
     smooth = cv2.GaussianBlur(np.where(strokes, filled, photo).astype(np.float32), (0, 0), 1)
     untouched = ~ndimage.binary_dilation(strokes, _GROWN, 2)
+    grain = np.where(untouched, photo - smooth, 0)
     # Edges of rocks are no grain: mirrored into the hole they would be specks.
-    grain = np.where(untouched, np.clip(photo - smooth, -_MOST_GRAIN, _MOST_GRAIN), 0)
+    usual = cv2.medianBlur(np.clip(np.rint(10 * np.abs(grain)), 0, 255).astype(np.uint8), _USUAL_PX) / 10
+    grain = np.clip(grain, -_MOST_GRAIN * usual, _MOST_GRAIN * usual)
     _, (row, column) = ndimage.distance_transform_edt(~untouched, return_indices=True)
     here = np.indices(strokes.shape)
     row = np.clip(2 * row - here[0], 0, strokes.shape[0] - 1)
