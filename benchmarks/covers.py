@@ -38,6 +38,7 @@ from polarsim.detect.metrics import true_positives
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.predict import predict
 from polarsim.detect.train import train_judge
+from polarsim.errors import DetectError
 from polarsim.formats import png, tables
 from polarsim.formats.files import write_text
 from polarsim.geometry import boxes
@@ -136,10 +137,12 @@ def tabulate(experiment: Experiment) -> None:
         for fold in experiment.folds
         if (path := out / "folds" / fold_name(fold) / "predictions.parquet").exists()
     }
+    if not found:
+        raise DetectError(f"{out}/folds: no predictions of any fold")
     parts = []
     pooled = tuple(terrain for fold in found for terrain in fold)
     for terrains, name, predictions in [
-        (pooled, "all", pd.concat(found.values())),
+        (pooled, "all" if len(found) == len(experiment.folds) else "some folds", pd.concat(found.values())),
         *((fold, fold_name(fold), predictions) for fold, predictions in found.items()),
     ]:
         keys = [str(key) for key in experiment.keys if key.terrain in terrains]
