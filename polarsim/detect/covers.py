@@ -138,6 +138,9 @@ def make_cover_dataset(
     both = sorted({key.terrain for key in test} & set(twins))
     if both:
         raise DetectError(f"terrain {both[0]:02d} is to be trained on and to be tested")
+    for folder in twins.values():
+        if not (folder / "images").is_dir():
+            raise DetectError(f"{folder}: no varied twins are here")
     paths = [path for terrain in sorted(twins) for path in sorted((twins[terrain] / "images").glob("*.png"))]
     if len(paths) < 2:
         raise DetectError(f"{', '.join(map(str, twins.values()))}: {len(paths)} twins, at least 2 are needed")

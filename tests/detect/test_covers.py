@@ -93,6 +93,14 @@ def test_a_terrain_is_never_both_trained_on_and_tested(made_release):
         )  # fmt: skip
 
 
+def test_a_terrain_without_twins_is_named(made_release):
+    with pytest.raises(DetectError, match="T4: no varied twins"):
+        make_cover_dataset(
+            twins={3: make_twins(made_release / "T3", 3), 4: made_release / "T4"}, covers=made_release, test=[KEY],
+            dataset=made_release / "d", imgsz=64, options=CoverOptions(),
+        )  # fmt: skip
+
+
 def test_tones_go_from_black_to_white_whatever_the_curve(rng):
     pixels = np.full((60, 90), BLACK_LEVEL, np.uint16)
     pixels[:, 45:] = WHITE_LEVEL
