@@ -43,6 +43,10 @@ class DetectError(PolarsimError):
     """A data set, judge or prediction that cannot be used."""
 
 
+class RoverError(PolarsimError):
+    """A soil, wheel or drive that the rover's physics cannot have."""
+
+
 @contextmanager
 def about(path: str | Path) -> Iterator[None]:
     """Put the file's name in front of a `PolarsimError` that the core raised: the core knows arrays only."""

@@ -1,0 +1,1 @@
+"""A rover on soft ground: soil, wheels, drive, cameras, figures."""

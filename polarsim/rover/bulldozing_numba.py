@@ -1,0 +1,139 @@
+"""`bulldozing.bulldoze` compiled."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from polarsim.rover.bulldozing import DISTURBED, MOVED, Bulldozing, taps
+from polarsim.rover.contact import Bodies
+from polarsim.rover.contact_numba import _clear, _meet, _window
+from polarsim.rover.ground import FLOW, FREE, LEVEL, ORIGINAL, ROCK, START, Ground
+
+
+def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
+    """Move aside what the bodies pressed since the last call, then let it slide around them."""
+    climb = ground.cell * math.tan(math.radians(rule.angle_deg))
+    _bulldoze(
+        ground.state, ground.normals, ground.owner, ground.x0, ground.y0, ground.cell,
+        bodies.numbers, bodies.centres, bodies.rotations,
+        taps(rule, ground.cell), rule.share, rule.headroom, climb, rule.sweeps,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _bulldoze(  # type: ignore[no-untyped-def]
+    state, normals, owner, x0, y0, cell, shapes, centres, rotations, weights, share, headroom, climb, sweeps,
+):  # fmt: skip
+    rows, columns = owner.shape
+    by = len(weights) // 2
+    for body in range(len(shapes)):
+        place = _window(shapes[body], centres[body], rotations[body], x0, y0, cell, rows, columns)
+        place = _sources(state, owner, place)
+        if place[0] >= place[1]:
+            continue
+        top, bottom = max(place[0] - by, 0), min(place[1] + by, rows)
+        left, right = max(place[2] - by, 0), min(place[3] + by, columns)
+        part, owners = state[top:bottom, left:right], owner[top:bottom, left:right]
+        slopes = normals[top:bottom, left:right]
+        dx, dy = x0 + cell * left - centres[body, 0], y0 + cell * top - centres[body, 1]
+        _push(
+            part, slopes, owners, shapes[body], centres[body, 2], rotations[body], dx, dy, cell,
+            weights, share, headroom,
+        )  # fmt: skip
+        for _ in range(sweeps):
+            _slide(part, owners, climb)
+
+
+@njit(cache=True)
+def _sources(state, owner, place):  # type: ignore[no-untyped-def]
+    """Bounds of the nodes of a window that were pressed; empty if none was."""
+    top, bottom, left, right = place[1], place[0], place[3], place[2]
+    for row in range(place[0], place[1]):
+        for column in range(place[2], place[3]):
+            if state[row, column, FLOW] > 0 and owner[row, column] != ROCK:
+                top, bottom = min(top, row), max(bottom, row + 1)
+                left, right = min(left, column), max(right, column + 1)
+    return top, bottom, left, right
+
+
+@njit(cache=True)
+def _push(  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
+    part, slopes, owners, shape, height, rotation, dx, dy, cell, weights, share, headroom,
+):  # fmt: skip
+    rows, columns = owners.shape
+    room, pressed = np.zeros((rows, columns)), np.zeros((rows, columns))
+    for row in range(rows):
+        for column in range(columns):
+            if owners[row, column] != ROCK:
+                pressed[row, column] = part[row, column, FLOW] / slopes[row, column, 2]
+    for row in range(rows):
+        for column in range(columns):
+            if owners[row, column] == FREE:
+                room[row, column] = 1.0
+                if _clear(
+                    shape, rotation, dx + cell * column, dy + cell * row, height - headroom - part[row, column, LEVEL]
+                ):
+                    continue
+                met = _meet(shape, rotation, dx + cell * column, dy + cell * row, cell)
+                if met[0] > 0 and height + met[1] - part[row, column, LEVEL] < headroom:
+                    room[row, column] = 0.0
+    reached = _blur(room, weights)
+    for row in range(rows):
+        for column in range(columns):
+            if pressed[row, column] > 0 and reached[row, column] > 0:
+                pressed[row, column] *= share / reached[row, column]
+                part[row, column, FLOW] = 0.0
+            else:
+                pressed[row, column] = 0.0
+    gained = _blur(pressed, weights)
+    for row in range(rows):
+        for column in range(columns):
+            part[row, column, LEVEL] += room[row, column] * gained[row, column]
+            part[row, column, START] += room[row, column] * gained[row, column]
+
+
+@njit(cache=True)
+def _blur(field, weights):  # type: ignore[no-untyped-def]
+    rows, columns = field.shape
+    reach = len(weights) // 2
+    along, total = np.zeros((rows, columns)), np.zeros((rows, columns))
+    for row in range(rows):
+        for column in range(columns):
+            if field[row, column] != 0:  # most nodes send nothing
+                for other in range(max(column - reach, 0), min(column + reach + 1, columns)):
+                    along[row, other] += weights[other - column + reach] * field[row, column]
+    for row in range(rows):
+        for other in range(max(row - reach, 0), min(row + reach + 1, rows)):
+            weight = weights[other - row + reach]
+            for column in range(columns):
+                total[row, column] += weight * along[other, column]
+    return total
+
+
+@njit(cache=True)
+def _slide(part, owners, climb):  # type: ignore[no-untyped-def]
+    rows, columns = owners.shape
+    change = np.zeros((rows, columns))
+    for row in range(rows):
+        for column in range(columns):
+            if owners[row, column] != FREE:
+                continue
+            for side in range(2):
+                to_row, to_column = row + side, column + 1 - side
+                if to_row == rows or to_column == columns or owners[to_row, to_column] != FREE:
+                    continue
+                one, two = part[row, column], part[to_row, to_column]
+                excess = abs(two[LEVEL] - one[LEVEL]) - climb
+                if excess > 0 and (
+                    abs(one[LEVEL] - one[ORIGINAL]) > DISTURBED or abs(two[LEVEL] - two[ORIGINAL]) > DISTURBED
+                ):
+                    moved = MOVED * excess if two[LEVEL] > one[LEVEL] else -MOVED * excess
+                    change[row, column] += moved
+                    change[to_row, to_column] -= moved
+    for row in range(rows):
+        for column in range(columns):
+            part[row, column, LEVEL] += change[row, column]
+            part[row, column, START] += change[row, column]

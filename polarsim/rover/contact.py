@@ -1,0 +1,186 @@
+"""Soil contact model, the reference: pressure after Bekker and Wong, shear after Janosi and Hanamoto, node by node.
+
+After Krenn and Hirzinger (2008, 2011) and Chrono's `SCMTerrain` (Serban, Taves and Zhou, J. Comput. Nonlinear Dyn.
+2023, doi 10.1115/1.4056851), with these differences: the force stands on the wheel's surface, not on the ground's,
+unless asked for; shear displacement is a vector, so a standing wheel does not creep, and starts anew once its node has
+been clear; only the elastic branches are damped, for damping of plastic flow would bear load that soil does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.rover.ground import FLOW, FREE, LEVEL, ORIGINAL, PLASTIC, ROCK, SHEAR_X, SHEAR_Z, START, YIELD, Ground
+from polarsim.rover.shapes import (
+    GROUSER_HEIGHT,
+    GROUSERS,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    INVERSE_WIDTH,
+    KIND,
+    RADIUS,
+    WHEEL,
+    meet,
+)
+from polarsim.rover.soil import Law
+
+STEEPEST = (
+    0.25  # of a surface's normal, its vertical part: a wheel's flank is not taken as larger than four times its cell
+)
+SLOWEST_RIM = 1e-3  # m/s, a wheel that turns more slowly has no slip to speak of
+READINGS = ("sinkage", "depth", "power", "area")
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How the law is applied."""
+
+    normal_of_terrain: bool = False  # as Chrono: forces on the ground's normal instead of the wheel's
+    clearance: float = 0.003  # m above the soil at which a node forgets its shear
+    shear_cap: float = 6.0  # of K: shear displacement that is remembered at most
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """What presses the ground, in the world's frame; angular velocities include a wheel's spin."""
+
+    numbers: np.ndarray  # (k, 8) of shapes
+    centres: np.ndarray  # (k, 3)
+    rotations: np.ndarray  # (k, 3, 3) world from body
+    velocities: np.ndarray  # (k, 3)
+    spins: np.ndarray  # (k, 3) rad/s
+
+
+@dataclass(frozen=True)
+class Wrenches:
+    """On the bodies from the soil."""
+
+    forces: np.ndarray  # (k, 3) N
+    torques: np.ndarray  # (k, 3) N m about the centres
+    readings: np.ndarray  # (k, 4): depth below the start level and below the original ground, m; power taken, W; area
+
+
+def press(ground: Ground, bodies: Bodies, law: Law, rule: Rule, dt: float) -> Wrenches:
+    """One step of the contact of all bodies, in their order; changes `ground`."""
+    count = len(bodies.numbers)
+    forces, torques, readings = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, len(READINGS)))
+    for body in range(count):
+        forces[body], torques[body], readings[body] = _press_one(ground, bodies, body, law, rule, dt)
+    return Wrenches(forces, torques, readings)
+
+
+def window(ground: Ground, numbers: np.ndarray, centre: np.ndarray, rotation: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns that a body can touch."""
+    length = np.maximum(numbers[RADIUS] + numbers[GROUSER_HEIGHT] * (numbers[GROUSERS] > 0), numbers[HALF_LENGTH])
+    width = numbers[HALF_WIDTH]
+    # A wheel is a disc of any turn; a plate turns with its frame and gets the circle around it.
+    axle = rotation[:2, 1] if numbers[KIND] == WHEEL else np.zeros(2)
+    half = length * np.sqrt(1 - axle**2) + width * np.abs(axle)
+    if numbers[KIND] != WHEEL:
+        half = half + width
+    first = np.floor((centre[:2] - half - (ground.x0, ground.y0)) / ground.cell).astype(int)
+    last = np.ceil((centre[:2] + half - (ground.x0, ground.y0)) / ground.cell).astype(int) + 1
+    rows, columns = ground.owner.shape
+    return slice(max(first[1], 0), min(max(last[1], 0), rows)), slice(max(first[0], 0), min(max(last[0], 0), columns))
+
+
+def slip_of(numbers: np.ndarray, rotation: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> float:
+    """How much a driven wheel's rim outruns it, 0 to 1; 0 for a wheel that is towed, braked or at rest."""
+    axle = rotation[:, 1]
+    rim = float(spin @ axle) * numbers[RADIUS]
+    level = float(np.hypot(axle[0], axle[1]))
+    if numbers[KIND] != WHEEL or abs(rim) < SLOWEST_RIM or level == 0:
+        return 0.0
+    forward = float(velocity[0] * axle[1] - velocity[1] * axle[0]) / level
+    return min(max(1 - forward / rim, 0.0), 1.0)
+
+
+def _press_one(
+    ground: Ground, bodies: Bodies, body: int, law: Law, rule: Rule, dt: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    numbers, centre, rotation = bodies.numbers[body], bodies.centres[body], bodies.rotations[body]
+    rows, columns = window(ground, numbers, centre, rotation)
+    owner = ground.owner[rows, columns]
+    y, x = np.meshgrid(ground.y[rows], ground.x[columns], indexing="ij")
+    hits = meet(numbers, centre, rotation, x.ravel(), y.ravel(), ground.cell)
+    shape = owner.shape
+    usable = owner != ROCK
+    hit, surface = hits.hit.reshape(shape) & usable, hits.level.reshape(shape)
+    state, slope = ground.state[rows, columns], ground.normals[rows, columns]
+    s = slope[..., 2] * (state[..., START] - surface)
+    tried = law.K_e * (s - state[..., PLASTIC])
+    touched = hit & (tried > 0)
+    left = ~touched & usable & (owner == body)
+    state[left, LEVEL] = state[left, START] - state[left, PLASTIC] / slope[left, 2]
+    clear = left & (~hit | (surface - state[..., LEVEL] > rule.clearance))
+    state[clear, SHEAR_X : SHEAR_Z + 1] = 0
+    owner[clear] = FREE
+    other = touched & (owner != body)  # a second wheel does not find the shear of the first
+    state[other, SHEAR_X : SHEAR_Z + 1] = 0
+    owner[touched] = body
+
+    arms = np.stack([x - centre[0], y - centre[1], surface - centre[2]], axis=-1)[touched]
+    velocity = bodies.velocities[body] + np.cross(bodies.spins[body], arms)
+    normal = (slope if rule.normal_of_terrain else hits.normal.reshape(*shape, 3))[touched]
+    v_n = (velocity * normal).sum(axis=-1)
+    nodes = state[touched]
+    exponent = law.n + law.n_slip * slip_of(numbers, rotation, bodies.velocities[body], bodies.spins[body])
+    stiffness = law.K_c * numbers[INVERSE_WIDTH] + law.K_phi
+    sigma = _pressure(nodes, s[touched], tried[touched], v_n, law, stiffness, exponent)
+    slip = velocity - v_n[:, None] * normal
+    tau, direction = _shear(nodes, sigma, normal, slope[touched], slip, law, rule, dt)
+    nodes[:, LEVEL] = surface[touched]
+    state[touched] = nodes
+
+    # The cell is a square seen from above; the surface on which the stress stands is larger by its slope.
+    area = ground.cell**2 / np.maximum(normal[:, 2], STEEPEST) * hits.weight.reshape(shape)[touched]
+    loads = (sigma[:, None] * normal - tau[:, None] * direction) * area[:, None]
+    readings = np.array(
+        [
+            (s[touched] / slope[touched, 2]).max(initial=0.0),
+            (nodes[:, ORIGINAL] - surface[touched]).max(initial=0.0),
+            -(loads * velocity).sum(),
+            area.sum(),
+        ]
+    )
+    return loads.sum(axis=0), np.cross(arms, loads).sum(axis=0), readings
+
+
+def _pressure(
+    nodes: np.ndarray, s: np.ndarray, tried: np.ndarray, v_n: np.ndarray, law: Law, stiffness: float, exponent: float
+) -> np.ndarray:
+    """Elastic up to the pressure borne before, then Bekker's curve; the depth that stays is written to the nodes."""
+    plastic = tried > nodes[:, YIELD]
+    curve = np.minimum(tried, stiffness * s**exponent)
+    nodes[:, YIELD] = np.where(plastic, curve, nodes[:, YIELD])
+    kept = np.where(plastic, s - curve / law.K_e, nodes[:, PLASTIC])
+    nodes[:, FLOW] += np.maximum(kept - nodes[:, PLASTIC], 0.0)
+    nodes[:, PLASTIC] = kept
+    return np.where(plastic, curve, np.maximum(tried - law.R * v_n, 0.0))
+
+
+def _shear(
+    nodes: np.ndarray,
+    sigma: np.ndarray,
+    normal: np.ndarray,
+    level: np.ndarray,
+    slip: np.ndarray,
+    law: Law,
+    rule: Rule,
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Shear stress and, in the contact's surface, the direction in which the soil is dragged."""
+    # A node remembers how far its soil was dragged along the ground as it lay before.
+    j = nodes[:, SHEAR_X : SHEAR_Z + 1] + (slip - (slip * level).sum(axis=-1)[:, None] * level) * dt
+    length = np.sqrt((j**2).sum(axis=-1))
+    capped = np.minimum(length, rule.shear_cap * law.K)
+    nodes[:, SHEAR_X : SHEAR_Z + 1] = j * (capped / np.where(length > 0, length, 1.0))[:, None]
+    tau = (law.c + sigma * law.tan_phi) * (1 - np.exp(-capped / law.K))
+    laid = j - (j * normal).sum(axis=-1)[:, None] * normal
+    size = np.sqrt((laid**2).sum(axis=-1))
+    direction = laid / np.where(size > 0, size, 1.0)[:, None]
+    # Soil that is let go does not swing back: the same damping as in the elastic branch of pressure.
+    rate = (slip * direction).sum(axis=-1)
+    return np.where(rate < 0, np.maximum(tau + law.R * rate, 0.0), tau), direction

@@ -1,0 +1,267 @@
+"""`contact.press` compiled: the same numbers, node by node, fast enough to drive with."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from polarsim.rover.contact import READINGS, SLOWEST_RIM, STEEPEST, Bodies, Rule, Wrenches
+from polarsim.rover.ground import (
+    FLOW,
+    FREE,
+    LEVEL,
+    ORIGINAL,
+    PLASTIC,
+    ROCK,
+    SHEAR_X,
+    SHEAR_Y,
+    SHEAR_Z,
+    START,
+    YIELD,
+    Ground,
+)
+from polarsim.rover.shapes import (
+    GROUSER_HEIGHT,
+    GROUSERS,
+    HALF_LENGTH,
+    HALF_THICKNESS,
+    HALF_WIDTH,
+    INVERSE_WIDTH,
+    KIND,
+    LEVEL_AXLE,
+    PLATE,
+    RADIUS,
+    WHEEL,
+)
+from polarsim.rover.soil import Law
+
+_SIZE = len(READINGS)
+
+
+def press(ground: Ground, bodies: Bodies, law: Law, rule: Rule, dt: float) -> Wrenches:
+    """One step of the contact of all bodies, in their order; changes `ground`."""
+    count = len(bodies.numbers)
+    forces, torques, readings = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, _SIZE))
+    _press(
+        ground.state, ground.normals, ground.owner, ground.x0, ground.y0, ground.cell,
+        bodies.numbers, bodies.centres, bodies.rotations, bodies.velocities, bodies.spins,
+        law, rule.normal_of_terrain, rule.clearance, rule.shear_cap, dt, forces, torques, readings,
+    )  # fmt: skip
+    return Wrenches(forces, torques, readings)
+
+
+@njit(cache=True)
+def _dot(a, ax, ay, az):  # type: ignore[no-untyped-def]
+    return a[0] * ax + a[1] * ay + a[2] * az
+
+
+@njit(cache=True)
+def _covered(distance, half, cell):  # type: ignore[no-untyped-def]
+    return min(max((half - abs(distance)) / cell + 0.5, 0.0), 1.0)
+
+
+@njit(cache=True)
+def _rim(shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
+    """Share of the cell (0: no hit), height over the centre, normal."""
+    ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
+    radius, half = shape[RADIUS], shape[HALF_WIDTH]
+    e = dx * ax + dy * ay
+    A, C = 1 - az**2, dx * dx + dy * dy - e * e - radius**2
+    root = e * e * az**2 - A * C
+    if not root > 0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    h = (e * az - math.sqrt(root)) / A
+    u = e + h * az
+    weight = _covered(u, half, cell)
+    if weight > 0:
+        if h >= 0:
+            return 0.0, 0.0, 0.0, 0.0, 0.0
+        return weight, h, -(dx - u * ax) / radius, -(dy - u * ay) / radius, -(h - u * az) / radius
+    if abs(az) > LEVEL_AXLE:
+        side = -1.0 if az > 0 else 1.0
+        h = (side * half - e) / az
+        if h < 0 and side * u > half and dx * dx + dy * dy + h * h - half * half < radius**2:
+            return 1.0, h, -side * ax, -side * ay, -side * az
+    return 0.0, 0.0, 0.0, 0.0, 0.0
+
+
+@njit(cache=True)
+def _span(at, slope, low, high, enter, leave):  # type: ignore[no-untyped-def]
+    """Cut a line's stretch by a slab."""
+    if abs(slope) < LEVEL_AXLE:
+        return enter, (-np.inf if at < low or at > high else leave)
+    one, two = (low - at) / slope, (high - at) / slope
+    return max(enter, min(one, two)), min(leave, max(one, two))
+
+
+@njit(cache=True)
+def _grouser(number, shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
+    angle = 2 * math.pi * number / shape[GROUSERS]
+    cosine, sine = math.cos(angle), math.sin(angle)
+    forward, up = rotation[:, 0], rotation[:, 2]
+    rx, ry, rz = (
+        cosine * forward[0] + sine * up[0],
+        cosine * forward[1] + sine * up[1],
+        cosine * forward[2] + sine * up[2],
+    )
+    tx, ty, tz = (
+        cosine * up[0] - sine * forward[0],
+        cosine * up[1] - sine * forward[1],
+        cosine * up[2] - sine * forward[2],
+    )
+    ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
+    half, thick = shape[HALF_WIDTH], shape[HALF_THICKNESS]
+    enter, leave = _span(dx * rx + dy * ry, rz, 0.0, shape[RADIUS] + shape[GROUSER_HEIGHT], -np.inf, np.inf)
+    enter, leave = _span(dx * tx + dy * ty, tz, -thick, thick, enter, leave)
+    enter, leave = _span(dx * ax + dy * ay, az, -half - cell / 2, half + cell / 2, enter, leave)
+    if not (enter < leave and enter < 0):
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    u = dx * ax + dy * ay + enter * az
+    ox, oy, oz = dx - u * ax, dy - u * ay, enter - u * az
+    length = math.sqrt(ox**2 + oy**2 + oz**2)
+    if length == 0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    return _covered(u, half, cell), enter, -ox / length, -oy / length, -oz / length
+
+
+@njit(cache=True)
+def _meet(shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
+    if shape[KIND] == PLATE:
+        fx, fy, fz = rotation[0, 0], rotation[1, 0], rotation[2, 0]
+        ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
+        ux, uy, uz = rotation[0, 2], rotation[1, 2], rotation[2, 2]
+        h = -(dx * ux + dy * uy) / uz
+        weight = _covered(dx * fx + dy * fy + h * fz, shape[HALF_LENGTH], cell)
+        return weight * _covered(dx * ax + dy * ay + h * az, shape[HALF_WIDTH], cell), h, ux, uy, uz
+    best = _rim(shape, rotation, dx, dy, cell)
+    for number in range(int(shape[GROUSERS])):
+        other = _grouser(number, shape, rotation, dx, dy, cell)
+        if other[0] > 0 and (best[0] == 0 or other[1] < best[1]):
+            best = other
+    return best
+
+
+@njit(cache=True)
+def _clear(shape, rotation, dx, dy, depth):  # type: ignore[no-untyped-def]
+    """Whether a point `depth` below a wheel's centre surely lies below its surface: spares nodes out of reach."""
+    if shape[KIND] == PLATE or depth <= 0:
+        return False
+    along = dx * rotation[0, 1] + dy * rotation[1, 1] - depth * rotation[2, 1]
+    tip = shape[RADIUS] + (shape[GROUSER_HEIGHT] if shape[GROUSERS] > 0 else 0.0)
+    # A grouser's corners lie farther out than its middle.
+    return dx * dx + dy * dy + depth * depth - along * along > tip**2 + shape[HALF_THICKNESS] ** 2
+
+
+@njit(cache=True)
+def _window(shape, centre, rotation, x0, y0, cell, rows, columns):  # type: ignore[no-untyped-def]
+    length = max(shape[RADIUS] + (shape[GROUSER_HEIGHT] if shape[GROUSERS] > 0 else 0.0), shape[HALF_LENGTH])
+    ax, ay = (rotation[0, 1], rotation[1, 1]) if shape[KIND] == WHEEL else (0.0, 0.0)
+    extra = 0.0 if shape[KIND] == WHEEL else shape[HALF_WIDTH]
+    half_x = length * math.sqrt(1 - ax**2) + shape[HALF_WIDTH] * abs(ax) + extra
+    half_y = length * math.sqrt(1 - ay**2) + shape[HALF_WIDTH] * abs(ay) + extra
+    return (
+        max(math.floor((centre[1] - half_y - y0) / cell), 0),
+        min(math.ceil((centre[1] + half_y - y0) / cell) + 1, rows),
+        max(math.floor((centre[0] - half_x - x0) / cell), 0),
+        min(math.ceil((centre[0] + half_x - x0) / cell) + 1, columns),
+    )
+
+
+@njit(cache=True)
+def _slip(shape, rotation, velocity, spin):  # type: ignore[no-untyped-def]
+    ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
+    rim, level = _dot(spin, ax, ay, az) * shape[RADIUS], math.hypot(ax, ay)
+    if shape[KIND] != WHEEL or abs(rim) < SLOWEST_RIM or level == 0:
+        return 0.0
+    return min(max(1 - (velocity[0] * ay - velocity[1] * ax) / level / rim, 0.0), 1.0)
+
+
+@njit(cache=True)
+def _press(  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, so that nothing is stored between its parts
+    state, normals, owner, x0, y0, cell, shapes, centres, rotations, velocities, spins,
+    law, normal_of_terrain, clearance, shear_cap, dt, forces, torques, readings,
+):  # fmt: skip
+    rows, columns = owner.shape
+    for body in range(len(shapes)):
+        shape, centre, rotation = shapes[body], centres[body], rotations[body]
+        velocity, spin = velocities[body], spins[body]
+        exponent = law.n + law.n_slip * _slip(shape, rotation, velocity, spin)
+        stiffness = law.K_c * shape[INVERSE_WIDTH] + law.K_phi
+        first_row, last_row, first, last = _window(shape, centre, rotation, x0, y0, cell, rows, columns)
+        for row in range(first_row, last_row):
+            for column in range(first, last):
+                if owner[row, column] == ROCK:
+                    continue
+                dx, dy = x0 + cell * column - centre[0], y0 + cell * row - centre[1]
+                above = centre[2] - state[row, column, START]
+                if owner[row, column] != body and _clear(shape, rotation, dx, dy, above):
+                    continue
+                node, level = state[row, column], normals[row, column]
+                weight, h, nx, ny, nz = _meet(shape, rotation, dx, dy, cell)
+                surface = centre[2] + h
+                s = level[2] * (node[START] - surface)
+                tried = law.K_e * (s - node[PLASTIC])
+                if not (weight > 0 and tried > 0):
+                    if owner[row, column] == body:
+                        node[LEVEL] = node[START] - node[PLASTIC] / level[2]
+                        if weight == 0 or surface - node[LEVEL] > clearance:
+                            node[SHEAR_X] = node[SHEAR_Y] = node[SHEAR_Z] = 0.0
+                            owner[row, column] = FREE
+                    continue
+                if owner[row, column] != body:
+                    node[SHEAR_X] = node[SHEAR_Y] = node[SHEAR_Z] = 0.0
+                    owner[row, column] = body
+                if normal_of_terrain:
+                    nx, ny, nz = level[0], level[1], level[2]
+                vx = velocity[0] + (spin[1] * h - spin[2] * dy)
+                vy = velocity[1] + (spin[2] * dx - spin[0] * h)
+                vz = velocity[2] + (spin[0] * dy - spin[1] * dx)
+                v_n = vx * nx + vy * ny + vz * nz
+                # Pressure: elastic up to what was borne before, then Bekker's curve.
+                if tried > node[YIELD]:
+                    sigma = min(tried, stiffness * s**exponent)
+                    node[YIELD] = sigma
+                    kept = s - sigma / law.K_e
+                    node[FLOW] += max(kept - node[PLASTIC], 0.0)
+                    node[PLASTIC] = kept
+                else:
+                    sigma = max(tried - law.R * v_n, 0.0)
+                # Shear.
+                sx, sy, sz = vx - v_n * nx, vy - v_n * ny, vz - v_n * nz
+                up = _dot(level, sx, sy, sz)
+                jx = node[SHEAR_X] + (sx - up * level[0]) * dt
+                jy = node[SHEAR_Y] + (sy - up * level[1]) * dt
+                jz = node[SHEAR_Z] + (sz - up * level[2]) * dt
+                length = math.sqrt(jx**2 + jy**2 + jz**2)
+                capped = min(length, shear_cap * law.K)
+                kept = capped / length if length > 0 else capped
+                node[SHEAR_X], node[SHEAR_Y], node[SHEAR_Z] = jx * kept, jy * kept, jz * kept
+                tau = (law.c + sigma * law.tan_phi) * (1 - math.exp(-capped / law.K))
+                off = jx * nx + jy * ny + jz * nz
+                tx, ty, tz = jx - off * nx, jy - off * ny, jz - off * nz
+                size = math.sqrt(tx**2 + ty**2 + tz**2)
+                if size > 0:
+                    tx, ty, tz = tx / size, ty / size, tz / size
+                rate = sx * tx + sy * ty + sz * tz
+                if rate < 0:
+                    tau = max(tau + law.R * rate, 0.0)
+                node[LEVEL] = surface
+                # Force.
+                area = cell**2 / max(nz, STEEPEST) * weight
+                fx, fy, fz = (
+                    (sigma * nx - tau * tx) * area,
+                    (sigma * ny - tau * ty) * area,
+                    (sigma * nz - tau * tz) * area,
+                )
+                forces[body, 0] += fx
+                forces[body, 1] += fy
+                forces[body, 2] += fz
+                torques[body, 0] += dy * fz - h * fy
+                torques[body, 1] += h * fx - dx * fz
+                torques[body, 2] += dx * fy - dy * fx
+                readings[body, 0] = max(readings[body, 0], s / level[2])
+                readings[body, 1] = max(readings[body, 1], node[ORIGINAL] - surface)
+                readings[body, 2] -= fx * vx + fy * vy + fz * vz
+                readings[body, 3] += area

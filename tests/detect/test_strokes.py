@@ -1,0 +1,99 @@
+"""Strokes are found, taken out, and leave nothing that tells where rocks are."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from polarsim.detect.strokes import REDS, draw_strokes, drawn_boxes, erase_strokes, find_strokes, practise
+from polarsim.formats import png, release
+
+BOXES = np.array([[40.0, 30, 110, 90], [150, 60, 190, 120]])
+
+
+def grainy(random: np.random.Generator, shape: tuple[int, int] = (160, 240)) -> np.ndarray:
+    smooth = ndimage.gaussian_filter(random.standard_normal(shape), 6) * 300
+    return np.clip(90 + smooth + random.normal(0, 2, shape), 0, 255).astype(np.uint8)
+
+
+def test_a_grey_picture_has_no_strokes_and_stays_as_it_is(rng):
+    photo = grainy(rng)
+    assert not find_strokes(np.repeat(photo[..., None], 3, axis=-1)).any()
+    np.testing.assert_array_equal(erase_strokes(np.repeat(photo[..., None], 3, axis=-1)), photo)
+
+
+@pytest.mark.parametrize("colour", REDS)
+def test_nothing_but_strokes_is_touched(rng, colour):
+    photo = grainy(rng)
+    drawn = draw_strokes(photo, BOXES, [3, 17], colour, 3, 20)
+    erased = erase_strokes(drawn)
+    outside = ~find_strokes(drawn)
+    np.testing.assert_array_equal(erased[outside], photo[outside])
+
+
+@pytest.mark.parametrize("colour", REDS)
+def test_what_lies_below_strokes_is_told_to_a_few_grey_values(rng, colour):
+    photo = grainy(rng)
+    drawn = draw_strokes(photo, BOXES, [3, 17], colour, 3, 20)
+    strokes = find_strokes(drawn)
+    error = erase_strokes(drawn)[strokes].astype(float) - photo[strokes]
+    assert np.abs(error).mean() < 6  # of a photo whose sd is about 12; 2 of them are its grain
+    assert abs(error.mean()) < 1.5
+
+
+def test_a_soft_edge_gives_its_grey_value_back():
+    photo = np.full((40, 40), 100, np.uint8)
+    picture = np.repeat(photo[..., None], 3, axis=-1)
+    picture[10:30, 20] = (255, 0, 0)
+    picture[10:30, 21] = (162, 60, 60)  # four tenths of red over 100
+    np.testing.assert_allclose(erase_strokes(picture), 100, atol=1)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    x=st.integers(20, 100), y=st.integers(40, 80), wide=st.integers(30, 100), high=st.integers(30, 60),
+    width=st.sampled_from([1, 3]),
+)  # fmt: skip
+def test_drawn_boxes_are_found_within_their_lines(x, y, wide, high, width):
+    photo = np.full((160, 240), 80, np.uint8)
+    drawn = draw_strokes(photo, np.array([[x, y, x + wide, y + high]]), [7], REDS[0], width, 12)
+    inner = [box for box in drawn_boxes(find_strokes(drawn)) if box[2] - box[0] > wide / 2]
+    half = (width + 1) / 2
+    np.testing.assert_allclose(inner, [[x + half, y + half, x + wide - half + 1, y + high - half + 1]], atol=1)
+
+
+def test_practised_strokes_lie_alike_on_labelled_and_unlabelled_places(rng):
+    """Shares of touched pixels inside and outside of labels, over many pictures of the same flat grain."""
+    labelled = np.zeros((160, 240), bool)
+    labelled[50:110, 60:130] = True
+    inside, outside = [], []
+    for _ in range(150):
+        photo = rng.integers(60, 120, labelled.shape).astype(np.uint8)
+        touched = practise(photo, 12, rng, 480) != photo
+        inside.append(touched[labelled].mean())
+        outside.append(touched[~labelled].mean())
+    difference = np.array(inside) - np.array(outside)
+    # The middle has a few strokes more than the border, whose boxes reach out of the picture.
+    assert np.mean(inside) > 0.005
+    assert abs(difference.mean()) < 0.25 * np.mean(outside) + 3 * difference.std() / np.sqrt(len(difference))
+
+
+def test_erased_strokes_have_the_grain_of_their_surroundings(rng):
+    """Else a smooth stripe would tell a judge where somebody drew."""
+    photo = (100 + ndimage.gaussian_filter(rng.normal(0, 6, (300, 400)), 0.7)).astype(np.uint8)
+    drawn = draw_strokes(photo, np.array([[60.0, 60, 340, 240]]), [1], REDS[0], 4, 26)
+    strokes, erased = find_strokes(drawn), erase_strokes(drawn).astype(float)
+    fine = np.abs(erased - ndimage.gaussian_filter(erased, 1.5))
+    assert 0.5 < fine[strokes].mean() / fine[~strokes].mean() < 1.5
+
+
+def test_practice_without_strokes_leaves_the_picture(rng):
+    photo = grainy(rng)
+    np.testing.assert_array_equal(practise(photo, 0, rng, 480), photo)
+
+
+@pytest.mark.parametrize(("terrain", "position", "boxes"), [(1, "A", 15), (1, "C", 15), (11, "C", 9), (4, "C", 0)])
+def test_published_covers_show_as_many_boxes_as_people_counted(release_root, terrain, position, boxes):
+    picture = png.read(release.cover_photos(release_root, terrain)[position])[..., :3]
+    assert len(drawn_boxes(find_strokes(picture))) == boxes  # counted by eye

@@ -1,0 +1,92 @@
+"""Variants differ in all that is drawn, keep the rocks' numbers, and have exact labels."""
+
+import numpy as np
+import pytest
+
+from polarsim.formats import png, yolo
+from polarsim.photo import NO_ROCK
+from polarsim.randomness import generator
+from polarsim.render.relief import ReliefOptions, sand_height, smooth_sand
+from polarsim.render.variants import VariantOptions, draw_variant
+from polarsim.render.varied import draw_hall, render_varied
+
+COARSE = ReliefOptions(cell_m=0.1, most_craters=0)
+TWO = {"rock_ids": (1, 5), "places": ((0.0, 0.0), (1.0, 0.5))}
+
+
+@pytest.mark.parametrize("moved_share", [0.0, 1.0])
+def test_rocks_keep_their_numbers_and_vertices_their_albedo(blocks, moved_share):
+    options = VariantOptions(relief=COARSE, moved_share=moved_share)
+    variant = draw_variant(blocks(**TWO), options, generator(0, "test"))
+    assert variant.mesh.rocks == [1, 5]
+    assert len(variant.albedo) == len(variant.mesh.vertices)
+    assert (variant.albedo > 0).all()
+
+
+def test_rocks_that_are_not_moved_follow_the_relief_and_no_more(blocks):
+    mesh = blocks(**TWO)
+    changed = draw_variant(mesh, VariantOptions(relief=COARSE, moved_share=0), generator(1, "test")).mesh
+    for rock in mesh.rocks:
+        shift = changed.part(rock).vertices - mesh.part(rock).vertices
+        np.testing.assert_allclose(shift[:, :2], 0, atol=1e-12)
+        np.testing.assert_allclose(shift[:, 2], shift[0, 2], atol=1e-12)
+        assert 0 < abs(shift[0, 2]) < 0.1
+
+
+def test_moved_rocks_keep_their_shape_and_stand_on_the_sand(blocks):
+    mesh = blocks(**TWO)
+    options = VariantOptions(relief=None, moved_share=1, rock_scale=(1.2, 1.2))
+    for number in range(5):
+        moved = draw_variant(mesh, options, generator(number, "test")).mesh
+        quadric = smooth_sand(mesh.part(NO_ROCK).vertices)
+        for rock in mesh.rocks:
+            points, before = moved.part(rock).vertices, mesh.part(rock).vertices
+            sides = np.linalg.norm(points - points[0], axis=1) / 1.2
+            np.testing.assert_allclose(sides, np.linalg.norm(before - before[0], axis=1), atol=1e-9)
+            assert points[:, 2].min() == pytest.approx(sand_height(quadric, *points[0, :2]), abs=1e-6)
+
+
+def test_the_same_draw_gives_the_same_variant(blocks):
+    first, again, other = (draw_variant(blocks(), VariantOptions(relief=COARSE), generator(n, "x")) for n in (3, 3, 4))
+    np.testing.assert_array_equal(first.mesh.vertices, again.mesh.vertices)
+    assert first.options == again.options
+    assert first.options != other.options
+
+
+def test_the_hall_is_as_bright_as_stated(rng):
+    for _ in range(10):
+        hall = draw_hall((60, 90), rng)
+        assert hall.mean() == pytest.approx(1)
+        assert hall.min() >= 0
+
+
+@pytest.fixture
+def varied(folders):
+    def render(name, **options):
+        # The small lens is a tenth of a photo's size: a rock of 0.4 m has 30 pixels there too.
+        chosen = VariantOptions(number=2, scale=1, positions=("A", "C"), relief=COARSE, moved_share=0, **options)
+        render_varied(
+            terrain=1, cameras=folders / "cameras", meshes=folders / "meshes", pictures=folders / name,
+            options=chosen, threads=1,
+        )  # fmt: skip
+        return folders / name
+
+    return render
+
+
+def test_every_view_lamp_and_variant_has_a_picture_and_boxes(varied):
+    folder = varied("varied", rim=False)
+    names = {path.stem for path in (folder / "images").iterdir()}
+    assert names == {f"01_A_{az}_{cam}_v0{n}" for az in (30, 180, 270, 350) for cam in "LR" for n in (0, 1)}
+    assert names == {path.stem for path in (folder / "labels").iterdir()}
+    picture = png.read(folder / "images" / "01_A_30_L_v00.png")
+    assert (picture.dtype, picture.shape) == (np.uint16, (140, 200))
+    classes, boxes = yolo.read_boxes(folder / "labels" / "01_A_30_L_v00.txt", (200, 140))
+    assert (classes == 0).sum() == 1
+    assert (boxes >= -1e-3).all()
+
+
+def test_the_same_options_write_the_same_bytes(varied):
+    first, again = (varied(name, rim=False) for name in ("one", "two"))
+    for path in sorted(first.rglob("*.*")):
+        assert path.read_bytes() == (again / path.relative_to(first)).read_bytes(), path.name

@@ -1,0 +1,24 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from polarsim.rover.soil import Soil, read_soil
+
+SOILS = Path(__file__).parents[2] / "config" / "soils.csv"
+
+
+@pytest.fixture
+def lunar() -> Soil:
+    return read_soil(SOILS, "lunar")
+
+
+@pytest.fixture
+def hit() -> Soil:
+    return read_soil(SOILS, "hit-simulant")
+
+
+@pytest.fixture
+def stiff(lunar) -> Soil:
+    """Hardly any rebound and nothing damped, as in the limit."""
+    return replace(lunar, K_e=4e9, R=0.0)
