@@ -34,14 +34,13 @@ from pydantic import BaseModel
 
 from polarsim.detect.covers import CoverOptions, cover_figures, make_cover_dataset, pair_covers, read_covers
 from polarsim.detect.judges import judge_name
-from polarsim.detect.metrics import true_positives
+from polarsim.detect.metrics import rank
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.predict import predict
 from polarsim.detect.train import train_judge
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
 from polarsim.formats.files import write_text
-from polarsim.geometry import boxes
 from polarsim.photo import ROCK, PhotoKey
 from polarsim.render.variants import VariantOptions
 from polarsim.render.varied import render_varied
@@ -168,16 +167,16 @@ def tabulate(experiment: Experiment) -> None:
 
 def best_confidence(labels: pd.DataFrame, predictions: pd.DataFrame) -> float:
     """Confidence at which the F1 of all predictions, IoU of 0.5 or more, is largest."""
-    sure, right = [], []
-    for key, own in predictions.groupby("key"):
-        ordered = own.sort_values("confidence", ascending=False, kind="stable")
-        truth = labels.loc[labels["key"] == key, CORNERS].to_numpy(float)
-        sure.append(ordered["confidence"].to_numpy())
-        right.append(true_positives(boxes.iou(ordered[CORNERS].to_numpy(float), truth), np.array([0.5]))[0])
-    confidence, hit = np.concatenate(sure), np.concatenate(right)
-    order = np.argsort(-confidence, kind="stable")
-    f1 = 2 * hit[order].cumsum() / (np.arange(1, len(order) + 1) + len(labels))
-    return float(confidence[order][f1.argmax()])
+    own = [(labels[labels["key"] == key], found) for key, found in predictions.groupby("key")]
+    ranked = rank(
+        [truth[CORNERS].to_numpy(float) for truth, _ in own],
+        [found[CORNERS].to_numpy(float) for _, found in own],
+        [found["confidence"].to_numpy(float) for _, found in own],
+        np.array([0.5]),
+    )
+    hits = ranked.right[0, 0].cumsum()
+    f1 = 2 * hits / (np.arange(1, len(hits) + 1) + len(labels))
+    return float(ranked.confidence[f1.argmax()])
 
 
 def draw(experiment: Experiment, labels: pd.DataFrame, predictions: pd.DataFrame) -> None:
