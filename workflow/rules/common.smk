@@ -26,9 +26,6 @@ TERRAINS = [f"{terrain:02d}" for terrain in CONFIG.terrains]
 DOMAINS = list(CONFIG.domains)
 TRAINED = list(CONFIG.training_domains)
 SPLITS, SEEDS = list(CONFIG.detect.splits), list(CONFIG.detect.seeds)
-FIRST_TRAINING = (
-    f"results/{{run}}/detect/{SPLITS[0]}/seed{SEEDS[0]}"  # what figures show
-)
 MIXES = {name: dict(weights) for name, weights in CONFIG.detect.mixes.items()}
 MODELS = list(CONFIG.render.models)
 STEREO = CONFIG.detect.stereo.run and bool(DOMAINS)
@@ -320,6 +317,11 @@ def every_figure(name):
             position=position,
         )
     ]
+
+
+def of_first_training(name):
+    """A file of the first split and seed: what figures show."""
+    return f"results/{{run}}/detect/{SPLITS[0]}/seed{SEEDS[0]}/{name}"
 
 
 def tables_of_judges():

@@ -903,10 +903,10 @@ rule draw_ipd_histogram:
 rule draw_gap_rocks:
     """The rocks that a judge finds most differently in two domains, photo and twin side by side."""
     input:
-        instances=FIRST_TRAINING + "/instances.parquet",
-        ipd=FIRST_TRAINING + "/ipd.parquet",
+        instances=of_first_training("instances.parquet"),
+        ipd=of_first_training("ipd.parquet"),
         predictions=[
-            FIRST_TRAINING + f"/predictions/{{trained}}_on_{domain}.parquet"
+            of_first_training(f"predictions/{{trained}}_on_{domain}.parquet")
             for domain in DOMAINS
         ],
         labels=[path for domain in DOMAINS for path in labels_of(domain)],
