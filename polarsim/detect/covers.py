@@ -6,7 +6,6 @@ import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pandas as pd
 from pydantic import BaseModel, Field
@@ -172,6 +171,8 @@ def tone_twin(pixels: np.ndarray, imgsz: int, options: CoverOptions, random: np.
 
 def shrink(picture: np.ndarray, imgsz: int) -> np.ndarray:
     """(h, w) uint8 averaged to a width of `imgsz`, and the height that a full photo then has."""
+    import cv2
+
     size = (imgsz, round(imgsz * HEIGHT / WIDTH))
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 from scipy import ndimage
 
@@ -21,7 +20,6 @@ _REACH = 4  # pixels from which inpainting takes its light
 _LEAST_SIDE, _LEAST_FILL = 12, 0.9  # of the inside of a drawn box: side in px, share of its bounding box
 Colour = tuple[int, int, int]
 REDS: tuple[Colour, ...] = ((255, 0, 0), (237, 28, 36))  # of the published covers, RGB
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def find_strokes(picture: np.ndarray) -> np.ndarray:
@@ -35,6 +33,8 @@ def erase_strokes(picture: np.ndarray) -> np.ndarray:
     Soft edges keep the grey value that shows through; the rest is inpainted from the edges of the hole (Telea, J.
     Graphics Tools 9 (2004) 23) and given the grain of the photo around it, for a smooth stripe would be a trace.
     """
+    import cv2
+
     strokes = find_strokes(picture)
     grey, cover = _unmixed(picture, strokes)
     hole = strokes & (cover > _MOST_COVER)
@@ -64,6 +64,8 @@ def _unmixed(picture: np.ndarray, strokes: np.ndarray) -> tuple[np.ndarray, np.n
 
 def _with_grain(filled: np.ndarray, photo: np.ndarray, strokes: np.ndarray) -> np.ndarray:
     """The filled picture with the fine grain that the photo has on the other side of the stroke's edge."""
+    import cv2
+
     smooth = cv2.GaussianBlur(np.where(strokes, filled, photo).astype(np.float32), (0, 0), 1)
     untouched = ~ndimage.binary_dilation(strokes, _GROWN, 2)
     grain = np.where(untouched, photo - smooth, 0)
@@ -101,11 +103,14 @@ def draw_strokes(
 
     `digits`: height of the numbers, px.
     """
+    import cv2
+
     picture = np.repeat(photo[..., None], 3, axis=-1)
-    scale = digits / cv2.getTextSize("0", _FONT, 1, 1)[0][1]
+    font = cv2.FONT_HERSHEY_SIMPLEX
+    scale = digits / cv2.getTextSize("0", font, 1, 1)[0][1]
     for (x0, y0, x1, y1), number in zip(np.rint(boxes).astype(int).tolist(), numbers, strict=True):
         cv2.rectangle(picture, (x0, y0), (x1, y1), colour, width)
-        cv2.putText(picture, str(number), (x0 + 4, y0 - 4), _FONT, scale, colour, max(1, width - 1), cv2.LINE_AA)
+        cv2.putText(picture, str(number), (x0 + 4, y0 - 4), font, scale, colour, max(1, width - 1), cv2.LINE_AA)
     return picture
 
 
