@@ -7,12 +7,16 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
+
 from polarsim.formats import coco, png
 from polarsim.progress import track
-from polarsim.render.automatic import annotations_of
+from polarsim.render.amodal import hidden_parts
+from polarsim.render.automatic import annotations_of, whole_rocks
 from polarsim.render.lamps import ROVER
 from polarsim.render.layers import render_view
 from polarsim.render.optics import imaged, through_lens
+from polarsim.render.options import RenderOptions
 from polarsim.render.sensor import expose, noise_of
 from polarsim.render.views.exposure import auto_exposure
 from polarsim.render.views.job import Job
@@ -112,7 +116,7 @@ def _render(
     models = [model for model in views.render.models if any(picture.model == model for picture in unit)]
     rendering = render_view(scene.surfaces, pose, lens, lamps, models, list(lights), views.render, threads)
     for name, picture in lights.items():
-        labels[picture.ground_truth] = annotations_of(rendering.ids[name], views.render)
+        labels[picture.ground_truth] = _labels(picture, rendering.ids[name], views.render)
         job.write_instances(picture, rendering.ids[name])
     layers = through_lens(rendering.whole, lamps, scene.surfaces, pose, lens, views.render, threads)
     skies = {name: picture.light.sandbox_from_celestial for name, picture in lights.items()}
@@ -135,11 +139,18 @@ def _render(
     return write
 
 
+def _labels(picture: Picture, ids: np.ndarray, options: RenderOptions) -> list[coco.Annotation]:
+    """Labels of an instance map (h, w), whole rocks among them: the same whether it was rendered now or found."""
+    camera = picture.camera
+    hidden = hidden_parts(picture.scene.surfaces, camera.sandbox_from_camera, camera.lens, ids)
+    return annotations_of(ids, options, whole_rocks(ids, hidden, options))
+
+
 def _take_in(job: Job, picture: Picture, labels: Labels) -> None:
     """Take a picture that is there onto the sheet, and its labels, from its instance map."""
     if picture.ground_truth not in labels:
         ids = png.read(job.path("instances", picture.ground_truth))
-        labels[picture.ground_truth] = annotations_of(ids, job.views.render)
+        labels[picture.ground_truth] = _labels(picture, ids, job.views.render)
     if job.sheet.wants(picture.name):
         job.sheet.add(picture.name, png.read(job.path("images", picture.name)), labels[picture.ground_truth])
 

@@ -55,6 +55,18 @@ def test_every_picture_has_its_labels_and_its_line_in_the_lists(tmp_path, grid, 
     assert (tmp_path / "contact.jpg").stat().st_size > 1000
 
 
+def test_a_rock_behind_another_is_labelled_whole_too(tmp_path, folders, views_of, tone):
+    terrain = {"meshes": folders / "meshes", "terrain": 1}
+    behind = {"name": "two", "terrains": [terrain, terrain | {"offset_m": [0.8, 0, 0]}]}
+    camera = {"kind": "point", "position_m": [-1, 0.15, 0.3], "look_at_m": [0.4, 0, 0.1]}
+    render_views(views_of(scenes=[behind], cameras=[camera]), tmp_path, tone=tone)
+    coco = json.loads((tmp_path / "annotations.json").read_text())
+    shares = sorted(row["visible_share"] for row in coco["annotations"] if "visible_share" in row)
+    assert len(shares) == 2
+    assert 0 < shares[0] < 0.9
+    assert shares[1] == 1
+
+
 @pytest.mark.parametrize(
     "faults", [{}, {"blur_px": 1.0, "bloom": 0.05, "veiling_glare": 0.01, "flare": 0.01, "vignetting": True}]
 )
