@@ -44,4 +44,11 @@ rule all:
         rules.tables.input,
 
 
+onstart:
+    # On one machine no limit of jobs a second: for it Snakemake sets off a timer at every look for jobs, each timer
+    # brings another look, and after a hundred jobs the looks take a core for themselves.
+    if workflow.local_exec:
+        workflow.scheduler.job_rate_limiter = None
+
+
 report: "workflow/report/workflow.rst"
