@@ -5,7 +5,8 @@ ready, and for a photo: the median of five, the first one, which loads what is c
 
 Last figures (AMD EPYC with AVX2, 2 cores, nothing else running, 2.3 million triangles), two runs, CPU
 seconds: ours ready in 1.84 and 2.17, a photo 0.82 and 1.11; Mitsuba 3.9.1, `llvm_ad_mono`, ready in 1.77 and 2.37, a
-photo 0.65 and 0.87.
+photo 0.65 and 0.87. Our rays alone take 0.34 to the surface and 0.21 to the lamp; 0.07 of that is Embree's robust
+traversal, without which 30 of 2.1 million pixels see through the edge between two triangles.
 """
 
 from __future__ import annotations
