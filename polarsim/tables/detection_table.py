@@ -29,7 +29,7 @@ def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str]) -
     table = tidy_detection(read_parquet(detection, COLUMNS), origin["source"])
     notes = [*_judge_notes(table), *seed_notes(table), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
-        notes.insert(0, paper.ANALOG_NOTE)
+        notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     blocks = {CAPTION: lay_out_detection(table)}
     if set(INTERVALS) <= set(table.columns) and not seed_notes(table):
         unit = "/".join(sorted(set(table.get("unit", pd.Series(["view"])).astype(str)))) or "view"
@@ -40,7 +40,7 @@ def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str]) -
 def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     """A row for every kind, trained and evaluated domain in the paper's order, the paper's figures in `paper_*`.
 
-    The paper has rocks only: all other rows have no figure of it.
+    The paper has rocks in NASA's photos and their twins only: all other rows have no figure of it.
     """
     table = detection[list(COLUMNS)].copy()
     table.insert(COLUMNS.index("epochs"), "start", detection["start"] if "start" in detection.columns else "")
@@ -53,7 +53,7 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     table = paper.with_own_names(table, ("trained", "evaluated"), source)
     places = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
     found = [
-        paper.DETECTION.get((paper.counterpart(trained), paper.counterpart(evaluated))) if kind == ROCK else None
+        paper.DETECTION.get((trained, evaluated)) if kind == ROCK and paper.is_comparable(source) else None
         for kind, trained, evaluated in places
     ]
     for number, name in enumerate(MEASURES):
@@ -77,27 +77,20 @@ def lay_out_intervals(table: pd.DataFrame) -> pd.DataFrame:
 def _lay_out(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd.DataFrame:
     evaluated = paper.in_order(set(table["evaluated"]))
     several = len(table[["split", "judge", "epochs", "imgsz"]].drop_duplicates()) > 1
+    beside = table["paper_map50"].notna().any()  # else no column of the paper is shown
+    theirs = [domain for domain in evaluated if beside and domain in paper.DOMAIN_ORDER]
     rows = []
     names = ["kind", "split", "judge", "epochs", "imgsz", "trained"]
     for group, part in table.groupby(names, sort=False):
         kind, split, judge, epochs, imgsz, trained = (str(value) for value in group)
-        row: dict[str, str] = {"labels": kind, "T": judge_title(trained)}
+        row: dict[str, str] = {"labels": kind, "T": paper.title(trained)}
         if several:
             row["judge"] = f"{judge}, {epochs} epochs at {imgsz} px, split by {split}"
-        for prefix, text in (("", "E: {}"), ("paper_", "paper, E: {}")):
-            for domain in evaluated:
-                name = paper.title(domain if not prefix else paper.counterpart(domain))
-                if prefix and paper.counterpart(domain) not in paper.DOMAIN_ORDER:
-                    continue
-                row[text.format(name)] = cell(part[part["evaluated"] == domain], prefix)
+        for prefix, text, domains in (("", "E: {}", evaluated), ("paper_", "paper, E: {}", theirs)):
+            for domain in domains:
+                row[text.format(paper.title(domain))] = cell(part[part["evaluated"] == domain], prefix)
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["labels", "T"])
-
-
-def judge_title(trained: str) -> str:
-    """What a judge was trained on, with the place that it has in the paper."""
-    theirs = paper.counterpart(trained)
-    return paper.title(trained) if theirs == trained else f"{paper.title(trained)} (paper: {paper.title(theirs)})"
 
 
 def _cell(part: pd.DataFrame, prefix: str) -> str:
@@ -127,7 +120,7 @@ def _judge_notes(table: pd.DataFrame) -> list[str]:
         notes.append(f"Judge {judge}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
         if corrupt := int(part["left_out"].max()):
             notes.append(f"Split by {split}: up to {corrupt} corrupt pictures of a judge's training and test left out.")
-    if len(table):
+    if table["paper_map50"].notna().any():
         notes.append("Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
     return notes
 

@@ -27,11 +27,8 @@ def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], opt
         if not len(rocks):
             note(sheet, "no judged rocks")
             return
-        sheet.suptitle(
-            f"Rock detection, source {origin['source']}{split} (small: the paper's photos and twins)",
-            x=0.01,
-            ha="left",
-        )
+        small = " (small: the paper's photos and twins)" if rocks["paper_map50"].notna().any() else ""
+        sheet.suptitle(f"Rock detection, source {origin['source']}{split}{small}", x=0.01, ha="left")
         for number, (axes, measure) in enumerate(zip(sheet.subplots(1, 3), TITLES, strict=True)):
             _draw_matrix(axes, rocks, measure)
             if number == 0:
@@ -58,14 +55,9 @@ def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], options: Tables
             below, above = value - rocks[f"{name}_low"].to_numpy(float), rocks[f"{name}_high"].to_numpy(float) - value
             errors = np.nan_to_num(np.stack([below, above])).clip(0)
             axes.bar(place + shift, value, 0.36, yerr=errors, color=colour, label=text, ecolor=INK, capsize=4)
-        axes.plot(
-            place - 0.2,
-            rocks["paper_ipd"].to_numpy(float),
-            "D",
-            color="white",
-            markeredgecolor=INK,
-            label="paper's |mean difference|",
-        )
+        theirs = rocks["paper_ipd"].to_numpy(float)
+        if not np.isnan(theirs).all():
+            axes.plot(place - 0.2, theirs, "D", color="white", markeredgecolor=INK, label="paper's |mean difference|")
         names = [
             f"{paper.title(first)} -\n{paper.title(second)}"
             for first, second in zip(rocks["first"], rocks["second"], strict=True)
