@@ -10,6 +10,7 @@ from polarsim.tables.figures.gap_rocks import most_different
 from polarsim.tables.figures.seen import draw_seen, shown_keys
 from polarsim.tables.ipd_rocks_table import COLUMNS
 from polarsim.tables.options import TablesOptions
+from polarsim.tables.seeds import averaged, panels, title_words
 
 OPTIONS = TablesOptions(figure_width_px=640)
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
@@ -138,3 +139,48 @@ def test_what_a_judge_sees_is_drawn_with_labels_of_every_domain(tmp_path):
     assert has(drawn, (0, 229, 255))
     assert not has(nothing, (0, 229, 255))  # below the least confidence
     assert has(nothing, (255, 176, 0))
+
+
+def test_seeds_are_averaged_and_their_intervals_put_together():
+    rows = pd.DataFrame(
+        {"trained": ["a", "b", "a"], "seed": [0, 0, 1], "x": [0.2, 0.5, 0.4], "x_low": [0.1, np.nan, 0.3],
+         "x_high": [0.3, np.nan, 0.5]}
+    )  # fmt: skip
+    table = averaged(rows, ["trained"], ["x"]).set_index("trained")
+    assert table.loc["a", ["x", "x_low", "x_high"]].tolist() == pytest.approx([0.3, 0.1, 0.5])
+    assert table.loc["a", "x_sd"] == pytest.approx(0.1 * 2**0.5)
+    assert table.loc["b", "x"] == 0.5
+    assert table.loc["b", ["x_sd", "x_low"]].isna().all()
+
+
+def test_titles_tell_split_and_seeds():
+    rows = pd.DataFrame({"split": ["photo", "photo"], "seed": [0, 1]})
+    assert title_words(rows) == ", split by photo, mean of 2 seeds"
+    assert title_words(rows.assign(split=["photo", "view"], seed=0)) == ""
+    assert [name for name, _ in panels(rows.assign(split=["view", "photo"]))] == ["view", "photo"]
+
+
+def test_each_split_has_its_own_panels_and_seeds_a_band(tmp_path):
+    rows = [
+        ("real", "real", "rock", split, seed, 0.5, recall, 0.9 - 0.5 * recall - 0.3 * seed)
+        for split in ("photo", "view")
+        for seed in (0, 1)
+        for recall in (0.0, 0.5, 1.0)
+    ]
+    columns = ["trained", "evaluated", "kind", "split", "seed", "iou", "recall", "precision"]
+    table = pd.DataFrame(rows, columns=columns)
+
+    def drawn(chosen, name):
+        write_parquet(tmp_path / "c.parquet", chosen)
+        draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / name, origin=ORIGIN, options=OPTIONS)
+        return png.read(tmp_path / name)[..., :3].astype(int)
+
+    both, one = drawn(table, "both.png"), drawn(table[(table["split"] == "photo") & (table["seed"] == 0)], "one.png")
+    assert both.shape[0] > 1.5 * one.shape[0]
+    pale = np.array([217, 234, 243])  # 0.15 of the first colour on white
+
+    def has_band(pixels):
+        return bool((np.abs(pixels - pale).max(axis=2) < 8).mean() > 0.01)
+
+    assert has_band(both)
+    assert not has_band(one)
