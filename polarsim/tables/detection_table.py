@@ -24,10 +24,15 @@ CAPTION = "Detection: mAP@0.5 / mAP@[0.5:0.95] / IOU_mean, higher is better (T: 
 INTERVAL_CAPTION = "95 % intervals of the same figures, by a bootstrap of {}s."
 
 
-def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/detection.{csv,md,tex,parquet} from detect/detection.parquet."""
+def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], min_mean_dn: float = 0.0) -> None:
+    """Write tables/detection.{csv,md,tex,parquet} from detect/detection.parquet.
+
+    Pictures that are darker than `min_mean_dn` (mean above black, DN) were left out; 0: none was.
+    """
     table = tidy_detection(read_parquet(detection, COLUMNS), origin["source"])
-    notes = [*_judge_notes(table), *seed_notes(table), origin_note(origin)]
+    notes = [*judge_notes(table), *_dark_notes(min_mean_dn), *seed_notes(table), origin_note(origin)]
+    if table["paper_map50"].notna().any():
+        notes.insert(-1, "Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     blocks = {CAPTION: lay_out_detection(table)}
@@ -107,8 +112,14 @@ def _interval_cell(part: pd.DataFrame, prefix: str) -> str:
     return " / ".join(f"[{row[f'{name}_low']:.3f}, {row[f'{name}_high']:.3f}]" for name in MEASURES)
 
 
-def _judge_notes(table: pd.DataFrame) -> list[str]:
-    """What one must know before comparing: judge, training, split, size of the test."""
+def judge_notes(detection: pd.DataFrame) -> list[str]:
+    """What one must know before comparing: judge, training, split, seeds, size of the test.
+
+    Of detect/detection.parquet, whichever table the notes stand below.
+    """
+    table = detection if "start" in detection.columns else detection.assign(start="")
+    seeds = ", ".join(str(seed) for seed in sorted(set(table[SEED]))) if SEED in table.columns else ""
+    trained = f" by seed {seeds}" if seeds else ""
     notes = []
     for (judge, start, epochs, imgsz, split), part in table.groupby(
         ["judge", "start", "epochs", "imgsz", "split"], sort=False
@@ -116,13 +127,24 @@ def _judge_notes(table: pd.DataFrame) -> list[str]:
         leak = "views are shared by training and test" if part["leaks_views"].any() else "no view is in both parts"
         low, high = part["images"].min(), part["images"].max()
         images = f"{low}" if low == high else f"{low} to {high}"
-        training = f"started from {start}, {epochs} epochs" if start else f"{epochs} epochs"
+        training = (f"started from {start}, " if start else "") + f"{epochs} epochs{trained}"
         notes.append(f"Judge {judge}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
-        if corrupt := int(part["left_out"].max()):
+        corrupt = int(part["left_out"].max()) if "left_out" in part.columns else 0
+        if corrupt:
             notes.append(f"Split by {split}: up to {corrupt} corrupt pictures of a judge's training and test left out.")
-    if table["paper_map50"].notna().any():
-        notes.append("Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
     return notes
+
+
+def notes_of_judges(path: Path | None) -> list[str]:
+    """`judge_notes` of detect/detection.parquet; none without it."""
+    return [] if path is None else judge_notes(read_parquet(path, COLUMNS))
+
+
+def _dark_notes(min_mean_dn: float) -> list[str]:
+    """The rule of near-black pictures, where one holds."""
+    return (
+        [f"Near-black pictures, with a mean below {min_mean_dn:g} DN above black, are left out."] if min_mean_dn else []
+    )
 
 
 def _place(table: pd.DataFrame, row: int) -> tuple[object, ...]:

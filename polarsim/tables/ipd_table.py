@@ -10,7 +10,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.tables import paper
-from polarsim.tables.detection_table import KINDS
+from polarsim.tables.detection_table import KINDS, notes_of_judges
 from polarsim.tables.layout import MISSING, origin_note, with_origin, write_table
 from polarsim.tables.seeds import SEED, seed_notes, shown
 
@@ -26,10 +26,10 @@ FORMULA_NOTE = (
 )
 
 
-def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/ipd.{csv,md,tex,parquet} from detect/ipd.parquet."""
+def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
+    """Write tables/ipd.{csv,md,tex,parquet} from detect/ipd.parquet, judges by `detection`."""
     table = tidy_ipd(read_parquet(ipd, COLUMNS), origin["source"])
-    notes = [FORMULA_NOTE, *_rule_notes(table), *seed_notes(table), origin_note(origin)]
+    notes = [FORMULA_NOTE, *_rule_notes(table), *seed_notes(table), *notes_of_judges(detection), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["first"], *table["second"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_ipd(table), notes=notes)

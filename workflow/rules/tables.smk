@@ -379,6 +379,7 @@ rule tabulate_detection:
         runtime=5,
     params:
         origin=ORIGIN,
+        min_mean_dn=CONFIG.detect.min_mean_dn,
         code=code_of("tables.detection_table"),
     script:
         "../scripts/tabulate_detection.py"
@@ -388,6 +389,7 @@ rule tabulate_ipd:
     """The paper's second table: how differently rocks are found in two domains."""
     input:
         ipd="results/{run}/detect/ipd.parquet",
+        detection="results/{run}/detect/detection.parquet",
     output:
         table=report(
             "results/{run}/tables/ipd.csv",
@@ -445,6 +447,7 @@ rule tabulate_breakdown:
     """Detection by size of the label, exposure, azimuth, rover light and terrain."""
     input:
         breakdown="results/{run}/detect/breakdown.parquet",
+        detection="results/{run}/detect/detection.parquet",
     output:
         table=report(
             "results/{run}/tables/detection_breakdown.csv",
@@ -474,6 +477,7 @@ rule tabulate_false_alarms:
     """Rocks that judges see where no rock is labelled."""
     input:
         false_alarms="results/{run}/detect/false_alarms.parquet",
+        detection="results/{run}/detect/detection.parquet",
     output:
         table=report(
             "results/{run}/tables/false_alarms.csv",
@@ -501,6 +505,7 @@ rule tabulate_ipd_rocks:
     """How well each rock is found in two domains."""
     input:
         rocks="results/{run}/detect/rocks.parquet",
+        detection="results/{run}/detect/detection.parquet",
     output:
         table=report(
             "results/{run}/tables/ipd_rocks.csv",
