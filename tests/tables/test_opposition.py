@@ -89,7 +89,7 @@ def draw(tmp_path, cameras, keys, brightness):
 def test_brightness_near_opposition_is_told_beside_that_far_from_it(tmp_path, cameras):
     told = draw(tmp_path, cameras, [ALONE, ROVER], {"analog": 800, "hapke": 1600})
     assert told["shown"]
-    assert told["words"].count("Hapke is 2.00 times that of Analog") == 2
+    assert told["words"].count("median over that of Analog is 2.00 (Hapke)") == 2
     assert str(ROVER) in told["words"].split(". ")[0]
     assert png.read(tmp_path / "o.png").shape[1] == 640
 

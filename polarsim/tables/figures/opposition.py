@@ -139,5 +139,5 @@ def _words(crops: list[np.ndarray], domains: Sequence[str], place: Place, key: P
     unclear = [domain for domain, signal in {domains[0]: photo, **signals}.items() if not _is_clear(signal)]
     if unclear:
         return f"{start} the median of {listed(map(paper.title, unclear))} is clipped or black: no comparison."
-    told = listed(f"{paper.title(domain)} is {signal / photo:.2f} times" for domain, signal in signals.items())
-    return f"{start} the median of {told} that of {paper.title(domains[0])}."
+    told = listed(f"{signal / photo:.2f} ({paper.title(domain)})" for domain, signal in signals.items())
+    return f"{start} the crop's median over that of {paper.title(domains[0])} is {told}."

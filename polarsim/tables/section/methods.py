@@ -71,7 +71,7 @@ def methods(detection: pd.DataFrame, pictures: Pictures, rules: Rules, origin: M
     blocks: list[Block] = [
         Heading("Data and judges"),
         Paragraph(
-            f"Run {origin['run']} compares the domains {names}. Its source is {origin['source']}: {source}. "
+            f"Run {origin['run']} compares the domains {names}. Its source is {origin['source']}, {source}. "
             f"{counted(len(trained), 'judge')} a split and seed, each trained on one domain or mix "
             f"({listed(map(paper.title, trained))}), {'is' if len(trained) == 1 else 'are'} asked about the test "
             "pictures of every domain ([[data]])."

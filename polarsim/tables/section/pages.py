@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import html
+import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ import pandas as pd
 
 from polarsim.tables.layout import cells, markdown
 
+_QUALITY = 88  # of JPEGs: lines and digits stay sharp
 _REFERENCE = re.compile(r"\[\[([\w-]+)\]\]")
 _STYLE = """
 body { font: 16px/1.55 Georgia, "DejaVu Serif", serif; color: #202124;
@@ -138,5 +140,15 @@ def _for_html(block: Block, names: dict[str, str]) -> dict[str, object]:
             "columns": [str(name) for name in block.table.columns],
             "rows": cells(block.table),
         }
-    content = base64.b64encode(block.path.read_bytes()).decode("ascii")
-    return shown | {"form": "figure", "source": f"data:image/png;base64,{content}"}
+    return shown | {"form": "figure", "source": _embedded(block.path)}
+
+
+def _embedded(path: Path) -> str:
+    """A PNG as a data URI: as it is, or as a JPEG where that is smaller, as it is for photos."""
+    from PIL import Image
+
+    compressed = io.BytesIO()
+    with Image.open(path) as picture:
+        picture.convert("RGB").save(compressed, "JPEG", quality=_QUALITY)
+    kind, content = min(("png", path.read_bytes()), ("jpeg", compressed.getvalue()), key=lambda form: len(form[1]))
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
