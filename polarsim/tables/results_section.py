@@ -43,6 +43,7 @@ FIGURES = {  # key of a figure -> its caption; the judge of `rocks-` and `seen-`
     "ipd-bars": "IPD of rocks with 95 % intervals.",
     "ipd-histogram": "How far apart the mean IoU of single rocks is in two domains.",
     "rocks": "Rocks that the judge trained on {} finds most differently in two domains.",
+    "ledger": "What each ingredient of the twins changes.",
     "opposition": "Photo and twins where the lamp stands behind the camera, and far from it.",
 }
 
@@ -146,6 +147,7 @@ def section(
         Paragraph(phase_words + (" ([[opposition]])." if "opposition" in figures else ".")),
         *shown.of("opposition"),
         *ledger_part(found.ledger),
+        *shown.of("ledger"),
         Paragraph(
             origin_note(dict(origin))
             + " Several splits or seeds: figures that cannot show all of them show the first.",
