@@ -69,6 +69,7 @@ def resampled_precision(ranked: Ranked, area: int, unit: np.ndarray, drawn: np.n
     """(resamples, t) average precision at each threshold with the units of the pictures (p,) drawn anew.
 
     The same as `precision_at_recalls` with each resample's weights: matches stay, so drawing only weighs them.
+    `bootstrap_numba` obeys.
     """
     labels = drawn @ np.bincount(unit, ranked.labels[area], drawn.shape[1])
     at_all = np.flatnonzero(ranked.counted[area].any(axis=0))  # the rest belongs to other ranges of area

@@ -10,6 +10,7 @@ import pandas as pd
 
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.dataset import BOX_COLUMNS
+from polarsim.detect.grouping import values_by
 from polarsim.photo import BOX_CLASSES, PhotoKey
 
 ALL = "all"
@@ -109,6 +110,8 @@ def curves(judged: Judged) -> pd.DataFrame:
 
 def _figures(judged: Judged, chosen: np.ndarray, area: int, seed: int, resamples: int) -> Iterator[dict[str, object]]:
     """One row a class and one of all classes, for chosen (p,) photos and a range of area (0: all)."""
+    from polarsim.detect.bootstrap_numba import resampled_precision
+
     unit = np.zeros(len(chosen), int)
     unit[chosen] = bootstrap.units_of(
         [str(key) for key, is_in in zip(judged.keys, chosen, strict=True) if is_in], judged.unit
@@ -124,7 +127,7 @@ def _figures(judged: Judged, chosen: np.ndarray, area: int, seed: int, resamples
         counted = chosen[judged.picture[kind]] & _in_size(judged.area[kind], area)
         overlap, owner = judged.overlap[kind][counted], unit[judged.picture[kind][counted]]
         values.append(np.array([precision[0], precision.mean(), overlap.mean() if len(overlap) else np.nan]))
-        again = bootstrap.resampled_precision(ranked, area, unit, drawn)
+        again = resampled_precision(ranked, area, unit, drawn)
         means = bootstrap.resampled_means(overlap, owner, drawn)
         samples.append(np.stack([again[:, 0], again.mean(axis=1), means], axis=1))
         counts.append(len(overlap))
@@ -153,5 +156,5 @@ def _in_size(area: np.ndarray, number: int) -> np.ndarray:
 
 def _by_photo(table: pd.DataFrame, columns: Sequence[str], keys: Sequence[str]) -> list[np.ndarray]:
     """(n, columns) values of each photo, in the order of the keys."""
-    found = {str(key): rows.to_numpy(float) for key, rows in table.groupby("key")[list(columns)]}
+    found = values_by(table, ["key"], columns)
     return [found.get(key, np.zeros((0, len(columns)))) for key in keys]

@@ -13,6 +13,7 @@ import pandas as pd
 
 from polarsim.detect import bootstrap
 from polarsim.detect.dataset import BOX_COLUMNS
+from polarsim.detect.grouping import values_by
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 
@@ -154,4 +155,4 @@ def _edges() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _by_photo(table: pd.DataFrame) -> dict[str, np.ndarray]:
-    return {str(key): rows.to_numpy(float) for key, rows in table.groupby("key")[list(BOX_COLUMNS)]}
+    return {str(key): values for key, values in values_by(table, ["key"], BOX_COLUMNS).items()}

@@ -15,6 +15,7 @@ import pandas as pd
 
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.dataset import BOX_COLUMNS
+from polarsim.detect.grouping import rows_by, values_by
 from polarsim.errors import DetectError
 from polarsim.geometry import boxes
 from polarsim.photo import PhotoKey
@@ -80,13 +81,12 @@ def instance_performance(labels: pd.DataFrame, predictions: pd.DataFrame, confid
         Columns key, kind, rock, iou, area_px (of the label's box, px^2); a row a label, by photo, kind, rock.
     """
     sure = predictions[predictions["confidence"] >= confidence]
-    found = {name: rows[list(BOX_COLUMNS)].to_numpy(float) for name, rows in sure.groupby(["key", "kind"])}
-    parts = []
-    for name, rows in labels.groupby(["key", "kind"]):
-        corners = rows[list(BOX_COLUMNS)].to_numpy(float)
-        overlap = metrics.best_overlap(corners, found.get(name, np.zeros((0, 4))))
-        parts.append(rows[["key", "kind", "rock"]].assign(iou=overlap, area_px=boxes.area(corners)))
-    table = pd.concat(parts) if parts else labels[["key", "kind", "rock"]].assign(iou=0.0, area_px=0.0)
+    found = values_by(sure, ["key", "kind"], BOX_COLUMNS)
+    corners = labels[list(BOX_COLUMNS)].to_numpy(float)
+    overlap = np.zeros(len(labels))
+    for name, rows in rows_by(labels, ["key", "kind"]).items():
+        overlap[rows] = metrics.best_overlap(corners[rows], found.get(name, np.zeros((0, 4))))
+    table = labels[["key", "kind", "rock"]].assign(iou=overlap, area_px=boxes.area(corners))
     return table.sort_values(["key", "kind", "rock", "iou"], kind="stable", ignore_index=True)
 
 

@@ -57,6 +57,8 @@ def rank(
     both ends included) are asked for, labels of others are free for all: a prediction on them is neither right nor
     wrong, nor is one of another area that takes no label.
     """
+    from polarsim.detect import metrics_numba
+
     low, high = np.array(areas, float).T[:, :, None]
     sure, picture, counts = [np.zeros(0)], [np.zeros(0, int)], []
     right, counted = ([np.zeros((len(areas), len(thresholds), 0), bool)] for _ in range(2))
@@ -67,7 +69,7 @@ def rank(
         other_label, other = (
             (size < low) | (size > high) for size in (boxes.area(label)[None], boxes.area(prediction)[None])
         )
-        matched, passed = _match(boxes.iou(prediction, label), thresholds, other_label)
+        matched, passed = metrics_numba.match(boxes.iou(prediction, label), thresholds, other_label)
         sure.append(confidence[order])
         picture.append(np.full(len(order), number))
         right.append(matched)
@@ -128,10 +130,11 @@ def best_overlap(labels: np.ndarray, predictions: np.ndarray) -> np.ndarray:
     return boxes.iou(labels, predictions).max(axis=1)
 
 
-def _match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(g, t, n) which predictions take a label that is asked for, and which take one that is not (`other`, (g, m)).
 
     Of overlaps (n predictions from sure to unsure, m labels). Labels that are asked for go first.
+    `metrics_numba` obeys.
     """
     shape = (len(other), len(thresholds))
     matched, passed = np.zeros((*shape, len(overlap)), bool), np.zeros((*shape, len(overlap)), bool)

@@ -8,7 +8,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.tables import paper
-from polarsim.tables.detection_table import KINDS
+from polarsim.tables.detection_table import KINDS, notes_of_judges
 from polarsim.tables.layout import MISSING, origin_note, with_origin, write_blocks
 from polarsim.tables.seeds import by_splits, seed_notes, shown
 
@@ -34,10 +34,10 @@ NOTES = (
 )
 
 
-def tabulate_breakdown(*, breakdown: Path, stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/detection_breakdown.{csv,md,tex,parquet} from detect/breakdown.parquet."""
+def tabulate_breakdown(*, breakdown: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
+    """Write tables/detection_breakdown.{csv,md,tex,parquet} from detect/breakdown.parquet, judges by `detection`."""
     table = tidy_breakdown(read_parquet(breakdown, COLUMNS), origin["source"])
-    notes = [*NOTES, *seed_notes(table), origin_note(origin)]
+    notes = [*NOTES, *seed_notes(table), *notes_of_judges(detection), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     blocks = {CAPTIONS.get(by, by): lay_out_breakdown(table[table["by"] == by]) for by in dict.fromkeys(table["by"])}

@@ -24,12 +24,17 @@ CAPTION = "Detection: mAP@0.5 / mAP@[0.5:0.95] / IOU_mean, higher is better (T: 
 INTERVAL_CAPTION = "95 % intervals of the same figures, by a bootstrap of {}s."
 
 
-def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/detection.{csv,md,tex,parquet} from detect/detection.parquet."""
+def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], min_mean_dn: float = 0.0) -> None:
+    """Write tables/detection.{csv,md,tex,parquet} from detect/detection.parquet.
+
+    Pictures that are darker than `min_mean_dn` (mean above black, DN) were left out; 0: none was.
+    """
     table = tidy_detection(read_parquet(detection, COLUMNS), origin["source"])
-    notes = [*_judge_notes(table), *seed_notes(table), origin_note(origin)]
+    notes = [*judge_notes(table), *_dark_notes(min_mean_dn), *seed_notes(table), origin_note(origin)]
+    if table["paper_map50"].notna().any():
+        notes.insert(-1, "Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
-        notes.insert(0, paper.ANALOG_NOTE)
+        notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     blocks = {CAPTION: lay_out_detection(table)}
     if set(INTERVALS) <= set(table.columns) and not seed_notes(table):
         unit = "/".join(sorted(set(table.get("unit", pd.Series(["view"])).astype(str)))) or "view"
@@ -40,7 +45,7 @@ def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str]) -
 def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     """A row for every kind, trained and evaluated domain in the paper's order, the paper's figures in `paper_*`.
 
-    The paper has rocks only: all other rows have no figure of it.
+    The paper has rocks in NASA's photos and their twins only: all other rows have no figure of it.
     """
     table = detection[list(COLUMNS)].copy()
     table.insert(COLUMNS.index("epochs"), "start", detection["start"] if "start" in detection.columns else "")
@@ -53,7 +58,7 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     table = paper.with_own_names(table, ("trained", "evaluated"), source)
     places = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
     found = [
-        paper.DETECTION.get((paper.counterpart(trained), paper.counterpart(evaluated))) if kind == ROCK else None
+        paper.DETECTION.get((trained, evaluated)) if kind == ROCK and paper.is_comparable(source) else None
         for kind, trained, evaluated in places
     ]
     for number, name in enumerate(MEASURES):
@@ -77,27 +82,20 @@ def lay_out_intervals(table: pd.DataFrame) -> pd.DataFrame:
 def _lay_out(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd.DataFrame:
     evaluated = paper.in_order(set(table["evaluated"]))
     several = len(table[["split", "judge", "epochs", "imgsz"]].drop_duplicates()) > 1
+    beside = table["paper_map50"].notna().any()  # else no column of the paper is shown
+    theirs = [domain for domain in evaluated if beside and domain in paper.DOMAIN_ORDER]
     rows = []
     names = ["kind", "split", "judge", "epochs", "imgsz", "trained"]
     for group, part in table.groupby(names, sort=False):
         kind, split, judge, epochs, imgsz, trained = (str(value) for value in group)
-        row: dict[str, str] = {"labels": kind, "T": judge_title(trained)}
+        row: dict[str, str] = {"labels": kind, "T": paper.title(trained)}
         if several:
             row["judge"] = f"{judge}, {epochs} epochs at {imgsz} px, split by {split}"
-        for prefix, text in (("", "E: {}"), ("paper_", "paper, E: {}")):
-            for domain in evaluated:
-                name = paper.title(domain if not prefix else paper.counterpart(domain))
-                if prefix and paper.counterpart(domain) not in paper.DOMAIN_ORDER:
-                    continue
-                row[text.format(name)] = cell(part[part["evaluated"] == domain], prefix)
+        for prefix, text, domains in (("", "E: {}", evaluated), ("paper_", "paper, E: {}", theirs)):
+            for domain in domains:
+                row[text.format(paper.title(domain))] = cell(part[part["evaluated"] == domain], prefix)
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["labels", "T"])
-
-
-def judge_title(trained: str) -> str:
-    """What a judge was trained on, with the place that it has in the paper."""
-    theirs = paper.counterpart(trained)
-    return paper.title(trained) if theirs == trained else f"{paper.title(trained)} (paper: {paper.title(theirs)})"
 
 
 def _cell(part: pd.DataFrame, prefix: str) -> str:
@@ -114,8 +112,14 @@ def _interval_cell(part: pd.DataFrame, prefix: str) -> str:
     return " / ".join(f"[{row[f'{name}_low']:.3f}, {row[f'{name}_high']:.3f}]" for name in MEASURES)
 
 
-def _judge_notes(table: pd.DataFrame) -> list[str]:
-    """What one must know before comparing: judge, training, split, size of the test."""
+def judge_notes(detection: pd.DataFrame) -> list[str]:
+    """What one must know before comparing: judge, training, split, seeds, size of the test.
+
+    Of detect/detection.parquet, whichever table the notes stand below.
+    """
+    table = detection if "start" in detection.columns else detection.assign(start="")
+    seeds = ", ".join(str(seed) for seed in sorted(set(table[SEED]))) if SEED in table.columns else ""
+    trained = f" by seed {seeds}" if seeds else ""
     notes = []
     for (judge, start, epochs, imgsz, split), part in table.groupby(
         ["judge", "start", "epochs", "imgsz", "split"], sort=False
@@ -123,13 +127,24 @@ def _judge_notes(table: pd.DataFrame) -> list[str]:
         leak = "views are shared by training and test" if part["leaks_views"].any() else "no view is in both parts"
         low, high = part["images"].min(), part["images"].max()
         images = f"{low}" if low == high else f"{low} to {high}"
-        training = f"started from {start}, {epochs} epochs" if start else f"{epochs} epochs"
+        training = (f"started from {start}, " if start else "") + f"{epochs} epochs{trained}"
         notes.append(f"Judge {judge}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
-        if corrupt := int(part["left_out"].max()):
+        corrupt = int(part["left_out"].max()) if "left_out" in part.columns else 0
+        if corrupt:
             notes.append(f"Split by {split}: up to {corrupt} corrupt pictures of a judge's training and test left out.")
-    if len(table):
-        notes.append("Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
     return notes
+
+
+def notes_of_judges(path: Path | None) -> list[str]:
+    """`judge_notes` of detect/detection.parquet; none without it."""
+    return [] if path is None else judge_notes(read_parquet(path, COLUMNS))
+
+
+def _dark_notes(min_mean_dn: float) -> list[str]:
+    """The rule of near-black pictures, where one holds."""
+    return (
+        [f"Near-black pictures, with a mean below {min_mean_dn:g} DN above black, are left out."] if min_mean_dn else []
+    )
 
 
 def _place(table: pd.DataFrame, row: int) -> tuple[object, ...]:

@@ -8,6 +8,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.tables import paper
+from polarsim.tables.detection_table import notes_of_judges
 from polarsim.tables.layout import origin_note, with_origin, write_table
 from polarsim.tables.seeds import by_splits, seed_notes, shown
 
@@ -24,8 +25,10 @@ NOTES = (
 )
 
 
-def tabulate_false_alarms(*, false_alarms: Path, stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/false_alarms.{csv,md,tex,parquet} from detect/false_alarms.parquet."""
+def tabulate_false_alarms(
+    *, false_alarms: Path, stem: Path, origin: dict[str, str], detection: Path | None = None
+) -> None:
+    """Write tables/false_alarms.{csv,md,tex,parquet} from detect/false_alarms.parquet, judges by `detection`."""
     table = paper.with_own_names(read_parquet(false_alarms, COLUMNS), ("trained", "evaluated"), origin["source"])
     table = table.sort_values(
         ["place", "trained", "evaluated"],
@@ -33,7 +36,7 @@ def tabulate_false_alarms(*, false_alarms: Path, stem: Path, origin: dict[str, s
         kind="stable",
         ignore_index=True,
     )
-    notes = [*NOTES, *seed_notes(table), origin_note(origin)]
+    notes = [*NOTES, *seed_notes(table), *notes_of_judges(detection), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_false_alarms(table), notes=notes)

@@ -9,6 +9,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.tables import paper
+from polarsim.tables.detection_table import notes_of_judges
 from polarsim.tables.layout import origin_note, with_origin, write_table
 from polarsim.tables.seeds import SEED
 
@@ -19,10 +20,14 @@ CAPTION = "Rocks whose mean IoU differs most between two domains (T: trained on)
 SHOWN = 5  # rocks of each judge and pair of domains
 
 
-def tabulate_ipd_rocks(*, rocks: Path, stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/ipd_rocks.{csv,md,tex,parquet} from detect/rocks.parquet."""
+def tabulate_ipd_rocks(*, rocks: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
+    """Write tables/ipd_rocks.{csv,md,tex,parquet} from detect/rocks.parquet, judges by `detection`."""
     table = tidy_ipd_rocks(read_parquet(rocks, COLUMNS), origin["source"])
-    notes = [f"CSV and Parquet have every rock and shadow; here are {SHOWN} rocks of each pair.", origin_note(origin)]
+    notes = [
+        f"CSV and Parquet have every rock and shadow; here are {SHOWN} rocks of each pair.",
+        *notes_of_judges(detection),
+        origin_note(origin),
+    ]
     if paper.ANALOG in {*table["trained"], *table["first"], *table["second"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_ipd_rocks(table), notes=notes)

@@ -10,7 +10,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.tables import paper
-from polarsim.tables.detection_table import KINDS, judge_title
+from polarsim.tables.detection_table import KINDS, notes_of_judges
 from polarsim.tables.layout import MISSING, origin_note, with_origin, write_table
 from polarsim.tables.seeds import SEED, seed_notes, shown
 
@@ -26,12 +26,12 @@ FORMULA_NOTE = (
 )
 
 
-def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/ipd.{csv,md,tex,parquet} from detect/ipd.parquet."""
+def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
+    """Write tables/ipd.{csv,md,tex,parquet} from detect/ipd.parquet, judges by `detection`."""
     table = tidy_ipd(read_parquet(ipd, COLUMNS), origin["source"])
-    notes = [FORMULA_NOTE, *_rule_notes(table), *seed_notes(table), origin_note(origin)]
+    notes = [FORMULA_NOTE, *_rule_notes(table), *seed_notes(table), *notes_of_judges(detection), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["first"], *table["second"]}:
-        notes.insert(0, paper.ANALOG_NOTE)
+        notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_ipd(table), notes=notes)
 
 
@@ -43,8 +43,8 @@ def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
     for entry in ipd[[*drawn, *COLUMNS, *told]].to_dict("records"):
         trained, *pair = (paper.own_name(str(entry[name]), source) for name in ("trained", "first", "second"))
         first, second = paper.ordered_pair(*pair)
-        key = paper.counterpart(trained), (paper.counterpart(first), paper.counterpart(second))
-        figure = paper.IPD.get(key) if entry["kind"] == ROCK else None
+        known = entry["kind"] == ROCK and paper.is_comparable(source)
+        figure = paper.IPD.get((trained, (first, second))) if known else None
         rows.append({**entry, "trained": trained, "first": first, "second": second, "paper_ipd": figure})
     rows.sort(key=_place)
     table = pd.DataFrame(rows, columns=[*drawn, *COLUMNS, *told, "paper_ipd"])
@@ -52,23 +52,22 @@ def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def lay_out_ipd(table: pd.DataFrame) -> pd.DataFrame:
-    """The paper's Table 2 out of tidy rows: a row a judge, a column a pair, then the paper's columns."""
+    """The paper's Table 2 out of tidy rows: a row a judge, a column a pair, then the paper's where there are any."""
     pairs = sorted(set(zip(table["first"], table["second"], strict=True)), key=_pair_place)
+    theirs = [pair for pair in pairs if pair in paper.PAIRS and table["paper_ipd"].notna().any()]
     rows = []
     splits = table["split"] if "split" in table.columns else pd.Series("", index=table.index)
     for (split, kind, trained), part in table.groupby([splits, "kind", "trained"], sort=False):
-        row: dict[str, str] = {"labels": str(kind), "T": judge_title(str(trained))}
+        row: dict[str, str] = {"labels": str(kind), "T": paper.title(str(trained))}
         if len(set(splits)) > 1:
             row["split by"] = str(split)
         for first, second in pairs:
             found = part[(part["first"] == first) & (part["second"] == second)]
             row[_pair_title(first, second)] = _cell(found)
-        for first, second in pairs:
+        for first, second in theirs:
             found = part[(part["first"] == first) & (part["second"] == second)]
             values = found["paper_ipd"].dropna()
-            theirs = paper.counterpart(first), paper.counterpart(second)
-            if theirs in paper.PAIRS:
-                row[f"paper, {_pair_title(*theirs)}"] = f"{values.iloc[0]:.4f}" if len(values) else MISSING
+            row[f"paper, {_pair_title(first, second)}"] = f"{values.iloc[0]:.4f}" if len(values) else MISSING
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["labels", "T"])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +17,10 @@ from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey
 from polarsim.tables.figures.comparison import draw_comparison
 from polarsim.tables.figures.contact import draw_contact
 from polarsim.tables.figures.gap_rocks import draw_gap_rocks
+from polarsim.tables.figures.opposition import draw_opposition
+from polarsim.tables.figures.seen import draw_seen
 from polarsim.tables.options import TablesOptions
-from polarsim.tables.run_files import cover_photo_of, instances_of, photo_of, polygons_of, twin_of
+from polarsim.tables.run_files import cover_photo_of, instances_of, photo_of, pictures_of, polygons_of, twin_of
 from polarsim.tables.show import show
 
 
@@ -127,15 +129,86 @@ def draw_gap_rocks_of_run(
     options: TablesOptions,
 ) -> None:
     """The page of rocks of one judge of a run; least confidence as its IPD was computed."""
-    confidence = read_parquet(ipd, ["confidence"])["confidence"]
     draw_gap_rocks(
         trained=trained,
         instances=instances,
         predictions=predictions,
         labels=labels,
-        picture_of=lambda domain, key: photo_of(run, key) if domain == photo_domain else twin_of(run, domain, key),
-        confidence=float(confidence.iloc[0]) if len(confidence) else 0.0,
+        picture_of=_pictures(run, photo_domain),
+        confidence=_confidence(ipd),
         figure=figure,
         origin=origin,
         options=options,
     )
+
+
+def draw_seen_of_run(
+    *,
+    trained: str,
+    run: Path,
+    photo_domain: str | None,
+    instances: Path,
+    ipd: Path,
+    predictions: Mapping[str, Path],
+    labels: Mapping[str, Path],
+    figure: Path,
+    origin: dict[str, str],
+    options: TablesOptions,
+) -> None:
+    """What one judge of a run sees in photo and twins; least confidence as its IPD was computed."""
+    draw_seen(
+        trained=trained,
+        instances=instances,
+        predictions=predictions,
+        labels=labels,
+        picture_of=_pictures(run, photo_domain),
+        confidence=_confidence(ipd),
+        figure=figure,
+        origin=origin,
+        options=options,
+    )
+
+
+def draw_opposition_of_run(
+    *,
+    terrains: Sequence[int],
+    run: Path,
+    photo_domain: str,
+    models: Sequence[str],
+    grid: GridOptions,
+    positions: Sequence[str],
+    figure: Path,
+    words: Path,
+    options: TablesOptions,
+) -> None:
+    """Photo and twins near opposition and far from it."""
+    draw_opposition(
+        keys=[key for terrain in terrains for key in selected_grid(terrain, list(positions), grid)],
+        cameras={terrain: run / "cameras" / f"Terrain{terrain:02d}" for terrain in terrains},
+        photo_domain=photo_domain,
+        models=models,
+        picture_of=_pictures(run, photo_domain),
+        figure=figure,
+        words=words,
+        options=options,
+    )
+
+
+def _pictures(run: Path, photo_domain: str | None) -> Callable[[str, PhotoKey], Path | None]:
+    """Photo or twin of a domain and a key; of a terrain's photos the table is read once."""
+    photos: dict[int, dict[PhotoKey, Path]] = {}
+
+    def picture_of(domain: str, key: PhotoKey) -> Path | None:
+        if domain != photo_domain:
+            return twin_of(run, domain, key)
+        if key.terrain not in photos:
+            photos[key.terrain] = pictures_of(run, "photo", key.terrain)
+        return photos[key.terrain].get(key)
+
+    return picture_of
+
+
+def _confidence(ipd: Path) -> float:
+    """Least confidence of the predictions that IPD counts."""
+    confidence = read_parquet(ipd, ["confidence"])["confidence"]
+    return float(confidence.iloc[0]) if len(confidence) else 0.0

@@ -36,12 +36,12 @@ IPD = {
     (HAPKE, (REAL, HAPKE)): 0.4638,
 }
 
-ANALOG_NOTE = (
-    "Analog pictures come from a simulated sandbox and are no photos. The paper's Real column stands beside them "
-    "because it has that place in the layout, not because the figures could be compared."
-)
-
 ANALOG_PICTURES_NOTE = "Analog pictures come from a simulated sandbox and are no photos."
+
+
+def is_comparable(source: str) -> bool:
+    """Whether a source's pictures show what the paper's did; only then do its figures stand beside ours."""
+    return source != ANALOG
 
 
 def with_own_names(table: pd.DataFrame, columns: Sequence[str], source: str) -> pd.DataFrame:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pandas as pd
 
 from polarsim.tables.layout import MISSING
@@ -35,21 +37,35 @@ def shown(part: pd.DataFrame, name: str, decimals: int = 3) -> str:
     return over_seeds(part[name], decimals)
 
 
-def first_split(table: pd.DataFrame) -> tuple[pd.DataFrame, str]:
-    """What figures show: the rows of the first split, and words for the title; the tables have all."""
+def panels(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """What figures show beside each other: the rows of each split by its name, or all rows where no split is told."""
     if "split" not in table.columns or not len(table):
-        return table.reset_index(drop=True), ""
-    first = table["split"].iloc[0]
-    return table[table["split"] == first].reset_index(drop=True), f", split by {first}"
+        return [("", table.reset_index(drop=True))]
+    return [(str(split), rows.reset_index(drop=True)) for split, rows in table.groupby("split", sort=False)]
 
 
-def first_training(table: pd.DataFrame) -> tuple[pd.DataFrame, str]:
-    """The same with the first seed alone."""
-    rows, words = first_split(table)
-    if SEED not in rows.columns or not len(rows) or (rows[SEED] == rows[SEED].iloc[0]).all():
-        return rows, words
-    first = rows[SEED].iloc[0]
-    return rows[rows[SEED] == first].reset_index(drop=True), f"{words}, seed {first}"
+def title_words(table: pd.DataFrame) -> str:
+    """The only split, and how many seeds stand behind a figure: the end of its title."""
+    splits = list(dict.fromkeys(table["split"])) if "split" in table.columns else []
+    words = f", split by {splits[0]}" if len(splits) == 1 else ""
+    seeds = table[SEED].nunique() if SEED in table.columns else 1
+    return words + (f", mean of {seeds} seeds" if seeds > 1 else "")
+
+
+def averaged(rows: pd.DataFrame, by: Sequence[str], names: Sequence[str]) -> pd.DataFrame:
+    """A row for every value of `by`, over all seeds: means of figures, their deviation, the span of their intervals.
+
+    Columns `<name>_sd` are standard deviations of a sample, NaN for one seed; `<name>_low` and `<name>_high`, where
+    there are any, hold the intervals of all seeds. Other columns are those of the first seed.
+    """
+    groups = rows.groupby(list(by), sort=False)
+    table = groups.first().reset_index()
+    for name in names:
+        table[name], table[f"{name}_sd"] = groups[name].mean().to_numpy(), groups[name].std(ddof=1).to_numpy()
+        if f"{name}_low" in rows.columns:
+            table[f"{name}_low"] = groups[f"{name}_low"].min().to_numpy()
+            table[f"{name}_high"] = groups[f"{name}_high"].max().to_numpy()
+    return table[[*(name for name in rows.columns), *(f"{name}_sd" for name in names)]]
 
 
 def by_splits(table: pd.DataFrame) -> list[tuple[dict[str, str], pd.DataFrame]]:

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from polarsim.detect import bootstrap
-from polarsim.detect.metrics import precision_at_recalls, rank
+from polarsim.detect import bootstrap, bootstrap_numba, metrics_numba
+from polarsim.detect.metrics import IOU_THRESHOLDS, match, precision_at_recalls, rank
 from polarsim.errors import DetectError
 
 AREAS = [(0.0, np.inf), (0.0, 60.0**2), (60.0**2, np.inf)]
@@ -20,13 +22,14 @@ def case(rng, pictures):
     return tuple(zip(*found, strict=True))
 
 
+@pytest.mark.parametrize("engine", [bootstrap, bootstrap_numba])
 @pytest.mark.parametrize("area", range(3))
-def test_a_resample_is_the_average_precision_with_its_weights(rng, area):
+def test_a_resample_is_the_average_precision_with_its_weights(rng, area, engine):
     ranked = rank(*case(rng, 20), areas=AREAS)
     unit = rng.integers(0, 5, 20)
     drawn = bootstrap.draws(5, 30, seed=1)
     expected = [precision_at_recalls(ranked, area, weights[unit]).mean(axis=1) for weights in drawn]
-    np.testing.assert_allclose(bootstrap.resampled_precision(ranked, area, unit, drawn), expected, atol=1e-12)
+    np.testing.assert_allclose(engine.resampled_precision(ranked, area, unit, drawn), expected, atol=1e-12)
 
 
 def test_chunks_change_nothing(rng, monkeypatch):
@@ -37,9 +40,10 @@ def test_chunks_change_nothing(rng, monkeypatch):
     np.testing.assert_allclose(bootstrap.resampled_precision(ranked, 0, unit, drawn), whole, rtol=1e-12)
 
 
-def test_a_resample_without_labels_has_no_precision():
+@pytest.mark.parametrize("engine", [bootstrap, bootstrap_numba])
+def test_a_resample_without_labels_has_no_precision(engine):
     ranked = rank([np.zeros((0, 4)), np.array([[0.0, 0, 9, 9]])], [np.zeros((0, 4))] * 2, [np.zeros(0)] * 2)
-    found = bootstrap.resampled_precision(ranked, 0, np.array([0, 1]), np.array([[2.0, 0], [1, 1]]))
+    found = engine.resampled_precision(ranked, 0, np.array([0, 1]), np.array([[2.0, 0], [1, 1]]))
     assert np.isnan(found[0]).all()
     assert (found[1] == 0).all()
 
@@ -72,3 +76,25 @@ def test_names_that_are_no_keys_have_photos_only():
 
 def test_one_unit_shows_no_spread():
     assert np.isnan(bootstrap.interval(np.array([0.5, 0.5]), 1)).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.integers(1, 6))
+def test_compiled_resamples_obey_the_reference(seed, pictures, units):
+    rng = np.random.default_rng(seed)
+    ranked = rank(*case(rng, pictures), areas=AREAS)
+    unit, drawn = rng.integers(0, units, pictures), bootstrap.draws(units, 20, seed % 97)
+    for area in range(len(AREAS)):
+        expected = bootstrap.resampled_precision(ranked, area, unit, drawn)
+        found = bootstrap_numba.resampled_precision(ranked, area, unit, drawn)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 9), st.integers(0, 7))
+def test_compiled_matches_are_those_of_the_reference(seed, predictions, labels):
+    rng = np.random.default_rng(seed)
+    overlap = rng.integers(0, 11, (predictions, labels)) / 10  # tenths: many are equal, and at thresholds
+    other = rng.random((3, labels)) < [[0.0], [0.5], [1.0]]
+    for found, expected in zip(
+        metrics_numba.match(overlap, IOU_THRESHOLDS, other), match(overlap, IOU_THRESHOLDS, other), strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)

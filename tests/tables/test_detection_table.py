@@ -45,14 +45,11 @@ def test_every_ipd_of_the_paper_is_the_difference_of_two_of_its_mean_ious():
 
 
 def test_the_papers_figures_stand_in_columns_of_their_own_and_change_none_of_ours():
-    given = detection()
-    table = tidy_detection(given, "analog")
-    row = table[(table["kind"] == "rock") & (table["trained"] == "principled") & (table["evaluated"] == "analog")].iloc[
-        0
-    ]
-    same = given[
-        (given["kind"] == "rock") & (given["trained"] == "principled") & (given["evaluated"] == "analog")
-    ].iloc[0]
+    given = detection(("real", "hapke", "principled"))
+    table = tidy_detection(given, "polar")
+    places = ["kind", "trained", "evaluated"]
+    row = table.set_index(places).loc[("rock", "principled", "real")]
+    same = given.set_index(places).loc[("rock", "principled", "real")]
     assert row["map50"] == same["map50"]
     assert (row["paper_map50"], row["paper_map50_95"], row["paper_iou_mean"]) == (0.662, 0.318, 0.513)
     assert table.loc[table["kind"] != "rock", "paper_map50"].isna().all()
@@ -75,7 +72,18 @@ def test_a_result_on_the_analog_is_never_called_real(tmp_path):
     assert "are no photos" in text
     header = next(line for line in text.splitlines() if line.startswith("| labels"))
     assert "| E: Real" not in header
-    assert "paper, E: Real" in header
+
+
+def test_the_papers_figures_never_stand_beside_the_analogs(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection(kinds=("rock",)))
+    write_parquet(tmp_path / "i.parquet", ipd())
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
+    for name in ("detection", "ipd"):
+        assert "aper, " not in (tmp_path / f"{name}.md").read_text().replace("the paper's table", "")
+        theirs = read_parquet(tmp_path / f"{name}.parquet").filter(like="paper_")
+        assert theirs.shape[1] > 0
+        assert theirs.isna().all(axis=None)
 
 
 def test_domains_that_the_paper_does_not_know_have_no_figure_of_it():
@@ -112,9 +120,9 @@ def test_ipd_pairs_are_brought_into_the_papers_order_whichever_way_they_come():
     given = ipd()
     turned = given.rename(columns={"first": "second", "second": "first"})
     pd.testing.assert_frame_equal(tidy_ipd(given, "analog"), tidy_ipd(turned[given.columns], "analog"))
-    shown = lay_out_ipd(tidy_ipd(given, "analog"))
-    assert list(shown.columns[2:5]) == ["Principled - Hapke", "Analog - Hapke", "Analog - Principled"]
-    assert shown.loc[0, "Analog - Principled"] == "0.1000 [0.050, 0.150] / 0.2000 [0.120, 0.280]"
+    shown = lay_out_ipd(tidy_ipd(ipd(("real", "hapke", "principled")), "polar"))
+    assert list(shown.columns[2:5]) == ["Principled - Hapke", "Real - Hapke", "Real - Principled"]
+    assert shown.loc[0, "Real - Principled"] == "0.1000 [0.050, 0.150] / 0.2000 [0.120, 0.280]"
     assert shown.loc[2, "paper, Real - Hapke"] == "0.4638"
     assert shown.loc[0, "paper, Principled - Hapke"] == "–"
 
@@ -148,10 +156,11 @@ def test_intervals_stand_in_a_block_of_their_own(tmp_path):
 
 
 def test_several_seeds_are_shown_by_mean_and_deviation_with_their_number(tmp_path):
-    one = detection(kinds=("rock",)).assign(map50=0.5, map50_95=0.4, iou_mean=0.3)
+    one = detection(("real", "hapke", "principled"), ("rock",)).assign(map50=0.5, map50_95=0.4, iou_mean=0.3)
     table = pd.concat([one.assign(seed=seed, map50=0.5 + 0.1 * seed) for seed in (0, 1, 2)])
     write_parquet(tmp_path / "d.parquet", with_intervals(table))
-    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    origin = ORIGIN | {"source": "polar"}
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=origin)
     text = (tmp_path / "detection.md").read_text()
     assert text.count("0.600 ± 0.100 / 0.400 ± 0.000 / 0.300 ± 0.000") == 9
     assert "over n = 3 trainings of other seeds (0, 1, 2)" in text
@@ -176,3 +185,21 @@ def test_the_rules_of_an_ipd_are_told(tmp_path):
     text = (tmp_path / "ipd.md").read_text()
     assert "Least confidence 0.25; rocks that no prediction overlaps: IoU 0" in text
     assert "labelled in one domain only: left out; intervals: 95 % bootstrap of views" in text
+
+
+def test_every_table_of_judges_tells_judge_split_seeds_and_photos(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection().assign(start="scratch", seed=3))
+    write_parquet(tmp_path / "i.parquet", ipd())
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN, detection=tmp_path / "d.parquet")
+    told = "Judge yolov5n, started from scratch, 12 epochs by seed 3 at 320 px; split by photo: views are shared by"
+    for name in ("detection", "ipd"):
+        assert f"{told} training and test; 96 test images." in (tmp_path / f"{name}.md").read_text()
+
+
+def test_the_rule_of_near_black_pictures_is_told_where_one_holds(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection())
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "one", origin=ORIGIN, min_mean_dn=5)
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "other", origin=ORIGIN)
+    assert "Near-black pictures, with a mean below 5 DN above black, are left out." in (tmp_path / "one.md").read_text()
+    assert "Near-black" not in (tmp_path / "other.md").read_text()

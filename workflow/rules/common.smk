@@ -324,6 +324,17 @@ def of_first_training(name):
     return f"results/{{run}}/detect/{SPLITS[0]}/seed{SEEDS[0]}/{name}"
 
 
+def photos_and_twins():
+    """Pictures of every domain that judges are compared over, of all terrains."""
+    twins = [domain for domain in DOMAINS if domain != CONFIG.photo_domain]
+    photos = of_run(
+        "results/{run}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS
+    )
+    return photos + of_run(
+        "results/{run}/renders/{model}/Terrain{terrain}", model=twins, terrain=TERRAINS
+    )
+
+
 def tables_of_judges():
     """Where judges are trained."""
     names = ["detection", "detection_breakdown", "false_alarms", "ipd", "ipd_rocks"]
@@ -333,8 +344,33 @@ def tables_of_judges():
 def figures_of_judges():
     """Where judges are trained; a page of rocks for each."""
     names = ["detection", "precision_recall", "ipd", "ipd_histogram"]
-    names += [f"gap_rocks_{domain}" for domain in DOMAINS]
+    names += [
+        f"{page}_{domain}" for page in ("seen", "gap_rocks") for domain in DOMAINS
+    ]
+    names += ["opposition"]
     return of_run("results/{run}/figures/{name}.png", name=names if DOMAINS else [])
+
+
+def figures_of_section():
+    """Figures of the results section by the key that it knows them by; of comparisons the first one."""
+    names = {
+        "matrices": "detection",
+        "curves": "precision_recall",
+        "ipd-bars": "ipd",
+        "ipd-histogram": "ipd_histogram",
+        "opposition": "opposition",
+    }
+    for domain in DOMAINS:
+        names |= {
+            f"seen-{domain}": f"seen_{domain}",
+            f"rocks-{domain}": f"gap_rocks_{domain}",
+        }
+    first = every_figure("comparison_Terrain{terrain}_Pos{position}")[0]
+    paths = {
+        key: of_run(f"results/{{run}}/figures/{name}.png")[0]
+        for key, name in names.items()
+    }
+    return {"comparison": first, **paths}
 
 
 def shown_photo(wildcards):

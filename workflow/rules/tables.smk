@@ -17,6 +17,7 @@ rule tables:
         tables_of_judges(),
         figures_of_judges(),
         of_run("results/{run}/tables/stereo.csv") if STEREO else [],
+        of_run("results/{run}/tables/results_section.html") if DOMAINS else [],
         of_run("results/{run}/figures/reflectance.png"),
         every_figure("comparison_Terrain{terrain}_Pos{position}"),
         every_figure("contact_Terrain{terrain}_Pos{position}"),
@@ -378,6 +379,7 @@ rule tabulate_detection:
         runtime=5,
     params:
         origin=ORIGIN,
+        min_mean_dn=CONFIG.detect.min_mean_dn,
         code=code_of("tables.detection_table"),
     script:
         "../scripts/tabulate_detection.py"
@@ -387,6 +389,7 @@ rule tabulate_ipd:
     """The paper's second table: how differently rocks are found in two domains."""
     input:
         ipd="results/{run}/detect/ipd.parquet",
+        detection="results/{run}/detect/detection.parquet",
     output:
         table=report(
             "results/{run}/tables/ipd.csv",
@@ -444,6 +447,7 @@ rule tabulate_breakdown:
     """Detection by size of the label, exposure, azimuth, rover light and terrain."""
     input:
         breakdown="results/{run}/detect/breakdown.parquet",
+        detection="results/{run}/detect/detection.parquet",
     output:
         table=report(
             "results/{run}/tables/detection_breakdown.csv",
@@ -473,6 +477,7 @@ rule tabulate_false_alarms:
     """Rocks that judges see where no rock is labelled."""
     input:
         false_alarms="results/{run}/detect/false_alarms.parquet",
+        detection="results/{run}/detect/detection.parquet",
     output:
         table=report(
             "results/{run}/tables/false_alarms.csv",
@@ -500,6 +505,7 @@ rule tabulate_ipd_rocks:
     """How well each rock is found in two domains."""
     input:
         rocks="results/{run}/detect/rocks.parquet",
+        detection="results/{run}/detect/detection.parquet",
     output:
         table=report(
             "results/{run}/tables/ipd_rocks.csv",
@@ -910,14 +916,7 @@ rule draw_gap_rocks:
             for domain in DOMAINS
         ],
         labels=[path for domain in DOMAINS for path in labels_of(domain)],
-        pictures=of_run(
-            "results/{run}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS
-        )
-        + of_run(
-            "results/{run}/renders/{model}/Terrain{terrain}",
-            model=[domain for domain in DOMAINS if domain != CONFIG.photo_domain],
-            terrain=TERRAINS,
-        ),
+        pictures=photos_and_twins(),
     output:
         figure=report(
             "results/{run}/figures/gap_rocks_{trained}.png",
@@ -941,3 +940,120 @@ rule draw_gap_rocks:
         code=code_of("tables.of_run"),
     script:
         "../scripts/draw_gap_rocks.py"
+
+
+rule draw_seen:
+    """Photo and twins in rows, labels and what a judge sees drawn in, as in the paper's figures 4 and 5."""
+    input:
+        instances=of_first_training("instances.parquet"),
+        ipd=of_first_training("ipd.parquet"),
+        predictions=[
+            of_first_training(f"predictions/{{trained}}_on_{domain}.parquet")
+            for domain in DOMAINS
+        ],
+        labels=[path for domain in DOMAINS for path in labels_of(domain)],
+        pictures=photos_and_twins(),
+    output:
+        figure=report(
+            "results/{run}/figures/seen_{trained}.png",
+            caption="../report/seen.rst",
+            category="Detection",
+            labels={"picture": "photo and twins, judge of {trained}"},
+        ),
+    log:
+        "results/{run}/logs/tables/draw_seen_{trained}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_seen_{trained}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        domains=DOMAINS,
+        photo_domain=CONFIG.photo_domain,
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("tables.of_run"),
+    script:
+        "../scripts/draw_seen.py"
+
+
+rule draw_opposition:
+    """Photo and twins where the lamp stands behind the camera, and far from it."""
+    input:
+        cameras=of_run("results/{run}/cameras/Terrain{terrain}", terrain=TERRAINS),
+        pictures=photos_and_twins(),
+    output:
+        figure=report(
+            "results/{run}/figures/opposition.png",
+            caption="../report/opposition.rst",
+            category="Photos and twins",
+            labels={"terrain": "nearest", "position": "opposition effect"},
+        ),
+        words="results/{run}/figures/opposition.json",
+    log:
+        "results/{run}/logs/tables/draw_opposition.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/draw_opposition.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        terrains=CONFIG.terrains,
+        positions=CONFIG.positions,
+        grid=options("grid"),
+        photo_domain=CONFIG.photo_domain,
+        models=MODELS,
+        options=options("tables"),
+        code=code_of("tables.of_run"),
+    script:
+        "../scripts/draw_opposition.py"
+
+
+rule write_results_section:
+    """What the detection part found, told as the results section of a paper tells it."""
+    input:
+        tables=of_run(
+            "results/{run}/tables/{name}.parquet",
+            name=[
+                "detection",
+                "detection_breakdown",
+                "false_alarms",
+                "ipd",
+                "ipd_rocks",
+            ]
+            + (["stereo"] if STEREO else []),
+        ),
+        stereo_ipd=of_run("results/{run}/detect/stereo_ipd.parquet") if STEREO else [],
+        datasets=of_run(
+            "results/{run}/detect/{split}/datasets/{trained}",
+            split=SPLITS,
+            trained=TRAINED,
+        ),
+        pictures=pictures_behind(TRAINED),
+        figures=list(figures_of_section().values()) if DOMAINS else [],
+        phases="results/{run}/figures/opposition.json",
+    output:
+        page=report(
+            "results/{run}/tables/results_section.html",
+            caption="../report/results_section.rst",
+            category="Results section",
+        ),
+        markdown="results/{run}/tables/results_section.md",
+    log:
+        "results/{run}/logs/tables/write_results_section.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/write_results_section.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        datasets=[(split, trained) for split in SPLITS for trained in TRAINED],
+        figures=list(figures_of_section()) if DOMAINS else [],
+        rules=detect_options(DRAWS_SPLITS, TRAINS),
+        origin=ORIGIN,
+        code=code_of("tables.results_section"),
+    script:
+        "../scripts/write_results_section.py"

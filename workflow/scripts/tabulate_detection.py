@@ -10,4 +10,5 @@ with reporting(log=snakemake.log[0]):
         detection=Path(snakemake.input.detection),
         stem=Path(snakemake.output.table).with_suffix(""),
         origin=snakemake.params.origin,
+        min_mean_dn=snakemake.params.min_mean_dn,
     )

@@ -1,4 +1,4 @@
-"""Precision over recall of every judge, a panel a class and judge, a line a domain."""
+"""Precision over recall of every judge, a panel a class, split and judge, a line a domain, a band its seeds."""
 
 from __future__ import annotations
 
@@ -12,37 +12,36 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.tables import paper
 from polarsim.tables.figures.canvas import SERIES, note, page
 from polarsim.tables.options import TablesOptions
-from polarsim.tables.seeds import SEED, first_split
+from polarsim.tables.seeds import averaged, panels, title_words
 
 COLUMNS = ("trained", "evaluated", "kind", "iou", "recall", "precision")
 STYLES = ("-", ":")  # of the IoU thresholds, the smaller one first
 
 
 def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
-    """Write the figure from detect/curves.parquet; of several seeds the mean."""
+    """Write the figure from detect/curves.parquet; of several seeds the mean and a band of one standard deviation."""
     table = paper.with_own_names(read_parquet(curves, COLUMNS), ("trained", "evaluated"), origin["source"])
-    table, split = first_split(table)
-    if SEED in table.columns:
-        table = table.groupby(list(COLUMNS[:-1]))["precision"].mean().reset_index()
+    words, parts = title_words(table), panels(table)
+    parts = [(split, averaged(part, COLUMNS[:-1], ("precision",))) for split, part in parts]
     judges = paper.in_order(set(table["trained"]))
     domains = paper.in_order(set(table["evaluated"]))
     kinds = [kind for kind in BOX_CLASSES if (table["kind"] == kind).any()]
+    rows = [(kind, split, part) for kind in kinds for split, part in parts]
     width = options.figure_width_px
-    with page(figure, width, round(width * (0.08 + 0.3 * max(1, len(kinds))))) as sheet:
+    with page(figure, width, round(width * (0.08 + 0.3 * max(1, len(rows))))) as sheet:
         if not len(table):
             note(sheet, "no labels to be found")
             return
-        sheet.suptitle(f"Precision over recall, source {origin['source']}{split}", x=0.01, ha="left")
-        grid = sheet.subplots(len(kinds), len(judges), sharex=True, sharey=True, squeeze=False)
-        for row, kind in enumerate(kinds):
+        sheet.suptitle(f"Precision over recall, source {origin['source']}{words}", x=0.01, ha="left")
+        grid = sheet.subplots(len(rows), len(judges), sharex=True, sharey=True, squeeze=False)
+        for row, (kind, split, part) in enumerate(rows):
             for column, trained in enumerate(judges):
                 axes = grid[row, column]
-                _draw_panel(axes, table[(table["kind"] == kind) & (table["trained"] == trained)], domains)
+                _draw_panel(axes, part[(part["kind"] == kind) & (part["trained"] == trained)], domains)
                 axes.set_title(f"{kind}, trained on {paper.title(trained)}")
+            grid[row, 0].set_ylabel("precision" if len(parts) == 1 else f"precision, by {split}")
         for axes in grid[-1]:
             axes.set_xlabel("recall")
-        for axes in grid[:, 0]:
-            axes.set_ylabel("precision")
         lines = [_line(SERIES[n % len(SERIES)], "-") for n in range(len(domains))]
         names = [f"on {paper.title(domain)}" for domain in domains]
         for iou, style in zip(sorted(table["iou"].unique()), STYLES, strict=False):
@@ -55,7 +54,11 @@ def _draw_panel(axes: Any, table: pd.DataFrame, domains: list[str]) -> None:
     for iou, style in zip(sorted(table["iou"].unique()), STYLES, strict=False):
         for number, domain in enumerate(domains):
             part = table[(table["iou"] == iou) & (table["evaluated"] == domain)].sort_values("recall")
-            axes.plot(part["recall"], part["precision"], style, color=SERIES[number % len(SERIES)], linewidth=1.8)
+            colour, middle = SERIES[number % len(SERIES)], part["precision"]
+            axes.plot(part["recall"], middle, style, color=colour, linewidth=1.8)
+            if part["precision_sd"].notna().any():
+                low, high = middle - part["precision_sd"], middle + part["precision_sd"]
+                axes.fill_between(part["recall"], low, high, color=colour, alpha=0.15, linewidth=0)
     axes.set_xlim(0, 1)
     axes.set_ylim(0, 1.02)
     axes.grid(visible=True)

@@ -1,0 +1,52 @@
+"""`metrics.match`, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+def match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(g, t, n) which predictions take a label that is asked for, and which take one that is not (`other`, (g, m)).
+
+    Of overlaps (n predictions from sure to unsure, m labels). Labels that are asked for go first.
+    """
+    shape = (len(other), len(thresholds), len(overlap))
+    matched, passed = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+    if overlap.size:
+        near = np.flatnonzero(overlap.max(axis=1) >= thresholds.min())
+        _match(np.ascontiguousarray(overlap), thresholds, np.ascontiguousarray(other), near, matched, passed)
+    return matched, passed
+
+
+@njit(cache=True)
+def _match(
+    overlap: np.ndarray,
+    thresholds: np.ndarray,
+    other: np.ndarray,
+    near: np.ndarray,
+    matched: np.ndarray,
+    passed: np.ndarray,
+) -> None:
+    """Fill matched and passed for the predictions `near` (k,) some label."""
+    free = np.empty(overlap.shape[1], np.bool_)
+    for area in range(len(other)):
+        for level in range(len(thresholds)):
+            free[:] = True
+            for n in near:
+                best, second = -1, -1
+                for label in range(overlap.shape[1]):
+                    common = overlap[n, label]
+                    if not free[label] or not common >= thresholds[level]:
+                        continue
+                    if other[area, label]:
+                        if second < 0 or common >= overlap[n, second]:  # of equal overlaps COCO takes the last label
+                            second = label
+                    elif best < 0 or common >= overlap[n, best]:
+                        best = label
+                if best >= 0:
+                    matched[area, level, n] = True
+                    free[best] = False
+                elif second >= 0:
+                    passed[area, level, n] = True
+                    free[second] = False
