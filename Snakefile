@@ -17,6 +17,7 @@ include: "workflow/rules/labels.smk"
 include: "workflow/rules/render.smk"
 include: "workflow/rules/detect.smk"
 include: "workflow/rules/tables.smk"
+include: "workflow/rules/gap.smk"
 
 
 localrules:
@@ -29,6 +30,7 @@ localrules:
     detect,
     tables,
     geometry,
+    gap,
 
 
 rule all:
@@ -42,6 +44,7 @@ rule all:
         rules.render.input,
         rules.detect.input,
         rules.tables.input,
+        rules.gap.input,
 
 
 onstart:

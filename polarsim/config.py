@@ -14,6 +14,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 from polarsim.acquire.options import SeedOptions, SourceOptions
 from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.options import CamerasOptions
+from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions
 from polarsim.errors import ConfigError
 from polarsim.grid import GridOptions
@@ -50,6 +51,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     labels: LabelsSection = Field(LabelsSection(), description="Seed labels to labels of every photo.")
     render: RenderOptions = Field(RenderOptions(), description="Twins of every photo.")
     detect: DetectOptions = Field(DetectOptions(), description="Judges, their training and comparison.")
+    gap: GapOptions = Field(GapOptions(), description="Twins with one ingredient replaced: which one causes the gap.")
     tables: TablesOptions = Field(TablesOptions(), description="How results are scored and drawn.")
 
     @field_validator("terrains")
@@ -86,6 +88,37 @@ class Config(BaseModel, extra="forbid", frozen=True):
             if unknown := sorted(set(weights) - single):
                 raise ValueError(f"detect.mixes.{name}: domain {unknown[0]!r}, expected {', '.join(sorted(single))}")
         return self
+
+    @model_validator(mode="after")
+    def _possible_ingredients(self) -> Config:
+        if not self.gap.ingredients:
+            return self
+        if self.gap.model not in self.render.models or not self.domains:
+            raise ValueError(f"gap.model: {self.gap.model} has no twins to compare with photos")
+        if unknown := sorted(set(self.gap.trained_on) - set(self.training_domains)):
+            raise ValueError(f"gap.trained_on: {unknown[0]!r}, expected {', '.join(self.training_domains)}")
+        for name, ingredient in self.gap.ingredients.items():
+            if ingredient.needs_truth and self.source.kind != "analog":
+                raise ValueError(f"gap.ingredients.{name}: truth is known of the analog alone")
+            as_run = ingredient.materials == "run" and self.render.materials_from_photos
+            if (as_run or ingredient.materials == "fitted") and ingredient.meshes != "run":
+                raise ValueError(f"gap.ingredients.{name}: materials are fitted to the run's meshes, not to others")
+            try:
+                self.render_options_of(name)
+            except ValidationError as error:
+                raise ValueError(f"gap.ingredients.{name}.render.{_told(error, 'render')}") from error
+        return self
+
+    def render_options_of(self, ingredient: str) -> RenderOptions:
+        """Options of a twin of the ledger: the run's, one model, what the ingredient changes."""
+        changed = self.gap.ingredients[ingredient].render
+        fixed = {"models": (self.gap.model,), "maps": ()}
+        return RenderOptions.model_validate(self.render.model_dump() | changed | fixed)
+
+    @property
+    def ledger_judges(self) -> tuple[str, ...]:
+        """Training domains of the judges that the gap ledger asks."""
+        return self.gap.trained_on or (self.photo_domain, self.gap.model)
 
     @property
     def photo_domain(self) -> str:

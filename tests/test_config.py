@@ -46,6 +46,36 @@ def test_judges_are_trained_on_mixes_and_views_and_compared_over_domains_alone()
     assert found.training_domains == ("analog", "principled", "hapke", "views", "mixed")
 
 
+def ledger(ingredient, kind="analog", **gap):
+    gap = {"ingredients": {"one": ingredient}, **gap}
+    return parse_config({"source": {"kind": kind, "root": "data"}, "gap": gap})
+
+
+def test_an_ingredient_changes_its_own_options_and_no_others():
+    found = ledger({"render": {"noise": True}})
+    assert found.render_options_of("one") == found.render.model_copy(update={"noise": True, "models": ("hapke",)})
+    assert found.ledger_judges == ("analog", "hapke")
+    assert ledger({"labels": "carried"}, trained_on=["principled"]).ledger_judges == ("principled",)
+
+
+@pytest.mark.parametrize(
+    ("ingredient", "gap", "told"),
+    [
+        ({"cameras": "truth"}, {"kind": "polar"}, "gap.ingredients.one: truth is known of the analog alone"),
+        ({"render": {"nose": True}}, {}, "gap.ingredients.one.render.nose: unknown key"),
+        ({"render": {"samples": 5}}, {}, "gap.ingredients.one.render.samples"),
+        ({"materials": "fitted", "meshes": "thinned"}, {}, "materials are fitted to the run's meshes"),
+        ({"labels": "carried"}, {"model": "lambert"}, "gap.model: lambert has no twins"),
+        ({"labels": "carried"}, {"trained_on": ["real"]}, "gap.trained_on: 'real', expected analog"),
+        ({}, {}, "replaces nothing"),
+    ],
+)
+def test_an_impossible_ledger_is_told(ingredient, gap, told):
+    with pytest.raises(ConfigError, match=told) as error:
+        ledger(ingredient, **gap)
+    assert "\n" not in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("mixes", "told"),
     [

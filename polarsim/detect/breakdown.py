@@ -61,8 +61,8 @@ def judge(
     place = {key: n for n, key in enumerate(keys)}
     ranked, own = {}, {}
     for kind in BOX_CLASSES:
-        labelled = _by_photo(labels[labels["kind"] == kind], BOX_COLUMNS, keys)
-        predicted = _by_photo(predictions[predictions["kind"] == kind], (*BOX_COLUMNS, "confidence"), keys)
+        labelled = boxes_by_photo(labels[labels["kind"] == kind], BOX_COLUMNS, keys)
+        predicted = boxes_by_photo(predictions[predictions["kind"] == kind], (*BOX_COLUMNS, "confidence"), keys)
         corners, sure = [found[:, :4] for found in predicted], [found[:, 4] for found in predicted]
         ranked[kind] = metrics.rank(labelled, corners, sure, areas=[*metrics.ANY_AREA, *SIZES.values()])
         own[kind] = performance[performance["kind"] == kind]
@@ -154,7 +154,7 @@ def _in_size(area: np.ndarray, number: int) -> np.ndarray:
     return (area >= low) & (area <= high)
 
 
-def _by_photo(table: pd.DataFrame, columns: Sequence[str], keys: Sequence[str]) -> list[np.ndarray]:
+def boxes_by_photo(table: pd.DataFrame, columns: Sequence[str], keys: Sequence[str]) -> list[np.ndarray]:
     """(n, columns) values of each photo, in the order of the keys."""
     found = values_by(table, ["key"], columns)
     return [found.get(key, np.zeros((0, len(columns)))) for key in keys]

@@ -36,16 +36,26 @@ class Entry:
 
 
 def make_dataset(
-    *, domain: str, pictures: Path, labels: Path, split: Path, dataset: Path, options: DetectOptions, by: str = PHOTO
+    *,
+    domain: str,
+    pictures: Path,
+    labels: Path,
+    split: Path,
+    dataset: Path,
+    options: DetectOptions,
+    by: str = PHOTO,
+    wanted: Sequence[str] = PARTS,
 ) -> None:
     """Convert a domain's photos or twins and share them out, all in one folder: `convert_photos`, `share_pictures`.
+
+    Parts that are not wanted stay empty.
 
     Raises
     ------
     PolarsimError
         A broken file, or a part without any picture.
     """
-    parts = read_split(split, by)
+    parts = {key: part for key, part in read_split(split, by).items() if part in wanted}
     with writing_folder(dataset) as folder:
         convert_photos(
             domain=domain,
@@ -55,7 +65,7 @@ def make_dataset(
             folder=folder / "pictures",
             options=options,
         )
-        _share(domain, dataset, folder / "pictures", parts, by, folder, options)
+        _share(domain, dataset, folder / "pictures", parts, by, folder, options, wanted)
 
 
 def share_pictures(*, domain: str, pictures: Path, split: Path, by: str, dataset: Path, options: DetectOptions) -> None:
@@ -133,6 +143,7 @@ def _share(
     by: str,
     folder: Path,
     options: DetectOptions,
+    wanted: Sequence[str] = PARTS,
 ) -> None:
     states = read_states(pictures)
     views = domain == VIEWS
@@ -145,7 +156,7 @@ def _share(
         elif part and state == CORRUPT:
             left_out.append((key, part))
     facts = {"split": by, "tone": read_json(pictures / "domain.json")["tone"]}
-    _write(domain, dataset, entries, left_out, folder, facts, (TRAIN, VAL) if views else PARTS)
+    _write(domain, dataset, entries, left_out, folder, facts, (TRAIN, VAL) if views else wanted)
 
 
 def _parts_of_views(

@@ -102,7 +102,7 @@ def evaluate(
         if domain not in labels or domain not in datasets:
             raise DetectError(f"domain {domain!r} is predicted on, but has no labels or no data set")
         keys[domain] = read_pictures(datasets[domain], TEST)
-        truth[domain] = _read_labels(labels[domain])
+        truth[domain] = read_labels(labels[domain])
     parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_alarms": []}
     performances: dict[tuple[str, str], pd.DataFrame] = {}
     for (trained, evaluated), path in track(sorted(named.items()), "evaluate"):
@@ -169,7 +169,7 @@ def _left_out(datasets: Mapping[str, Path], trained: str, evaluated: str) -> int
     return training + count_left_out(datasets[evaluated], (TEST,))
 
 
-def _read_labels(path: Path) -> pd.DataFrame:
+def read_labels(path: Path) -> pd.DataFrame:
     """Labels cut at the photo's border as the data set's are."""
     table = tables.read_parquet(path, tables.LABEL_COLUMNS)
     corners = boxes.clip(table[list(BOX_COLUMNS)].to_numpy(float))

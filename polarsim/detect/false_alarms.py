@@ -57,20 +57,33 @@ def false_alarms(
         `photo_areas`: rock-free area in photos (a whole photo is 1). `per_photo`: alarms over it; an alarm belongs to
         the tile in which its middle lies. `area_share`: share of that area that alarms cover, overlaps counted once.
     """
+    found = alarms_of_photos(keys, labels, predictions, confidence=confidence, overlap=overlap)
+    parts = [(place, found[found["place"] == place]) for place in PLACES]
+    rows = [_rates(place, part, unit, seed, resamples) for place, part in parts if len(part)]
+    return pd.DataFrame(rows, columns=list(FALSE_ALARM_COLUMNS))
+
+
+def alarms_of_photos(
+    keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, *, confidence: float, overlap: float
+) -> pd.DataFrame:
+    """What rates are sums of, a row a photo: key, place, free, alarms, area; arguments as in `false_alarms`.
+
+    `free` and `area` are the photo's rock-free area and what of it alarms cover, in photos.
+    """
     rocks = _by_photo(labels[labels["kind"] == ROCK])
     sure = predictions[(predictions["kind"] == ROCK) & (predictions["confidence"] >= confidence)]
     found = _by_photo(sure)
     nothing = np.zeros((0, 4))
     with_rocks = {PhotoKey.parse(key).terrain for key in rocks}
-    rows: dict[str, list[tuple[str, float, int, float]]] = {place: [] for place in PLACES}
+    rows = []
     for key in keys:
         label, predicted = rocks.get(key, nothing), found.get(key, nothing)
         free = _free_tiles(label)
         alarms = predicted[covered_share(predicted, label) < overlap]
         place = TILES if PhotoKey.parse(key).terrain in with_rocks else TERRAIN
-        rows[place].append((key, float(free.mean()), _on(alarms, free), _area_on(alarms, free) / (WIDTH * HEIGHT)))
-    tables = [_rates(place, rows[place], unit, seed, resamples) for place in PLACES if rows[place]]
-    return pd.DataFrame(tables, columns=list(FALSE_ALARM_COLUMNS))
+        area = _area_on(alarms, free) / (WIDTH * HEIGHT)
+        rows.append((key, place, float(free.mean()), _on(alarms, free), area))
+    return pd.DataFrame(rows, columns=["key", "place", "free", "alarms", "area"])
 
 
 def covered_share(predicted: np.ndarray, labels: np.ndarray) -> np.ndarray:
@@ -84,12 +97,10 @@ def covered_share(predicted: np.ndarray, labels: np.ndarray) -> np.ndarray:
     return np.divide(common, smaller, out=np.zeros_like(common), where=smaller > 0).max(axis=1)
 
 
-def _rates(
-    place: str, rows: list[tuple[str, float, int, float]], unit: bootstrap.Unit, seed: int, resamples: int
-) -> dict[str, object]:
+def _rates(place: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, resamples: int) -> dict[str, object]:
     """One row; rates are sums over sums, so photos count by their rock-free area."""
-    keys = [key for key, *_ in rows]
-    free, alarms, area = np.array([values for _, *values in rows], float).T
+    keys = rows["key"].tolist()
+    free, alarms, area = rows[["free", "alarms", "area"]].to_numpy(float).T
     owner = bootstrap.units_of(keys, unit)
     units = int(owner.max()) + 1
     drawn = bootstrap.draws(units, resamples, seed)

@@ -138,3 +138,8 @@ def read_split(split: Path, by: str = PHOTO) -> dict[PhotoKey, str]:
         parts = {PhotoKey.parse(str(key)): str(part) for key, part in zip(table["key"], table["part"], strict=True)}
         check_split(parts, by)
     return parts
+
+
+def tested_keys(splits: Sequence[Path]) -> set[PhotoKey]:
+    """Keys that are in the test part of some split."""
+    return {key for split in splits for key, part in read_split(split).items() if part == TEST}

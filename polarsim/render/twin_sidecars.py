@@ -26,11 +26,11 @@ class TwinSidecars:
     """
 
     def __init__(
-        self, terrain: int, meshes: Path, cameras: Path, materials: Path | None, options: RenderOptions
+        self, terrain: int, meshes: Path, cameras: Path, lamps: Path, materials: Path | None, options: RenderOptions
     ) -> None:
-        """`meshes`, `cameras`, `materials`: the terrain's folders."""
-        self._terrain, self._cameras, self._options = terrain, cameras, options
-        found = cameras / lamp_files.FILE
+        """`meshes`, `cameras`, `lamps`, `materials`: the terrain's folders."""
+        self.terrain, self._cameras, self._options = terrain, cameras, options
+        found = lamps / lamp_files.FILE
         self._sources = {
             "meshes": digest_of(mesh_files(meshes, terrain).values()),
             **({"lamps": digest_of([found])} if found.exists() else {}),
@@ -54,5 +54,5 @@ class TwinSidecars:
                 view, lamps={name: view.lamps[name] for name in lit_by(key)}, exposure_ms=float(key.exposure_ms)
             )
             seed = noise_seed(self._options, key)
-            told = Sidecar(shot, self._terrain, self._options, gain, {**sources, **camera}, seed)
+            told = Sidecar(shot, self.terrain, self._options, gain, {**sources, **camera}, seed)
             write_sidecar(folder / f"{key}.json", told.content())

@@ -57,7 +57,7 @@ class TwinWriter:
     ) -> None:
         """Write `KEY.png` and `KEY.json` of one view into the folder of every model."""
         for model, folder in self._twins.items():
-            gain = self._gain(model, layers, keys[0].terrain)
+            gain = self._gain(model, layers)
             shining = as_bright_as_fitted(lamps, self._fitted, model)
             own = {name: layer for (of, name), layer in layers.items() if of == model}
             if shining is not lamps:
@@ -65,7 +65,7 @@ class TwinWriter:
             write_photos(folder, keys, own, lens, gain, self._options, self._threads)
             self._sidecars.write(folder, keys, Shot(sandbox_from_camera, lens, shining, 0, model), gain)
 
-    def _gain(self, model: Model, layers: Layers, terrain: int) -> float:
+    def _gain(self, model: Model, layers: Layers) -> float:
         """Of the options, else as bright as the photos, else built in."""
         if model not in self._gains:
             found = calibrate(self._references, layers, model)
@@ -73,7 +73,7 @@ class TwinWriter:
                 self._sidecars.set_gain_by(model, self._references.values())
             self._gains[model] = found or default_gain(model, self._options)
             origin = "from photos" if found else "built in"
-            log.info("terrain %02d, %s: gain %.6g, %s", terrain, model, self._gains[model], origin)
+            log.info("terrain %02d, %s: gain %.6g, %s", self._sidecars.terrain, model, self._gains[model], origin)
         return self._gains[model]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -75,6 +75,8 @@ def render_twins(
     options: RenderOptions,
     threads: int,
     materials: Path | None = None,
+    lamps: Path | None = None,
+    only: Collection[PhotoKey] | None = None,
 ) -> None:
     """Write KEY.png for every key into the folder of every model, 16-bit PNG of 12-bit values with black level 16.
 
@@ -93,6 +95,10 @@ def render_twins(
         Where the automatic labels go.
     materials : Path or None
         Folder with the terrain's fitted materials and lamps; they go before the options.
+    lamps : Path or None
+        Folder with the Sun lamps' `lamps.json`, where it is not `cameras`.
+    only : collection of PhotoKey or None
+        Those of the keys that are written; brightness is calibrated over all of them, so it stays what it was.
 
     Raises
     ------
@@ -102,7 +108,7 @@ def render_twins(
         The engine cannot be loaded.
     """
     rigs = read_all_placed(cameras)
-    suns = read_suns(cameras, rigs)
+    suns = read_suns(lamps or cameras, rigs)
     views = views_of(keys, rigs, cameras)
     mesh = read_terrain(meshes, terrain)
     fitted = None if materials is None else read_materials(materials, mesh)
@@ -112,23 +118,24 @@ def render_twins(
     calibrated = any(not options.gain.get(model) for model in twins)
     references = calibration_photos(photos, shown, options.calibration_photos) if calibrated else {}
     first = {(key.position, key.camera) for key in references}
-    sidecars = TwinSidecars(terrain, meshes, cameras, materials, options)
+    sidecars = TwinSidecars(terrain, meshes, cameras, lamps or cameras, materials, options)
     writer = TwinWriter(twins, references, fitted, sidecars, options, threads)
     found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
-        rig, own = rigs[view[0]], views[view]
+        rig, own = rigs[view[0]], [key for key in views[view] if only is None or key in only]
+        if not own and view not in first:
+            continue
         pose, lens = rig.sandbox_from(view[1]), rig.rig.lens(view[1])
-        lamps = _lamps(suns, rig, own, options)
+        shining = _lamps(suns, rig, [*own, *(key for key in references if view in first)], options)
         throwing = sorted({lit_by(key)[0] for key in own if lit_by(key)})
-        rendering = render_view(surfaces, pose, lens, lamps, list(twins), throwing, options, threads)
-        writer.write(
-            own, through_lens(rendering.whole, lamps, surfaces, pose, lens, options, threads), lamps, pose, lens
-        )
+        rendering = render_view(surfaces, pose, lens, shining, list(twins), throwing, options, threads)
+        whole = through_lens(rendering.whole, shining, surfaces, pose, lens, options, threads)
+        writer.write(own, whole, shining, pose, lens)
         hidden = hidden_parts(surfaces, pose, lens, rendering.ids[NO_LAMP])
         found_labels |= label_view(own, rendering.ids, hidden, labels.boxes, labels.instances, options)
         if options.maps and labels.maps:
-            shining = {name: lamps[name] for name in lamps_of_maps(options.maps, throwing)}
-            write_view_maps(labels.maps, own, maps_of(surfaces, pose, lens, shining, options, threads), options.maps)
+            mapped = {name: shining[name] for name in lamps_of_maps(options.maps, throwing)}
+            write_view_maps(labels.maps, own, maps_of(surfaces, pose, lens, mapped, options, threads), options.maps)
     _write_labels(labels, found_labels, rigs)
 
 

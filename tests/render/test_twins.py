@@ -130,6 +130,37 @@ def test_twins_take_their_brightness_from_the_photos(folders):
         assert np.abs(twin - expected[key]).max() <= 0.005 * WHITE_LEVEL
 
 
+def test_some_of_the_twins_are_those_of_the_whole_set_wherever_their_brightness_comes_from(folders):
+    table = photo_table(folders, render(folders, "plain"), 0.8)
+    whole = render(folders, "whole", photos=table)
+    for chosen in (KEYS[:1], KEYS[3:5], KEYS[6:]):  # of the view that sets the brightness, and of the other
+        out = f"some_{chosen[0]}"
+        render_twins(
+            terrain=1, keys=KEYS, only=chosen, cameras=folders / "cameras", meshes=folders / "meshes", photos=table,
+            twins={"hapke": folders / out}, labels=label_paths(folders / out), options=OPTIONS, threads=1,
+        )  # fmt: skip
+        assert sorted(path.stem for path in (folders / out).glob("*.png")) == sorted(map(str, chosen))
+        for key in chosen:
+            np.testing.assert_array_equal(png.read(folders / out / f"{key}.png"), whole[str(key)])
+        labels = pd.read_parquet(folders / out / "table.parquet")
+        assert set(labels["key"]) == set(map(str, chosen))
+
+
+def test_lamps_may_stand_where_another_folder_says(folders):
+    from polarsim.formats.lamps import write_suns
+
+    write_suns(folders / "moved", {"30": np.array([-3.0, 1.0, 0.8])})
+    render_twins(
+        terrain=1, keys=KEYS, cameras=folders / "cameras", lamps=folders / "moved", meshes=folders / "meshes",
+        photos=None, twins={"hapke": folders / "moved_twins"}, labels=label_paths(folders / "labels"), options=OPTIONS,
+        threads=1,
+    )  # fmt: skip
+    twins = render(folders, "twins")
+    moved = {key: png.read(folders / "moved_twins" / f"{key}.png").astype(int) for key in twins}
+    assert (moved["01_A_off_30_L_0256"] != twins["01_A_off_30_L_0256"]).mean() > 0.1
+    np.testing.assert_array_equal(moved["01_A_off_180_R_0256"], twins["01_A_off_180_R_0256"])
+
+
 def test_unusable_photos_leave_the_gain_as_it_is(folders, lens):
     dark = np.full((lens.height, lens.width), BLACK_LEVEL, np.uint16)
     assert not len(gain_ratios(dark, np.ones(dark.shape, np.float32), 256))

@@ -23,6 +23,14 @@ SMALL = {
         "splits": ["photo", "position"],
         "mixes": {"mixed": {"analog": 0.5, "hapke": 1}},
     },
+    "gap": {
+        "trained_on": ["hapke"],
+        "ingredients": {
+            "nothing": {"render": {"seed": 0}},
+            "scene": {"cameras": "truth", "lamps": "truth", "meshes": "truth"},
+            "labels": {"labels": "carried"},
+        },
+    },
 }
 
 
@@ -58,9 +66,17 @@ def test_a_small_run_ends_and_repeats(checkout, snakemake, tmp_path):
         for evaluated in ("analog", "principled", "hapke")
     }
     assert detection.groupby("split")["leaks_views"].all().to_dict() == {"photo": True, "position": False}
-    for name in ("detection", "ipd", "quality"):
+    for name in ("detection", "ipd", "gap", "quality"):
         for form in ("csv", "md", "tex", "parquet"):
             assert (results / f"tables/{name}.{form}").stat().st_size
+
+    ledger = pd.read_parquet(results / "gap/ledger.parquet").set_index("ingredient")
+    assert len(ledger) == 3 * 2 * 2  # ingredients, splits, kinds
+    changes = ledger.loc["nothing", [name for name in ledger.columns if "_change" in name]]
+    assert (changes.fillna(0) == 0).all(axis=None)
+    scene = ledger.loc["scene"].query("kind == 'rock'")
+    assert (scene["pairs"] > 5).all()  # true rocks have the run's numbers
+    assert (results / "figures/gap.png").stat().st_size
 
     again = snakemake(checkout, "--cores", "2", "--configfile", "config/small.yaml")
     assert "Nothing to be done" in again.stdout + again.stderr

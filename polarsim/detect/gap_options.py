@@ -1,0 +1,82 @@
+"""Options of the gap ledger: what of the twin is replaced, one ingredient at a time."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, Field, field_validator, model_validator
+
+TWIN = "twin"  # the twin as the run has it, what every ingredient is held against
+
+
+class Ingredient(BaseModel, extra="forbid", frozen=True):
+    """What differs from the run's twin; what is left out is as in the run. `truth` is known of the analog alone."""
+
+    cameras: Literal["run", "located", "truth"] = Field(
+        "run", description="Poses and lenses. located: as scans or labels place them, without the photos' refinement."
+    )
+    lamps: Literal["run", "survey", "truth"] = Field(
+        "run", description="Places of the Sun lamps. survey: where NASA's survey has them."
+    )
+    meshes: Literal["run", "thinned", "truth"] = Field(
+        "run", description="Surface of rocks and ground. thinned: rocks with 5 % of their vertices."
+    )
+    materials: Literal["run", "constant", "fitted"] = Field(
+        "run", description="Reflectance: the options' constants, or fitted to the terrain's photos."
+    )
+    labels: Literal["run", "carried"] = Field(
+        "run", description="Boxes of the twins. carried: those of the photos, carried on from what people drew."
+    )
+    render: dict[str, Any] = Field({}, description="Keys of `render` with other values.")
+
+    @model_validator(mode="after")
+    def _replaces_something(self) -> Self:
+        if self == type(self).model_construct():
+            raise ValueError("replaces nothing")
+        if "models" in self.render or "materials_from_photos" in self.render:
+            raise ValueError("render: models and materials_from_photos have keys of their own (gap.model, materials)")
+        return self
+
+    @property
+    def is_rendered(self) -> bool:
+        """Whether it needs pictures of its own; other labels alone do not."""
+        return self.model_copy(update={"labels": "run"}) != type(self).model_construct()
+
+    @property
+    def needs_truth(self) -> bool:
+        return "truth" in (self.cameras, self.lamps, self.meshes)
+
+    def told(self) -> str:
+        """What it replaces, in words for a table."""
+        parts = [
+            f"{name}: {value}"
+            for name in ("cameras", "lamps", "meshes", "materials", "labels")
+            if (value := getattr(self, name)) != "run"
+        ]
+        return ", ".join([*parts, *(f"{name}: {_plain(value)}" for name, value in self.render.items())])
+
+
+class GapOptions(BaseModel, extra="forbid", frozen=True):
+    """Which ingredient of the twin causes the gap. Off unless ingredients are named."""
+
+    model: str = Field("hapke", description="The twin's reflectance model, one of `render.models`.")
+    trained_on: tuple[str, ...] = Field(
+        (), description="Judges by what they were trained on; none: one of photos and one of the model's twins."
+    )
+    ingredients: dict[str, Ingredient] = Field(
+        {}, description="What is replaced in each twin of the ledger, by a name of small letters, digits and -."
+    )
+
+    @field_validator("ingredients")
+    @classmethod
+    def _possible_names(cls, ingredients: dict[str, Ingredient]) -> dict[str, Ingredient]:
+        for name in ingredients:
+            if name == TWIN or not re.fullmatch(r"[a-z][a-z0-9-]*", name):
+                raise ValueError(f"{name!r}: expected a name of small letters, digits and -, and not {TWIN}")
+        return ingredients
+
+
+def _plain(value: object) -> str:
+    """A value as YAML has it."""
+    return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)

@@ -1,0 +1,173 @@
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.detect.gap_options import GapOptions, Ingredient
+from polarsim.detect.ledger import ENDS, FIGURES, LEDGER_COLUMNS, Seen, weigh, write_ledger
+from polarsim.detect.options import DetectOptions
+from polarsim.formats import tables
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+
+ONE, OTHER = "01_A_off_180_L_0256", "01_A_off_180_R_0256"  # two views
+OPTIONS = DetectOptions(resamples=1000)
+SIDE = 100.0  # px, of every rock
+COLUMNS = ["x0", "y0", "x1", "y1"]
+CHANGES = [f"{figure}{end}" for figure in FIGURES for end in ENDS if "change" in end]
+
+
+def boxes(rows, **columns):
+    """A table of boxes (key, rock, x0, width): SIDE high, at the top."""
+    table = [(key, "rock", rock, x0, 0.0, x0 + width, SIDE) for key, rock, x0, width in rows]
+    return pd.DataFrame(table, columns=["key", "kind", "rock", *COLUMNS]).assign(**columns)
+
+
+def seen(performance, alarms=(), keys=(ONE, OTHER), options=OPTIONS):
+    """A domain in which the rocks (key, rock) are found with these IoU, and `alarms` are seen below, per key."""
+    labels = boxes([(key, rock, SIDE * rock, SIDE) for key, rock in performance])
+    found = boxes([(key, rock, SIDE * rock, SIDE * iou) for (key, rock), iou in performance.items()])
+    false = [(key, "rock", 0, 0.0, HEIGHT - 50.0, 40.0, float(HEIGHT)) for key in alarms]
+    predictions = pd.concat([found, pd.DataFrame(false, columns=found.columns)], ignore_index=True)
+    return Seen(keys, labels, predictions.assign(confidence=0.9), options)
+
+
+def rocks(photo, twin, replaced):
+    return weigh(photo, twin, replaced).set_index("kind").loc["rock"]
+
+
+PHOTO = seen({(ONE, 1): 1.0, (OTHER, 1): 0.5})
+TWIN = seen({(ONE, 1): 0.5, (OTHER, 1): 0.4})  # worse by 0.5 and by 0.1
+
+
+def test_the_change_of_two_views_is_that_of_a_hand_computed_bootstrap():
+    found = rocks(PHOTO, TWIN, seen({(ONE, 1): 0.7, (OTHER, 1): 0.4}))  # worse by 0.3 and by 0.1
+    assert found[["pairs", "units"]].tolist() == [2, 2]
+    assert found[["iou_photo", "iou_twin", "iou"]].tolist() == pytest.approx([0.75, 0.45, 0.55])
+    for name in ("ipd", "ipd_abs"):
+        # Either view twice, a quarter of the draws each: -0.2 and 0; both once, half of them: -0.1.
+        expected = [0.3, 0.2, -0.1, -0.2, 0.0]
+        assert found[[f"{name}{end}" for end in ENDS]].tolist() == pytest.approx(expected)
+
+
+def test_the_interval_is_that_of_the_change_not_of_two_figures_beside_each_other():
+    """The views differ widely, the change is the same in both: its interval has no width."""
+    better = seen({(ONE, 1): 0.6, (OTHER, 1): 0.5})
+    found = rocks(PHOTO, TWIN, better)
+    assert found[["ipd_change", "ipd_change_low", "ipd_change_high"]].tolist() == pytest.approx([-0.1] * 3)
+
+
+def test_gains_and_losses_cancel_in_ipd_and_not_in_ipd_abs():
+    crossed = seen({(ONE, 1): 0.75, (OTHER, 1): 0.75})  # worse by 0.25, better by 0.25
+    found = rocks(PHOTO, TWIN, crossed)
+    assert found["ipd"] == pytest.approx(0)
+    assert found["ipd_abs"] == pytest.approx(0.25)
+    assert found["ipd_change"] == pytest.approx(-0.3)
+
+
+def test_only_rocks_that_all_three_have_are_weighed():
+    more = seen({(ONE, 1): 0.5, (OTHER, 1): 0.4, (ONE, 2): 0.1})
+    found = rocks(more, seen({(ONE, 1): 0.5, (OTHER, 1): 0.4, (ONE, 2): 1.0}), TWIN)
+    assert found["pairs"] == 2
+    assert found["ipd_twin"] == pytest.approx(0)
+
+
+def test_false_alarms_change_by_photo_and_by_area():
+    found = rocks(PHOTO, seen({(ONE, 1): 0.5, (OTHER, 1): 0.4}, alarms=[ONE]), TWIN)
+    free = 2 * 31 / 32  # in photos: each has a rock in one of its 32 tiles
+    assert found["alarms_twin"] == pytest.approx(1 / free)
+    assert found[["alarms", "alarms_photo"]].tolist() == [0, 0]
+    assert found["alarms_change_low"] == pytest.approx(-2 / free)  # the view with it twice
+    assert found["alarms_change_high"] == 0
+    assert found["alarm_area_change"] == pytest.approx(-40 * 50 / (WIDTH * HEIGHT) / free)
+
+
+def test_mean_average_precision_changes_with_rocks_that_are_found():
+    found = rocks(PHOTO, TWIN, seen({(ONE, 1): 0.7, (OTHER, 1): 0.6}))
+    # The twin's one right box comes first by its photo, at recall 0.5: precision 1 at 51 of 101 recalls.
+    assert found["map50_twin"] == pytest.approx(51 / 101)
+    assert found["map50"] == pytest.approx(1)
+    assert found["map50_change_high"] == pytest.approx(1)  # the view that was missed, twice
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.tuples(*[st.floats(0.3, 1)] * 3), min_size=1, max_size=6))
+def test_what_changes_nothing_is_exactly_zero_and_what_is_undone_has_the_opposite_change(performances):
+    options = DetectOptions(resamples=100)
+    places = [((ONE, OTHER)[number % 2], number + 1) for number in range(len(performances))]
+    photo, twin, other = (
+        seen(dict(zip(places, column, strict=True)), [ONE], options=options)
+        for column in zip(*performances, strict=True)
+    )
+    same = rocks(photo, twin, twin)
+    known = [name for name in CHANGES if not np.isnan(same[name])]
+    assert len(known) >= len(FIGURES)
+    assert (same[known] == 0).all()
+    there, back = rocks(photo, twin, other), rocks(photo, other, twin)
+    for figure in FIGURES:
+        assert there[f"{figure}_change"] == -back[f"{figure}_change"]
+        np.testing.assert_allclose(there[f"{figure}_change_low"], -back[f"{figure}_change_high"], atol=1e-12)
+
+
+def test_a_class_without_labels_has_a_row_without_figures():
+    found = weigh(PHOTO, TWIN, TWIN).set_index("kind").loc["shadow"]
+    assert found["pairs"] == 0
+    assert found[["ipd", "map50", "alarms"]].isna().all()
+
+
+def dataset(folder: Path, keys) -> Path:
+    tables.write_csv(folder / "pictures.csv", pd.DataFrame({"key": keys, "part": "test"}))
+    return folder
+
+
+def test_the_ledger_has_a_row_an_ingredient_judge_and_class(tmp_path):
+    domains = {"analog": PHOTO, "hapke": TWIN, "pose": seen({(ONE, 1): 0.7, (OTHER, 1): 0.4}), "labels": TWIN}
+    labels, predictions, datasets = {}, {}, {}
+    for name, domain in domains.items():
+        columns = [tables.key_columns(PhotoKey.parse(key)) for key in domain.labels["key"]]
+        own = pd.concat([pd.DataFrame(columns), domain.labels.drop(columns="key")], axis=1)
+        labels[name] = tmp_path / f"{name}_labels.parquet"
+        rows = own.assign(source="truth", confidence=1.0).to_dict("records")
+        tables.write_parquet(labels[name], tables.label_table(rows))
+        datasets[name] = dataset(tmp_path / name, [ONE, OTHER] if name != "pose" else [ONE])
+        for trained in ("analog", "hapke"):
+            predictions[trained, name] = tmp_path / f"{trained}_on_{name}.parquet"
+            tables.write_parquet(predictions[trained, name], domain.predictions.drop(columns="rock"))
+    replaced = {"pose": "cameras: truth", "labels": "labels: carried"}
+    write_ledger(
+        predictions=predictions, labels=labels, datasets=datasets, photo="analog", twin="hapke", replaced=replaced,
+        ledger=tmp_path / "ledger.parquet", options=OPTIONS,
+    )  # fmt: skip
+    table = tables.read_parquet(tmp_path / "ledger.parquet", LEDGER_COLUMNS)
+    assert list(zip(table["trained"], table["ingredient"], table["kind"], strict=True)) == [
+        (trained, ingredient, kind)
+        for trained in ("analog", "hapke")
+        for ingredient in ("pose", "labels")
+        for kind in ("rock", "shadow")
+    ]
+    assert (table["images"] == 1).all()  # the photo that every data set has
+    pose = table[(table["ingredient"] == "pose") & (table["kind"] == "rock")]
+    assert pose["ipd_change"].tolist() == pytest.approx([-0.2] * 2)
+    assert pose["ipd_change_low"].isna().all()  # one view has no spread
+
+
+def test_an_ingredient_says_what_it_replaces_and_whether_it_needs_pictures():
+    labels, glare = Ingredient(labels="carried"), Ingredient(cameras="truth", render={"noise": True, "bounces": 2})
+    assert (labels.told(), labels.is_rendered, labels.needs_truth) == ("labels: carried", False, False)
+    assert (glare.told(), glare.is_rendered, glare.needs_truth) == ("cameras: truth, noise: on, bounces: 2", True, True)
+
+
+@pytest.mark.parametrize(
+    ("ingredients", "told"),
+    [
+        ({"pose": {}}, "replaces nothing"),
+        ({"twin": {"labels": "carried"}}, "expected a name"),
+        ({"A pose": {"labels": "carried"}}, "expected a name"),
+        ({"model": {"render": {"models": ["lambert"]}}}, "keys of their own"),
+    ],
+)
+def test_an_impossible_ingredient_is_refused(ingredients, told):
+    with pytest.raises(ValueError, match=told):
+        GapOptions(ingredients=ingredients)

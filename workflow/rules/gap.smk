@@ -1,0 +1,363 @@
+"""The gap ledger: twins with one ingredient replaced, seen by the judges of the run. Scoring, so truth may be read.
+
+Nothing made here is input of a stage. Without `gap.ingredients` there is nothing to make.
+"""
+
+INGREDIENTS = CONFIG.gap.ingredients
+PICTURED = [name for name, found in INGREDIENTS.items() if found.is_rendered]
+LEDGER_DOMAINS = [CONFIG.photo_domain, CONFIG.gap.model, *INGREDIENTS]
+LEDGER_SIGHTS = [
+    (trained, domain) for trained in CONFIG.ledger_judges for domain in LEDGER_DOMAINS
+]
+
+
+wildcard_constraints:
+    ingredient=one_of(PICTURED),
+
+
+def cameras_of_ingredient(wildcards):
+    """The folder with the poses and lenses that an ingredient's twins have."""
+    return {
+        "run": "results/{run}/cameras/Terrain{terrain}",
+        "located": "results/{run}/cameras/located/Terrain{terrain}",
+        "truth": "results/{run}/gap/truth/cameras/Terrain{terrain}",
+    }[INGREDIENTS[wildcards.ingredient].cameras]
+
+
+def lamps_of_ingredient(wildcards):
+    """The folder with the places of their lamps; that of located poses names none, so the survey's hold."""
+    return {
+        "run": "results/{run}/cameras/Terrain{terrain}",
+        "survey": "results/{run}/cameras/located/Terrain{terrain}",
+        "truth": "results/{run}/gap/truth/cameras/Terrain{terrain}",
+    }[INGREDIENTS[wildcards.ingredient].lamps]
+
+
+def meshes_of_ingredient(wildcards):
+    """The folder with their meshes."""
+    return {
+        "run": "results/{run}/meshes/Terrain{terrain}",
+        "thinned": "results/{run}/gap/thinned/Terrain{terrain}",
+        "truth": "results/{run}/gap/truth/meshes/Terrain{terrain}",
+    }[INGREDIENTS[wildcards.ingredient].meshes]
+
+
+def materials_of_ingredient(wildcards):
+    """The folder with their materials, where they are fitted."""
+    chosen = INGREDIENTS[wildcards.ingredient].materials
+    as_run = chosen == "run" and CONFIG.render.materials_from_photos
+    fitted = as_run or chosen == "fitted"
+    return "results/{run}/renders/materials/Terrain{terrain}" if fitted else []
+
+
+def options_of_ingredient(wildcards):
+    """Options of their rendering."""
+    return CONFIG.render_options_of(wildcards.ingredient).model_dump(mode="json")
+
+
+def twin_behind(domain):
+    """An ingredient without pictures of its own is looked at in the twin's."""
+    return CONFIG.gap.model if domain in INGREDIENTS else domain
+
+
+def ledger_predictions():
+    """What judges see in photos, in the twin, and in the twin of every ingredient."""
+    return [
+        f"results/{{run}}/gap/{{split}}/seed{{seed}}/predictions/{trained}_on_{domain}.parquet"
+        if domain in PICTURED
+        else f"results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{twin_behind(domain)}.parquet"
+        for trained, domain in LEDGER_SIGHTS
+    ]
+
+
+def ledger_datasets():
+    """Data sets of the same domains."""
+    return [
+        f"results/{{run}}/gap/{{split}}/datasets/{domain}"
+        if domain in PICTURED
+        else f"results/{{run}}/detect/{{split}}/datasets/{twin_behind(domain)}"
+        for domain in LEDGER_DOMAINS
+    ]
+
+
+def ledger_labels():
+    """Labels of the same domains."""
+    paths = []
+    for domain in LEDGER_DOMAINS:
+        carried = domain in INGREDIENTS and INGREDIENTS[domain].labels == "carried"
+        if domain in PICTURED and not carried:
+            paths += [f"results/{{run}}/gap/twins/{domain}/labels.parquet"]
+        else:
+            paths += labels_of(CONFIG.photo_domain if carried else twin_behind(domain))
+    return paths
+
+
+rule gap:
+    """Which ingredient of the twin causes the gap."""
+    input:
+        of_run("results/{run}/tables/gap.csv") if INGREDIENTS else [],
+        of_run("results/{run}/figures/gap.png") if INGREDIENTS else [],
+
+
+rule lay_truth:
+    """The analog's true cameras, lamps and meshes in the run's frame."""
+    input:
+        raw=raw_data,
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+        located="results/{run}/cameras/located/Terrain{terrain}",
+    output:
+        cameras=directory("results/{run}/gap/truth/cameras/Terrain{terrain}"),
+        meshes=directory("results/{run}/gap/truth/meshes/Terrain{terrain}"),
+    log:
+        "results/{run}/logs/gap/lay_truth_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/gap/lay_truth_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        truth=truth_of,
+        options=options("tables"),
+        code=code_of("tables.true_scene"),
+    script:
+        "../scripts/lay_truth.py"
+
+
+rule thin_meshes:
+    """The run's meshes, rocks with few vertices."""
+    input:
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        thinned=directory("results/{run}/gap/thinned/Terrain{terrain}"),
+    log:
+        "results/{run}/logs/gap/thin_meshes_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/gap/thin_meshes_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        code=code_of("tables.true_scene"),
+    script:
+        "../scripts/thin_meshes.py"
+
+
+rule render_ingredient:
+    """Twins of a terrain's test photos with one ingredient replaced, and their labels."""
+    input:
+        cameras=cameras_of_ingredient,
+        lamps=lamps_of_ingredient,
+        meshes=meshes_of_ingredient,
+        materials=materials_of_ingredient,
+        photos=photos_of_terrain,
+        splits=expand("results/{{run}}/detect/{split}/split.csv", split=SPLITS),
+    output:
+        twins=directory("results/{run}/gap/twins/{ingredient}/pictures/Terrain{terrain}"),
+        boxes=directory("results/{run}/gap/twins/{ingredient}/boxes/Terrain{terrain}"),
+        instances=directory(
+            "results/{run}/gap/twins/{ingredient}/instances/Terrain{terrain}"
+        ),
+        annotations="results/{run}/gap/twins/{ingredient}/coco/Terrain{terrain}.json",
+        table="results/{run}/gap/twins/{ingredient}/tables/Terrain{terrain}.parquet",
+    log:
+        "results/{run}/logs/gap/render_ingredient_{ingredient}_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/gap/render_ingredient_{ingredient}_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=30,
+    params:
+        positions=positions_here,
+        grid=options("grid"),
+        model=CONFIG.gap.model,
+        options=options_of_ingredient,
+        code=code_of("render.twins", "detect.split"),
+    script:
+        "../scripts/render_ingredient.py"
+
+
+rule merge_ingredient_labels:
+    """One table of the labels of an ingredient's twins."""
+    input:
+        tables=expand(
+            "results/{{run}}/gap/twins/{{ingredient}}/tables/Terrain{terrain}.parquet",
+            terrain=TERRAINS,
+        ),
+    output:
+        merged="results/{run}/gap/twins/{ingredient}/labels.parquet",
+    log:
+        "results/{run}/logs/gap/merge_ingredient_labels_{ingredient}.log",
+    benchmark:
+        "results/{run}/benchmarks/gap/merge_ingredient_labels_{ingredient}.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        code=code_of("formats.tables"),
+    script:
+        "../scripts/merge_labels.py"
+
+
+rule convert_ingredient:
+    """The test pictures of an ingredient's twins as judges take them."""
+    input:
+        pictures=expand(
+            "results/{{run}}/gap/twins/{{ingredient}}/pictures/Terrain{terrain}",
+            terrain=TERRAINS,
+        ),
+        labels="results/{run}/gap/twins/{ingredient}/labels.parquet",
+        split="results/{run}/detect/{split}/split.csv",
+    output:
+        dataset=directory("results/{run}/gap/{split}/datasets/{ingredient}"),
+    log:
+        "results/{run}/logs/gap/convert_ingredient_{split}_{ingredient}.log",
+    benchmark:
+        "results/{run}/benchmarks/gap/convert_ingredient_{split}_{ingredient}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=60,
+    params:
+        pictures="results/{run}/gap/twins/{ingredient}/pictures",
+        options=detect_options(DRAWS_SPLITS, TRAINS, COMPARES),
+        code=code_of("detect.dataset"),
+    script:
+        "../scripts/convert_ingredient.py"
+
+
+rule predict_ingredient:
+    """What a judge sees in an ingredient's twins."""
+    input:
+        weights="results/{run}/detect/{split}/seed{seed}/judges/{trained}.pt",
+        datasets=["results/{run}/gap/{split}/datasets/{ingredient}"],
+    output:
+        predictions=[
+            "results/{run}/gap/{split}/seed{seed}/predictions/{trained}_on_{ingredient}.parquet"
+        ],
+    log:
+        "results/{run}/logs/gap/predict_ingredient_{split}_seed{seed}_{trained}_{ingredient}.log",
+    benchmark:
+        "results/{run}/benchmarks/gap/predict_ingredient_{split}_seed{seed}_{trained}_{ingredient}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=240,
+    params:
+        options=detect_options(DRAWS_SPLITS, COMPARES),
+        code=code_of("detect.predict"),
+    script:
+        "../scripts/predict.py"
+
+
+rule weigh_ingredients:
+    """Change of IPD, mAP and false alarms by every ingredient, with intervals, for a split and seed."""
+    input:
+        predictions=ledger_predictions(),
+        labels=ledger_labels(),
+        datasets=ledger_datasets(),
+    output:
+        ledger="results/{run}/gap/{split}/seed{seed}/ledger.parquet",
+    log:
+        "results/{run}/logs/gap/weigh_ingredients_{split}_seed{seed}.log",
+    benchmark:
+        "results/{run}/benchmarks/gap/weigh_ingredients_{split}_seed{seed}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        sights=LEDGER_SIGHTS,
+        domains=LEDGER_DOMAINS,
+        photo=CONFIG.photo_domain,
+        twin=CONFIG.gap.model,
+        replaced={name: found.told() for name, found in INGREDIENTS.items()},
+        options=detect_options(DRAWS_SPLITS),
+        code=code_of("detect.ledger"),
+    script:
+        "../scripts/weigh_ingredients.py"
+
+
+rule gather_ledger:
+    """One ledger of all splits and seeds."""
+    input:
+        parts=of_run(
+            "results/{run}/gap/{split}/seed{seed}/ledger.parquet",
+            split=SPLITS,
+            seed=SEEDS,
+        ),
+    output:
+        table="results/{run}/gap/ledger.parquet",
+    log:
+        "results/{run}/logs/gap/gather_ledger.log",
+    benchmark:
+        "results/{run}/benchmarks/gap/gather_ledger.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        splits=[split for split in SPLITS for seed in SEEDS],
+        seeds=[seed for split in SPLITS for seed in SEEDS],
+        code=code_of("detect.gather"),
+    script:
+        "../scripts/gather_tables.py"
+
+
+rule tabulate_gap:
+    """The ledger, the ingredient that closes most of the gap first."""
+    input:
+        ledger="results/{run}/gap/ledger.parquet",
+    output:
+        table=report(
+            "results/{run}/tables/gap.csv",
+            caption="../report/gap_table.rst",
+            category="Tables",
+            labels={"table": "gap ledger"},
+        ),
+        others=multiext("results/{run}/tables/gap", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/gap/tabulate_gap.log",
+    benchmark:
+        "results/{run}/benchmarks/gap/tabulate_gap.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.gap_table"),
+    script:
+        "../scripts/tabulate_gap.py"
+
+
+rule draw_gap:
+    """Bars of the change of IPD and of false alarms by every ingredient."""
+    input:
+        ledger="results/{run}/gap/ledger.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/gap.png",
+            caption="../report/gap.rst",
+            category="Detection",
+            labels={"picture": "gap ledger"},
+        ),
+    log:
+        "results/{run}/logs/gap/draw_gap.log",
+    benchmark:
+        "results/{run}/benchmarks/gap/draw_gap.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("tables.figures.gap"),
+    script:
+        "../scripts/draw_gap.py"

@@ -1,0 +1,20 @@
+"""Convert the test pictures of an ingredient's twins."""
+
+from pathlib import Path
+
+from polarsim.detect.dataset import make_dataset
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.split import TEST
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    make_dataset(
+        domain=snakemake.wildcards.ingredient,
+        pictures=Path(snakemake.params.pictures),
+        labels=Path(snakemake.input.labels),
+        split=Path(snakemake.input.split),
+        by=snakemake.wildcards.split,
+        wanted=[TEST],
+        dataset=Path(snakemake.output.dataset),
+        options=DetectOptions(**snakemake.params.options),
+    )

@@ -1,0 +1,15 @@
+"""Draw the gap ledger."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.figures.gap import draw_gap
+from polarsim.tables.options import TablesOptions
+
+with reporting(log=snakemake.log[0]):
+    draw_gap(
+        ledger=Path(snakemake.input.ledger),
+        figure=Path(snakemake.output.figure),
+        origin=snakemake.params.origin,
+        options=TablesOptions(**snakemake.params.options),
+    )

@@ -1,0 +1,20 @@
+"""Move one terrain's truth into the frame of the run."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.options import TablesOptions
+from polarsim.tables.true_scene import lay_truth
+
+with reporting(log=snakemake.log[0]):
+    lay_truth(
+        terrain=int(snakemake.wildcards.terrain),
+        rocks=Path(snakemake.input.rocks),
+        meshes=Path(snakemake.input.meshes),
+        located=Path(snakemake.input.located),
+        inventory=Path(snakemake.input.inventory),
+        truth=Path(snakemake.params.truth),
+        true_cameras=Path(snakemake.output.cameras),
+        true_meshes=Path(snakemake.output.meshes),
+        options=TablesOptions(**snakemake.params.options),
+    )

@@ -1,0 +1,13 @@
+"""Copy one terrain's ground and thinned rocks."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.true_scene import thin_meshes
+
+with reporting(log=snakemake.log[0]):
+    thin_meshes(
+        terrain=int(snakemake.wildcards.terrain),
+        meshes=Path(snakemake.input.meshes),
+        thinned=Path(snakemake.output.thinned),
+    )

@@ -1,0 +1,20 @@
+"""Weigh every ingredient of the twin by what the judges of a split and seed see."""
+
+from pathlib import Path
+
+from polarsim.detect.ledger import write_ledger
+from polarsim.detect.options import DetectOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    domains = snakemake.params.domains
+    write_ledger(
+        predictions=dict(zip(map(tuple, snakemake.params.sights), map(Path, snakemake.input.predictions), strict=True)),
+        labels=dict(zip(domains, map(Path, snakemake.input.labels), strict=True)),
+        datasets=dict(zip(domains, map(Path, snakemake.input.datasets), strict=True)),
+        photo=snakemake.params.photo,
+        twin=snakemake.params.twin,
+        replaced=snakemake.params.replaced,
+        ledger=Path(snakemake.output.ledger),
+        options=DetectOptions(**snakemake.params.options),
+    )
