@@ -365,6 +365,8 @@ def figures_of_section():
             f"seen-{domain}": f"seen_{domain}",
             f"rocks-{domain}": f"gap_rocks_{domain}",
         }
+    if CONFIG.gap.ingredients:
+        names["ledger"] = "gap"
     first = every_figure("comparison_Terrain{terrain}_Pos{position}")[0]
     paths = {
         key: of_run(f"results/{{run}}/figures/{name}.png")[0]

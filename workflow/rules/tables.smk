@@ -1034,6 +1034,7 @@ rule write_results_section:
         pictures=pictures_behind(TRAINED),
         figures=list(figures_of_section().values()) if DOMAINS else [],
         phases="results/{run}/figures/opposition.json",
+        ledger=of_run("results/{run}/tables/gap.md") if CONFIG.gap.ingredients else [],
     output:
         page=report(
             "results/{run}/tables/results_section.html",

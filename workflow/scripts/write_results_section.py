@@ -13,7 +13,7 @@ with reporting(log=snakemake.log[0]):
         pictures={Path(folder).name: Path(folder) for folder in snakemake.input.pictures},
         figures=dict(zip(snakemake.params.figures, map(Path, snakemake.input.figures), strict=True)),
         phases=Path(snakemake.input.phases),
-        ledger=Path(snakemake.input.ledger) if snakemake.input.get("ledger") else None,
+        ledger=Path(snakemake.input.ledger[0]) if snakemake.input.ledger else None,
         page=Path(snakemake.output.page),
         rules=snakemake.params.rules,
         origin=snakemake.params.origin,

@@ -13,7 +13,7 @@ from polarsim.photo import ROCK
 from polarsim.tables import gap_table, paper
 from polarsim.tables.figures.canvas import INK, SERIES, note, page
 from polarsim.tables.options import TablesOptions
-from polarsim.tables.seeds import first_training
+from polarsim.tables.seeds import averaged, panels, title_words
 
 PANELS = {
     "ipd": "change of IPD\n|mean difference|",
@@ -24,25 +24,33 @@ _THICK = 0.8  # of the bars of one ingredient together
 
 
 def draw_gap(*, ledger: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
-    """Write bars of rocks with 95 % intervals, a group an ingredient, a colour a judge; of the first split and seed."""
+    """Write bars of rocks with 95 % intervals, a group an ingredient, a colour a judge, a row a split.
+
+    Of several seeds means, with the span of all intervals.
+    """
     table = gap_table.tidy_gap(read_parquet(ledger, gap_table.COLUMNS), origin["source"])
-    rocks, words = first_training(table[(table["kind"] == ROCK) & table["ipd"].notna()])
-    width = options.figure_width_px
+    rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
+    width, splits = options.figure_width_px, panels(rocks)
     ingredients = list(dict.fromkeys(rocks["ingredient"]))
-    with page(figure, width, round(width * (0.16 + 0.035 * max(4, len(ingredients))))) as sheet:
+    height = round(width * (0.16 + 0.035 * max(4, len(ingredients))))
+    with page(figure, width, height * len(splits)) as sheet:
         if not len(rocks):
             note(sheet, "no rock is labelled in photos and in twins")
             return
         model = paper.title(str(rocks["model"].iloc[0]))
-        title = f"What each ingredient of the {model} twin changes, rocks, source {origin['source']}{words}"
-        sheet.suptitle(title, x=0.01, ha="left")
-        panels = sheet.subplots(1, len(PANELS), sharey=True)
-        for axes, (name, text) in zip(panels, PANELS.items(), strict=True):
-            _draw_panel(axes, rocks, ingredients, name)
-            axes.set_xlabel(text)
-        panels[0].set_yticks(range(len(ingredients)), ingredients)
-        panels[0].invert_yaxis()
-        handles, labels = panels[0].get_legend_handles_labels()
+        words = f"source {origin['source']}{title_words(rocks)}"
+        sheet.suptitle(f"What each ingredient of the {model} twin changes, rocks, {words}", x=0.01, ha="left")
+        grid = sheet.subplots(len(splits), len(PANELS), sharey=True, squeeze=False)
+        for row, (split, rows) in zip(grid, splits, strict=True):
+            own = averaged(rows, ("ingredient", "trained"), [f"{name}_change" for name in PANELS])
+            for axes, (name, text) in zip(row, PANELS.items(), strict=True):
+                _draw_panel(axes, own, ingredients, name)
+                axes.set_xlabel(text)
+            if len(splits) > 1:
+                row[0].set_ylabel(f"split by {split}")
+        grid[0, 0].set_yticks(range(len(ingredients)), ingredients)
+        grid[0, 0].invert_yaxis()
+        handles, labels = grid[0, 0].get_legend_handles_labels()
         sheet.legend(handles, labels, ncols=len(labels), loc="outside lower right")
 
 
