@@ -63,9 +63,11 @@ def twin_behind(domain):
 def ledger_predictions():
     """What judges see in photos, in the twin, and in the twin of every ingredient."""
     return [
-        f"results/{{run}}/gap/{{split}}/seed{{seed}}/predictions/{trained}_on_{domain}.parquet"
-        if domain in PICTURED
-        else f"results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{twin_behind(domain)}.parquet"
+        (
+            f"results/{{run}}/gap/{{split}}/seed{{seed}}/predictions/{trained}_on_{domain}.parquet"
+            if domain in PICTURED
+            else f"results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{twin_behind(domain)}.parquet"
+        )
         for trained, domain in LEDGER_SIGHTS
     ]
 
@@ -73,9 +75,11 @@ def ledger_predictions():
 def ledger_datasets():
     """Data sets of the same domains."""
     return [
-        f"results/{{run}}/gap/{{split}}/datasets/{domain}"
-        if domain in PICTURED
-        else f"results/{{run}}/detect/{{split}}/datasets/{twin_behind(domain)}"
+        (
+            f"results/{{run}}/gap/{{split}}/datasets/{domain}"
+            if domain in PICTURED
+            else f"results/{{run}}/detect/{{split}}/datasets/{twin_behind(domain)}"
+        )
         for domain in LEDGER_DOMAINS
     ]
 
@@ -156,7 +160,9 @@ rule render_ingredient:
         photos=photos_of_terrain,
         splits=expand("results/{{run}}/detect/{split}/split.csv", split=SPLITS),
     output:
-        twins=directory("results/{run}/gap/twins/{ingredient}/pictures/Terrain{terrain}"),
+        twins=directory(
+            "results/{run}/gap/twins/{ingredient}/pictures/Terrain{terrain}"
+        ),
         boxes=directory("results/{run}/gap/twins/{ingredient}/boxes/Terrain{terrain}"),
         instances=directory(
             "results/{run}/gap/twins/{ingredient}/instances/Terrain{terrain}"
