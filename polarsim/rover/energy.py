@@ -16,6 +16,10 @@ LARGEST_PHASE = 1.0  # rad of the stiffest swing, wheel on elastic soil, in one 
 LEAST = 5.0  # J turned over before a share of it means anything
 
 
+class EnergyError(RoverError):
+    """The balance is open: what the drive gave is no physics."""
+
+
 @dataclass(frozen=True)
 class Account:
     """J since the count began; by wheel in the order of `WHEELS`."""
@@ -52,11 +56,11 @@ def require_closed(account: Account, bound: float, time: float) -> None:
 
     Raises
     ------
-    RoverError
+    EnergyError
         More than `bound` of the energy is unaccounted for.
     """
     if abs(account.open) > bound:
-        raise RoverError(
+        raise EnergyError(
             f"at {time:.2f} s {100 * account.open:.2g} % of the energy is missing, {100 * bound:.2g} % may be: "
             "take a smaller step or a softer soil"
         )

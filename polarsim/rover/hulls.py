@@ -83,14 +83,26 @@ def _split(vertices: np.ndarray, part: _Part) -> list[_Part] | None:
     return halves
 
 
-def _part(vertices: np.ndarray, triangles: np.ndarray) -> _Part:
-    points = vertices[np.unique(triangles)]
+def require_volume(points: np.ndarray) -> ConvexHull:
+    """The hull of points (n, 3).
+
+    Raises
+    ------
+    RoverError
+        They lie in a plane, or nearly.
+    """
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError) as error:
-        raise RoverError(f"a mesh of {len(points)} corners has no volume") from error
+        raise RoverError(f"a rock's mesh of {len(points)} corners has no volume") from error
     if hull.volume < LEAST_VOLUME:
-        raise RoverError(f"a mesh of {1e9 * hull.volume:.3g} mm3 has no volume")
+        raise RoverError(f"a rock's mesh of {1e9 * hull.volume:.3g} mm3 has no volume")
+    return hull
+
+
+def _part(vertices: np.ndarray, triangles: np.ndarray) -> _Part:
+    points = vertices[np.unique(triangles)]
+    hull = require_volume(points)
     corners = points[np.sort(hull.vertices)]
     low, high = corners.min(axis=0), corners.max(axis=0)
     axis = int(np.argmax((high - low)[:2]))

@@ -28,6 +28,10 @@ LIFT, STEER, SPIN = range(3)
 SLOWEST = 1e-3  # m/s, below which a wheel has no slip to speak of
 
 
+class OffGridError(RoverError):
+    """A wheel came too near to the ground's edge."""
+
+
 @dataclass(frozen=True)
 class Start:
     """Where a rover is put down: base_link's place and heading from x towards y."""
@@ -54,8 +58,7 @@ class State:
     @property
     def heading(self) -> float:
         """From x towards y."""
-        w, x, y, z = self.rotation
-        return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return heading_of(self.rotation)
 
     def wheel(self, column: str) -> np.ndarray:
         """(4,) values of one of `WHEEL_COLUMNS`."""
@@ -71,6 +74,12 @@ class State:
         row = np.concatenate([body, self.wheels.ravel()])
         assert len(row) == len(COLUMNS)
         return row
+
+
+def heading_of(rotation: np.ndarray) -> float:
+    """From x towards y, of a quaternion w x y z."""
+    w, x, y, z = rotation
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 class Simulation:
@@ -91,8 +100,10 @@ class Simulation:
 
     Raises
     ------
+    OffGridError
+        The start is off the grid.
     RoverError
-        The start is off the grid, the step is too large for the soil's stiffness, a rock has no volume, or MuJoCo is
+        The step is too large for the soil's stiffness, a rock has no volume, or MuJoCo is
         not installed.
     """
 
@@ -136,6 +147,11 @@ class Simulation:
         return (self.steps - self.time_zero) * self.dt
 
     @property
+    def heading(self) -> float:
+        """Of base_link now, from x towards y."""
+        return heading_of(self.data.qpos[3:7])
+
+    @property
     def account(self) -> energy.Account:
         """Where the energy went since `zero`."""
         return energy.Account.of(self._account, self._mechanical() - self._energy_zero)
@@ -155,15 +171,17 @@ class Simulation:
 
         Raises
         ------
-        RoverError
-            A wheel leaves the grid, the state is not finite, or the energy balance is open by more than its bound.
+        OffGridError
+            A wheel leaves the grid.
+        EnergyError
+            The state is not finite, or the energy balance is open by more than its bound.
         """
         steps = max(round(seconds / self.dt), 1)
-        self.ground.require_inside(self.data.xpos[self._bodies], self._reach + EDGE)
+        self._require_inside(self.data.xpos[self._bodies])
         self._steer(steps * self.dt)
         self._run(steps)
         if not np.isfinite(self.data.qpos).all():
-            raise RoverError(f"at {self.time:.2f} s the rover's state is not finite: take a smaller step")
+            raise energy.EnergyError(f"at {self.time:.2f} s the rover's state is not finite: take a smaller step")
         energy.require_closed(self.account, self.options.energy_bound, self.time)
 
     def state(self) -> State:
@@ -258,6 +276,12 @@ class Simulation:
         simulation.restore(path)
         return simulation
 
+    def _require_inside(self, centres: np.ndarray) -> None:
+        try:
+            self.ground.require_inside(centres, self._reach + EDGE)
+        except RoverError as error:
+            raise OffGridError(str(error)) from error
+
     def _wire(self) -> None:
         """Views of MuJoCo's memory and room for what the kernel writes."""
         data, vehicle = self.data, self.vehicle
@@ -303,7 +327,7 @@ class Simulation:
             [[math.cos(start.heading), -math.sin(start.heading)], [math.sin(start.heading), math.cos(start.heading)]]
         )
         centres = self.vehicle.wheel_centres[:, :2] @ turn.T + (start.x, start.y)
-        self.ground.require_inside(centres, self._reach + EDGE)
+        self._require_inside(centres)
         heights = [self._support(x, y) + radius for (x, y), radius in zip(centres, self._radii, strict=True)]
         z = max(np.array(heights) - self.vehicle.wheel_centres[:, 2])
         self.data.qpos[:7] = start.x, start.y, z, math.cos(start.heading / 2), 0.0, 0.0, math.sin(start.heading / 2)
