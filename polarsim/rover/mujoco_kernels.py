@@ -20,7 +20,7 @@ WHEELS = 4
 FIRST_DOF, DOFS = 6, 3  # behind the free body's; lift, steer, spin of each wheel
 LIFT, STEER, SPIN = range(DOFS)
 # What a drive's energy went into, J; then the motors' work by wheel, and what wheels gave to soil.
-MOTOR, SOIL, DAMPER, ROCK, TURNOVER = range(5)
+MOTOR, SOIL, DAMPER, ROCK, DRIVING = range(5)
 MOTOR_OF, SOIL_OF = 5, 9
 SIZE = 13
 
@@ -101,9 +101,7 @@ def _account(before, qvel, qfrc_constraint, actuator_force, readings, servo, dt,
     """
     gain, limit = servo[0], servo[1]
     for dof in range(len(qvel)):
-        work = 0.5 * (before[dof] + qvel[dof]) * qfrc_constraint[dof] * dt
-        account[ROCK] -= work
-        account[TURNOVER] += abs(work)
+        account[ROCK] -= 0.5 * (before[dof] + qvel[dof]) * qfrc_constraint[dof] * dt
     for wheel in range(WHEELS):
         first = FIRST_DOF + DOFS * wheel
         steer, spin = first + STEER, first + SPIN
@@ -119,4 +117,4 @@ def _account(before, qvel, qfrc_constraint, actuator_force, readings, servo, dt,
             account[DAMPER] += 0.5 * (before[dof] + qvel[dof]) * servo[2 + joint] * qvel[dof] * dt
         account[SOIL] += readings[wheel, 2] * dt
         account[SOIL_OF + wheel] += readings[wheel, 2] * dt
-        account[TURNOVER] += abs(driving)
+        account[DRIVING] += abs(driving)

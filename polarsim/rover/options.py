@@ -105,9 +105,9 @@ class DriveOptions(Part):
         "heading", description="Steering by offset and heading, or by the offset alone as in the paper."
     )
     steering: Literal["ackermann", "crab"] = Field("ackermann", description="The body turns, or the wheels alone do.")
-    gain_rad_m: PositiveFloat = Field(5.0, description="Steering angle per offset, with the heading term, rad/m.")
+    gain_rad_m: PositiveFloat = Field(2.5, description="Steering angle per offset, with the heading term, rad/m.")
     p_only_gain_rad_m: PositiveFloat = Field(1.0472, description="As the paper steers by the offset alone, rad/m.")
-    heading_gain: float = Field(3.0, ge=0, description="Steering angle per heading error.")
+    heading_gain: float = Field(2.0, ge=0, description="Steering angle per heading error.")
     steer_limit_deg: float = Field(30.0, gt=0, lt=90, description="Largest steering angle, degrees.")
     turn_above_deg: float = Field(45.0, gt=0, description="Sharper corners are taken by a turn on the spot, degrees.")
     control_hz: PositiveFloat = Field(100.0, description="Commands per second.")
