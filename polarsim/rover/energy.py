@@ -68,8 +68,8 @@ def require_closed(account: Account, bound: float, time: float) -> None:
     whole = max(account.put_in, GUARDED)
     if abs(account.missing) > bound * whole:
         raise EnergyError(
-            f"at {time:.2f} s {100 * account.missing / whole:.2g} % of the energy is missing, {100 * bound:.2g} % may be: "
-            "take a smaller step or a softer soil"
+            f"at {time:.2f} s {100 * account.missing / whole:.2g} % of the energy is missing, {100 * bound:.2g} % may "
+            "be: take a smaller step or a softer soil"
         )
 
 

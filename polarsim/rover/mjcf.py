@@ -14,6 +14,7 @@ from polarsim.rover.vehicle import Vehicle, WheelPart
 # MuJoCo's bits: wheels meet rocks, and nothing else meets anything.
 WHEEL_BITS: dict[str, Any] = {"contype": "1", "conaffinity": "2"}
 ROCK_BITS: dict[str, Any] = {"contype": "2", "conaffinity": "1"}
+HARD_BRAKE = "0.9999 0.9999 0.001 0.5 2"  # solimp: MuJoCo's own gives way by a tenth of a millimetre per second
 STIFF_ROCK = "0.01 1"  # solref: a touch is over in hundredths of a second, without rebound
 
 
@@ -94,6 +95,7 @@ def _corner(base: ET.Element, vehicle: Vehicle, wheel: WheelPart) -> None:
     ET.SubElement(
         turning, "joint", name=f"{code}_spin", type="hinge", axis="0 1 0",
         damping=f"{drive.damping_n_m_s_rad!r}", armature=f"{drive.armature_kg_m2!r}",
+        solimpfriction=HARD_BRAKE,
     )  # fmt: skip
     ET.SubElement(
         turning, "geom", name=f"{code}_rim", type="cylinder", size=_text((wheel.radius_m, wheel.width_m / 2)),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from polarsim.errors import FormatError, RoverError
 from polarsim.rover import energy
@@ -132,7 +133,7 @@ class Simulation:
         self.model = compile_model(vehicle, hulls, self.options.gravity_m_s2, self.options.step_s)
         self.data = self._mujoco.MjData(self.model)
         self._wire()
-        self.steps = 0
+        self.steps, self.guarded = 0, False
         self.time_zero = 0  # steps at time 0
         self.command = Command()
         self._put_down(start or Start())
@@ -157,7 +158,8 @@ class Simulation:
         return energy.Account.of(self._account, self._mechanical() - self._energy_zero)
 
     def zero(self) -> None:
-        """Count time and energy from here."""
+        """Count time and energy from here, once the rover has settled: from now on the balance is guarded."""
+        self.guarded = True
         self.time_zero = self.steps
         self._account[:] = 0.0
         self._energy_zero = self._mechanical()
@@ -182,7 +184,8 @@ class Simulation:
         self._run(steps)
         if not np.isfinite(self.data.qpos).all():
             raise energy.EnergyError(f"at {self.time:.2f} s the rover's state is not finite: take a smaller step")
-        energy.require_closed(self.account, self.options.energy_bound, self.time)
+        if self.guarded:
+            energy.require_closed(self.account, self.options.energy_bound, self.time)
 
     def state(self) -> State:
         """What can be known of this instant."""
@@ -216,7 +219,7 @@ class Simulation:
             actuator=self.data.actuator_force,
             sensor=self.data.sensordata,
             account=self._account,
-            counts=np.array([self.steps, self.time_zero]),
+            counts=np.array([self.steps, self.time_zero, self.guarded]),
             energy_zero=np.float64(self._energy_zero),
             command=np.array([command.speed_m_s, command.steer_rad, ("drive", "crab", "turn").index(command.mode)]),
             **more,
@@ -247,7 +250,8 @@ class Simulation:
         self._forces[:], self._readings[:], self._account[:] = saved["forces"], saved["readings"], saved["account"]
         self.data.qfrc_constraint[:], self.data.actuator_force[:] = saved["constraint"], saved["actuator"]
         self.data.sensordata[:] = saved["sensor"]
-        self.steps, self.time_zero = (int(count) for count in saved["counts"])
+        self.steps, self.time_zero = (int(count) for count in saved["counts"][:2])
+        self.guarded = bool(saved["counts"][2])
         self._energy_zero = float(saved["energy_zero"])
         speed, steer, mode = saved["command"]
         modes: tuple[Literal["drive", "crab", "turn"], ...] = ("drive", "crab", "turn")
@@ -322,17 +326,26 @@ class Simulation:
         self.steps += steps
 
     def _put_down(self, start: Start) -> None:
-        """Level, with the lowest wheel on the ground or rock below it, and locked."""
+        """Along the slope that bears it, no wheel below the ground or rock under it, and locked."""
         turn = np.array(
             [[math.cos(start.heading), -math.sin(start.heading)], [math.sin(start.heading), math.cos(start.heading)]]
         )
         centres = self.vehicle.wheel_centres[:, :2] @ turn.T + (start.x, start.y)
         self._require_inside(centres)
-        heights = [self._support(x, y) + radius for (x, y), radius in zip(centres, self._radii, strict=True)]
-        z = max(np.array(heights) - self.vehicle.wheel_centres[:, 2])
-        self.data.qpos[:7] = start.x, start.y, z, math.cos(start.heading / 2), 0.0, 0.0, math.sin(start.heading / 2)
+        supports = np.array([self._support(x, y) for x, y in centres])
+        # The plane through what bears the wheels, in a frame that heads as the rover does.
+        places = self.vehicle.wheel_centres
+        plane = np.column_stack([places[:, :2], np.ones(len(places))])
+        along, across, _ = np.linalg.lstsq(plane, supports, rcond=None)[0]
+        up = np.array([-along, -across, 1.0]) / math.sqrt(1 + along**2 + across**2)
+        forward = np.array([1.0, 0.0, along]) / math.hypot(1.0, along)
+        level_from_base = np.stack([forward, np.cross(up, forward), up], axis=1)
+        z = max(supports + self._radii / up[2] - (places @ level_from_base.T)[:, 2])
+        turned = Rotation.from_euler("z", start.heading) * Rotation.from_matrix(level_from_base)
+        self.data.qpos[:3] = start.x, start.y, z
+        self.data.qpos[3:7] = turned.as_quat()[[3, 0, 1, 2]]
         self._mujoco.mj_step1(self.model, self.data)
-        self.zero()
+        self._energy_zero = self._mechanical()
 
     def _support(self, x: float, y: float) -> float:
         """Highest ground under a wheel's middle; on a rock its top."""
@@ -356,6 +369,9 @@ class Simulation:
         quicker = self.vehicle.drive.acceleration_m_s2 * seconds / self._radii
         now = self.data.ctrl[4:]
         self.data.ctrl[4:] = now + np.clip(rims / self._radii - now, -quicker, quicker)
+        # A speed servo creeps under load: wheels that are to stand are braked.
+        braked = not (rims.any() or self.data.ctrl[4:].any())
+        self.model.dof_frictionloss[6 + SPIN :: 3] = self.vehicle.drive.brake_torque_n_m if braked else 0.0
 
     def _mechanical(self) -> float:
         """Kinetic and potential energy, of the springs as well, J."""

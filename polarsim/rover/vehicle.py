@@ -92,6 +92,7 @@ class Drive(Part):
 
     gain_n_m_s_rad: PositiveFloat = Field(description="Torque per error of wheel speed, N m s per rad.")
     torque_limit_n_m: PositiveFloat = Field(description="The motor gives no more, N m.")
+    brake_torque_n_m: PositiveFloat = Field(description="Holds a wheel that is to stand, N m.")
     acceleration_m_s2: PositiveFloat = Field(description="Fastest change of the rim's commanded speed, m/s2.")
     damping_n_m_s_rad: float = Field(0.0, ge=0, description="Friction of the bearing, N m s per rad.")
     armature_kg_m2: float = Field(0.0, ge=0, description="Rotor's inertia seen at the wheel, kg m2.")
