@@ -23,6 +23,18 @@ def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
     )  # fmt: skip
 
 
+def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200) -> None:
+    """`bulldozing.settle`: let disturbed ground everywhere slide until it rests."""
+    _settle(ground.state, ground.owner, ground.cell * math.tan(math.radians(angle_deg)), sweeps)
+
+
+@njit(cache=True)
+def _settle(state, owner, climb, sweeps):  # type: ignore[no-untyped-def]
+    for _ in range(sweeps):
+        if _slide(state, owner, climb) <= DISTURBED:
+            return
+
+
 @njit(cache=True)
 def _bulldoze(  # type: ignore[no-untyped-def]
     state, normals, owner, x0, y0, cell, shapes, centres, rotations, weights, share, headroom, climb, sweeps,
@@ -115,6 +127,7 @@ def _blur(field, weights):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _slide(part, owners, climb):  # type: ignore[no-untyped-def]
+    """`bulldozing.slide`; the largest change of a level."""
     rows, columns = owners.shape
     change = np.zeros((rows, columns))
     for row in range(rows):
@@ -133,7 +146,10 @@ def _slide(part, owners, climb):  # type: ignore[no-untyped-def]
                     moved = MOVED * excess if two[LEVEL] > one[LEVEL] else -MOVED * excess
                     change[row, column] += moved
                     change[to_row, to_column] -= moved
+    most = 0.0
     for row in range(rows):
         for column in range(columns):
             part[row, column, LEVEL] += change[row, column]
             part[row, column, START] += change[row, column]
+            most = max(most, abs(change[row, column]))
+    return most
