@@ -5,9 +5,9 @@
 Without --meshes only the flat drive and the slope. CPU seconds of one thread throughout.
 
 Last figures (two shared cores under a load of 6): flat ground, 8 s, steps of 2, 1, 0.5, 0.25 ms end at 1.3071, 1.3070,
-1.3070, 1.3070 m, load ripples by 3.0, 2.9, 2.9, 2.9 %, energy missing -0.027, -0.012, -0.006, -0.003 %; 206 us a step of
-1 ms with bulldozing and the log, 4.9 times real time. Locked on 10 and 15 degrees: 0.008 and 0.033 mm in 10 s. Demo
-meshes, terrains 3, 1, 11, seed 0, one drive: 10.5 m in 74 s, 41 mm RMS off the line (113 at most, in the crater of
+1.3070, 1.3070 m, load ripples by 3.0, 2.9, 2.9, 2.9 %, energy missing -0.027, -0.012, -0.006, -0.003 %; 206 us a
+step of 1 ms with bulldozing and the log, 4.9 times real time. Locked on 10 and 15 degrees: 0.008 and 0.033 mm in 10 s.
+Demo meshes, terrains 3, 1, 11, seed 0, one drive: 10.5 m in 74 s, 41 mm RMS off the line (113 at most, in the crater of
 terrain 11), energy missing -0.04 %, 29 s of CPU (2.6 times real time), 0.43 GB. The ten seeds were not run.
 """
 

@@ -139,7 +139,7 @@ def _blur_at(wanted, field, weights):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _slide(part, owners, climb, sweeps):  # type: ignore[no-untyped-def]
+def _slide(part, owners, climb, sweeps):  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
     """All sweeps on copies that lie close together, for a node's state is spread over a cache line of its own."""
     rows, columns = owners.shape
     level, start, original = np.empty((rows, columns)), np.empty((rows, columns)), np.empty((rows, columns))
