@@ -20,7 +20,7 @@ from polarsim.render.automatic import annotations_of
 from polarsim.render.layers import Rendering
 from polarsim.render.options import Model
 from polarsim.rover.sight import Sight
-from polarsim.rover.sight_options import SightOptions
+from polarsim.rover.sight_options import SightOptions, picture_set
 from polarsim.rover.trace import DRIVE, TRACE, TRACKS, WORLD, read_trace
 from polarsim.rover.truth import Truth, pose_table, read_truth, write_tables, write_truth
 from polarsim.rover.vehicle import Vehicle
@@ -64,11 +64,6 @@ def render_frames(folder: Path, vehicle: Vehicle, options: SightOptions, seed: i
 def picture_folder(folder: Path, view: str, sun: str, model: Model, exposure_ms: float) -> Path:
     """Where the pictures of a view under a Sun, in a model, at an exposure lie."""
     return folder / view / picture_set(sun, model, exposure_ms)
-
-
-def picture_set(sun: str, model: Model, exposure_ms: float) -> str:
-    """`<Sun>_<model>_<exposure>`, the exposure in ms with four digits."""
-    return f"{sun}_{model}_{exposure_ms:04g}"
 
 
 def labels_folder(folder: Path, view: str, sun: str) -> Path:

@@ -23,6 +23,11 @@ SunName = Literal["1", "2", "3", "4"]
 REAL = "real"  # name of the real Sun
 
 
+def picture_set(sun: str, model: Model, exposure_ms: float) -> str:
+    """Name of the pictures of a view in one light: `<Sun>_<model>_<exposure>`, the exposure in ms with four digits."""
+    return f"{sun}_{model}_{exposure_ms:04g}"
+
+
 def _utc(moment: datetime) -> datetime:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
