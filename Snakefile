@@ -16,6 +16,7 @@ include: "workflow/rules/rocks.smk"
 include: "workflow/rules/labels.smk"
 include: "workflow/rules/render.smk"
 include: "workflow/rules/detect.smk"
+include: "workflow/rules/rover.smk"
 include: "workflow/rules/tables.smk"
 
 
@@ -27,6 +28,7 @@ localrules:
     labels,
     render,
     detect,
+    rover,
     tables,
     geometry,
 
@@ -41,6 +43,7 @@ rule all:
         rules.labels.input,
         rules.render.input,
         rules.detect.input,
+        rules.rover.input,
         rules.tables.input,
 
 

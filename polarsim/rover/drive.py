@@ -80,8 +80,20 @@ def run_drive(
         Nothing was driven: the path leaves the grid, no such soil, a rock without volume, a step too large. Or
         `EnergyError`: the balance did not close; what was driven is written.
     """
+    job = job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed)
+    return drive_to_end(job, folder, progress)
+
+
+def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int) -> Job:
+    """The drive that options ask for.
+
+    Raises
+    ------
+    PolarsimError
+        Meshes, soil or vehicle are missing or broken.
+    """
     strip = stitch([read_terrain(meshes / f"Terrain{number:02d}", number) for number in world.terrains], world)
-    job = Job(
+    return Job(
         rough_world(strip, drive.spread.ground_m, seed),
         read_vehicle(drive.vehicle),
         read_soil(soil.table, soil.soil),
@@ -90,7 +102,6 @@ def run_drive(
         world,
         seed,
     )
-    return drive_to_end(job, folder, progress)
 
 
 def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Trace:
