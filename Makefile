@@ -51,5 +51,5 @@ schema: setup ## write config/schema.json and config/views.schema.json anew
 
 # Needs uv (pip install uv). The local version of a CPU build of torch is cut off, so that one lock serves all machines.
 lock: ## make requirements.lock anew from pyproject.toml
-	uv pip compile pyproject.toml --extra detect --extra dev --no-annotate --no-header -o requirements.lock
+	uv pip compile pyproject.toml --extra detect --extra rover --extra dev --no-annotate --no-header -o requirements.lock
 	sed -i 's/^\(torch==[0-9.]*\)+.*$$/\1/' requirements.lock

@@ -16,6 +16,7 @@ include: "workflow/rules/rocks.smk"
 include: "workflow/rules/labels.smk"
 include: "workflow/rules/render.smk"
 include: "workflow/rules/detect.smk"
+include: "workflow/rules/rover.smk"
 include: "workflow/rules/tables.smk"
 include: "workflow/rules/gap.smk"
 
@@ -28,6 +29,7 @@ localrules:
     labels,
     render,
     detect,
+    rover,
     tables,
     geometry,
     gap,
@@ -43,6 +45,7 @@ rule all:
         rules.labels.input,
         rules.render.input,
         rules.detect.input,
+        rules.rover.input,
         rules.tables.input,
         rules.gap.input,
 

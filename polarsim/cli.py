@@ -447,6 +447,44 @@ def brdf(
 
 
 @app.command()
+def drive(
+    config: Annotated[Path, typer.Option(help="Configuration with a section `rover`.")] = Path("config/rover.yaml"),
+    seed: Annotated[int | None, typer.Option(min=0, help="Which drive; default is the configuration's first.")] = None,
+    pictures: Annotated[bool, typer.Option(help="Take pictures, and judge them on board.")] = True,
+    results: Annotated[Path, typer.Option(help="Folder of results, with the run's meshes.")] = Path("results"),
+    out: Annotated[Path | None, typer.Option(help="Folder to write; default results/<run>/rover/seed<N>.")] = None,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the renderer; they change no byte.")] = 1,
+) -> None:
+    """Drive over a run's terrains once, without Snakemake: physics, pictures, what a judge sees, an MCAP bag, a URDF.
+
+    A stopped drive goes on from its last saved state, pictures from the last one that was written.
+    """
+    from polarsim.config import read_config
+    from polarsim.progress import share_bar
+    from polarsim.rover.run import run_all
+
+    chosen = read_config(config)
+    rover, number = chosen.rover, chosen.rover.seeds[0] if seed is None else seed
+    run = results / chosen.run
+    weights = run / chosen.first_training / f"judges/{rover.judge}.pt" if rover.judge else None
+    folder = out or run / f"rover/seed{number}"
+    with reporting(), share_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
+        figures = run_all(
+            meshes=run / "meshes",
+            folder=folder,
+            options=rover,
+            sight=rover.sight_with(weights, chosen.detect if weights else None),
+            seed=number,
+            progress=progress,
+            pictures=pictures,
+            threads=threads,
+        )
+    for row in figures.to_dict("records"):
+        typer.echo(f"{row['figure']:24} {row['value']:.4g} {row['unit']}".rstrip())
+    typer.echo(f"{figures['ended'].iloc[0]}: {folder}")
+
+
+@app.command()
 def report(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
     configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -16,12 +17,13 @@ from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.options import CamerasOptions
 from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions
-from polarsim.errors import ConfigError
+from polarsim.errors import ConfigError, about
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import TERRAINS, positions
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
+from polarsim.rover.rover_options import RoverOptions
 from polarsim.tables.options import TablesOptions
 
 RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy of the release
@@ -52,6 +54,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     render: RenderOptions = Field(RenderOptions(), description="Twins of every photo.")
     detect: DetectOptions = Field(DetectOptions(), description="Judges, their training and comparison.")
     gap: GapOptions = Field(GapOptions(), description="Twins with one ingredient replaced: which one causes the gap.")
+    rover: RoverOptions = Field(RoverOptions(), description="Drives over the digitised terrains.")
     tables: TablesOptions = Field(TablesOptions(), description="How results are scored and drawn.")
 
     @field_validator("terrains")
@@ -77,6 +80,18 @@ class Config(BaseModel, extra="forbid", frozen=True):
         for terrain in self.terrains:
             if not set(self.positions) & set(positions(terrain)):
                 raise ValueError(f"positions: terrain {terrain} has none of {', '.join(self.positions)}")
+        return self
+
+    @model_validator(mode="after")
+    def _rover_on_terrains(self) -> Config:
+        if not self.rover.run:
+            return self
+        for terrain in self.rover.world.terrains:
+            if terrain not in self.terrains:
+                raise ValueError(f"rover.world.terrains: {terrain} is none of the run's {self.terrains}")
+        if self.rover.judge is not None and self.rover.judge not in self.training_domains:
+            known = ", ".join(self.training_domains) or "none of a source without photos"
+            raise ValueError(f"rover.judge: domain {self.rover.judge!r}, expected {known}")
         return self
 
     @model_validator(mode="after")
@@ -136,9 +151,15 @@ class Config(BaseModel, extra="forbid", frozen=True):
         views = [VIEWS] if self.domains and self.detect.views else []
         return (*self.domains, *views, *(self.detect.mixes if self.domains else ()))
 
+    @property
+    def first_training(self) -> str:
+        """Folder of the first split's and seed's judges below the run: what figures show and the rover takes along."""
+        return f"detect/{self.detect.splits[0]}/seed{self.detect.seeds[0]}"
+
     def digest(self) -> str:
         """Short name of the whole configuration, for tables."""
-        content = json.dumps(self.model_dump(mode="json"), sort_keys=True)
+        exclude = None if self.rover.run else {"rover"}  # where nothing drives, tables know nothing of it
+        content = json.dumps(self.model_dump(mode="json", exclude=exclude), sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()[:12]
 
 
@@ -154,6 +175,24 @@ def parse_config(content: Mapping[str, Any]) -> Config:
         return Config.model_validate(_with_release_root(dict(content)))
     except ValidationError as error:
         raise ConfigError(_told(error, "configuration")) from error
+
+
+def read_config(path: str | Path) -> Config:
+    """Read a configuration file.
+
+    Raises
+    ------
+    ConfigError
+        No YAML file, or as `parse_config`.
+    """
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path}: no readable YAML file, {' '.join(str(error).split())}") from error
+    if not isinstance(content, Mapping):
+        raise ConfigError(f"{path}: no keys, a configuration was expected")
+    with about(path):
+        return parse_config(content)
 
 
 def render_options(assignments: Sequence[str]) -> RenderOptions:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -24,3 +25,25 @@ def track(items: Collection[Item], text: str) -> Iterator[Item]:
         yield item
         if number % step == 0 or number == len(items):
             log.info("%s: %d of %d", text, number, len(items))
+
+
+@contextmanager
+def share_bar(text: str) -> Iterator[Callable[[float], None]]:
+    """Something to tell a share to, 0 to 1, where work has no items to count."""
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import Progress
+
+        with Progress(console=Console(stderr=True)) as bars:
+            task = bars.add_task(text, total=1.0)
+            yield lambda share: bars.update(task, completed=share)
+        return
+    told = 0
+
+    def tell(share: float) -> None:
+        nonlocal told
+        if int(10 * share) > told:
+            told = int(10 * share)
+            log.info("%s: %d %%", text, 10 * told)
+
+    yield tell

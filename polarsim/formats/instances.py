@@ -11,7 +11,8 @@ from polarsim.formats import png
 from polarsim.photo import ROCK, SHADOW
 
 # RELIEF_SHADOW is ground that relief or a wall hides from the lamp; rock k is ROCK_IDS + k, its shadow SHADOW_IDS + k.
-BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS = 0, 1, 2, 1000, 2000
+# BODY and the ids up to the rocks' are parts of a rover's own body, on its own pictures.
+BACKGROUND, GROUND, RELIEF_SHADOW, BODY, ROCK_IDS, SHADOW_IDS = 0, 1, 2, 3, 1000, 2000
 
 
 def read_kind_masks(path: str | Path) -> dict[str, np.ndarray]:

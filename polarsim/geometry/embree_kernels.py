@@ -16,7 +16,7 @@ from polarsim.geometry.embree_library import embree
 
 SIZE = 8  # rays of a packet
 ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, NUMBER, FLAGS = 0, 3, 4, 7, 8, 9, 10, 11  # rows of a packet
-NORMAL, WEIGHTS, FACE, SHAPE, ROWS = 12, 15, 17, 18, 24
+NORMAL, WEIGHTS, FACE, SHAPE, INSTANCE, ROWS = 12, 15, 17, 18, 19, 24
 NOTHING = np.uint32(0xFFFFFFFF)  # RTC_INVALID_GEOMETRY_ID
 # RTCIntersectArguments: rays near each other, all features, no context, no filter, no function of ours.
 COHERENT = np.array([1 << 16, 0xFFFFFFFF, 0, 0, 0, 0, 0, 0], np.uint32)
@@ -44,7 +44,7 @@ def _packet():  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _fill(rays, integers, valid, origins, directions, first):  # type: ignore[no-untyped-def]
+def _fill(rays, integers, valid, origins, directions, first, mask):  # type: ignore[no-untyped-def]
     """Put the rays from number `first` on into the packet; how many these are."""
     count = min(SIZE, len(origins) - first)
     for k in range(SIZE):
@@ -53,27 +53,37 @@ def _fill(rays, integers, valid, origins, directions, first):  # type: ignore[no
         for k in range(count):
             rays[ORIGIN + axis, k] = origins[first + k, axis]
             rays[DIRECTION + axis, k] = directions[first + k, axis]
-    integers[MASK, :] = NOTHING
+    integers[MASK, :] = mask
     return count
 
 
 @nb.njit(
-    f"int64(intp, {_RAYS}, {_RAYS}, int64[::1], float32[::1], int64[::1], {_RAYS}, {_RAYS})", cache=True, nogil=True
+    f"int64(intp, int64[::1], uint32, {_RAYS}, {_RAYS}, int64[::1], float32[::1], int64[::1], {_RAYS}, {_RAYS})",
+    cache=True,
+    nogil=True,
 )
-def meet(scene, origins, directions, number, distance, face, weights, normal):  # type: ignore[no-untyped-def]
-    """Write what rays meet to the front of the arrays, in the order of rays; how many do."""
+def meet(  # type: ignore[no-untyped-def]
+    scene, first_face, mask, origins, directions, number, distance, face, weights, normal
+):
+    """Write what rays meet to the front of the arrays, in the order of rays; how many do.
+
+    `first_face`: number of the first face of each of the scene's parts. `mask`: bits of the parts that count.
+    """
     rays, integers, valid = _packet()
     arguments = COHERENT.copy()
     met = 0
     for first in range(0, len(origins), SIZE):
-        count = _fill(rays, integers, valid, origins, directions, first)
+        count = _fill(rays, integers, valid, origins, directions, first, mask)
         rays[FAR, :] = np.inf
         integers[SHAPE, :] = NOTHING
+        integers[INSTANCE, :] = NOTHING
         _intersect(valid.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
         for k in range(count):
             if integers[SHAPE, k] == NOTHING:
                 continue
-            number[met], distance[met], face[met] = first + k, rays[FAR, k], integers[FACE, k]
+            number[met], distance[met] = first + k, rays[FAR, k]
+            part = integers[INSTANCE, k] if integers[INSTANCE, k] != NOTHING else integers[SHAPE, k]
+            face[met] = first_face[part] + integers[FACE, k]
             weights[met, 0], weights[met, 1] = rays[WEIGHTS, k], rays[WEIGHTS + 1, k]
             for axis in range(3):
                 normal[met, axis] = rays[NORMAL + axis, k]
@@ -81,13 +91,13 @@ def meet(scene, origins, directions, number, distance, face, weights, normal):  
     return met
 
 
-@nb.njit(f"void(intp, {_RAYS}, {_RAYS}, float32[::1], float32, boolean[::1])", cache=True, nogil=True)
-def blocked(scene, origins, directions, far, near_metres, hit):  # type: ignore[no-untyped-def]
+@nb.njit(f"void(intp, uint32, {_RAYS}, {_RAYS}, float32[::1], float32, boolean[::1])", cache=True, nogil=True)
+def blocked(scene, mask, origins, directions, far, near_metres, hit):  # type: ignore[no-untyped-def]
     """Whether a triangle lies between `near_metres` and `far` (n,), in units of the direction's length."""
     rays, integers, valid = _packet()
     arguments = COHERENT.copy()
     for first in range(0, len(origins), SIZE):
-        count = _fill(rays, integers, valid, origins, directions, first)
+        count = _fill(rays, integers, valid, origins, directions, first, mask)
         for k in range(count):
             x, y, z = rays[DIRECTION, k], rays[DIRECTION + 1, k], rays[DIRECTION + 2, k]
             rays[NEAR, k] = near_metres / np.sqrt(x * x + y * y + z * z)

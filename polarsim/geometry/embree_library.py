@@ -17,10 +17,10 @@ import numpy as np
 from polarsim.errors import PolarsimError
 
 _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
-_TRIANGLES = 0  # RTC_GEOMETRY_TYPE_TRIANGLE
+_TRIANGLES, _INSTANCE = 0, 121  # RTC_GEOMETRY_TYPE_TRIANGLE, _INSTANCE
 _INDICES, _VERTICES = 0, 1  # RTC_BUFFER_TYPE_INDEX, _VERTEX
 _THREE_INTEGERS, _THREE_FLOATS = 0x5003, 0x9003  # RTC_FORMAT_UINT3, _FLOAT3
-_ROBUST = 1 << 2  # RTC_SCENE_FLAG_ROBUST: rays through shared edges do not slip between triangles
+ROBUST = 1 << 2  # RTC_SCENE_FLAG_ROBUST: rays through shared edges do not slip between triangles
 _ONE_THREAD = (
     b"threads=1,set_affinity=0"  # the tree, and so which of two triangles at one edge is hit, is the same anywhere
 )
@@ -38,6 +38,9 @@ _INTERFACE: dict[str, tuple[object, list[object]]] = {
         None,
         [_POINTER, ctypes.c_int, ctypes.c_uint, ctypes.c_int, _POINTER, _SIZE, _SIZE, _SIZE],
     ),
+    "rtcUpdateGeometryBuffer": (None, [_POINTER, ctypes.c_int, ctypes.c_uint]),
+    "rtcSetGeometryInstancedScene": (None, [_POINTER, _POINTER]),
+    "rtcSetGeometryMask": (None, [_POINTER, ctypes.c_uint]),
     "rtcCommitGeometry": (None, [_POINTER]),
     "rtcAttachGeometry": (ctypes.c_uint, [_POINTER, _POINTER]),
 }
@@ -73,29 +76,65 @@ class Scene:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         library = embree()
-        # Embree reads 16 bytes of every vertex, the last one too.
-        self._vertices = np.zeros((len(vertices) + 1, 3), np.float32)
-        self._vertices[:-1] = vertices
-        self._faces = np.ascontiguousarray(faces, np.uint32)
-        device = _device()
-        self.address: int = library.rtcNewScene(device)
+        self._vertices, self._faces = padded(vertices), np.ascontiguousarray(faces, np.uint32)
+        self.address: int = library.rtcNewScene(device())
         weakref.finalize(self, library.rtcReleaseScene, self.address)
-        library.rtcSetSceneFlags(self.address, _ROBUST)
-        geometry = library.rtcNewGeometry(device, _TRIANGLES)
-        for kind, form, numbers, count in (
-            (_INDICES, _THREE_INTEGERS, self._faces, len(self._faces)),
-            (_VERTICES, _THREE_FLOATS, self._vertices, len(vertices)),
-        ):
-            library.rtcSetSharedGeometryBuffer(geometry, kind, 0, form, numbers.ctypes.data, 0, 12, count)
-        library.rtcCommitGeometry(geometry)
-        library.rtcAttachGeometry(self.address, geometry)
-        library.rtcReleaseGeometry(geometry)  # the scene keeps it
+        library.rtcSetSceneFlags(self.address, ROBUST)
+        library.rtcReleaseGeometry(attach(self.address, self._vertices, self._faces))  # the scene keeps it
         library.rtcCommitScene(self.address)
-        if code := library.rtcGetDeviceError(device):
-            raise PolarsimError(f"rays: Embree cannot take these {len(faces)} triangles, error {code}")
+        check(len(faces))
+
+
+def padded(vertices: np.ndarray) -> np.ndarray:
+    """(v + 1, 3) float32 room for vertices (v, 3): Embree reads 16 bytes of every vertex, the last one too."""
+    room = np.zeros((len(vertices) + 1, 3), np.float32)
+    room[:-1] = vertices
+    return room
+
+
+def attach(scene: int, vertices: np.ndarray, faces: np.ndarray, mask: int = 1) -> int:
+    """Add `padded` vertices and faces (f, 3) uint32, which must stay where they are; the RTCGeometry, to be released.
+
+    `mask`: bits of rays that meet them; Embree's own default is 1.
+    """
+    library = embree()
+    geometry: int = library.rtcNewGeometry(device(), _TRIANGLES)
+    for kind, form, numbers, count in (
+        (_INDICES, _THREE_INTEGERS, faces, len(faces)),
+        (_VERTICES, _THREE_FLOATS, vertices, len(vertices) - 1),
+    ):
+        library.rtcSetSharedGeometryBuffer(geometry, kind, 0, form, numbers.ctypes.data, 0, 12, count)
+    library.rtcSetGeometryMask(geometry, mask)
+    library.rtcCommitGeometry(geometry)
+    library.rtcAttachGeometry(scene, geometry)
+    return geometry
+
+
+def attach_scene(scene: int, part: int, mask: int) -> int:
+    """Add a scene to another, seen by rays that share a bit with `mask`; the RTCGeometry, to be released."""
+    library = embree()
+    geometry: int = library.rtcNewGeometry(device(), _INSTANCE)
+    library.rtcSetGeometryInstancedScene(geometry, part)
+    library.rtcSetGeometryMask(geometry, mask)
+    library.rtcCommitGeometry(geometry)
+    library.rtcAttachGeometry(scene, geometry)
+    return geometry
+
+
+def updated(geometry: int, *, vertices: bool) -> None:
+    """Tell Embree that a geometry's vertices, or the scene in it, have changed."""
+    if vertices:
+        embree().rtcUpdateGeometryBuffer(geometry, _VERTICES, 0)
+    embree().rtcCommitGeometry(geometry)
+
+
+def check(faces: int) -> None:
+    """Raise a PolarsimError where Embree refused what was built last."""
+    if code := embree().rtcGetDeviceError(device()):
+        raise PolarsimError(f"rays: Embree cannot take these {faces} triangles, error {code}")
 
 
 @cache
-def _device() -> int:
+def device() -> int:
     """One for all scenes: with a second one a thread of Embree's would spin as long as the process runs."""
     return int(embree().rtcNewDevice(_ONE_THREAD))

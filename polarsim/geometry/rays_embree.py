@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from polarsim.geometry.embree_library import Scene
 from polarsim.geometry.rays import NO_FACE, START_OFFSET, Met
 
+if TYPE_CHECKING:
+    from polarsim.geometry.rays_parts import Parts
+
 T = TypeVar("T")
+ALL = np.uint32(0xFFFFFFFF)  # mask of rays that meet every shape
 _STRIP = 1 << 18  # rays handed to Embree at once: bounds the memory, and is what threads share
 
 
@@ -21,8 +25,9 @@ class EmbreeCaster:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, threads: int = 1) -> None:
         self._threads = max(1, threads)
+        self._first_face, self._mask = np.zeros(1, np.int64), ALL
         faces = np.asarray(faces).reshape(-1, 3)
-        self._scene = Scene(np.asarray(vertices).reshape(-1, 3), faces) if len(faces) else None
+        self._scene: Scene | Parts | None = Scene(np.asarray(vertices).reshape(-1, 3), faces) if len(faces) else None
 
     def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         met = self.meet(origins, directions)
@@ -40,7 +45,9 @@ class EmbreeCaster:
             distance = np.empty(count, np.float32)
             weights, normal = np.empty((count, 2), np.float32), np.empty((count, 3), np.float32)
             lines = _float32(origins[part]), _float32(directions[part])
-            met = embree_kernels.meet(scene, *lines, rays, distance, faces, weights, normal)
+            met = embree_kernels.meet(
+                scene, self._first_face, self._mask, *lines, rays, distance, faces, weights, normal
+            )
             return Met(rays[:met] + part.start, distance[:met], faces[:met], weights[:met], normal[:met])
 
         parts = self._in_strips(cast, len(origins)) or [_nothing_met()]
@@ -54,7 +61,7 @@ class EmbreeCaster:
             from polarsim.geometry import embree_kernels
 
             lines = _float32(origins[part]), _float32(directions[part])
-            embree_kernels.blocked(scene, *lines, _float32(far[part]), np.float32(START_OFFSET), hit[part])
+            embree_kernels.blocked(scene, self._mask, *lines, _float32(far[part]), np.float32(START_OFFSET), hit[part])
 
         self._in_strips(cast, len(origins))
         return hit

@@ -14,7 +14,7 @@ from polarsim.render import brdf
 from polarsim.render.hits import Hits, cast_strip, for_strips
 from polarsim.render.indirect import indirect_layers
 from polarsim.render.lamps import Lamp
-from polarsim.render.lighting import lighting, lit_share
+from polarsim.render.lighting import disc_share, lighting, lit_share
 from polarsim.render.materials import Materials, Reflectance
 from polarsim.render.options import CHRONO, Model, RenderOptions
 from polarsim.render.pixel_filter import sample_offsets
@@ -86,12 +86,16 @@ def render_view(
 
     def work(rows: slice) -> None:
         offset = None
+        shares: dict[str, np.ndarray] = {}  # of discs, that pixels' centres see
         for offset in () if by_device else offsets:
             hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, offset)
             surroundings.add(hits, len(offsets))
             for name, lamp in lamps.items():
+                if lamp.radius_m and offset == _CENTRE:
+                    shares[name] = disc_share(surfaces, hits, lamp, options.lamp_samples, options.lamp_probe_px)
+                known = shares.get(name) if offset == _CENTRE else None
                 lit, to_lamp, irradiance = lighting(
-                    surfaces, hits, lamp, falloff=options.falloff, samples=options.lamp_samples
+                    surfaces, hits, lamp, falloff=options.falloff, samples=options.lamp_samples, share=known
                 )
                 pixel, share = hits.pixel.take(lit), irradiance / np.float32(len(offsets))
                 if not lamp.radius_m:  # else it may be a part of the disc alone that lights them
@@ -104,10 +108,11 @@ def render_view(
         if not ids:
             return
         if offset != _CENTRE:
+            shares = {}
             hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, _CENTRE, smooth=False)
         pictures = {name: picture[rows].reshape(-1) for name, picture in ids.items()}
         lit_pixels = {name: lit[rows].reshape(-1) == len(offsets) for name, lit in samples_lit.items()}
-        identify(pictures, surfaces, hits, lamps, lit_pixels, options)
+        identify(pictures, surfaces, hits, lamps, lit_pixels, options, shares)
 
     if ids or not by_device:
         for_strips(lens.height, threads, work)
@@ -131,17 +136,22 @@ def identify(
     lamps: Mapping[str, Lamp],
     lit: Mapping[str, np.ndarray],
     options: RenderOptions,
+    shares: Mapping[str, np.ndarray] | None = None,
 ) -> None:
     """Write a strip's ids into flat pictures by lamp.
 
     `lit`: by lamp, bool for every pixel of the strip: its samples are all lit, and so is what lies between them.
+    `shares`: by lamp, how much of its disc the hits see, where that is known.
     """
     met = surfaces.id_of_face.take(hits.face)
     for name, picture in pictures.items():
         shown = met
         if name != NO_LAMP and lamps[name].radius_m:
-            flat = replace(hits, normal=hits.plane)  # whatever the number of samples a pixel
-            dark = lit_share(surfaces, flat, lamps[name], options.lamp_samples) < options.shadow_below
+            share = (shares or {}).get(name)
+            if share is None:
+                flat = replace(hits, normal=hits.plane)  # whatever the number of samples a pixel
+                share = lit_share(surfaces, flat, lamps[name], options.lamp_samples)
+            dark = share < options.shadow_below
             shown = disc_shadows(surfaces, hits, met, lamps[name], dark, options.lamp_samples)
         elif name != NO_LAMP:
             shown = ground_shadows(surfaces, hits, met, lamps[name], np.flatnonzero(lit[name].take(hits.pixel)))

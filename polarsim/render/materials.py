@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
+from polarsim.formats.instances import BACKGROUND, BODY, GROUND, ROCK_IDS
 from polarsim.render import brdf
 from polarsim.render.hits import Hits
 from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
@@ -132,7 +132,7 @@ def kinds_of(model: Model, surfaces: Surfaces, options: RenderOptions) -> Kinds:
     of_id, factor = np.zeros(size, np.int64), np.ones(size, np.float32)
     parameters: list[Parameters] = []
     for number in np.unique(surfaces.id_of_face).tolist():
-        names = _NAMES.get(number, (str(number - ROCK_IDS), "rocks"))
+        names = _names(number)
         own = options.parameters(model, *names)
         if own not in parameters:
             parameters.append(own)
@@ -140,6 +140,13 @@ def kinds_of(model: Model, surfaces: Surfaces, options: RenderOptions) -> Kinds:
     if not parameters:
         parameters = [options.parameters(model)]
     return Kinds(tuple(parameters), of_id if len(parameters) > 1 else None, None if (factor == 1).all() else factor)
+
+
+def _names(number: int) -> tuple[str, ...]:
+    """What the options call an id's material, its own name first."""
+    if BODY <= number < ROCK_IDS:
+        return f"body{number - BODY}", "body"
+    return _NAMES.get(number, (str(number - ROCK_IDS), "rocks"))
 
 
 def between_corners(of_vertex: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:

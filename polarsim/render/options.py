@@ -139,7 +139,7 @@ class Material(BaseModel, extra="forbid", frozen=True):
     principled_chrono: PrincipledChronoParameters | None = None
 
 
-_THINGS = ("ground", "rocks", "walls")
+_THINGS = ("ground", "rocks", "walls", "body")
 
 
 class FittingOptions(BaseModel, extra="forbid", frozen=True):
@@ -195,7 +195,8 @@ class RenderOptions(SensorOptions):
 
     materials: dict[str, Material] = Field(
         default_factory=dict,
-        description="Materials of `ground`, of all `rocks`, of one rock by its number, and of `walls`.",
+        description="Materials of `ground`, of all `rocks`, of one rock by its number, of `walls`, and of a rover's "
+        "`body`, or of one part of it: `body0`, `body1`.",
     )
     materials_from_photos: bool = Field(
         False,
@@ -212,6 +213,13 @@ class RenderOptions(SensorOptions):
         0, ge=0, description="Radius of the Sun lamps' discs, metres; 0: points, whose shadows have sharp edges."
     )
     lamp_samples: int = Field(16, ge=1, description="Rays to a lamp's disc where it is seen in part.")
+    lamp_probe_px: int = Field(
+        1,
+        ge=1,
+        le=32,
+        description="Above 1: only every so many-th pixel of a row probes a lamp's disc at centre and rim; pixels "
+        "between two that agree look at its centre alone. 8 takes half the time and moves few pixels.",
+    )
     shadow_below: float = Field(
         0.5, gt=0, le=1, description="A pixel counts as shadow where it sees less than this share of a lamp's disc."
     )
@@ -278,7 +286,7 @@ class RenderOptions(SensorOptions):
     @classmethod
     def _known_things(cls, materials: dict[str, Material]) -> dict[str, Material]:
         for name in materials:
-            if name not in _THINGS and not name.isdecimal():
+            if name not in _THINGS and not name.removeprefix("body").isdecimal():
                 raise ValueError(f"{name!r} is no material, expected {', '.join(_THINGS)} or a rock's number")
         return materials
 

@@ -15,7 +15,13 @@ _GOLDEN = np.pi * (3 - np.sqrt(5))  # radians between two points of Vogel's sunf
 
 
 def visible_share(
-    surfaces: Surfaces, points: np.ndarray, to_lamp: np.ndarray, radius_m: float, samples: int, turn: np.ndarray
+    surfaces: Surfaces,
+    points: np.ndarray,
+    to_lamp: np.ndarray,
+    radius_m: float,
+    samples: int,
+    turn: np.ndarray,
+    every: int = 1,
 ) -> np.ndarray:
     """(n,) float32 share, 0 to 1, of a disc that faces each point and that nothing hides from it.
 
@@ -27,14 +33,55 @@ def visible_share(
         Rays a point, where some of the first ones are blocked and some are not.
     turn : (n,) float
         Radians by which the pattern of rays is turned: another one for each point makes grain of what would be bands.
+    every : int
+        Above 1, of points in the order of a picture: only every so many-th one is probed at centre and rim. Where two
+        of them see the same, all or nothing, those between look at the centre alone, unless that differs nearby.
     """
-    share = 1 - _blocked_share(surfaces, points, to_lamp, radius_m, _rim(), turn)
+    share = np.empty(len(points), np.float32)
+    unsure = np.arange(len(points))
+    if every > 1:
+        unsure = _sparsely(surfaces, points, to_lamp, radius_m, turn, every, share)
+    share[unsure] = 1 - _blocked_share(surfaces, *_rows(unsure, points, to_lamp), radius_m, _rim(), turn[unsure])
     soft = np.flatnonzero((share > 0) & (share < 1))
     if len(soft):
         share[soft] = 1 - _blocked_share(
             surfaces, points[soft], to_lamp[soft], radius_m, _sunflower(samples), turn[soft]
         )
     return share
+
+
+def _sparsely(
+    surfaces: Surfaces,
+    points: np.ndarray,
+    to_lamp: np.ndarray,
+    radius_m: float,
+    turn: np.ndarray,
+    every: int,
+    share: np.ndarray,
+) -> np.ndarray:
+    """Write the share of points (n,) that lie among alike ones; numbers of the others."""
+    count = len(points)
+    probed = np.minimum(np.arange(0, count + every - 1, every), max(count - 1, 0)) if count else np.zeros(0, np.int64)
+    found = 1 - _blocked_share(surfaces, *_rows(probed, points, to_lamp), radius_m, _rim(), turn[probed])
+    between = np.minimum(np.arange(count) // every, len(probed) - 2) if len(probed) > 1 else np.zeros(count, np.int64)
+    first, second = found[between], found[np.minimum(between + 1, len(probed) - 1)]
+    alike = np.flatnonzero((first == second) & ((first == 0) | (first == 1)))
+    differs = np.zeros(count + 2 * every, np.int64)  # a margin on both sides
+    open_centre = ~surfaces.all.blocked(*_rows(alike, points, to_lamp), 1.0)
+    differs[every + alike[open_centre != (first[alike] == 1)]] = 1
+    so_far = np.concatenate([[0], differs.cumsum()])
+    near = so_far[every + every // 2 + 1 :][:count] - so_far[every - every // 2 :][:count] > 0
+    sure = alike[~near[alike]]
+    share[sure] = first[sure]
+    others = np.ones(count, bool)
+    others[sure] = False
+    return np.flatnonzero(others)
+
+
+def _rows(numbers: np.ndarray, points: np.ndarray, to_lamp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    if len(numbers) == len(points):
+        return points, to_lamp
+    return points.take(numbers, axis=0), to_lamp.take(numbers, axis=0)
 
 
 def _rim() -> np.ndarray:

@@ -23,6 +23,11 @@ def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
     )  # fmt: skip
 
 
+def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200) -> None:
+    """`bulldozing.settle`: let disturbed ground everywhere slide until it rests."""
+    _slide(ground.state, ground.owner, ground.cell * math.tan(math.radians(angle_deg)), sweeps, DISTURBED)
+
+
 @njit(cache=True)
 def _bulldoze(  # type: ignore[no-untyped-def]
     state, normals, owner, x0, y0, cell, shapes, centres, rotations, weights, share, headroom, climb, sweeps,
@@ -43,8 +48,7 @@ def _bulldoze(  # type: ignore[no-untyped-def]
             part, slopes, owners, shapes[body], centres[body, 2], rotations[body], dx, dy, cell,
             weights, share, headroom,
         )  # fmt: skip
-        for _ in range(sweeps):
-            _slide(part, owners, climb)
+        _slide(part, owners, climb, sweeps, 0.0)
 
 
 @njit(cache=True)
@@ -80,7 +84,7 @@ def _push(  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
                 met = _meet(shape, rotation, dx + cell * column, dy + cell * row, cell)
                 if met[0] > 0 and height + met[1] - part[row, column, LEVEL] < headroom:
                     room[row, column] = 0.0
-    reached = _blur(room, weights)
+    reached = _blur_at(pressed, room, weights)
     for row in range(rows):
         for column in range(columns):
             if pressed[row, column] > 0 and reached[row, column] > 0:
@@ -114,26 +118,73 @@ def _blur(field, weights):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _slide(part, owners, climb):  # type: ignore[no-untyped-def]
+def _blur_at(wanted, field, weights):  # type: ignore[no-untyped-def]
+    """`_blur` where `wanted` is above 0, which is at few nodes; 0 elsewhere."""
+    rows, columns = field.shape
+    reach = len(weights) // 2
+    total = np.zeros((rows, columns))
+    along = np.empty(rows)
+    for column in range(columns):
+        top, bottom = rows, 0
+        for row in range(rows):
+            if wanted[row, column] > 0:
+                top, bottom = min(top, row), max(bottom, row + 1)
+        if top >= bottom:
+            continue
+        for row in range(max(top - reach, 0), min(bottom + reach, rows)):
+            one = 0.0
+            for other in range(max(column - reach, 0), min(column + reach + 1, columns)):
+                one += weights[column - other + reach] * field[row, other]
+            along[row] = one
+        for row in range(top, bottom):
+            if wanted[row, column] > 0:
+                for other in range(max(row - reach, 0), min(row + reach + 1, rows)):
+                    total[row, column] += weights[other - row + reach] * along[other]
+    return total
+
+
+@njit(cache=True)
+def _slide(part, owners, climb, sweeps, still):  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
+    """All sweeps, or until none moves a level by more than `still`, metres.
+
+    On copies that lie close together, for a node's state is spread over a cache line of its own.
+    """
     rows, columns = owners.shape
+    level, start, original = np.empty((rows, columns)), np.empty((rows, columns)), np.empty((rows, columns))
+    for row in range(rows):
+        for column in range(columns):
+            level[row, column] = part[row, column, LEVEL]
+            start[row, column] = part[row, column, START]
+            original[row, column] = part[row, column, ORIGINAL]
     change = np.zeros((rows, columns))
-    for row in range(rows):
-        for column in range(columns):
-            if owners[row, column] != FREE:
-                continue
-            for side in range(2):
-                to_row, to_column = row + side, column + 1 - side
-                if to_row == rows or to_column == columns or owners[to_row, to_column] != FREE:
+    for _ in range(sweeps):
+        most = 0.0
+        for row in range(rows):
+            for column in range(columns):
+                if owners[row, column] != FREE:
                     continue
-                one, two = part[row, column], part[to_row, to_column]
-                excess = abs(two[LEVEL] - one[LEVEL]) - climb
-                if excess > 0 and (
-                    abs(one[LEVEL] - one[ORIGINAL]) > DISTURBED or abs(two[LEVEL] - two[ORIGINAL]) > DISTURBED
-                ):
-                    moved = MOVED * excess if two[LEVEL] > one[LEVEL] else -MOVED * excess
-                    change[row, column] += moved
-                    change[to_row, to_column] -= moved
+                for side in range(2):
+                    to_row, to_column = row + side, column + 1 - side
+                    if to_row == rows or to_column == columns or owners[to_row, to_column] != FREE:
+                        continue
+                    one, two = level[row, column], level[to_row, to_column]
+                    excess = abs(two - one) - climb
+                    if excess > 0 and (
+                        abs(one - original[row, column]) > DISTURBED
+                        or abs(two - original[to_row, to_column]) > DISTURBED
+                    ):
+                        moved = MOVED * excess if two > one else -MOVED * excess
+                        change[row, column] += moved
+                        change[to_row, to_column] -= moved
+        for row in range(rows):
+            for column in range(columns):
+                most = max(most, abs(change[row, column]))
+                level[row, column] += change[row, column]
+                start[row, column] += change[row, column]
+                change[row, column] = 0.0
+        if most <= still:
+            break
     for row in range(rows):
         for column in range(columns):
-            part[row, column, LEVEL] += change[row, column]
-            part[row, column, START] += change[row, column]
+            part[row, column, LEVEL] = level[row, column]
+            part[row, column, START] = start[row, column]

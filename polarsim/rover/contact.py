@@ -77,7 +77,8 @@ def window(ground: Ground, numbers: np.ndarray, centre: np.ndarray, rotation: np
     width = numbers[HALF_WIDTH]
     # A wheel is a disc of any turn; a plate turns with its frame and gets the circle around it.
     axle = rotation[:2, 1] if numbers[KIND] == WHEEL else np.zeros(2)
-    half = length * np.sqrt(1 - axle**2) + width * np.abs(axle)
+    # Rounding makes an axle along y a little longer than 1.
+    half = length * np.sqrt(np.maximum(1 - axle**2, 0.0)) + width * np.abs(axle)
     if numbers[KIND] != WHEEL:
         half = half + width
     first = np.floor((centre[:2] - half - (ground.x0, ground.y0)) / ground.cell).astype(int)
@@ -153,7 +154,9 @@ def _pressure(
 ) -> np.ndarray:
     """Elastic up to the pressure borne before, then Bekker's curve; the depth that stays is written to the nodes."""
     plastic = tried > nodes[:, YIELD]
-    curve = np.minimum(tried, stiffness * s**exponent)
+    # Slip that rises lowers the curve, but soil that bore a pressure does not give way below it: else a wheel that
+    # starts to turn, at slip 1 for a moment, would fall.
+    curve = np.minimum(tried, np.maximum(stiffness * s**exponent, nodes[:, YIELD]))
     nodes[:, YIELD] = np.where(plastic, curve, nodes[:, YIELD])
     kept = np.where(plastic, s - curve / law.K_e, nodes[:, PLASTIC])
     nodes[:, FLOW] += np.maximum(kept - nodes[:, PLASTIC], 0.0)

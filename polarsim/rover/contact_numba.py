@@ -159,8 +159,8 @@ def _window(shape, centre, rotation, x0, y0, cell, rows, columns):  # type: igno
     length = max(shape[RADIUS] + (shape[GROUSER_HEIGHT] if shape[GROUSERS] > 0 else 0.0), shape[HALF_LENGTH])
     ax, ay = (rotation[0, 1], rotation[1, 1]) if shape[KIND] == WHEEL else (0.0, 0.0)
     extra = 0.0 if shape[KIND] == WHEEL else shape[HALF_WIDTH]
-    half_x = length * math.sqrt(1 - ax**2) + shape[HALF_WIDTH] * abs(ax) + extra
-    half_y = length * math.sqrt(1 - ay**2) + shape[HALF_WIDTH] * abs(ay) + extra
+    half_x = length * math.sqrt(max(1 - ax**2, 0.0)) + shape[HALF_WIDTH] * abs(ax) + extra
+    half_y = length * math.sqrt(max(1 - ay**2, 0.0)) + shape[HALF_WIDTH] * abs(ay) + extra
     return (
         max(math.floor((centre[1] - half_y - y0) / cell), 0),
         min(math.ceil((centre[1] + half_y - y0) / cell) + 1, rows),
@@ -221,7 +221,7 @@ def _press(  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, 
                 v_n = vx * nx + vy * ny + vz * nz
                 # Pressure: elastic up to what was borne before, then Bekker's curve.
                 if tried > node[YIELD]:
-                    sigma = min(tried, stiffness * s**exponent)
+                    sigma = min(tried, max(stiffness * s**exponent, node[YIELD]))
                     node[YIELD] = sigma
                     kept = s - sigma / law.K_e
                     node[FLOW] += max(kept - node[PLASTIC], 0.0)

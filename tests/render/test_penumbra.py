@@ -97,3 +97,35 @@ def test_the_sun_is_half_a_degree_wide_and_as_bright_everywhere(surfaces):
     dark, half, bright = shares(surfaces, np.array([end + width, end, end - width]), sun)
     assert (dark, bright) == (0, 1)
     assert half == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize("every", [4, 8])
+def test_sparse_probes_see_what_all_probes_see(surfaces, every):
+    """Across the shadow, point by point: umbra, penumbra on both sides of it, open ground."""
+    x = np.linspace(EDGE - 1.2, EDGE + 0.3, 4000)
+    points = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1).astype(np.float32)
+    to_lamp = (LAMP.position - points).astype(np.float32)
+    turn = np.linspace(0, 40, len(x))
+    full, sparse = (visible_share(surfaces, points, to_lamp, 0.2, 16, turn, step) for step in (1, every))
+    soft = (full > 0) & (full < 1)
+    assert soft.mean() > 0.02
+    np.testing.assert_array_equal(sparse, full)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 9])
+def test_sparse_probes_of_few_points(surfaces, count):
+    points = np.tile(np.array([[0.9, 0.9, 0.5]], np.float32), (count, 1))
+    to_lamp = (LAMP.position - points).astype(np.float32)
+    found = visible_share(surfaces, points, to_lamp, 0.2, 16, np.zeros(count), 8)
+    np.testing.assert_array_equal(found, visible_share(surfaces, points, to_lamp, 0.2, 16, np.zeros(count)))
+
+
+def test_a_picture_with_sparse_probes_differs_in_few_pixels(surfaces, above, lens, plain):
+    def picture(every):
+        options = plain.model_copy(update={"lamp_probe_px": every})
+        return render_view(surfaces, above, lens, {"lamp": LAMP}, ["lambert"], ["lamp"], options)
+
+    full, sparse = picture(1), picture(8)
+    one, other = full.layers["lambert", "lamp"], sparse.layers["lambert", "lamp"]
+    assert (np.abs(one - other) > 0.1 * np.median(one[one > 0])).mean() < 0.001
+    assert (full.ids["lamp"] != sparse.ids["lamp"]).mean() < 0.0005

@@ -235,3 +235,25 @@ def test_grousers_reach_deeper_than_the_rim(lunar):
 def test_grousers_thinner_than_a_cell_are_refused():
     with pytest.raises(RoverError, match="fall between nodes 20 mm apart"):
         MGRU3.numbers(0.02)
+
+
+def test_an_axle_a_rounding_longer_than_one_still_bears(lunar):
+    """The rotation of a rover's wheel is never exact: along y its axle may be 1 + 2e-16."""
+    turn = np.eye(3)
+    turn[1, 1] = np.nextafter(1.0, 2.0)
+    wheel, still = Wheel(0.25, 0.20), np.zeros((1, 3))
+    for press in (contact.press, contact_numba.press):
+        ground = flat_ground(1.0, 0.4, 0.02)
+        bodies = Bodies(wheel.numbers(0.02)[None], np.array([[0.5, 0.0, 0.24]]), turn[None], still, still)
+        assert press(ground, bodies, lunar.law(), Rule(), 1e-3).forces[0, 2] > 10
+
+
+def test_soil_that_bore_a_load_still_does_when_slip_sets_in(lunar):
+    wheel, still = Wheel(0.25, 0.20), np.zeros((1, 3))
+    ground = flat_ground(1.0, 0.4, 0.02)
+    spun = np.array([[0.0, 1.0, 0.0]])  # on the spot: slip 1
+    loads = []
+    for spin in (still, spun):
+        bodies = Bodies(wheel.numbers(0.02)[None], np.array([[0.5, 0.0, 0.235]]), np.eye(3)[None], still, spin)
+        loads.append(contact.press(ground, bodies, lunar.law(), Rule(), 1e-6).forces[0, 2])
+    assert loads[1] == pytest.approx(loads[0], rel=1e-3)

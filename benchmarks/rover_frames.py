@@ -1,0 +1,92 @@
+"""What a frame of a drive costs: one view under one Sun, both models, three exposures, labels and files.
+
+`python benchmarks/rover_frames.py [--drive results/RUN/rover/seed0] [--view CamBirdViewLeft] [--frames 5]`
+
+CPU seconds (all threads; wall clock of two cores is half of it and a little) by part, and the largest resident memory.
+Without `--drive` a drive over made-up hills and rocks is used (`tests/rover/driven.py`).
+
+Last figures, a drive of 20 s over the demo's terrains 11, 3 and 1, one thread, both cores busy with other work:
+CamBirdViewLeft, 1920 x 1080: ground 0.12, render 2.48, expose 0.02, labels 0.04, files 0.07, all 2.73 (2.56 to 2.96);
+0.72 GiB; 1,630,558 triangles.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats import png
+from polarsim.rover.frames import truth_of
+from polarsim.rover.sight import Sight
+from polarsim.rover.sight_options import SightOptions
+from polarsim.rover.trace import Trace, read_trace
+from polarsim.rover.truth import write_truth
+from polarsim.rover.vehicle import read_vehicle
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--drive", type=Path, help="folder of a drive")
+    parser.add_argument("--vehicle", type=Path, default=Path("config/viper.yaml"))
+    parser.add_argument("--view", default="CamBirdViewLeft")
+    parser.add_argument("--sun", default="2")
+    parser.add_argument("--frames", type=int, default=5, help="how many, in the drive's second half")
+    parser.add_argument("--threads", type=int, default=1)
+    chosen = parser.parse_args()
+    options = SightOptions(views=(chosen.view,), suns=(chosen.sun,))
+    sight = Sight(_trace(chosen.drive), read_vehicle(chosen.vehicle), options)
+    start = time.process_time()
+    first = len(sight.frames) // 2
+    sight.show(first)
+    sight.render(chosen.view, [chosen.sun], chosen.threads)  # what is built once
+    print(f"start: {time.process_time() - start:.2f} s, {len(sight.stage.surfaces.faces):,} triangles")
+    rows = [_frame(sight, chosen, first + 1 + number) for number in range(chosen.frames)]
+    names = ("ground", "render", "expose", "labels", "files")
+    median = np.median(rows, axis=0)
+    parts = ", ".join(f"{name} {value:.2f}" for name, value in zip(names, median, strict=True))
+    lens = sight.mounts[chosen.view].lens
+    print(f"{chosen.view}, {lens.width} x {lens.height}, {len(rows)} frames, CPU s: {parts}; all {median.sum():.2f}")
+    walls = [row.sum() for row in np.array(rows)]
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    print(f"from {min(walls):.2f} to {max(walls):.2f}; {memory:.2f} GiB")
+
+
+def _frame(sight: Sight, chosen: argparse.Namespace, frame: int) -> list[float]:
+    """CPU seconds of each part."""
+    view, sun, options = chosen.view, chosen.sun, sight.options
+    marks = [time.process_time()]
+    sight.show(frame)
+    marks.append(time.process_time())
+    rendering = sight.render(view, [sun], chosen.threads)
+    marks.append(time.process_time())
+    pictures = [
+        sight.exposed(rendering, view, sun, model, exposure)
+        for model in options.models
+        for exposure in options.exposures_ms
+    ]
+    marks.append(time.process_time())
+    truth = truth_of(sight, rendering, sun, frame)
+    marks.append(time.process_time())
+    with tempfile.TemporaryDirectory() as folder:
+        for number, picture in enumerate(pictures):
+            png.write(Path(folder) / f"{number}.png", picture)
+        write_truth(Path(folder), truth, pictures[0].shape[::-1], "")
+    marks.append(time.process_time())
+    return list(np.diff(marks))
+
+
+def _trace(drive: Path | None) -> Trace:
+    if drive is not None:
+        return read_trace(drive)
+    from tests.rover.driven import trace
+
+    return trace(seconds=12, start=5.5)
+
+
+if __name__ == "__main__":
+    main()

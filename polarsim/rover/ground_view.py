@@ -1,0 +1,74 @@
+"""From a box in the front camera's picture to a place and a size on the ground before the rover.
+
+A box's lower side is where a rock meets the ground; its width at that distance is the rock's width, and its depth too;
+its upper side is the rock's top, above the footprint's middle. The ground ahead is the plane under the wheels, which is
+all that a rover with one camera knows, or the ground as it was surveyed before the drive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+
+Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of the ground at world x and y, metres
+_LEAST_FALL = 0.02  # of a ray per metre: flatter ones meet the ground too far away to tell where
+_ROUNDS = 12  # of walking to the ground along a ray; each one leaves the slope over the ray's fall of the error
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Rocks as boxes show them, n of them; world frame, metres."""
+
+    near: np.ndarray  # (n, 2) where the box's lower side meets the ground
+    middle: np.ndarray  # (n, 2) of the footprint
+    width: np.ndarray  # (n,)
+    height: np.ndarray  # (n,) not below 0
+
+
+def plane_under(world_from_base: Pose, ground_m: float) -> Heights:
+    """The plane at height `ground_m` of base_link."""
+    place, up = world_from_base.apply(np.array([0.0, 0, ground_m])), world_from_base.rotation[:, 2]
+
+    def heights(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.asarray(place[2] - ((x - place[0]) * up[0] + (y - place[1]) * up[1]) / up[2])
+
+    return heights
+
+
+def estimate(boxes: np.ndarray, lens: Lens, world_from_camera: Pose, ground: Heights) -> Estimate:
+    """What boxes (n, 4) tell; NaN where the lower side does not look down at the ground."""
+    boxes = np.asarray(boxes, float).reshape(-1, 4)
+    left, top, right, bottom = boxes.T
+    eye = world_from_camera.translation
+    lower = np.stack([(left + right) / 2, bottom], axis=1)
+    near = on_ground(lower, lens, world_from_camera, ground)
+    depth = world_from_camera.inverse().apply(near)[:, 2]
+    width = (right - left) / lens.fx * depth
+    ahead = near[:, :2] - eye[:2]
+    reach = np.hypot(*ahead.T)
+    away = ahead / np.where(reach > 0, reach, 1.0)[:, None]
+    middle = near[:, :2] + away * (width / 2)[:, None]
+    upper = world_from_camera.rotate(lens.directions(np.stack([(left + right) / 2, top], axis=1)))
+    rise = upper[:, 2] / np.maximum(np.hypot(upper[:, 0], upper[:, 1]), 1e-9)
+    height = eye[2] + rise * (reach + width / 2) - near[:, 2]
+    return Estimate(near[:, :2], middle, width, np.maximum(height, 0))
+
+
+def on_ground(pixels: np.ndarray, lens: Lens, world_from_camera: Pose, ground: Heights) -> np.ndarray:
+    """(n, 3) where rays through pixels (n, 2) meet the ground; NaN where they do not."""
+    rays = world_from_camera.rotate(lens.directions(pixels))
+    eye = world_from_camera.translation
+    falls = -rays[:, 2] > _LEAST_FALL * np.hypot(rays[:, 0], rays[:, 1])
+    rays = np.where(falls[:, None], rays, np.nan)
+    level = ground(*eye[:2, None]) + np.zeros(len(rays))
+    places = np.full((len(rays), 3), np.nan)
+    for _ in range(_ROUNDS):
+        places = eye + ((level - eye[2]) / rays[:, 2])[:, None] * rays
+        known = np.isfinite(places).all(axis=1)
+        level = np.where(known, ground(*np.where(known[:, None], places, 0)[:, :2].T), level)
+    return np.asarray(places)

@@ -1,0 +1,86 @@
+"""All options of the rover: which drives a run makes, and those of each step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import BaseModel, Field, field_validator, model_validator
+
+from polarsim.detect.options import DetectOptions
+from polarsim.rover.bag_options import BagOptions
+from polarsim.rover.options import DriveOptions, SoilOptions, WorldOptions
+from polarsim.rover.sight_options import FOLLOWING, FRONT, REAL, SightOptions, picture_set
+
+
+class RoverOptions(BaseModel, extra="forbid", frozen=True):
+    """Drives over a run's terrains: physics by seed, pictures by view and Sun, what a judge sees on board, bags."""
+
+    run: bool = Field(False, description="Drive: without it the run has no rover, and nothing else of it changes.")
+    seeds: tuple[int, ...] = Field((0,), min_length=1, description="A drive each: start, ground and noise differ.")
+    judge: str | None = Field(
+        None, description="Training domain of the run's judge that looks through the front camera; none: truth alone."
+    )
+    bags: bool = Field(True, description="Write an MCAP file of ROS 2 messages for every drive.")
+    world: WorldOptions = Field(WorldOptions(), description="What is driven over.")
+    soil: SoilOptions = Field(SoilOptions(), description="The soil and its law.")
+    drive: DriveOptions = Field(DriveOptions(), description="Where the rover goes and how it is steered.")
+    sight: SightOptions = Field(SightOptions(), description="Pictures, and what is made of them on board.")
+    bag: BagOptions = Field(BagOptions(), description="What goes into the bags.")
+
+    @field_validator("seeds")
+    @classmethod
+    def _each_once(cls, values: tuple[int, ...]) -> tuple[int, ...]:
+        if len(set(values)) < len(values) or min(values) < 0:
+            raise ValueError("seeds are 0 or more, each once")
+        return values
+
+    @model_validator(mode="after")
+    def _bag_of_pictures(self) -> RoverOptions:
+        sight, bag = self.sight, self.bag
+        for name, value, known in (
+            ("sun", bag.sun, self.suns),
+            ("model", bag.model, sight.models),
+            ("exposure_ms", bag.exposure_ms, sight.exposures_ms),
+        ):
+            if self.run and self.bags and value not in known:
+                raise ValueError(f"bag.{name}: {value!r} is not among sight's, {', '.join(map(str, known))}")
+        return self
+
+    @property
+    def suns(self) -> tuple[str, ...]:
+        """Names of all Suns."""
+        return (*self.sight.suns, *([REAL] if self.sight.real_sun else []))
+
+    @property
+    def picture_sets(self) -> tuple[str, ...]:
+        """Names of the sets of pictures that every view has."""
+        sight = self.sight
+        return tuple(
+            picture_set(sun, model, exposure)
+            for sun in self.suns
+            for model in sight.models
+            for exposure in sight.exposures_ms
+        )
+
+    @property
+    def shown_set(self) -> str:
+        """The set that figures show: that of the bags where there are some, else the first."""
+        chosen = picture_set(self.bag.sun, self.bag.model, self.bag.exposure_ms)
+        return chosen if chosen in self.picture_sets else self.picture_sets[0]
+
+    @property
+    def shown_view(self) -> str:
+        """The view that the figure of the drive shows: one that follows the rover where there is one."""
+        return next((view for view in self.sight.views if view in FOLLOWING), self.sight.views[0])
+
+    @property
+    def onboard(self) -> bool:
+        """Whether the front camera takes pictures: what is seen on board is seen by it."""
+        return FRONT in self.sight.views
+
+    def sight_with(self, weights: Path | None, detect: DetectOptions | None) -> SightOptions:
+        """Sight's options with a judge of the run in them."""
+        if weights is None:
+            return self.sight
+        judge = {"weights": weights} if detect is None else {"weights": weights, "detect": detect}
+        return self.sight.model_copy(update={"onboard": self.sight.onboard.model_copy(update=judge)})

@@ -1,0 +1,75 @@
+"""One drive from meshes to its bag, step by step; what an earlier call finished or began is gone on with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+
+from polarsim.formats.files import read_json
+from polarsim.rover.bag import write_bag
+from polarsim.rover.drive import drive_to_end, job_of
+from polarsim.rover.frames import render_frames
+from polarsim.rover.onboard import detect_drive, measure_drive
+from polarsim.rover.report import figures_of
+from polarsim.rover.rover_options import RoverOptions
+from polarsim.rover.sight_options import SightOptions
+from polarsim.rover.trace import DRIVE, Trace, read_trace
+from polarsim.rover.urdf import write_urdf
+from polarsim.rover.vehicle import read_vehicle
+from polarsim.rover.video import make_videos
+
+BAG, URDF = "drive.mcap", "rover.urdf"
+
+
+def run_all(
+    *,
+    meshes: Path,
+    folder: Path,
+    options: RoverOptions,
+    sight: SightOptions,
+    seed: int,
+    progress: Callable[[float], None] | None = None,
+    pictures: bool = True,
+    threads: int = 1,
+) -> pd.DataFrame:
+    """Drive, take the pictures, judge them on board, write the bag and the URDF.
+
+    Returns the drive's figures, as `figures_of` has them.
+
+    Raises
+    ------
+    PolarsimError
+        Whatever a step cannot work with: one line.
+    """
+    trace = driven(meshes, folder, options, seed, progress)
+    vehicle = read_vehicle(options.drive.vehicle)
+    write_urdf(folder / URDF, vehicle)
+    if pictures:
+        render_frames(folder, vehicle, sight, seed, threads)
+        if options.onboard:
+            if sight.onboard.weights is not None:
+                detect_drive(folder, vehicle, sight, seed, threads)
+            measure_drive(folder, vehicle, sight, seed)
+        if sight.videos:
+            make_videos(folder, vehicle, sight, seed)
+    if options.bags:
+        write_bag(folder, folder / BAG, vehicle, options.bag, seed)
+    return figures_of(trace)
+
+
+def driven(
+    meshes: Path, folder: Path, options: RoverOptions, seed: int, progress: Callable[[float], None] | None
+) -> Trace:
+    """A drive's trace: driven now, unless the same one lies in the folder."""
+    job = job_of(meshes=meshes, world=options.world, soil=options.soil, drive=options.drive, seed=seed)
+    if (folder / DRIVE).is_file() and _finished(folder / DRIVE, job.digest()):
+        return read_trace(folder)
+    return drive_to_end(job, folder, progress)
+
+
+def _finished(path: Path, digest: str) -> bool:
+    """Whether this very drive was driven; one whose energy did not close is no drive."""
+    told = read_json(path)
+    return bool(told.get("digest") == digest and told.get("ended") != "energy")

@@ -1,0 +1,180 @@
+"""What the rover's cameras see at the picture times of a drive: light by model and Sun, and whose pixel is whose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from polarsim.errors import RoverError
+from polarsim.formats.instances import BACKGROUND
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+from polarsim.render.gain import default_gain
+from polarsim.render.layers import NO_LAMP, Rendering, render_view
+from polarsim.render.optics import imaged, through_lens
+from polarsim.render.options import Material, Model, RenderOptions
+from polarsim.render.sensor import expose, noise_of
+from polarsim.render.views.sections import StarField
+from polarsim.render.views.stars import Sky, sky_of, star_radiance
+from polarsim.rover import prints
+from polarsim.rover.bodywork import Body, body_of, links_at
+from polarsim.rover.mounts import Mount, base_from_camera
+from polarsim.rover.prints import Print, Tread
+from polarsim.rover.sight_options import FOLLOWING, SightOptions
+from polarsim.rover.stage import Rocks, Stage
+from polarsim.rover.suns import suns_of
+from polarsim.rover.trace import Trace
+from polarsim.rover.tracks import Lattice, Tracks
+from polarsim.rover.vehicle import CameraPart, Vehicle
+from polarsim.rover.world import World
+
+
+class Sight:
+    """A drive's pictures. Frames are the drive's picture times; `show` moves on to one, from the one before or not."""
+
+    def __init__(self, trace: Trace, vehicle: Vehicle, options: SightOptions, *, seed: int = 0) -> None:
+        """
+        Raises
+        ------
+        RoverError, ConfigError
+            No Sun, an unknown camera, too many rocks.
+        """
+        self.trace, self.vehicle, self.options, self.seed = trace, vehicle, options, seed
+        self.mounts = {name: mount_of(vehicle.camera(name), options.scale) for name in options.views}
+        for name in options.views:
+            if vehicle.camera(name).link != "base_link":
+                raise RoverError(f"camera {name}: on link {vehicle.camera(name).link}, base_link was expected")
+        self.suns = suns_of(options)
+        self.body = body_of(vehicle)
+        self.render_options = options_of(options, self.body)
+        self._events = _events(trace, vehicle)
+        self._tread = _tread(vehicle, options)
+        self._frame = -1
+
+    @property
+    def frames(self) -> list[int]:
+        """Numbers of the frames that are asked for."""
+        return list(range(0, len(self.trace.tracks.time), self.options.every))
+
+    def show(self, frame: int) -> None:
+        """Bring ground, prints and rover to a frame."""
+        if frame < self._frame:
+            self.__dict__.pop("stage", None)  # prints cannot be taken back
+            self._frame = -1
+        if self._frame < 0:
+            self._level = self.trace.world.level.copy()
+        before = -np.inf if self._frame < 0 else float(self.trace.tracks.time[self._frame])
+        for number in range(self._frame + 1, frame + 1):
+            self.trace.tracks.apply(number, self._level)
+        now = float(self.trace.tracks.time[frame])
+        if self.options.print_depth_m:
+            new = [event for event in self._events if before < event.time_s <= now]
+            prints.stamp(self.stage.tracks, new, self._tread)
+        self.stage.show(self._level, self.links_at(now))
+        self._frame = frame
+
+    def links_at(self, time_s: float) -> dict[str, Pose]:
+        """Poses of all links."""
+        codes = [wheel.code for wheel in self.vehicle.wheels]
+        return links_at(
+            self.vehicle,
+            self.trace.pose_at(time_s),
+            {code: self.trace.pose_at(time_s, code) for code in codes},
+            {code: self.trace.value_at(time_s, f"{code}_lift_m") for code in codes},
+            {code: self.trace.value_at(time_s, f"{code}_steer_rad") for code in codes},
+        )
+
+    def camera(self, view: str, frame: int) -> tuple[Pose, Lens]:
+        """`world_from_camera` and lens of a view at a frame."""
+        mount = self.mounts[view]
+        return mount.world_from_camera(self.trace.pose_at(float(self.trace.tracks.time[frame]))), mount.lens
+
+    def render(self, view: str, suns: Sequence[str], threads: int = 1) -> Rendering:
+        """Layers and ids of a view of the frame that is shown, stars and lens included."""
+        pose, lens = self.camera(view, self._frame)
+        lamps = {name: self.suns[name].lamp for name in suns}
+        options, models = self.render_options, self.options.models
+        found = render_view(self.stage.surfaces, pose, lens, lamps, models, list(suns), options, threads)
+        layers = through_lens(found.whole, lamps, self.stage.surfaces, pose, lens, options, threads)
+        if self._sky is not None:
+            empty = found.ids[NO_LAMP] == BACKGROUND
+            for name in suns:
+                stars = empty * star_radiance(self._sky, self.suns[name].world_from_celestial, pose, lens)
+                stars = imaged(stars, lens, options)
+                layers |= {(model, name): layers[model, name] + stars for model in models}
+        return Rendering(layers, found.ids)
+
+    def exposed(self, rendering: Rendering, view: str, sun: str, model: Model, exposure_ms: float) -> np.ndarray:
+        """(h, w) uint16 picture of the frame that is shown, 12-bit grey values."""
+        options = self.render_options
+        gain = options.gain.get(model, default_gain(model, options))
+        noise = noise_of(options, "rover", self.seed, self._frame, view, sun, model, exposure_ms)
+        return expose(rendering.layers[model, sun], exposure_ms * gain, options, noise)
+
+    @cached_property
+    def stage(self) -> Stage:
+        """The scene; built on first use."""
+        world, options = self.trace.world, self.options
+        changed = np.zeros(world.level.size, bool)
+        changed[self.trace.tracks.cell] = True
+        lattice = Lattice(world.x0, world.y0, world.cell, world.level)
+        tracks = Tracks(lattice, changed.reshape(world.level.shape), options.finer, options.settle_deg)
+        return Stage(tracks, rocks_of(world), self.body, seat_m=self.render_options.seat_m, far_m=options.far_m)
+
+    @cached_property
+    def _sky(self) -> Sky | None:
+        if self.options.stars == "none":
+            return None
+        return sky_of(StarField(intensity=self.options.bright_stars if self.options.stars == "bright" else 1.0))
+
+
+def mount_of(camera: CameraPart, scale: float = 1.0) -> Mount:
+    """A camera of the vehicle's table."""
+    lens = Lens(
+        camera.focal, camera.focal, camera.width_px / 2, camera.height_px / 2,
+        width=camera.width_px, height=camera.height_px,
+    ).scaled(scale)  # fmt: skip
+    pose = base_from_camera(np.array(camera.position_m), camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
+    return Mount(camera.name, pose, lens, level=camera.name in FOLLOWING)
+
+
+def rocks_of(world: World) -> Rocks:
+    """A world's rocks; rock numbers here are places in its table, from 1 on."""
+    number = np.zeros(len(world.triangles), np.int64)
+    spans = world.rocks[["first_face", "faces"]].to_numpy(int)
+    for place, (first, count) in enumerate(spans, 1):
+        number[first : first + count] = place
+    return Rocks(world.vertices, world.triangles[number > 0], number[number > 0])
+
+
+def options_of(options: SightOptions, body: Body) -> RenderOptions:
+    """The renderer's options with the body's materials in them."""
+    factor = options.body_darker / options.ground_albedo
+    own = {f"body{n}": Material(albedo=max(albedo, 0.01) * factor) for n, albedo in enumerate(body.albedo)}
+    render = options.render
+    return render.model_copy(update={"models": options.models, "materials": {**own, **render.materials}})
+
+
+def _events(trace: Trace, vehicle: Vehicle) -> list[Print]:
+    """Prints of all wheels in the order of time."""
+    table = trace.table
+    found = []
+    for wheel in vehicle.wheels:
+        if wheel.grousers:
+            code = wheel.code
+            found += prints.prints_of(
+                table["time_s"].to_numpy(),
+                table[f"{code}_spin_rad"].to_numpy(),
+                table[[f"{code}_{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy(),
+                table[[f"{code}_{name}" for name in ("qw", "qx", "qy", "qz")]].to_numpy(),
+                table[f"{code}_contact"].isin(["soil", "both"]).to_numpy(),
+                wheel.grousers,
+            )
+    return sorted(found, key=lambda event: event.time_s)
+
+
+def _tread(vehicle: Vehicle, options: SightOptions) -> Tread:
+    wheel = vehicle.wheels[0]
+    return Tread(max(wheel.grousers, 1), wheel.radius_m, wheel.width_m, options.print_depth_m, options.print_sd_m)

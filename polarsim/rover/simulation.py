@@ -1,0 +1,430 @@
+"""A rover on soft ground, step by step: rigid bodies and rocks by MuJoCo, the soil by our own contact."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from polarsim.errors import FormatError, RoverError
+from polarsim.rover import energy
+from polarsim.rover.bulldozing import Bulldozing, taps
+from polarsim.rover.control import Command, wheel_commands
+from polarsim.rover.ground import ORIGINAL, START, make_ground
+from polarsim.rover.hulls import rock_hulls, under_rocks
+from polarsim.rover.mjcf import compile_model, import_mujoco
+from polarsim.rover.options import SoilOptions, WorldOptions
+from polarsim.rover.shapes import reach
+from polarsim.rover.soil import Soil
+from polarsim.rover.trace import BODY_COLUMNS, COLUMNS, WHEEL_COLUMNS
+from polarsim.rover.vehicle import WHEELS, Vehicle
+from polarsim.rover.world import World, read_arrays, write_arrays
+
+EDGE = 0.05  # m of ground beyond every wheel at least
+LIFT, STEER, SPIN = range(3)
+SLOWEST = 1e-3  # m/s, below which a wheel has no slip to speak of
+
+
+class OffGridError(RoverError):
+    """A wheel came too near to the ground's edge."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a rover is put down: base_link's place and heading from x towards y."""
+
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = 0.0
+
+
+@dataclass(frozen=True)
+class State:
+    """Of one instant; arrays of wheels are in the order of `WHEELS`."""
+
+    time: float  # s
+    position: np.ndarray  # (3,) of base_link in the world
+    rotation: np.ndarray  # (4,) quaternion w x y z, world from base_link
+    velocity: np.ndarray  # (3,) world
+    spin: np.ndarray  # (3,) base_link
+    acceleration: np.ndarray  # (3,) as an accelerometer in base_link reads it
+    command: Command
+    energy_open: float
+    wheels: np.ndarray  # (4, len(WHEEL_COLUMNS)) as the trace has them, contacts as places in `CONTACTS`
+
+    @property
+    def heading(self) -> float:
+        """From x towards y."""
+        return heading_of(self.rotation)
+
+    def wheel(self, column: str) -> np.ndarray:
+        """(4,) values of one of `WHEEL_COLUMNS`."""
+        return np.asarray(self.wheels[:, WHEEL_COLUMNS.index(column)])
+
+    def row(self, offset: float, heading_error: float) -> np.ndarray:
+        """(len(COLUMNS),) of the trace."""
+        body = (
+            self.time, *self.position, *self.rotation, *self.velocity, *self.spin, *self.acceleration,
+            offset, heading_error, self.command.speed_m_s, self.command.steer_rad, self.energy_open,
+        )  # fmt: skip
+        assert len(body) == len(BODY_COLUMNS)
+        row = np.concatenate([body, self.wheels.ravel()])
+        assert len(row) == len(COLUMNS)
+        return row
+
+
+def heading_of(rotation: np.ndarray) -> float:
+    """From x towards y, of a quaternion w x y z."""
+    w, x, y, z = rotation
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+class Simulation:
+    """A rover in a world; same arguments and commands, same bytes.
+
+    Parameters
+    ----------
+    world : World
+        Ground and rocks.
+    vehicle : Vehicle
+        The rover's table.
+    soil : Soil
+        As measured; it is brought to the options' gravity.
+    options : SoilOptions
+        How the law is stepped.
+    start : Start
+        The rover is put down here without speed; let it settle before it drives.
+
+    Raises
+    ------
+    OffGridError
+        The start is off the grid.
+    RoverError
+        The step is too large for the soil's stiffness, a rock has no volume, or MuJoCo is
+        not installed.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        vehicle: Vehicle,
+        soil: Soil,
+        options: SoilOptions | None = None,
+        start: Start | None = None,
+        rocks: WorldOptions | None = None,
+    ) -> None:
+        self._mujoco = import_mujoco()
+        from polarsim.rover import mujoco_kernels
+
+        self._kernels = mujoco_kernels
+        self.world, self.vehicle, self.options = world, vehicle, options or SoilOptions()
+        if self.options.scale_by_gravity:
+            soil = soil.at_gravity(self.options.gravity_m_s2)
+        self.soil, self._law = soil, soil.law(self.options.slip_sinkage)
+        energy.require_small_step(vehicle, self._law, self.options)
+        rules = rocks or WorldOptions()
+        hulls = rock_hulls(world, rules.rock_hollow_m, rules.rock_parts)
+        self.ground = make_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))
+        self._shapes = np.array([wheel.smooth.numbers(world.cell) for wheel in vehicle.wheels])
+        self.model = compile_model(vehicle, hulls, self.options.gravity_m_s2, self.options.step_s)
+        self.data = self._mujoco.MjData(self.model)
+        self._wire()
+        self.steps, self.guarded = 0, False
+        self.time_zero = 0  # steps at time 0
+        self.command = Command()
+        self._put_down(start or Start())
+
+    @property
+    def dt(self) -> float:
+        return self.options.step_s
+
+    @property
+    def time(self) -> float:
+        """Seconds since `zero`."""
+        return (self.steps - self.time_zero) * self.dt
+
+    @property
+    def heading(self) -> float:
+        """Of base_link now, from x towards y."""
+        return heading_of(self.data.qpos[3:7])
+
+    @property
+    def account(self) -> energy.Account:
+        """Where the energy went since `zero`."""
+        return energy.Account.of(self._account, self._mechanical() - self._energy_zero)
+
+    def zero(self) -> None:
+        """Count time and energy from here, once the rover has settled: from now on the balance is guarded."""
+        self.guarded = True
+        self.time_zero = self.steps
+        self._account[:] = 0.0
+        self._energy_zero = self._mechanical()
+
+    def apply(self, command: Command) -> None:
+        """Command all wheels; steering follows at the rate that the vehicle can."""
+        self.command = command
+
+    def advance(self, seconds: float) -> None:
+        """Go on for whole steps, at least one; commands reach the servos at once, so call it often while steering.
+
+        Raises
+        ------
+        OffGridError
+            A wheel leaves the grid.
+        EnergyError
+            The state is not finite, or the energy balance is open by more than its bound.
+        """
+        steps = max(round(seconds / self.dt), 1)
+        self._require_inside(self.data.xpos[self._bodies])
+        self._steer(steps * self.dt)
+        self._run(steps)
+        if not np.isfinite(self.data.qpos).all():
+            raise energy.EnergyError(f"at {self.time:.2f} s the rover's state is not finite: take a smaller step")
+        if self.guarded:
+            energy.require_closed(self.account, self.options.energy_bound, self.time)
+
+    def state(self) -> State:
+        """What can be known of this instant."""
+        data, position = self.data, self.data.qpos
+        return State(
+            time=self.time,
+            position=position[:3].copy(),
+            rotation=position[3:7].copy(),
+            velocity=data.qvel[:3].copy(),
+            spin=data.qvel[3:6].copy(),
+            acceleration=data.sensordata[:3].copy(),
+            command=self.command,
+            energy_open=self.account.open,
+            wheels=self._wheels(),
+        )
+
+    def save(self, path: str | Path, **more: np.ndarray) -> None:
+        """All that `load` needs beside the constructor's arguments, and arrays of the caller's own."""
+        whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
+        physics = np.empty(self._mujoco.mj_stateSize(self.model, whole))
+        self._mujoco.mj_getState(self.model, self.data, physics, whole)
+        command = self.command
+        write_arrays(
+            Path(path),
+            physics=physics,
+            ground=self.ground.state,
+            owner=self.ground.owner,
+            forces=self._forces,
+            readings=self._readings,
+            constraint=self.data.qfrc_constraint,
+            actuator=self.data.actuator_force,
+            sensor=self.data.sensordata,
+            account=self._account,
+            counts=np.array([self.steps, self.time_zero, self.guarded]),
+            energy_zero=np.float64(self._energy_zero),
+            command=np.array([command.speed_m_s, command.steer_rad, ("drive", "crab", "turn").index(command.mode)]),
+            **more,
+        )
+
+    def restore(self, path: str | Path) -> dict[str, np.ndarray]:
+        """Put everything back as `save` found it; all arrays that it wrote.
+
+        Raises
+        ------
+        FormatError
+            No saved state, or one of another world or rover.
+        """
+        path = Path(path)
+        names = (
+            "physics", "ground", "owner", "forces", "readings", "constraint", "actuator", "sensor", "account", "counts",
+            "energy_zero", "command",
+        )  # fmt: skip
+        saved = read_arrays(path, names)
+        whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
+        if saved["ground"].shape != self.ground.state.shape or len(saved["physics"]) != self._mujoco.mj_stateSize(
+            self.model, whole
+        ):
+            raise FormatError(f"{path}: the state of another world or rover")
+        self._mujoco.mj_setState(self.model, self.data, saved["physics"], whole)
+        self._mujoco.mj_step1(self.model, self.data)
+        self.ground.state[:], self.ground.owner[:] = saved["ground"], saved["owner"]
+        self._forces[:], self._readings[:], self._account[:] = saved["forces"], saved["readings"], saved["account"]
+        self.data.qfrc_constraint[:], self.data.actuator_force[:] = saved["constraint"], saved["actuator"]
+        self.data.sensordata[:] = saved["sensor"]
+        self.steps, self.time_zero = (int(count) for count in saved["counts"][:2])
+        self.guarded = bool(saved["counts"][2])
+        self._energy_zero = float(saved["energy_zero"])
+        speed, steer, mode = saved["command"]
+        modes: tuple[Literal["drive", "crab", "turn"], ...] = ("drive", "crab", "turn")
+        self.command = Command(float(speed), float(steer), modes[int(mode)])
+        return saved
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        world: World,
+        vehicle: Vehicle,
+        soil: Soil,
+        options: SoilOptions | None = None,
+        rocks: WorldOptions | None = None,
+    ) -> Simulation:
+        """A simulation as `save` left it, in the same world.
+
+        Raises
+        ------
+        FormatError
+            No saved state, or one of another world or rover.
+        """
+        middle = Start(float(world.x.mean()), float(world.y.mean()))
+        simulation = cls(world, vehicle, soil, options, middle, rocks)
+        simulation.restore(path)
+        return simulation
+
+    def _require_inside(self, centres: np.ndarray) -> None:
+        try:
+            self.ground.require_inside(centres, self._reach + EDGE)
+        except RoverError as error:
+            raise OffGridError(str(error)) from error
+
+    def _wire(self) -> None:
+        """Views of MuJoCo's memory and room for what the kernel writes."""
+        data, vehicle = self.data, self.vehicle
+        named = [self.model.body(f"{code}_wheel").id for code in WHEELS]
+        self._bodies = np.array(named, np.int64)
+        rims = {self.model.geom(f"{code}_rim").id: number for number, code in enumerate(WHEELS)}
+        self._wheel_of_geom = np.full(self.model.ngeom, -1)
+        for geom, number in rims.items():
+            self._wheel_of_geom[geom] = number
+        self._views = (
+            data.xpos, data.xmat, data.cvel, data.subtree_com, data.xfrc_applied, data.qvel, data.qfrc_constraint,
+            data.actuator_force, self._bodies,
+            np.array(
+                [
+                    vehicle.drive.gain_n_m_s_rad, vehicle.drive.torque_limit_n_m, vehicle.suspension.damping_n_s_m,
+                    vehicle.steering.damping_n_m_s_rad, vehicle.drive.damping_n_m_s_rad,
+                ]
+            ),
+        )  # fmt: skip
+        self._forces, self._torques, self._readings = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros((4, 4))
+        self._account = np.zeros(self._kernels.SIZE)
+        self._energy_zero = 0.0
+        self._reach = reach(self._shapes)
+        self._radii = np.array([wheel.radius_m for wheel in vehicle.wheels])
+        self._steering = np.zeros(4)
+
+    def _run(self, steps: int) -> None:
+        ground, rule, options = self.ground, self.options.rule, self.options.bulldozing
+        moved = options.rule(self.dt) if options else Bulldozing(every=0)
+        self._kernels.advance(
+            self.model._address, self.data._address, steps, self.steps, self.dt, *self._views,
+            ground.state, ground.normals, ground.owner, ground.x0, ground.y0, ground.cell, self._shapes,
+            self._law, rule.normal_of_terrain, rule.clearance, rule.shear_cap,
+            taps(moved, ground.cell), moved.share, moved.headroom,
+            ground.cell * math.tan(math.radians(moved.angle_deg)), moved.sweeps, moved.every,
+            self._forces, self._torques, self._readings, self._account,
+        )  # fmt: skip
+        self.steps += steps
+
+    def _put_down(self, start: Start) -> None:
+        """Along the slope that bears it, no wheel below the ground or rock under it, and locked."""
+        turn = np.array(
+            [[math.cos(start.heading), -math.sin(start.heading)], [math.sin(start.heading), math.cos(start.heading)]]
+        )
+        centres = self.vehicle.wheel_centres[:, :2] @ turn.T + (start.x, start.y)
+        self._require_inside(centres)
+        supports = np.array([self._support(x, y) for x, y in centres])
+        # The plane through what bears the wheels, in a frame that heads as the rover does.
+        places = self.vehicle.wheel_centres
+        plane = np.column_stack([places[:, :2], np.ones(len(places))])
+        along, across, _ = np.linalg.lstsq(plane, supports, rcond=None)[0]
+        up = np.array([-along, -across, 1.0]) / math.sqrt(1 + along**2 + across**2)
+        forward = np.array([1.0, 0.0, along]) / math.hypot(1.0, along)
+        level_from_base = np.stack([forward, np.cross(up, forward), up], axis=1)
+        z = max(supports + self._radii / up[2] - (places @ level_from_base.T)[:, 2])
+        turned = Rotation.from_euler("z", start.heading) * Rotation.from_matrix(level_from_base)
+        self.data.qpos[:3] = start.x, start.y, z
+        self.data.qpos[3:7] = turned.as_quat()[[3, 0, 1, 2]]
+        self._mujoco.mj_step1(self.model, self.data)
+        self._energy_zero = self._mechanical()
+
+    def _support(self, x: float, y: float) -> float:
+        """Highest ground under a wheel's middle; on a rock its top."""
+        column = round((x - self.ground.x0) / self.ground.cell)
+        row = round((y - self.ground.y0) / self.ground.cell)
+        near = math.ceil(0.12 / self.ground.cell)
+        part = slice(max(row - near, 0), row + near + 1), slice(max(column - near, 0), column + near + 1)
+        top = float(self.ground.level[part].max())
+        rocks = self.world.rocks
+        close = np.hypot(rocks["x_m"] - x, rocks["y_m"] - y) < rocks["radius_m"] + self._reach
+        for rock in rocks.loc[close, "rock"]:
+            top = max(top, float(self.world.rock_mesh(int(rock))[0][:, 2].max()))
+        return top
+
+    def _steer(self, seconds: float) -> None:
+        """Hand the command to the servos."""
+        angles, rims = wheel_commands(self.command, self.vehicle)
+        most = math.radians(self.vehicle.steering.rate_deg_s) * seconds
+        now = self.data.ctrl[:4]
+        self.data.ctrl[:4] = now + np.clip(angles - now, -most, most)
+        quicker = self.vehicle.drive.acceleration_m_s2 * seconds / self._radii
+        now = self.data.ctrl[4:]
+        self.data.ctrl[4:] = now + np.clip(rims / self._radii - now, -quicker, quicker)
+        # A speed servo creeps under load: wheels that are to stand are braked.
+        braked = not (rims.any() or self.data.ctrl[4:].any())
+        self.model.dof_frictionloss[6 + SPIN :: 3] = self.vehicle.drive.brake_torque_n_m if braked else 0.0
+
+    def _mechanical(self) -> float:
+        """Kinetic and potential energy, of the springs as well, J."""
+        return float(self.data.energy[0] + self.data.energy[1])
+
+    def _wheels(self) -> np.ndarray:
+        data, count = self.data, len(WHEELS)
+        table = np.zeros((count, len(WHEEL_COLUMNS)))
+        joints = data.qpos[7:].reshape(count, 3)
+        rates = data.qvel[6:].reshape(count, 3)
+        centres = data.xpos[self._bodies]
+        table[:, 0], table[:, 1], table[:, 2] = joints[:, STEER], joints[:, LIFT], joints[:, SPIN]
+        table[:, 3], table[:, 4:7], table[:, 7:11] = rates[:, SPIN], centres, data.xquat[self._bodies]
+        table[:, 11] = self._slips(rates[:, SPIN])
+        table[:, 12:14] = self._sunk(centres)
+        # What rocks bear passes through the suspension's constraint force; the soil's force is known.
+        table[:, 14] = self._forces[:, 2] + data.qfrc_constraint[6:].reshape(count, 3)[:, LIFT]
+        table[:, 15] = data.actuator_force[count:]
+        soil = self._readings[:, 3] > 0
+        rock = np.zeros(count, bool)
+        for geoms in data.contact.geom:
+            for geom in geoms:
+                if self._wheel_of_geom[geom] >= 0:
+                    rock[self._wheel_of_geom[geom]] = True
+        table[:, 16] = soil + 2 * rock
+        return table
+
+    def _slips(self, spin: np.ndarray) -> np.ndarray:
+        """(4,): 1 where a wheel turns on the spot, 0 where it rolls, below 0 where it is pushed."""
+        turns = self.data.xmat[self._bodies].reshape(-1, 3, 3)
+        offset = self.data.xpos[self._bodies] - self.data.subtree_com[1]
+        speed = self.data.cvel[self._bodies]
+        velocity = speed[:, 3:] + np.cross(speed[:, :3], offset)
+        axle = turns[:, :, 1]
+        forward = velocity[:, 0] * axle[:, 1] - velocity[:, 1] * axle[:, 0]
+        rim = spin * self._radii
+        larger = np.maximum(np.abs(rim), np.abs(forward))
+        direction = np.sign(np.where(np.abs(rim) > SLOWEST, rim, forward))
+        slip = direction * (rim - forward) / np.where(larger > SLOWEST, larger, 1.0)
+        return np.where(larger > SLOWEST, slip, 0.0)
+
+    def _sunk(self, centres: np.ndarray) -> np.ndarray:
+        """(4, 2) m of the wheels' lowest lines below the level from which sinkage counts, and below the original one.
+
+        A mean over the rim's inner part: what was pushed up along its edges is not what it sank from.
+        """
+        ground, axles = self.ground, self.data.xmat[self._bodies].reshape(-1, 3, 3)[:, :, 1]
+        level = np.hypot(axles[:, 0], axles[:, 1])
+        lowest = centres[:, 2] - self._radii * level
+        across = np.outer([-0.3, -0.15, 0.0, 0.15, 0.3], [wheel.width_m for wheel in self.vehicle.wheels])
+        x = centres[:, 0] + across * axles[:, 0]
+        y = centres[:, 1] + across * axles[:, 1]
+        columns = np.rint((x - ground.x0) / ground.cell).astype(int)
+        rows = np.rint((y - ground.y0) / ground.cell).astype(int)
+        nodes = ground.state[rows, columns]
+        return np.stack([nodes[..., kind].mean(axis=0) - lowest for kind in (START, ORIGINAL)], axis=1)

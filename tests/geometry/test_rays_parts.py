@@ -1,0 +1,52 @@
+"""Scenes in parts: the same hits as all triangles at once, before and after parts have moved."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.geometry.rays import caster
+from polarsim.geometry.rays_parts import Part, Parts
+
+
+def soup(random, triangles):
+    """Separate triangles about the origin, so that no edge is shared and no tie depends on a tree."""
+    return random.normal(size=(3 * triangles, 3)), np.arange(3 * triangles).reshape(-1, 3)
+
+
+def rays(random, number):
+    return random.normal(size=(number, 3)) * 3, random.normal(size=(number, 3))
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), sizes=st.lists(st.integers(1, 40), min_size=1, max_size=6), moved=st.booleans())
+def test_parts_are_met_as_all_triangles_at_once(seed, sizes, moved):
+    random = np.random.default_rng(seed)
+    soups = [soup(random, size) for size in sizes]
+    scene = Parts([Part(*each) for each in soups])
+    if moved:
+        soups[-1] = (soups[-1][0] + [0.5, -1, 2], soups[-1][1])
+        scene.move(len(soups) - 1, soups[-1][0])
+        scene.commit()
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in soups)])
+    whole = caster(
+        np.concatenate([vertices for vertices, _ in soups]),
+        np.concatenate([faces + start for (_, faces), start in zip(soups, starts, strict=False)]),
+    )
+    origins, directions = rays(random, 300)
+    ours, theirs = scene.caster().nearest(origins, directions), whole.nearest(origins, directions)
+    np.testing.assert_array_equal(ours[1], theirs[1])
+    np.testing.assert_allclose(ours[0], theirs[0], rtol=1e-5)
+    np.testing.assert_array_equal(
+        scene.caster().blocked(origins, directions, 1.0), whole.blocked(origins, directions, 1.0)
+    )
+
+
+@pytest.mark.parametrize(("mask", "face"), [(1, 0), (2, 1), (3, 0)])
+def test_a_mask_chooses_the_parts_that_rays_meet(mask, face):
+    triangle = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]])
+    one = np.array([[0, 1, 2]])
+    scene = Parts([Part(triangle + np.array([0, 0, 1]), one, 1), Part(triangle, one, 2)])
+    distance, found = scene.caster(mask).nearest(np.array([[0.0, 0, 3]]), np.array([[0.0, 0, -1]]))
+    assert found == face
+    np.testing.assert_allclose(distance, 2 + face)

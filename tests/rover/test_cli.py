@@ -1,0 +1,79 @@
+"""`polarsim drive` as a user calls it: bad input in one line, a finished drive not driven again."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.rover.drives import SMALL, configured, write_meshes
+
+pytest.importorskip("mujoco", reason="mujoco is not installed")
+pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
+
+
+def polarsim(*arguments: object) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-c", "from polarsim.cli import main; main()", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        cwd=Path(__file__).parents[2],
+    )
+
+
+def call(folder: Path, *more: object, **rover) -> subprocess.CompletedProcess:
+    content = configured(**{**SMALL, **rover}) | {"run": "small", "terrains": [3]}
+    (folder / "small.yaml").write_text(yaml.safe_dump(content))
+    return polarsim("drive", "--config", folder / "small.yaml", "--results", folder, "--no-pictures", *more)
+
+
+def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(tmp_path):
+    write_meshes(tmp_path / "small/meshes/Terrain03", 3)
+    short = {**SMALL["drive"], "longest_s": 1.0, "settle_s": 0.5}
+    done = call(tmp_path, drive=short)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "small/rover/seed0"
+    assert done.stdout.splitlines()[-1].endswith(str(folder))
+    assert "offset, RMS" in done.stdout
+    before = {path.name: (path.stat().st_mtime_ns, path.read_bytes()) for path in folder.glob("*.*")}
+    assert {"drive.json", "trace.parquet", "drive.mcap", "rover.urdf"} <= set(before)
+    again = call(tmp_path, drive=short)
+    assert again.stdout == done.stdout
+    assert (folder / "trace.parquet").stat().st_mtime_ns == before["trace.parquet"][0]  # not driven again
+    assert (folder / "drive.mcap").read_bytes() == before["drive.mcap"][1]
+
+
+def test_another_seed_is_another_drive(tmp_path):
+    write_meshes(tmp_path / "small/meshes/Terrain03", 3)
+    short = {**SMALL["drive"], "longest_s": 0.5, "settle_s": 0.1}
+    for seed in (0, 4):
+        assert call(tmp_path, "--seed", seed, drive=short).returncode == 0
+    one, other = (tmp_path / f"small/rover/seed{seed}/trace.parquet" for seed in (0, 4))
+    assert one.read_bytes() != other.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("rover", "reason"),
+    [
+        ({"drive": {"path_m": [[0, 0], [-30, 0]]}}, "the path leaves the ground"),
+        ({"soil": {"soil": "cheese"}}, "no soil 'cheese'"),
+        ({"soil": {"step_s": 0.02}}, "too large"),
+        ({"drive": {"vehicle": "none.yaml"}}, "none.yaml: no readable YAML"),
+    ],
+)
+def test_bad_input_ends_in_one_line(tmp_path, rover, reason):
+    write_meshes(tmp_path / "small/meshes/Terrain03", 3)
+    done = call(tmp_path, **rover)
+    assert done.returncode == 1
+    lines = [line for line in done.stderr.splitlines() if line.startswith("error:")]
+    assert len(lines) == 1
+    assert reason in lines[0]
+    assert "Traceback" not in done.stderr
+
+
+def test_a_run_without_meshes_is_named(tmp_path):
+    done = call(tmp_path)
+    assert done.returncode == 1
+    assert "Terrain03" in done.stderr

@@ -1,0 +1,182 @@
+"""Ruts in pictures: smooth between nodes, still where nothing changed, the same whatever was shown before."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.rover import bulldozing
+from polarsim.rover.bulldozing_numba import settle as fast_settle
+from polarsim.rover.ground import LEVEL, make_ground
+from polarsim.rover.prints import Print, Tread, prints_of, stamp
+from polarsim.rover.tracks import TILE, Lattice, Tracks, linear_weights, spline_weights, tile_faces
+
+CELL = 0.02
+TREAD = Tread(24, 0.25, 0.2, 0.006, 0.006)
+
+
+def hills(rows=97, columns=129):
+    y, x = np.mgrid[:rows, :columns] * CELL
+    return Lattice(-0.5, 0.3, CELL, 0.03 * np.sin(2 * x) * np.cos(3 * y))
+
+
+def rutted(lattice, columns=slice(30, 90)):
+    level = lattice.level.copy()
+    level[40:50, columns] -= 0.016
+    return level
+
+
+def tracks(lattice, finer=3):
+    return Tracks(lattice, rutted(lattice) != lattice.level, finer, 36)
+
+
+def heights(own, number):
+    return own.mesh(number)[0][:, 2].reshape(own.side, own.side)
+
+
+@settings(max_examples=15, deadline=None)
+@given(place=st.floats(0, 5), finer=st.integers(1, 5))
+def test_splines_give_back_straight_lines(place, finer):
+    weights, derivative = spline_weights(6, finer)
+    nodes = place + 0.3 * np.arange(-1, 8)
+    fine = np.arange(6 * finer + 1) / finer
+    np.testing.assert_allclose(weights @ nodes, place + 0.3 * fine, atol=1e-9)
+    np.testing.assert_allclose(derivative @ nodes, 0.3, atol=1e-9)
+    assert weights.min() >= 0  # so that they cannot overshoot
+
+
+def test_untouched_tiles_continue_the_coarse_mesh():
+    lattice = hills()
+    own = tracks(lattice)
+    for number, (row, column) in enumerate(own.tiles):
+        z = heights(own, number)[:: own.finer, :: own.finer]
+        np.testing.assert_allclose(z, lattice.level[row : row + TILE + 1, column : column + TILE + 1], atol=1e-12)
+    edge = linear_weights(TILE, 3) @ lattice.level[own.tiles[0][0] : own.tiles[0][0] + TILE + 1, own.tiles[0][1]]
+    np.testing.assert_allclose(heights(own, 0)[:, 0], edge, atol=1e-12)
+
+
+def test_tiles_meet_without_a_gap_while_the_rut_runs_through_them():
+    lattice = hills()
+    own = tracks(lattice)
+    own.show(rutted(lattice))
+    of_place = {}
+    for number in range(len(own.tiles)):
+        vertices, normals = own.mesh(number)
+        for vertex, normal in zip(np.round(vertices, 6), normals, strict=True):
+            key = tuple(vertex[:2])
+            before = of_place.setdefault(key, (vertex[2], normal))
+            np.testing.assert_allclose(vertex[2], before[0], atol=1e-9)
+            np.testing.assert_allclose(normal, before[1], atol=1e-6)
+
+
+def test_at_the_rim_of_the_tiles_nothing_changes():
+    lattice = hills()
+    own = tracks(lattice)
+    own.show(rutted(lattice))
+    covered = own.covered
+    rim = [n for n, (r, c) in enumerate(own.tiles) if not covered[r - 1, c]]
+    assert rim
+    for number in rim:
+        row, column = own.tiles[number]
+        before = linear_weights(TILE, own.finer) @ lattice.level[row, column : column + TILE + 1]
+        np.testing.assert_allclose(heights(own, number)[0], before, atol=1e-12)
+
+
+def test_normals_are_those_of_the_surface_that_is_shown():
+    lattice = hills()
+    own = tracks(lattice, finer=8)
+    own.show(rutted(lattice))
+    number = len(own.tiles) // 2
+    z, fine = heights(own, number), CELL / 8
+    along_y, along_x = np.gradient(z, fine)
+    normals = own.mesh(number)[1].reshape(own.side, own.side, 3)
+    inner = (slice(2, -2), slice(2, -2))
+    np.testing.assert_allclose((-normals[..., 0] / normals[..., 2])[inner], along_x[inner], atol=0.05)
+    np.testing.assert_allclose((-normals[..., 1] / normals[..., 2])[inner], along_y[inner], atol=0.05)
+
+
+def test_only_tiles_near_a_change_are_built_anew():
+    lattice = hills()
+    own = tracks(lattice)
+    own.show(rutted(lattice))
+    assert own.show(rutted(lattice)) == []
+    moved = rutted(lattice)
+    moved[45, 80] -= 0.001
+    again = own.show(moved)
+    assert 0 < len(again) <= 4
+    assert any(r <= 45 <= r + TILE and c <= 80 <= c + TILE for r, c in (own.tiles[n] for n in again))
+
+
+def test_a_moment_looks_the_same_whatever_was_shown_before():
+    lattice = hills()
+    one, other = tracks(lattice), tracks(lattice)
+    for end in (50, 60, 75):
+        one.show(rutted(lattice, slice(30, end)))
+    one.show(rutted(lattice))
+    other.show(rutted(lattice))
+    for number in range(len(one.tiles)):
+        np.testing.assert_array_equal(one.mesh(number)[0], other.mesh(number)[0])
+
+
+def test_no_wall_of_a_rut_is_steeper_than_sand_lies():
+    lattice = Lattice(0, 0, CELL, np.zeros((97, 129)))
+    level = lattice.level.copy()
+    level[40:50, 30:90] -= 0.05
+    own = Tracks(lattice, level != 0, 4, 36)
+    own.show(level)
+    up = min(own.mesh(number)[1][:, 2].min() for number in range(len(own.tiles)))
+    assert (
+        np.degrees(np.arccos(up)) < 46
+    )  # the angle along one axis; sliding along both leaves corners 1.4 times so steep
+
+
+def test_compiled_settling_obeys_the_reference(rng):
+    level = np.cumsum(rng.normal(0, 0.01, (40, 50)), axis=1)
+    grounds = [make_ground(np.zeros((40, 50)), CELL) for _ in range(2)]
+    for ground in grounds:
+        ground.state[..., LEVEL] = level
+    bulldozing.settle(grounds[0])
+    fast_settle(grounds[1])
+    np.testing.assert_allclose(grounds[1].level, grounds[0].level, atol=1e-12)
+
+
+def test_tiles_face_up():
+    side = 5
+    y, x = np.mgrid[:side, :side]
+    corners = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)[tile_faces(side)].astype(float)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert len(normals) == 2 * (side - 1) ** 2
+    assert (normals[:, 2] > 0).all()
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.3])
+def test_prints_lie_as_far_apart_as_the_wheel_rolls_and_slips(slip):
+    time = np.linspace(0, 10, 1001)
+    spin = 0.8 * time
+    centres = np.stack([spin * 0.25 * (1 - slip), 0 * time, 0.25 + 0 * time], axis=1)
+    quaternions = np.stack([np.cos(spin / 2), 0 * spin, np.sin(spin / 2), 0 * spin], axis=1)  # turning about y
+    found = prints_of(time, spin, centres, quaternions, np.ones(1001, bool), 24)
+    gaps = np.diff([event.place[0] for event in found])
+    np.testing.assert_allclose(gaps, TREAD.spacing * (1 - slip), rtol=1e-6)
+    np.testing.assert_allclose([event.ahead for event in found], np.tile([1.0, 0], (len(found), 1)), atol=1e-9)
+
+
+def test_a_wheel_on_a_rock_prints_nothing():
+    time = np.linspace(0, 1, 11)
+    still = np.tile([1.0, 0, 0, 0], (11, 1))
+    assert prints_of(time, 5 * time, np.zeros((11, 3)), still, np.zeros(11, bool), 24) == []
+
+
+def test_a_print_is_a_groove_across_the_rut_and_the_next_wheel_wipes_it_out():
+    own = tracks(hills(), finer=4)
+    place = np.array([0.5, 1.2])
+    stamp(own, [Print(0, place, np.array([-1.0, 0]))], TREAD)
+    fine = CELL / 4
+    row, column = np.rint((place[::-1] - [own.lattice.y0, own.lattice.x0]) / fine).astype(int)
+    groove = own.prints[1:-1, 1:-1]
+    np.testing.assert_allclose(groove[row, column], -TREAD.depth, rtol=0.02)
+    assert groove[row + round(0.08 / fine), column] < -0.9 * TREAD.depth  # across
+    assert abs(groove[row, column + round(0.03 / fine)]) < 1e-6  # along
+    assert own.show(own.lattice.level)
+    stamp(own, [Print(1, place + np.array([TREAD.spacing / 2, 0]), np.array([-1.0, 0]))], TREAD)
+    assert abs(groove[row, column + 2]) < 0.01 * TREAD.depth  # was a quarter of it

@@ -1,0 +1,129 @@
+"""The rover in the workflow: nothing of it where the configuration does not drive, a small drive from end to end."""
+
+import json
+import re
+
+import pandas as pd
+import pytest
+import yaml
+
+from polarsim.config import parse_config
+from tests.rover.drives import DEMO, SMALL, configured, write_meshes
+
+
+def planned(text: str) -> dict[str, int]:
+    """Jobs by rule of a dry-run."""
+    table = re.search(r"Job stats:\n.*?\n-+ .*?\n(.*?)\n\n", text, re.DOTALL)
+    assert table, text
+    return {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
+
+
+def test_the_demo_does_not_drive(checkout, snakemake):
+    done = snakemake(checkout, "--dry-run")
+    assert done.returncode == 0, done.stderr
+    jobs = planned(done.stdout + done.stderr)
+    assert not {name for name in jobs if "rover" in name or "drive" in name}
+    assert "results/demo/rover" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(("name", "drives", "views"), [("rover", 3, 2), ("rover_release", 10, 7)])
+def test_a_job_a_drive_and_one_a_view_of_it(checkout, snakemake, tmp_path, name, drives, views):
+    root = tmp_path / "release"
+    for terrain in (1, 4, 11):
+        (root / f"Labels/Terrain{terrain:02d}").mkdir(parents=True)
+        (root / f"Labels/Terrain{terrain:02d}/{terrain:02d}_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1 0.1\n")
+    done = snakemake(checkout, "rover", "--dry-run", "--configfile", f"config/{name}.yaml", POLAR_SIM_ROOT=str(root))
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs = planned(done.stdout + done.stderr)
+    assert (jobs["drive_rover"], jobs["see_drive"], jobs["write_bag"]) == (drives, drives * views, drives)
+    assert jobs["measure_drive"] == drives
+    assert jobs.get("judge_drive") == (drives if name == "rover" else None)  # the release has no photos, so no judge
+    assert jobs.get("film_drive") == (None if name == "rover" else drives)
+    assert jobs["draw_front"] == jobs["draw_sequence"] == jobs["tabulate_rover"] == jobs["tabulate_onboard"] == 1
+    assert "train_judge" in jobs if name == "rover" else "train_judge" not in jobs
+
+
+def test_what_judges_see_is_not_rendered_again_for_another_judge(checkout, snakemake):
+    content = yaml.safe_load((checkout / "config/rover.yaml").read_text())
+    text = {}
+    for judge in ("hapke", "analog"):
+        content["rover"]["judge"] = judge
+        (checkout / "config/judged.yaml").write_text(yaml.safe_dump(content))
+        done = snakemake(checkout, "rover", "--dry-run", "-p", "--configfile", "config/judged.yaml")
+        assert done.returncode == 0, done.stderr
+        text[judge] = done.stdout + done.stderr
+    assert "detect/photo/seed0/judges/hapke.pt" in text["hapke"]
+    assert "detect/photo/seed0/judges/hapke.pt" not in text["analog"]
+
+
+@pytest.mark.parametrize(
+    ("rover", "named"),
+    [
+        ({"run": True}, "rover.world.terrains: 4 is none of the run's"),
+        ({"run": True, "world": {"terrains": [1]}, "judge": "lambert"}, "rover.judge: domain 'lambert'"),
+        ({"run": True, "world": {"terrains": [1]}, "bag": {"sun": "7"}}, "bag.sun: '7' is not among"),
+        ({"seeds": [1, 1]}, "each once"),
+        ({"wheels": 4}, "rover.wheels"),
+    ],
+)
+def test_an_impossible_drive_ends_in_one_line_that_names_the_key(rover, named):
+    with pytest.raises(Exception, match=re.escape(named)):
+        parse_config(configured(**rover))
+
+
+def test_tables_of_runs_that_do_not_drive_know_nothing_of_the_rover():
+    plain = parse_config(yaml.safe_load(DEMO.read_text())).digest()
+    assert parse_config(configured(seeds=[3])).digest() == plain
+    drives = {"run": True, "world": {"terrains": [1]}}
+    assert parse_config(configured(**drives)).digest() != plain
+
+
+@pytest.mark.slow
+def test_a_drive_of_five_seconds_ends_in_tables_figures_and_a_bag(checkout, snakemake):
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
+    write_meshes(checkout / "results/small/meshes/Terrain03", 3)
+    content = configured(**SMALL) | {"run": "small", "terrains": [3]}
+    (checkout / "config/small.yaml").write_text(yaml.safe_dump(content))
+    # Meshes are there, made by nothing that this run knows: only what is missing is made.
+    call = ("rover", "--configfile", "config/small.yaml", "--allowed-rules", "rover", *RULES)
+    done = snakemake(checkout, *call)
+    assert done.returncode == 0, done.stderr[-3000:]
+    results = checkout / "results/small"
+    drive = results / "rover/seed0"
+    assert json.loads((drive / "drive.json").read_text())["seconds"] == 5
+    assert len(list((drive / "front_end_cam/3_hapke_0256").glob("*.png"))) == 6
+    each = pd.read_parquet(results / "tables/rover_drives.parquet")
+    assert each["duration s"].item() == 5
+    assert each["energy missing %"].item() < 2
+    assert each["ended"].item() == "stuck"  # its time was over before the path
+    for name in ("rover", "rover_drives", "rover_soil", "rover_onboard"):
+        for form in ("csv", "md", "tex", "parquet"):
+            assert (results / f"tables/{name}.{form}").stat().st_size
+    for name in ("rover_sequence", "rover_front", "rover_drive", "rover_soil"):
+        assert (results / f"figures/{name}.png").stat().st_size
+
+    from mcap.reader import make_reader
+
+    with (drive / "drive.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    topics = {
+        channel.topic: summary.statistics.channel_message_counts[number] for number, channel in summary.channels.items()
+    }
+    assert topics["/front_end_cam/image/compressed"] == 6
+    assert topics["/odom"] == 251
+
+    again = snakemake(checkout, *call)
+    assert "Nothing to be done" in again.stdout + again.stderr
+    before = (drive / "drive.mcap").read_bytes()
+    for path in (drive / "trace.parquet", drive / "drive.mcap"):
+        path.unlink()
+    done = snakemake(checkout, *call)
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert (drive / "drive.mcap").read_bytes() == before
+
+
+RULES = (
+    "drive_rover", "see_drive", "measure_drive", "write_bag", "write_urdf", "check_soil", "summarise_drives",
+    "summarise_onboard", "tabulate_rover", "tabulate_onboard", "draw_drive", "draw_sequence", "draw_front", "draw_soil",
+)  # fmt: skip

@@ -1,0 +1,437 @@
+"""Stage 8: drives over the digitised terrains: physics, pictures, what a judge sees on board, bags, tables, figures."""
+
+
+rule rover:
+    """Everything of this stage; nothing where the configuration does not drive."""
+    input:
+        of_drives("trace.parquet", "drive.json"),
+        of_drives("{view}/poses.parquet", view=VIEWS_DRIVEN),
+        of_drives("{view}/{sun}_coco.json", view=VIEWS_DRIVEN, sun=SUNS),
+        of_drives("drive.mcap") if ROVER.bags else [],
+        of_drives("videos") if ROVER.sight.videos else [],
+        of_run("results/{run}/rover/rover.urdf") if RIDES else [],
+        of_run("results/{run}/tables/{name}.csv", name=ROVER_TABLES) if RIDES else [],
+        of_run("results/{run}/figures/{name}.png", name=ROVER_FIGURES) if RIDES else [],
+
+
+rule drive_rover:
+    """One drive: terrains side by side as one deformable ground, rocks on it, the rover along its path."""
+    input:
+        meshes=of_terrains_driven("results/{{run}}/meshes/Terrain{terrain}"),
+        vehicle=str(ROVER.drive.vehicle),
+        soils=str(ROVER.soil.table),
+    output:
+        trace="results/{run}/rover/seed{seed}/trace.parquet",
+        tracks="results/{run}/rover/seed{seed}/tracks.npz",
+        drive="results/{run}/rover/seed{seed}/drive.json",
+        world=multiext(
+            "results/{run}/rover/seed{seed}/world/",
+            "ground.npz",
+            "rocks.npz",
+            "rocks.parquet",
+        ),
+    log:
+        "results/{run}/logs/rover/drive_rover_{seed}.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/drive_rover_{seed}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        world=rover_options("world"),
+        soil=rover_options("soil"),
+        drive=rover_options("drive"),
+        code=code_of("rover.drive"),
+    script:
+        "../scripts/drive_rover.py"
+
+
+rule see_drive:
+    """The pictures of one view of a drive: every Sun, model and exposure from the same rays, and what is in them."""
+    input:
+        trace="results/{run}/rover/seed{seed}/trace.parquet",
+        tracks="results/{run}/rover/seed{seed}/tracks.npz",
+        drive="results/{run}/rover/seed{seed}/drive.json",
+        vehicle=str(ROVER.drive.vehicle),
+    output:
+        poses="results/{run}/rover/seed{seed}/{view}/poses.parquet",
+        truth=of_drive("{{view}}/{sun}_truth.parquet", sun=SUNS),
+        annotations=of_drive("{{view}}/{sun}_coco.json", sun=SUNS),
+    log:
+        "results/{run}/logs/rover/see_drive_{seed}_{view}.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/see_drive_{seed}_{view}.tsv"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=720,
+    params:
+        sight=sight_options(*AFTER_PICTURES),
+        code=code_of("rover.frames"),
+    script:
+        "../scripts/see_drive.py"
+
+
+rule judge_drive:
+    """What a judge finds in the front camera's pictures."""
+    input:
+        poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
+        truth=of_drive(f"{FRONT}/{{sun}}_truth.parquet", sun=SUNS),
+        vehicle=str(ROVER.drive.vehicle),
+        weights=weights_on_board,
+    output:
+        detections=detections_on_board(),
+    log:
+        "results/{run}/logs/rover/judge_drive_{seed}.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/judge_drive_{seed}.tsv"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=240,
+    params:
+        sight=sight_options(),
+        code=code_of("rover.onboard"),
+    script:
+        "../scripts/judge_drive.py"
+
+
+rule measure_drive:
+    """What the front camera is worth on board: sightings, stable ones, the map of hazards, stops."""
+    input:
+        poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
+        truth=of_drive(f"{FRONT}/{{sun}}_truth.parquet", sun=SUNS),
+        vehicle=str(ROVER.drive.vehicle),
+        detections=detections_of_drive,
+    output:
+        tables=of_drive(
+            "onboard/{name}.parquet", name=["sightings", "stable", "map", "stops"]
+        ),
+    log:
+        "results/{run}/logs/rover/measure_drive_{seed}.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/measure_drive_{seed}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    params:
+        sight=sight_options(),
+        code=code_of("rover.onboard"),
+    script:
+        "../scripts/measure_drive.py"
+
+
+rule film_drive:
+    """Videos of every view, Sun, model and exposure, the front camera's with what the judge finds."""
+    input:
+        pictures=pictures_of_drive,
+        detections=detections_of_drive,
+        vehicle=str(ROVER.drive.vehicle),
+    output:
+        videos=directory("results/{run}/rover/seed{seed}/videos"),
+    log:
+        "results/{run}/logs/rover/film_drive_{seed}.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/film_drive_{seed}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=720,
+    params:
+        sight=sight_options(),
+        code=code_of("rover.video"),
+    script:
+        "../scripts/film_drive.py"
+
+
+rule write_bag:
+    """A drive as messages of ROS 2 in an MCAP file."""
+    input:
+        trace="results/{run}/rover/seed{seed}/trace.parquet",
+        drive="results/{run}/rover/seed{seed}/drive.json",
+        pictures=pictures_of_drive,
+        detections=detections_of_drive,
+        vehicle=str(ROVER.drive.vehicle),
+    output:
+        bag="results/{run}/rover/seed{seed}/drive.mcap",
+    log:
+        "results/{run}/logs/rover/write_bag_{seed}.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/write_bag_{seed}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=60,
+    params:
+        options=rover_options("bag"),
+        code=code_of("rover.bag"),
+    script:
+        "../scripts/write_bag.py"
+
+
+rule write_urdf:
+    """The rover as other simulators read it."""
+    input:
+        vehicle=str(ROVER.drive.vehicle),
+    output:
+        urdf="results/{run}/rover/rover.urdf",
+    log:
+        "results/{run}/logs/rover/write_urdf.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/write_urdf.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        code=code_of("rover.urdf"),
+    script:
+        "../scripts/write_urdf.py"
+
+
+rule check_soil:
+    """Wheels driven on the soil beside the limit that they must meet, and soils beside wheels that NASA measured."""
+    input:
+        soils=str(ROVER.soil.table),
+    output:
+        limit="results/{run}/rover/soil_limit.parquet",
+        measured="results/{run}/rover/soil_measured.parquet",
+    log:
+        "results/{run}/logs/rover/check_soil.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/check_soil.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=code_of("rover.report_soil"),
+    script:
+        "../scripts/check_soil.py"
+
+
+rule summarise_drives:
+    """Slip, sinkage, torque, energy, offset and rocks of every drive, and of all with intervals."""
+    input:
+        drives=of_drives("drive.json"),
+        traces=of_drives("trace.parquet"),
+    output:
+        each="results/{run}/rover/every_drive.parquet",
+        together="results/{run}/rover/drives.parquet",
+    log:
+        "results/{run}/logs/rover/summarise_drives.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/summarise_drives.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=code_of("rover.report"),
+    script:
+        "../scripts/summarise_drives.py"
+
+
+rule summarise_onboard:
+    """What is seen on board over all drives and Suns, with intervals."""
+    input:
+        tables=of_drives("onboard/stops.parquet"),
+    output:
+        onboard="results/{run}/rover/onboard.parquet",
+    log:
+        "results/{run}/logs/rover/summarise_onboard.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/summarise_onboard.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=20,
+    params:
+        options=sight_options()["onboard"],
+        code=code_of("rover.onboard_table"),
+    script:
+        "../scripts/summarise_onboard.py"
+
+
+rule tabulate_rover:
+    """Drives together and one by one, and the soil against its limit."""
+    input:
+        drives="results/{run}/rover/drives.parquet",
+        each="results/{run}/rover/every_drive.parquet",
+        soil="results/{run}/rover/soil_limit.parquet",
+    output:
+        drives=report(
+            "results/{run}/tables/rover.csv",
+            caption="../report/rover_table.rst",
+            category="Rover",
+            labels={"picture": "drives"},
+        ),
+        each=report(
+            "results/{run}/tables/rover_drives.csv",
+            caption="../report/rover_table.rst",
+            category="Rover",
+            labels={"picture": "every drive"},
+        ),
+        soil=report(
+            "results/{run}/tables/rover_soil.csv",
+            caption="../report/rover_soil.rst",
+            category="Rover",
+            labels={"picture": "soil against its limit"},
+        ),
+        others=expand(
+            "results/{{run}}/tables/{name}.{form}",
+            name=["rover", "rover_drives", "rover_soil"],
+            form=["md", "tex", "parquet"],
+        ),
+    log:
+        "results/{run}/logs/rover/tabulate_rover.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/tabulate_rover.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.rover_table"),
+    script:
+        "../scripts/tabulate_rover.py"
+
+
+rule tabulate_onboard:
+    """What the front camera is worth on board."""
+    input:
+        onboard="results/{run}/rover/onboard.parquet",
+    output:
+        table=report(
+            "results/{run}/tables/rover_onboard.csv",
+            caption="../report/rover_onboard.rst",
+            category="Rover",
+            labels={"picture": "on board"},
+        ),
+        others=multiext("results/{run}/tables/rover_onboard", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/rover/tabulate_onboard.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/tabulate_onboard.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tables.rover_table"),
+    script:
+        "../scripts/tabulate_onboard.py"
+
+
+rule draw_drive:
+    """Slip, sinkage and offset over time."""
+    input:
+        traces=of_drives("trace.parquet"),
+    output:
+        figure=report(
+            "results/{run}/figures/rover_drive.png",
+            caption="../report/rover_drive.rst",
+            category="Rover",
+            labels={"picture": "slip and sinkage"},
+        ),
+    log:
+        "results/{run}/logs/rover/draw_drive.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/draw_drive.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("tables.figures.rover"),
+    script:
+        "../scripts/draw_drive.py"
+
+
+rule draw_sequence:
+    """Moments of the first drive, from behind the rover where such a view is taken."""
+    input:
+        poses=of_first_drive(f"{ROVER.shown_view}/poses.parquet"),
+    output:
+        figure=report(
+            "results/{run}/figures/rover_sequence.png",
+            caption="../report/rover_sequence.rst",
+            category="Rover",
+            labels={"picture": "the drive"},
+        ),
+    log:
+        "results/{run}/logs/rover/draw_sequence.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/draw_sequence.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        pictures=ROVER.shown_set,
+        options=options("tables"),
+        code=code_of("tables.figures.rover"),
+    script:
+        "../scripts/draw_sequence.py"
+
+
+rule draw_front:
+    """What the front camera sees on the first drive, with the rocks that are there and those that a judge finds."""
+    input:
+        poses=of_first_drive(f"{FRONT}/poses.parquet"),
+        truth=of_first_drive(f"{FRONT}/{shown_sun()}_truth.parquet"),
+        detections=shown_detections,
+    output:
+        figure=report(
+            "results/{run}/figures/rover_front.png",
+            caption="../report/rover_front.rst",
+            category="Rover",
+            labels={"picture": "front camera"},
+        ),
+    log:
+        "results/{run}/logs/rover/draw_front.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/draw_front.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        pictures=ROVER.shown_set,
+        options=options("tables"),
+        code=code_of("tables.figures.rover"),
+    script:
+        "../scripts/draw_front.py"
+
+
+rule draw_soil:
+    """The soil's checks: wheels against their limit, soils against measured wheels."""
+    input:
+        limit="results/{run}/rover/soil_limit.parquet",
+        measured="results/{run}/rover/soil_measured.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/rover_soil.png",
+            caption="../report/rover_soil.rst",
+            category="Rover",
+            labels={"picture": "soil against its limit"},
+        ),
+    log:
+        "results/{run}/logs/rover/draw_soil.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/draw_soil.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        options=options("tables"),
+        code=code_of("tables.figures.rover"),
+    script:
+        "../scripts/draw_soil.py"

@@ -1,0 +1,15 @@
+"""Draw slip, sinkage and offset over time."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.figures.rover import draw_drive
+from polarsim.tables.options import TablesOptions
+
+with reporting(log=snakemake.log[0]):
+    draw_drive(
+        traces=[Path(trace) for trace in snakemake.input.traces],
+        figure=Path(snakemake.output.figure),
+        origin=snakemake.params.origin,
+        options=TablesOptions(**snakemake.params.options),
+    )

@@ -1,0 +1,17 @@
+"""Draw what the front camera sees, with rocks and what a judge takes for rocks."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.figures.rover import draw_front
+from polarsim.tables.options import TablesOptions
+
+with reporting(log=snakemake.log[0]):
+    draw_front(
+        view=Path(snakemake.input.poses).parent,
+        pictures=snakemake.params.pictures,
+        truth=Path(snakemake.input.truth),
+        detections=Path(snakemake.input.detections) if snakemake.input.detections else None,
+        figure=Path(snakemake.output.figure),
+        options=TablesOptions(**snakemake.params.options),
+    )

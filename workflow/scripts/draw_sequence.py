@@ -1,0 +1,15 @@
+"""Draw moments of the drive."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.figures.rover import draw_sequence
+from polarsim.tables.options import TablesOptions
+
+with reporting(log=snakemake.log[0]):
+    draw_sequence(
+        view=Path(snakemake.input.poses).parent,
+        pictures=snakemake.params.pictures,
+        figure=Path(snakemake.output.figure),
+        options=TablesOptions(**snakemake.params.options),
+    )

@@ -1,0 +1,17 @@
+"""Drive over the terrains once."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.rover.drive import run_drive
+from polarsim.rover.options import DriveOptions, SoilOptions, WorldOptions
+
+with reporting(log=snakemake.log[0]):
+    run_drive(
+        meshes=Path(snakemake.input.meshes[0]).parent,
+        folder=Path(snakemake.output.trace).parent,
+        world=WorldOptions(**snakemake.params.world),
+        soil=SoilOptions(**snakemake.params.soil),
+        drive=DriveOptions(**snakemake.params.drive),
+        seed=int(snakemake.wildcards.seed),
+    )

@@ -1,0 +1,17 @@
+"""Look for rocks in the front camera's pictures of a drive."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.rover.onboard import detect_drive
+from polarsim.rover.sight_options import SightOptions
+from polarsim.rover.vehicle import read_vehicle
+
+with reporting(log=snakemake.log[0]):
+    detect_drive(
+        Path(snakemake.input.poses).parent.parent,
+        read_vehicle(snakemake.input.vehicle),
+        SightOptions(**snakemake.params.sight),
+        int(snakemake.wildcards.seed),
+        snakemake.threads,
+    )

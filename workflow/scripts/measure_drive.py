@@ -1,0 +1,16 @@
+"""Measure what the front camera of a drive is worth on board."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.rover.onboard import measure_drive
+from polarsim.rover.sight_options import SightOptions
+from polarsim.rover.vehicle import read_vehicle
+
+with reporting(log=snakemake.log[0]):
+    measure_drive(
+        Path(snakemake.input.poses).parent.parent,
+        read_vehicle(snakemake.input.vehicle),
+        SightOptions(**snakemake.params.sight),
+        int(snakemake.wildcards.seed),
+    )

@@ -1,0 +1,14 @@
+"""Sum up what is seen on board of all drives."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.rover.onboard_table import summarise_onboard
+from polarsim.rover.sight_options import OnboardOptions
+
+with reporting(log=snakemake.log[0]):
+    summarise_onboard(
+        [Path(table).parent.parent for table in snakemake.input.tables],
+        Path(snakemake.output.onboard),
+        OnboardOptions(**snakemake.params.options),
+    )

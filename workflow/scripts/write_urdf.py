@@ -1,0 +1,10 @@
+"""Write the rover as URDF."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.rover.urdf import write_urdf
+from polarsim.rover.vehicle import read_vehicle
+
+with reporting(log=snakemake.log[0]):
+    write_urdf(Path(snakemake.output.urdf), read_vehicle(snakemake.input.vehicle))
