@@ -404,6 +404,7 @@ rule draw_front:
         runtime=5,
     params:
         pictures=ROVER.shown_set,
+        confidence=ROVER.sight.onboard.confidence,
         options=options("tables"),
         code=code_of("tables.figures.rover"),
     script:

@@ -12,6 +12,7 @@ with reporting(log=snakemake.log[0]):
         pictures=snakemake.params.pictures,
         truth=Path(snakemake.input.truth),
         detections=Path(snakemake.input.detections) if snakemake.input.detections else None,
+        confidence=snakemake.params.confidence,
         figure=Path(snakemake.output.figure),
         options=TablesOptions(**snakemake.params.options),
     )

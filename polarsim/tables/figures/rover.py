@@ -30,10 +30,20 @@ def draw_sequence(*, view: Path, pictures: str, figure: Path, options: TablesOpt
 
 
 def draw_front(
-    *, view: Path, pictures: str, truth: Path, detections: Path | None, figure: Path, options: TablesOptions
+    *,
+    view: Path,
+    pictures: str,
+    truth: Path,
+    detections: Path | None,
+    confidence: float,
+    figure: Path,
+    options: TablesOptions,
 ) -> None:
-    """The same with boxes: true rocks, and, where a judge looked, what it takes for rocks."""
-    found = read_parquet(detections, [*BOX, "confidence"]) if detections else None
+    """The same with boxes: true rocks, and, where a judge looked, what it takes for rocks with this confidence."""
+    found = None
+    if detections:
+        found = read_parquet(detections, [*BOX, "confidence"])
+        found = found[found["confidence"] >= confidence]
     _draw_shots(view, pictures, figure, options, truth=read_parquet(truth, BOX), detections=found)
 
 
