@@ -254,7 +254,7 @@ class Ride:
                 self.reason = f"{100 * headway:.1f} cm of headway in the last {options.stuck_s:g} s"
         longest = options.longest_s or 4 * self.route.length / options.speed_m_s
         if self.simulation.time >= longest:
-            self.ended, self.reason = "stuck", f"not there after {longest:g} s"
+            self.ended, self.reason = "out of time", f"not there after {longest:g} s"
 
     def _show(self) -> None:
         """Note which cells changed since the frame before."""

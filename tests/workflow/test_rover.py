@@ -96,7 +96,7 @@ def test_a_drive_of_five_seconds_ends_in_tables_figures_and_a_bag(checkout, snak
     each = pd.read_parquet(results / "tables/rover_drives.parquet")
     assert each["duration s"].item() == 5
     assert each["energy missing %"].item() < 2
-    assert each["ended"].item() == "stuck"  # its time was over before the path
+    assert each["ended"].item() == "out of time"  # its time was over before the path
     for name in ("rover", "rover_drives", "rover_soil", "rover_onboard"):
         for form in ("csv", "md", "tex", "parquet"):
             assert (results / f"tables/{name}.{form}").stat().st_size
