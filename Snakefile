@@ -18,6 +18,7 @@ include: "workflow/rules/render.smk"
 include: "workflow/rules/detect.smk"
 include: "workflow/rules/rover.smk"
 include: "workflow/rules/tables.smk"
+include: "workflow/rules/gap_files.smk"
 include: "workflow/rules/gap.smk"
 
 

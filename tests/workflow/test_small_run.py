@@ -17,7 +17,9 @@ SMALL = {
     "source": {"kind": "analog", "root": "data/analog"},
     "rocks": {"rock_cell_mm": 3, "ground_mesh_cell_mm": 10},
     "grid": {"azimuths": ["30"], "lights": ["off"], "exposures_ms": [64, 128, 256, 512]},
+    "render": {"models": ["hapke"]},
     "detect": {
+        "model": "compact",  # starts in a tenth of the time of a YOLO judge
         "epochs": 1,
         "imgsz": 96,
         "splits": ["photo", "position"],
@@ -54,16 +56,15 @@ def test_a_small_run_ends_and_repeats(checkout, snakemake, tmp_path):
 
     keys = [PhotoKey.parse(path.stem) for path in sorted((results / "labels/boxes/Terrain01").glob("*.txt"))]
     assert len(keys) == 2 * 2 * 4  # positions, cameras, exposures
-    for model in ("principled", "hapke"):
-        assert {path.stem for path in (results / "renders" / model / "Terrain01").glob("*.png")} == set(map(str, keys))
+    assert {path.stem for path in (results / "renders/hapke/Terrain01").glob("*.png")} == set(map(str, keys))
     rocks, _ = yolo.read_boxes(results / "labels/boxes/Terrain01/01_A_off_30_R_0064.txt")
     assert len(rocks) > 5
     detection = pd.read_parquet(results / "detect/detection.parquet")
     assert set(zip(detection["split"], detection["trained"], detection["evaluated"], strict=True)) == {
         (split, trained, evaluated)
         for split in ("photo", "position")
-        for trained in ("analog", "principled", "hapke", "mixed")
-        for evaluated in ("analog", "principled", "hapke")
+        for trained in ("analog", "hapke", "mixed")
+        for evaluated in ("analog", "hapke")
     }
     assert detection.groupby("split")["leaks_views"].all().to_dict() == {"photo": True, "position": False}
     for name in ("detection", "ipd", "gap", "quality"):

@@ -10,7 +10,7 @@ from polarsim.reporting import reporting
 with reporting(log=snakemake.log[0]):
     make_dataset(
         domain=snakemake.wildcards.ingredient,
-        pictures=Path(snakemake.params.pictures),
+        pictures=Path(snakemake.input.pictures[0]).parent,
         labels=Path(snakemake.input.labels),
         split=Path(snakemake.input.split),
         by=snakemake.wildcards.split,
