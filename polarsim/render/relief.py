@@ -15,9 +15,9 @@ class ReliefOptions(BaseModel, extra="forbid", frozen=True):
 
     cell_m: float = Field(0.015, gt=0, description="Side of the ground mesh's cells.")
     layers: int = Field(3, ge=0, description="Layers of ridges, each along a direction of its own.")
-    ridge_sd_m: Range = Field((0.0005, 0.004), description="Standard deviation of a layer's heights.")
+    ridge_sd_m: Range = Field((0.0003, 0.0025), description="Standard deviation of a layer's heights.")
     ridge_width_m: Range = Field((0.01, 0.03), description="Correlation length across a ridge.")
-    ridge_length_m: Range = Field((0.03, 0.25), description="Correlation length along a ridge.")
+    ridge_length_m: Range = Field((0.015, 0.12), description="Correlation length along a ridge.")
     swell_sd_m: Range = Field((0.0, 0.02), description="Standard deviation of wide swells.")
     swell_width_m: float = Field(0.25, gt=0, description="Correlation length of swells.")
     most_craters: int = Field(2, ge=0, description="A variant has from none to so many craters.")

@@ -49,6 +49,12 @@ class VariantOptions(BaseModel, extra="forbid", frozen=True):
     noise: bool = Field(True, description="Shot and read noise.")
     electrons_per_grey_value: Range = Field((3, 20), description="The fewer, the noisier.")
     exposure: Range = Field((0.15, 1.0), description="Grey value of bright sand (90th percentile) over white.")
+    least_contrast: float = Field(
+        0.06,
+        ge=0,
+        description="Contrast of a rock and its edge, over the light of bright sand, below which it has no label: "
+        "people do not draw what they cannot see.",
+    )
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from polarsim.formats import png, yolo
+from polarsim.formats.instances import GROUND, ROCK_IDS
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.render.relief import ReliefOptions, sand_height, smooth_sand
 from polarsim.render.variants import VariantOptions, draw_variant
-from polarsim.render.varied import draw_hall, render_varied
+from polarsim.render.varied import draw_hall, contrast_of_rock, render_varied
 
 COARSE = ReliefOptions(cell_m=0.1, most_craters=0)
 TWO = {"rock_ids": (1, 5), "places": ((0.0, 0.0), (1.0, 0.5))}
@@ -60,6 +61,21 @@ def test_the_hall_is_as_bright_as_stated(rng):
         assert hall.min() >= 0
 
 
+def test_a_rock_is_seen_by_its_own_light_or_by_its_outline():
+    ids = np.full((30, 40), GROUND, np.uint16)
+    ids[10:16, 0:8] = ROCK_IDS + 4  # cut by the picture's edge
+    box, dark = np.array([0, 10, 8, 16.0]), np.full((30, 40), 3, np.float32)
+    assert contrast_of_rock(ids, 4, box, dark) == 0
+    lit = dark.copy()
+    lit[10:16, 0:3] = 8
+    assert contrast_of_rock(ids, 4, box, lit) == 5
+    outline = np.where(ids == GROUND, 5, dark).astype(np.float32)
+    assert contrast_of_rock(ids, 4, box, outline) == 2
+    far = dark.copy()
+    far[:, 12:] = 9
+    assert contrast_of_rock(ids, 4, box, far) == 0
+
+
 @pytest.fixture
 def varied(folders):
     def render(name, **options):
@@ -90,3 +106,12 @@ def test_the_same_options_write_the_same_bytes(varied):
     first, again = (varied(name, rim=False) for name in ("one", "two"))
     for path in sorted(first.rglob("*.*")):
         assert path.read_bytes() == (again / path.relative_to(first)).read_bytes(), path.name
+
+
+def test_rocks_that_nobody_can_see_have_no_label(varied):
+    bright, dark = (varied(name, rim=False, least_contrast=least) for name, least in (("bright", 0), ("dark", 1e6)))
+    name = "01_A_30_L_v00.txt"
+    kinds = [yolo.read_boxes(folder / "labels" / name)[0] for folder in (bright, dark)]
+    assert (kinds[0] == 0).sum() == 1
+    assert (kinds[1] == 0).sum() == 0
+    assert (kinds[0] == 1).sum() == (kinds[1] == 1).sum()  # a shadow lies on lit sand
