@@ -64,3 +64,12 @@ def test_a_seed_or_split_or_mix_more_leaves_finished_judges_alone(finished, snak
     assert "terrain/seed0/judges/hapke.pt" in judges
     assert f"{split}/seed0/judges/analog.pt" not in judges
     assert not [name for name in made if name.startswith("pictures/")]
+
+
+def test_another_comparison_or_a_judge_that_is_not_trained_leaves_judges_and_pictures_alone(finished, snakemake):
+    content = yaml.safe_load((finished / "config/config.yaml").read_text())
+    content["detect"] |= {"undetected": "left_out", "group_resamples": 300, "stereo": {"run": True}}
+    (finished / "config/config.yaml").write_text(yaml.safe_dump(content))
+    stale = stale_rules(snakemake, finished)
+    assert {"evaluate", "measure_stereo", "compare_stereo"} <= stale
+    assert not stale & {"convert_pictures", "make_dataset", "train_judge", "predict"}

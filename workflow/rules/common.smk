@@ -1,5 +1,6 @@
 """The checked configuration, wildcards, and all functions that name files."""
 
+import itertools
 import re
 import sys
 from math import log2
@@ -95,33 +96,42 @@ def judge_weights(run):
     return Path(f"results/{run}/{CONFIG.first_training}/judges/{ROVER.judge}.pt")
 
 
-# Options that name jobs or belong to other steps: a second seed or split must not make the first one's results stale.
-NAMES_JOBS = ("splits", "seeds", "views", "mixes")
-DRAWS_SPLITS = ("test_share", "test_terrains", "val_share")
-COMPARES = ("iou_confidence", "resamples")
-TRAINS = (
+# What each step of the detect stage reads of its options: a rule of comparison must not make a judge stale.
+SPLITS_BY = ("seed", "test_share", "test_terrains", "val_share")
+PICTURES_BY = (
+    "imgsz",
+    "tone",
+    "tone_exposure_ms",
+    "tone_percentile",
+    "tone_floor_dn",
+    "min_mean_dn",
+    "downsize",
+)
+FINDS_BY = ("device", "batch", "confidence", "nms_iou", "max_boxes")
+TRAINS_BY = (
     "model",
     "pretrained",
+    "pretrained_url",
+    "pretrained_sha256",
     "epochs",
-    "batch",
     "learning_rate",
     "augment",
     "mosaic",
-    "device",
+)
+COMPARES_BY = (
+    "iou_confidence",
+    "undetected",
+    "unpaired",
+    "false_alarm_overlap",
+    "resampled",
+    "resamples",
+    "group_resamples",
 )
 
 
-def detect_options(*left_out):
-    """The detect stage's options without some groups of them."""
-    names = set(NAMES_JOBS).union(*left_out)
-    return {
-        name: value for name, value in options("detect").items() if name not in names
-    }
-
-
-def split_options():
-    """What alone decides the parts of photos, novel views and mixes."""
-    return {name: options("detect")[name] for name in ("seed", *DRAWS_SPLITS)}
+def detect_options(*groups):
+    """Some groups of the detect stage's options."""
+    return {name: options("detect")[name] for name in itertools.chain(*groups)}
 
 
 def code_of(*modules):

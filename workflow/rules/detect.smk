@@ -40,7 +40,7 @@ rule split_photos:
         terrains=CONFIG.terrains,
         positions=CONFIG.positions,
         grid=options("grid"),
-        options=split_options(),
+        options=detect_options(SPLITS_BY),
         code=code_of("detect.split"),
     script:
         "../scripts/split_photos.py"
@@ -67,7 +67,7 @@ rule convert_pictures:
         terrains=CONFIG.terrains,
         positions=CONFIG.positions,
         grid=options("grid"),
-        options=detect_options(DRAWS_SPLITS, TRAINS, COMPARES),
+        options=detect_options(PICTURES_BY),
         code=code_of("detect.pictures"),
     script:
         "../scripts/convert_pictures.py"
@@ -90,7 +90,7 @@ rule make_dataset:
         mem_mb=500,
         runtime=10,
     params:
-        options=split_options(),
+        options=detect_options(SPLITS_BY),
         code=code_of("detect.dataset"),
     script:
         "../scripts/make_dataset.py"
@@ -113,7 +113,7 @@ rule mix_datasets:
         runtime=10,
     params:
         weights=weights_of_mix,
-        options=split_options(),
+        options=detect_options(SPLITS_BY),
         code=code_of("detect.dataset"),
     script:
         "../scripts/mix_datasets.py"
@@ -137,7 +137,7 @@ rule train_judge:
         mem_mb=2500,
         runtime=2880,  # minutes
     params:
-        options=detect_options(DRAWS_SPLITS, COMPARES),
+        options=detect_options(["imgsz"], FINDS_BY, TRAINS_BY),
         work="results/{run}/detect/{split}/seed{seed}/work/{trained}",
         code=code_of("detect.train"),
     script:
@@ -166,7 +166,7 @@ rule predict:
         mem_mb=2000,
         runtime=240,
     params:
-        options=detect_options(DRAWS_SPLITS, COMPARES),
+        options=detect_options(["imgsz"], FINDS_BY),
         code=code_of("detect.predict"),
     script:
         "../scripts/predict.py"
@@ -204,7 +204,7 @@ rule evaluate:
     params:
         domains=DOMAINS,
         trained=TRAINED,
-        options=detect_options(DRAWS_SPLITS),
+        options=detect_options(["seed", "imgsz"], TRAINS_BY, COMPARES_BY),
         code=code_of("detect.evaluate"),
     script:
         "../scripts/evaluate.py"
@@ -233,7 +233,7 @@ rule measure_stereo:
         grid=options("grid"),
         domain=CONFIG.photo_domain,
         models=MODELS,
-        options=options("detect"),
+        options=detect_options(["stereo"]),
         code=code_of("detect.stereo.measure"),
     script:
         "../scripts/measure_stereo.py"
@@ -263,7 +263,7 @@ rule compare_stereo:
         mem_mb=1000,
         runtime=15,
     params:
-        options=options("detect"),
+        options=detect_options(["seed", "stereo"], COMPARES_BY),
         code=code_of("detect.stereo.compare"),
     script:
         "../scripts/compare_stereo.py"

@@ -138,7 +138,7 @@ rule convert_ingredient:
         mem_mb=1000,
         runtime=60,
     params:
-        options=detect_options(DRAWS_SPLITS, TRAINS, COMPARES),
+        options=detect_options(PICTURES_BY),
         code=code_of("detect.dataset"),
     script:
         "../scripts/convert_ingredient.py"
@@ -162,7 +162,7 @@ rule predict_ingredient:
         mem_mb=2000,
         runtime=240,
     params:
-        options=detect_options(DRAWS_SPLITS, COMPARES),
+        options=detect_options(["imgsz"], FINDS_BY),
         code=code_of("detect.predict"),
     script:
         "../scripts/predict.py"
@@ -190,7 +190,7 @@ rule weigh_ingredients:
         photo=CONFIG.photo_domain,
         twin=CONFIG.gap.model,
         replaced={name: found.told() for name, found in INGREDIENTS.items()},
-        options=detect_options(DRAWS_SPLITS),
+        options=detect_options(["seed", "imgsz"], TRAINS_BY, COMPARES_BY),
         code=code_of("detect.ledger"),
     script:
         "../scripts/weigh_ingredients.py"

@@ -1053,7 +1053,9 @@ rule write_results_section:
     params:
         datasets=[(split, trained) for split in SPLITS for trained in TRAINED],
         figures=list(figures_of_section()) if DOMAINS else [],
-        rules=detect_options(DRAWS_SPLITS, TRAINS),
+        rules=detect_options(
+            ["confidence", "nms_iou", "tone", "min_mean_dn"], COMPARES_BY
+        ),
         origin=ORIGIN,
         code=code_of("tables.results_section"),
     script:
