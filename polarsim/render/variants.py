@@ -20,6 +20,7 @@ class VariantOptions(BaseModel, extra="forbid", frozen=True):
     positions: tuple[str, ...] = Field(("A", "C"), description="Tripod places that are rendered, where they are known.")
     scale: float = Field(0.5, gt=0, le=1, description="Size of the pictures over that of a photo.")
     seed: int = Field(0, ge=0, description="Seed of all that is drawn.")
+    models: tuple[Model, ...] = Field(("hapke", "principled"), min_length=1, description="A variant has one of them.")
 
     relief: ReliefOptions | None = Field(
         ReliefOptions(), description="Relief of the sand; none: as fitted to the rocks."
@@ -68,7 +69,7 @@ class Variant:
 
 def draw_variant(mesh: TerrainMesh, options: VariantOptions, random: np.random.Generator) -> Variant:
     """One variant of a terrain, labels and all: rocks keep their numbers."""
-    model: Model = "hapke" if random.random() < 0.5 else "principled"
+    model = options.models[int(random.random() * len(options.models))]
     chosen = _draw_options(model, options, random)
     moved = random.random() < options.moved_share
     quadric = smooth_sand(mesh.part(NO_ROCK).vertices)

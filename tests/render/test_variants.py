@@ -54,6 +54,15 @@ def test_the_same_draw_gives_the_same_variant(blocks):
     assert first.options != other.options
 
 
+def test_a_variant_has_one_of_the_models_that_are_asked_for(blocks):
+    def models(**options):
+        drawn = (draw_variant(blocks(), VariantOptions(relief=None, **options), generator(n, "x")) for n in range(12))
+        return {variant.options.models for variant in drawn}
+
+    assert models() == {("hapke",), ("principled",)}
+    assert models(models=("principled",)) == {("principled",)}
+
+
 def test_the_hall_is_as_bright_as_stated(rng):
     for _ in range(10):
         hall = draw_hall((60, 90), rng)
