@@ -1,0 +1,114 @@
+"""Files and options of the drives: what each step reads, and which set of pictures figures show."""
+
+from polarsim.rover.sight_options import FRONT
+
+ROVER = CONFIG.rover
+RIDES = [str(seed) for seed in ROVER.seeds] if ROVER.run else []
+ROVER_TABLES = ["rover", "rover_drives", "rover_soil"]
+ROVER_TABLES += ["rover_onboard"] if ROVER.onboard else []
+ROVER_FIGURES = ["rover_sequence", "rover_drive", "rover_soil"]
+ROVER_FIGURES += ["rover_front"] if ROVER.onboard else []
+VIEWS_DRIVEN, SUNS = list(ROVER.sight.views), list(ROVER.suns)
+
+
+wildcard_constraints:
+    view=one_of(VIEWS_DRIVEN),
+
+
+# What a drive's pictures do not depend on: other views, and what is made of the pictures.
+AFTER_PICTURES = ("views", "onboard", "videos", "video_speed")
+
+
+def sight_options(*left_out):
+    """Options of a drive's pictures and of what a judge sees in them, without some."""
+    sight = ROVER.sight_with(judge_weights(RUN), CONFIG.detect if ROVER.judge else None)
+    return sight.model_dump(mode="json", exclude=set(left_out))
+
+
+def judge_weights(run):
+    """The judge that is taken along: one of the run, or another that the configuration names, or none."""
+    if ROVER.judge is None:
+        return ROVER.sight.onboard.weights
+    return Path(f"results/{run}/{CONFIG.first_training}/judges/{ROVER.judge}.pt")
+
+
+def of_drive(*names, **wildcards):
+    """Files of a drive, by their names in its folder."""
+    return expand(
+        "results/{{run}}/rover/seed{{seed}}/{name}",
+        name=[one for name in names for one in expand(name, **wildcards)],
+    )
+
+
+def of_drives(*names, **wildcards):
+    """The same of all drives of this run."""
+    return [
+        path.format(run=RUN, seed=seed)
+        for seed in RIDES
+        for path in of_drive(*names, **wildcards)
+    ]
+
+
+def of_first_drive(name):
+    """A file of the first drive: what figures show."""
+    return f"results/{{run}}/rover/seed{ROVER.seeds[0]}/{name}"
+
+
+def of_terrains_driven(pattern):
+    """Files of the terrains that are driven over, from east to west."""
+    return expand(
+        pattern, terrain=[f"{terrain:02d}" for terrain in ROVER.world.terrains]
+    )
+
+
+def rover_options(part):
+    """Options of one step of a drive."""
+    return getattr(ROVER, part).model_dump(mode="json")
+
+
+def shown_sun():
+    """The Sun under which figures show a drive."""
+    return ROVER.shown_set.split("_")[0]
+
+
+def shown_detections(wildcards):
+    """What a judge found in the pictures that are shown, where one looked."""
+    if judge_weights(wildcards.run) is None:
+        return []
+    return of_first_drive(f"{FRONT}/{ROVER.shown_set}/detections.parquet").format(
+        run=wildcards.run
+    )
+
+
+def weights_on_board(wildcards):
+    """Weights of the judge that looks through the front camera, where there is one."""
+    weights = judge_weights(wildcards.run)
+    return [] if weights is None else str(weights)
+
+
+def pictures_of_drive(wildcards):
+    """Every view's places and labels, which are written when its pictures are."""
+    names = of_drive(
+        "{view}/poses.parquet",
+        "{view}/{sun}_truth.parquet",
+        view=VIEWS_DRIVEN,
+        sun=SUNS,
+    )
+    return [name.format(run=wildcards.run, seed=wildcards.seed) for name in names]
+
+
+def detections_on_board():
+    """What the judge found in each set of the front camera's pictures."""
+    return of_drive(
+        f"{FRONT}/{{pictures}}/detections.parquet", pictures=list(ROVER.picture_sets)
+    )
+
+
+def detections_of_drive(wildcards):
+    """The same, where a judge looks."""
+    if not ROVER.onboard or judge_weights(wildcards.run) is None:
+        return []
+    return [
+        name.format(run=wildcards.run, seed=wildcards.seed)
+        for name in detections_on_board()
+    ]
