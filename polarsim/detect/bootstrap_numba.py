@@ -6,9 +6,9 @@ All sums are of whole numbers (how often a unit is drawn), so their order change
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from polarsim.detect.metrics import RECALLS, Ranked
+from polarsim.kernels import njit
 
 
 def resampled_precision(ranked: Ranked, area: int, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
@@ -33,7 +33,7 @@ def _ragged(chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.nonzero(chosen)[1].astype(np.int32), starts.astype(np.int64)
 
 
-@njit(cache=True)
+@njit()
 def _precision(
     drawn: np.ndarray,
     labels: np.ndarray,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from polarsim.kernels import njit
 
 
 def match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -19,7 +20,7 @@ def match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tup
     return matched, passed
 
 
-@njit(cache=True)
+@njit()
 def _match(
     overlap: np.ndarray,
     thresholds: np.ndarray,

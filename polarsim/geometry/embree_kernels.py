@@ -13,6 +13,7 @@ import numba as nb
 import numpy as np
 
 from polarsim.geometry.embree_library import embree
+from polarsim.kernels import njit
 
 SIZE = 8  # rays of a packet
 ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, NUMBER, FLAGS = 0, 3, 4, 7, 8, 9, 10, 11  # rows of a packet
@@ -32,7 +33,7 @@ _intersect, _occluded = _embree("rtcIntersect8"), _embree("rtcOccluded8")
 _RAYS = "float32[:, ::1]"
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@njit(nogil=True, inline="always")
 def _packet():  # type: ignore[no-untyped-def]
     """Room for a packet, as floats and as integers, and for which of its rays count."""
     room = np.zeros(ROWS * SIZE + SIZE, np.float32)
@@ -43,7 +44,7 @@ def _packet():  # type: ignore[no-untyped-def]
     return rays, rays.view(np.uint32), valid[start : start + SIZE]
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@njit(nogil=True, inline="always")
 def _fill(rays, integers, valid, origins, directions, first, mask):  # type: ignore[no-untyped-def]
     """Put the rays from number `first` on into the packet; how many these are."""
     count = min(SIZE, len(origins) - first)
@@ -57,9 +58,8 @@ def _fill(rays, integers, valid, origins, directions, first, mask):  # type: ign
     return count
 
 
-@nb.njit(
+@njit(
     f"int64(intp, int64[::1], uint32, {_RAYS}, {_RAYS}, int64[::1], float32[::1], int64[::1], {_RAYS}, {_RAYS})",
-    cache=True,
     nogil=True,
 )
 def meet(  # type: ignore[no-untyped-def]
@@ -91,7 +91,7 @@ def meet(  # type: ignore[no-untyped-def]
     return met
 
 
-@nb.njit(f"void(intp, uint32, {_RAYS}, {_RAYS}, float32[::1], float32, boolean[::1])", cache=True, nogil=True)
+@njit(f"void(intp, uint32, {_RAYS}, {_RAYS}, float32[::1], float32, boolean[::1])", nogil=True)
 def blocked(scene, mask, origins, directions, far, near_metres, hit):  # type: ignore[no-untyped-def]
     """Whether a triangle lies between `near_metres` and `far` (n,), in units of the direction's length."""
     rays, integers, valid = _packet()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from polarsim.kernels import njit
 from polarsim.rover.bulldozing import DISTURBED, MOVED, Bulldozing, taps
 from polarsim.rover.contact import Bodies
 from polarsim.rover.contact_numba import _clear, _meet, _window
@@ -28,7 +28,7 @@ def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200) -> None:
     _slide(ground.state, ground.owner, ground.cell * math.tan(math.radians(angle_deg)), sweeps, DISTURBED)
 
 
-@njit(cache=True)
+@njit()
 def _bulldoze(  # type: ignore[no-untyped-def]
     state, normals, owner, x0, y0, cell, shapes, centres, rotations, weights, share, headroom, climb, sweeps,
 ):  # fmt: skip
@@ -51,7 +51,7 @@ def _bulldoze(  # type: ignore[no-untyped-def]
         _slide(part, owners, climb, sweeps, 0.0)
 
 
-@njit(cache=True)
+@njit()
 def _sources(state, owner, place):  # type: ignore[no-untyped-def]
     """Bounds of the nodes of a window that were pressed; empty if none was."""
     top, bottom, left, right = place[1], place[0], place[3], place[2]
@@ -63,7 +63,7 @@ def _sources(state, owner, place):  # type: ignore[no-untyped-def]
     return top, bottom, left, right
 
 
-@njit(cache=True)
+@njit()
 def _push(  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
     part, slopes, owners, shape, height, rotation, dx, dy, cell, weights, share, headroom,
 ):  # fmt: skip
@@ -99,7 +99,7 @@ def _push(  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
             part[row, column, START] += room[row, column] * gained[row, column]
 
 
-@njit(cache=True)
+@njit()
 def _blur(field, weights):  # type: ignore[no-untyped-def]
     rows, columns = field.shape
     reach = len(weights) // 2
@@ -117,7 +117,7 @@ def _blur(field, weights):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True)
+@njit()
 def _blur_at(wanted, field, weights):  # type: ignore[no-untyped-def]
     """`_blur` where `wanted` is above 0, which is at few nodes; 0 elsewhere."""
     rows, columns = field.shape
@@ -143,7 +143,7 @@ def _blur_at(wanted, field, weights):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True)
+@njit()
 def _slide(part, owners, climb, sweeps, still):  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
     """All sweeps, or until none moves a level by more than `still`, metres.
 

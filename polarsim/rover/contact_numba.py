@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from polarsim.kernels import njit
 from polarsim.rover.contact import READINGS, SLOWEST_RIM, STEEPEST, Bodies, Rule, Wrenches
 from polarsim.rover.ground import (
     FLOW,
@@ -52,17 +52,17 @@ def press(ground: Ground, bodies: Bodies, law: Law, rule: Rule, dt: float) -> Wr
     return Wrenches(forces, torques, readings)
 
 
-@njit(cache=True)
+@njit()
 def _dot(a, ax, ay, az):  # type: ignore[no-untyped-def]
     return a[0] * ax + a[1] * ay + a[2] * az
 
 
-@njit(cache=True)
+@njit()
 def _covered(distance, half, cell):  # type: ignore[no-untyped-def]
     return min(max((half - abs(distance)) / cell + 0.5, 0.0), 1.0)
 
 
-@njit(cache=True)
+@njit()
 def _rim(shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
     """Share of the cell (0: no hit), height over the centre, normal."""
     ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
@@ -87,7 +87,7 @@ def _rim(shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
     return 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-@njit(cache=True)
+@njit()
 def _span(at, slope, low, high, enter, leave):  # type: ignore[no-untyped-def]
     """Cut a line's stretch by a slab."""
     if abs(slope) < LEVEL_AXLE:
@@ -96,7 +96,7 @@ def _span(at, slope, low, high, enter, leave):  # type: ignore[no-untyped-def]
     return max(enter, min(one, two)), min(leave, max(one, two))
 
 
-@njit(cache=True)
+@njit()
 def _grouser(number, shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
     angle = 2 * math.pi * number / shape[GROUSERS]
     cosine, sine = math.cos(angle), math.sin(angle)
@@ -126,7 +126,7 @@ def _grouser(number, shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-
     return _covered(u, half, cell), enter, -ox / length, -oy / length, -oz / length
 
 
-@njit(cache=True)
+@njit()
 def _meet(shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
     if shape[KIND] == PLATE:
         fx, fy, fz = rotation[0, 0], rotation[1, 0], rotation[2, 0]
@@ -143,7 +143,7 @@ def _meet(shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
     return best
 
 
-@njit(cache=True)
+@njit()
 def _clear(shape, rotation, dx, dy, depth):  # type: ignore[no-untyped-def]
     """Whether a point `depth` below a wheel's centre surely lies below its surface: spares nodes out of reach."""
     if shape[KIND] == PLATE or depth <= 0:
@@ -154,7 +154,7 @@ def _clear(shape, rotation, dx, dy, depth):  # type: ignore[no-untyped-def]
     return dx * dx + dy * dy + depth * depth - along * along > tip**2 + shape[HALF_THICKNESS] ** 2
 
 
-@njit(cache=True)
+@njit()
 def _window(shape, centre, rotation, x0, y0, cell, rows, columns):  # type: ignore[no-untyped-def]
     length = max(shape[RADIUS] + (shape[GROUSER_HEIGHT] if shape[GROUSERS] > 0 else 0.0), shape[HALF_LENGTH])
     ax, ay = (rotation[0, 1], rotation[1, 1]) if shape[KIND] == WHEEL else (0.0, 0.0)
@@ -169,7 +169,7 @@ def _window(shape, centre, rotation, x0, y0, cell, rows, columns):  # type: igno
     )
 
 
-@njit(cache=True)
+@njit()
 def _slip(shape, rotation, velocity, spin):  # type: ignore[no-untyped-def]
     ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
     rim, level = _dot(spin, ax, ay, az) * shape[RADIUS], math.hypot(ax, ay)
@@ -178,7 +178,7 @@ def _slip(shape, rotation, velocity, spin):  # type: ignore[no-untyped-def]
     return min(max(1 - (velocity[0] * ay - velocity[1] * ax) / level / rim, 0.0), 1.0)
 
 
-@njit(cache=True)
+@njit()
 def _press(  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, so that nothing is stored between its parts
     state, normals, owner, x0, y0, cell, shapes, centres, rotations, velocities, spins,
     law, normal_of_terrain, clearance, shear_cap, dt, forces, torques, readings,

@@ -13,6 +13,7 @@ import mujoco
 import numba as nb
 import numpy as np
 
+from polarsim.kernels import njit
 from polarsim.rover.bulldozing_numba import _bulldoze
 from polarsim.rover.contact_numba import _press
 
@@ -39,7 +40,7 @@ def _mujoco(name: str) -> nb.types.ExternalFunction:
 _step1, _step2 = _mujoco("mj_step1"), _mujoco("mj_step2")
 
 
-@nb.njit(cache=True)
+@njit()
 def advance(  # type: ignore[no-untyped-def]
     model, data, steps, done, dt,
     xpos, xmat, cvel, subtree_com, xfrc, qvel, qfrc_constraint, actuator_force, bodies, servo,
@@ -91,7 +92,7 @@ def advance(  # type: ignore[no-untyped-def]
         _step1(model, data)
 
 
-@nb.njit(cache=True)
+@njit()
 def _account(before, qvel, qfrc_constraint, actuator_force, readings, servo, dt, account):  # type: ignore[no-untyped-def]
     """Add a step's work.
 
