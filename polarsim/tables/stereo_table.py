@@ -15,7 +15,7 @@ MEASURES = ("valid_share", "median_abs_error_mm", "bad_share", "bad_relative_sha
 COLUMNS = ("domain", "terrain", "pairs", *MEASURES, "rocks", "performance")
 IPD_COLUMNS = ("first", "second", "pairs", "ipd", "ipd_abs", "ipd_low", "ipd_high", "ipd_abs_low", "ipd_abs_high")
 ALL = "all"
-CAPTION = "Stereo depth (semi-global matching) against the depth of the meshes, means over pairs of photos."
+CAPTION = "Stereo depth (semi-global matching) against the depth of the meshes, means over pairs of pictures."
 IPD_CAPTION = "Instance performance difference of stereo depth between domains. Each cell: value [95 %]."
 
 

@@ -136,6 +136,15 @@ def test_the_gap_ledger_renders_every_ingredient_once_a_terrain_and_trains_its_j
         assert f"gap/twins/{name}/pictures/Terrain03" in text
 
 
+def test_the_strict_split_trains_its_judges_and_leaves_the_legacy_ones(checkout, snakemake):
+    files = ("--configfile", "config/config.yaml", "config/strict.yaml")
+    done = snakemake(checkout, "detect", "tables", "--dry-run", *files)
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs = planned(done)
+    assert (jobs["train_judge"], jobs["measure_stereo"]) == (2 * 3, 4)
+    assert jobs["split_photos"] == 2
+
+
 def test_without_ingredients_there_is_no_ledger(checkout, snakemake):
     done = snakemake(checkout, "--dry-run")
     assert "gap/" not in (done.stdout + done.stderr).replace("figures/gap", "")

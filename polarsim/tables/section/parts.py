@@ -99,7 +99,7 @@ def stereo_part(stereo: pd.DataFrame | None, ipd: pd.DataFrame | None, source: s
         return []
     whole = stereo[stereo["terrain"] == "all"]
     told = listed(
-        f"{100 * row['bad_share']:.1f} % on {paper.title(str(row['domain']))} ({int(row['pairs'])} pairs of photos, "
+        f"{100 * row['bad_share']:.1f} % on {paper.title(str(row['domain']))} ({int(row['pairs'])} pairs, "
         f"median error {row['median_abs_error_mm']:.1f} mm)"
         for _, row in whole.iterrows()
     )
