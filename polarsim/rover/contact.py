@@ -8,6 +8,7 @@ been clear; only the elastic branches are damped, for damping of plastic flow wo
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,7 @@ class Rule:
     normal_of_terrain: bool = False  # as Chrono: forces on the ground's normal instead of the wheel's
     clearance: float = 0.003  # m above the soil at which a node forgets its shear
     shear_cap: float = 6.0  # of K: shear displacement that is remembered at most
+    slip_length: float = 0.1  # m of the rim's travel in which the soil comes to know a slip; 0: at once
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class Bodies:
     rotations: np.ndarray  # (k, 3, 3) world from body
     velocities: np.ndarray  # (k, 3)
     spins: np.ndarray  # (k, 3) rad/s
+    slips: np.ndarray | None = None  # (k,) at which the soil under each was worked lately, changed; None: their own
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,10 @@ def press(ground: Ground, bodies: Bodies, law: Law, rule: Rule, dt: float) -> Wr
     """One step of the contact of all bodies, in their order; changes `ground`."""
     count = len(bodies.numbers)
     forces, torques, readings = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, len(READINGS)))
+    slips = worked_slips(bodies, rule, dt)
     for body in range(count):
-        forces[body], torques[body], readings[body] = _press_one(ground, bodies, body, law, rule, dt)
+        exponent = law.n + law.n_slip * float(slips[body])
+        forces[body], torques[body], readings[body] = _press_one(ground, bodies, body, law, exponent, rule, dt)
     return Wrenches(forces, torques, readings)
 
 
@@ -87,19 +92,40 @@ def window(ground: Ground, numbers: np.ndarray, centre: np.ndarray, rotation: np
     return slice(max(first[1], 0), min(max(last[1], 0), rows)), slice(max(first[0], 0), min(max(last[0], 0), columns))
 
 
+def worked_slips(bodies: Bodies, rule: Rule, dt: float) -> np.ndarray:
+    """(k,) slips that count for sinkage, after a step more; changes `bodies.slips`.
+
+    Slip digs by carrying soil away, which takes some travel: a wheel that has turned on the spot by a millimetre is at
+    slip 1 but has dug nothing. So a slip comes to tell over about the length of the contact. Steady slip digs at once.
+    """
+    count = len(bodies.numbers)
+    slips, length = (np.zeros(count), 0.0) if bodies.slips is None else (bodies.slips, rule.slip_length)
+    for body in range(count):
+        state = bodies.numbers[body], bodies.rotations[body], bodies.velocities[body], bodies.spins[body]
+        rim, forward = _speeds(*state)
+        kept = math.exp(-max(abs(rim), abs(forward)) * dt / length) if length > 0 else 0.0
+        slips[body] = kept * slips[body] + (1 - kept) * slip_of(*state)
+    return slips
+
+
+def _speeds(numbers: np.ndarray, rotation: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> tuple[float, float]:
+    """Of the rim, and of the wheel itself ahead over level ground, m/s."""
+    axle = rotation[:, 1]
+    level = float(np.hypot(axle[0], axle[1]))
+    forward = float(velocity[0] * axle[1] - velocity[1] * axle[0]) / level if level > 0 else 0.0
+    return float(spin @ axle) * float(numbers[RADIUS]), forward
+
+
 def slip_of(numbers: np.ndarray, rotation: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> float:
     """How much a driven wheel's rim outruns it, 0 to 1; 0 for a wheel that is towed, braked or at rest."""
-    axle = rotation[:, 1]
-    rim = float(spin @ axle) * numbers[RADIUS]
-    level = float(np.hypot(axle[0], axle[1]))
-    if numbers[KIND] != WHEEL or abs(rim) < SLOWEST_RIM or level == 0:
+    rim, forward = _speeds(numbers, rotation, velocity, spin)
+    if numbers[KIND] != WHEEL or abs(rim) < SLOWEST_RIM or rotation[:2, 1].tolist() == [0.0, 0.0]:
         return 0.0
-    forward = float(velocity[0] * axle[1] - velocity[1] * axle[0]) / level
     return min(max(1 - forward / rim, 0.0), 1.0)
 
 
 def _press_one(
-    ground: Ground, bodies: Bodies, body: int, law: Law, rule: Rule, dt: float
+    ground: Ground, bodies: Bodies, body: int, law: Law, exponent: float, rule: Rule, dt: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     numbers, centre, rotation = bodies.numbers[body], bodies.centres[body], bodies.rotations[body]
     rows, columns = window(ground, numbers, centre, rotation)
@@ -127,7 +153,6 @@ def _press_one(
     normal = (slope if rule.normal_of_terrain else hits.normal.reshape(*shape, 3))[touched]
     v_n = (velocity * normal).sum(axis=-1)
     nodes = state[touched]
-    exponent = law.n + law.n_slip * slip_of(numbers, rotation, bodies.velocities[body], bodies.spins[body])
     stiffness = law.K_c * numbers[INVERSE_WIDTH] + law.K_phi
     sigma = _pressure(nodes, s[touched], tried[touched], v_n, law, stiffness, exponent)
     slip = velocity - v_n[:, None] * normal

@@ -44,9 +44,11 @@ def press(ground: Ground, bodies: Bodies, law: Law, rule: Rule, dt: float) -> Wr
     """One step of the contact of all bodies, in their order; changes `ground`."""
     count = len(bodies.numbers)
     forces, torques, readings = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, _SIZE))
+    slips, length = (np.zeros(count), 0.0) if bodies.slips is None else (bodies.slips, rule.slip_length)
+    _work(slips, length, bodies.numbers, bodies.rotations, bodies.velocities, bodies.spins, dt)
     _press(
         ground.state, ground.normals, ground.owner, ground.x0, ground.y0, ground.cell,
-        bodies.numbers, bodies.centres, bodies.rotations, bodies.velocities, bodies.spins,
+        bodies.numbers, bodies.centres, bodies.rotations, bodies.velocities, bodies.spins, slips,
         law, rule.normal_of_terrain, rule.clearance, rule.shear_cap, dt, forces, torques, readings,
     )  # fmt: skip
     return Wrenches(forces, torques, readings)
@@ -170,24 +172,30 @@ def _window(shape, centre, rotation, x0, y0, cell, rows, columns):  # type: igno
 
 
 @njit()
-def _slip(shape, rotation, velocity, spin):  # type: ignore[no-untyped-def]
-    ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
-    rim, level = _dot(spin, ax, ay, az) * shape[RADIUS], math.hypot(ax, ay)
-    if shape[KIND] != WHEEL or abs(rim) < SLOWEST_RIM or level == 0:
-        return 0.0
-    return min(max(1 - (velocity[0] * ay - velocity[1] * ax) / level / rim, 0.0), 1.0)
+def _work(slips, length, shapes, rotations, velocities, spins, dt):  # type: ignore[no-untyped-def]
+    """`contact.worked_slips`: of all bodies, in place."""
+    for body in range(len(shapes)):
+        rotation, velocity = rotations[body], velocities[body]
+        ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
+        rim, level = _dot(spins[body], ax, ay, az) * shapes[body, RADIUS], math.hypot(ax, ay)
+        forward = (velocity[0] * ay - velocity[1] * ax) / level if level > 0 else 0.0
+        slip = 0.0
+        if shapes[body, KIND] == WHEEL and abs(rim) >= SLOWEST_RIM and level > 0:
+            slip = min(max(1 - forward / rim, 0.0), 1.0)
+        kept = math.exp(-max(abs(rim), abs(forward)) * dt / length) if length > 0 else 0.0
+        slips[body] = kept * slips[body] + (1 - kept) * slip
 
 
 @njit()
 def _press(  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, so that nothing is stored between its parts
-    state, normals, owner, x0, y0, cell, shapes, centres, rotations, velocities, spins,
+    state, normals, owner, x0, y0, cell, shapes, centres, rotations, velocities, spins, slips,
     law, normal_of_terrain, clearance, shear_cap, dt, forces, torques, readings,
 ):  # fmt: skip
     rows, columns = owner.shape
     for body in range(len(shapes)):
         shape, centre, rotation = shapes[body], centres[body], rotations[body]
         velocity, spin = velocities[body], spins[body]
-        exponent = law.n + law.n_slip * _slip(shape, rotation, velocity, spin)
+        exponent = law.n + law.n_slip * slips[body]
         stiffness = law.K_c * shape[INVERSE_WIDTH] + law.K_phi
         first_row, last_row, first, last = _window(shape, centre, rotation, x0, y0, cell, rows, columns)
         for row in range(first_row, last_row):

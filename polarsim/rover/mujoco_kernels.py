@@ -15,7 +15,7 @@ import numpy as np
 
 from polarsim.kernels import njit
 from polarsim.rover.bulldozing_numba import _bulldoze
-from polarsim.rover.contact_numba import _press
+from polarsim.rover.contact_numba import _press, _work
 
 WHEELS = 4
 FIRST_DOF, DOFS = 6, 3  # behind the free body's; lift, steer, spin of each wheel
@@ -44,7 +44,7 @@ _step1, _step2 = _mujoco("mj_step1"), _mujoco("mj_step2")
 def advance(  # type: ignore[no-untyped-def]
     model, data, steps, done, dt,
     xpos, xmat, cvel, subtree_com, xfrc, qvel, qfrc_constraint, actuator_force, bodies, servo,
-    state, normals, owner, x0, y0, cell, shapes, law, normal_of_terrain, clearance, shear_cap,
+    state, normals, owner, x0, y0, cell, shapes, slips, law, normal_of_terrain, clearance, shear_cap, slip_length,
     weights, share, headroom, climb, sweeps, every,
     forces, torques, readings, account,
 ):  # fmt: skip
@@ -73,8 +73,9 @@ def advance(  # type: ignore[no-untyped-def]
             velocities[wheel, 1] = cvel[body, 4] + wz * ax - wx * az
             velocities[wheel, 2] = cvel[body, 5] + wx * ay - wy * ax
         forces[:], torques[:], readings[:] = 0.0, 0.0, 0.0
+        _work(slips, slip_length, shapes, rotations, velocities, spins, dt)
         _press(
-            state, normals, owner, x0, y0, cell, shapes, centres, rotations, velocities, spins,
+            state, normals, owner, x0, y0, cell, shapes, centres, rotations, velocities, spins, slips,
             law, normal_of_terrain, clearance, shear_cap, dt, forces, torques, readings,
         )  # fmt: skip
         if every > 0 and (done + step + 1) % every == 0:

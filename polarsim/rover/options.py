@@ -72,6 +72,9 @@ class SoilOptions(Part):
         "contact", description="Forces stand on the wheel's surface, or, as in Chrono, on the ground's."
     )
     slip_sinkage: bool = Field(True, description="A slipping wheel digs itself in (where the set says how much).")
+    slip_length_m: float = Field(
+        0.1, ge=0, description="Of the rim's travel in which a change of slip comes to tell on sinkage, m; 0: at once."
+    )
     clearance_m: float = Field(0.003, ge=0, description="Above the soil at which a node forgets its shear, m.")
     bulldozing: BulldozingOptions | None = Field(BulldozingOptions(), description="null: displaced soil vanishes.")
     step_s: PositiveFloat = Field(0.001, le=0.02, description="Time step, s.")
@@ -81,7 +84,7 @@ class SoilOptions(Part):
 
     @property
     def rule(self) -> Rule:
-        return Rule(self.normal == "terrain", self.clearance_m)
+        return Rule(self.normal == "terrain", self.clearance_m, slip_length=self.slip_length_m)
 
 
 class StartSpread(Part):

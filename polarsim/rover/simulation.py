@@ -215,6 +215,7 @@ class Simulation:
             owner=self.ground.owner,
             forces=self._forces,
             readings=self._readings,
+            slips=self._slips,
             constraint=self.data.qfrc_constraint,
             actuator=self.data.actuator_force,
             sensor=self.data.sensordata,
@@ -235,7 +236,7 @@ class Simulation:
         """
         path = Path(path)
         names = (
-            "physics", "ground", "owner", "forces", "readings", "constraint", "actuator", "sensor", "account", "counts",
+            "physics", "ground", "owner", "forces", "readings", "slips", "constraint", "actuator", "sensor", "account", "counts",
             "energy_zero", "command",
         )  # fmt: skip
         saved = read_arrays(path, names)
@@ -247,6 +248,7 @@ class Simulation:
         self._mujoco.mj_setState(self.model, self.data, saved["physics"], whole)
         self._mujoco.mj_step1(self.model, self.data)
         self.ground.state[:], self.ground.owner[:] = saved["ground"], saved["owner"]
+        self._slips[:] = saved["slips"]
         self._forces[:], self._readings[:], self._account[:] = saved["forces"], saved["readings"], saved["account"]
         self.data.qfrc_constraint[:], self.data.actuator_force[:] = saved["constraint"], saved["actuator"]
         self.data.sensordata[:] = saved["sensor"]
@@ -306,6 +308,7 @@ class Simulation:
             ),
         )  # fmt: skip
         self._forces, self._torques, self._readings = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros((4, 4))
+        self._slips = np.zeros(4)  # at which the soil under each wheel was worked lately
         self._account = np.zeros(self._kernels.SIZE)
         self._energy_zero = 0.0
         self._reach = reach(self._shapes)
@@ -318,7 +321,7 @@ class Simulation:
         self._kernels.advance(
             self.model._address, self.data._address, steps, self.steps, self.dt, *self._views,
             ground.state, ground.normals, ground.owner, ground.x0, ground.y0, ground.cell, self._shapes,
-            self._law, rule.normal_of_terrain, rule.clearance, rule.shear_cap,
+            self._slips, self._law, rule.normal_of_terrain, rule.clearance, rule.shear_cap, rule.slip_length,
             taps(moved, ground.cell), moved.share, moved.headroom,
             ground.cell * math.tan(math.radians(moved.angle_deg)), moved.sweeps, moved.every,
             self._forces, self._torques, self._readings, self._account,
@@ -385,7 +388,7 @@ class Simulation:
         centres = data.xpos[self._bodies]
         table[:, 0], table[:, 1], table[:, 2] = joints[:, STEER], joints[:, LIFT], joints[:, SPIN]
         table[:, 3], table[:, 4:7], table[:, 7:11] = rates[:, SPIN], centres, data.xquat[self._bodies]
-        table[:, 11] = self._slips(rates[:, SPIN])
+        table[:, 11] = self._slip(rates[:, SPIN])
         table[:, 12:14] = self._sunk(centres)
         # What rocks bear passes through the suspension's constraint force; the soil's force is known.
         table[:, 14] = self._forces[:, 2] + data.qfrc_constraint[6:].reshape(count, 3)[:, LIFT]
@@ -399,7 +402,7 @@ class Simulation:
         table[:, 16] = soil + 2 * rock
         return table
 
-    def _slips(self, spin: np.ndarray) -> np.ndarray:
+    def _slip(self, spin: np.ndarray) -> np.ndarray:
         """(4,): 1 where a wheel turns on the spot, 0 where it rolls, below 0 where it is pushed."""
         turns = self.data.xmat[self._bodies].reshape(-1, 3, 3)
         offset = self.data.xpos[self._bodies] - self.data.subtree_com[1]

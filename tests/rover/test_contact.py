@@ -140,7 +140,7 @@ def test_both_engines_give_the_same_numbers(yaw, lean, slip, terrain, grousers, 
     rock[30:33, 45:48] = True
     one = make_ground(noise, 0.01, y0=-0.35, rock=rock)
     two, wheel, rule = one.copy(), MGRU3 if grousers else WHEEL_A, Rule(normal_of_terrain=terrain)
-    law, borne = _lunar_law(), 0.0
+    law, borne, worked = _lunar_law(), 0.0, (np.zeros(1), np.zeros(1))
     for step in range(12):
         at = 0.4 + 0.004 * step
         bodies = one_wheel(
@@ -154,8 +154,8 @@ def test_both_engines_give_the_same_numbers(yaw, lean, slip, terrain, grousers, 
             step / 40,
         )
         found = [
-            press(ground, bodies, law, rule, 0.01)
-            for press, ground in ((contact.press, one), (contact_numba.press, two))
+            press(ground, replace(bodies, slips=slips), law, rule, 0.01)
+            for press, ground, slips in zip((contact.press, contact_numba.press), (one, two), worked, strict=True)
         ]
         for a, b in (
             (found[0].forces, found[1].forces),
@@ -167,6 +167,7 @@ def test_both_engines_give_the_same_numbers(yaw, lean, slip, terrain, grousers, 
             bulldozing.bulldoze(one, bodies, Bulldozing())
             bulldozing_numba.bulldoze(two, bodies, Bulldozing())
         borne = max(borne, found[0].forces[0, 2])
+    assert worked[0] == pytest.approx(worked[1], rel=1e-12)
     assert borne > 0
     np.testing.assert_allclose(one.state, two.state, rtol=1e-12, atol=1e-15)
     np.testing.assert_array_equal(one.owner, two.owner)
@@ -257,3 +258,21 @@ def test_soil_that_bore_a_load_still_does_when_slip_sets_in(lunar):
         bodies = Bodies(wheel.numbers(0.02)[None], np.array([[0.5, 0.0, 0.235]]), np.eye(3)[None], still, spin)
         loads.append(contact.press(ground, bodies, lunar.law(), Rule(), 1e-6).forces[0, 2])
     assert loads[1] == pytest.approx(loads[0], rel=1e-3)
+
+
+@ENGINES
+def test_slip_digs_only_as_it_carries_soil_away(lunar, press):
+    """A wheel that has turned on the spot by 0.2 mm is at slip 1, but soil bears it as before; after a metre it digs."""
+    loads = {}
+    for steps, slip in ((1, 0.0), (1, 0.9), (5000, 0.9)):
+        ground, slips = flat_ground(1.2, 0.4, 0.02), np.zeros(1)
+        wheel = one_wheel(WHEEL_A, 0.02, (0.6, 0, 0.26), (0.2 * (1 - slip), 0, 0), 0.2)
+        for _ in range(steps):  # above the ground
+            press(ground, replace(wheel, slips=slips), lunar.law(), Rule(), 1e-3)
+        low = replace(wheel, centres=np.array([[0.6, 0.0, 0.235]]), slips=slips)
+        loads[steps, slip] = press(ground, low, lunar.law(), Rule(), 1e-9).forces[0, 2]
+    assert loads[1, 0.9] == pytest.approx(loads[1, 0.0], rel=0.02)
+    steady = one_wheel(WHEEL_A, 0.02, (0.6, 0, 0.235), (0.02, 0, 0), 0.2)  # its own slip, at once
+    dug = press(flat_ground(1.2, 0.4, 0.02), steady, lunar.law(), Rule(), 1e-9).forces[0, 2]
+    assert loads[5000, 0.9] == pytest.approx(dug, rel=0.01)
+    assert dug < 0.1 * loads[1, 0.0]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
 
@@ -55,6 +56,16 @@ def test_at_rest_the_soil_bears_the_weight_and_an_accelerometer_reads_gravity(so
     # Bekker's wheel at rest, theta_1 = theta_2: half the soil of one that rolled in, so less deep than its 17 mm.
     assert (last.wheel("sinkage_first_m") > 0.008).all()
     assert (last.wheel("sinkage_first_m") < 0.017).all()
+
+
+def test_a_rover_let_down_on_rough_ground_sinks_as_on_level_ground(soil):
+    """Braked wheels that touch one after the other turn by hundredths of a millimetre: no slip that digs."""
+    rng = np.random.default_rng(0)
+    bumps = gaussian_filter(rng.normal(size=flat().level.shape), 5.0)
+    world = replace(flat(), level=bumps * (0.008 / bumps.std()))
+    last = run(Simulation(world, VIPER, soil, start=Start(0.0, 0.0, math.pi)), 2.0)[-1]
+    assert (last.wheel("sinkage_first_m") > 0.008).all()
+    assert (last.wheel("sinkage_first_m") < 0.025).all()
 
 
 def test_a_flat_drive_ripples_little_and_closes_its_energy(soil):
