@@ -12,14 +12,17 @@ from polarsim.rover.vehicle import Vehicle
 
 STRAIGHT = 1e-6  # rad: a smaller steering angle is none
 Mode = Literal["drive", "crab", "turn"]
+MODES: tuple[Mode, ...] = ("drive", "crab", "turn")
+Steering = Literal["ackermann", "crab", "combined"]
 
 
 @dataclass(frozen=True)
 class Command:
     """What a rover is told.
 
-    drive : the body moves forward at `speed_m_s` and turns about a point beside it; `steer_rad` is the angle of a wheel
-        midway between the front ones, the rear ones steer the other way (as in the paper's demo).
+    drive : the body moves at `speed_m_s`, `crab_rad` to the left of ahead, and turns: `steer_rad` is the angle at which
+        a wheel midway between the front ones stands without crab, the rear ones steer the other way (as in the paper's
+        demo).
     crab : all wheels point `steer_rad` to the left and the body moves that way without turning.
     turn : the body turns on the spot, leftwards where the speed, that of a wheel's rim, is positive.
     """
@@ -27,6 +30,7 @@ class Command:
     speed_m_s: float = 0.0
     steer_rad: float = 0.0
     mode: Mode = "drive"
+    crab_rad: float = 0.0
 
 
 def wheel_commands(command: Command, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
@@ -38,6 +42,11 @@ def wheel_commands(command: Command, vehicle: Vehicle) -> tuple[np.ndarray, np.n
     if command.mode == "turn":
         angles = np.arctan2(places[:, 0], -places[:, 1])  # across the line to the middle
         speeds = np.full(4, command.speed_m_s)
+    elif command.crab_rad:
+        turn = 2 * math.tan(command.steer_rad) / vehicle.wheelbase  # rad per metre
+        along = math.cos(command.crab_rad) - turn * places[:, 1]
+        across = math.sin(command.crab_rad) + turn * places[:, 0]
+        angles, speeds = np.arctan2(across, along), command.speed_m_s * np.hypot(along, across)
     elif abs(command.steer_rad) < STRAIGHT:
         return np.zeros(4), np.full(4, command.speed_m_s)
     else:
@@ -88,14 +97,19 @@ class Law:
     gain: float
     heading_gain: float
     limit: float
-    crab: bool = False
+    steering: Steering = "ackermann"
+    integral_gain: float = 0.0
+    drift_limit: float = math.radians(10)
     turn_above: float = math.radians(45)
     turned: float = math.radians(2)  # a turn on the spot ends this near to the next line
 
 
 @dataclass
 class Driver:
-    """Follows a path line by line; `line` and `turning` are all that it remembers."""
+    """Follows a path line by line.
+
+    It remembers `line`, `turning`, `done` and `drift`: the angle held against what pushes it aside all the time.
+    """
 
     path: Path
     law: Law
@@ -104,6 +118,7 @@ class Driver:
     offset: float = 0.0
     heading_error: float = 0.0
     done: float = 0.0  # m along the path
+    drift: float = 0.0  # rad
 
     @property
     def finished(self) -> bool:
@@ -115,19 +130,30 @@ class Driver:
         while along >= self.path.lengths[self.line] and self.line + 1 < len(self.path.lengths):
             bend = wrapped(self.path.headings[self.line + 1] - self.path.headings[self.line])
             self.line += 1
-            self.turning = not self.law.crab and abs(bend) > self.law.turn_above
+            self.turning = self.law.steering != "crab" and abs(bend) > self.law.turn_above
             along, self.offset = self.path.beside(x, y, self.line)
-        self.done = float(self.path.lengths[: self.line].sum()) + along
+        done = float(self.path.lengths[: self.line].sum()) + along
+        headway, self.done = max(done - self.done, 0.0), done
         self.heading_error = wrapped(heading - float(self.path.headings[self.line]))
         if self.turning:
             if abs(self.heading_error) > self.law.turned:
                 return Command(-math.copysign(self.law.speed, self.heading_error), 0.0, "turn")
             self.turning = False
-        if self.law.crab:
-            aim = -self.heading_error - self.law.gain * self.offset
-            return Command(self.law.speed, float(np.clip(aim, -math.pi / 2, math.pi / 2)), "crab")
-        steer = -self.law.gain * self.offset - self.law.heading_gain * self.heading_error
-        return Command(self.law.speed, float(np.clip(steer, -self.law.limit, self.law.limit)), "drive")
+        law = self.law
+        self.drift = _within(self.drift - law.integral_gain * self.offset * headway, law.drift_limit)
+        aim = self.drift - law.gain * self.offset
+        turn = -law.heading_gain * self.heading_error
+        if law.steering == "crab":
+            return Command(law.speed, _within(aim - self.heading_error, math.pi / 2), "crab")
+        if law.steering == "combined":
+            # Crab leads back to the line at once, without a swing; the bend keeps the rover pointing along it.
+            crab = _within(_within(aim, law.limit) - self.heading_error, law.limit)
+            return Command(law.speed, _within(turn, law.limit), "drive", crab)
+        return Command(law.speed, _within(aim + turn, law.limit), "drive")
+
+
+def _within(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
 
 
 def wrapped(angle: float) -> float:

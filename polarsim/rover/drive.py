@@ -14,7 +14,7 @@ import numpy as np
 
 from polarsim.errors import RoverError
 from polarsim.randomness import generator
-from polarsim.rover.control import Driver, Law
+from polarsim.rover.control import Driver, Law, Steering
 from polarsim.rover.control import Path as Route
 from polarsim.rover.energy import EnergyError
 from polarsim.rover.ground import LEVEL
@@ -185,7 +185,7 @@ class Ride:
             rows=np.array(self.rows).reshape(-1, len(COLUMNS)),
             done=np.array(self.done),
             ride=np.array([self.step, self.moving_since, self.driver.line, self.driver.turning]),
-            driver=np.array([self.driver.offset, self.driver.heading_error, self.driver.done]),
+            driver=np.array([self.driver.offset, self.driver.heading_error, self.driver.done, self.driver.drift]),
             frame_time=frames.time,
             frame_start=frames.start,
             frame_cell=frames.cell,
@@ -206,7 +206,8 @@ class Ride:
         self.rows, self.done = list(saved["rows"]), [float(value) for value in saved["done"]]
         self.step, self.moving_since, self.driver.line = (int(value) for value in saved["ride"][:3])
         self.driver.turning = bool(saved["ride"][3])
-        self.driver.offset, self.driver.heading_error, self.driver.done = (float(value) for value in saved["driver"])
+        driver = self.driver
+        driver.offset, driver.heading_error, driver.done, driver.drift = (float(value) for value in saved["driver"])
         tracks = Tracks(saved["frame_time"], saved["frame_start"], saved["frame_cell"], saved["frame_level"])
         for frame, time in enumerate(tracks.time):
             part = slice(tracks.start[frame], tracks.start[frame + 1])
@@ -337,16 +338,18 @@ def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:
 
 
 def _law(options: DriveOptions) -> Law:
-    gain, heading_gain = (
-        (options.gain_rad_m, options.heading_gain) if options.control == "heading" else (options.p_only_gain_rad_m, 0.0)
-    )
+    limit, turn_above = math.radians(options.steer_limit_deg), math.radians(options.turn_above_deg)
+    if options.control == "P-only":
+        steering: Steering = "crab" if options.steering == "crab" else "ackermann"
+        return Law(options.speed_m_s, options.p_only_gain_rad_m, 0.0, limit, steering, turn_above=turn_above)
     return Law(
         options.speed_m_s,
-        gain,
-        heading_gain,
-        math.radians(options.steer_limit_deg),
-        options.steering == "crab",
-        math.radians(options.turn_above_deg),
+        options.gain_rad_m,
+        options.heading_gain,
+        limit,
+        options.steering,
+        options.integral_rad_m2,
+        turn_above=turn_above,
     )
 
 

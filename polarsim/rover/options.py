@@ -107,9 +107,16 @@ class DriveOptions(Part):
     control: Literal["heading", "P-only"] = Field(
         "heading", description="Steering by offset and heading, or by the offset alone as in the paper."
     )
-    steering: Literal["ackermann", "crab"] = Field("ackermann", description="The body turns, or the wheels alone do.")
-    gain_rad_m: PositiveFloat = Field(2.5, description="Steering angle per offset, with the heading term, rad/m.")
+    steering: Literal["ackermann", "crab", "combined"] = Field(
+        "combined",
+        description="The body turns, the wheels alone do, or the wheels lead back to the path while the body keeps its "
+        "heading. P-only control turns the body in any case but crab, as in the paper.",
+    )
+    gain_rad_m: PositiveFloat = Field(4.0, description="Steering angle per offset, with the heading term, rad/m.")
     p_only_gain_rad_m: PositiveFloat = Field(1.0472, description="As the paper steers by the offset alone, rad/m.")
+    integral_rad_m2: float = Field(
+        4.0, ge=0, description="Steering angle per offset summed over headway, with the heading term, rad/m2."
+    )
     heading_gain: float = Field(2.0, ge=0, description="Steering angle per heading error.")
     steer_limit_deg: float = Field(30.0, gt=0, lt=90, description="Largest steering angle, degrees.")
     turn_above_deg: float = Field(45.0, gt=0, description="Sharper corners are taken by a turn on the spot, degrees.")

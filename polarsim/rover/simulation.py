@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from polarsim.errors import FormatError, RoverError
 from polarsim.rover import energy
 from polarsim.rover.bulldozing import Bulldozing, taps
-from polarsim.rover.control import Command, wheel_commands
+from polarsim.rover.control import MODES, Command, wheel_commands
 from polarsim.rover.ground import ORIGINAL, START, make_ground
 from polarsim.rover.hulls import rock_hulls, under_rocks
 from polarsim.rover.mjcf import compile_model, import_mujoco
@@ -222,7 +221,7 @@ class Simulation:
             account=self._account,
             counts=np.array([self.steps, self.time_zero, self.guarded]),
             energy_zero=np.float64(self._energy_zero),
-            command=np.array([command.speed_m_s, command.steer_rad, ("drive", "crab", "turn").index(command.mode)]),
+            command=np.array([command.speed_m_s, command.steer_rad, MODES.index(command.mode), command.crab_rad]),
             **more,
         )
 
@@ -236,8 +235,8 @@ class Simulation:
         """
         path = Path(path)
         names = (
-            "physics", "ground", "owner", "forces", "readings", "slips", "constraint", "actuator", "sensor", "account", "counts",
-            "energy_zero", "command",
+            "physics", "ground", "owner", "forces", "readings", "slips", "constraint", "actuator", "sensor", "account",
+            "counts", "energy_zero", "command",
         )  # fmt: skip
         saved = read_arrays(path, names)
         whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
@@ -255,9 +254,8 @@ class Simulation:
         self.steps, self.time_zero = (int(count) for count in saved["counts"][:2])
         self.guarded = bool(saved["counts"][2])
         self._energy_zero = float(saved["energy_zero"])
-        speed, steer, mode = saved["command"]
-        modes: tuple[Literal["drive", "crab", "turn"], ...] = ("drive", "crab", "turn")
-        self.command = Command(float(speed), float(steer), modes[int(mode)])
+        speed, steer, mode, crab = (float(value) for value in saved["command"])
+        self.command = Command(speed, steer, MODES[int(mode)], crab)
         return saved
 
     @classmethod

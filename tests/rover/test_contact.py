@@ -262,7 +262,7 @@ def test_soil_that_bore_a_load_still_does_when_slip_sets_in(lunar):
 
 @ENGINES
 def test_slip_digs_only_as_it_carries_soil_away(lunar, press):
-    """A wheel that has turned on the spot by 0.2 mm is at slip 1, but soil bears it as before; after a metre it digs."""
+    """A wheel that has slipped by 0.2 mm is borne as one that rolls; after a metre it digs."""
     loads = {}
     for steps, slip in ((1, 0.0), (1, 0.9), (5000, 0.9)):
         ground, slips = flat_ground(1.2, 0.4, 0.02), np.zeros(1)

@@ -63,19 +63,30 @@ def test_a_turn_on_the_spot_stays_on_it(speed):
     assert np.abs(wheel_commands(Command(speed, 0.0, "turn"), VIPER)[0]).max() < math.pi / 2
 
 
-def kinematic_drive(law: Law, route: Route, x: float, y: float, heading: float, seconds: float) -> tuple[list, Driver]:
-    """A rover whose wheels do as they are told."""
+def kinematic_drive(
+    law: Law, route: Route, x: float, y: float, heading: float, seconds: float, slide: float = 0.0
+) -> tuple[list, Driver]:
+    """A rover whose wheels do as they are told, but for a slide to its left, m/s."""
     driver, places = Driver(route, law), []
     for _ in range(round(seconds / 0.05)):
         if driver.finished:
             break
         command = driver.command(x, y, heading)
         (forward, sideways, turn), _ = body_motion(wheel_speeds(command))
+        sideways += slide
         x += 0.05 * (forward * math.cos(heading) - sideways * math.sin(heading))
         y += 0.05 * (forward * math.sin(heading) + sideways * math.cos(heading))
         heading += 0.05 * turn
         places.append((x, y, heading, driver.offset))
     return places, driver
+
+
+@given(speed=st.floats(0.05, 0.5), steer=st.floats(-0.4, 0.4), crab=st.floats(-0.4, 0.4))
+def test_a_rover_crabs_while_it_turns(speed, steer, crab):
+    (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(speed, steer, "drive", crab)))
+    assert slide < 1e-9
+    assert (forward, sideways) == pytest.approx((speed * math.cos(crab), speed * math.sin(crab)), abs=1e-6)
+    assert turn == pytest.approx(speed * 2 * math.tan(steer) / VIPER.wheelbase, abs=1e-6)
 
 
 WEST = Route(np.array([[10.0, 0.0], [0.0, 0.0]]))
@@ -85,6 +96,32 @@ def test_with_the_heading_term_a_rover_comes_back_to_its_line_and_stays():
     places, _ = kinematic_drive(LAW, WEST, 10, 0.3, math.pi, 40)
     offsets = np.abs([place[3] for place in places])
     assert offsets[len(offsets) // 2 :].max() < 0.005
+
+
+def test_crab_and_bend_together_come_back_without_a_swing():
+    places, _ = kinematic_drive(Law(0.2, 4.0, 2.0, math.radians(30), "combined"), WEST, 10, 0.1, math.pi, 40)
+    offsets = np.array([place[3] for place in places])
+    assert np.abs(offsets[len(offsets) // 4 :]).max() < 0.001
+    assert offsets.max() < 0.001  # it starts to the right of a westward line
+    assert max(abs(place[2] - math.pi) for place in places) < 1e-9
+
+
+@pytest.mark.parametrize("steering", ["ackermann", "combined"])
+def test_the_integral_holds_the_line_where_the_ground_slides_aside(steering):
+    """As on a slope across the path: 1 cm/s is an angle of 3 degrees."""
+    worst = []
+    for integral in (0.0, 4.0):
+        law = Law(0.2, 4.0, 3.0, math.radians(30), steering, integral)
+        places, _ = kinematic_drive(law, WEST, 10, 0.0, math.pi, 45, slide=0.01)
+        worst.append(max(abs(place[3]) for place in places[600:]))
+    assert worst[0] > 0.01
+    assert worst[1] < 0.002
+
+
+def test_the_integral_is_bounded():
+    law = Law(0.2, 4.0, 3.0, math.radians(30), "combined", 4.0, drift_limit=math.radians(10))
+    _, driver = kinematic_drive(law, WEST, 10, 0.0, math.pi, 20, slide=0.2)
+    assert abs(driver.drift) == pytest.approx(math.radians(10))
 
 
 def test_steering_by_the_offset_alone_swings():
@@ -110,7 +147,7 @@ def test_a_sharp_corner_is_taken_by_a_turn_on_the_spot():
 
 def test_a_crab_keeps_its_heading_round_a_corner():
     corner = Route(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]))
-    places, driver = kinematic_drive(Law(0.2, 2.0, 0.0, 0.5, crab=True), corner, 0.0, 0.0, 0.0, 60)
+    places, driver = kinematic_drive(Law(0.2, 2.0, 0.0, 0.5, "crab"), corner, 0.0, 0.0, 0.0, 60)
     assert driver.finished
     assert max(abs(place[2]) for place in places) < 1e-9
     assert abs(places[-1][3]) < 0.01
