@@ -104,13 +104,15 @@ def _blur(field, weights):  # type: ignore[no-untyped-def]
     rows, columns = field.shape
     reach = len(weights) // 2
     along, total = np.zeros((rows, columns)), np.zeros((rows, columns))
+    top, bottom = rows, 0
     for row in range(rows):
         for column in range(columns):
             if field[row, column] != 0:  # most nodes send nothing
+                top, bottom = min(top, row), row + 1
                 for other in range(max(column - reach, 0), min(column + reach + 1, columns)):
                     along[row, other] += weights[other - column + reach] * field[row, column]
     for row in range(rows):
-        for other in range(max(row - reach, 0), min(row + reach + 1, rows)):
+        for other in range(max(row - reach, top), min(row + reach + 1, bottom)):
             weight = weights[other - row + reach]
             for column in range(columns):
                 total[row, column] += weight * along[other, column]
@@ -161,17 +163,20 @@ def _slide(part, owners, climb, sweeps, still):  # type: ignore[no-untyped-def] 
         most = 0.0
         for row in range(rows):
             for column in range(columns):
-                if owners[row, column] != FREE:
-                    continue
                 for side in range(2):
                     to_row, to_column = row + side, column + 1 - side
-                    if to_row == rows or to_column == columns or owners[to_row, to_column] != FREE:
+                    if to_row == rows or to_column == columns:
                         continue
                     one, two = level[row, column], level[to_row, to_column]
                     excess = abs(two - one) - climb
-                    if excess > 0 and (
-                        abs(one - original[row, column]) > DISTURBED
-                        or abs(two - original[to_row, to_column]) > DISTURBED
+                    if (
+                        excess > 0  # first, for it is rare
+                        and owners[row, column] == FREE
+                        and owners[to_row, to_column] == FREE
+                        and (
+                            abs(one - original[row, column]) > DISTURBED
+                            or abs(two - original[to_row, to_column]) > DISTURBED
+                        )
                     ):
                         moved = MOVED * excess if two > one else -MOVED * excess
                         change[row, column] += moved

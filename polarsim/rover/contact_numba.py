@@ -46,10 +46,11 @@ def press(ground: Ground, bodies: Bodies, law: Law, rule: Rule, dt: float) -> Wr
     forces, torques, readings = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, _SIZE))
     slips, length = (np.zeros(count), 0.0) if bodies.slips is None else (bodies.slips, rule.slip_length)
     _work(slips, length, bodies.numbers, bodies.rotations, bodies.velocities, bodies.spins, dt)
+    tops = np.full(count, np.inf)
     _press(
         ground.state, ground.normals, ground.owner, ground.x0, ground.y0, ground.cell,
         bodies.numbers, bodies.centres, bodies.rotations, bodies.velocities, bodies.spins, slips,
-        law, rule.normal_of_terrain, rule.clearance, rule.shear_cap, dt, forces, torques, readings,
+        tops, law, rule.normal_of_terrain, rule.clearance, rule.shear_cap, dt, forces, torques, readings,
     )  # fmt: skip
     return Wrenches(forces, torques, readings)
 
@@ -64,11 +65,9 @@ def _covered(distance, half, cell):  # type: ignore[no-untyped-def]
     return min(max((half - abs(distance)) / cell + 0.5, 0.0), 1.0)
 
 
-@njit()
-def _rim(shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
+@njit(error_model="numpy")
+def _rim(ax, ay, az, radius, half, dx, dy, cell):  # type: ignore[no-untyped-def]
     """Share of the cell (0: no hit), height over the centre, normal."""
-    ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
-    radius, half = shape[RADIUS], shape[HALF_WIDTH]
     e = dx * ax + dy * ay
     A, C = 1 - az**2, dx * dx + dy * dy - e * e - radius**2
     root = e * e * az**2 - A * C
@@ -137,7 +136,8 @@ def _meet(shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
         h = -(dx * ux + dy * uy) / uz
         weight = _covered(dx * fx + dy * fy + h * fz, shape[HALF_LENGTH], cell)
         return weight * _covered(dx * ax + dy * ay + h * az, shape[HALF_WIDTH], cell), h, ux, uy, uz
-    best = _rim(shape, rotation, dx, dy, cell)
+    ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
+    best = _rim(ax, ay, az, shape[RADIUS], shape[HALF_WIDTH], dx, dy, cell)
     for number in range(int(shape[GROUSERS])):
         other = _grouser(number, shape, rotation, dx, dy, cell)
         if other[0] > 0 and (best[0] == 0 or other[1] < best[1]):
@@ -172,6 +172,39 @@ def _window(shape, centre, rotation, x0, y0, cell, rows, columns):  # type: igno
 
 
 @njit()
+def _low_window(shape, centre, rotation, top, x0, y0, cell, rows, columns):  # type: ignore[no-untyped-def]
+    """Of `_window`, what can hold a point of a wheel below the height `top`, and a cell more."""
+    ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
+    level, tip = math.hypot(ax, ay), shape[RADIUS]
+    if shape[GROUSERS] > 0:
+        tip = math.hypot(tip + shape[GROUSER_HEIGHT], shape[HALF_THICKNESS])
+    depth = centre[2] - top - shape[HALF_WIDTH] * abs(az)
+    if shape[KIND] == PLATE or level < 0.1 or not depth > 0:
+        return _window(shape, centre, rotation, x0, y0, cell, rows, columns)
+    along = tip * math.sqrt(max(1 - (depth / (tip * level)) ** 2, 0.0))
+    across = shape[HALF_WIDTH] * level + tip * abs(az)
+    half_x = (along * abs(ay) + across * abs(ax)) / level + cell
+    half_y = (along * abs(ax) + across * abs(ay)) / level + cell
+    return (
+        max(math.floor((centre[1] - half_y - y0) / cell), 0),
+        min(math.ceil((centre[1] + half_y - y0) / cell) + 1, rows),
+        max(math.floor((centre[0] - half_x - x0) / cell), 0),
+        min(math.ceil((centre[0] + half_x - x0) / cell) + 1, columns),
+    )
+
+
+@njit()
+def _highest(state, owner, place, margin):  # type: ignore[no-untyped-def]
+    """Highest level from which sinkage counts in a window and a margin of nodes round it."""
+    top, rows, columns = -np.inf, owner.shape[0], owner.shape[1]
+    for row in range(max(place[0] - margin, 0), min(place[1] + margin, rows)):
+        for column in range(max(place[2] - margin, 0), min(place[3] + margin, columns)):
+            if owner[row, column] != ROCK:
+                top = max(top, state[row, column, START])
+    return top
+
+
+@njit()
 def _work(slips, length, shapes, rotations, velocities, spins, dt):  # type: ignore[no-untyped-def]
     """`contact.worked_slips`: of all bodies, in place."""
     for body in range(len(shapes)):
@@ -186,66 +219,88 @@ def _work(slips, length, shapes, rotations, velocities, spins, dt):  # type: ign
         slips[body] = kept * slips[body] + (1 - kept) * slip
 
 
-@njit()
+@njit(error_model="numpy")
 def _press(  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, so that nothing is stored between its parts
     state, normals, owner, x0, y0, cell, shapes, centres, rotations, velocities, spins, slips,
-    law, normal_of_terrain, clearance, shear_cap, dt, forces, torques, readings,
+    tops, law, normal_of_terrain, clearance, shear_cap, dt, forces, torques, readings,
 ):  # fmt: skip
+    """Nodes are read and written one number at a time: a view of each would cost more than its physics."""
     rows, columns = owner.shape
     for body in range(len(shapes)):
         shape, centre, rotation = shapes[body], centres[body], rotations[body]
-        velocity, spin = velocities[body], spins[body]
+        ax, ay, az, radius, half = rotation[0, 1], rotation[1, 1], rotation[2, 1], shape[RADIUS], shape[HALF_WIDTH]
+        height, tip2 = centre[2], radius**2
+        wx, wy, wz = spins[body, 0], spins[body, 1], spins[body, 2]
         exponent = law.n + law.n_slip * slips[body]
         stiffness = law.K_c * shape[INVERSE_WIDTH] + law.K_phi
-        first_row, last_row, first, last = _window(shape, centre, rotation, x0, y0, cell, rows, columns)
+        first_row, last_row, first, last = _low_window(shape, centre, rotation, tops[body], x0, y0, cell, rows, columns)
+        plain = shape[KIND] == WHEEL and shape[GROUSERS] == 0
+        force_x = force_y = force_z = torque_x = torque_y = torque_z = power = total = 0.0
+        sunk, deep = readings[body, 0], readings[body, 1]
         for row in range(first_row, last_row):
+            dy = y0 + cell * row - centre[1]
             for column in range(first, last):
+                held = owner[row, column] == body
                 if owner[row, column] == ROCK:
                     continue
-                dx, dy = x0 + cell * column - centre[0], y0 + cell * row - centre[1]
-                above = centre[2] - state[row, column, START]
-                if owner[row, column] != body and _clear(shape, rotation, dx, dy, above):
-                    continue
-                node, level = state[row, column], normals[row, column]
-                weight, h, nx, ny, nz = _meet(shape, rotation, dx, dy, cell)
-                surface = centre[2] + h
-                s = level[2] * (node[START] - surface)
-                tried = law.K_e * (s - node[PLASTIC])
+                dx, start = x0 + cell * column - centre[0], state[row, column, START]
+                depth = height - start
+                if plain:
+                    # Nodes that surely lie below its surface are passed over.
+                    along = dx * ax + dy * ay - depth * az
+                    if not held and depth > 0 and dx * dx + dy * dy + depth * depth - along * along > tip2:
+                        continue
+                    weight, h, nx, ny, nz = _rim(ax, ay, az, radius, half, dx, dy, cell)
+                else:
+                    if not held and _clear(shape, rotation, dx, dy, depth):
+                        continue
+                    weight, h, nx, ny, nz = _meet(shape, rotation, dx, dy, cell)
+                lx, ly, lz = normals[row, column, 0], normals[row, column, 1], normals[row, column, 2]
+                plastic, surface = state[row, column, PLASTIC], height + h
+                s = lz * (start - surface)
+                tried = law.K_e * (s - plastic)
                 if not (weight > 0 and tried > 0):
-                    if owner[row, column] == body:
-                        node[LEVEL] = node[START] - node[PLASTIC] / level[2]
-                        if weight == 0 or surface - node[LEVEL] > clearance:
-                            node[SHEAR_X] = node[SHEAR_Y] = node[SHEAR_Z] = 0.0
+                    if held:
+                        left = start - plastic / lz
+                        state[row, column, LEVEL] = left
+                        if weight == 0 or surface - left > clearance:
+                            state[row, column, SHEAR_X] = 0.0
+                            state[row, column, SHEAR_Y] = 0.0
+                            state[row, column, SHEAR_Z] = 0.0
                             owner[row, column] = FREE
                     continue
-                if owner[row, column] != body:
-                    node[SHEAR_X] = node[SHEAR_Y] = node[SHEAR_Z] = 0.0
+                jx = jy = jz = 0.0
+                if held:
+                    jx, jy, jz = state[row, column, SHEAR_X], state[row, column, SHEAR_Y], state[row, column, SHEAR_Z]
+                else:
                     owner[row, column] = body
                 if normal_of_terrain:
-                    nx, ny, nz = level[0], level[1], level[2]
-                vx = velocity[0] + (spin[1] * h - spin[2] * dy)
-                vy = velocity[1] + (spin[2] * dx - spin[0] * h)
-                vz = velocity[2] + (spin[0] * dy - spin[1] * dx)
+                    nx, ny, nz = lx, ly, lz
+                vx = velocities[body, 0] + (wy * h - wz * dy)
+                vy = velocities[body, 1] + (wz * dx - wx * h)
+                vz = velocities[body, 2] + (wx * dy - wy * dx)
                 v_n = vx * nx + vy * ny + vz * nz
                 # Pressure: elastic up to what was borne before, then Bekker's curve.
-                if tried > node[YIELD]:
-                    sigma = min(tried, max(stiffness * s**exponent, node[YIELD]))
-                    node[YIELD] = sigma
+                if tried > state[row, column, YIELD]:
+                    sigma = min(tried, max(stiffness * s**exponent, state[row, column, YIELD]))
+                    state[row, column, YIELD] = sigma
                     kept = s - sigma / law.K_e
-                    node[FLOW] += max(kept - node[PLASTIC], 0.0)
-                    node[PLASTIC] = kept
+                    state[row, column, FLOW] += max(kept - plastic, 0.0)
+                    state[row, column, PLASTIC] = kept
                 else:
                     sigma = max(tried - law.R * v_n, 0.0)
                 # Shear.
                 sx, sy, sz = vx - v_n * nx, vy - v_n * ny, vz - v_n * nz
-                up = _dot(level, sx, sy, sz)
-                jx = node[SHEAR_X] + (sx - up * level[0]) * dt
-                jy = node[SHEAR_Y] + (sy - up * level[1]) * dt
-                jz = node[SHEAR_Z] + (sz - up * level[2]) * dt
+                up = lx * sx + ly * sy + lz * sz
+                jx += (sx - up * lx) * dt
+                jy += (sy - up * ly) * dt
+                jz += (sz - up * lz) * dt
                 length = math.sqrt(jx**2 + jy**2 + jz**2)
                 capped = min(length, shear_cap * law.K)
                 kept = capped / length if length > 0 else capped
-                node[SHEAR_X], node[SHEAR_Y], node[SHEAR_Z] = jx * kept, jy * kept, jz * kept
+                state[row, column, SHEAR_X] = jx * kept
+                state[row, column, SHEAR_Y] = jy * kept
+                state[row, column, SHEAR_Z] = jz * kept
                 tau = (law.c + sigma * law.tan_phi) * (1 - math.exp(-capped / law.K))
                 off = jx * nx + jy * ny + jz * nz
                 tx, ty, tz = jx - off * nx, jy - off * ny, jz - off * nz
@@ -255,7 +310,7 @@ def _press(  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, 
                 rate = sx * tx + sy * ty + sz * tz
                 if rate < 0:
                     tau = max(tau + law.R * rate, 0.0)
-                node[LEVEL] = surface
+                state[row, column, LEVEL] = surface
                 # Force.
                 area = cell**2 / max(nz, STEEPEST) * weight
                 fx, fy, fz = (
@@ -263,13 +318,21 @@ def _press(  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, 
                     (sigma * ny - tau * ty) * area,
                     (sigma * nz - tau * tz) * area,
                 )
-                forces[body, 0] += fx
-                forces[body, 1] += fy
-                forces[body, 2] += fz
-                torques[body, 0] += dy * fz - h * fy
-                torques[body, 1] += h * fx - dx * fz
-                torques[body, 2] += dx * fy - dy * fx
-                readings[body, 0] = max(readings[body, 0], s / level[2])
-                readings[body, 1] = max(readings[body, 1], node[ORIGINAL] - surface)
-                readings[body, 2] -= fx * vx + fy * vy + fz * vz
-                readings[body, 3] += area
+                force_x += fx
+                force_y += fy
+                force_z += fz
+                torque_x += dy * fz - h * fy
+                torque_y += h * fx - dx * fz
+                torque_z += dx * fy - dy * fx
+                sunk, deep = max(sunk, s / lz), max(deep, state[row, column, ORIGINAL] - surface)
+                power -= fx * vx + fy * vy + fz * vz
+                total += area
+        forces[body, 0] += force_x
+        forces[body, 1] += force_y
+        forces[body, 2] += force_z
+        torques[body, 0] += torque_x
+        torques[body, 1] += torque_y
+        torques[body, 2] += torque_z
+        readings[body, 0], readings[body, 1] = sunk, deep
+        readings[body, 2] += power
+        readings[body, 3] += total

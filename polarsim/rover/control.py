@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -35,30 +36,38 @@ class Command:
 
 def wheel_commands(command: Command, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     """Steering angles (4,), rad, and speeds of the rims (4,), m/s, at which no wheel has to slide sideways."""
-    limit = math.radians(vehicle.steering.limit_deg)
-    places = vehicle.wheel_centres[:, :2]
+    places = [(x, y) for x, y, _ in vehicle.wheel_centres.tolist()]
+    angles, speeds = steer(command, places, vehicle.wheelbase, math.radians(vehicle.steering.limit_deg))
+    return np.array(angles), np.array(speeds)
+
+
+def steer(
+    command: Command, places: list[tuple[float, float]], wheelbase: float, limit: float
+) -> tuple[list[float], list[float]]:
+    """`wheel_commands` of wheels at `places` x, y in base_link; plain numbers, for arrays of four cost more."""
+    speed = command.speed_m_s
     if command.mode == "crab":
-        return np.full(4, np.clip(command.steer_rad, -limit, limit)), np.full(4, command.speed_m_s)
+        return [_within(command.steer_rad, limit)] * len(places), [speed] * len(places)
     if command.mode == "turn":
-        angles = np.arctan2(places[:, 0], -places[:, 1])  # across the line to the middle
-        speeds = np.full(4, command.speed_m_s)
+        angles = [math.atan2(x, -y) for x, y in places]  # across the line to the middle
+        speeds = [speed] * len(places)
     elif command.crab_rad:
-        turn = 2 * math.tan(command.steer_rad) / vehicle.wheelbase  # rad per metre
-        along = math.cos(command.crab_rad) - turn * places[:, 1]
-        across = math.sin(command.crab_rad) + turn * places[:, 0]
-        angles, speeds = np.arctan2(across, along), command.speed_m_s * np.hypot(along, across)
+        turn = 2 * math.tan(command.steer_rad) / wheelbase  # rad per metre
+        ways = [(math.cos(command.crab_rad) - turn * y, math.sin(command.crab_rad) + turn * x) for x, y in places]
+        angles = [math.atan2(across, along) for along, across in ways]
+        speeds = [speed * math.hypot(along, across) for along, across in ways]
     elif abs(command.steer_rad) < STRAIGHT:
-        return np.zeros(4), np.full(4, command.speed_m_s)
+        return [0.0] * len(places), [speed] * len(places)
     else:
         # All axles point at one point beside the middle, where the front's and the rear's meet.
-        radius = vehicle.wheelbase / 2 / math.tan(command.steer_rad)
-        to_left = radius - places[:, 1]
-        angles = np.arctan2(places[:, 0] * np.sign(radius), to_left * np.sign(radius))
-        speeds = command.speed_m_s * np.hypot(places[:, 0], to_left) / abs(radius)
+        radius = wheelbase / 2 / math.tan(command.steer_rad)
+        side = math.copysign(1.0, radius)
+        angles = [math.atan2(x * side, (radius - y) * side) for x, y in places]
+        speeds = [speed * math.hypot(x, radius - y) / abs(radius) for x, y in places]
     # A wheel that would have to turn by more than a quarter runs backwards instead.
-    back = np.abs(angles) > math.pi / 2 + 1e-9
-    angles = np.where(back, angles - math.pi * np.sign(angles), angles)
-    return np.clip(angles, -limit, limit), np.where(back, -speeds, speeds)
+    back = [abs(angle) > math.pi / 2 + 1e-9 for angle in angles]
+    angles = [angle - math.copysign(math.pi, angle) if far else angle for angle, far in zip(angles, back, strict=True)]
+    return [_within(angle, limit) for angle in angles], [-v if far else v for v, far in zip(speeds, back, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -67,26 +76,32 @@ class Path:
 
     points: np.ndarray
 
-    @property
-    def lengths(self) -> np.ndarray:
+    @cached_property
+    def lengths(self) -> tuple[float, ...]:
         """(n - 1,) m of each line."""
-        return np.asarray(np.hypot(*np.diff(self.points, axis=0).T))
+        return tuple(np.hypot(*np.diff(self.points, axis=0).T).tolist())
 
-    @property
+    @cached_property
     def length(self) -> float:
-        return float(self.lengths.sum())
+        return float(sum(self.lengths))
 
-    @property
-    def headings(self) -> np.ndarray:
+    @cached_property
+    def headings(self) -> tuple[float, ...]:
         """(n - 1,) rad from x towards y."""
         steps = np.diff(self.points, axis=0)
-        return np.asarray(np.arctan2(steps[:, 1], steps[:, 0]))
+        return tuple(np.arctan2(steps[:, 1], steps[:, 0]).tolist())
+
+    @cached_property
+    def _lines(self) -> list[tuple[float, float, float, float]]:
+        """Of each line, its first point and the unit step along it."""
+        steps = np.diff(self.points, axis=0) / np.array(self.lengths)[:, None]
+        return [(*point, *step) for point, step in zip(self.points[:-1].tolist(), steps.tolist(), strict=True)]
 
     def beside(self, x: float, y: float, line: int) -> tuple[float, float]:
         """How far along a line a place lies, m from its first point, and how far to its left."""
-        step = (self.points[line + 1] - self.points[line]) / self.lengths[line]
-        dx, dy = x - self.points[line, 0], y - self.points[line, 1]
-        return float(dx * step[0] + dy * step[1]), float(step[0] * dy - step[1] * dx)
+        from_x, from_y, along, across = self._lines[line]
+        dx, dy = x - from_x, y - from_y
+        return dx * along + dy * across, along * dy - across * dx
 
 
 @dataclass(frozen=True)
@@ -132,9 +147,9 @@ class Driver:
             self.line += 1
             self.turning = self.law.steering != "crab" and abs(bend) > self.law.turn_above
             along, self.offset = self.path.beside(x, y, self.line)
-        done = float(self.path.lengths[: self.line].sum()) + along
+        done = sum(self.path.lengths[: self.line]) + along
         headway, self.done = max(done - self.done, 0.0), done
-        self.heading_error = wrapped(heading - float(self.path.headings[self.line]))
+        self.heading_error = wrapped(heading - self.path.headings[self.line])
         if self.turning:
             if abs(self.heading_error) > self.law.turned:
                 return Command(-math.copysign(self.law.speed, self.heading_error), 0.0, "turn")

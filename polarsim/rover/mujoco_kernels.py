@@ -6,6 +6,7 @@ Import it only once MuJoCo is known to be there.
 from __future__ import annotations
 
 import ctypes
+import math
 from pathlib import Path
 
 import llvmlite.binding as llvm
@@ -15,7 +16,10 @@ import numpy as np
 
 from polarsim.kernels import njit
 from polarsim.rover.bulldozing_numba import _bulldoze
-from polarsim.rover.contact_numba import _press, _work
+from polarsim.rover.contact import SLOWEST_RIM
+from polarsim.rover.contact_numba import _highest, _press, _window, _work
+from polarsim.rover.ground import ORIGINAL, START
+from polarsim.rover.shapes import HALF_WIDTH, RADIUS
 
 WHEELS = 4
 FIRST_DOF, DOFS = 6, 3  # behind the free body's; lift, steer, spin of each wheel
@@ -24,6 +28,7 @@ LIFT, STEER, SPIN = range(DOFS)
 MOTOR, SOIL, DAMPER, ROCK, DRIVING = range(5)
 MOTOR_OF, SOIL_OF = 5, 9
 SIZE = 13
+LET_GO = 0.01  # m: a wheel lets go a node within this height above its clearance; it cannot rise so fast in a step
 
 
 def _mujoco(name: str) -> nb.types.ExternalFunction:
@@ -56,6 +61,7 @@ def advance(  # type: ignore[no-untyped-def]
     centres, rotations = np.empty((WHEELS, 3)), np.empty((WHEELS, 3, 3))
     velocities, spins = np.empty((WHEELS, 3)), np.empty((WHEELS, 3))
     before = np.empty_like(qvel)
+    tops, seen = np.empty(WHEELS), np.full((WHEELS, 6), np.inf)
     for step in range(steps):
         for wheel in range(WHEELS):
             body = bodies[wheel]
@@ -64,25 +70,20 @@ def advance(  # type: ignore[no-untyped-def]
                 spins[wheel, axis] = cvel[body, axis]
                 for other in range(3):
                     rotations[wheel, axis, other] = xmat[body, 3 * axis + other]
-            # MuJoCo gives the speed of the point of a body that lies at the whole rover's centre of mass.
-            ax = xpos[body, 0] - subtree_com[1, 0]
-            ay = xpos[body, 1] - subtree_com[1, 1]
-            az = xpos[body, 2] - subtree_com[1, 2]
-            wx, wy, wz = cvel[body, 0], cvel[body, 1], cvel[body, 2]
-            velocities[wheel, 0] = cvel[body, 3] + wy * az - wz * ay
-            velocities[wheel, 1] = cvel[body, 4] + wz * ax - wx * az
-            velocities[wheel, 2] = cvel[body, 5] + wx * ay - wy * ax
+            _velocity(xpos[body], cvel[body], subtree_com[1], velocities[wheel])
         forces[:], torques[:], readings[:] = 0.0, 0.0, 0.0
+        _look(state, owner, x0, y0, cell, shapes, centres, rotations, clearance, tops, seen)
         _work(slips, slip_length, shapes, rotations, velocities, spins, dt)
         _press(
             state, normals, owner, x0, y0, cell, shapes, centres, rotations, velocities, spins, slips,
-            law, normal_of_terrain, clearance, shear_cap, dt, forces, torques, readings,
+            tops, law, normal_of_terrain, clearance, shear_cap, dt, forces, torques, readings,
         )  # fmt: skip
         if every > 0 and (done + step + 1) % every == 0:
             _bulldoze(
                 state, normals, owner, x0, y0, cell, shapes, centres, rotations,
                 weights, share, headroom, climb, sweeps,
             )  # fmt: skip
+            seen[:] = np.inf
         for wheel in range(WHEELS):
             for axis in range(3):
                 xfrc[bodies[wheel], axis] = forces[wheel, axis]
@@ -91,6 +92,79 @@ def advance(  # type: ignore[no-untyped-def]
         _step2(model, data)
         _account(before, qvel, qfrc_constraint, actuator_force, readings, servo, dt, account)
         _step1(model, data)
+
+
+@njit()
+def _velocity(centre, cvel, com, velocity):  # type: ignore[no-untyped-def]
+    """Of a body's centre: MuJoCo gives that of its point at the whole rover's centre of mass."""
+    ax, ay, az = centre[0] - com[0], centre[1] - com[1], centre[2] - com[2]
+    wx, wy, wz = cvel[0], cvel[1], cvel[2]
+    velocity[0] = cvel[3] + wy * az - wz * ay
+    velocity[1] = cvel[4] + wz * ax - wx * az
+    velocity[2] = cvel[5] + wx * ay - wy * ax
+
+
+@njit()
+def describe(  # type: ignore[no-untyped-def]
+    xpos, xmat, cvel, subtree_com, qvel, qfrc_constraint, actuator_force, bodies,
+    qpos, xquat, forces, readings, state, x0, y0, cell, shapes, table,
+):  # fmt: skip
+    """Fill `table` (4, columns) with a wheel's part of a trace's row a row, contacts as if there were no rocks."""
+    velocity = np.empty(3)
+    for wheel in range(WHEELS):
+        row, body, first = table[wheel], bodies[wheel], FIRST_DOF + DOFS * wheel
+        radius = shapes[wheel, RADIUS]
+        row[0], row[1], row[2] = qpos[first + 1 + STEER], qpos[first + 1 + LIFT], qpos[first + 1 + SPIN]
+        row[3] = qvel[first + SPIN]
+        row[4:7], row[7:11] = xpos[body], xquat[body]
+        ax, ay = xmat[body, 1], xmat[body, 4]
+        _velocity(xpos[body], cvel[body], subtree_com[1], velocity)
+        row[11] = _slip(qvel[first + SPIN] * radius, velocity[0] * ay - velocity[1] * ax)
+        # Below the level from which sinkage counts, and below the original one. A mean over the rim's inner part: what
+        # was pushed up along its edges is not what it sank from.
+        lowest = xpos[body, 2] - radius * math.hypot(ax, ay)
+        start = original = 0.0
+        for part in range(5):
+            across = (0.3 * part - 0.6) * shapes[wheel, HALF_WIDTH]
+            node_row = int(np.rint((xpos[body, 1] + across * ay - y0) / cell))
+            node_column = int(np.rint((xpos[body, 0] + across * ax - x0) / cell))
+            start += state[node_row, node_column, START] / 5
+            original += state[node_row, node_column, ORIGINAL] / 5
+        row[12], row[13] = start - lowest, original - lowest
+        # What rocks bear passes through the suspension's constraint force; the soil's force is known.
+        row[14] = forces[wheel, 2] + qfrc_constraint[first + LIFT]
+        row[15] = actuator_force[WHEELS + wheel]
+        row[16] = 1.0 if readings[wheel, 3] > 0 else 0.0
+
+
+@njit()
+def _slip(rim, forward):  # type: ignore[no-untyped-def]
+    """1 where a wheel turns on the spot, 0 where it rolls, below 0 where it is pushed."""
+    larger = max(abs(rim), abs(forward))
+    if not larger > SLOWEST_RIM:
+        return 0.0
+    leading = rim if abs(rim) > SLOWEST_RIM else forward
+    return math.copysign(1.0, leading) * (rim - forward) / larger
+
+
+@njit()
+def _look(state, owner, x0, y0, cell, shapes, centres, rotations, clearance, tops, seen):  # type: ignore[no-untyped-def]
+    """Keep `tops`: heights above which no wheel touches or lets go a node, so that most of its window can be left out.
+
+    Looked up anew once a wheel has moved by a cell from where it was `seen`, or its axle turned by as much.
+    """
+    rows, columns = owner.shape
+    for wheel in range(len(shapes)):
+        far = 0.0
+        for axis in range(3):
+            turned = abs(rotations[wheel, axis, 1] - seen[wheel, 3 + axis]) * shapes[wheel, RADIUS]
+            far = max(far, abs(centres[wheel, axis] - seen[wheel, axis]) * (axis < 2), turned)
+        if far <= cell:
+            continue
+        for axis in range(3):
+            seen[wheel, axis], seen[wheel, 3 + axis] = centres[wheel, axis], rotations[wheel, axis, 1]
+        place = _window(shapes[wheel], centres[wheel], rotations[wheel], x0, y0, cell, rows, columns)
+        tops[wheel] = _highest(state, owner, place, 3) + clearance + LET_GO
 
 
 @njit()

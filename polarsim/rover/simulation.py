@@ -12,20 +12,20 @@ from scipy.spatial.transform import Rotation
 from polarsim.errors import FormatError, RoverError
 from polarsim.rover import energy
 from polarsim.rover.bulldozing import Bulldozing, taps
-from polarsim.rover.control import MODES, Command, wheel_commands
-from polarsim.rover.ground import ORIGINAL, START, make_ground
+from polarsim.rover.control import MODES, Command, steer
+from polarsim.rover.ground import make_ground
 from polarsim.rover.hulls import rock_hulls, under_rocks
 from polarsim.rover.mjcf import compile_model, import_mujoco
 from polarsim.rover.options import SoilOptions, WorldOptions
-from polarsim.rover.shapes import reach
+from polarsim.rover.shapes import reach as reach_of
 from polarsim.rover.soil import Soil
-from polarsim.rover.trace import BODY_COLUMNS, COLUMNS, WHEEL_COLUMNS
+from polarsim.rover.trace import BODY_COLUMNS, COLUMNS, CONTACTS, WHEEL_COLUMNS
 from polarsim.rover.vehicle import WHEELS, Vehicle
 from polarsim.rover.world import World, read_arrays, write_arrays
 
 EDGE = 0.05  # m of ground beyond every wheel at least
-LIFT, STEER, SPIN = range(3)
-SLOWEST = 1e-3  # m/s, below which a wheel has no slip to speak of
+SPIN = 2  # of a wheel's joints: lift, steer, spin
+NO_WHEEL = -1
 
 
 class OffGridError(RoverError):
@@ -281,6 +281,9 @@ class Simulation:
         return simulation
 
     def _require_inside(self, centres: np.ndarray) -> None:
+        low_x, low_y, high_x, high_y = self._inside
+        if all(low_x <= x <= high_x and low_y <= y <= high_y for x, y in centres[:, :2].tolist()):
+            return
         try:
             self.ground.require_inside(centres, self._reach + EDGE)
         except RoverError as error:
@@ -292,9 +295,7 @@ class Simulation:
         named = [self.model.body(f"{code}_wheel").id for code in WHEELS]
         self._bodies = np.array(named, np.int64)
         rims = {self.model.geom(f"{code}_rim").id: number for number, code in enumerate(WHEELS)}
-        self._wheel_of_geom = np.full(self.model.ngeom, -1)
-        for geom, number in rims.items():
-            self._wheel_of_geom[geom] = number
+        self._wheel_of_geom = [rims.get(geom, NO_WHEEL) for geom in range(self.model.ngeom)]
         self._views = (
             data.xpos, data.xmat, data.cvel, data.subtree_com, data.xfrc_applied, data.qvel, data.qfrc_constraint,
             data.actuator_force, self._bodies,
@@ -309,20 +310,26 @@ class Simulation:
         self._slips = np.zeros(4)  # at which the soil under each wheel was worked lately
         self._account = np.zeros(self._kernels.SIZE)
         self._energy_zero = 0.0
-        self._reach = reach(self._shapes)
+        self._reach = reach_of(self._shapes)
         self._radii = np.array([wheel.radius_m for wheel in vehicle.wheels])
-        self._steering = np.zeros(4)
+        self._places = [(x, y) for x, y, _ in vehicle.wheel_centres.tolist()]
+        self._steer_limit = math.radians(vehicle.steering.limit_deg)
+        ground, options = self.ground, self.options.bulldozing
+        reach = self._reach + EDGE
+        self._inside = (ground.x0 + reach, ground.y0 + reach, ground.x[-1] - reach, ground.y[-1] - reach)
+        rule, moved = self.options.rule, options.rule(self.dt) if options else Bulldozing(every=0)
+        self._rules = (
+            self._law, rule.normal_of_terrain, rule.clearance, rule.shear_cap, rule.slip_length,
+            taps(moved, ground.cell), moved.share, moved.headroom,
+            ground.cell * math.tan(math.radians(moved.angle_deg)), moved.sweeps, moved.every,
+        )  # fmt: skip
 
     def _run(self, steps: int) -> None:
-        ground, rule, options = self.ground, self.options.rule, self.options.bulldozing
-        moved = options.rule(self.dt) if options else Bulldozing(every=0)
+        ground = self.ground
         self._kernels.advance(
             self.model._address, self.data._address, steps, self.steps, self.dt, *self._views,
             ground.state, ground.normals, ground.owner, ground.x0, ground.y0, ground.cell, self._shapes,
-            self._slips, self._law, rule.normal_of_terrain, rule.clearance, rule.shear_cap, rule.slip_length,
-            taps(moved, ground.cell), moved.share, moved.headroom,
-            ground.cell * math.tan(math.radians(moved.angle_deg)), moved.sweeps, moved.every,
-            self._forces, self._torques, self._readings, self._account,
+            self._slips, *self._rules, self._forces, self._torques, self._readings, self._account,
         )  # fmt: skip
         self.steps += steps
 
@@ -363,15 +370,16 @@ class Simulation:
 
     def _steer(self, seconds: float) -> None:
         """Hand the command to the servos."""
-        angles, rims = wheel_commands(self.command, self.vehicle)
+        angles, rims = steer(self.command, self._places, self.vehicle.wheelbase, self._steer_limit)
         most = math.radians(self.vehicle.steering.rate_deg_s) * seconds
-        now = self.data.ctrl[:4]
-        self.data.ctrl[:4] = now + np.clip(angles - now, -most, most)
-        quicker = self.vehicle.drive.acceleration_m_s2 * seconds / self._radii
-        now = self.data.ctrl[4:]
-        self.data.ctrl[4:] = now + np.clip(rims / self._radii - now, -quicker, quicker)
+        now: list[float] = self.data.ctrl.tolist()
+        quicker = self.vehicle.drive.acceleration_m_s2 * seconds
+        for wheel, radius in enumerate(self._radii.tolist()):
+            now[wheel] = _towards(now[wheel], angles[wheel], most)
+            now[4 + wheel] = _towards(now[4 + wheel], rims[wheel] / radius, quicker / radius)
+        self.data.ctrl[:] = now
         # A speed servo creeps under load: wheels that are to stand are braked.
-        braked = not (rims.any() or self.data.ctrl[4:].any())
+        braked = not (any(rims) or any(now[4:]))
         self.model.dof_frictionloss[6 + SPIN :: 3] = self.vehicle.drive.brake_torque_n_m if braked else 0.0
 
     def _mechanical(self) -> float:
@@ -379,53 +387,17 @@ class Simulation:
         return float(self.data.energy[0] + self.data.energy[1])
 
     def _wheels(self) -> np.ndarray:
-        data, count = self.data, len(WHEELS)
-        table = np.zeros((count, len(WHEEL_COLUMNS)))
-        joints = data.qpos[7:].reshape(count, 3)
-        rates = data.qvel[6:].reshape(count, 3)
-        centres = data.xpos[self._bodies]
-        table[:, 0], table[:, 1], table[:, 2] = joints[:, STEER], joints[:, LIFT], joints[:, SPIN]
-        table[:, 3], table[:, 4:7], table[:, 7:11] = rates[:, SPIN], centres, data.xquat[self._bodies]
-        table[:, 11] = self._slip(rates[:, SPIN])
-        table[:, 12:14] = self._sunk(centres)
-        # What rocks bear passes through the suspension's constraint force; the soil's force is known.
-        table[:, 14] = self._forces[:, 2] + data.qfrc_constraint[6:].reshape(count, 3)[:, LIFT]
-        table[:, 15] = data.actuator_force[count:]
-        soil = self._readings[:, 3] > 0
-        rock = np.zeros(count, bool)
-        for geoms in data.contact.geom:
-            for geom in geoms:
-                if self._wheel_of_geom[geom] >= 0:
-                    rock[self._wheel_of_geom[geom]] = True
-        table[:, 16] = soil + 2 * rock
+        table = np.empty((len(WHEELS), len(WHEEL_COLUMNS)))
+        ground, data = self.ground, self.data
+        self._kernels.describe(
+            data.xpos, data.xmat, data.cvel, data.subtree_com, data.qvel, data.qfrc_constraint, data.actuator_force,
+            self._bodies, data.qpos, data.xquat, self._forces, self._readings,
+            ground.state, ground.x0, ground.y0, ground.cell, self._shapes, table,
+        )  # fmt: skip
+        on_rock = {self._wheel_of_geom[geom] for geoms in data.contact.geom.tolist() for geom in geoms} - {NO_WHEEL}
+        table[list(on_rock), WHEEL_COLUMNS.index("contact")] += CONTACTS.index("rock")
         return table
 
-    def _slip(self, spin: np.ndarray) -> np.ndarray:
-        """(4,): 1 where a wheel turns on the spot, 0 where it rolls, below 0 where it is pushed."""
-        turns = self.data.xmat[self._bodies].reshape(-1, 3, 3)
-        offset = self.data.xpos[self._bodies] - self.data.subtree_com[1]
-        speed = self.data.cvel[self._bodies]
-        velocity = speed[:, 3:] + np.cross(speed[:, :3], offset)
-        axle = turns[:, :, 1]
-        forward = velocity[:, 0] * axle[:, 1] - velocity[:, 1] * axle[:, 0]
-        rim = spin * self._radii
-        larger = np.maximum(np.abs(rim), np.abs(forward))
-        direction = np.sign(np.where(np.abs(rim) > SLOWEST, rim, forward))
-        slip = direction * (rim - forward) / np.where(larger > SLOWEST, larger, 1.0)
-        return np.where(larger > SLOWEST, slip, 0.0)
 
-    def _sunk(self, centres: np.ndarray) -> np.ndarray:
-        """(4, 2) m of the wheels' lowest lines below the level from which sinkage counts, and below the original one.
-
-        A mean over the rim's inner part: what was pushed up along its edges is not what it sank from.
-        """
-        ground, axles = self.ground, self.data.xmat[self._bodies].reshape(-1, 3, 3)[:, :, 1]
-        level = np.hypot(axles[:, 0], axles[:, 1])
-        lowest = centres[:, 2] - self._radii * level
-        across = np.outer([-0.3, -0.15, 0.0, 0.15, 0.3], [wheel.width_m for wheel in self.vehicle.wheels])
-        x = centres[:, 0] + across * axles[:, 0]
-        y = centres[:, 1] + across * axles[:, 1]
-        columns = np.rint((x - ground.x0) / ground.cell).astype(int)
-        rows = np.rint((y - ground.y0) / ground.cell).astype(int)
-        nodes = ground.state[rows, columns]
-        return np.stack([nodes[..., kind].mean(axis=0) - lowest for kind in (START, ORIGINAL)], axis=1)
+def _towards(now: float, wanted: float, most: float) -> float:
+    return now + min(max(wanted - now, -most), most)

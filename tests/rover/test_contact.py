@@ -13,7 +13,7 @@ from polarsim.errors import RoverError
 from polarsim.rover import bulldozing, bulldozing_numba, contact, contact_numba
 from polarsim.rover.bulldozing import Bulldozing
 from polarsim.rover.contact import Bodies, Rule
-from polarsim.rover.ground import FREE, ROCK, SHEAR_X, SHEAR_Z, flat_ground, make_ground
+from polarsim.rover.ground import FREE, ROCK, SHEAR_X, SHEAR_Z, START, flat_ground, make_ground
 from polarsim.rover.limit import steady_wheel
 from polarsim.rover.rig import Rig, drive, park, rest_plate
 from polarsim.rover.shapes import MGRU3, Plate, Wheel, patch_inverse_width
@@ -276,3 +276,24 @@ def test_slip_digs_only_as_it_carries_soil_away(lunar, press):
     dug = press(flat_ground(1.2, 0.4, 0.02), steady, lunar.law(), Rule(), 1e-9).forces[0, 2]
     assert loads[5000, 0.9] == pytest.approx(dug, rel=0.01)
     assert dug < 0.1 * loads[1, 0.0]
+
+
+@settings(max_examples=15, deadline=None)
+@given(yaw=st.floats(-math.pi, math.pi), lean=st.floats(-0.4, 0.4), seed=st.integers(0, 99))
+def test_what_is_left_out_of_a_wheels_window_has_no_part_in_it(yaw, lean, seed):
+    """The same bytes with and without a bound to where a wheel can touch, over a drive with a hop in it."""
+    ground = make_ground(np.random.default_rng(seed).normal(0, 0.006, (60, 60)), 0.02, -0.6, -0.6)
+    whole, ahead = ground.copy(), np.array([math.cos(yaw), math.sin(yaw), 0])
+    for step in range(60):
+        height = 0.235 + 0.012 * math.sin(step / 4)
+        wheel = one_wheel(WHEEL_A, 0.02, 0.004 * step * ahead + (0, 0, height), 0.2 * ahead, 0.25, yaw, lean)
+        tight = np.array([ground.state[..., START].max() + 0.013])
+        for each, tops in ((ground, tight), (whole, np.array([np.inf]))):
+            contact_numba._press(
+                each.state, each.normals, each.owner, each.x0, each.y0, each.cell, wheel.numbers, wheel.centres,
+                wheel.rotations, wheel.velocities, wheel.spins, np.zeros(1), tops, _lunar_law(), False, 0.003, 6.0,
+                1e-3, np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 4)),
+            )  # fmt: skip
+    assert ground.state.tobytes() == whole.state.tobytes()
+    assert ground.owner.tobytes() == whole.owner.tobytes()
+    assert ground.rut.max() > 0.005
