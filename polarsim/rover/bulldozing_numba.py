@@ -71,10 +71,10 @@ def _push(  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
     room, pressed = np.zeros((rows, columns)), np.zeros((rows, columns))
     for row in range(rows):
         for column in range(columns):
-            if owners[row, column] != ROCK:
+            if owners[row, column] == ROCK:
+                continue
+            if part[row, column, FLOW] > 0:
                 pressed[row, column] = part[row, column, FLOW] / slopes[row, column, 2]
-    for row in range(rows):
-        for column in range(columns):
             if owners[row, column] == FREE:
                 room[row, column] = 1.0
                 if _clear(
@@ -87,16 +87,18 @@ def _push(  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
     reached = _blur_at(pressed, room, weights)
     for row in range(rows):
         for column in range(columns):
-            if pressed[row, column] > 0 and reached[row, column] > 0:
-                pressed[row, column] *= share / reached[row, column]
-                part[row, column, FLOW] = 0.0
-            else:
-                pressed[row, column] = 0.0
+            if pressed[row, column] > 0:
+                if reached[row, column] > 0:
+                    pressed[row, column] *= share / reached[row, column]
+                    part[row, column, FLOW] = 0.0
+                else:
+                    pressed[row, column] = 0.0
     gained = _blur(pressed, weights)
     for row in range(rows):
         for column in range(columns):
-            part[row, column, LEVEL] += room[row, column] * gained[row, column]
-            part[row, column, START] += room[row, column] * gained[row, column]
+            if room[row, column] > 0:
+                part[row, column, LEVEL] += gained[row, column]
+                part[row, column, START] += gained[row, column]
 
 
 @njit()

@@ -209,6 +209,7 @@ class Simulation:
         command = self.command
         write_arrays(
             Path(path),
+            packed=False,
             physics=physics,
             ground=self.ground.state,
             owner=self.ground.owner,

@@ -120,10 +120,11 @@ def read_world(folder: str | Path) -> World:
     )
 
 
-def write_arrays(path: Path, **arrays: np.ndarray | np.generic) -> None:
-    """An NPZ file; same arrays, same bytes."""
+def write_arrays(path: Path, packed: bool = True, **arrays: np.ndarray | np.generic) -> None:
+    """An NPZ file; same arrays, same bytes. Unpacked it is larger, and written in a tenth of the time."""
+    save = np.savez_compressed if packed else np.savez
     with writing(path) as temporary:
-        np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]  # its stub takes names for options
+        save(temporary, **arrays)  # type: ignore[arg-type]  # its stub takes names for options
 
 
 def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
