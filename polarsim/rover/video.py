@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -109,11 +110,31 @@ def write_video(path: Path, pictures: Iterable[np.ndarray], rate: Fraction) -> N
                 stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
                 stream.codec_context.flags |= 1 << 23  # AV_CODEC_FLAG_BITEXACT: no names of programs
                 stream.options = {"preset": _PRESET, "crf": _QUALITY, "svtav1-params": "lp=1"}
+                with _priority_kept():
+                    stream.codec_context.open()
             image = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:height, :width]), format="rgb24")
             container.mux(stream.encode(image))
         if stream is None:
             raise RoverError(f"{path}: a video without a picture")
         container.mux(stream.encode())
+
+
+@contextmanager
+def _priority_kept() -> Iterator[None]:
+    """All threads as this one was before: as root, SVT-AV1 makes its own and its caller's real-time ones.
+
+    They, and every process that the caller starts afterwards, would push all else on the machine aside.
+    """
+    if not hasattr(os, "sched_setscheduler"):  # Linux alone has it
+        yield
+        return
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        yield
+    finally:
+        for thread in Path("/proc/self/task").iterdir():
+            with suppress(ProcessLookupError):  # it has ended
+                os.sched_setscheduler(int(thread.name), policy, parameters)
 
 
 def shown(pixels: np.ndarray) -> np.ndarray:

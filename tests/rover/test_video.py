@@ -1,6 +1,8 @@
 """Videos of a drive: named, timed and drawn into as stated, and the same bytes again."""
 
+import os
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -80,6 +82,21 @@ def test_the_same_pictures_make_the_same_bytes(av, tmp_path):
     for name in ("a.webm", "b.webm"):
         write_video(tmp_path / name, moving(), Fraction(10))
     assert (tmp_path / "a.webm").read_bytes() == (tmp_path / "b.webm").read_bytes()
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getscheduler"), reason="Linux alone tells it")
+def test_encoding_leaves_all_threads_at_their_priority(av, tmp_path):
+    def policies():
+        return {os.sched_getscheduler(int(thread.name)) for thread in Path("/proc/self/task").iterdir()}
+
+    def pictures():
+        for _ in range(3):
+            yield np.zeros((64, 64, 3), np.uint8)
+            seen.append(policies())  # the encoder is at work
+
+    seen = []
+    write_video(tmp_path / "video.webm", pictures(), Fraction(5))
+    assert [*seen, policies()] == [{os.SCHED_OTHER}] * 4
 
 
 def test_no_picture_makes_no_file(av, tmp_path):
