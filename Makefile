@@ -34,7 +34,7 @@ accuracy: setup ## poses, rocks and meshes against the truth of three analog san
 	@$(BIN)/polarsim compare $(SEEDS:%=accuracy%) --out results/accuracy
 
 test: setup lint ## lint, formats, types, dry-runs and tests
-	$(BIN)/python -m pytest -n $(CORES)
+	$(BIN)/python -m pytest -n $(CORES) --dist worksteal
 
 lint: setup
 	$(BIN)/ruff check .
