@@ -9,6 +9,7 @@ from pydantic import BaseModel, Field
 
 from polarsim.formats.scene import TerrainMesh
 from polarsim.photo import NO_ROCK
+from polarsim.render.hall import HallOptions
 from polarsim.render.options import HapkeParameters, Material, Model, PrincipledParameters, RenderOptions
 from polarsim.render.relief import Range, ReliefOptions, draw_relief, grid_mesh, sand_height, smooth_noise, smooth_sand
 
@@ -44,7 +45,7 @@ class VariantOptions(BaseModel, extra="forbid", frozen=True):
 
     lamp_shift_m: float = Field(0.25, ge=0, description="Standard deviation of a lamp's place, each axis.")
     ambient: Range = Field((0.0, 0.03), description="Even light over a lamp's irradiance.")
-    hall: Range = Field((0.0, 0.4), description="Brightness of things behind the walls over that of lit sand.")
+    hall: HallOptions | None = Field(HallOptions(), description="What is around the sand; none: dark and bare.")
     blur_px: Range = Field((0.0, 1.0), description="Lens blur, pixels of the picture.")
     flare: Range = Field((0.0, 0.003), description="Share of a lamp's light that the lens scatters.")
     noise: bool = Field(True, description="Shot and read noise.")

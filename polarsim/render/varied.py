@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,17 +15,19 @@ from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, ROCK, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.automatic import boxes_of
-from polarsim.render.lamps import lamps_of
+from polarsim.render.hall import furnish
+from polarsim.render.lamps import Lamp, lamps_of
 from polarsim.render.layers import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
-from polarsim.render.relief import smooth_noise
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import surfaces_of
-from polarsim.render.variants import VariantOptions, draw_variant
+from polarsim.render.variants import Variant, VariantOptions, draw_variant
 
 _BRIGHT_SAND = 90  # percentile of the sand's light that an exposure is told by: walls and lamps would mislead it
 _SEAM_PX = 2
@@ -62,45 +65,52 @@ def render_varied(
         for number in track(range(options.number), f"variants of terrain {terrain:02d}"):
             for position, camera in views:
                 random = generator(options.seed, "varied", terrain, position, camera, number)
-                variant = draw_variant(mesh, options, random)
-                chosen, model = variant.options, variant.options.models[0]
-                surfaces = surfaces_of(variant.mesh, chosen, {model: variant.albedo})
-                rig = rigs[position]
-                pose, lens = rig.sandbox_from(camera), rig.rig.lens(camera).scaled(options.scale)
-                lamps = {
-                    name: replace(
-                        lamp,
-                        position=lamp.position + options.lamp_shift_m * random.standard_normal(3) * [1, 1, 0.3],
-                    )
-                    for name, lamp in sorted(lamps_of(suns, rig).items())
-                    if name in suns
-                }
-                rendering = render_view(surfaces, pose, lens, lamps, [model], sorted(lamps), chosen, threads)
-                seen = through_lens(rendering.whole, lamps, surfaces, pose, lens, chosen, threads)
-                bare = rendering.ids[NO_LAMP] == BACKGROUND
-                for layer in rendering.layers.values():
-                    bare &= layer == 0  # what is left has no surface, or a wall that no lamp meets
-                for name in lamps:
-                    radiance = seen[model, name]
-                    sand = radiance[rendering.ids[NO_LAMP] == GROUND]
-                    bright = float(np.percentile(sand, _BRIGHT_SAND)) if len(sand) else float(radiance.max())
-                    found = [
-                        label
-                        for label in boxes_of(rendering.ids[name], chosen)
-                        if label[0] != ROCK
-                        or contrast_of_rock(rendering.ids[name], label[1], label[2], radiance)
-                        >= options.least_contrast * bright
-                    ]
-                    hall = random.uniform(*options.hall) * bright
-                    radiance = radiance + np.where(bare, hall * draw_hall(bare.shape, random), 0).astype(np.float32)
-                    light = random.uniform(*options.exposure) * (WHITE_LEVEL - BLACK_LEVEL) / max(bright, 1e-9)
+                variant, rig = draw_variant(mesh, options, random), rigs[position]
+                lamps = {name: lamp for name, lamp in sorted(lamps_of(suns, rig).items()) if name in suns}
+                lens = rig.rig.lens(camera).scaled(options.scale)
+                pictured = _pictures(variant, rig.sandbox_from(camera), lens, lamps, options, random, threads)
+                for name, picture, labels in pictured:
                     stem = f"{terrain:02d}_{position}_{name}_{camera}_v{number:02d}"
-                    noise = random if chosen.noise else None
-                    png.write(folder / "images" / f"{stem}.png", expose(radiance, light, chosen, noise))
-                    classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in found], int)
-                    corners = np.array([box for _, _, box in found], float).reshape(-1, 4)
-                    size = (lens.width, lens.height)
-                    yolo.write_boxes(folder / "labels" / f"{stem}.txt", classes, corners, size)
+                    png.write(folder / "images" / f"{stem}.png", picture)
+                    classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in labels], int)
+                    corners = np.array([box for _, _, box in labels], float).reshape(-1, 4)
+                    yolo.write_boxes(folder / "labels" / f"{stem}.txt", classes, corners, (lens.width, lens.height))
+
+
+def _pictures(
+    variant: Variant,
+    pose: Pose,
+    lens: Lens,
+    lamps: Mapping[str, Lamp],
+    options: VariantOptions,
+    random: np.random.Generator,
+    threads: int,
+) -> Iterator[tuple[str, np.ndarray, list[tuple[str, int, np.ndarray]]]]:
+    """Lamp, picture (h, w) uint16 and labels of a variant under each lamp, which is moved first."""
+    chosen, model = variant.options, variant.options.models[0]
+    surfaces = surfaces_of(variant.mesh, chosen, {model: variant.albedo})
+    shifts = {name: options.lamp_shift_m * random.standard_normal(3) * [1, 1, 0.3] for name in lamps}
+    lamps = {name: replace(lamp, position=lamp.position + shifts[name]) for name, lamp in lamps.items()}
+    rendering = render_view(surfaces, pose, lens, lamps, [model], sorted(lamps), chosen, threads)
+    seen = through_lens(rendering.whole, lamps, surfaces, pose, lens, chosen, threads)
+    sand, around = (rendering.ids[NO_LAMP] == kind for kind in (GROUND, BACKGROUND))
+    bare = around & ~np.any([layer != 0 for layer in rendering.layers.values()], axis=0)  # or a wall that no lamp meets
+    walls = (chosen.rim_half_width_m, variant.mesh.sand_level + chosen.rim_height_m)
+    for name in lamps:
+        radiance, ids = seen[model, name], rendering.ids[name]
+        bright = max(float(np.percentile(radiance[sand] if sand.any() else radiance, _BRIGHT_SAND)), 1e-9)
+        radiance = radiance / np.float32(bright)
+        labels = [
+            (kind, rock, box)
+            for kind, rock, box in boxes_of(ids, chosen)
+            if kind != ROCK or contrast_of_rock(ids, rock, box, radiance) >= options.least_contrast
+        ]
+        if options.hall is not None:
+            radiance = furnish(
+                radiance, around, bare, walls, lambda p: lens.project(pose.inverse().apply(p)), options.hall, random
+            )
+        light = random.uniform(*options.exposure) * (WHITE_LEVEL - BLACK_LEVEL)
+        yield name, expose(radiance, light, chosen, random if chosen.noise else None), labels
 
 
 def contrast_of_rock(ids: np.ndarray, rock: int, box: np.ndarray, radiance: np.ndarray) -> float:
@@ -113,13 +123,3 @@ def contrast_of_rock(ids: np.ndarray, rock: int, box: np.ndarray, radiance: np.n
     seen = ndimage.binary_dilation(ids[window] == ROCK_IDS + rock, iterations=_SEAM_PX)
     dark, bright = np.percentile(radiance[window][seen], [5, 95])
     return float(bright - dark)
-
-
-def draw_hall(shape: tuple[int, int], random: np.random.Generator) -> np.ndarray:
-    """(h, w) brightness of the dark hall behind the walls: folds of cloth, upright and level bars; mean 1."""
-    folds = np.exp(0.5 * smooth_noise(shape, shape[0] / 4, shape[1] / 200, np.pi / 2, random))
-    for _ in range(random.integers(8)):
-        row, column = random.integers(shape[0]), random.integers(shape[1])
-        high, wide = random.integers(2, 60, 2)
-        folds[row : row + high, column : column + wide] *= random.uniform(0, 4)
-    return np.asarray(folds / folds.mean())

@@ -9,7 +9,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.render.relief import ReliefOptions, sand_height, smooth_sand
 from polarsim.render.variants import VariantOptions, draw_variant
-from polarsim.render.varied import contrast_of_rock, draw_hall, render_varied
+from polarsim.render.varied import contrast_of_rock, render_varied
 
 COARSE = ReliefOptions(cell_m=0.1, most_craters=0)
 TWO = {"rock_ids": (1, 5), "places": ((0.0, 0.0), (1.0, 0.5))}
@@ -61,13 +61,6 @@ def test_a_variant_has_one_of_the_models_that_are_asked_for(blocks):
 
     assert models() == {("hapke",), ("principled",)}
     assert models(models=("principled",)) == {("principled",)}
-
-
-def test_the_hall_is_as_bright_as_stated(rng):
-    for _ in range(10):
-        hall = draw_hall((60, 90), rng)
-        assert hall.mean() == pytest.approx(1)
-        assert hall.min() >= 0
 
 
 def test_a_rock_is_seen_by_its_own_light_or_by_its_outline():
