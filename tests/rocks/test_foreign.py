@@ -3,6 +3,8 @@
 import importlib.util
 from pathlib import Path
 
+import pytest
+
 from polarsim.rocks.options import RocksOptions
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks/foreign.py"
@@ -25,6 +27,7 @@ AT_LEAST = {
 }
 
 
+@pytest.mark.slow
 def test_foreign_scans_become_true_cameras_rocks_and_meshes(tmp_path):
     spec = importlib.util.spec_from_file_location("foreign", SCRIPT)
     foreign = importlib.util.module_from_spec(spec)

@@ -34,7 +34,7 @@ def snakemake() -> Callable[..., subprocess.CompletedProcess]:
             env={**os.environ, "PYTHONPATH": str(folder), **environment},
             capture_output=True,
             text=True,
-            timeout=600,
+            timeout=1800,  # one that hangs ends; busy machines are slow
         )
 
     return run

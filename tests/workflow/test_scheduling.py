@@ -1,6 +1,9 @@
 """What Snakemake itself costs beside the jobs."""
 
+import pytest
 
+
+@pytest.mark.slow
 def test_snakemake_looks_for_jobs_when_one_has_ended_and_not_by_the_clock(checkout, snakemake):
     targets = "results/demo/figures/reflectance.png", "results/demo/detect/photo/split.csv"
     done = snakemake(checkout, *targets, "--verbose")
