@@ -2,12 +2,12 @@
 
 `python benchmarks/rover_frames.py [--drive results/RUN/rover/seed0] [--view CamBirdViewLeft] [--frames 5]`
 
-CPU seconds (all threads; wall clock of two cores is half of it and a little) by part, and the largest resident memory.
+CPU seconds of all threads by part, seconds by the clock, and the largest resident memory.
 Without `--drive` a drive over made-up hills and rocks is used (`tests/rover/driven.py`).
 
-Last figures, a drive of 20 s over the demo's terrains 11, 3 and 1, one thread, both cores busy with other work:
-CamBirdViewLeft, 1920 x 1080: ground 0.12, render 2.48, expose 0.02, labels 0.04, files 0.07, all 2.73 (2.56 to 2.96);
-0.72 GiB; 1,630,558 triangles.
+Last figures, a drive of 61 s over the demo's terrains 3, 1 and 11, two threads, nothing else running, five runs:
+CamBirdViewLeft, 1920 x 1080, 2,727,426 triangles: all 2.3 to 3.1, by the clock 1.3 to 1.8, half of it rays; of 2.79
+ground 0.07, render 2.57, expose 0.02, labels 0.04, files 0.08. 1.0 GiB. front_end_cam, 1936 x 1216: 3.20, 1.79.
 """
 
 from __future__ import annotations
@@ -45,15 +45,17 @@ def main() -> None:
     sight.show(first)
     sight.render(chosen.view, [chosen.sun], chosen.threads)  # what is built once
     print(f"start: {time.process_time() - start:.2f} s, {len(sight.stage.surfaces.faces):,} triangles")
+    began = time.perf_counter()
     rows = [_frame(sight, chosen, first + 1 + number) for number in range(chosen.frames)]
+    wall = (time.perf_counter() - began) / chosen.frames
     names = ("ground", "render", "expose", "labels", "files")
     median = np.median(rows, axis=0)
     parts = ", ".join(f"{name} {value:.2f}" for name, value in zip(names, median, strict=True))
     lens = sight.mounts[chosen.view].lens
     print(f"{chosen.view}, {lens.width} x {lens.height}, {len(rows)} frames, CPU s: {parts}; all {median.sum():.2f}")
-    walls = [row.sum() for row in np.array(rows)]
+    whole = np.sum(rows, axis=1)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    print(f"from {min(walls):.2f} to {max(walls):.2f}; {memory:.2f} GiB")
+    print(f"from {whole.min():.2f} to {whole.max():.2f}; {wall:.2f} s a frame by the clock; {memory:.2f} GiB")
 
 
 def _frame(sight: Sight, chosen: argparse.Namespace, frame: int) -> list[float]:
