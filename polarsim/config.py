@@ -18,6 +18,7 @@ from polarsim.cameras.options import CamerasOptions
 from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions
 from polarsim.errors import ConfigError, about
+from polarsim.formats.yaml_files import read_yaml, told
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import TERRAINS, positions
@@ -121,7 +122,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
             try:
                 self.render_options_of(name)
             except ValidationError as error:
-                raise ValueError(f"gap.ingredients.{name}.render.{_told(error, 'render')}") from error
+                raise ValueError(f"gap.ingredients.{name}.render.{told(error, 'render')}") from error
         return self
 
     def render_options_of(self, ingredient: str) -> RenderOptions:
@@ -174,7 +175,7 @@ def parse_config(content: Mapping[str, Any]) -> Config:
     try:
         return Config.model_validate(_with_release_root(dict(content)))
     except ValidationError as error:
-        raise ConfigError(_told(error, "configuration")) from error
+        raise ConfigError(told(error, "configuration")) from error
 
 
 def read_config(path: str | Path) -> Config:
@@ -185,10 +186,7 @@ def read_config(path: str | Path) -> Config:
     ConfigError
         No YAML file, or as `parse_config`.
     """
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: no readable YAML file, {' '.join(str(error).split())}") from error
+    content = read_yaml(path)
     if not isinstance(content, Mapping):
         raise ConfigError(f"{path}: no keys, a configuration was expected")
     with about(path):
@@ -223,7 +221,7 @@ def render_options(assignments: Sequence[str]) -> RenderOptions:
     try:
         return RenderOptions.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(_told(error, "options")) from error
+        raise ConfigError(told(error, "options")) from error
 
 
 def schema() -> str:
@@ -237,20 +235,3 @@ def _with_release_root(content: dict[str, Any]) -> dict[str, Any]:
     if root and isinstance(source, Mapping) and source.get("kind") == "release":
         return {**content, "source": {**source, "root": root}}
     return content
-
-
-def _told(error: ValidationError, whole: str) -> str:
-    """All problems in one line; those of no single key are the `whole`'s."""
-    return "; ".join(
-        f"{'.'.join(str(part) for part in problem['loc']) or whole}: {_reason(problem)}" for problem in error.errors()
-    )
-
-
-def _reason(problem: Any) -> str:
-    if problem["type"] == "extra_forbidden":
-        return "unknown key"
-    if problem["type"] == "missing":
-        return "missing"
-    found = problem.get("input")
-    text = problem["msg"].removeprefix("Value error, ")
-    return text if isinstance(found, (dict, BaseModel)) or str(found) in text else f"{text}, found {found!r}"

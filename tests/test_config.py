@@ -21,7 +21,7 @@ def test_assignments_reach_any_depth_and_the_last_one_wins():
     [
         ("samples", "'samples' is no option: expected KEY=VALUE"),
         ("=4", "'=4' is no option: expected KEY=VALUE"),
-        ("samples=5", "samples: Input should be 1, 4, 9 or 16, found 5"),
+        ("samples=5", "samples: should be 1, 4, 9 or 16, found 5"),
         ("blurr_px=1", "blurr_px: unknown key"),
         ("blur_px=wide", "blur_px: .*number.*found 'wide'"),
         ("gain={", "gain: '{' is no YAML value"),

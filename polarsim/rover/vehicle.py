@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import yaml
-from pydantic import BaseModel, Field, PositiveFloat, ValidationError, model_validator
+from pydantic import BaseModel, Field, PositiveFloat, model_validator
 
 from polarsim.errors import ConfigError
+from polarsim.formats.yaml_files import read_model
 from polarsim.rover import shapes
 
 WHEELS = ("lf", "rf", "lr", "rr")  # left front, right front, left rear, right rear: the order of all arrays
@@ -226,16 +226,4 @@ def read_vehicle(path: str | Path) -> Vehicle:
     ConfigError
         No YAML, unknown or missing keys, impossible values: one line with the file and each key.
     """
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: no readable YAML file, {' '.join(str(error).split())}") from error
-    try:
-        return Vehicle.model_validate(content)
-    except ValidationError as error:
-        told = (
-            f"{'.'.join(str(part) for part in problem['loc']) or 'the table'}: "
-            + problem["msg"].removeprefix("Value error, ")
-            for problem in error.errors()
-        )
-        raise ConfigError(f"{path}: " + "; ".join(told)) from error
+    return read_model(path, Vehicle, "the table")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-import yaml
-from pydantic import BaseModel, Field, PositiveFloat, ValidationError, model_validator
+from pydantic import Field, PositiveFloat, model_validator
 
-from polarsim.errors import ConfigError
+from polarsim.formats.yaml_files import read_model
 from polarsim.render.options import RenderOptions
 from polarsim.render.views.sections import (
     AutoExposure,
@@ -78,27 +77,9 @@ def read_views(path: str | Path) -> Views:
     ConfigError
         No YAML, unknown or missing keys, impossible values: one line with the file and each key.
     """
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: no readable YAML file, {' '.join(str(error).split())}") from error
-    try:
-        return Views.model_validate(content)
-    except ValidationError as error:
-        raise ConfigError(f"{path}: " + "; ".join(_told(problem) for problem in error.errors())) from error
+    return read_model(path, Views, "the file")
 
 
 def schema() -> str:
     """JSON schema of files of views; `config/views.schema.json` holds it for editors."""
     return json.dumps(Views.model_json_schema(), indent=1, sort_keys=True) + "\n"
-
-
-def _told(problem: Any) -> str:
-    place = ".".join(str(part) for part in problem["loc"]) or "the file"
-    if problem["type"] in ("extra_forbidden", "missing"):
-        return f"{place}: {'missing' if problem['type'] == 'missing' else 'unknown key'}"
-    if problem["type"] == "union_tag_not_found":
-        return f"{place}.kind: missing"
-    text = problem["msg"].removeprefix("Value error, ").removeprefix("Input ")
-    found = problem.get("input")
-    return f"{place}: {text}" if isinstance(found, (dict, BaseModel)) else f"{place}: {text}, found {found!r}"

@@ -1,0 +1,61 @@
+"""YAML files that hold a pydantic model, and what is wrong with them in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from polarsim.errors import ConfigError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def read_yaml(path: str | Path) -> Any:
+    """What a YAML file holds.
+
+    Raises
+    ------
+    ConfigError
+        No file, or no YAML.
+    """
+    try:
+        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path}: no readable YAML file, {' '.join(str(error).split())}") from error
+
+
+def read_model(path: str | Path, model: type[Model], whole: str) -> Model:
+    """The model that a YAML file holds; `whole` names it where no single key is wrong.
+
+    Raises
+    ------
+    ConfigError
+        No YAML, unknown or missing keys, impossible values: one line with the file and each key.
+    """
+    content = read_yaml(path)
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {told(error, whole)}") from error
+
+
+def told(error: ValidationError, whole: str) -> str:
+    """All problems in one line; those of no single key are the `whole`'s."""
+    return "; ".join(
+        f"{'.'.join(str(part) for part in problem['loc']) or whole}{_reason(problem)}" for problem in error.errors()
+    )
+
+
+def _reason(problem: Any) -> str:
+    known = {"extra_forbidden": ": unknown key", "missing": ": missing", "union_tag_not_found": ".kind: missing"}
+    if problem["type"] in known:
+        return known[problem["type"]]
+    found = problem.get("input")
+    text = problem["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    ours = problem["type"] == "value_error"  # such a text may say already what was found
+    if isinstance(found, (dict, BaseModel)) or (ours and str(found) in text):
+        return f": {text}"
+    return f": {text}, found {found!r}"
