@@ -16,7 +16,8 @@ from polarsim.formats.tables import write_csv, write_parquet
 ORIGIN_COLUMNS = ("run", "source", "config")  # name of the run, kind of its source, hash of its configuration
 MISSING = "–"  # a cell without a value
 
-_DECIMALS = {"_mm": 2, "_px": 2, "_deg": 3}  # by the unit that a column's name ends with; all else has three
+# By how a column's name ends; all else has three.
+_DECIMALS = {"_mm": 2, "_px": 2, "_deg": 3, "exposure_ms": 0, "count": 0}
 _TEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "<": r"$<$"}
 _TEX |= {character: "\\" + character for character in "&%$#_{}"}
 _TEX |= {">": r"$>$", "≥": r"$\geq$", "±": r"$\pm$", "°": r"$^\circ$"}

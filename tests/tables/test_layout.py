@@ -65,6 +65,8 @@ def test_latex_text_leaves_no_special_character_bare(text):
         (0.98765, "map50", "0.988"),
         (1.23456, "error_mm", "1.23"),
         (12345.6, "vertices", "12346"),
+        (60.0, "count", "60"),
+        (256.0, "exposure_ms", "256"),
         (float("nan"), "f1", "–"),
         (None, "f1", "–"),
         (np.True_, "leaks_views", "yes"),
