@@ -100,7 +100,7 @@ class SightOptions(BaseModel, extra="forbid", frozen=True):
         "degrees: at 1 they are white at all exposures that show the ground.",
     )
     render: RenderOptions = Field(
-        RenderOptions(rim=False, bounce=0.0, falloff=True, lamp_probe_px=8, lamp_samples=8, calibration_photos=0),
+        RenderOptions(rim=False, bounce=0.0, falloff=True, lamp_probe_px=16, lamp_samples=8, calibration_photos=0),
         description="As in a run's configuration; its `models` and walls do not count.",
     )
     onboard: OnboardOptions = OnboardOptions()
