@@ -1,6 +1,7 @@
 """What photos show beside sand and rocks, drawn into varied twins at random: hall, cloth, cards, glare.
 
-Judges that have never seen such things find rocks in them.
+Judges that have never seen such things find rocks in them; but those of cloth, cards and glare were no better on real
+photos (docs/results.md), so only the hall is there by default.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ class HallOptions(BaseModel, extra="forbid", frozen=True):
     """Ranges, from least to most; brightness is over that of lit sand."""
 
     brightness: Range = Field((0.0, 0.4), description="Mean of what is behind the walls.")
-    folds_sd: Range = Field((0.0, 0.6), description="Standard deviation of the log brightness of the walls' cloth.")
-    most_cards: int = Field(4, ge=0, description="Framed cards that lean on the walls: none to so many a picture.")
+    folds_sd: Range = Field((0.0, 0.0), description="Standard deviation of the log brightness of the walls' cloth.")
+    most_cards: int = Field(0, ge=0, description="Framed cards that lean on the walls: none to so many a picture.")
     card_m: Range = Field((0.15, 0.4), description="Width of a card.")
     card: Range = Field((0.05, 2.0), description="Brightness of a card and of its frame.")
-    most_glares: int = Field(2, ge=0, description="Blobs of light that the lens throws: none to so many a picture.")
+    most_glares: int = Field(0, ge=0, description="Blobs of light that the lens throws: none to so many a picture.")
     glare: Range = Field((0.0, 0.6), description="Brightness of such a blob's middle.")
     glare_share: Range = Field((0.02, 0.1), description="Standard deviation of its width over that of the picture.")
 
@@ -52,9 +53,10 @@ def furnish(
     """
     shape = (radiance.shape[0], radiance.shape[1])
     hall = np.where(bare, random.uniform(*options.brightness) * draw_hall(shape, random), 0)
-    folds = smooth_noise(shape, shape[0] / 6, shape[1] / 150, random.uniform(0, np.pi), random)
-    cloth = np.where(around & ~bare, np.exp(random.uniform(*options.folds_sd) * folds), 1)
-    seen = radiance * cloth + hall
+    seen = radiance + hall
+    if any(options.folds_sd):
+        folds = smooth_noise(shape, shape[0] / 6, shape[1] / 150, random.uniform(0, np.pi), random)
+        seen = np.where(around & ~bare, seen * np.exp(random.uniform(*options.folds_sd) * folds), seen)
     for _ in range(random.integers(options.most_cards + 1)):
         corners = _card(walls, options, random)
         for outline in (corners, _within(corners, random.uniform(0.75, 0.95))):
