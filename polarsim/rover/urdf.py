@@ -1,4 +1,4 @@
-"""The vehicle's table as URDF: suspension, steering and drive of each wheel on three links, cameras on their own."""
+"""The vehicle as URDF: suspension, steering, drive of each wheel on three links; cameras and lights on their own."""
 
 from __future__ import annotations
 
@@ -39,6 +39,11 @@ def urdf(vehicle: Vehicle) -> str:
             joint = _joint(robot, f"{camera.name}_mount", "fixed", camera.link, f"{camera.name}_optical")
             pose = base_from_camera(np.array(camera.position_m), camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
             _origin(joint, pose)
+    for light in vehicle.lights:  # shines along x
+        ET.SubElement(robot, "link", name=light.name)
+        joint = _joint(robot, f"{light.name}_mount", "fixed", light.link, light.name)
+        turn = Rotation.from_euler("ZY", [light.yaw_deg, light.pitch_deg], degrees=True).as_matrix()
+        _origin(joint, Pose(turn, np.array(light.position_m)))
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 

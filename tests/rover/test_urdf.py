@@ -64,6 +64,20 @@ def test_cameras_look_where_the_table_has_them():
     assert root.find("joint[@name='CamBirdViewLeft_mount']") is None
 
 
+def test_lights_shine_where_the_table_says():
+    root = ET.fromstring(urdf(VEHICLE))
+    beams = {}
+    for light in VEHICLE.lights:
+        origin = root.find(f"joint[@name='{light.name}_mount']/origin")
+        turn = Rotation.from_euler("xyz", [float(value) for value in origin.get("rpy").split()]).as_matrix()
+        beams[light.name] = turn[:, 0]
+        assert [float(value) for value in origin.get("xyz").split()] == pytest.approx(light.position_m)
+    assert len(beams) == 8
+    down = np.radians(25)
+    np.testing.assert_allclose(beams["hazlight_fore_port"], [np.cos(down), 0, -np.sin(down)], atol=1e-8)
+    np.testing.assert_allclose(beams["hazlight_centre_port"], [0, np.cos(down), -np.sin(down)], atol=1e-8)
+
+
 def test_every_link_but_the_base_has_one_joint_above_it():
     root = ET.fromstring(urdf(VEHICLE))
     links = {link.get("name") for link in root.iter("link") if link in list(root)}
