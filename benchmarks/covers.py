@@ -41,6 +41,7 @@ from polarsim.detect.train import train_judge
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
 from polarsim.formats.files import write_text
+from polarsim.formats.yaml_files import read_yaml
 from polarsim.photo import ROCK, PhotoKey
 from polarsim.render.variants import VariantOptions
 from polarsim.render.varied import render_varied
@@ -204,7 +205,7 @@ def draw(experiment: Experiment, labels: pd.DataFrame, predictions: pd.DataFrame
 
 
 def read_experiment(path: Path, changes: list[str]) -> Experiment:
-    content: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+    content: dict[str, Any] = read_yaml(path)
     content["root"] = os.environ.get("POLAR_SIM_ROOT", content["root"])
     for change in changes:
         name, _, value = change.partition("=")

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from polarsim.geometry.poses import Pose
 from polarsim.render.surfaces import box
+from polarsim.rover.mounts import link_from_part
 from polarsim.rover.vehicle import ShapePart, Vehicle, WheelPart
 
 _SIDES = 48  # of a cylinder
@@ -112,8 +112,7 @@ Mesh = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _shape(shape: ShapePart) -> Solid:
-    turn = Rotation.from_euler("ZYX", [shape.yaw_deg, shape.pitch_deg, shape.roll_deg], degrees=True).as_matrix()
-    pose = Pose(turn, np.array(shape.position_m))
+    pose = link_from_part(shape.position_m, shape.yaw_deg, shape.pitch_deg, shape.roll_deg)
     if shape.kind == "box":
         return upright_box(shape.link, np.array(shape.size_m), pose)
     return cylinder(shape.link, shape.size_m[0] / 2, shape.size_m[1], pose)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,12 @@ def base_from_camera(position: np.ndarray, yaw_deg: float, pitch_deg: float, rol
     """
     yaw, pitch, roll = np.radians([yaw_deg, pitch_deg, roll_deg])
     return looking(np.asarray(position, float), float(yaw), float(pitch), float(roll))
+
+
+def link_from_part(position: Sequence[float], yaw_deg: float, pitch_deg: float, roll_deg: float = 0.0) -> Pose:
+    """Of a shape or light at `position` (3,) in its link, metres; turned about z, the new y, then the new x."""
+    turn = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True)
+    return Pose(turn.as_matrix(), np.array(position))
 
 
 def levelled(world_from_base: Pose) -> Pose:

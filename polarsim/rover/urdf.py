@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.formats.files import write_text
 from polarsim.geometry.poses import Pose
-from polarsim.rover.mounts import base_from_camera
+from polarsim.rover.mounts import base_from_camera, link_from_part
 from polarsim.rover.sight_options import FOLLOWING
 from polarsim.rover.vehicle import ShapePart, Vehicle, WheelPart
 
@@ -42,8 +42,7 @@ def urdf(vehicle: Vehicle) -> str:
     for light in vehicle.lights:  # shines along x
         ET.SubElement(robot, "link", name=light.name)
         joint = _joint(robot, f"{light.name}_mount", "fixed", light.link, light.name)
-        turn = Rotation.from_euler("ZY", [light.yaw_deg, light.pitch_deg], degrees=True).as_matrix()
-        _origin(joint, Pose(turn, np.array(light.position_m)))
+        _origin(joint, link_from_part(light.position_m, light.yaw_deg, light.pitch_deg))
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 
@@ -113,8 +112,7 @@ def _visuals(link: ET.Element, vehicle: Vehicle, name: str) -> None:
 
 def _visual(link: ET.Element, shape: ShapePart) -> None:
     visual = ET.SubElement(link, "visual", name=shape.name)
-    turn = Rotation.from_euler("ZYX", [shape.yaw_deg, shape.pitch_deg, shape.roll_deg], degrees=True).as_matrix()
-    pose = Pose(turn, np.array(shape.position_m))
+    pose = link_from_part(shape.position_m, shape.yaw_deg, shape.pitch_deg, shape.roll_deg)
     if shape.kind == "box":
         _origin(visual, pose)
         ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=_text(shape.size_m))
