@@ -128,10 +128,10 @@ def kinds_of(model: Model, surfaces: Surfaces, options: RenderOptions) -> Kinds:
     """What a scene's things are made of under a model."""
     if not options.materials:
         return Kinds((options.parameters(model),), None, None)
-    size = int(surfaces.id_of_face.max(initial=GROUND)) + 1
+    size = int(surfaces.ids.max(initial=GROUND)) + 1
     of_id, factor = np.zeros(size, np.int64), np.ones(size, np.float32)
     parameters: list[Parameters] = []
-    for number in np.unique(surfaces.id_of_face).tolist():
+    for number in surfaces.ids.tolist():
         names = _names(number)
         own = options.parameters(model, *names)
         if own not in parameters:

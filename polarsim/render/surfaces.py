@@ -43,6 +43,11 @@ class Surfaces:
             list(pool.map(partial(getattr, self), names))
 
     @cached_property
+    def ids(self) -> np.ndarray:
+        """(k,) what faces belong to, each once, in order."""
+        return np.unique(self.id_of_face)
+
+    @cached_property
     def rocks(self) -> Caster:
         """The rocks alone; `rock_faces` numbers its triangles."""
         return caster(self.vertices, self.faces[self.rock_faces], self.rays, device=self.device)
