@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
-from polarsim.geometry.vectors import dot
+from polarsim.geometry.vectors import dot, length
 from polarsim.photo import PhotoKey
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 
@@ -46,6 +46,28 @@ class Lamp:
         if self.distant or not falloff:
             return to_lamp, np.full(len(points), self.intensity, points.dtype)
         return to_lamp, self.intensity * REFERENCE_DISTANCE**2 / dot(to_lamp, to_lamp)
+
+
+@dataclass(frozen=True)
+class Spot(Lamp):
+    """A lamp that shines along `axis` (3,), a unit vector, and half as brightly `beam_deg` / 2 beside it.
+
+    Off the axis its light falls off with a power of the cosine, as that of an LED does (Moreno & Sun, Optics Express 16
+    (2008) 1808); behind it there is none.
+    """
+
+    axis: np.ndarray = field(default_factory=lambda: np.array([1.0, 0, 0]))
+    beam_deg: float = 120.0
+
+    def light_at(self, points: np.ndarray, *, falloff: bool) -> tuple[np.ndarray, np.ndarray]:
+        to_lamp, irradiance = super().light_at(points, falloff=falloff)
+        along = -dot(to_lamp, np.broadcast_to(self.axis.astype(points.dtype), points.shape)) / length(to_lamp)
+        return to_lamp, irradiance * np.maximum(along, 0) ** points.dtype.type(beam_power(self.beam_deg))
+
+
+def beam_power(beam_deg: float) -> float:
+    """The power of the cosine that falls to a half at half of a beam's full angle."""
+    return float(np.log(0.5) / np.log(np.cos(np.radians(beam_deg / 2))))
 
 
 def lamps_of(suns: Mapping[str, np.ndarray], rig: PlacedRig, radius_m: float = 0.0) -> dict[str, Lamp]:

@@ -125,8 +125,9 @@ def render_view(
 
 
 def made_by_device(options: RenderOptions, lamps: Mapping[str, Lamp]) -> bool:
-    """Whether layers are made by Taichi from ray to sum; only lamps that are points are."""
-    return options.engine == options.rays == "taichi" and not any(lamp.radius_m for lamp in lamps.values())
+    """Whether layers are made by Taichi from ray to sum; only lamps that are points and shine everywhere are."""
+    points = all(type(lamp) is Lamp and not lamp.radius_m for lamp in lamps.values())
+    return options.engine == options.rays == "taichi" and points
 
 
 def identify(

@@ -24,7 +24,7 @@ def lighting(
     to_lamp, irradiance = lamp.light_at(hits.point, falloff=falloff)
     # A flat face that looks away gets no light, whatever its smooth normal says: else light leaks past the terminator.
     along_normal = dot(hits.normal, to_lamp)
-    lit = np.flatnonzero((dot(hits.plane, to_lamp) > 0) & (along_normal > 0))
+    lit = np.flatnonzero((dot(hits.plane, to_lamp) > 0) & (along_normal > 0) & (irradiance > 0))
     if share is not None:
         irradiance *= share
         lit = lit[share[lit] > 0]

@@ -29,11 +29,16 @@ def through_lens(
     options: RenderOptions,
     threads: int = 1,
 ) -> Layers:
-    """Layers (h, w) by model and lamp, as radiance that the sensor gets: spread, darkened, with the lamps' flare."""
+    """Layers (h, w) by model and lamp, as radiance that the sensor gets: spread, darkened, with the lamps' flare.
+
+    Layers of what is no lamp have none.
+    """
     flares = {}
     if options.flare:
         names = dict.fromkeys(name for _, name in layers)
-        flares = {name: flare_of(surfaces, sandbox_from_camera, lens, lamps[name], options) for name in names}
+        flares = {
+            name: flare_of(surfaces, sandbox_from_camera, lens, lamps[name], options) for name in names if name in lamps
+        }
 
     def seen(layer: np.ndarray, lamp: str) -> np.ndarray:
         image = imaged(layer, lens, options)

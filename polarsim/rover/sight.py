@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from polarsim.render.views.sections import StarField
 from polarsim.render.views.stars import Sky, sky_of, star_radiance
 from polarsim.rover import prints
 from polarsim.rover.bodywork import Body, body_of, links_at
+from polarsim.rover.headlights import headlights
 from polarsim.rover.mounts import Mount, base_from_camera
 from polarsim.rover.prints import Print, Tread
 from polarsim.rover.sight_options import FOLLOWING, SightOptions
@@ -39,7 +40,7 @@ class Sight:
         Raises
         ------
         RoverError, ConfigError
-            No Sun, an unknown camera, too many rocks.
+            No Sun, an unknown camera or light, too many rocks.
         """
         self.trace, self.vehicle, self.options, self.seed = trace, vehicle, options, seed
         self.mounts = {name: mount_of(vehicle.camera(name), options.scale) for name in options.views}
@@ -47,6 +48,7 @@ class Sight:
             if vehicle.camera(name).link != "base_link":
                 raise RoverError(f"camera {name}: on link {vehicle.camera(name).link}, base_link was expected")
         self.suns = suns_of(options)
+        self.lights = [vehicle.light(name) for name in options.lights]
         self.body = body_of(vehicle)
         self.render_options = options_of(options, self.body)
         self._events = _events(trace, vehicle)
@@ -92,19 +94,25 @@ class Sight:
         return mount.world_from_camera(self.trace.pose_at(float(self.trace.tracks.time[frame]))), mount.lens
 
     def render(self, view: str, suns: Sequence[str], threads: int = 1) -> Rendering:
-        """Layers and ids of a view of the frame that is shown, stars and lens included."""
+        """Layers and ids of a view of the frame that is shown, by Sun; with the rover's lights, stars and lens.
+
+        Shadows among the ids are those that the Sun throws: at night there are none.
+        """
         pose, lens = self.camera(view, self._frame)
-        lamps = {name: self.suns[name].lamp for name in suns}
+        shining = {name: lamp for name in suns if (lamp := self.suns[name].lamp) is not None}
+        own = headlights(self.lights, self.links_at(float(self.trace.tracks.time[self._frame])))
         options, models = self.render_options, self.options.models
-        found = render_view(self.stage.surfaces, pose, lens, lamps, models, list(suns), options, threads)
-        layers = through_lens(found.whole, lamps, self.stage.surfaces, pose, lens, options, threads)
+        found = render_view(self.stage.surfaces, pose, lens, shining | own, models, list(shining), options, threads)
+        light = {(model, name): _sum(found.whole, model, name, own) for model in models for name in suns}
+        layers = through_lens(light, shining, self.stage.surfaces, pose, lens, options, threads)
+        ids = {name: found.ids[name if name in shining else NO_LAMP] for name in (NO_LAMP, *suns)}
         if self._sky is not None:
-            empty = found.ids[NO_LAMP] == BACKGROUND
+            empty = ids[NO_LAMP] == BACKGROUND
             for name in suns:
                 stars = empty * star_radiance(self._sky, self.suns[name].world_from_celestial, pose, lens)
                 stars = imaged(stars, lens, options)
                 layers |= {(model, name): layers[model, name] + stars for model in models}
-        return Rendering(layers, found.ids)
+        return Rendering(layers, ids)
 
     def exposed(self, rendering: Rendering, view: str, sun: str, model: Model, exposure_ms: float) -> np.ndarray:
         """(h, w) uint16 picture of the frame that is shown, 12-bit grey values."""
@@ -138,6 +146,12 @@ def mount_of(camera: CameraPart, scale: float = 1.0) -> Mount:
     ).scaled(scale)  # fmt: skip
     pose = base_from_camera(np.array(camera.position_m), camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
     return Mount(camera.name, pose, lens, level=camera.name in FOLLOWING)
+
+
+def _sum(layers: Mapping[tuple[Model, str], np.ndarray], model: Model, sun: str, lights: Iterable[str]) -> np.ndarray:
+    """(h, w) radiance under a Sun, where it shines, and the rover's lights."""
+    parts = [layers[model, name] for name in (sun, *lights) if (model, name) in layers]
+    return np.sum(parts, axis=0) if len(parts) > 1 else parts[0]
 
 
 def rocks_of(world: World) -> Rocks:

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, field_validator
+from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, field_validator, model_validator
 
 from polarsim.detect.options import DetectOptions
 from polarsim.render.options import Model, RenderOptions
@@ -19,7 +19,8 @@ PAPER_VIEWS = (
 )  # fmt: skip
 FOLLOWING = ("CamBirdViewLeft", "CamBirdViewRight")  # they do not roll with the rover
 SUN_AZIMUTHS_DEG = {"1": 0.0, "2": 315.0, "3": 225.0, "4": 180.0}  # the paper's, from east to north
-SunName = Literal["1", "2", "3", "4"]
+NIGHT = "night"  # name of no Sun at all
+SunName = Literal["1", "2", "3", "4", "night"]
 REAL = "real"  # name of the real Sun
 
 
@@ -74,10 +75,12 @@ class SightOptions(BaseModel, extra="forbid", frozen=True):
 
     views: tuple[str, ...] = Field(PAPER_VIEWS, min_length=1, description="Cameras of the vehicle's table.")
     suns: tuple[SunName, ...] = Field(
-        ("1", "2", "3", "4"), description="The paper's: 1 east, 2 southeast, 3 southwest, 4 west."
+        ("1", "2", "3", "4"),
+        description="The paper's: 1 east, 2 southeast, 3 southwest, 4 west; night: none, the rover's lights alone.",
     )
     sun_elevation_deg: float = Field(8.0, gt=0, le=90, description="Of these Suns, degrees.")
     real_sun: RealSun | None = Field(None, description="One more Sun, the real one, named `real`.")
+    lights: tuple[str, ...] = Field((), description="Lights of the vehicle's table that are on.")
     models: tuple[Model, ...] = Field(("hapke", "principled"), min_length=1, description="Reflectance models.")
     exposures_ms: tuple[PositiveFloat, ...] = Field((256, 512, 1024), min_length=1, description="Exposures, ms.")
     scale: float = Field(1.0, gt=0, le=1, description="Size of the pictures over that of the cameras.")
@@ -107,9 +110,15 @@ class SightOptions(BaseModel, extra="forbid", frozen=True):
     videos: bool = Field(False, description="Make a video of every view, Sun, model and exposure.")
     video_speed: PositiveFloat = Field(0.5, description="Speed of the videos over the real one.")
 
-    @field_validator("views", "suns", "models", "exposures_ms")
+    @field_validator("views", "suns", "lights", "models", "exposures_ms")
     @classmethod
     def _each_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
         if len(set(values)) < len(values):
             raise ValueError("named twice")
         return values
+
+    @model_validator(mode="after")
+    def _light_at_night(self) -> SightOptions:
+        if NIGHT in self.suns and not self.lights:
+            raise ValueError("suns: at night the rover sees by `lights` alone, and none is named")
+        return self

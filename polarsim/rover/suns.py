@@ -1,4 +1,4 @@
-"""The Suns of a drive: four that the paper names, and the real one over a place and at a date."""
+"""The Suns of a drive: four that the paper names, the real one over a place and at a date, and none."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from polarsim.errors import RoverError
 from polarsim.render.lamps import SUN_RADIUS_DEG, Lamp
 from polarsim.render.views.moon import local_from_celestial, sun_over
-from polarsim.rover.sight_options import REAL, SUN_AZIMUTHS_DEG, SightOptions
+from polarsim.rover.sight_options import NIGHT, REAL, SUN_AZIMUTHS_DEG, SightOptions
 
 
 @dataclass(frozen=True)
 class Sun:
-    """A Sun's light, where it stands (from east to north), and how the stars lie over the world."""
+    """A Sun's light, where it stands (from east to north), and how the stars lie over the world; no light at night."""
 
     name: str
-    lamp: Lamp
+    lamp: Lamp | None
     azimuth_deg: float
     elevation_deg: float
     world_from_celestial: np.ndarray  # (3, 3) rotation
@@ -31,11 +31,7 @@ def suns_of(options: SightOptions) -> dict[str, Sun]:
     RoverError
         None is asked for, or the real one is down.
     """
-    elevation = options.sun_elevation_deg
-    found: dict[str, Sun] = {
-        name: Sun(name, Lamp.sun(SUN_AZIMUTHS_DEG[name], elevation), SUN_AZIMUTHS_DEG[name], elevation, np.eye(3))
-        for name in options.suns
-    }
+    found: dict[str, Sun] = {name: _named(name, options.sun_elevation_deg) for name in options.suns}
     real = options.real_sun
     if real is not None:
         compass, height = sun_over(real.latitude_deg, real.longitude_deg, real.moment_utc)
@@ -49,3 +45,10 @@ def suns_of(options: SightOptions) -> dict[str, Sun]:
     if not found:
         raise RoverError("sight: no Sun is asked for")
     return found
+
+
+def _named(name: str, elevation_deg: float) -> Sun:
+    if name == NIGHT:
+        return Sun(name, None, 0.0, -90.0, np.eye(3))
+    azimuth = SUN_AZIMUTHS_DEG[name]
+    return Sun(name, Lamp.sun(azimuth, elevation_deg), azimuth, elevation_deg, np.eye(3))

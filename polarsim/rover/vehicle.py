@@ -135,7 +135,8 @@ class LightPart(Part):
     position_m: Triple = Field(description="In the link's frame, m.")
     yaw_deg: float = Field(0.0, description="From x towards y (left), degrees.")
     pitch_deg: float = Field(0.0, description="Down is positive, degrees.")
-    beam_deg: float = Field(gt=0, le=180, description="Full angle of its cone, degrees.")
+    beam_deg: float = Field(gt=0, lt=180, description="Full angle between directions of half its intensity, degrees.")
+    power_w: PositiveFloat = Field(10.0, description="Light that it radiates, W.")
     wavelength_nm: PositiveFloat = Field(453.0, description="Peak wavelength, nm.")
 
 
@@ -216,6 +217,19 @@ class Vehicle(Part):
             if part.name == name:
                 return part
         raise ConfigError(f"no camera {name!r} on {self.name}, there are {', '.join(c.name for c in self.cameras)}")
+
+    def light(self, name: str) -> LightPart:
+        """One light.
+
+        Raises
+        ------
+        ConfigError
+            No such light.
+        """
+        for part in self.lights:
+            if part.name == name:
+                return part
+        raise ConfigError(f"no light {name!r} on {self.name}, there are {', '.join(p.name for p in self.lights)}")
 
 
 def read_vehicle(path: str | Path) -> Vehicle:
