@@ -1,15 +1,17 @@
 """Videos of a drive, `[view]_[Sun]_[BRDF]_[exposure].webm` as in the paper, in AV1, an open codec.
 
-The encoder is SVT-AV1 on one thread, so that the same pictures make the same bytes. It comes with PyAV, which only this
-module imports.
+The encoder is SVT-AV1 on one thread a video, so that the same pictures make the same bytes. It comes with PyAV, which
+only this module imports.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect.parts import digest
+from polarsim.digest import code_digest
 from polarsim.errors import RoverError
 from polarsim.formats import png, tables
 from polarsim.formats.files import write_text, writing
@@ -43,8 +46,10 @@ def video_name(view: str, sun: str, model: Model, exposure_ms: float) -> str:
     return f"{view}_{sun}_{_BRDF.get(model, model)}_{exposure_ms:04g}.webm"
 
 
-def make_videos(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int) -> int:
+def make_videos(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int, threads: int = 1) -> int:
     """Write the videos of a drive's pictures into `videos/`, but for those that are there already; how many.
+
+    `threads`: so many are made at once; they change no byte.
 
     Raises
     ------
@@ -63,23 +68,36 @@ def make_videos(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int
         for model in options.models
         for exposure in options.exposures_ms
     ]
-    made = 0
-    for view, sun, model, exposure in track(wanted, f"videos in {folder}"):
-        pictures = picture_folder(folder, view, sun, model, exposure)
-        paths = [pictures / f"{frame:05d}.png" for frame in sight.frames]
-        for path in paths:
-            if not path.is_file():
-                raise RoverError(f"{path}: the picture is missing")
-        boxes = _detections(pictures, view)
-        video = folder / "videos" / video_name(view, sun, model, exposure)
-        note = video.with_suffix(".txt")
-        identity = digest(paths, str(rate), "" if boxes is None else boxes.to_csv(), str(options.onboard.confidence))
-        if video.is_file() and note.is_file() and note.read_text(encoding="utf-8") == identity:
-            continue
-        write_video(video, _shown(paths, sight.frames, boxes, options.onboard.confidence), rate)
-        write_text(note, identity)
-        made += 1
-    return made
+
+    def make(what: tuple[str, str, Model, float]) -> int:
+        pictures, video = picture_folder(folder, *what), folder / "videos" / video_name(*what)
+        return _make(video, pictures, sight.frames, _detections(pictures, what[0]), rate, options.onboard.confidence)
+
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        jobs = [pool.submit(make, what) for what in wanted]
+        try:
+            return sum(job.result() for job in track(jobs, f"videos in {folder}"))
+        finally:
+            for job in jobs:
+                job.cancel()
+
+
+def _make(
+    video: Path, pictures: Path, frames: list[int], boxes: pd.DataFrame | None, rate: Fraction, confidence: float
+) -> int:
+    """Write one video, unless the same one is there; how many were written."""
+    paths = [pictures / f"{frame:05d}.png" for frame in frames]
+    for path in paths:
+        if not path.is_file():
+            raise RoverError(f"{path}: the picture is missing")
+    note = video.with_suffix(".txt")
+    told = "" if boxes is None else boxes.to_csv()
+    identity = digest(paths, code_digest(__name__), str(rate), told, str(confidence))
+    if video.is_file() and note.is_file() and note.read_text(encoding="utf-8") == identity:
+        return 0
+    write_video(video, _shown(paths, frames, boxes, confidence), rate)
+    write_text(note, identity)
+    return 1
 
 
 def frame_rate(times: np.ndarray, speed: float) -> Fraction:
@@ -139,9 +157,14 @@ def _priority_kept() -> Iterator[None]:
 
 def shown(pixels: np.ndarray) -> np.ndarray:
     """(h, w, 3) uint8 of a 12-bit picture (h, w): the whole range, gamma 2.2, the same for all frames."""
-    light = np.clip((pixels.astype(np.float32) - BLACK_LEVEL) / (WHITE_LEVEL - BLACK_LEVEL), 0, 1)
-    grey = np.rint(255 * light ** (1 / _GAMMA)).astype(np.uint8)
-    return np.repeat(grey[..., None], 3, axis=2)
+    return np.repeat(_tones().take(pixels, mode="clip")[..., None], 3, axis=2)
+
+
+@cache
+def _tones() -> np.ndarray:
+    """uint8 of every 12-bit grey value."""
+    light = np.clip((np.arange(WHITE_LEVEL + 1) - BLACK_LEVEL) / (WHITE_LEVEL - BLACK_LEVEL), 0, 1)
+    return np.asarray(np.rint(255 * light ** (1 / _GAMMA)), np.uint8)
 
 
 def drawn(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:

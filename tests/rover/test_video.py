@@ -1,6 +1,8 @@
 """Videos of a drive: named, timed and drawn into as stated, and the same bytes again."""
 
 import os
+import shutil
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
 
@@ -97,6 +99,9 @@ def test_encoding_leaves_all_threads_at_their_priority(av, tmp_path):
     seen = []
     write_video(tmp_path / "video.webm", pictures(), Fraction(5))
     assert [*seen, policies()] == [{os.SCHED_OTHER}] * 4
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda name: write_video(tmp_path / name, moving(), Fraction(5)), ("a.webm", "b.webm")))
+        assert policies() == {os.SCHED_OTHER}
 
 
 def test_no_picture_makes_no_file(av, tmp_path):
@@ -120,6 +125,18 @@ def test_a_drives_videos_are_made_once_and_again_where_detections_change(av, tmp
     assert make_videos(tmp_path, driven.vehicle(), options, 0) == 1
     orange = read(av, path)[2][3].astype(int)
     assert (orange[..., 0] - orange[..., 2]).max() > 60 > np.abs(plain[3][..., 0].astype(int) - plain[3][..., 2]).max()
+
+
+def test_threads_change_no_byte_of_videos(av, tmp_path):
+    write_trace(tmp_path, driven.trace(seconds=1.0))
+    options = SightOptions(views=(FRONT,), suns=("2",), scale=0.1, finer=1, far_m=5.0)
+    render_frames(tmp_path, driven.vehicle(), options, 0)
+    made = []
+    for threads in (1, 3):
+        assert make_videos(tmp_path, driven.vehicle(), options, 0, threads) == 6
+        made.append({path.name: path.read_bytes() for path in (tmp_path / "videos").iterdir()})
+        shutil.rmtree(tmp_path / "videos")
+    assert made[0] == made[1]
 
 
 def test_a_missing_picture_is_named(tmp_path):

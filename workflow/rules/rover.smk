@@ -135,7 +135,7 @@ rule film_drive:
         "results/{run}/logs/rover/film_drive_{seed}.log",
     benchmark:
         "results/{run}/benchmarks/rover/film_drive_{seed}.tsv"
-    threads: 1
+    threads: 2
     resources:
         mem_mb=2000,
         runtime=720,

@@ -13,4 +13,5 @@ with reporting(log=snakemake.log[0]):
         read_vehicle(snakemake.input.vehicle),
         SightOptions(**snakemake.params.sight),
         int(snakemake.wildcards.seed),
+        snakemake.threads,
     )
