@@ -1,6 +1,7 @@
 """A digest of the code that a rule really uses, so that a change of code is a change of input.
 
-Snakemake watches the scripts of its rules, not the library behind them.
+Snakemake watches the scripts of its rules, not the library behind them. Kernels and drives keep it beside what they
+store.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from polarsim.digest import code_digest
 from polarsim.errors import RoverError
 from polarsim.randomness import generator
 from polarsim.rover.control import Driver, Law, Steering
@@ -154,6 +155,7 @@ class Ride:
         self.settled = False
         self.ended: str | None = None
         self.reason = ""
+        self._whose = f"{job.digest()} {code_digest(__name__)}"  # of which drive and code a saved state is
 
     def go_on(self, seconds: float) -> None:
         """Drive for a while, or to the end.
@@ -181,7 +183,7 @@ class Ride:
         frames = _tracks(self.frames)
         self.simulation.save(
             path,
-            digest=np.array(self.job.digest()),
+            digest=np.array(self._whose),
             rows=np.array(self.rows).reshape(-1, len(COLUMNS)),
             done=np.array(self.done),
             ride=np.array([self.step, self.moving_since, self.driver.line, self.driver.turning]),
@@ -193,14 +195,14 @@ class Ride:
         )
 
     def resume(self, path: Path) -> None:
-        """Go on from a saved state if it is of this drive; one of another drive is passed over.
+        """Go on from a saved state if it is of this drive and code; another one is passed over.
 
         Raises
         ------
         FormatError
             No readable state.
         """
-        if str(read_arrays(path, ("digest",))["digest"]) != self.job.digest():
+        if str(read_arrays(path, ("digest",))["digest"]) != self._whose:
             return
         saved = self.simulation.restore(path)
         self.rows, self.done = list(saved["rows"]), [float(value) for value in saved["done"]]

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.digest import code_digest
 from polarsim.formats import png, tables
 from polarsim.progress import track
 from polarsim.render.automatic import annotations_of
@@ -31,8 +32,8 @@ log = logging.getLogger("polarsim.rover")
 def render_frames(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int, threads: int = 1) -> int:
     """Render what is not there yet of a drive's pictures and labels; how many pictures were made.
 
-    Pictures made with other options, or of another drive, are made anew. Their bytes depend neither on `threads` nor
-    on where an earlier run stopped.
+    Pictures made with other options or code, or of another drive, are made anew. Their bytes depend neither on
+    `threads` nor on where an earlier run stopped.
 
     Raises
     ------
@@ -129,11 +130,11 @@ def _size(sight: Sight, view: str) -> tuple[int, int]:
 
 
 def _identity(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int) -> str:
-    """Digest of all that decides a drive's pictures; which views, Suns and exposures there are does not."""
+    """Digest of all that decides a drive's pictures, code included; which views, Suns, exposures there are does not."""
     which = {"views", "suns", "exposures_ms", "every", "onboard", "videos", "video_speed"}
     found = hashlib.sha256()
     for name in (TRACE, TRACKS, DRIVE, f"{WORLD}/ground.npz", f"{WORLD}/rocks.npz", f"{WORLD}/rocks.parquet"):
         found.update((folder / name).read_bytes())
-    for text in (vehicle.model_dump_json(), options.model_dump_json(exclude=which), str(seed)):
+    for text in (code_digest(__name__), vehicle.model_dump_json(), options.model_dump_json(exclude=which), str(seed)):
         found.update(text.encode())
     return found.hexdigest()

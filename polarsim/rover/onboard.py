@@ -18,6 +18,7 @@ import pandas as pd
 from polarsim.detect import judges, tone
 from polarsim.detect.parts import digest, write_in_parts
 from polarsim.detect.predict import detect
+from polarsim.digest import code_digest
 from polarsim.errors import RoverError, about
 from polarsim.formats import png, tables
 from polarsim.formats.files import write_text
@@ -78,7 +79,7 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: in
         pictures = picture_folder(folder, FRONT, setting.sun, setting.model, setting.exposure_ms)
         paths = {f"{frame:05d}": pictures / f"{frame:05d}.png" for frame in sight.frames}
         _require(paths.values())
-        identity = digest([weights, *paths.values()], options.onboard.detect.model_dump_json())
+        identity = digest([weights, *paths.values()], code_digest(__name__), options.onboard.detect.model_dump_json())
         note = pictures / "detections.txt"
         if (pictures / "detections.parquet").is_file() and _said(note) == identity:
             continue

@@ -53,7 +53,7 @@ def run_all(
                 detect_drive(folder, vehicle, sight, seed, threads)
             measure_drive(folder, vehicle, sight, seed)
         if sight.videos:
-            make_videos(folder, vehicle, sight, seed)
+            make_videos(folder, vehicle, sight, seed, threads)
     if options.bags:
         write_bag(folder, folder / BAG, vehicle, options.bag, seed)
     return figures_of(trace)

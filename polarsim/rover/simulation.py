@@ -68,7 +68,8 @@ class State:
         """(len(COLUMNS),) of the trace."""
         body = (
             self.time, *self.position, *self.rotation, *self.velocity, *self.spin, *self.acceleration,
-            offset, heading_error, self.command.speed_m_s, self.command.steer_rad, self.energy_open,
+            offset, heading_error, self.command.speed_m_s, self.command.steer_rad, self.command.crab_rad,
+            self.energy_open,
         )  # fmt: skip
         assert len(body) == len(BODY_COLUMNS)
         row = np.concatenate([body, self.wheels.ravel()])

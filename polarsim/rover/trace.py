@@ -23,7 +23,8 @@ BODY_COLUMNS = (
     "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz",  # base_link in the world
     "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s",  # world; base_link
     "ax_m_s2", "ay_m_s2", "az_m_s2",  # what an accelerometer in base_link's origin reads, gravity included, no noise
-    "offset_m", "heading_error_rad", "command_speed_m_s", "command_steer_rad", "energy_open",
+    "offset_m", "heading_error_rad", "command_speed_m_s", "command_steer_rad", "command_crab_rad",
+    "energy_open",
 )  # fmt: skip
 WHEEL_COLUMNS = (
     "steer_rad", "lift_m", "spin_rad", "spin_rad_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz",

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
 
+from polarsim.rover import drive
 from polarsim.rover.drive import STATE, Job, Ride, drive_to_end
 from polarsim.rover.energy import EnergyError
 from polarsim.rover.options import DriveOptions, SoilOptions, WorldOptions
@@ -84,6 +85,18 @@ def test_a_state_of_another_drive_is_not_gone_on_with(whole, tmp_path):
     other.save(tmp_path / STATE)
     drive_to_end(job(), tmp_path)
     assert files_of(tmp_path) == files_of(whole)
+
+
+def test_a_state_of_other_code_is_not_gone_on_with(tmp_path, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr(drive, "code_digest", lambda *modules: "of old")
+        old = Ride(job())
+        old.go_on(0.1)
+        old.save(tmp_path / STATE)
+    ride = Ride(job())
+    ride.resume(tmp_path / STATE)
+    assert not ride.rows
+    assert not ride.settled
 
 
 def test_seeds_differ(whole, tmp_path):

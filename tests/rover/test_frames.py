@@ -11,6 +11,7 @@ from polarsim.formats.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.formats.tables import read_parquet
 from polarsim.render.layers import NO_LAMP
 from polarsim.render.views.moon import sun_over
+from polarsim.rover import frames
 from polarsim.rover.frames import labels_folder, picture_folder, render_frames
 from polarsim.rover.sight import Sight, mount_of
 from polarsim.rover.sight_options import FRONT, PAPER_VIEWS, RealSun, SightOptions
@@ -223,6 +224,15 @@ def test_other_options_make_all_pictures_anew_and_more_exposures_only_what_is_mi
     assert render_frames(tmp_path, driven.vehicle(), chosen, 0) == 0
     assert render_frames(tmp_path, driven.vehicle(), chosen.model_copy(update={"exposures_ms": (256, 512)}), 0) == 4
     assert render_frames(tmp_path, driven.vehicle(), chosen.model_copy(update={"sun_elevation_deg": 5.0}), 0) == 2
+
+
+def test_other_code_makes_all_pictures_anew(tmp_path, drive, monkeypatch):
+    write_trace(tmp_path, drive)
+    chosen = options(views=(FRONT,), every=15, exposures_ms=(256,), models=("hapke",))
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0) == 2
+    monkeypatch.setattr(frames, "code_digest", lambda *modules: f"other {modules}")
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0) == 2
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0) == 0
 
 
 def test_broken_labels_of_a_frame_are_made_anew(written):
