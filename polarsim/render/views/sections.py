@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, PositiveInt, model_validator
 
+from polarsim.render.views.hipparcos import FAINTEST_MAG
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9.-]*$")]  # no _: it stands between the parts of file names
@@ -176,10 +177,11 @@ class AutoExposure(Part):
 
 
 class StarField(Part):
-    """Stars where a pixel meets no surface."""
+    """Stars where a pixel meets no surface, those of the Hipparcos catalogue."""
 
     intensity: float = Field(
         1, ge=0, description="Flux over that of real stars; at 1 sunlit exposures show hardly one."
     )
-    faintest_mag: float = Field(7, le=8, ge=-1, description="Visual magnitude of the faintest stars.")
-    seed: int = Field(0, ge=0, description="Seed of the sky: places of stars are made up, there are no constellations.")
+    faintest_mag: float = Field(
+        FAINTEST_MAG, le=FAINTEST_MAG, ge=-1, description="Magnitude Hp, near the visual one, of the faintest stars."
+    )
