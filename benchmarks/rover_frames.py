@@ -5,9 +5,10 @@
 CPU seconds of all threads by part, seconds by the clock, and the largest resident memory.
 Without `--drive` a drive over made-up hills and rocks is used (`tests/rover/driven.py`).
 
-Last figures, a drive of 61 s over the demo's terrains 3, 1 and 11, two threads, nothing else running, three runs:
-CamBirdViewLeft, 1920 x 1080: all 2.71 to 3.09, by the clock 1.57 to 1.83; of 2.71 ground 0.07, render 2.51, expose
-0.02, labels 0.03, files 0.08. 1.0 GiB. front_end_cam, 1936 x 1216, the Sun's disc probed twice as often: 3.20, 1.79.
+Last figures, a drive of 61 s over the demo's terrains 3, 1 and 11, two threads, nothing else running; CPU s, by the
+clock: CamBirdViewLeft, 1920 x 1080, Sun 2 2.04, 2.08, 2.04, 1.16, 1.19, 1.18; Sun 3 1.90, 1.10; of 2.04 ground 0.06,
+render 1.87, expose 0.01, labels 0.03, files 0.08. front_end_cam, 1936 x 1216, Sun 2 2.34, 1.32, Sun 3 2.60, 1.49.
+1.0 GiB. A virtual machine of the same kind took half as long again two days before (2.71 to 3.09, 1.57 to 1.83).
 """
 
 from __future__ import annotations
