@@ -1,7 +1,7 @@
 """A digest of the code that a rule really uses, so that a change of code is a change of input.
 
-Snakemake watches the scripts of its rules, not the library behind them. Kernels and drives keep it beside what they
-store.
+Snakemake watches the scripts of its rules, not the library behind them. Whatever finds its own files of an earlier
+call, such as kernels, drives, views and trainings, keeps it beside them.
 """
 
 from __future__ import annotations

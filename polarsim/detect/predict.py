@@ -15,6 +15,7 @@ from polarsim.detect.frame import frame, read_picture
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.parts import digest, write_in_parts
 from polarsim.detect.split import TEST
+from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
@@ -53,7 +54,7 @@ def predict(*, weights: Path, dataset: Path, predictions: Path, options: DetectO
             ]
         return _table(rows)
 
-    identity = digest([weights, *paths.values()], options.model_dump_json())
+    identity = digest([weights, *paths.values()], code_digest(__name__), options.model_dump_json())
     write_in_parts(predictions, keys, see, PART, identity)
 
 

@@ -11,6 +11,7 @@ from polarsim.detect.dataset import read_pictures
 from polarsim.detect.judges.download import ensure_weights
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.split import TRAIN, VAL
+from polarsim.digest import code_digest
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.formats import tables
 from polarsim.formats.files import read_json, write_json
@@ -54,7 +55,8 @@ def train_judge(*, dataset: Path, weights: Path, curve: Path, options: DetectOpt
 
 def _prepare(dataset: Path, options: DetectOptions, work: Path) -> Path:
     """The folder of this training, emptied unless it holds the same one."""
-    identity = {"options": options.model_dump(mode="json"), "dataset": _digest(dataset)}
+    code = code_digest(__name__)
+    identity = {"code": code, "options": options.model_dump(mode="json"), "dataset": _digest(dataset)}
     folder = work / "training"
     if not (folder / "identity.json").is_file() or read_json(folder / "identity.json") != identity:
         shutil.rmtree(folder, ignore_errors=True)

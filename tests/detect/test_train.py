@@ -11,6 +11,7 @@ import pytest
 
 from polarsim.detect import judges
 from polarsim.detect import parts as parts_module
+from polarsim.detect import train as train_module
 from polarsim.detect.dataset import make_dataset, read_pictures
 from polarsim.detect.evaluate import Evaluation, evaluate
 from polarsim.detect.judges.yolo.library import ultralytics
@@ -145,6 +146,25 @@ def test_a_stopped_training_goes_on_where_it_stopped(judged, monkeypatch, caplog
     train(judged, "stopped", OPTIONS.model_copy(update={"epochs": 3}))
     assert next(line for line in caplog.messages if line.startswith("epoch")).startswith("epoch 3 of 3")
     assert tables.read_csv(judged / "stopped.csv")["epoch"].tolist() == [1, 2, 3]
+
+
+def test_stopped_work_of_other_code_is_begun_anew(judged, monkeypatch):
+    def identities():
+        found = []
+        with monkeypatch.context() as patch:
+            patch.setattr("polarsim.detect.predict.write_in_parts", lambda *asked: found.append(asked[-1]))
+            run_predict(judged, "code_on_real.parquet")
+        left = train_module._prepare(judged / "real", OPTIONS, judged / "work_code") / "left"
+        found.append(left.exists())
+        left.touch()
+        return found
+
+    first, same = identities(), identities()
+    for module in ("predict", "train"):
+        monkeypatch.setattr(f"polarsim.detect.{module}.code_digest", lambda name: f"other code of {name}")
+    other = identities()
+    assert first[0] == same[0] != other[0]
+    assert (first[1], same[1], other[1]) == (False, True, False)
 
 
 def test_our_predictions_are_those_of_ultralytics_own_predictor(judged):

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from polarsim.digest import code_digest
 from polarsim.errors import PolarsimError
 from polarsim.formats import coco, png, yolo
 from polarsim.formats.files import read_json, write_json
@@ -32,6 +33,7 @@ class Job:
     tone: Tone
     sheet: Sheet
     digests: dict[str, str] = field(default_factory=dict)  # SHA-256 of instance maps by their names
+    code: str = field(default_factory=lambda: code_digest("polarsim.render.views.run"))  # that makes the pictures
 
     def path(self, kind: str, name: str) -> Path:
         """Of a picture's file in one of the folders."""
@@ -58,6 +60,7 @@ class Job:
             "exposure": "stated" if picture.exposure_ms else {AUTO: views.auto_exposure.model_dump()},
             "stars": views.stars.model_dump() if views.stars else None,
             "bits": 8 if self.preview else 12,
+            "code": self.code,
             "instances": self._instances_digest(picture.ground_truth),
         }
         return dict(json.loads(json.dumps(own)))

@@ -93,6 +93,12 @@ def test_what_is_there_is_not_rendered_again(tmp_path, grid, tone, monkeypatch):
     assert files(tmp_path) == before
 
 
+def test_pictures_of_other_code_are_made_again(tmp_path, grid, tone, monkeypatch):
+    render_views(grid, tmp_path, tone=tone)
+    monkeypatch.setattr("polarsim.render.views.job.code_digest", lambda name: f"other code of {name}")
+    assert render_views(grid, tmp_path, tone=tone) == (12, 12)
+
+
 def test_a_stopped_run_goes_on_and_ends_as_if_it_had_not_been_stopped(tmp_path, grid, tone, monkeypatch):
     render_views(grid, tmp_path / "whole", tone=tone)
     real, calls = run.render_view, []
