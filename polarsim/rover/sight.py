@@ -100,7 +100,8 @@ class Sight:
         """
         pose, lens = self.camera(view, self._frame)
         shining = {name: lamp for name in suns if (lamp := self.suns[name].lamp) is not None}
-        own = headlights(self.lights, self.links_at(float(self.trace.tracks.time[self._frame])))
+        spots = headlights(self.lights, self.links_at(float(self.trace.tracks.time[self._frame])))
+        own = {f"light {name}": spot for name, spot in spots.items()}  # no Sun is named so
         options, models = self.render_options, self.options.models
         found = render_view(self.stage.surfaces, pose, lens, shining | own, models, list(shining), options, threads)
         light = {(model, name): _sum(found.whole, model, name, own) for model in models for name in suns}

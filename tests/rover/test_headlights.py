@@ -85,10 +85,10 @@ def drive():
     return driven.trace(seconds=1.0)
 
 
-def seen(drive, **changes):
+def seen(drive, vehicle=None, **changes):
     """What the front camera sees under Sun 1, behind the rover, unless changed."""
     options = SightOptions(**{**SMALL, "suns": ("1",), **changes})
-    own = Sight(drive, driven.vehicle(), options)
+    own = Sight(drive, vehicle or driven.vehicle(), options)
     own.show(3)
     return own.render(FRONT, options.suns)
 
@@ -99,6 +99,15 @@ def test_light_of_sun_and_rover_adds_up(drive):
         both.layers["hapke", "1"], sun.layers["hapke", "1"] + both.layers["hapke", "night"], atol=1e-6
     )
     np.testing.assert_array_equal(both.ids["1"], sun.ids["1"])
+
+
+def test_a_light_may_have_a_suns_name(drive):
+    vehicle = driven.vehicle()
+    lights = tuple(part.model_copy(update={"name": "1"}) if part.name == FORE[0] else part for part in vehicle.lights)
+    named = seen(drive, vehicle.model_copy(update={"lights": lights}), lights=("1",))
+    as_before = seen(drive, lights=FORE[:1])
+    np.testing.assert_array_equal(named.layers["hapke", "1"], as_before.layers["hapke", "1"])
+    np.testing.assert_array_equal(named.ids["1"], as_before.ids["1"])
 
 
 def test_lights_reach_into_the_rovers_own_shadow(drive):
