@@ -85,7 +85,7 @@ class SightOptions(BaseModel, extra="forbid", frozen=True):
     exposures_ms: tuple[PositiveFloat, ...] = Field((256, 512, 1024), min_length=1, description="Exposures, ms.")
     scale: float = Field(1.0, gt=0, le=1, description="Size of the pictures over that of the cameras.")
     every: int = Field(1, ge=1, description="Of the drive's picture times every so many-th is rendered.")
-    finer: int = Field(4, ge=1, le=16, description="Cells of the tracks' mesh along a cell of the drive's ground.")
+    finer: int = Field(4, ge=1, le=16, description="Cells of the ground that is shown along a cell of the drive's.")
     settle_deg: float = Field(36.0, gt=0, lt=90, description="Soil steeper than this slides in pictures, degrees.")
     print_depth_m: float = Field(0.006, ge=0, le=0.05, description="Depth of grousers' prints; 0: none, m.")
     print_sd_m: PositiveFloat = Field(0.006, description="Standard deviation of a print's profile along the rut, m.")

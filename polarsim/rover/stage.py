@@ -72,13 +72,13 @@ class Stage:
             More rocks than instance maps have ids for.
         """
         self.tracks, self._body = tracks, body
-        coarse = still_ground(tracks.lattice, tracks.covered, far_m)
+        still = still_ground(tracks.fine, tracks.covered, far_m)
         tiles = [tracks.mesh(number) for number in range(len(tracks.tiles))]
         here = {link: Pose.identity() for link in body.links}
         standing = seated_rocks(rocks, seat_m)
-        faces = [coarse[1], *(tile_faces(tracks.side) for _ in tiles), body.faces, standing.faces]
-        vertices = [coarse[0], *(tile[0] for tile in tiles), body.posed(here)[0], standing.vertices]
-        normals = [coarse[2], *(tile[1] for tile in tiles), body.posed(here)[1], standing.normals]
+        faces = [still[1], *(tile_faces(tracks.side) for _ in tiles), body.faces, standing.faces]
+        vertices = [still[0], *(tile[0] for tile in tiles), body.posed(here)[0], standing.vertices]
+        normals = [still[2], *(tile[1] for tile in tiles), body.posed(here)[1], standing.normals]
         ids = [
             *(np.full(len(own), GROUND) for own in faces[:-2]),
             BODY + body.solid_of_face,

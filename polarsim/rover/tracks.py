@@ -1,8 +1,9 @@
-"""Ruts as pictures show them: a fine mesh where the rover drives, between the nodes of the drive's coarse ground.
+"""The ground as pictures show it: a fine mesh between the nodes of the drive's coarse ground, with ruts in it.
 
-The drive's levels are settled first, for a wheel's own sweeps leave a saw of single nodes along the ruts. A cubic
-B-spline then leads from nodes to the fine mesh: its weights are positive, so it cannot overshoot. Where nothing has
-changed the mesh is that of the coarse ground.
+Untouched ground is a cubic spline through the nodes: on flat cells of centimetres a low Sun shows squares, each lit or
+black as it looks towards it or away. Where the rover drives, levels are settled first, for a wheel's own sweeps leave a
+saw of single nodes along the ruts. A cubic B-spline then leads from their changes to the fine mesh: its weights are
+positive, so it cannot overshoot.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
+from scipy.interpolate import RectBivariateSpline
 
 from polarsim.rover.bulldozing_numba import settle
 from polarsim.rover.ground import LEVEL, ROCK, make_ground
@@ -23,7 +25,7 @@ _STEP = 1e-5  # metres to which changes are rounded: less needs no new mesh, and
 
 @dataclass(frozen=True)
 class Lattice:
-    """A ground's nodes before the drive: level (rows, columns) at x0 + column cell, y0 + row cell; metres."""
+    """Nodes of ground before the drive: level (rows, columns) at x0 + column cell, y0 + row cell; metres."""
 
     x0: float
     y0: float
@@ -36,13 +38,19 @@ class Lattice:
         along_y, along_x = np.gradient(self.level, self.cell)
         return along_y, along_x
 
+    def refined(self, finer: int) -> Lattice:
+        """One with so many cells along a side of each, on a cubic spline through the nodes."""
+        if finer == 1:
+            return self
+        rows, columns = (np.arange((size - 1) * finer + 1) / finer for size in self.level.shape)
+        spline = RectBivariateSpline(rows[::finer], columns[::finer], self.level)
+        return Lattice(self.x0, self.y0, self.cell / finer, spline(rows, columns))
+
 
 class Tracks:
     """The tiles that a drive changes, and their mesh at the moment of the last `show`."""
 
-    def __init__(
-        self, lattice: Lattice, changed: np.ndarray, finer: int, angle_deg: float, rock: np.ndarray | None = None
-    ) -> None:
+    def __init__(self, lattice: Lattice, changed: np.ndarray, finer: int, angle_deg: float) -> None:
         """
         Parameters
         ----------
@@ -52,31 +60,29 @@ class Tracks:
             Fine cells along a side of a coarse one.
         angle_deg : float
             Soil steeper than this slides; degrees.
-        rock : (rows, columns) bool, optional
-            Nodes under rocks, over which no soil slides.
         """
         self.lattice, self.finer, self._angle_deg = lattice, finer, angle_deg
+        self.fine = lattice.refined(finer)
         rows, columns = lattice.level.shape
         near = ndimage.binary_dilation(changed, np.ones((3, 3), bool), iterations=_MARGIN) if changed.any() else changed
         self._whole = ((rows - 1) // TILE, (columns - 1) // TILE)
         self.tiles = _touched(near, self._whole)
-        free = _inside(self.tiles, lattice.level.shape)
-        self._bound = ~free if rock is None else ~free | rock
+        # Where nothing may change; settling takes it for rock.
+        self._bound = ~_inside(self.tiles, lattice.level.shape)
         self._change = np.zeros((rows + 2, columns + 2))  # with a rim, which splines reach into
         self.prints = np.zeros(((rows - 1) * finer + 3, (columns - 1) * finer + 3), np.float32)  # with a rim of one
         self._printed = np.zeros(self._whole, bool)
         side = TILE * finer + 1
         self.side = side
         self._weights, self._derivative = spline_weights(TILE, finer)
-        self._linear = linear_weights(TILE, finer)
-        self._base = [self._upsampled(tile) for tile in self.tiles]
 
     @property
     def covered(self) -> np.ndarray:
-        """(rows - 1, columns - 1) bool: cells that lie in tiles, so that the coarse mesh must leave them out."""
-        cells = np.zeros((self.lattice.level.shape[0] - 1, self.lattice.level.shape[1] - 1), bool)
-        for row, column in self.tiles:
-            cells[row : row + TILE, column : column + TILE] = True
+        """Cells of `fine` (rows - 1, columns - 1) bool that lie in tiles: the still mesh must leave them out."""
+        cells = np.zeros([size - 1 for size in self.fine.level.shape], bool)
+        for tile in self.tiles:
+            row, column = (first * self.finer for first in tile)
+            cells[row : row + self.side - 1, column : column + self.side - 1] = True
         return cells
 
     def show(self, level: np.ndarray) -> list[int]:
@@ -106,9 +112,10 @@ class Tracks:
         """Vertices and unit normals (v, 3) of a tile, row by row."""
         row, column = self.tiles[number]
         nodes = self._change[row : row + TILE + 3, column : column + TILE + 3]
-        level, along_y, along_x = self._base[number]
         w, d, cell = self._weights, self._derivative, self.lattice.cell
         top, left, fine = row * self.finer, column * self.finer, cell / self.finer
+        window = (slice(top, top + self.side), slice(left, left + self.side))
+        level, along_y, along_x = (field[window] for field in (self.fine.level, *self.fine.slopes))
         prints = self.prints[top : top + self.side + 2, left : left + self.side + 2].astype(float)
         z = level + w @ nodes @ w.T + prints[1:-1, 1:-1]
         slope_y = along_y + d @ nodes @ w.T / cell + (prints[2:, 1:-1] - prints[:-2, 1:-1]) / (2 * fine)
@@ -138,20 +145,8 @@ class Tracks:
         settle(ground, self._angle_deg)
         settled = level.copy()
         settled[part] = ground.level
-        settled[self._outside] = self.lattice.level[self._outside]
+        settled[self._bound] = self.lattice.level[self._bound]
         return settled
-
-    @cached_property
-    def _outside(self) -> np.ndarray:
-        return ~_inside(self.tiles, self.lattice.level.shape)
-
-    def _upsampled(self, tile: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Level and slopes along y and x of the untouched ground, as the coarse mesh has them at its edges."""
-        part = (slice(tile[0], tile[0] + TILE + 1), slice(tile[1], tile[1] + TILE + 1))
-        level, along_y, along_x = (
-            self._linear @ field[part] @ self._linear.T for field in (self.lattice.level, *self.lattice.slopes)
-        )
-        return level, along_y, along_x
 
 
 def spline_weights(cells: int, finer: int) -> tuple[np.ndarray, np.ndarray]:
@@ -169,12 +164,6 @@ def spline_weights(cells: int, finer: int) -> tuple[np.ndarray, np.ndarray]:
         np.put_along_axis(weights, (first + k)[:, None], values[:, k : k + 1], axis=1)
         np.put_along_axis(derivative, (first + k)[:, None], slopes[:, k : k + 1], axis=1)
     return weights, derivative
-
-
-def linear_weights(cells: int, finer: int) -> np.ndarray:
-    """(cells finer + 1, cells + 1) from nodes to the fine nodes on straight lines between them."""
-    place = np.arange(cells * finer + 1) / finer
-    return np.maximum(0, 1 - np.abs(place[:, None] - np.arange(cells + 1)))
 
 
 def tile_faces(side: int) -> np.ndarray:
