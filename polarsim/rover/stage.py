@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import ndimage
 
 from polarsim.errors import RoverError
 from polarsim.formats.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
@@ -24,7 +25,8 @@ from polarsim.rover.bodywork import Body
 from polarsim.rover.tracks import Lattice, Tracks, tile_faces
 
 _REST, _ROCKS = 1, 2  # bits of parts
-_FADE_M = 0.3  # over which the rim's heights fade out beyond it: they would be seen as rays
+_FADE_M = 0.6  # over which the rim's heights fade out beyond it
+_BLUR = 0.5  # along the rim, over the distance beyond it: else its heights would be seen as rays
 _GROWTH = 1.35  # of the far ground's cells, from one to the next
 
 
@@ -137,7 +139,7 @@ def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> tuple[n
     beyond = np.concatenate([steps[::-1], np.zeros(1), steps]) if count else np.zeros(1)
     out_y, out_x = (np.concatenate([beyond[:count], np.zeros(size), beyond[len(beyond) - count :]]) for size in shape)
     share = np.exp(-np.maximum(out_y[:, None], out_x[None]) / _FADE_M)
-    z = middle + share * (np.pad(lattice.level, count, mode="edge") - middle)
+    z = middle + share * (_beyond_rim(lattice.level, steps / lattice.cell) - middle)
     along_y, along_x = np.gradient(z, y, x)
     inner = (slice(count, count + shape[0]), slice(count, count + shape[1]))
     along_y[inner], along_x[inner] = lattice.slopes  # what tiles continue
@@ -168,6 +170,17 @@ def seated_rocks(rocks: Rocks, seat_m: float) -> TerrainMesh:
         np.concatenate([np.full(len(mesh.faces), number) for number, mesh in parts]),
     )
     return seated(mesh, seat_m) if seat_m else mesh
+
+
+def _beyond_rim(level: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Level (rows, columns) with the rim's heights so many cells beyond it, the smoother the farther."""
+    count = len(cells)
+    padded = np.pad(level, count, mode="edge")
+    for lines in (padded, padded.T):
+        for number, distance in enumerate(cells):
+            for line in (count - 1 - number, len(lines) - count + number):
+                lines[line] = ndimage.gaussian_filter1d(lines[line], _BLUR * distance, mode="nearest")
+    return padded
 
 
 def _growing(cell: float, far_m: float) -> np.ndarray:
