@@ -6,9 +6,10 @@ CPU seconds of all threads by part, seconds by the clock, and the largest reside
 Without `--drive` a drive over made-up hills and rocks is used (`tests/rover/driven.py`).
 
 Last figures, a drive of 61 s over the demo's terrains 3, 1 and 11, two threads, nothing else running; CPU s, by the
-clock: CamBirdViewLeft, 1920 x 1080, Sun 2 2.04, 2.08, 2.04, 1.16, 1.19, 1.18; Sun 3 1.90, 1.10; of 2.04 ground 0.06,
-render 1.87, expose 0.01, labels 0.03, files 0.08. front_end_cam, 1936 x 1216, Sun 2 2.34, 1.32, Sun 3 2.60, 1.49.
-1.0 GiB. A virtual machine of the same kind took half as long again two days before (2.71 to 3.09, 1.57 to 1.83).
+clock: CamBirdViewLeft, 1920 x 1080, Sun 2 1.99 to 2.45, 1.15 to 1.43, six runs; of 1.99 ground 0.03, render 1.85,
+expose 0.01, labels 0.02, files 0.07. front_end_cam, 1936 x 1216, Sun 2 2.09, 1.17, Sun 3 2.27, 1.31. 1.9 GiB. With
+`finer` 3 for 4 8 % less time and 1.2 GiB, with 2 17 % and 0.8 GiB. A virtual machine of the same kind took half as long
+again once.
 """
 
 from __future__ import annotations
