@@ -34,7 +34,7 @@ accuracy: setup ## poses, rocks and meshes against the truth of three analog san
 	@$(BIN)/polarsim compare $(SEEDS:%=accuracy%) --out results/accuracy
 
 test: setup lint ## lint, formats, types, dry-runs and tests
-	$(BIN)/python -m pytest -n $(CORES) --dist worksteal
+	$(BIN)/python -m pytest -n $(CORES) --dist worksteal --basetemp .pytest
 
 lint: setup
 	$(BIN)/ruff check .
@@ -43,7 +43,7 @@ lint: setup
 	$(BIN)/mypy
 
 clean: ## remove results and what the analog generated
-	rm -rf results/demo results/release results/accuracy* data/analog* .snakemake
+	rm -rf results/demo results/release results/accuracy* data/analog* .snakemake .pytest
 
 schema: setup ## write config/schema.json and config/views.schema.json anew
 	$(BIN)/polarsim schema > config/schema.json
