@@ -361,13 +361,13 @@ def render(
     from polarsim.config import render_options
     from polarsim.formats import png
     from polarsim.formats.rigs import read_placed
+    from polarsim.formats.tone import to_8bit
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
     from polarsim.render.lamps import Lamp
     from polarsim.render.map_files import write_maps
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
-    from polarsim.tables.tone import to_8bit
 
     shot = Shot(
         sandbox_from_camera=looking(np.array(camera), *np.radians([yaw, pitch, roll])),
@@ -389,10 +389,10 @@ def render(
 def _render_views(file: Path, out: Path, limit: int | None, scale: float, preview: bool, threads: int) -> None:
     from functools import partial
 
+    from polarsim.formats.tone import to_8bit
     from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
     from polarsim.render.views.options import read_views
     from polarsim.render.views.run import render_views
-    from polarsim.tables.tone import to_8bit
 
     tone = partial(to_8bit, white=WHITE_LEVEL - BLACK_LEVEL)  # one white for all: exposures stay apart
     with reporting():  # typer keeps Ctrl-C to itself

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from fractions import Fraction
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from polarsim.digest import code_digest
 from polarsim.errors import RoverError
 from polarsim.formats import png, tables
 from polarsim.formats.files import write_text, writing
+from polarsim.formats.tone import to_8bit
 from polarsim.photo import BLACK_LEVEL, ROCK, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.render.options import Model
@@ -34,7 +34,6 @@ from polarsim.rover.sight_options import FRONT, SightOptions
 from polarsim.rover.trace import read_trace
 from polarsim.rover.vehicle import Vehicle
 
-_GAMMA = 2.2
 _PRESET, _QUALITY = "10", "32"  # of SVT-AV1: fast; constant quality, 0 best to 63
 _COLOURS = {ROCK: (255, 150, 40)}  # of boxes, RGB; shadows are blue
 _BLUE = (90, 170, 255)
@@ -157,14 +156,7 @@ def _priority_kept() -> Iterator[None]:
 
 def shown(pixels: np.ndarray) -> np.ndarray:
     """(h, w, 3) uint8 of a 12-bit picture (h, w): the whole range, gamma 2.2, the same for all frames."""
-    return np.repeat(_tones().take(pixels, mode="clip")[..., None], 3, axis=2)
-
-
-@cache
-def _tones() -> np.ndarray:
-    """uint8 of every 12-bit grey value."""
-    light = np.clip((np.arange(WHITE_LEVEL + 1) - BLACK_LEVEL) / (WHITE_LEVEL - BLACK_LEVEL), 0, 1)
-    return np.asarray(np.rint(255 * light ** (1 / _GAMMA)), np.uint8)
+    return to_8bit(pixels, WHITE_LEVEL - BLACK_LEVEL)
 
 
 def drawn(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:

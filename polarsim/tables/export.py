@@ -15,13 +15,13 @@ from polarsim.errors import ConfigError, LabelError
 from polarsim.formats import annotated, coco, cvat, label_studio, png, release, yolo
 from polarsim.formats.files import write_json, write_text, writing_folder
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import clip
 from polarsim.photo import BOX_CLASSES, TERRAINS, PhotoKey
 from polarsim.progress import track
 from polarsim.tables.overlay import COLOURS
 from polarsim.tables.run_files import pictures_of
 from polarsim.tables.show import rows_of
-from polarsim.tables.tone import to_8bit
 
 TOOLS = ("labelimg", "cvat", "label-studio")
 _COLOURS = {kind: "#{:02x}{:02x}{:02x}".format(*COLOURS[kind]) for kind in BOX_CLASSES}

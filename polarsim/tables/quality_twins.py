@@ -12,11 +12,11 @@ import pandas as pd
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
+from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality import Figure, summary, write_quality
 from polarsim.tables.quality_labels import ALL, against, read_folder, read_truth, score_tasks
-from polarsim.tables.tone import to_8bit, white_of
 
 LIT_DN = 40  # above black: darker pixels hold too much noise for a ratio
 FULL_DN = 4000  # above black: brighter ones are clipped

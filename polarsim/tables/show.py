@@ -11,9 +11,9 @@ import pandas as pd
 from polarsim.errors import ConfigError, FormatError, about
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_parquet
+from polarsim.formats.tone import to_8bit
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.tables.overlay import Marks, add_legend, draw_labels
-from polarsim.tables.tone import to_8bit
 
 
 def show(

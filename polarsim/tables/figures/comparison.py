@@ -11,13 +11,13 @@ from scipy.ndimage import maximum_filter
 
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.tables.figures import difference
 from polarsim.tables.figures.canvas import note, page, picture
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.overlay import Marks, draw_labels
 from polarsim.tables.show import rows_of
-from polarsim.tables.tone import to_8bit, white_of
 
 GAP = 50  # pixels of a title
 _SAME = 0.35  # share of our boxes' outlines on drawn red lines from which a cover photo is taken to show that photo

@@ -17,12 +17,12 @@ from scipy.spatial import cKDTree
 from polarsim.formats import png
 from polarsim.formats.files import writing
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.formats.tone import to_8bit
 from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.overlay import COLOURS, INK, LINK, PAPER, Marks, draw_labels
 from polarsim.tables.show import rows_of
 from polarsim.tables.tags import font
-from polarsim.tables.tone import to_8bit
 
 USUAL_EXPOSURE_MS = 256
 ALWAYS_DOUBTFUL = 0.5  # confidence below which a label is marked, however sure the others are

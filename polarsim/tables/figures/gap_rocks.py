@@ -13,12 +13,12 @@ import pandas as pd
 
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.formats.tone import to_8bit
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.tables import paper
 from polarsim.tables.figures.canvas import FAINT, note, page
 from polarsim.tables.options import TablesOptions
-from polarsim.tables.tone import to_8bit
 
 PREDICTION_COLUMNS = ("key", "kind", "confidence", "x0", "y0", "x1", "y1")
 INSTANCE_COLUMNS = ("trained", "evaluated", "key", "kind", "rock", "iou")

@@ -10,13 +10,13 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.formats.files import write_json
+from polarsim.formats.tone import to_8bit
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.tables import paper
 from polarsim.tables.figures.canvas import note, page
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.phase import Place, extreme_places
 from polarsim.tables.section.estimates import listed
-from polarsim.tables.tone import to_8bit
 
 NEAR_DEG = 10.0  # farther from opposition nothing of its surge is left to see (h_s of Sato et al. 2014: 4 degrees)
 HALF_PX = 140  # of the crops

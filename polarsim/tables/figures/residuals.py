@@ -13,6 +13,7 @@ from polarsim.formats.obj import Mesh
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.seeds import read_rock_boxes
+from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import centres, iou
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.matching import assign
@@ -23,7 +24,6 @@ from polarsim.tables.match_rule import MatchRule
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.run_files import cover_photo_of, photo_of
 from polarsim.tables.surface import Surface
-from polarsim.tables.tone import to_8bit
 
 LENGTHENED = 20  # times that arrows are longer than what they show
 DRAWN, PROJECTED = "#ffb000", SERIES[5]

@@ -11,11 +11,11 @@ import pandas as pd
 
 from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
+from polarsim.formats.tone import to_8bit
 from polarsim.photo import ROCK
 from polarsim.tables.figures.canvas import FAINT, INK, SERIES, note, page, picture
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.rover_table import SOIL_COLUMNS
-from polarsim.tables.tone import to_8bit
 
 POSES, SHOTS = ["frame", "time_s"], 6
 WHEELS = {"lf": "left front", "rf": "right front", "lr": "left rear", "rr": "right rear"}

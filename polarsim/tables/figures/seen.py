@@ -11,6 +11,7 @@ import pandas as pd
 
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.formats.tone import to_8bit
 from polarsim.photo import HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey
 from polarsim.tables import paper
 from polarsim.tables.figures.canvas import note, page, picture
@@ -18,7 +19,6 @@ from polarsim.tables.figures.gap_rocks import INSTANCE_COLUMNS, PREDICTION_COLUM
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.overlay import Marks, draw_labels
 from polarsim.tables.show import rows_of
-from polarsim.tables.tone import to_8bit
 
 PHOTOS = 2  # side by side, of different terrains where there are
 FOUND = (0, 229, 255)  # of predicted boxes

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
@@ -26,11 +28,15 @@ def to_8bit(pixels: np.ndarray, white: float | None = None) -> np.ndarray:
     white
         DN above black that becomes 255: give one to several pictures to compare their brightness. Its own when None.
     """
-    if pixels.dtype == np.uint8:
-        shown = pixels
-    else:
-        white = white_of(pixels) if white is None else white
-        values = np.arange(np.iinfo(np.uint16).max + 1, dtype=float)
-        share = np.clip((values - BLACK_LEVEL) / white, 0, 1)
-        shown = np.round(255 * share ** (1 / GAMMA)).astype(np.uint8)[pixels]
+    shown = pixels
+    if pixels.dtype != np.uint8:
+        shown = _curve(white_of(pixels) if white is None else white).take(pixels)
     return np.repeat(shown[..., None], 3, axis=2) if shown.ndim == 2 else shown[..., :3]
+
+
+@lru_cache(maxsize=8)
+def _curve(white: float) -> np.ndarray:
+    """uint8 of every uint16 value."""
+    values = np.arange(np.iinfo(np.uint16).max + 1, dtype=float)
+    share = np.clip((values - BLACK_LEVEL) / white, 0, 1)
+    return np.asarray(np.round(255 * share ** (1 / GAMMA)), np.uint8)
