@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from polarsim.detect import judges
 from polarsim.detect.dataset import read_pictures
 from polarsim.detect.judges.download import ensure_weights
 from polarsim.detect.options import DetectOptions
+from polarsim.detect.parts import digest
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, PolarsimError
@@ -55,21 +55,16 @@ def train_judge(*, dataset: Path, weights: Path, curve: Path, options: DetectOpt
 
 def _prepare(dataset: Path, options: DetectOptions, work: Path) -> Path:
     """The folder of this training, emptied unless it holds the same one."""
+    files = (
+        dataset / kind / part / f"{key}.{suffix}"
+        for part in (TRAIN, VAL)
+        for key in read_pictures(dataset, part)
+        for kind, suffix in (("images", "png"), ("labels", "txt"))
+    )
     code = code_digest(__name__)
-    identity = {"code": code, "options": options.model_dump(mode="json"), "dataset": _digest(dataset)}
+    identity = {"code": code, "options": options.model_dump(mode="json"), "dataset": digest(files)}
     folder = work / "training"
     if not (folder / "identity.json").is_file() or read_json(folder / "identity.json") != identity:
         shutil.rmtree(folder, ignore_errors=True)
     write_json(folder / "identity.json", identity)
     return folder
-
-
-def _digest(dataset: Path) -> str:
-    """Of the names and contents of all that a judge is trained on."""
-    digest = hashlib.sha256()
-    for part in (TRAIN, VAL):
-        for key in read_pictures(dataset, part):
-            for path in (dataset / "images" / part / f"{key}.png", dataset / "labels" / part / f"{key}.txt"):
-                digest.update(f"{path.name}\n".encode())
-                digest.update(path.read_bytes())
-    return digest.hexdigest()

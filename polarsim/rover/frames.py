@@ -6,7 +6,6 @@ Below a drive's folder: `<view>/<Sun>_<model>_<exposure>/NNNNN.png`, `<view>/<Su
 
 from __future__ import annotations
 
-import hashlib
 import logging
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.detect.parts import digest
 from polarsim.digest import code_digest
 from polarsim.formats import png, tables
 from polarsim.progress import track
@@ -132,9 +132,8 @@ def _size(sight: Sight, view: str) -> tuple[int, int]:
 def _identity(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int) -> str:
     """Digest of all that decides a drive's pictures, code included; which views, Suns, exposures there are does not."""
     which = {"views", "suns", "exposures_ms", "every", "onboard", "videos", "video_speed"}
-    found = hashlib.sha256()
-    for name in (TRACE, TRACKS, DRIVE, f"{WORLD}/ground.npz", f"{WORLD}/rocks.npz", f"{WORLD}/rocks.parquet"):
-        found.update((folder / name).read_bytes())
-    for text in (code_digest(__name__), vehicle.model_dump_json(), options.model_dump_json(exclude=which), str(seed)):
-        found.update(text.encode())
-    return found.hexdigest()
+    names = (TRACE, TRACKS, DRIVE, f"{WORLD}/ground.npz", f"{WORLD}/rocks.npz", f"{WORLD}/rocks.parquet")
+    chosen = options.model_dump_json(exclude=which)
+    return digest(
+        (folder / name for name in names), code_digest(__name__), vehicle.model_dump_json(), chosen, str(seed)
+    )
