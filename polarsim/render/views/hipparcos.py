@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import tables
+from polarsim.render.views.moon import on_sphere
 
 FAINTEST_MAG = 7.0  # Hp
 COLUMNS = ("hip", "ra_deg", "dec_deg", "hp_mag")
@@ -32,8 +33,7 @@ def stars() -> pd.DataFrame:
 
 def directions(ra_deg: np.ndarray, dec_deg: np.ndarray) -> np.ndarray:
     """(n, 3) unit vectors to places (n,) in degrees."""
-    ra, dec = np.radians(np.asarray(ra_deg, float)), np.radians(np.asarray(dec_deg, float))
-    return np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
+    return on_sphere(np.radians(np.asarray(ra_deg, float)), np.radians(np.asarray(dec_deg, float)))
 
 
 def cut(catalogue: Path) -> pd.DataFrame:

@@ -76,7 +76,7 @@ def sun_seen_from_moon(days: float) -> np.ndarray:
         - 0.185 * np.sin(sun_anomaly)
     )
     latitude = np.radians(5.128 * np.sin(node_distance))
-    of_date = distance * _ecliptic(sun_longitude, 0.0) - _MOON_DISTANCE_AU * _ecliptic(moon, latitude)
+    of_date = distance * on_sphere(sun_longitude, 0.0) - _MOON_DISTANCE_AU * on_sphere(moon, latitude)
     towards = _about_x(-np.radians(_OBLIQUITY_DEG)) @ _about_z(np.radians(_PRECESSION_DEG * t)) @ of_date
     return towards / np.linalg.norm(towards)
 
@@ -92,7 +92,7 @@ def local_from_celestial(latitude_deg: float, longitude_deg: float, moment: date
     """(3, 3) rotation from J2000's equator into the place's east, north and up."""
     latitude, longitude = np.radians([latitude_deg, longitude_deg])
     east = [-np.sin(longitude), np.cos(longitude), 0]
-    up = [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
+    up = on_sphere(longitude, latitude)
     local_from_moon = np.stack([east, np.cross(up, east), up])
     return np.asarray(local_from_moon @ moon_from_celestial(days_since_j2000(moment)))
 
@@ -108,9 +108,10 @@ def _radians(angle_deg: Any) -> float:
     return float(np.radians(angle_deg))
 
 
-def _ecliptic(longitude: float, latitude: float) -> np.ndarray:
+def on_sphere(longitude: Any, latitude: Any) -> np.ndarray:
+    """(..., 3) unit vectors to longitudes and latitudes (...), or right ascensions and declinations, radians."""
     level = np.cos(latitude)
-    return np.array([level * np.cos(longitude), level * np.sin(longitude), np.sin(latitude)])
+    return np.stack([level * np.cos(longitude), level * np.sin(longitude), np.sin(latitude)], axis=-1)
 
 
 def _about_z(angle: float) -> np.ndarray:
