@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, Field, PositiveFloat, model_validator
@@ -140,6 +140,9 @@ class LightPart(Part):
     wavelength_nm: PositiveFloat = Field(453.0, description="Peak wavelength, nm.")
 
 
+_Named = TypeVar("_Named", CameraPart, LightPart)
+
+
 class ShapePart(Part):
     """A simple body for shadows and pictures."""
 
@@ -213,10 +216,7 @@ class Vehicle(Part):
         ConfigError
             No such camera.
         """
-        for part in self.cameras:
-            if part.name == name:
-                return part
-        raise ConfigError(f"no camera {name!r} on {self.name}, there are {', '.join(c.name for c in self.cameras)}")
+        return self._part("camera", self.cameras, name)
 
     def light(self, name: str) -> LightPart:
         """One light.
@@ -226,10 +226,13 @@ class Vehicle(Part):
         ConfigError
             No such light.
         """
-        for part in self.lights:
+        return self._part("light", self.lights, name)
+
+    def _part(self, kind: str, parts: Sequence[_Named], name: str) -> _Named:
+        for part in parts:
             if part.name == name:
                 return part
-        raise ConfigError(f"no light {name!r} on {self.name}, there are {', '.join(p.name for p in self.lights)}")
+        raise ConfigError(f"no {kind} {name!r} on {self.name}, there are {', '.join(part.name for part in parts)}")
 
 
 def read_vehicle(path: str | Path) -> Vehicle:
