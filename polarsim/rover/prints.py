@@ -73,9 +73,7 @@ def prints_of(
 
 def stamp(tracks: Tracks, events: Sequence[Print], tread: Tread) -> None:
     """Write prints into the tracks, in their order."""
-    lattice = tracks.lattice
-    fine = lattice.cell / tracks.finer
-    shape = np.array([(n - 1) * tracks.finer + 1 for n in lattice.level.shape])
+    lattice, fine, shape = tracks.lattice, tracks.fine.cell, np.array(tracks.fine.level.shape)
     reach = np.hypot(tread.spacing, tread.width) / 2 + fine
     for event in events:
         centre = (event.place[::-1] - [lattice.y0, lattice.x0]) / fine  # row, column

@@ -71,10 +71,11 @@ class Sight:
         for number in range(self._frame + 1, frame + 1):
             self.trace.tracks.apply(number, self._level)
         now = float(self.trace.tracks.time[frame])
+        self._links = self.links_at(now)
         if self.options.print_depth_m:
             new = [event for event in self._events if before < event.time_s <= now]
             prints.stamp(self.stage.tracks, new, self._tread)
-        self.stage.show(self._level, self.links_at(now))
+        self.stage.show(self._level, self._links)
         self._frame = frame
 
     def links_at(self, time_s: float) -> dict[str, Pose]:
@@ -100,7 +101,7 @@ class Sight:
         """
         pose, lens = self.camera(view, self._frame)
         shining = {name: lamp for name in suns if (lamp := self.suns[name].lamp) is not None}
-        spots = headlights(self.lights, self.links_at(float(self.trace.tracks.time[self._frame])))
+        spots = headlights(self.lights, self._links)
         own = {f"light {name}": spot for name, spot in spots.items()}  # no Sun is named so
         options, models = self.render_options, self.options.models
         found = render_view(self.stage.surfaces, pose, lens, shining | own, models, list(shining), options, threads)
