@@ -1,12 +1,13 @@
 """Scans laid on each other: pairs by Open3D's ICP on coarse grids, then all scans at once on the fine grid.
 
 Both minimise distances from points to the other scan's local planes, with Tukey's loss, which forgets what the other
-scan does not show. The joint step runs in NumPy with SciPy's tree: the same bits whatever the number of threads.
+scan does not show. The joint step weighs each distance by the inverse of its variance, for far scans are noisier. It
+runs in NumPy with SciPy's tree: the same bits whatever the number of threads.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import permutations
@@ -18,24 +19,30 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.geometry.poses import Pose
 
-NORMAL_RADIUS = 3.0  # in voxels
+NORMAL_RADIUS = 4.0  # in voxels
 NORMAL_NEIGHBOURS = 24
+PLANE_UNKNOWNS = 3
+LEAST_SPREAD = 0.0002  # metres: no scan knows its surface better
 GATE = 3.0  # voxels: pairs further apart are none
 COARSE_SAMPLES = 6_000  # points of a scan in a coarse alignment
 FINE_SAMPLES = 20_000  # points of a scan in the joint one
 SLOPE_BINS = 5  # of the normals' two level components: every slope has its say, not only the wide flats
 TURNED_AWAY = 0.5  # cosine between normals below which two points are of different surfaces
-LEAST_GATE = 0.02  # metres: a partner may lie this far along the surface, whatever its distance from the plane
-ROUNDS = 25  # of the joint alignment, at most
+PARTNER_REACH = 0.04  # metres: partners further apart are none
+TUKEY = 4.685  # standard deviations: 95 % efficient where errors are Gaussian
+WIDTHS = (4.0, 2.0, 1.0)  # of Tukey's scale, one a pass of the joint alignment
+ROUNDS = 25  # of a pass, at most
 STILL = 1e-7  # metres and radians: smaller steps end it
+PATCH = 0.2  # metres: side of the patches of ground whose errors count as independent
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A scan thinned to a grid: points and outward unit normals (n, 3), metres."""
+    """A scan thinned to a grid and smoothed: points and outward unit normals (n, 3), metres."""
 
     points: np.ndarray
     normals: np.ndarray
+    spread: np.ndarray  # (n,) metres: standard deviation of a point along its normal
 
     @cached_property
     def tree(self) -> KDTree:
@@ -50,14 +57,17 @@ class Surface:
         cloud.normals = o3d.utility.Vector3dVector(self.normals)
         return cloud
 
+    def select(self, chosen: np.ndarray) -> Surface:
+        """The points of a mask or index array (n,)."""
+        return Surface(self.points[chosen], self.normals[chosen], self.spread[chosen])
+
     def sample(self, count: int) -> Surface:
         """About `count` points, spread over slopes and, within a slope, evenly over the scan."""
         bins = np.clip(((self.normals[:, :2] + 1) / 2 * SLOPE_BINS).astype(int), 0, SLOPE_BINS - 1)
         slope = bins[:, 0] * SLOPE_BINS + bins[:, 1]
         shares = _fair_shares(np.bincount(slope, minlength=SLOPE_BINS**2), count)
         chosen = [_evenly(np.flatnonzero(slope == k), int(shares[k])) for k in range(SLOPE_BINS**2)]
-        rows = np.sort(np.concatenate(chosen))
-        return Surface(self.points[rows], self.normals[rows])
+        return self.select(np.sort(np.concatenate(chosen)))
 
 
 @dataclass(frozen=True)
@@ -71,13 +81,27 @@ class Alignment:
 
 
 def surface(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> Surface:
-    """Thin points (n, 3) to a grid of `voxel` metres; normals look towards the viewpoint (3,)."""
+    """Thin points (n, 3) to a grid of `voxel` metres and lay each on the plane through its neighbours.
+
+    Normals look towards the viewpoint (3,). Points with few neighbours, on threads and in mid-air, are left out.
+    """
     import open3d as o3d
 
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)).voxel_down_sample(voxel)
-    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_RADIUS * voxel, NORMAL_NEIGHBOURS))
-    cloud.orient_normals_towards_camera_location(viewpoint)
-    return Surface(np.asarray(cloud.points), np.asarray(cloud.normals))
+    thin = np.asarray(o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)).voxel_down_sample(voxel).points)
+    thin = thin[np.lexsort(thin.T)]
+    distance, near = KDTree(thin).query(thin, k=NORMAL_NEIGHBOURS, distance_upper_bound=NORMAL_RADIUS * voxel)
+    dense = np.isfinite(distance).all(axis=1)
+    neighbours, own = thin[near[dense]], thin[dense]
+    middle = neighbours.mean(axis=1)
+    offsets = neighbours - middle[:, None]
+    scatter = np.einsum("nkc,nkd->ncd", offsets, offsets) / (NORMAL_NEIGHBOURS - PLANE_UNKNOWNS)
+    variances, axes = np.linalg.eigh(scatter)
+    normals = axes[:, :, 0]
+    normals = np.where(((viewpoint - own) * normals).sum(axis=1, keepdims=True) < 0, -normals, normals)
+    on_plane = own - ((own - middle) * normals).sum(axis=1, keepdims=True) * normals
+    # At most: in the middle of its neighbours a plane is known better than at their border.
+    spread = np.sqrt(np.maximum(variances[:, 0], 0) * PLANE_UNKNOWNS / NORMAL_NEIGHBOURS)
+    return Surface(on_plane, normals, np.maximum(spread, LEAST_SPREAD))
 
 
 def align_coarsely(fixed: list[Surface], moving: list[Surface], voxels: list[float], start: Pose) -> Pose:
@@ -98,111 +122,104 @@ def align_coarsely(fixed: list[Surface], moving: list[Surface], voxels: list[flo
     return Pose(np.array(matrix[:3, :3]), np.array(matrix[:3, 3]))
 
 
-def align_jointly(
-    surfaces: Mapping[str, Surface], start: Mapping[str, Pose], reference: str, scales: list[float]
-) -> dict[str, Pose]:
+def align_jointly(surfaces: Mapping[str, Surface], start: Mapping[str, Pose], reference: str) -> dict[str, Pose]:
     """Poses `reference_from_own` of all scans at once: Gauss-Newton over all ordered pairs.
 
-    Parameters
-    ----------
-    reference : str
-        The scan that stays.
-    scales : list of float
-        Tukey's scale of one pass each, metres, from wide to narrow: points further off have no say.
+    The reference stays; which scan that is does not matter to how the scans lie to each other.
     """
     names = [name for name in sorted(surfaces) if name != reference]
     poses = dict(start)
     samples = {name: surfaces[name].sample(FINE_SAMPLES) for name in surfaces}
-    for scale in scales:
+    for width in WIDTHS:
         for _ in range(ROUNDS):
-            normal, right, _ = _normal_equations(names, surfaces, samples, poses, scale)
-            step = np.linalg.solve(normal + 1e-9 * np.eye(len(normal)), right).reshape(-1, 6)
+            normal, right = np.zeros((6 * len(names), 6 * len(names))), np.zeros(6 * len(names))
+            for pair in _pairs(names, surfaces, samples, poses, width):
+                normal += (pair.slopes * pair.weights[:, None]).T @ pair.slopes
+                right -= pair.slopes.T @ (pair.weights * pair.distances)
+            step = np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(len(normal)), right).reshape(-1, 6)
             for name, change in zip(names, step, strict=True):
-                turn = Pose(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:])
-                poses[name] = turn @ poses[name]
+                poses[name] = Pose(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:]) @ poses[name]
             if np.abs(step).max(initial=0) < STILL:
                 break
     return poses
 
 
-def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose], scale: float) -> dict[str, np.ndarray]:
+def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose]) -> dict[str, np.ndarray]:
     """(6, 6) formal covariance of each scan's turn (radians) and shift (metres), the mean of all scans held.
 
-    All scans together may move freely; so the pseudo-inverse of the joint normal equations is taken, times the weighted
-    variance of the distances. Errors that neighbouring points share make true errors larger.
+    Neighbouring points share errors: smoothing, roughness seen from one side, stripes of the scanner. So what is summed
+    is the square of each patch's pull, not of each point's: the sandwich estimate over clusters (Liang and Zeger,
+    Biometrika 73 (1986) 13), with Tukey's second derivative as bread.
     """
     names = sorted(surfaces)
+    if len(names) == 1:
+        return {names[0]: np.zeros((6, 6))}
+    free = names[1:]  # the first is held, then the mean of all
     samples = {name: surfaces[name].sample(FINE_SAMPLES) for name in names}
-    normal, _, (squares, weights) = _normal_equations(names, surfaces, samples, poses, scale)
-    spread = squares / max(weights - 6 * len(names), 1.0) * np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
+    bread, pulls, patches = np.zeros((6 * len(free), 6 * len(free))), [], []
+    for pair in _pairs(free, surfaces, samples, poses, 1.0):
+        bread += (pair.slopes * pair.bends[:, None]).T @ pair.slopes
+        pulls.append(pair.slopes * (pair.weights * pair.distances)[:, None])
+        patches.append(np.floor(pair.places[:, :2] / PATCH).astype(int))
+    _, patch = np.unique(np.concatenate(patches), axis=0, return_inverse=True)
+    pull = np.zeros((patch.max() + 1, 6 * len(free)))
+    np.add.at(pull, patch.ravel(), np.concatenate(pulls))
+    inverse = np.linalg.pinv(bread, rcond=1e-12, hermitian=True)
+    held = np.zeros((6 * len(names), 6 * len(names)))
+    held[6:, 6:] = inverse @ (pull.T @ pull) @ inverse
+    mean_out = np.eye(6 * len(names)) - np.kron(np.full((len(names), len(names)), 1 / len(names)), np.eye(6))
+    spread = mean_out @ held @ mean_out.T
     return {name: spread[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k, name in enumerate(names)}
 
 
 def measure(fixed: Surface, moving: Surface, fixed_from_moving: Pose, tolerance: float) -> Alignment:
     """How the moving scan lies on the fixed one; a sample further from its plane than `tolerance` metres does not."""
     sample = moving.sample(FINE_SAMPLES)
-    _, _, distance = _partners(fixed, sample, fixed_from_moving, tolerance)
+    _, _, distance = _partners(fixed, sample, fixed_from_moving)
     near = np.abs(distance) < tolerance
     rmse = float(np.sqrt(np.mean(distance[near] ** 2))) if near.any() else 0.0
     return Alignment(fixed_from_moving, float(near.sum() / len(sample.points)), rmse, len(sample.points))
 
 
-def _normal_equations(
+@dataclass(frozen=True)
+class _Pair:
+    """The partners of one ordered pair of scans, as many as count."""
+
+    places: np.ndarray  # (n, 3) of the moving scan's points in the reference's frame, metres
+    distances: np.ndarray  # (n,) from the partners' planes, metres
+    slopes: np.ndarray  # (n, 6 u) of the distance by turns and shifts of the u unknown scans
+    weights: np.ndarray  # (n,) inverse variances times Tukey's weights
+    bends: np.ndarray  # (n,) inverse variances times the second derivatives of Tukey's loss
+
+
+def _pairs(
     names: list[str],
     surfaces: Mapping[str, Surface],
     samples: Mapping[str, Surface],
     poses: Mapping[str, Pose],
-    scale: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Normal matrix and right side of all ordered pairs, unknowns of `names`; summed squares and weights (2,)."""
-    normal, right, sums = np.zeros((6 * len(names), 6 * len(names))), np.zeros(6 * len(names)), np.zeros(2)
+    width: float,
+) -> Iterator[_Pair]:
+    """All ordered pairs; the scans of `names` are unknown, Tukey's scale is `width` times as wide as errors ask for."""
     for moving, fixed in permutations(sorted(surfaces), 2):
-        sums += _add_pair(normal, right, names, fixed, moving, surfaces, samples, poses, scale)
-    return normal, right, sums
+        fixed_from_moving = poses[fixed].inverse() @ poses[moving]
+        rows, partner, distances = _partners(surfaces[fixed], samples[moving], fixed_from_moving)
+        variance = samples[moving].spread[rows] ** 2 + surfaces[fixed].spread[partner] ** 2
+        near = np.clip(1 - (distances / (width * TUKEY)) ** 2 / variance, 0, None)
+        places = poses[moving].apply(samples[moving].points[rows])
+        direction = poses[fixed].rotate(surfaces[fixed].normals[partner])
+        slope = np.concatenate([np.cross(places, direction), direction], axis=1)  # of the distance, by the moving scan
+        slopes = np.zeros((len(rows), 6 * len(names)))
+        for sign, name in ((1, moving), (-1, fixed)):
+            if name in names:
+                k = 6 * names.index(name)
+                slopes[:, k : k + 6] = sign * slope
+        yield _Pair(places, distances, slopes, near**2 / variance, near * (5 * near - 4) / variance)
 
 
-def _add_pair(
-    normal: np.ndarray,
-    right: np.ndarray,
-    names: list[str],
-    fixed: str,
-    moving: str,
-    surfaces: Mapping[str, Surface],
-    samples: Mapping[str, Surface],
-    poses: Mapping[str, Pose],
-    scale: float,
-) -> tuple[float, float]:
-    """Add one ordered pair's normal equations; unknowns are a turn and a shift of each scan in the reference frame.
-
-    Gives the weighted sum of squared distances, and the sum of weights.
-    """
-    fixed_from_moving = poses[fixed].inverse() @ poses[moving]
-    rows, partner, distance = _partners(surfaces[fixed], samples[moving], fixed_from_moving, scale)
-    weight = np.clip(1 - (distance / scale) ** 2, 0, None) ** 2
-    place = poses[moving].apply(samples[moving].points[rows])
-    direction = poses[fixed].rotate(surfaces[fixed].normals[partner])
-    slope = np.concatenate([np.cross(place, direction), direction], axis=1)  # of the distance, by the moving scan
-    own = slope.T @ (slope * weight[:, None])
-    pull = slope.T @ (weight * distance)
-    for sign, name in ((1, moving), (-1, fixed)):
-        if name not in names:
-            continue
-        k = 6 * names.index(name)
-        normal[k : k + 6, k : k + 6] += own
-        right[k : k + 6] -= sign * pull
-    if fixed in names and moving in names:
-        i, j = 6 * names.index(moving), 6 * names.index(fixed)
-        normal[i : i + 6, j : j + 6] -= own
-        normal[j : j + 6, i : i + 6] -= own
-    return float((weight * distance**2).sum()), float(weight.sum())
-
-
-def _partners(
-    fixed: Surface, sample: Surface, fixed_from_moving: Pose, reach: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _partners(fixed: Surface, sample: Surface, fixed_from_moving: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows of the sample, their nearest points on the fixed scan, and the distances from those points' planes."""
     points = fixed_from_moving.apply(sample.points)
-    gap, nearest = fixed.tree.query(points, distance_upper_bound=max(LEAST_GATE, 2 * reach))
+    gap, nearest = fixed.tree.query(points, distance_upper_bound=PARTNER_REACH)
     rows, partner = np.flatnonzero(np.isfinite(gap)), np.asarray(nearest)
     facing = (fixed_from_moving.rotate(sample.normals[rows]) * fixed.normals[partner[rows]]).sum(axis=1)
     rows = rows[facing > TURNED_AWAY]

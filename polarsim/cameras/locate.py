@@ -20,16 +20,17 @@ from polarsim.cameras.scans import Pair, register_scans
 from polarsim.cameras.shifts import shift_table
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
 from polarsim.errors import RegistrationError, about
-from polarsim.formats import colmap, nasa, obj, tables
+from polarsim.formats import colmap, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.rigs import PlacedRig, read_rig, write_placed
 from polarsim.formats.rock_shifts import FILE as SHIFT_FILE
+from polarsim.formats.scans import read_scan
 from polarsim.formats.seeds import read_rock_boxes
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
-from polarsim.geometry.stereo import StereoRig, rectified_left
+from polarsim.geometry.stereo import StereoRig
 
 log = logging.getLogger("polarsim")
 
@@ -96,7 +97,7 @@ def locate_cameras(
 
 
 def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig, options: CamerasOptions) -> Located:
-    scans = {position: _read_scan(known, position, rig) for position in positions}
+    scans = {position: read_scan(known, position, rig) for position in positions}
     network = register_scans(scans, options)
     gauge = find_gauge(network.points, network.normals, network.level_from_left)
     if not gauge.walls:
@@ -130,17 +131,6 @@ def _formal_errors(covariance: np.ndarray, place: np.ndarray) -> dict[str, float
         "sd_mm": float(1000 * np.sqrt(np.trace(moves @ covariance @ moves.T))),
         "sd_deg": float(np.degrees(np.sqrt(np.trace(covariance[:3, :3])))),
     }
-
-
-def _read_scan(known: Inventory, position: str, rig: StereoRig) -> np.ndarray:
-    """(n, 3) points of a position's scan in its left camera's frame, metres; the range map where there are both."""
-    if position in known.range_maps:
-        size = (rig.left.width, rig.left.height)
-        points = nasa.read_range_map(known.range_maps[position], size)
-        points = points[np.isfinite(points).all(axis=-1)]
-    else:
-        points = nasa.read_cloud(known.clouds[position])
-    return rectified_left(rig).left_from_rectified.apply(points.astype(float))
 
 
 def _alignment_row(pair: Pair) -> dict[str, Any]:

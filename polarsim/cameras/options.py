@@ -50,14 +50,14 @@ class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     min_lead: float = Field(0.15, gt=0, lt=1, description="Such a lead over the next best pose, in the same measure.")
 
     # Scans.
-    voxel_mm: float = Field(8, gt=0, description="Grid to which scans are thinned for the last alignment, mm.")
+    voxel_mm: float = Field(12, gt=0, description="Grid to which scans are thinned for the last alignment, mm.")
     map_step_mm: float = Field(20, gt=0, description="Grid of the height maps that are correlated, mm.")
     scan_yaw_range_deg: float = Field(15, gt=0, le=180, description="Search of yaw between scans, degrees.")
     scan_yaw_step_deg: float = Field(1, gt=0, description="Step of that search, degrees.")
     scan_shift_m: float = Field(1.0, gt=0, description="Search of shifts between scans along x and y, m.")
     scan_candidates: int = Field(5, ge=1, description="Best correlations that are tried by ICP.")
     scan_radius_m: float = Field(3.2, gt=0, description="Scans are used this far about the terrain's centre, m.")
-    tukey_mm: float = Field(10, gt=0, description="Scale of the robust loss of the last alignment, mm.")
+    same_surface_mm: float = Field(10, gt=0, description="Points of two scans nearer than this lie on one surface, mm.")
     min_fitness: float = Field(0.5, gt=0, lt=1, description="Part of the overlap that must agree between scans.")
 
     # Photos: meshes shaded at the located poses are looked for in them.

@@ -61,7 +61,7 @@ class _Levelled:
         points, normals = self.fine.points, self.fine.normals
         inside = (np.abs(points[:, :2]) < SAND_REACH).all(axis=1)
         level = (np.abs(points[:, 2]) < LEVEL) & (np.abs(normals[:, 2]) > FLAT)
-        return icp.Surface(points[inside | level], normals[inside | level])
+        return self.fine.select(inside | level)
 
 
 def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> Network:
@@ -84,8 +84,7 @@ def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> 
         if position != reference:
             start[position] = _found(reference, position, levelled, options)
     sands = {position: scan.sand() for position, scan in levelled.items()}
-    wide = max(2 * options.tukey_mm, options.voxel_mm) / 1000
-    moves = icp.align_jointly(sands, start, reference, [wide, options.tukey_mm / 1000])
+    moves = icp.align_jointly(sands, start, reference)
     pairs = [
         _measured(fixed, moving, moves[fixed].inverse() @ moves[moving], levelled, options)
         for fixed, moving in combinations(levelled, 2)
@@ -93,7 +92,7 @@ def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> 
     return Network(
         {position: moves[position] @ scan.level_from_left for position, scan in levelled.items()},
         pairs,
-        icp.covariances(sands, moves, options.tukey_mm / 1000),
+        icp.covariances(sands, moves),
         {position: moves[position].apply(scan.fine.points) for position, scan in levelled.items()},
         {position: moves[position].rotate(scan.fine.normals) for position, scan in levelled.items()},
     )
@@ -145,7 +144,7 @@ def _found(fixed: str, moving: str, levelled: Mapping[str, _Levelled], options: 
 
 
 def _measured(fixed: str, moving: str, pose: Pose, levelled: Mapping[str, _Levelled], options: CamerasOptions) -> Pair:
-    alignment = icp.measure(levelled[fixed].fine, levelled[moving].fine, pose, options.tukey_mm / 1000)
+    alignment = icp.measure(levelled[fixed].fine, levelled[moving].fine, pose, options.same_surface_mm / 1000)
     return Pair(fixed, moving, alignment, _agreement(levelled[fixed], levelled[moving], pose, options))
 
 

@@ -10,16 +10,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats import nasa, ply, rigs, tables
+from polarsim.formats import ply, rigs, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.ply import Cloud
 from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.scans import read_scan
 from polarsim.formats.seeds import read_rock_boxes
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.stereo import rectified_left
 from polarsim.rocks import table
-from polarsim.rocks.alignment import alignment
 from polarsim.rocks.carving import carved
 from polarsim.rocks.clouds import surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
@@ -30,7 +29,7 @@ from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_places
 from polarsim.rocks.regions import Limits, find_regions
-from polarsim.rocks.scans import Extent, ScanPoints, merged, organised, place_scan, trusted_pixels
+from polarsim.rocks.scans import Extent, ScanPoints, merged, place_scan
 from polarsim.rocks.settling import settling_shifts
 
 log = logging.getLogger("polarsim")
@@ -96,26 +95,16 @@ def ground_cloud(sand: Sand) -> Cloud:
 
 
 def _read_scans(inventory: Inventory, placed: Mapping[str, PlacedRig]) -> ScanPoints:
-    """All scans of a terrain in the sandbox, finely aligned."""
-    scans: dict[str, ScanPoints] = {}
+    """All scans of a terrain in the sandbox, as the cameras stage placed them."""
+    scans = []
     for position in inventory.scanned:
         if position not in placed:
             log.warning("terrain %02d: the scan at %s has no pose and is left out", inventory.terrain, position)
             continue
-        grid = rectified_left(placed[position].rig)
-        lens, path = grid.lens, inventory.range_maps.get(position)
-        if path is not None:
-            range_map = nasa.read_range_map(path, (lens.width, lens.height))
-        else:
-            range_map, lens = organised(nasa.read_cloud(inventory.clouds[position]), lens)
-        sandbox_from_rectified = placed[position].sandbox_from_left @ grid.left_from_rectified
-        scan = place_scan(range_map, trusted_pixels(range_map, lens.fx), sandbox_from_rectified)
-        scans[position] = scan.select(NEIGHBOURHOOD.contains(scan.points))
-    corrections = dict(zip(scans, alignment(list(scans.values())), strict=True))
-    for position, correction in corrections.items():
-        shift_mm = 1000 * np.linalg.norm(correction.translation)
-        log.info("terrain %02d: scan %s moved by %.1f mm to meet the others", inventory.terrain, position, shift_mm)
-    return merged([scan.moved(corrections[position]) for position, scan in scans.items()])
+        points_left = read_scan(inventory, position, placed[position].rig)
+        scan = place_scan(points_left, placed[position].sandbox_from_left)
+        scans.append(scan.select(NEIGHBOURHOOD.contains(scan.points)))
+    return merged(scans)
 
 
 def _by_scan(points: ScanPoints, placed: Mapping[str, PlacedRig]) -> dict[str, ScanPoints]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +75,7 @@ def against_truth(
 ) -> list[Figure]:
     """Errors of the poses before and after one alignment of the terrain, of the rig, and of points in the pictures.
 
+    Of every two positions the pose of one in the other's frame is compared too, which needs no alignment.
     With a single position the alignment takes up the whole error: then only the figures before it are given.
 
     Parameters
@@ -98,6 +100,9 @@ def against_truth(
                     "reprojection", position, placed[position], true[position], points_truth, truth_from_sandbox
                 )
         figures += _rig_errors(position, placed[position], true[position])
+    for one, other in combinations(common, 2):
+        found, meant = estimated[one].inverse() @ estimated[other], wanted[one].inverse() @ wanted[other]
+        figures += _pose_errors(f"{one} to {other}", "between", found, meant)
     for name in frames:
         errors = [figure for figure in figures if figure.figure.endswith(f"_error_{name}")]
         for kind, unit in (("position", "mm"), ("angle", "deg")):

@@ -18,6 +18,7 @@ from polarsim.tables.options import TablesOptions
 from polarsim.tables.quality import Figure, summary, write_quality
 from polarsim.tables.quality_cameras import projection_errors, true_points
 from polarsim.tables.rock_pairs import pair_rocks, recall_and_precision, size_classes, size_names
+from polarsim.tables.surface import Surface
 from polarsim.tables.true_surface import Comparison, compare
 
 ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
@@ -43,8 +44,10 @@ def score_rocks(
 ) -> None:
     """Write the quality of a terrain's rocks and meshes, a row of scores for every mesh, and where meshes are off.
 
-    Frames are brought together by the camera poses, then by one small rigid ICP of the terrain's ground; how far that
-    went is a figure of its own. In this frame of the meshes the refined cameras are asked where they put true rocks.
+    Frames are brought together by the poses that the meshes were made with: there, meshes and cameras must agree. What
+    the surfaces are worth by themselves is measured after one more small rigid ICP of the terrain's ground; how far
+    that went is a figure of its own. In this frame of the meshes the refined cameras are asked where they put true
+    rocks.
 
     Parameters
     ----------
@@ -71,6 +74,7 @@ def score_rocks(
         true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
         compared = compare(terrain, scene, located, truth, inventory, options)
         against_truth, own = _against_truth(true, found, compared, options)
+        against_truth += _in_cameras_frame(true, found, compared, Surface(scene.vertices, scene.faces))
         against_truth += _reprojection(terrain, cameras, truth, compared)
         off = compared.ours.table().astype(OFFSET_COLUMNS)
         rows = [{**row, **own.get(int(str(row["rock"])), {})} for row in rows]
@@ -79,6 +83,22 @@ def score_rocks(
     write_quality(quality, "rocks", terrain, figures)
     write_csv(scores, table)
     write_parquet(offsets, off)
+
+
+def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Comparison, surface: Surface) -> list[Figure]:
+    """Distances of the true surface from ours where the cameras put it: nothing is laid on anything by surfaces."""
+    sandbox_from_truth = compared.by_cameras.inverse()
+    distance_mm = 1000 * surface.distance(sandbox_from_truth.apply(compared.true.points))
+    in_truth = found.copy()
+    in_truth[["x", "y", "z"]] = compared.by_cameras.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
+    paired = true["rock"].to_numpy()[pair_rocks(true, in_truth).true]
+    points_of = {rock: distance_mm[compared.true.rock == rock] for rock in paired}
+    rocks_mm = np.array([np.median(mine) for mine in points_of.values() if len(mine)])
+    ground_mm = distance_mm[compared.true.rock == NO_ROCK]
+    return [
+        *summary("paired rocks, cameras' frame", "surface_median_by_rock", rocks_mm, "mm", "truth"),
+        *summary("ground, cameras' frame", "surface_distance", ground_mm, "mm", "truth"),
+    ]
 
 
 def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison) -> list[Figure]:

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from polarsim.cameras.gauge import find_gauge
 from polarsim.cameras.heightmaps import agreement, height_map, turned_and_shifted
-from polarsim.cameras.icp import Surface, align_jointly, measure
+from polarsim.cameras.icp import Surface, align_jointly, covariances, measure, surface
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.scans import level_pose, register_scans
 from polarsim.errors import RegistrationError
@@ -114,13 +115,58 @@ def test_joint_alignment_undoes_small_motions_of_three_views(rng):
         name: Pose.from_rotvec(0.004 * rng.standard_normal(3), 0.004 * rng.standard_normal(3)) for name in "BC"
     } | {"A": Pose.identity()}
     surfaces = {
-        name: Surface(motion.inverse().apply(points), motion.inverse().rotate(normals))
+        name: Surface(motion.inverse().apply(points), motion.inverse().rotate(normals), np.full(len(points), 0.001))
         for name, motion in motions.items()
     }
     start = {name: Pose.identity() for name in motions}
-    found = align_jointly(surfaces, start, "A", [0.05, 0.02])
+    found = align_jointly(surfaces, start, "A")
     for name, motion in motions.items():
         np.testing.assert_allclose(found[name].matrix, motion.matrix, atol=1e-5)
     on_itself = measure(surfaces["A"], surfaces["B"], found["B"], 0.005)
     assert on_itself.fitness > 0.99
     assert on_itself.rmse < 1e-4
+
+
+EYES = {"A": np.array([3.5, -0.4, 1.5]), "B": np.array([0.9, -3.7, 1.5]), "C": np.array([-2.0, 2.5, 1.5])}
+
+
+def noisy_copies(rng, noise):
+    """A relief as three scanners see it, 14 mm apart, with noise along their beams; and all at their true poses."""
+    surfaces = {}
+    for name, eye in EYES.items():
+        x, y = rng.uniform(-1.2, 1.2, (2, 30_000))
+        points = np.column_stack(
+            [x, y, 0.05 * np.sin(4 * x + 1) * np.cos(5 * y) + 0.02 * np.sin(11 * x) * np.sin(9 * y)]
+        )
+        beams = (points - eye) / np.linalg.norm(points - eye, axis=1, keepdims=True)
+        surfaces[name] = surface(points + noise * rng.normal(size=(len(x), 1)) * beams, eye, 0.02)
+    return surfaces
+
+
+def turns_and_shifts(poses):
+    """(s, 6) of small motions, less their mean."""
+    motions = np.array(
+        [[*Rotation.from_matrix(pose.rotation).as_rotvec(), *pose.translation] for _, pose in sorted(poses.items())]
+    )
+    return motions - motions.mean(axis=0)
+
+
+def test_formal_errors_are_as_large_as_the_true_ones(rng):
+    ratios = []
+    for _ in range(6):
+        surfaces = noisy_copies(rng, 0.003)
+        found = align_jointly(surfaces, {name: Pose.identity() for name in EYES}, "A")
+        formal = covariances(surfaces, found)
+        for error, name in zip(turns_and_shifts(found), sorted(EYES), strict=True):
+            ratios.append(error @ np.linalg.pinv(formal[name], rcond=1e-6, hermitian=True) @ error / 6)
+    assert 0.5 < 1 / np.sqrt(np.mean(ratios)) < 2  # 0.08 mm were claimed where 2 mm were wrong
+
+
+def test_which_scan_is_held_does_not_matter(rng):
+    surfaces = noisy_copies(rng, 0.002)
+    start = {name: Pose.from_rotvec(0.001 * rng.normal(size=3), 0.002 * rng.normal(size=3)) for name in EYES}
+    held = []
+    for reference in ("A", "B"):
+        poses = align_jointly(surfaces, {n: start[reference].inverse() @ start[n] for n in start}, reference)
+        held.append(turns_and_shifts({name: poses["A"].inverse() @ pose for name, pose in poses.items()}))
+    np.testing.assert_allclose(held[0], held[1], atol=2e-5)

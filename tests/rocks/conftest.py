@@ -10,10 +10,11 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.scans import trusted_pixels
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import rectified_left, stated_rig
-from polarsim.rocks.scans import ScanPoints, merged, place_scan, trusted_pixels
+from polarsim.rocks.scans import ScanPoints, merged, place_scan
 
 TRIPODS = {
     "A": looking(np.array([3.55, -0.35, 1.52]), np.radians(180), np.radians(25)),
@@ -84,7 +85,7 @@ class Scene:
         scans = []
         for sandbox_from_camera in TRIPODS.values():
             seen = self.range_map(sandbox_from_camera, lens, noise, rng)
-            scans.append(place_scan(seen, trusted_pixels(seen, lens.fx), sandbox_from_camera))
+            scans.append(place_scan(seen[trusted_pixels(seen, lens.fx)].astype(float), sandbox_from_camera))
         return merged(scans)
 
 

@@ -11,6 +11,11 @@ SCRIPT = Path(__file__).parents[2] / "benchmarks/foreign.py"
 AT_MOST = {
     ("worst position", "position_error_aligned"): 1.0,  # mm: loose cloth on thick walls does not pull the cameras
     ("worst position", "angle_error_aligned"): 0.02,  # degrees
+    ("A to C", "position_error_between"): 1.0,
+    ("A to C", "angle_error_between"): 0.02,
+    # In the frame of the cameras, as they were written: nothing is laid on anything by surfaces.
+    ("paired rocks, cameras' frame", "surface_median_by_rock_median"): 0.8,
+    ("ground, cameras' frame", "surface_distance_median"): 0.5,
     ("rocks of 8 cm and more", "surface_median_by_rock"): 0.8,  # mm, where a scan returned from
     ("rocks of 8 cm and more", "surface_p90_by_rock"): 2.0,
     ("ground", "surface_distance_median"): 0.5,
