@@ -89,7 +89,9 @@ def surface(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> Surface:
 
     thin = np.asarray(o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)).voxel_down_sample(voxel).points)
     thin = thin[np.lexsort(thin.T)]
-    distance, near = KDTree(thin).query(thin, k=NORMAL_NEIGHBOURS, distance_upper_bound=NORMAL_RADIUS * voxel)
+    distance, near = map(
+        np.asarray, KDTree(thin).query(thin, k=NORMAL_NEIGHBOURS, distance_upper_bound=NORMAL_RADIUS * voxel)
+    )
     dense = np.isfinite(distance).all(axis=1)
     neighbours, own = thin[near[dense]], thin[dense]
     middle = neighbours.mean(axis=1)
