@@ -12,10 +12,11 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import read_csv, write_csv
+from polarsim.tables.complaints import complaints
 from polarsim.tables.layout import MISSING, format_value, origin_note, with_origin, write_table
 
 COLUMNS = ("stage", "terrain", "subject", "figure", "value", "unit", "n", "against")
-STAGES = ("cameras", "rocks", "labels", "render", "materials")
+STAGES = ("cameras", "rocks", "consistency", "labels", "render", "materials")
 CAPTION = "Quality of every stage. Unit 1: a share or ratio; against: what a figure is measured against."
 
 BOX_FIGURES = ("precision", "recall", "f1", "miou")  # of every box score, in this order
@@ -64,9 +65,12 @@ def write_quality(path: Path, stage: str, terrain: int, figures: Sequence[Figure
 
 
 def gather_quality(*, parts: list[Path], stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/quality.{csv,md,tex,parquet} from the quality files of all stages and terrains."""
+    """Write tables/quality.{csv,md,tex,parquet} from the quality files of all stages and terrains.
+
+    What does not agree with itself is said below the table.
+    """
     table = join_quality([read_csv(path, COLUMNS) for path in parts])
-    notes = ["Terrains stand side by side; n is in the CSV form.", origin_note(origin)]
+    notes = ["Terrains stand side by side; n is in the CSV form.", *complaints(table), origin_note(origin)]
     write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_quality(table), notes=notes)
 
 

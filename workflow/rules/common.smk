@@ -310,7 +310,15 @@ def quality_parts(wildcards):
     return [
         f"results/{wildcards.run}/quality/{stage}_Terrain{terrain}.csv"
         for terrain in TERRAINS
-        for stage in ("cameras", "rocks", "labels", "outlines", "twins", "materials")
+        for stage in (
+            "cameras",
+            "rocks",
+            "consistency",
+            "labels",
+            "outlines",
+            "twins",
+            "materials",
+        )
         if stage not in scored or scored[stage](terrain)
     ]
 

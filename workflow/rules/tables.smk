@@ -86,6 +86,30 @@ rule score_rocks:
         "../scripts/score_rocks.py"
 
 
+rule check_consistency:
+    """Scans, cameras, meshes and boxes held against each other, without any truth."""
+    input:
+        raw=raw_data,
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        located="results/{run}/cameras/located/Terrain{terrain}",
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        quality="results/{run}/quality/consistency_Terrain{terrain}.csv",
+    log:
+        "results/{run}/logs/tables/check_consistency_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/check_consistency_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2500,
+        runtime=10,
+    params:
+        code=code_of("tables.consistency"),
+    script:
+        "../scripts/check_consistency.py"
+
+
 rule score_labels:
     """Labels of every photo against truth, or against what people drew, by what it took to carry them there."""
     input:

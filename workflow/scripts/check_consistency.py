@@ -1,0 +1,16 @@
+"""Hold one terrain's scans, cameras, meshes and boxes against each other."""
+
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.tables.consistency import check_consistency
+
+with reporting(log=snakemake.log[0]):
+    check_consistency(
+        terrain=int(snakemake.wildcards.terrain),
+        inventory=Path(snakemake.input.inventory),
+        located=Path(snakemake.input.located),
+        cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
+        quality=Path(snakemake.output.quality),
+    )
