@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -19,13 +20,33 @@ def code_digest(*modules: str) -> str:
 
     Comments, docstrings and layout do not count.
     """
+    return _digest({name: _module(name)[0] for name in _reached(modules)})
+
+
+def script_digest(path: str | Path) -> str:
+    """Digest of a script and of all of polarsim that it imports, at any depth; as `code_digest`."""
+    own, imported = _parsed(Path(path))
+    return _digest({"": own} | {name: _module(name)[0] for name in _reached(imported)})
+
+
+def imported_modules(name: str) -> tuple[str, ...]:
+    """The modules of polarsim that a module imports.
+
+    Imports inside functions count too: engines are imported where a configuration asks for them, and which one that is
+    the code alone does not say. So an edit of one engine re-runs what may use it, rather than too little. A package
+    counts where a name that is no module of it is imported from it: packages hold nothing but names of their modules.
+    """
+    return _module(name)[1]
+
+
+def _digest(parts: dict[str, str]) -> str:
     total = hashlib.sha256()
-    for name in sorted(_reached(modules)):
-        total.update(f"{name}:{_module_digest(name)};".encode())
+    for name, part in sorted(parts.items()):
+        total.update(f"{name}:{part};".encode())
     return total.hexdigest()[:16]
 
 
-def _reached(modules: tuple[str, ...]) -> set[str]:
+def _reached(modules: Iterable[str]) -> set[str]:
     reached: set[str] = set()
     waiting = list(modules)
     while waiting:
@@ -37,23 +58,29 @@ def _reached(modules: tuple[str, ...]) -> set[str]:
 
 
 @cache
-def imported_modules(name: str) -> tuple[str, ...]:
-    """The modules of polarsim that a module imports, inside functions too."""
-    found = set()
-    for node in ast.walk(_tree(name)):
+def _module(name: str) -> tuple[str, tuple[str, ...]]:
+    path = _file(name)
+    if path is None:
+        raise ModuleNotFoundError(name)
+    return _parsed(path)
+
+
+def _parsed(path: Path) -> tuple[str, tuple[str, ...]]:
+    """Digest of a file's code, and the modules of polarsim that it imports: to parse is what takes the time."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    imported = _imports(tree)
+    return hashlib.sha256(ast.dump(_without_docstrings(tree)).encode()).hexdigest(), imported
+
+
+def _imports(tree: ast.Module) -> tuple[str, ...]:
+    found: set[str] = set()
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            candidates = [alias.name for alias in node.names]
+            found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
-            candidates = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        else:
-            continue
-        found |= {candidate for candidate in candidates if _file(candidate)}
-    return tuple(sorted(found))
-
-
-@cache
-def _module_digest(name: str) -> str:
-    return hashlib.sha256(ast.dump(_without_docstrings(_tree(name))).encode()).hexdigest()
+            within = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {name if _file(name) else node.module for name in within}
+    return tuple(sorted(name for name in found if _file(name)))
 
 
 def _without_docstrings(tree: ast.Module) -> ast.Module:
@@ -63,13 +90,7 @@ def _without_docstrings(tree: ast.Module) -> ast.Module:
     return tree
 
 
-def _tree(name: str) -> ast.Module:
-    path = _file(name)
-    if path is None:
-        raise ModuleNotFoundError(name)
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
+@cache
 def _file(name: str) -> Path | None:
     if name.split(".")[0] != "polarsim":
         return None

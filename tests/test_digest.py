@@ -1,6 +1,7 @@
 """A digest changes with the code that is used, and with nothing else."""
 
 import ast
+import re
 from pathlib import Path
 
 from polarsim import digest
@@ -39,3 +40,83 @@ def test_imports_run_one_way():
         assert not seen & forbidden, f"{name} imports {sorted(seen & forbidden)}"
         above = {"cli", "config", "reporting", "pages"}
         assert not seen & above, f"{name} imports {sorted(seen & above)}"
+
+
+SCRIPTS = Path(digest.__file__).parent.parent / "workflow/scripts"
+RULES = SCRIPTS.parent / "rules"
+
+
+def imports_by_text(text: str) -> set[str]:
+    """Modules of polarsim that a file's import lines name, found by another way than the digest's."""
+    flat = re.sub(r"\(([^)]*)\)", lambda found: " ".join(found[1].split()), text)
+    found = set(re.findall(r"^\s*import (polarsim[\w.]*)$", flat, re.MULTILINE))
+    for package, names in re.findall(r"^\s*from (polarsim[\w.]*) import (.+?)(?:#.*)?$", flat, re.MULTILINE):
+        for name in filter(str.strip, names.split(",")):
+            below = f"{package}.{name.split(' as ')[0].strip()}"
+            found.add(below if file_of(below) else package)
+    return found
+
+
+def file_of(module: str) -> Path | None:
+    place = Path(digest.__file__).parent.parent / module.replace(".", "/")
+    return next((path for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()), None)
+
+
+def reached_by_text(script: Path) -> set[str]:
+    reached, waiting = set(), list(imports_by_text(script.read_text()))
+    while waiting:
+        if (name := waiting.pop()) not in reached:
+            reached.add(name)
+            waiting += imports_by_text(file_of(name).read_text())
+    return reached
+
+
+def rules_with_scripts() -> dict[str, tuple[str, str]]:
+    """By rule: its script, and whose code stands in its params."""
+    found = {}
+    for path in sorted(RULES.glob("*.smk")):
+        for block in re.split(r"^(?=\s*rule \w+:$)", path.read_text(), flags=re.MULTILINE):
+            if script := re.search(r'"\.\./scripts/(\w+)\.py"', block):
+                code = re.search(r"code=code_of\((.*?)\)", block, re.DOTALL)
+                found[re.match(r"\s*rule (\w+):", block)[1]] = (script[1], code[1].strip('"') if code else "none")
+    return found
+
+
+def test_every_rule_carries_the_digest_of_its_own_script():
+    rules = rules_with_scripts()
+    assert len(rules) > 80
+    assert {name: pair for name, pair in rules.items() if pair[0] != pair[1]} == {}
+
+
+def test_an_edit_of_any_file_that_a_script_reaches_changes_its_digest(monkeypatch):
+    scripts = sorted({script for script, _ in rules_with_scripts().values()})
+    before = {script: digest.script_digest(SCRIPTS / f"{script}.py") for script in scripts}
+    users: dict[str, set[str]] = {}
+    for script in scripts:
+        for module in reached_by_text(SCRIPTS / f"{script}.py"):
+            users.setdefault(module, set()).add(script)
+    assert {"propagate_labels", "render_twins", "score_labels"} <= users["polarsim.grid"]
+    real = digest._module
+    for edited, expected in users.items():
+        monkeypatch.setattr(
+            digest, "_module", lambda name, at=edited: (real(name)[0] + "*" * (name == at), real(name)[1])
+        )
+        changed = {script for script in scripts if digest.script_digest(SCRIPTS / f"{script}.py") != before[script]}
+        assert changed == expected, edited
+
+
+def test_an_edit_of_a_script_changes_its_digest_and_a_comment_does_not(tmp_path):
+    script = tmp_path / "measure.py"
+    script.write_text("from polarsim.grid import GridOptions\n")
+    plain = digest.script_digest(script)
+    script.write_text('"""Measure."""\n\nfrom polarsim.grid import GridOptions  # of a run\n')
+    assert digest.script_digest(script) == plain
+    script.write_text("from polarsim.grid import GridOptions\n\nprint(GridOptions())\n")
+    assert digest.script_digest(script) != plain
+
+
+def test_packages_hold_nothing_but_names_of_their_modules():
+    """So an edit of one changes nothing for whoever imports a module from it, and its digest may leave it out."""
+    for path in sorted(Path(digest.__file__).parent.rglob("__init__.py")):
+        kinds = {type(node) for node in digest._without_docstrings(ast.parse(path.read_text())).body}
+        assert kinds <= {ast.Import, ast.ImportFrom, ast.Assign}, path

@@ -50,6 +50,10 @@ def test_an_edit_reruns_what_uses_it_and_nothing_else(finished, snakemake):
     assert not stale & {"generate_analog", "index_terrain", "locate_cameras", "find_rocks", "mesh_rocks"}
     assert not stale & {"propagate_labels", "draw_masks"}
 
+    edit(finished / "polarsim/grid.py", "\nCHANGED = 1\n")  # which photos belong to a run: only scripts import it
+    stale = stale_rules(snakemake, finished)
+    assert {"propagate_labels", "draw_masks", "render_twins", "score_labels"} <= stale
+
 
 def test_a_seed_or_split_or_mix_more_leaves_finished_judges_alone(finished, snakemake):
     content = yaml.safe_load((finished / "config/config.yaml").read_text())

@@ -31,7 +31,7 @@ if KIND == "analog":
             positions=positions_here,
             grid=options("grid"),
             options=options("analog"),
-            code=code_of("analog.place"),
+            code=code_of("generate_analog"),
         script:
             "../scripts/generate_analog.py"
 
@@ -52,7 +52,7 @@ else:
             runtime=240,  # minutes; an archive holds about 0.9 GB
         params:
             source=options("source"),
-            code=code_of("acquire.fetch"),
+            code=code_of("fetch_terrain"),
         script:
             "../scripts/fetch_terrain.py"
 
@@ -80,7 +80,7 @@ rule index_terrain:
         grid=options("grid"),
         source=options("source"),
         seeds=CONFIG.labels.seeds.model_dump(mode="json"),
-        code=code_of("acquire.index"),
+        code=code_of("index_terrain"),
     script:
         "../scripts/index_terrain.py"
 
@@ -103,6 +103,6 @@ rule merge_photos:
         mem_mb=500,
         runtime=5,
     params:
-        code=code_of("acquire.index"),
+        code=code_of("merge_photos"),
     script:
         "../scripts/merge_photos.py"

@@ -27,7 +27,7 @@ rule locate_cameras:
     params:
         positions=positions_here,
         options=options("cameras"),
-        code=code_of("cameras.locate"),
+        code=code_of("locate_cameras"),
     script:
         "../scripts/locate_cameras.py"
 
@@ -51,6 +51,6 @@ rule refine_cameras:
         runtime=20,
     params:
         options=options("cameras"),
-        code=code_of("cameras.photos"),
+        code=code_of("refine_cameras"),
     script:
         "../scripts/refine_cameras.py"

@@ -1,5 +1,6 @@
 """The checked configuration, wildcards, and all functions that name files."""
 
+import functools
 import itertools
 import re
 import sys
@@ -8,7 +9,7 @@ from pathlib import Path
 
 from polarsim.acquire.inputs import raw_inputs
 from polarsim.config import parse_config
-from polarsim.digest import code_digest
+from polarsim.digest import script_digest
 from polarsim.errors import ConfigError
 from polarsim.formats.release import label_folder, polygon_folder
 from polarsim.grid import selected_grid
@@ -108,9 +109,10 @@ def detect_options(*groups):
     return {name: options("detect")[name] for name in itertools.chain(*groups)}
 
 
-def code_of(*modules):
-    """Digest of the library code behind a rule: Snakemake watches the script, not what it imports."""
-    return code_digest(*(f"polarsim.{module}" for module in modules))
+@functools.cache
+def code_of(script):
+    """Digest of a rule's script and all of the library behind it: Snakemake watches the script, not what it imports."""
+    return script_digest(Path(workflow.basedir) / "workflow/scripts" / f"{script}.py")
 
 
 def positions_of(terrain):

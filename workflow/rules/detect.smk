@@ -41,7 +41,7 @@ rule split_photos:
         positions=CONFIG.positions,
         grid=options("grid"),
         options=detect_options(SPLITS_BY),
-        code=code_of("detect.split"),
+        code=code_of("split_photos"),
     script:
         "../scripts/split_photos.py"
 
@@ -68,7 +68,7 @@ rule convert_pictures:
         positions=CONFIG.positions,
         grid=options("grid"),
         options=detect_options(PICTURES_BY),
-        code=code_of("detect.pictures"),
+        code=code_of("convert_pictures"),
     script:
         "../scripts/convert_pictures.py"
 
@@ -91,7 +91,7 @@ rule make_dataset:
         runtime=10,
     params:
         options=detect_options(SPLITS_BY),
-        code=code_of("detect.dataset"),
+        code=code_of("make_dataset"),
     script:
         "../scripts/make_dataset.py"
 
@@ -114,7 +114,7 @@ rule mix_datasets:
     params:
         weights=weights_of_mix,
         options=detect_options(SPLITS_BY),
-        code=code_of("detect.dataset"),
+        code=code_of("mix_datasets"),
     script:
         "../scripts/mix_datasets.py"
 
@@ -139,7 +139,7 @@ rule train_judge:
     params:
         options=detect_options(["imgsz"], FINDS_BY, TRAINS_BY),
         work="results/{run}/detect/{split}/seed{seed}/work/{trained}",
-        code=code_of("detect.train"),
+        code=code_of("train_judge"),
     script:
         "../scripts/train_judge.py"
 
@@ -167,7 +167,7 @@ rule predict:
         runtime=240,
     params:
         options=detect_options(["imgsz"], FINDS_BY),
-        code=code_of("detect.predict"),
+        code=code_of("predict"),
     script:
         "../scripts/predict.py"
 
@@ -205,7 +205,7 @@ rule evaluate:
         domains=DOMAINS,
         trained=TRAINED,
         options=detect_options(["seed", "imgsz"], TRAINS_BY, COMPARES_BY),
-        code=code_of("detect.evaluate"),
+        code=code_of("evaluate"),
     script:
         "../scripts/evaluate.py"
 
@@ -234,7 +234,7 @@ rule measure_stereo:
         domain=CONFIG.photo_domain,
         models=MODELS,
         options=detect_options(["stereo"]),
-        code=code_of("detect.stereo.measure"),
+        code=code_of("measure_stereo"),
     script:
         "../scripts/measure_stereo.py"
 
@@ -264,7 +264,7 @@ rule compare_stereo:
         runtime=15,
     params:
         options=detect_options(["seed", "stereo"], COMPARES_BY),
-        code=code_of("detect.stereo.compare"),
+        code=code_of("compare_stereo"),
     script:
         "../scripts/compare_stereo.py"
 
@@ -292,6 +292,6 @@ rule gather_tables:
     params:
         splits=[split for split in SPLITS for seed in SEEDS],
         seeds=[seed for split in SPLITS for seed in SEEDS],
-        code=code_of("detect.gather"),
+        code=code_of("gather_tables"),
     script:
         "../scripts/gather_tables.py"

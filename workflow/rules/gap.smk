@@ -33,7 +33,7 @@ rule lay_truth:
     params:
         truth=truth_of,
         options=options("tables"),
-        code=code_of("tables.true_scene"),
+        code=code_of("lay_truth"),
     script:
         "../scripts/lay_truth.py"
 
@@ -53,7 +53,7 @@ rule thin_meshes:
         mem_mb=500,
         runtime=5,
     params:
-        code=code_of("tables.true_scene"),
+        code=code_of("thin_meshes"),
     script:
         "../scripts/thin_meshes.py"
 
@@ -90,7 +90,7 @@ rule render_ingredient:
         grid=options("grid"),
         model=CONFIG.gap.model,
         options=options_of_ingredient,
-        code=code_of("render.twins", "detect.split"),
+        code=code_of("render_ingredient"),
     script:
         "../scripts/render_ingredient.py"
 
@@ -113,7 +113,7 @@ rule merge_ingredient_labels:
         mem_mb=500,
         runtime=5,
     params:
-        code=code_of("formats.tables"),
+        code=code_of("merge_labels"),
     script:
         "../scripts/merge_labels.py"
 
@@ -139,7 +139,7 @@ rule convert_ingredient:
         runtime=60,
     params:
         options=detect_options(PICTURES_BY),
-        code=code_of("detect.dataset"),
+        code=code_of("convert_ingredient"),
     script:
         "../scripts/convert_ingredient.py"
 
@@ -163,7 +163,7 @@ rule predict_ingredient:
         runtime=240,
     params:
         options=detect_options(["imgsz"], FINDS_BY),
-        code=code_of("detect.predict"),
+        code=code_of("predict"),
     script:
         "../scripts/predict.py"
 
@@ -191,7 +191,7 @@ rule weigh_ingredients:
         twin=CONFIG.gap.model,
         replaced={name: found.told() for name, found in INGREDIENTS.items()},
         options=detect_options(["seed", "imgsz"], TRAINS_BY, COMPARES_BY),
-        code=code_of("detect.ledger"),
+        code=code_of("weigh_ingredients"),
     script:
         "../scripts/weigh_ingredients.py"
 
@@ -217,7 +217,7 @@ rule gather_ledger:
     params:
         splits=[split for split in SPLITS for seed in SEEDS],
         seeds=[seed for split in SPLITS for seed in SEEDS],
-        code=code_of("detect.gather"),
+        code=code_of("gather_tables"),
     script:
         "../scripts/gather_tables.py"
 
@@ -244,7 +244,7 @@ rule tabulate_gap:
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tables.gap_table"),
+        code=code_of("tabulate_gap"),
     script:
         "../scripts/tabulate_gap.py"
 
@@ -271,6 +271,6 @@ rule draw_gap:
     params:
         origin=ORIGIN,
         options=options("tables"),
-        code=code_of("tables.figures.gap"),
+        code=code_of("draw_gap"),
     script:
         "../scripts/draw_gap.py"

@@ -36,7 +36,7 @@ rule propagate_labels:
         positions=positions_here,
         grid=options("grid"),
         options=options("labels"),
-        code=code_of("labels.propagate"),
+        code=code_of("propagate_labels"),
     script:
         "../scripts/propagate_labels.py"
 
@@ -63,7 +63,7 @@ rule draw_masks:
         positions=positions_here,
         grid=options("grid"),
         options=options("labels"),
-        code=code_of("labels.masks"),
+        code=code_of("draw_masks"),
     script:
         "../scripts/draw_masks.py"
 
@@ -86,6 +86,6 @@ rule merge_labels:
         mem_mb=500,
         runtime=5,
     params:
-        code=code_of("formats.tables"),
+        code=code_of("merge_labels"),
     script:
         "../scripts/merge_labels.py"

@@ -34,7 +34,7 @@ rule fit_materials:
     params:
         models=MODELS,
         options=options("render"),
-        code=code_of("render.fitting.fit"),
+        code=code_of("fit_materials"),
     script:
         "../scripts/fit_materials.py"
 
@@ -67,7 +67,7 @@ rule render_twins:
         grid=options("grid"),
         models=MODELS,
         options=options("render"),
-        code=code_of("render.twins"),
+        code=code_of("render_twins"),
     script:
         "../scripts/render_twins.py"
 
@@ -87,7 +87,7 @@ rule write_reflectance:
         runtime=5,
     params:
         options=options("render"),
-        code=code_of("render.goniometer"),
+        code=code_of("write_reflectance"),
     script:
         "../scripts/write_reflectance.py"
 
@@ -110,6 +110,6 @@ rule merge_twin_labels:
         mem_mb=500,
         runtime=5,
     params:
-        code=code_of("formats.tables"),
+        code=code_of("merge_labels"),
     script:
         "../scripts/merge_labels.py"

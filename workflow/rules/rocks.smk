@@ -31,7 +31,7 @@ if KIND == "release":
             runtime=10,
         params:
             options=options("rocks"),
-            code=code_of("rocks.adopt"),
+            code=code_of("adopt_rocks"),
         script:
             "../scripts/adopt_rocks.py"
 
@@ -53,7 +53,7 @@ if KIND == "release":
             runtime=20,
         params:
             options=options("rocks"),
-            code=code_of("rocks.repair"),
+            code=code_of("repair_rocks"),
         script:
             "../scripts/repair_rocks.py"
 
@@ -82,7 +82,7 @@ else:
             runtime=20,
         params:
             options=options("rocks"),
-            code=code_of("rocks.find"),
+            code=code_of("find_rocks"),
         script:
             "../scripts/find_rocks.py"
 
@@ -104,6 +104,6 @@ else:
             runtime=20,
         params:
             options=options("rocks"),
-            code=code_of("rocks.mesh"),
+            code=code_of("mesh_rocks"),
         script:
             "../scripts/mesh_rocks.py"

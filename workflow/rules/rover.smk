@@ -42,7 +42,7 @@ rule drive_rover:
         world=rover_options("world"),
         soil=rover_options("soil"),
         drive=rover_options("drive"),
-        code=code_of("rover.drive"),
+        code=code_of("drive_rover"),
     script:
         "../scripts/drive_rover.py"
 
@@ -68,7 +68,7 @@ rule see_drive:
         runtime=720,
     params:
         sight=sight_options(*AFTER_PICTURES),
-        code=code_of("rover.frames"),
+        code=code_of("see_drive"),
     script:
         "../scripts/see_drive.py"
 
@@ -92,7 +92,7 @@ rule judge_drive:
         runtime=240,
     params:
         sight=sight_options(),
-        code=code_of("rover.onboard"),
+        code=code_of("judge_drive"),
     script:
         "../scripts/judge_drive.py"
 
@@ -118,7 +118,7 @@ rule measure_drive:
         runtime=30,
     params:
         sight=sight_options(),
-        code=code_of("rover.onboard"),
+        code=code_of("measure_drive"),
     script:
         "../scripts/measure_drive.py"
 
@@ -141,7 +141,7 @@ rule film_drive:
         runtime=720,
     params:
         sight=sight_options(),
-        code=code_of("rover.video"),
+        code=code_of("film_drive"),
     script:
         "../scripts/film_drive.py"
 
@@ -166,7 +166,7 @@ rule write_bag:
         runtime=60,
     params:
         options=rover_options("bag"),
-        code=code_of("rover.bag"),
+        code=code_of("write_bag"),
     script:
         "../scripts/write_bag.py"
 
@@ -186,7 +186,7 @@ rule write_urdf:
         mem_mb=500,
         runtime=5,
     params:
-        code=code_of("rover.urdf"),
+        code=code_of("write_urdf"),
     script:
         "../scripts/write_urdf.py"
 
@@ -207,7 +207,7 @@ rule check_soil:
         mem_mb=1000,
         runtime=10,
     params:
-        code=code_of("rover.report_soil"),
+        code=code_of("check_soil"),
     script:
         "../scripts/check_soil.py"
 
@@ -229,7 +229,7 @@ rule summarise_drives:
         mem_mb=1000,
         runtime=10,
     params:
-        code=code_of("rover.report"),
+        code=code_of("summarise_drives"),
     script:
         "../scripts/summarise_drives.py"
 
@@ -250,7 +250,7 @@ rule summarise_onboard:
         runtime=20,
     params:
         options=sight_options()["onboard"],
-        code=code_of("rover.onboard_table"),
+        code=code_of("summarise_onboard"),
     script:
         "../scripts/summarise_onboard.py"
 
@@ -295,7 +295,7 @@ rule tabulate_rover:
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tables.rover_table"),
+        code=code_of("tabulate_rover"),
     script:
         "../scripts/tabulate_rover.py"
 
@@ -322,7 +322,7 @@ rule tabulate_onboard:
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tables.rover_table"),
+        code=code_of("tabulate_onboard"),
     script:
         "../scripts/tabulate_onboard.py"
 
@@ -349,7 +349,7 @@ rule draw_drive:
     params:
         origin=ORIGIN,
         options=options("tables"),
-        code=code_of("tables.figures.rover"),
+        code=code_of("draw_drive"),
     script:
         "../scripts/draw_drive.py"
 
@@ -376,7 +376,7 @@ rule draw_sequence:
     params:
         pictures=ROVER.shown_set,
         options=options("tables"),
-        code=code_of("tables.figures.rover"),
+        code=code_of("draw_sequence"),
     script:
         "../scripts/draw_sequence.py"
 
@@ -406,7 +406,7 @@ rule draw_front:
         pictures=ROVER.shown_set,
         confidence=ROVER.sight.onboard.confidence,
         options=options("tables"),
-        code=code_of("tables.figures.rover"),
+        code=code_of("draw_front"),
     script:
         "../scripts/draw_front.py"
 
@@ -433,6 +433,6 @@ rule draw_soil:
         runtime=5,
     params:
         options=options("tables"),
-        code=code_of("tables.figures.rover"),
+        code=code_of("draw_soil"),
     script:
         "../scripts/draw_soil.py"

@@ -52,7 +52,7 @@ rule score_cameras:
         truth=truth_of,
         drawn=drawn_labels_of,
         rule=match_rule(),
-        code=code_of("tables.quality_cameras"),
+        code=code_of("score_cameras"),
     script:
         "../scripts/score_cameras.py"
 
@@ -81,7 +81,7 @@ rule score_rocks:
     params:
         truth=truth_of,
         options=options("tables"),
-        code=code_of("tables.quality_rocks"),
+        code=code_of("score_rocks"),
     script:
         "../scripts/score_rocks.py"
 
@@ -132,7 +132,7 @@ rule score_labels:
         grid=options("grid"),
         truth=true_labels_of,
         options=options("tables"),
-        code=code_of("tables.quality_labels"),
+        code=code_of("score_labels"),
     script:
         "../scripts/score_labels.py"
 
@@ -158,7 +158,7 @@ rule score_outlines:
         grid=options("grid"),
         root=str(LABEL_ROOT),
         options=options("tables"),
-        code=code_of("tables.quality_outlines"),
+        code=code_of("score_outlines"),
     script:
         "../scripts/score_outlines.py"
 
@@ -185,7 +185,7 @@ rule score_twins:
         truth=true_labels_of,
         models=MODELS,
         options=options("tables"),
-        code=code_of("tables.quality_twins"),
+        code=code_of("score_twins"),
     script:
         "../scripts/score_twins.py"
 
@@ -209,7 +209,7 @@ rule score_materials:
         runtime=10,
     params:
         truth=truth_of,
-        code=code_of("tables.quality_materials"),
+        code=code_of("score_materials"),
     script:
         "../scripts/score_materials.py"
 
@@ -236,7 +236,7 @@ rule gather_quality:
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tables.quality"),
+        code=code_of("gather_quality"),
     script:
         "../scripts/gather_quality.py"
 
@@ -271,7 +271,7 @@ rule tabulate_cameras:
     params:
         terrains=CONFIG.terrains,
         origin=ORIGIN,
-        code=code_of("tables.stage_tables"),
+        code=code_of("tabulate_cameras"),
     script:
         "../scripts/tabulate_cameras.py"
 
@@ -311,7 +311,7 @@ rule tabulate_rocks:
     params:
         terrains=CONFIG.terrains,
         origin=ORIGIN,
-        code=code_of("tables.stage_tables"),
+        code=code_of("tabulate_rocks"),
     script:
         "../scripts/tabulate_rocks.py"
 
@@ -343,7 +343,7 @@ rule tabulate_labels:
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tables.labels_table"),
+        code=code_of("tabulate_labels"),
     script:
         "../scripts/tabulate_labels.py"
 
@@ -376,7 +376,7 @@ rule tabulate_render:
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tables.render_table"),
+        code=code_of("tabulate_render"),
     script:
         "../scripts/tabulate_render.py"
 
@@ -404,7 +404,7 @@ rule tabulate_detection:
     params:
         origin=ORIGIN,
         min_mean_dn=CONFIG.detect.min_mean_dn,
-        code=code_of("tables.detection_table"),
+        code=code_of("tabulate_detection"),
     script:
         "../scripts/tabulate_detection.py"
 
@@ -432,7 +432,7 @@ rule tabulate_ipd:
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tables.ipd_table"),
+        code=code_of("tabulate_ipd"),
     script:
         "../scripts/tabulate_ipd.py"
 
@@ -462,7 +462,7 @@ rule tabulate_stereo:
     params:
         origin=ORIGIN,
         stereo=options("detect")["stereo"],
-        code=code_of("tables.stereo_table"),
+        code=code_of("tabulate_stereo"),
     script:
         "../scripts/tabulate_stereo.py"
 
@@ -492,7 +492,7 @@ rule tabulate_breakdown:
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tables.breakdown_table"),
+        code=code_of("tabulate_breakdown"),
     script:
         "../scripts/tabulate_breakdown.py"
 
@@ -520,7 +520,7 @@ rule tabulate_false_alarms:
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tables.false_alarms_table"),
+        code=code_of("tabulate_false_alarms"),
     script:
         "../scripts/tabulate_false_alarms.py"
 
@@ -548,7 +548,7 @@ rule tabulate_ipd_rocks:
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tables.ipd_rocks_table"),
+        code=code_of("tabulate_ipd_rocks"),
     script:
         "../scripts/tabulate_ipd_rocks.py"
 
@@ -580,7 +580,7 @@ rule draw_comparison:
         key=shown_photo,
         models=MODELS,
         options=options("tables"),
-        code=code_of("tables.of_run"),
+        code=code_of("draw_comparison"),
     script:
         "../scripts/draw_comparison.py"
 
@@ -606,7 +606,7 @@ rule draw_reflectance:
         runtime=5,
     params:
         options=options("tables"),
-        code=code_of("tables.figures.brdf"),
+        code=code_of("draw_reflectance"),
     script:
         "../scripts/draw_reflectance.py"
 
@@ -639,7 +639,7 @@ rule draw_contact:
         grid=options("grid"),
         models=STAND_INS,
         options=options("tables"),
-        code=code_of("tables.of_run"),
+        code=code_of("draw_contact"),
     script:
         "../scripts/draw_contact.py"
 
@@ -672,7 +672,7 @@ rule draw_terrain:
         runtime=5,
     params:
         options=options("tables"),
-        code=code_of("tables.figures.terrain"),
+        code=code_of("draw_terrain"),
     script:
         "../scripts/draw_terrain.py"
 
@@ -698,7 +698,7 @@ rule draw_offsets:
         runtime=5,
     params:
         options=options("tables"),
-        code=code_of("tables.figures.offsets"),
+        code=code_of("draw_offsets"),
     script:
         "../scripts/draw_offsets.py"
 
@@ -729,7 +729,7 @@ rule draw_residuals:
     params:
         rule=match_rule(),
         options=options("tables"),
-        code=code_of("tables.figures.residuals"),
+        code=code_of("draw_residuals"),
     script:
         "../scripts/draw_residuals.py"
 
@@ -758,7 +758,7 @@ rule draw_label_errors:
     params:
         truth=true_labels_of,
         options=options("tables"),
-        code=code_of("tables.figures.labels"),
+        code=code_of("draw_label_errors"),
     script:
         "../scripts/draw_label_errors.py"
 
@@ -785,7 +785,7 @@ rule draw_reliability:
     params:
         origin=ORIGIN,
         options=options("tables"),
-        code=code_of("tables.figures.reliability"),
+        code=code_of("draw_reliability"),
     script:
         "../scripts/draw_reliability.py"
 
@@ -817,7 +817,7 @@ if KIND == "release":
             runtime=5,
         params:
             root=str(CONFIG.source.root),
-            code=code_of("lint.errata"),
+            code=code_of("draw_errata"),
         script:
             "../scripts/draw_errata.py"
 
@@ -844,7 +844,7 @@ rule draw_detection:
     params:
         origin=ORIGIN,
         options=options("tables"),
-        code=code_of("tables.figures.judges"),
+        code=code_of("draw_detection"),
     script:
         "../scripts/draw_detection.py"
 
@@ -871,7 +871,7 @@ rule draw_ipd:
     params:
         origin=ORIGIN,
         options=options("tables"),
-        code=code_of("tables.figures.judges"),
+        code=code_of("draw_ipd"),
     script:
         "../scripts/draw_ipd.py"
 
@@ -898,7 +898,7 @@ rule draw_curves:
     params:
         origin=ORIGIN,
         options=options("tables"),
-        code=code_of("tables.figures.curves"),
+        code=code_of("draw_curves"),
     script:
         "../scripts/draw_curves.py"
 
@@ -925,7 +925,7 @@ rule draw_ipd_histogram:
     params:
         origin=ORIGIN,
         options=options("tables"),
-        code=code_of("tables.figures.ipd_histogram"),
+        code=code_of("draw_ipd_histogram"),
     script:
         "../scripts/draw_ipd_histogram.py"
 
@@ -961,7 +961,7 @@ rule draw_gap_rocks:
         photo_domain=CONFIG.photo_domain,
         origin=ORIGIN,
         options=options("tables"),
-        code=code_of("tables.of_run"),
+        code=code_of("draw_gap_rocks"),
     script:
         "../scripts/draw_gap_rocks.py"
 
@@ -997,7 +997,7 @@ rule draw_seen:
         photo_domain=CONFIG.photo_domain,
         origin=ORIGIN,
         options=options("tables"),
-        code=code_of("tables.of_run"),
+        code=code_of("draw_seen"),
     script:
         "../scripts/draw_seen.py"
 
@@ -1030,7 +1030,7 @@ rule draw_opposition:
         photo_domain=CONFIG.photo_domain,
         models=MODELS,
         options=options("tables"),
-        code=code_of("tables.of_run"),
+        code=code_of("draw_opposition"),
     script:
         "../scripts/draw_opposition.py"
 
@@ -1081,6 +1081,6 @@ rule write_results_section:
             ["confidence", "nms_iou", "tone", "min_mean_dn"], COMPARES_BY
         ),
         origin=ORIGIN,
-        code=code_of("tables.results_section"),
+        code=code_of("write_results_section"),
     script:
         "../scripts/write_results_section.py"
