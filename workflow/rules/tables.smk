@@ -105,7 +105,7 @@ rule check_consistency:
         mem_mb=2500,
         runtime=10,
     params:
-        code=code_of("tables.consistency"),
+        code=code_of("check_consistency"),
     script:
         "../scripts/check_consistency.py"
 
