@@ -22,7 +22,8 @@ from polarsim.labels.light import LightLayers
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Brightness, Photos, PhotoSet
 from polarsim.labels.position import PositionLabels
-from polarsim.labels.seeds import Drawings, choose_seeds, first_shadow_ms, read_drawings
+from polarsim.labels.seeds import Drawings, choose_seeds, read_drawings, shadow_starts
+from polarsim.labels.shadow_starts import ShadowStarts
 from polarsim.labels.visibility import contrast
 from polarsim.photo import BOX_CLASSES, SHADOW, SUNS, PhotoKey
 
@@ -77,13 +78,13 @@ def propagate_labels(
     suns = lamps.read_suns(cameras, placed)
     corrections = read_corrections(options.corrections, terrain)
     drawings = read_drawings(seeds, terrain)
-    shadow_start_ms = first_shadow_ms({**drawings, **corrections}, options.shadow_start(terrain))
-    chosen = choose_seeds(drawings, corrections, shadow_start_ms)
+    starts = shadow_starts({**drawings, **corrections}, options.shadow_start(terrain))
+    chosen = choose_seeds(drawings, corrections, starts)
     known = gather(read_terrain(meshes, terrain), placed, suns, chosen, options)
     if options.refine_lamps:
         in_photos = lamps.read_found_suns(cameras)
         known = with_refined_lamps(known, [azimuth for azimuth in SUNS if azimuth not in in_photos], options)
-    labels = grid_labels(known, keys, options, shadow_start_ms, Photos(photos, terrain), drawings, corrections)
+    labels = grid_labels(known, keys, options, starts, Photos(photos, terrain), drawings, corrections)
     with writing_folder(boxes) as folder:
         for key in keys:
             classes = np.array([BOX_CLASSES.index(label.kind) for label in labels[key]], int)
@@ -96,7 +97,7 @@ def grid_labels(
     known: Known,
     keys: Sequence[PhotoKey],
     options: LabelsOptions,
-    shadow_start_ms: int,
+    starts: ShadowStarts,
     photos: Photos | None = None,
     drawings: Drawings = NOTHING_DRAWN,
     corrections: Drawings = NOTHING_DRAWN,
@@ -124,7 +125,7 @@ def grid_labels(
             if key in corrections:
                 labels[key] = as_drawn(corrections[key], shared)
                 continue
-            labels[key] = visible(shared, key, brightness, shadow_start_ms, options)
+            labels[key] = visible(shared, key, brightness, starts.of(key), options)
             if key in drawings:
                 added = [label for label in labels[key] if label.source != "seed"]
                 labels[key] = as_drawn(drawings[key], shared) + added

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import yolo
+from polarsim.labels.photos import PhotoSet
+from polarsim.labels.shadow_starts import ShadowStarts
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, Camera, PhotoKey
 
 log = logging.getLogger(__name__)
@@ -55,25 +57,25 @@ def read_drawings(folder: Path, terrain: int) -> Drawings:
     return found
 
 
-def first_shadow_ms(drawings: Drawings, usual_ms: int) -> int:
-    """Shortest exposure under a Sun lamp at which somebody drew a shadow, or at which people usually begin to."""
-    shown = [
-        key.exposure_ms
-        for key, drawn in drawings.items()
-        if key.azimuth in SUNS and drawn.shadows is not None and len(drawn.shadows)
-    ]
-    return min([usual_ms, *shown])
+def shadow_starts(drawings: Drawings, usual_ms: int) -> ShadowStarts:
+    """Where shadows begin under Sun lamps: at `usual_ms`, or where somebody drew some at a shorter exposure."""
+    drawn_ms: dict[PhotoSet, int] = {}
+    for key, drawn in drawings.items():
+        if key.azimuth in SUNS and drawn.shadows is not None and len(drawn.shadows):
+            photo_set = (key.position, key.camera, key.light, key.azimuth)
+            drawn_ms[photo_set] = min(drawn_ms.get(photo_set, usual_ms), key.exposure_ms)
+    return ShadowStarts(usual_ms, drawn_ms)
 
 
-def choose_seeds(drawings: Drawings, corrections: Drawings, shadow_start_ms: int = 0) -> Seeds:
+def choose_seeds(drawings: Drawings, corrections: Drawings, starts: ShadowStarts) -> Seeds:
     """One drawing a position, camera and azimuth.
 
     Parameters
     ----------
     corrections
         What people drew anew: it wins over seeds.
-    shadow_start_ms
-        Shortest exposure at which people draw shadows: what is shorter and has none says nothing about them, and
+    starts
+        Shortest exposures at which people draw shadows: what is shorter and has none says nothing about them, and
         another drawing of the same sight tells.
     """
     found: dict[tuple[str, Sight], list[Ranked]] = {}
@@ -81,7 +83,7 @@ def choose_seeds(drawings: Drawings, corrections: Drawings, shadow_start_ms: int
     for key, is_correction, drawn in both:
         count = len(drawn.rocks) + (0 if drawn.shadows is None else len(drawn.shadows))
         rank = (is_correction, key.light == "off", count)
-        silent = key.exposure_ms < shadow_start_ms and (drawn.shadows is None or not len(drawn.shadows))
+        silent = key.exposure_ms < starts.of(key) and (drawn.shadows is None or not len(drawn.shadows))
         told = replace(drawn, shadows=None) if silent else drawn
         found.setdefault((key.position, (key.camera, key.azimuth)), []).append((rank, told))
     seeds: Seeds = {}

@@ -1,7 +1,8 @@
 import numpy as np
 
 from polarsim.formats import yolo
-from polarsim.labels.seeds import Drawn, cameras_first, choose_seeds, first_shadow_ms, read_drawings
+from polarsim.labels.seeds import Drawn, cameras_first, choose_seeds, read_drawings, shadow_starts
+from polarsim.labels.shadow_starts import ShadowStarts
 from polarsim.photo import PhotoKey
 
 ROCK, SHADOW = np.array([100.0, 100, 160, 150]), np.array([60.0, 90, 110, 140])
@@ -13,7 +14,7 @@ def write(folder, name, shadows=1, shift=0):
 
 
 def read_seeds(folder, corrections=None, shadow_start_ms=0):
-    return choose_seeds(read_drawings(folder, 3), corrections or {}, shadow_start_ms)
+    return choose_seeds(read_drawings(folder, 3), corrections or {}, ShadowStarts(shadow_start_ms))
 
 
 def test_seeds_of_both_cameras_are_kept_by_position_and_sight(tmp_path):
@@ -56,10 +57,31 @@ def test_the_camera_with_most_drawings_comes_first_and_left_before_right():
     assert cameras_first([("R", "30"), ("L", "180")])[0][0] == "L"
 
 
-def test_shadows_begin_where_a_drawing_shows_some_or_as_usual(tmp_path):
+def starts_of(folder, key):
+    return shadow_starts(read_drawings(folder, 3), 128).of(PhotoKey.parse(key))
+
+
+def test_shadows_of_a_photo_set_begin_where_its_drawing_shows_some_or_as_usual(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
     write(tmp_path, "03_A_off_30_L_0016", shadows=0)
     write(tmp_path, "03_A_on_no_L_0016")  # the rover light's shadows tell nothing of the Sun's
-    assert first_shadow_ms(read_drawings(tmp_path, 3), 128) == 128
+    assert starts_of(tmp_path, "03_A_off_30_L_0064") == 128
     write(tmp_path, "03_C_off_180_L_0032")
-    assert first_shadow_ms(read_drawings(tmp_path, 3), 128) == 32
+    assert starts_of(tmp_path, "03_C_off_180_L_0064") == 32
+
+
+def test_one_early_seed_of_twelve_moves_nothing_but_its_own_photos(tmp_path):
+    for position in "ABC":
+        for azimuth in ("30", "180", "270", "350"):
+            early = (position, azimuth) == ("B", "180")
+            write(tmp_path, f"03_{position}_off_{azimuth}_L_{'0032' if early else '0256'}")
+    assert starts_of(tmp_path, "03_B_off_180_L_0064") == 32
+    for other in ("03_B_off_180_R_0064", "03_B_on_180_L_0064", "03_B_off_30_L_0064", "03_A_off_180_L_0064"):
+        assert starts_of(tmp_path, other) == 128
+
+
+def test_most_seeds_of_a_position_tell_of_photos_that_nobody_drew(tmp_path):
+    for azimuth, exposure in (("30", "0064"), ("180", "0064"), ("270", "0064"), ("350", "0256")):
+        write(tmp_path, f"03_B_off_{azimuth}_L_{exposure}")
+    assert starts_of(tmp_path, "03_B_on_30_R_0064") == 64
+    assert starts_of(tmp_path, "03_B_off_350_L_0064") == 128
