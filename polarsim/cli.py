@@ -175,6 +175,9 @@ def ipd(
     unpaired: Annotated[
         Treatment, typer.Option(help="A rock labelled in one domain only: IoU 0 in the other, or left out.")
     ] = Treatment.left_out,
+    missing: Annotated[
+        Treatment, typer.Option(help="A labelled picture without predictions: nothing was found there, or left out.")
+    ] = Treatment.left_out,
     pair_iou: Annotated[
         float, typer.Option(min=0.01, max=1, help="Without rock ids: least IoU of labels of the same rock.")
     ] = 0.5,
@@ -201,6 +204,7 @@ def ipd(
         rules=Rules(undetected.value, unpaired.value),
         unit=unit.value if unit else None,
         pair_iou=pair_iou,
+        missing=missing.value,
         seed=seed,
         resamples=resamples,
     )
@@ -549,6 +553,11 @@ def _print_ipd(report: dict[str, Any]) -> None:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for cells in rows:
         typer.echo("  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip())
+    for name in ("a", "b"):
+        if unseen := report[f"without_predictions_{name}"]:
+            some = ", ".join(unseen[:3]) + (", ..." if len(unseen) > 3 else "")
+            how = "left out (--missing zero counts them)" if report["missing"] == "left_out" else "counted as IoU 0"
+            typer.echo(f"{len(unseen)} labelled pictures have no predictions {name.upper()}, {how}: {some}")
     typer.echo(
         f"{report['pictures']} pictures; paired by {report['paired_by']}; confidence from {report['confidence']:g}; "
         f"undetected: {report['undetected']}; unpaired: {report['unpaired']}; intervals over {report['unit']}s"

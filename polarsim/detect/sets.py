@@ -11,7 +11,7 @@ import pandas as pd
 
 from polarsim.detect.bootstrap import Unit
 from polarsim.detect.dataset import BOX_COLUMNS
-from polarsim.detect.ipd import Rules, instance_performance, instance_performance_difference
+from polarsim.detect.ipd import Rules, Treatment, instance_performance, instance_performance_difference
 from polarsim.errors import DetectError, LabelError
 from polarsim.formats import tables, yolo
 from polarsim.geometry import boxes
@@ -28,6 +28,7 @@ def compare_sets(
     rules: Rules | None = None,
     unit: Unit | None = None,
     pair_iou: float = PAIR_IOU,
+    missing: Treatment = "left_out",
     seed: int = 0,
     resamples: int = 1000,
 ) -> dict[str, Any]:
@@ -44,6 +45,9 @@ def compare_sets(
     pair_iou
         Without rock ids on both sides, labels of one class are the same thing if they are each other's match (one to
         one, most pairs first) with this IoU or more.
+    missing
+        Labelled pictures without a file, or a row, of predictions: left out of both domains, for nobody may have looked
+        at them; or `zero`, where nothing was found in them.
 
     Raises
     ------
@@ -55,6 +59,12 @@ def compare_sets(
     common = sorted(set(sides[0]["key"]) & set(sides[1]["key"]))
     if not common:
         raise DetectError(f"{labels[0]} and {labels[1]}: no picture has labels in both")
+    unseen = [sorted(set(common) - _looked_at(*pair)) for pair in zip(predictions, found, strict=True)]
+    if missing == "left_out":
+        common = sorted(set(common).difference(*unseen))
+        if not common:
+            raise DetectError(f"{predictions[0]} and {predictions[1]}: no labelled picture has predictions in both")
+        sides = [side[side["key"].isin(common)] for side in sides]
     by_id = all((side["rock"] != NO_ROCK).any() for side in sides)
     if not by_id:
         sides = list(identify(sides[0], sides[1], pair_iou))
@@ -67,6 +77,9 @@ def compare_sets(
         "undetected": rules.undetected,
         "unpaired": rules.unpaired,
         "unit": rules.unit,
+        "missing": missing,
+        "without_predictions_a": unseen[0],
+        "without_predictions_b": unseen[1],
         "classes": {},
     }
     for kind in sorted(set(sides[0]["kind"]) | set(sides[1]["kind"])):
@@ -98,6 +111,11 @@ def read_predictions(path: Path) -> pd.DataFrame:
         key = table.loc[table["confidence"].isna(), "key"].iloc[0]
         raise DetectError(f"{path / key}.txt: a prediction has 6 fields: class x y width height confidence")
     return table
+
+
+def _looked_at(path: Path, found: pd.DataFrame) -> set[str]:
+    """Pictures that predictions speak of: an empty YOLO file says that nothing was found, a table cannot."""
+    return {file.stem for file in path.glob("*.txt")} if path.is_dir() else set(found["key"])
 
 
 def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -39,6 +39,27 @@ def test_two_yolo_folders_are_paired_by_overlap_whatever_the_order_of_their_line
     }  # fmt: skip
 
 
+def test_pictures_that_nobody_looked_at_are_named_and_left_out(folders):
+    whole = compare(folders)["classes"]["rock"]
+    for side, text in (("la", LABELS_A), ("lb", LABELS_B)):
+        for picture in ("two", "three"):
+            (folders / side / f"{picture}.txt").write_text(text)
+    report = compare(folders)
+    assert (report["pictures"], report["without_predictions_a"]) == (1, ["three", "two"])
+    assert report["classes"]["rock"] == whole  # two pictures more counted as IoU 0 made a third of it
+    assert compare(folders, missing="zero")["classes"]["rock"]["ipd"] == pytest.approx(whole["ipd"] / 3)
+    for side in ("pa", "pb"):
+        (folders / side / "two.txt").write_text("")  # looked at, and nothing found
+    assert compare(folders)["classes"]["rock"]["ipd"] == pytest.approx(whole["ipd"] / 2)
+
+
+def test_predictions_of_other_pictures_are_refused(folders):
+    for side in ("pa", "pb"):
+        (folders / side / "one.txt").rename(folders / side / "other.txt")
+    with pytest.raises(DetectError, match="no labelled picture has predictions in both"):
+        compare(folders)
+
+
 def test_confidence_and_rules_are_heeded(folders):
     assert compare(folders, confidence=0.05)["classes"]["rock"]["ipd"] == pytest.approx(0)  # 0.5 and -0.5 cancel
     assert compare(folders, rules=Rules(undetected="left_out"))["classes"]["rock"]["pairs"] == 1
