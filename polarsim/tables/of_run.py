@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -23,6 +24,8 @@ from polarsim.tables.options import TablesOptions
 from polarsim.tables.run_files import cover_photo_of, instances_of, photo_of, pictures_of, polygons_of, twin_of
 from polarsim.tables.show import show
 
+log = logging.getLogger("polarsim")
+
 
 def show_of_run(
     *,
@@ -35,6 +38,8 @@ def show_of_run(
     masks: bool = False,
 ) -> None:
     """Draw a photo (domain `photo`) with its propagated labels, or a model's twin with its automatic ones.
+
+    Where a run has no photos a twin of the same key stands in; cover photos show another light, often another camera.
 
     Parameters
     ----------
@@ -51,7 +56,10 @@ def show_of_run(
         The run has no polygons or instance map of it.
     """
     tables = run / ("labels" if domain == "photo" else "renders") / "tables"
-    picture = photo_of(run, key) or cover_photo_of(run, key) if domain == "photo" else twin_of(run, domain, key)
+    picture = photo_of(run, key) if domain == "photo" else twin_of(run, domain, key)
+    if domain == "photo" and picture is None:
+        picture = next(iter(sorted(run.glob(f"renders/*/Terrain{key.terrain:02d}/{key}.png"))), None)
+        log.warning("%s: no photo of %s, %s stands in", run, key, picture or "and no twin")
     if picture is None or not picture.exists():
         raise LabelError(f"{run}: no {domain} picture of {key}; models are below {run / 'renders'}")
     show(

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,8 @@ GROUPS: dict[str, Callable[[PhotoKey], str]] = {
     "azimuth": lambda key: key.azimuth,
     "camera": lambda key: key.camera,
 }
+
+Name = TypeVar("Name", PhotoKey, str)  # what a label file is called: POLAR's way, or anyone's
 
 log = logging.getLogger("polarsim")
 
@@ -99,10 +101,8 @@ def count_photo(truth: Labels, labels: Labels, threshold: float = 0.5) -> dict[s
     }
 
 
-def score(
-    truth: Mapping[PhotoKey, Labels], labels: Mapping[PhotoKey, Labels], threshold: float = 0.5
-) -> dict[str, Any]:
-    """Figures by class, over all photos of the truth and by part of the key.
+def score(truth: Mapping[Name, Labels], labels: Mapping[Name, Labels], threshold: float = 0.5) -> dict[str, Any]:
+    """Figures by class, over all photos of the truth and, where they have photo keys, by part of the key.
 
     A photo of the truth without labels has all its boxes missed; labels of photos without truth are not looked at.
 
@@ -118,8 +118,8 @@ def score(
     for key in sorted(truth):
         for name, counts in count_photo(truth[key], labels.get(key, Labels.none()), threshold).items():
             total[name] += counts
-            for group, value_of in GROUPS.items():
-                part = groups[group].setdefault(value_of(key), {n: Counts() for n in BOX_CLASSES})
+            for group, value in _parts_of(key).items():
+                part = groups[group].setdefault(value, {n: Counts() for n in BOX_CLASSES})
                 part[name] += counts
     return {
         "threshold": threshold,
@@ -135,6 +135,8 @@ def score_folders(
 ) -> dict[str, Any]:
     """Compare two folders of YOLO files, each flat, with `TerrainNN` subfolders, or a release's root.
 
+    Files are paired by photo key, which strays have none of; where the truth has no photo keys at all, by name.
+
     Parameters
     ----------
     keys
@@ -148,32 +150,64 @@ def score_folders(
     Raises
     ------
     FormatError
-        A folder is missing, or a label file is broken. A broken truth file is left out and listed: it is nobody's
-        labels that are wrong there, and the release has one.
+        A folder is missing, a label file is broken, or all truth files are. A broken truth file among sound ones is
+        left out and listed: it is nobody's labels that are wrong there, and the release has one.
     LabelError
-        A photo has two label files in one folder, or the truth has no label file at all.
+        A photo has two label files in one folder, the truth has no label file at all, or none of the labels' names.
     """
-    of_truth, of_labels = _key_files(truth), _key_files(labels)
+    of_truth, of_labels = _label_files(truth), _label_files(labels)
     if not of_truth.files:
-        raise LabelError(f"{truth}: no file named by a photo key, such as 01_A_off_180_L_0256.txt")
-    wanted = [key for key in of_truth.files if keys is None or keys(key)]
-    read_truth, unreadable = _read_truth({key: of_truth.files[key] for key in wanted})
-    read_labels = {key: read(of_labels.files[key]) for key in read_truth if key in of_labels.files}
-    missing = [key for key in read_truth if key not in read_labels]
-    if missing:
-        log.warning("%s: %d of %d files are missing, first %s.txt", labels, len(missing), len(wanted), missing[0])
-    return {
-        **score(read_truth, read_labels, threshold),
-        "files": {
-            "compared": len(read_truth),
-            "missing_labels": len(missing),
-            "labels_without_truth": len([key for key in of_labels.files if key not in of_truth.files]),
-            "not_selected": len(of_truth.files) - len(wanted),
-            "unreadable_truth": unreadable,
-            "stray_truth": _names(of_truth.stray, truth),
-            "stray_labels": _names(of_labels.stray, labels),
-        },
+        return _score_by_name(of_truth.stray, of_labels, truth, labels, threshold)
+    if not set(of_truth.files) & set(of_labels.files):
+        raise LabelError(f"{labels}: no label file of a photo that {truth} has")
+    wanted = {key: path for key, path in of_truth.files.items() if keys is None or keys(key)}
+    report = _score_files(wanted, of_labels.files, truth, labels, threshold)
+    report["files"] |= {
+        "not_selected": len(of_truth.files) - len(wanted),
+        "labels_without_truth": len([key for key in of_labels.files if key not in of_truth.files]),
+        "stray_truth": _names(of_truth.stray, truth),
+        "stray_labels": _names(of_labels.stray, labels),
     }
+    return report
+
+
+def _score_by_name(
+    of_truth: list[Path], of_labels: release.KeyFiles, truth: Path, labels: Path, threshold: float
+) -> dict[str, Any]:
+    """Of flat folders whose files are not named by photo keys."""
+    true = {path.stem: path for path in of_truth if path.suffix == ".txt"}
+    found = {path.stem: path for path in [*of_labels.files.values(), *of_labels.stray] if path.suffix == ".txt"}
+    if not true:
+        raise LabelError(f"{truth}: no label file, such as 01_A_off_180_L_0256.txt or picture.txt")
+    if not set(true) & set(found):
+        raise LabelError(f"{labels}: no label file of the same name as one of {truth}")
+    report = _score_files(true, found, truth, labels, threshold)
+    report["files"] |= {
+        "not_selected": 0,
+        "labels_without_truth": len(set(found) - set(true)),
+        "stray_truth": [],
+        "stray_labels": [],
+    }
+    return report
+
+
+def _score_files(
+    of_truth: Mapping[Name, Path], of_labels: Mapping[Name, Path], truth: Path, labels: Path, threshold: float
+) -> dict[str, Any]:
+    read_truth, unreadable = _read_truth(of_truth)
+    if unreadable and not read_truth:
+        raise FormatError(f"{truth}: none of {len(unreadable)} label files can be read, first {unreadable[0]}")
+    read_labels = {name: read(of_labels[name]) for name in read_truth if name in of_labels}
+    missing = [name for name in read_truth if name not in read_labels]
+    if missing:
+        log.warning("%s: %d of %d files are missing, first %s.txt", labels, len(missing), len(of_truth), missing[0])
+    files = {"compared": len(read_truth), "missing_labels": len(missing), "unreadable_truth": unreadable}
+    return {**score(read_truth, read_labels, threshold), "files": files}
+
+
+def _parts_of(name: PhotoKey | str) -> dict[str, str]:
+    """By group: the part that a photo belongs to."""
+    return {group: value_of(name) for group, value_of in GROUPS.items()} if isinstance(name, PhotoKey) else {}
 
 
 def read(path: Path) -> Labels:
@@ -187,8 +221,9 @@ def read(path: Path) -> Labels:
     return Labels(*yolo.read_boxes(path))
 
 
-def _read_truth(files: Mapping[PhotoKey, Path]) -> tuple[dict[PhotoKey, Labels], list[str]]:
-    found, unreadable = {}, []
+def _read_truth(files: Mapping[Name, Path]) -> tuple[dict[Name, Labels], list[str]]:
+    found: dict[Name, Labels] = {}
+    unreadable = []
     for key, path in files.items():
         try:
             found[key] = read(path)
@@ -198,7 +233,7 @@ def _read_truth(files: Mapping[PhotoKey, Path]) -> tuple[dict[PhotoKey, Labels],
     return found, unreadable
 
 
-def _key_files(folder: Path) -> release.KeyFiles:
+def _label_files(folder: Path) -> release.KeyFiles:
     if not folder.is_dir():
         raise FormatError(f"{folder}: no such folder of label files")
     return release.key_files(folder / release.BOXES if (folder / release.BOXES).is_dir() else folder)

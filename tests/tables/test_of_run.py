@@ -64,6 +64,20 @@ def test_masks_of_photos_come_from_polygons_and_those_of_twins_from_what_they_sh
         assert (np.sign(filled[dark] - grey) == np.sign(np.array(COLOURS[kind]) - grey)).all()
 
 
+def test_a_photo_that_is_not_there_is_shown_by_its_twin_and_never_by_the_cover_photo(tmp_path, run, caplog):
+    right = next(key for key in KEYS if key.camera == "R")
+    cover = tmp_path / "cover_photo_indexed_03_A.png"
+    png.write(cover, np.zeros((1216, 1936, 3), np.uint8))
+    inventory = {"terrain": 3, "kind": "release", "cover_photos": {right.position: str(cover)}}
+    write_json(run / "acquire/Terrain03/inventory.json", inventory)
+    show_of_run(key=right, run=run, domain="photo", out=tmp_path / "out.png")
+    assert png.read(tmp_path / "out.png")[1100, 1000].min() > 0  # not the black cover photo of another light and camera
+    assert f"no photo of {right}" in caplog.text
+    (run / f"renders/hapke/Terrain03/{right}.png").unlink()
+    with pytest.raises(LabelError, match="no photo picture"):
+        show_of_run(key=right, run=run, domain="photo", out=tmp_path / "other.png")
+
+
 def test_a_picture_or_polygons_that_the_run_has_not_are_named(tmp_path, run):
     with pytest.raises(LabelError, match="no lambert picture"):
         show_of_run(key=LEFT, run=run, domain="lambert", out=tmp_path / "out.png")

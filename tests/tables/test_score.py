@@ -132,7 +132,7 @@ def test_a_broken_label_file_is_an_error_with_file_and_line(tmp_path):
 def test_a_missing_folder_and_a_folder_without_truth_are_errors(tmp_path):
     with pytest.raises(FormatError, match="nowhere: no such folder"):
         score_folders(tmp_path / "nowhere", tmp_path)
-    with pytest.raises(LabelError, match="no file named by a photo key"):
+    with pytest.raises(LabelError, match="no label file, such as"):
         score_folders(tmp_path, tmp_path)
 
 
@@ -166,3 +166,32 @@ def test_the_release_compared_with_itself_is_perfect(release_root):
     report = score_folders(release_root / "Labels", release_root / "Labels", keys=lambda key: key.terrain == 11)
     assert report["classes"]["rock"]["tp"] == 2230  # shared facts on the labels, 1.1
     assert report["classes"]["shadow"]["f1"] == 1
+
+
+def test_any_two_folders_are_paired_by_name(tmp_path):
+    for folder in ("truth", "found"):
+        (tmp_path / folder).mkdir()
+        for name in ("frame_1", "frame_2"):
+            (tmp_path / folder / f"{name}.txt").write_text("0 0.5 0.5 0.1 0.1\n")
+    (tmp_path / "found/frame_2.txt").write_text("")
+    report = score_folders(tmp_path / "truth", tmp_path / "found")
+    assert (report["classes"]["rock"]["recall"], report["files"]["compared"]) == (0.5, 2)
+    assert report["by"]["camera"] == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("01_A_off_180_L_0256", "0 0.5 0.5 0.1\n", "none of 1 label files can be read"),
+        ("frame_1", "rubbish\n", "none of 1 label files can be read"),
+        ("01_A_off_180_R_0256", "0 0.5 0.5 0.1 0.1\n", "no label file of a photo that"),
+        ("frame_2", "0 0.5 0.5 0.1 0.1\n", "no label file of the same name"),
+    ],
+)
+def test_nothing_to_compare_is_an_error_and_no_row_of_zeros(tmp_path, name, text, message):
+    other = "01_A_off_180_L_0256" if name[0] == "0" else "frame_1"
+    for folder, stem, content in (("truth", name, text), ("found", other, "0 0.5 0.5 0.1 0.1\n")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / f"{stem}.txt").write_text(content)
+    with pytest.raises((FormatError, LabelError), match=message):
+        score_folders(tmp_path / "truth", tmp_path / "found")
