@@ -1,7 +1,8 @@
 """Visible shape of every labelled rock and shadow, ground and background: YOLO polygons, grey maps and COCO masks.
 
 A box says where a person saw a thing, the meshes say which shape it has: the visible shape of the rock's mesh, or of
-the shadow that it casts, is stretched from its own box to the label's. A view and lamp is drawn once for all exposures.
+the shadow that it casts, is stretched from its own box to the label's. People draw shadows without dents and their
+boxes loosely: shadows are convex and keep a share of their own box. A view and lamp is drawn once for all exposures.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from polarsim.labels.backdrop import backdrop
 from polarsim.labels.identity import dome_behind
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shadows import Ids, lamp
-from polarsim.labels.shapes import Shape, fitted, shapes_of, visible
+from polarsim.labels.shapes import Shape, convex, fitted, shapes_of, visible
 from polarsim.labels.view import View
 from polarsim.labels.world import Dome, World, build_world, with_domes
 from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey
@@ -101,14 +102,17 @@ class ViewOutlines:
         content = (b"" if place is None else place.tobytes(), frozenset(things))
         if content not in self._drawn:
             order = sorted(things, key=lambda thing: (thing[0] == ROCK, things[thing][3], thing))
-            shapes = [
-                fitted(self._own_shapes(kind, place).get(rock), things[kind, rock, box]) for kind, rock, box in order
-            ]
-            parts = visible(shapes, *self.view.size)
+            parts = visible([self._shape(thing, things[thing], place) for thing in order], *self.view.size)
             self._drawn[content] = Drawing(
                 dict(zip(order, parts, strict=True)), self._backdrop, self.options.simplify_px
             )
         return self._drawn[content]
+
+    def _shape(self, thing: Thing, box: np.ndarray, place: np.ndarray | None) -> Shape:
+        """All of a label's rock or shadow, whatever hides it."""
+        kind, rock, _ = thing
+        own_share = 0.0 if kind == ROCK else self.options.outline_cast_share
+        return fitted(self._own_shapes(kind, place).get(rock), box, own_share)
 
     def _own_shapes(self, kind: str, place: np.ndarray | None) -> dict[int, Shape]:
         """What the meshes show of rocks or of their shadows."""
@@ -117,7 +121,8 @@ class ViewOutlines:
         if place is None:
             return {}
         if place.tobytes() not in self._shadows:
-            self._shadows[place.tobytes()] = shapes_of(self.ids.shadow_of(self.world, place))
+            cast = shapes_of(self.ids.shadow_of(self.world, place))
+            self._shadows[place.tobytes()] = {rock: convex(shape) for rock, shape in cast.items()}
         return self._shadows[place.tobytes()]
 
 

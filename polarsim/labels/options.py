@@ -89,6 +89,13 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     )
 
     # Outlines.
+    outline_cast_share: float = Field(
+        0.35,
+        ge=0,
+        le=1,
+        description="Share of the cast shadow's own box in the box that a shadow's outline fills; the rest is the "
+        "label's.",
+    )
     simplify_px: float = Field(0.6, ge=0, description="Largest error of a simplified outline, px.")
     wall_height_m: float = Field(0.30, ge=0, description="Height of the sandbox's walls above the sand, m; 0: none.")
 

@@ -62,11 +62,24 @@ def shapes_of(ids: np.ndarray) -> dict[int, Shape]:
     }
 
 
-def fitted(shape: Shape | None, box: np.ndarray) -> Shape:
-    """A shape stretched to its label's box; a rounded box where the shape is missing or lies elsewhere."""
+def fitted(shape: Shape | None, box: np.ndarray, own_share: float = 0.0) -> Shape:
+    """A shape stretched to its label's box; a rounded box where the shape is missing or lies elsewhere.
+
+    With `own_share`, the box that it fills lies that far from the label's (0) to its own (1).
+    """
     if shape is None or iou(shape.box[None], box[None])[0, 0] < LIKE_ITS_BOX:
         return rounded(box)
-    return stretched(shape, box)
+    return stretched(shape, own_share * shape.box + (1 - own_share) * box)
+
+
+def convex(shape: Shape) -> Shape:
+    """The shape with its dents filled."""
+    import cv2
+
+    rows, columns = np.nonzero(shape.mask)
+    corners = cv2.convexHull(np.stack([columns, rows], axis=1).astype(np.int32))
+    hull = cv2.fillConvexPoly(np.zeros(shape.mask.shape, np.uint8), corners, 1) > 0
+    return Shape(hull, shape.left, shape.top)
 
 
 def stretched(shape: Shape, box: np.ndarray) -> Shape:

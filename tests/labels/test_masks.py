@@ -1,15 +1,16 @@
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 from shapely import Polygon
 
-from polarsim.formats import png, tables, yolo
+from polarsim.formats import lamps, png, tables, yolo
 from polarsim.formats.coco import read_coco
-from polarsim.geometry.polygons import paint, signed_area
+from polarsim.geometry.polygons import paint, rasterised, signed_area
 from polarsim.labels.masks import BOX_COLUMNS, draw_masks
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey, photo_grid
 
-from .conftest import BLOCKS, TERRAIN
+from .conftest import BLOCKS, TERRAIN, block, placed
 from .test_propagate import propagate
 
 KEYS = [
@@ -178,6 +179,34 @@ def test_rocks_that_a_photo_is_too_dark_to_show_still_hide_what_is_behind(untouc
     np.testing.assert_allclose(far.box, [601, 500, 700, 580])
     assert (near.mask.mask() & whole(FAR_BOX)).any()
     assert not (near.mask.mask() & far.mask.mask()).any()
+
+
+def test_a_shadow_whose_box_the_pen_missed_keeps_near_what_the_mesh_casts(untouched_scene, tmp_path):
+    pen = [np.array(off) for off in ([7.0, -5, -6, 4], [-6.0, 5, 7, 6], [5.0, 6, 6, -5])]
+    rings = {rock: true_shadow(rock) for rock in BLOCKS}
+    for number, off in enumerate(pen):
+        boxes = {rock: np.concatenate([ring.min(axis=0), ring.max(axis=0)]) + off for rock, ring in rings.items()}
+        labels = [(LIT, "shadow", rock, box) for rock, box in boxes.items()]
+        for own in relabelled(untouched_scene, tmp_path / str(number), labels, [LIT])[LIT]:
+            true, box = rings[own.rock], boxes[own.rock]
+            low, extent = true.min(axis=0), np.ptp(true, axis=0)
+            full = rasterised(box[:2] + (true - low) / extent * (box[2:] - box[:2]), (1216, 1936))
+            true = rasterised(true, (1216, 1936))
+            assert 1 - mask_iou(own.mask.mask(), true) < 0.8 * (1 - mask_iou(full, true))
+            np.testing.assert_allclose(own.box, box, atol=0.01)  # the label's box stays
+
+
+def true_shadow(rock: int) -> np.ndarray:
+    """(n, 2) px: what a block, a convex body, shades of the flat sand, the sand under it included."""
+    corners = block(*BLOCKS[rock]).vertices
+    lamp = lamps.surveyed_suns({position: placed(position) for position in "AC"})[LIT.azimuth]
+    share = corners[:, 2:] / (lamp[2] - corners[:, 2:])
+    pixels = placed("A").project("L", corners + share * (corners - lamp))
+    return pixels[ConvexHull(pixels).vertices]
+
+
+def mask_iou(first: np.ndarray, second: np.ndarray) -> float:
+    return (first & second).sum() / (first | second).sum()
 
 
 def whole(box: list[float]) -> np.ndarray:

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import label
 
-from polarsim.labels.shapes import Shape, fitted, rounded, shapes_of, stretched, visible
+from polarsim.labels.shapes import Shape, convex, fitted, rounded, shapes_of, stretched, visible
 
 any_shape = st.builds(
     Shape, arrays.arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6))), st.integers(-4, 10), st.integers(-4, 8)
@@ -19,6 +19,19 @@ def test_a_stretched_shape_fills_its_new_box():
     found = stretched(ellipse, box)
     np.testing.assert_allclose(found.box, box, atol=1)
     assert found.mask.sum() == pytest.approx(np.pi * 45 * 30, rel=0.02)
+
+
+def test_a_shape_may_keep_a_share_of_its_own_box():
+    own = Shape(np.ones((20, 40), bool), 100, 200)
+    np.testing.assert_array_equal(fitted(own, np.array([110.0, 200, 150, 230]), 0.3).box, [107, 200, 147, 227])
+
+
+def test_a_convex_shape_has_no_dents_and_its_old_box():
+    dented = np.zeros((9, 9), bool)
+    dented[:, 0] = dented[8] = True
+    found = convex(Shape(dented, 4, 5))
+    np.testing.assert_array_equal(found.mask, np.tri(9, dtype=bool))
+    np.testing.assert_array_equal(found.box, [4, 5, 13, 14])
 
 
 def test_a_rounded_shape_fills_its_box():
