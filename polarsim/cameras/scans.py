@@ -75,8 +75,11 @@ def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> 
     Raises
     ------
     RegistrationError
-        A scan shows no sand where the survey has it, or two scans disagree however they are laid.
+        A scan shows no sand where the survey has it, two scans are copies, or disagree however they are laid.
     """
+    for one, other in combinations(sorted(scans), 2):
+        if np.array_equal(scans[one], scans[other]):
+            raise RegistrationError(f"the scans of positions {one} and {other} are copies: the same points in both")
     levelled = {position: _levelled(position, points, options) for position, points in sorted(scans.items())}
     reference = max(levelled, key=lambda position: len(levelled[position].fine.points))
     start = {reference: Pose.identity()}

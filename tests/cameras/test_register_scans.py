@@ -60,6 +60,17 @@ def test_scans_of_two_terrains_are_refused_by_name(scans):
         register_scans({"A": scans["A"], "C": level.inverse().apply(bumpy)}, quick)
 
 
+def test_copies_of_one_scan_are_refused_by_name(scans):
+    with pytest.raises(RegistrationError, match="the scans of positions A and C are copies"):
+        register_scans({"A": scans["A"], "C": scans["A"].copy()}, OPTIONS)
+
+
+def test_a_scan_that_is_turned_round_is_refused_by_name(scans):
+    backwards = scans["C"] * np.array([-1, 1, -1])  # by 180 degrees about the camera's vertical
+    with pytest.raises(RegistrationError, match=r"position C has \d+ points where the sand should be"):
+        register_scans({"A": scans["A"], "C": backwards}, OPTIONS)
+
+
 def test_a_scan_that_shows_no_sand_is_refused_by_name():
     with pytest.raises(RegistrationError, match="position A has 0 points where the sand should be"):
         level_pose("A", np.full((50_000, 3), [0.0, 0.0, 30.0]))
