@@ -84,8 +84,9 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
     moves = {}
     for position, points in sorted(scans.items()):
         moves[position] = _further(points, surface)
-        place, face = surface.nearest(moves[position].apply(points))
-        above = ((moves[position].apply(points) - place) * surface.normals[face]).sum(axis=1)
+        settled = moves[position].apply(points)
+        place, face = surface.nearest(settled)
+        above = ((settled - place) * surface.normals[face]).sum(axis=1)
         left_mm = 1000 * float(np.median(np.abs(above)))
         figures.append(Figure(f"scan {position} on the meshes", "distance_median", left_mm, "mm", len(points), "own"))
     for one, other in combinations(sorted(moves), 2):

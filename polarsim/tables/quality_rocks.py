@@ -10,7 +10,7 @@ import pandas as pd
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import read_parquet, write_csv, write_parquet
-from polarsim.geometry.poses import angle_between
+from polarsim.geometry.poses import Pose, angle_between
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.tables.mesh_scores import accuracy, f_score, mesh_table, soundness_rows
@@ -89,9 +89,7 @@ def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Compari
     """Distances of the true surface from ours where the cameras put it: nothing is laid on anything by surfaces."""
     sandbox_from_truth = compared.by_cameras.inverse()
     distance_mm = 1000 * surface.distance(sandbox_from_truth.apply(compared.true.points))
-    in_truth = found.copy()
-    in_truth[["x", "y", "z"]] = compared.by_cameras.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
-    paired = true["rock"].to_numpy()[pair_rocks(true, in_truth).true]
+    paired = true["rock"].to_numpy()[pair_rocks(true, _moved(found, compared.by_cameras)).true]
     points_of = {rock: distance_mm[compared.true.rock == rock] for rock in paired}
     rocks_mm = np.array([np.median(mine) for mine in points_of.values() if len(mine)])
     ground_mm = distance_mm[compared.true.rock == NO_ROCK]
@@ -99,6 +97,12 @@ def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Compari
         *summary("paired rocks, cameras' frame", "surface_median_by_rock", rocks_mm, "mm", "truth"),
         *summary("ground, cameras' frame", "surface_distance", ground_mm, "mm", "truth"),
     ]
+
+
+def _moved(found: pd.DataFrame, truth_from_sandbox: Pose) -> pd.DataFrame:
+    """The table of found rocks with their places in the true frame."""
+    places = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
+    return found.assign(x=places[:, 0], y=places[:, 1], z=places[:, 2])
 
 
 def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison) -> list[Figure]:
@@ -179,8 +183,7 @@ def _against_truth(
     true: pd.DataFrame, found: pd.DataFrame, compared: Comparison, options: TablesOptions
 ) -> tuple[list[Figure], dict[int, dict[str, float]]]:
     """Figures of the terrain, and those of each found rock and of the ground."""
-    in_truth = found.copy()
-    in_truth[["x", "y", "z"]] = compared.truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
+    in_truth = _moved(found, compared.truth_from_sandbox)
     pairs = pair_rocks(true, in_truth)
     there, back = compared.true, compared.ours
     figures = recall_and_precision(true, in_truth, pairs, _wide_seen(true, there.points, there.rock), options)
