@@ -135,6 +135,8 @@ def _drop_malformed(path: Path, reader: Callable[[Path], Any]) -> None:
         except FormatError as error:
             lines = [] if error.line is None else path.read_text(encoding="ascii").splitlines(keepends=True)
             left = [line for number, line in enumerate(lines, 1) if number != error.line]
+            if error.line is not None and left == lines:  # no such line: it would be read like this forever
+                raise
             path.write_text("".join(left), encoding="ascii")
         else:
             return

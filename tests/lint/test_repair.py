@@ -5,7 +5,7 @@ import pytest
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import tables, yolo
-from polarsim.lint.repair import CHANGES, write_repaired
+from polarsim.lint.repair import CHANGES, _drop_malformed, write_repaired
 from polarsim.lint.rules import RULES
 from polarsim.lint.run import lint
 from polarsim.photo import exposures
@@ -93,6 +93,17 @@ def test_another_wording_of_messages_repairs_the_same(root, monkeypatch, told):
     write_repaired(root, report.findings, after)
     assert path(after, 1024).read_text() == text
     assert files_of(after) == files_of(before)
+
+
+def test_a_reader_that_names_a_line_that_is_not_there_stops_the_repair(tmp_path):
+    def reader(path):
+        raise FormatError("no box", path, 9)
+
+    file = tmp_path / "labels.txt"
+    file.write_text("0 0.5 0.5 0.1 0.1\n")
+    with pytest.raises(FormatError, match="no box"):
+        _drop_malformed(file, reader)
+    assert file.read_text() == "0 0.5 0.5 0.1 0.1\n"
 
 
 def test_files_of_wrong_names_go_and_impossible_exposures_are_renamed(root):
