@@ -19,7 +19,7 @@ from polarsim.cameras.rounding import rounded, rounded_figures
 from polarsim.cameras.scans import Pair, register_scans
 from polarsim.cameras.shifts import shift_table
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
-from polarsim.errors import RegistrationError, about
+from polarsim.errors import RegistrationError, within
 from polarsim.formats import colmap, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
@@ -81,7 +81,7 @@ def locate_cameras(
     os.environ["OMP_NUM_THREADS"] = str(threads)  # read by Open3D's OpenMP when it is first loaded
     known, rig = read_inventory(inventory), read_rig(calibration)
     scanned = [position for position in positions if position in known.scanned]
-    with about(f"Terrain{terrain:02d}"):
+    with within(f"Terrain{terrain:02d}"):
         if scanned:
             located = _locate_by_scans(known, scanned, rig, options)
         else:
@@ -182,7 +182,7 @@ def _place_by_labels(
             continue
         poses = {name: one.fit.sandbox_from_left for name, one in placements.items()}
         try:
-            with about(f"position {position}"):
+            with within(f"position {position}"):
                 placements[position] = place_by_labels(boxes, outlines, rig.left, pose_beside(position, poses), options)
         except RegistrationError as error:
             refused.append(error)

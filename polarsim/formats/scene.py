@@ -60,7 +60,7 @@ def mesh_files(folder: str | Path, terrain: int) -> dict[int, Path]:
     """
     ground = Path(folder) / obj.ground_name(terrain)
     if not ground.exists():
-        raise FormatError(f"{ground}: the ground mesh is missing")
+        raise FormatError("the ground mesh is missing", path=ground)
     return {NO_ROCK: ground, **obj.rock_files(folder)}
 
 

@@ -72,7 +72,7 @@ def propagate_labels(
         A broken seed, camera or mesh file.
     """
     if (found := read_inventory(inventory).terrain) != terrain:
-        raise LabelError(f"{inventory}: inventory of terrain {found:02d}, expected {terrain:02d}")
+        raise LabelError(f"inventory of terrain {found:02d}, expected {terrain:02d}", path=inventory)
     _warn_of_gaps(photos, keys)
     placed = rigs.read_all_placed(cameras)
     suns = lamps.read_suns(cameras, placed)
