@@ -48,6 +48,7 @@ class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     min_fit: float = Field(0.52, gt=0, lt=1, description="Sum of IoU over what could match that speaks for itself.")
     min_led_fit: float = Field(0.4, gt=0, lt=1, description="... and that suffices with a clear lead.")
     min_lead: float = Field(0.15, gt=0, lt=1, description="Such a lead over the next best pose, in the same measure.")
+    max_off_survey_m: float = Field(1, gt=0, description="A pose further from the surveyed place is refused, m.")
 
     # Scans.
     voxel_mm: float = Field(12, gt=0, description="Grid to which scans are thinned for the last alignment, mm.")
