@@ -153,7 +153,8 @@ class PositionShadows:
             )
             if dark is None and rock_box is not None:
                 shown = self.rocks.projected(camera, rock) if rock in self.world.bodies else None
-                box = as_people_draw(box, rock_box, shown.box if shown else rock_box, self.rocks.px_per_m(camera, rock))
+                mesh_box, scale = shown.box if shown else rock_box, self.rocks.px_per_m(camera, rock)
+                box = as_people_draw(box, rock_box, mesh_box, scale, self.options.shadow_habits)
             if area(box) > 0:
                 found[rock] = CastShadow(box if dark is None else dark, dark is not None)
         return found
