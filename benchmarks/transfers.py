@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ from scipy.optimize import minimize
 from polarsim.acquire.index import index_terrain
 from polarsim.acquire.options import SourceOptions
 from polarsim.cameras.locate import locate_cameras
+from polarsim.cameras.surveyed import pose_beside
 from polarsim.config import Config, read_config
 from polarsim.errors import FormatError
 from polarsim.formats import lamps, release, rigs, yolo
@@ -71,10 +72,11 @@ class Run:
     config: Config
     azimuths: tuple[Azimuth, ...] = SUNS
     seeded: str = POSITIONS
+    unplaced: str = ""  # a position that is left where the survey has it
 
     @property
     def folder(self) -> Path:
-        return self.work / f"Terrain{self.terrain:02d}_{'_'.join(self.azimuths)}_{self.seeded}"
+        return self.work / f"Terrain{self.terrain:02d}_{'_'.join(self.azimuths)}_{self.seeded}{self.unplaced.lower()}"
 
     @property
     def seeds(self) -> set[PhotoKey]:
@@ -107,6 +109,8 @@ class Run:
             options=self.config.cameras,
             threads=1,
         )
+        if self.unplaced:
+            self._forget_pose(self.folder / "cameras" / f"Pos{self.unplaced}.json")
         adopt_rocks(
             terrain=self.terrain,
             inventory=at["inventory.json"],
@@ -117,6 +121,13 @@ class Run:
             options=self.config.rocks,
         )
         (self.folder / "placed").touch()
+
+    def _forget_pose(self, path: Path) -> None:
+        placed = rigs.read_all_placed(path.parent)
+        rig = placed.pop(self.unplaced)
+        pose = pose_beside(self.unplaced, {position: one.sandbox_from_left for position, one in placed.items()})
+        assert pose is not None
+        rigs.write_placed(path, rigs.PlacedRig(rig.rig, pose, rigs.SURVEYED))
 
     def labels(self, keys: Sequence[PhotoKey], options: LabelsOptions) -> pd.DataFrame:
         """The label table of some photos."""
@@ -196,10 +207,19 @@ def partial_runs(run: Run, truth: Truth) -> Iterator[tuple[Run, Truth, str]]:
     for position in POSITIONS:
         own = {key: drawn for key, drawn in left.items() if key.position == position and key.azimuth in SUNS}
         yield with_seeds(run, SUNS, POSITIONS.replace(position, "")), own, "position without seed"
+        yield from unplaced_run(run, truth, position)
+
+
+def unplaced_run(run: Run, truth: Truth, position: str) -> Iterator[tuple[Run, Truth, str]]:
+    """A position whose cameras were not found."""
+    lost = replace(run, unplaced=position)
+    suns = {key: drawn for key, drawn in truth.items() if key.position == position and key.azimuth in SUNS}
+    for camera, task in (("L", "not placed, other Left photos"), ("R", "not placed, Left to Right")):
+        yield lost, {key: drawn for key, drawn in suns.items() if key.camera == camera}, task
 
 
 def with_seeds(run: Run, azimuths: tuple[Azimuth, ...], seeded: str) -> Run:
-    return Run(run.root, run.work, run.terrain, run.config, azimuths, seeded)
+    return replace(run, azimuths=azimuths, seeded=seeded)
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,11 @@ class TerrainMesh:
         used, numbers = np.unique(faces, return_inverse=True)
         return obj.Mesh(self.vertices[used], numbers.reshape(faces.shape))
 
+    def ground(self) -> TerrainMesh:
+        """The same terrain without its rocks."""
+        own = self.rock_of_face == NO_ROCK
+        return TerrainMesh(self.vertices, self.faces[own], self.rock_of_face[own], self.given_normals)
+
     def rock_vertices(self, rock: int) -> np.ndarray:
         """(n, 3) vertices that a rock's faces use."""
         return self.vertices[np.unique(self.faces[self.rock_of_face == rock])]

@@ -13,9 +13,11 @@ USUAL_PX = 50.0  # sqrt(area) of a common label
 COEFFICIENTS = {  # by kind and source: at full share and usual size; for every share missed; for size
     ("rock", "seed"): (5.06, 0.0, 0.89),
     ("rock", "fused"): (2.13, 2.30, 1.22),
+    ("rock", "shifted"): (0.0, 0.0, 0.0),
     ("rock", "projected"): (0.81, 0.0, 0.56),
     ("shadow", "seed"): (4.27, 0.0, 0.31),
     ("shadow", "fused"): (1.90, 0.0, 1.31),
+    ("shadow", "shifted"): (0.0, 0.0, 0.0),
     ("shadow", "cast"): (0.31, 0.0, 0.79),
 }
 ROVER_CAST = (-2.4, 0.0, 0.0)  # the same of shadows that the rover light casts: slivers beside their rocks

@@ -95,7 +95,8 @@ class PositionShadows:
             mean_shadow(box, cut, cast.get(int(rock)), self.options.cast_weight)
             for rock, box, cut in zip(throwers, moved, at_border(drawn, self.rocks.view(other).size), strict=True)
         ]
-        return [label_of(SHADOW, rock, "fused", box) for rock, box in zip(throwers, boxes, strict=True)]
+        source = self.rocks.moved_source(camera)
+        return [label_of(SHADOW, rock, source, box) for rock, box in zip(throwers, boxes, strict=True)]
 
     def _undrawn(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
         """Shadows that the photo shows and nobody drew, each of a rock without one, where no other was drawn."""
