@@ -38,8 +38,10 @@ from polarsim.labels.label import Label
 from polarsim.labels.lamps import with_refined_lamps
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position import PositionLabels
-from polarsim.labels.propagate import at_exposure
+from polarsim.labels.propagate import Starts, at_exposure
 from polarsim.labels.seeds import Drawn, Seeds
+from polarsim.labels.shadow_starts import ShadowStarts
+from polarsim.labels.unlit import UnlitStarts
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.rocks.options import RocksOptions
@@ -185,7 +187,7 @@ def score_from_all(truth: Release, scene: Scene, scores: Scores) -> None:
             labels = at_exposure(
                 positions[key.position].labels("L", key.light, key.azimuth),
                 key,
-                OPTIONS.shadow_start(key.terrain),
+                Starts(ShadowStarts(OPTIONS.shadow_start(key.terrain)), UnlitStarts({})),
                 OPTIONS,
             )
             scores.add("other exposures" if key.light == "off" else "light on", drawn, labels)
