@@ -24,7 +24,7 @@ from polarsim.errors import RegistrationError, within
 from polarsim.formats import colmap, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
-from polarsim.formats.rigs import PlacedRig, read_rig, write_placed
+from polarsim.formats.rigs import SURVEYED, PlacedRig, read_rig, write_placed
 from polarsim.formats.rock_shifts import FILE as SHIFT_FILE
 from polarsim.formats.scans import read_scan
 from polarsim.formats.seeds import read_rock_boxes
@@ -100,6 +100,8 @@ def locate_cameras(
 def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig, options: CamerasOptions) -> Located:
     scans = {position: read_scan(known, position, rig) for position in positions}
     network = register_scans(scans, options)
+    for reason in network.refused:
+        log.warning("%s; the scan is left out", reason)
     gauge = find_gauge(network.points, network.normals, network.level_from_left)
     if not gauge.walls:
         log.warning("no two walls of the box are seen in the scans: origin and heading are the survey's")
@@ -235,7 +237,7 @@ def _completed(placed: dict[str, PlacedRig], positions: Sequence[str], rig: Ster
                 f"position {position} has no scan, no labels and meshes that place it, and no survey"
             )
         log.warning("position %s has neither a scan nor labels and meshes that place it: the survey does", position)
-        complete[position] = _placed(rig, pose, "survey", _off_survey(position, pose))
+        complete[position] = _placed(rig, pose, SURVEYED, _off_survey(position, pose))
     return complete
 
 

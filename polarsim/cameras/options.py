@@ -60,6 +60,12 @@ class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     scan_radius_m: float = Field(3.2, gt=0, description="Scans are used this far about the terrain's centre, m.")
     same_surface_mm: float = Field(10, gt=0, description="Points of two scans nearer than this lie on one surface, mm.")
     min_fitness: float = Field(0.5, gt=0, lt=1, description="Part of the overlap that must agree between scans.")
+    min_likeness: float = Field(
+        0.5,
+        ge=-1,
+        lt=1,
+        description="Correlation of the relief of two scans below which they show different terrains; 0.9 is usual.",
+    )
 
     # Photos: meshes shaded at the located poses are looked for in them.
     photo_scales: tuple[float, ...] = Field(

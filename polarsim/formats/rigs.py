@@ -16,7 +16,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.survey import survey_lift
 
-SURVEYED = "survey"  # the method of a rig that neither scans nor labels place
+SURVEYED = "survey"  # method of a rig that nothing else places
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class PlacedRig:
     quality: dict[str, float] = field(default_factory=dict)  # figures of the fit; keys carry their units
 
     @property
-    def only_surveyed(self) -> bool:
-        """Nothing measured the pose: it is decimetres and degrees off."""
+    def surveyed(self) -> bool:
+        """Whether nothing but the survey places the rig: what was scanned from there cannot be laid by its pose."""
         return self.method == SURVEYED
 
     def sandbox_from(self, camera: str) -> Pose:

@@ -49,7 +49,7 @@ def gather(
     its rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
     """
     world = build_world(terrain, options.trim_mm / 1000, suns, options.wall_height_m)
-    located = {position: rig for position, rig in placed.items() if not rig.only_surveyed}
+    located = {position: rig for position, rig in placed.items() if not rig.surveyed}
     known = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK, options)
     apart: dict[str, Known] = {}
     if len(located) < len(placed):

@@ -165,12 +165,56 @@ def test_edges_of_shadows_follow_the_photo_and_the_drawn_photo_keeps_its_boxes(s
     np.testing.assert_allclose(found, drawn + np.array([2, -1.5, -2, -1.5]), atol=0.6)
 
 
-def test_without_sun_only_long_exposures_are_labelled_and_without_any_lamp_no_shadow(labels):
-    # People labelled rocks also where the release says that no lamp shone (03_C, 04_B).
-    assert len(rocks(labels, "A_off_no_L_2048")) == 2
-    assert len(shadows(labels, "A_off_no_L_2048")) == 0
+def test_under_the_rover_light_alone_only_long_exposures_are_labelled(labels):
     assert len(rocks(labels, "A_on_no_L_2048")) == 2
     assert len(rocks(labels, "A_on_no_L_0064")) == 0  # the rover light is too weak for short exposures
+
+
+def test_a_photo_that_no_lamp_lights_has_no_labels(labels):
+    for position in "AC":
+        for camera in "LR":
+            assert not len(labels[key(f"{position}_off_no_{camera}_2048")][1])
+
+
+@pytest.fixture
+def unlit_keys():
+    exposures = (1024, 2048, 4096, 8192)
+    return [key(f"{position}_off_no_{camera}_{ms}") for position in "AC" for camera in "LR" for ms in exposures]
+
+
+def test_without_any_lamp_a_position_is_labelled_from_where_people_drew_it(scene, tmp_path, unlit_keys):
+    """Stray light, as at 04_B: a drawn file says from which exposure on it shows rocks, and at which position."""
+    expected = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS])
+    yolo.write_boxes(scene.seeds / f"{key('A_off_no_L_4096')}.txt", np.array([0, 0]), expected)
+    labels = propagate(scene, tmp_path / "out", keys=unlit_keys)
+    told = {str(one) for one, (classes, _) in labels.items() if len(classes)}
+    assert told == {f"03_A_off_no_{camera}_{ms}" for camera in "LR" for ms in (4096, 8192)}
+    np.testing.assert_allclose(rocks(labels, "A_off_no_L_4096"), expected, atol=0.01)
+    assert not len(shadows(labels, "A_off_no_R_8192"))  # nothing that could throw one
+
+
+def test_a_drawn_file_without_rocks_says_nothing_of_unlit_photos(scene, tmp_path, unlit_keys):
+    yolo.write_boxes(scene.seeds / f"{key('A_off_no_L_2048')}.txt", np.zeros(0, int), np.zeros((0, 4)))
+    assert not any(len(classes) for classes, _ in propagate(scene, tmp_path / "out", keys=unlit_keys).values())
+
+
+@pytest.mark.parametrize("visibility", ["annotator", "photo"])
+def test_a_photo_decides_whether_stray_light_shows_a_rock(scene, tmp_path, rng, visibility):
+    """A photo of noise alone and one with a bright block, both of 8192 ms without any lamp."""
+    dark, stray = key("C_off_no_L_8192"), key("A_off_no_L_8192")
+    x0, y0, x1, y1 = scene.expected_box("A", "L", 4).astype(int)
+    noise = rng.normal(BLACK_LEVEL, 0.8, (2, 1216, 1936))
+    noise[1, y0:y1, x0:x1] += 60
+    rows = []
+    for one, picture in zip((dark, stray), noise, strict=True):
+        png.write(tmp_path / f"{one}.png", picture.clip(0).round().astype(np.uint16))
+        rows.append({"key": str(one), "path": str(tmp_path / f"{one}.png")})
+    tables.write_parquet(scene.photos, pd.DataFrame(rows).reindex(columns=list(tables.PHOTO_COLUMNS)))
+    labels = propagate(scene, tmp_path / "out", keys=[dark, stray], visibility=visibility)
+    assert not len(labels[dark][1])
+    found = rocks(labels, "A_off_no_L_8192")
+    assert iou(found, scene.expected_box("A", "L", 4)[None]).max() > 0.8
+    assert len(found) == 1
 
 
 def test_the_table_has_the_boxes_of_the_files_and_the_meshes_numbers(out, labels):
