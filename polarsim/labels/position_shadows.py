@@ -67,7 +67,8 @@ class PositionShadows:
         self, camera: Camera, light: Light, azimuth: Azimuth, rocks: list[Label], brightness: Brightness | None
     ) -> list[Label]:
         """Shadows of labelled rocks under a lamp; with a photo also those that it shows and nobody drew."""
-        cast = self.cast(camera, light, azimuth, {label.rock: label.box for label in rocks}, brightness)
+        boxes = {} if self.rocks.in_image else {label.rock: label.box for label in rocks}  # nobody knows where they end
+        cast = self.cast(camera, light, azimuth, boxes, brightness)
         shadows = self._known(camera, light, azimuth, cast)
         return shadows if brightness is None else shadows + self._undrawn(azimuth, shadows, cast)
 

@@ -130,6 +130,9 @@ def grid_labels(
     positions = {position: PositionLabels(known, position, options, asked) for position in known.placed}
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
+    for position in known.apart:
+        seeded = "its labels stay in the image" if position in known.seeds else "no labels, for it has no seed"
+        log.warning("position %s: nothing but the survey places its cameras: %s", position, seeded)
     labels: dict[PhotoKey, list[Label]] = {key: [] for key in keys}
     sets: dict[PhotoSet, list[PhotoKey]] = {}
     for key in keys:

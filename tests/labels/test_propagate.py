@@ -10,6 +10,7 @@ from polarsim.formats.coco import Annotation, write_coco
 from polarsim.formats.lamps import surveyed_suns, write_suns
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import iou
+from polarsim.geometry.poses import Pose
 from polarsim.labels.known import gather
 from polarsim.labels.light import LightLayers
 from polarsim.labels.options import LabelsOptions
@@ -362,3 +363,39 @@ def test_lamps_are_refined_by_seeds_only_where_photos_do_not_place_them(scene, t
     write_suns(scene.cameras, surveyed_suns(rigs_here))
     photo = [labels(name, refine) for name, refine in (("refined", True), ("as found", False))]
     np.testing.assert_array_equal(shadows(photo[0], sight), shadows(photo[1], sight))
+
+
+def lose_pose(scene, position, off):
+    """The pose of a position as only the survey knows it."""
+    lost = placed(position)
+    pose = Pose(lost.sandbox_from_left.rotation, lost.sandbox_from_left.translation + off)
+    rigs.write_placed(scene.cameras / f"Pos{position}.json", rigs.PlacedRig(lost.rig, pose, rigs.SURVEYED))
+
+
+def test_a_position_that_nobody_could_place_keeps_to_its_own_drawings(untouched_scene, scene, tmp_path, labels):
+    lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]))
+    found = propagate(scene, tmp_path / "lost")
+    for photo in ("A_off_30_L_1024", "A_off_270_L_0128"):  # the camera stands still, wherever that is
+        np.testing.assert_allclose(np.sort(rocks(found, photo), 0), np.sort(rocks(labels, photo), 0), atol=1.5)
+    assert len(shadows(found, "A_off_270_L_0128")) == 0  # nobody knows where the lamp's shadows fall in this image
+    table = tables.read_parquet(tmp_path / "lost" / "labels.parquet")
+    assert set(table["source"]) == {"seed", "fused", "shifted", "projected", "cast"}
+    assert set(table[table["position"] == "A"]["source"]) == {"seed", "fused", "shifted"}
+
+
+def test_other_positions_know_nothing_of_one_that_nobody_could_place(scene, tmp_path, labels):
+    lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]))
+    found = propagate(scene, tmp_path / "lost")
+    np.testing.assert_array_equal(rocks(found, "C_off_30_L_0128"), rocks(labels, "C_off_30_L_0128"))
+
+
+def test_a_position_without_pose_and_drawing_gets_no_label(scene, tmp_path):
+    lose_pose(scene, "C", np.array([-0.4, 0.3, 0.0]))
+    found = propagate(scene, tmp_path / "lost")
+    assert not len(found[key("C_off_30_L_0128")][1])
+
+
+def test_without_photos_nobody_renders_what_a_lost_position_sees(scene, tmp_path):
+    lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]))
+    found = propagate(scene, tmp_path / "lost", visibility="photo")
+    assert len(rocks(found, "A_off_30_L_1024")) == len(BLOCKS)
