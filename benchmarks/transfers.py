@@ -4,8 +4,8 @@
 
 RELEASE is the release's folder (Labels, TerrainMeshes). Every choice of seeds goes through the stages as a run does:
 raw files taken in, cameras located, meshes adopted, labels carried over, all with the options of the configuration, in
-folders below WORK, which a second call takes up again. Seeds are Left, rover light off, of each azimuth the exposure
-with most boxes. Truth is every published file that can be read; the others are named.
+folders below WORK, which a second call takes up again. Seeds are the configuration's: Left, rover light off, of each
+azimuth the exposure with most boxes. Truth is every published file that can be read; the others are named.
 
 `--fit` prints the coefficients of `polarsim/labels/habits.py` and of `polarsim/labels/confidence.py`, fitted to all
 terrains given, and scores each terrain with the habits that the others taught.
@@ -70,7 +70,7 @@ class Run:
     work: Path
     terrain: int
     config: Config
-    azimuths: tuple[Azimuth, ...] = SUNS
+    azimuths: tuple[Azimuth, ...]
     seeded: str = POSITIONS
     unplaced: str = ""  # a position that is left where the survey has it
 
@@ -206,7 +206,7 @@ def partial_runs(run: Run, truth: Truth) -> Iterator[tuple[Run, Truth, str]]:
         yield with_seeds(run, others, POSITIONS), there, "from the other three azimuths"
     for position in POSITIONS:
         own = {key: drawn for key, drawn in left.items() if key.position == position and key.azimuth in SUNS}
-        yield with_seeds(run, SUNS, POSITIONS.replace(position, "")), own, "position without seed"
+        yield with_seeds(run, run.azimuths, POSITIONS.replace(position, "")), own, "position without seed"
         yield from unplaced_run(run, truth, position)
 
 
@@ -308,7 +308,8 @@ def main() -> None:
     args = asked.parse_args()
     config = read_config(args.config)
     options = LabelsOptions(**config.labels.stage_options())
-    runs = {terrain: Run(args.release, args.work, terrain, config) for terrain in args.terrains}
+    seeded = config.labels.seeds.azimuths
+    runs = {terrain: Run(args.release, args.work, terrain, config, seeded) for terrain in args.terrains}
     pairs = {terrain: cast_pairs(run, options) for terrain, run in runs.items()} if args.fit else {}
     scores = Scores()
     for terrain, run in runs.items():
