@@ -25,7 +25,8 @@ def raw_inputs(terrain: int, source: SourceOptions, seeds: SeedOptions) -> list[
         if key.light == seeds.light and key.camera == seeds.camera and key.azimuth in seeds.azimuths
     ]
     if source.kind == "release":
-        return [*files, *release.mesh_files(source.root, terrain).values()]
+        ground = release.ground_file(source.root, terrain)
+        return [*files, *release.mesh_files(source.root, terrain).values(), *([ground] if ground else [])]
     folder = nasa.find_terrain_folder(source.root, terrain)
     range_maps, clouds = nasa.find_scans(source.root, terrain)
     calibration = nasa.find_calibration(folder) if folder else None
