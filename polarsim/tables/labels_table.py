@@ -37,7 +37,9 @@ _USED = ["kind", "task", *GROUPS[1:4], "hit", "iou_best", "truth_px", "label_px"
 _PLACE = ["kind", "task", "value"]
 
 
-def tabulate_labels(*, pairs: Sequence[Path], table: Path, reliability: Path, seeds: str, origin: Mapping[str, str]) -> None:
+def tabulate_labels(
+    *, pairs: Sequence[Path], table: Path, reliability: Path, seeds: str, origin: Mapping[str, str]
+) -> None:
     """Write the tables of labels and of their confidence from the terrains' pairs.
 
     `table` and `reliability` are stems: four forms each. `seeds` says which drawn labels the run started from.
