@@ -12,7 +12,7 @@ import numpy as np
 STEP = 0.01  # metres between the heights that are tried
 RANGE = (0.4, 1.8)  # of the stated height
 BAND = 0.04  # metres of height below and above the shade's edge that are compared
-FEWEST = 100  # samples in each of the two bands
+FEWEST = 50  # samples in a band that tell of its brightness
 CLEAR = 1.6  # least ratio of the brightness above and below the edge
 FAINT = 0.03  # of lit ground's brightness: differences of less, in the deepest shade, tell of no edge
 
@@ -40,12 +40,17 @@ def shading_height(passing: np.ndarray, rate: np.ndarray, stated: float) -> floa
     order = np.argsort(passing, kind="stable")
     passing, rate = passing[order], rate[order]
     faint = FAINT * float(np.percentile(rate, 90)) if len(rate) else 0.0
-    best, height = CLEAR, stated
+    best, edge, half_lit = CLEAR, stated, 0.0
     for tried in np.arange(RANGE[0] * stated, RANGE[1] * stated, STEP):
-        low, middle, high = np.searchsorted(passing, [tried - BAND, tried, tried + BAND])
-        if min(middle - low, high - middle) < FEWEST:
-            continue
-        dark, lit = float(np.median(rate[low:middle])), float(np.median(rate[middle:high]))
+        dark, lit = _median(passing, rate, tried - BAND, tried), _median(passing, rate, tried, tried + BAND)
         if lit + faint > best * (dark + faint):
-            best, height = (lit + faint) / (dark + faint), float(tried)
-    return height
+            best, edge, half_lit = (lit + faint) / (dark + faint), tried, (dark + lit) / 2
+    while half_lit and _median(passing, rate, edge, edge + STEP) < half_lit:  # a lamp's disc makes the edge soft
+        edge += STEP
+    return float(edge)
+
+
+def _median(passing: np.ndarray, rate: np.ndarray, low: float, high: float) -> float:
+    """Of the brightness where light passes between two heights, passing in order; NaN where few samples tell."""
+    start, end = np.searchsorted(passing, [low, high])
+    return float(np.median(rate[start:end])) if end - start >= FEWEST else np.nan
