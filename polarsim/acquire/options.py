@@ -114,5 +114,5 @@ def seed_choice(content: object) -> SeedChoice:
     if content == NO_SEEDS:
         return "none"
     if content is None or isinstance(content, str):
-        raise ValueError(f"expected options of seeds or {NO_SEEDS!r}")
+        raise ValueError(f"{content!r}, expected options of seeds or {NO_SEEDS!r}")
     return SeedOptions.model_validate(content)
