@@ -138,7 +138,7 @@ def tabulate(experiment: Experiment) -> None:
         if (path := out / "folds" / fold_name(fold) / "predictions.parquet").exists()
     }
     if not found:
-        raise DetectError(f"{out}/folds: no predictions of any fold")
+        raise DetectError("no predictions of any fold", path=out / "folds")
     parts = []
     pooled = tuple(terrain for fold in found for terrain in fold)
     for terrains, name, predictions in [

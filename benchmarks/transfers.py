@@ -1,239 +1,225 @@
-"""Labels carried over the published release, task by task, against what people drew there.
+"""What `snakemake labels` writes for the published release, task by task and file by file, against what people drew.
 
-`python benchmarks/transfers.py RELEASE WORK [--terrains 1 3 4 8 11] [--fit]`
+`python benchmarks/transfers.py RELEASE WORK [--config config/release.yaml] [--terrains 1 3 4 8 11 12] [--fit]`
 
-RELEASE is the release's folder (Labels, TerrainMeshes). For every choice of seeds, cameras are located and meshes
-placed by these seeds alone, in folders below WORK, which a second call takes up again. Truth is the file of each photo
-set that has most boxes; for other exposures and lights it is every file.
+RELEASE is the release's folder (Labels, TerrainMeshes). Every choice of seeds goes through the stages as a run does:
+raw files taken in, cameras located, meshes adopted, labels carried over, all with the options of the configuration, in
+folders below WORK, which a second call takes up again. Seeds are the configuration's: Left, rover light off, of each
+azimuth the exposure with most boxes. Truth is every published file that can be read; the others are named.
 
 `--fit` prints the coefficients of `polarsim/labels/habits.py` and of `polarsim/labels/confidence.py`, fitted to all
-terrains given, and how well habits do on each terrain when fitted to the others.
+terrains given, and scores each terrain with the habits that the others taught.
 """
 
 from __future__ import annotations
 
 import argparse
 import shutil
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from scipy.optimize import minimize
 
-from polarsim.acquire.seeds import best_exposure
+from polarsim.acquire.index import index_terrain
+from polarsim.acquire.options import SourceOptions
 from polarsim.cameras.locate import locate_cameras
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.surveyed import pose_beside
+from polarsim.config import Config, read_config
 from polarsim.errors import FormatError
 from polarsim.formats import lamps, release, rigs, yolo
-from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.scene import TerrainMesh, read_terrain
+from polarsim.formats.scene import read_terrain
+from polarsim.formats.tables import read_parquet
 from polarsim.geometry.boxes import area, iou, match
-from polarsim.geometry.stereo import stated_rig
 from polarsim.labels import confidence, habits
-from polarsim.labels import label as label_module
-from polarsim.labels.known import Known, gather
-from polarsim.labels.label import Label
-from polarsim.labels.lamps import with_refined_lamps
+from polarsim.labels.known import gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position import PositionLabels
-from polarsim.labels.propagate import at_exposure
-from polarsim.labels.seeds import Drawn, Seeds
+from polarsim.labels.propagate import propagate_labels
+from polarsim.labels.seeds import choose_seeds, read_drawings, shadow_starts
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
-from polarsim.rocks.options import RocksOptions
 from polarsim.tables.score import Counts, count_boxes
 
-OPTIONS = LabelsOptions(visibility="annotator", shadow_start_ms_by_terrain={1: 32, 13: 32})
 POSITIONS = "ABC"
+EDGES = ["x0", "y0", "x1", "y1"]
+
+Truth = dict[PhotoKey, dict[str, np.ndarray]]  # boxes (n, 4) by kind
 
 
-@dataclass(frozen=True)
-class Release:
-    """The drawn files of one terrain, and the best of every photo set."""
-
-    terrain: int
-    files: dict[PhotoKey, Drawn]
-    best: dict[tuple, PhotoKey]
-
-    def drawn(self, position: str, light: str, azimuth: str, camera: str) -> Drawn | None:
-        key = self.best.get((position, light, azimuth, camera))
-        return self.files[key] if key else None
-
-    def seeds(self, azimuths: Iterable[Azimuth] = SUNS) -> Seeds:
-        """Left drawings, rover light off."""
-        found: Seeds = {}
-        for position in POSITIONS:
-            for azimuth in azimuths:
-                drawn = self.drawn(position, "off", azimuth, "L")
-                if drawn is not None:
-                    found.setdefault(position, {})["L", azimuth] = drawn
-        return found
-
-
-def read_release(root: Path, terrain: int) -> Release:
-    files = {}
+def read_truth(root: Path, terrain: int) -> Truth:
+    """Every published label file of a terrain that can be read; the others are printed."""
+    truth: Truth = {}
     for key, path in release.label_files(root, terrain).items():
         try:
-            files[key] = Drawn.of(*yolo.read_boxes(path))
-        except FormatError:
+            classes, boxes = yolo.read_boxes(path)
+        except FormatError as error:
+            print(f"left out: {error}")
             continue
-    sets: dict[tuple, dict[PhotoKey, int]] = defaultdict(dict)
-    for key, drawn in files.items():
-        sets[key.position, key.light, key.azimuth, key.camera][key] = len(drawn.rocks) + len(drawn.shadows)
-    return Release(terrain, files, {name: best_exposure(counts) for name, counts in sets.items()})
+        truth[key] = {kind: boxes[classes == number] for number, kind in enumerate(BOX_CLASSES)}
+    return truth
 
 
 @dataclass(frozen=True)
-class Scene:
-    """A terrain's meshes, poses and lamps, as some seeds place them."""
+class Run:
+    """One terrain labelled from some seeds: a folder that holds what the stages write."""
 
-    mesh: TerrainMesh
-    placed: dict[str, rigs.PlacedRig]
-    suns: dict[str, np.ndarray]
+    root: Path
+    work: Path
+    terrain: int
+    config: Config
+    azimuths: tuple[Azimuth, ...]
+    seeded: str = POSITIONS
+    unplaced: str = ""  # a position that is left where the survey has it
 
-    def known(self, seeds: Seeds) -> Known:
-        known = gather(self.mesh, self.placed, self.suns, seeds, OPTIONS)
-        return with_refined_lamps(known, SUNS, OPTIONS) if OPTIONS.refine_lamps else known
+    @property
+    def folder(self) -> Path:
+        return self.work / f"Terrain{self.terrain:02d}_{'_'.join(self.azimuths)}_{self.seeded}{self.unplaced.lower()}"
+
+    @property
+    def seeds(self) -> set[PhotoKey]:
+        return {PhotoKey.parse(path.stem) for path in (self.folder / "seeds").glob("*.txt")}
+
+    def place(self) -> None:
+        """Raw files to cameras and meshes, once."""
+        if (self.folder / "placed").exists():
+            return
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.folder.mkdir(parents=True)
+        at = {name: self.folder / name for name in ("photos.parquet", "calibration.json", "inventory.json", "seeds")}
+        index_terrain(
+            terrain=self.terrain,
+            positions=list(self.seeded),
+            source=SourceOptions(kind="release", root=self.root),
+            seed_options=self.config.labels.seeds.model_copy(update={"azimuths": self.azimuths, "root": None}),
+            photos=at["photos.parquet"],
+            calibration=at["calibration.json"],
+            inventory=at["inventory.json"],
+            seeds=at["seeds"],
+        )
+        locate_cameras(
+            terrain=self.terrain,
+            positions=list(POSITIONS),
+            inventory=at["inventory.json"],
+            calibration=at["calibration.json"],
+            seeds=at["seeds"],
+            cameras=self.folder / "cameras",
+            options=self.config.cameras,
+            threads=1,
+        )
+        if self.unplaced:
+            self._forget_pose(self.folder / "cameras" / f"Pos{self.unplaced}.json")
+        adopt_rocks(
+            terrain=self.terrain,
+            inventory=at["inventory.json"],
+            cameras=self.folder / "cameras",
+            rocks=self.folder / "rocks.parquet",
+            cuboids=self.folder / "cuboids.yaml",
+            meshes=self.folder / "meshes",
+            options=self.config.rocks,
+        )
+        (self.folder / "placed").touch()
+
+    def _forget_pose(self, path: Path) -> None:
+        placed = rigs.read_all_placed(path.parent)
+        rig = placed.pop(self.unplaced)
+        pose = pose_beside(self.unplaced, {position: one.sandbox_from_left for position, one in placed.items()})
+        assert pose is not None
+        rigs.write_placed(path, rigs.PlacedRig(rig.rig, pose, rigs.SURVEYED))
+
+    def labels(self, keys: Sequence[PhotoKey], options: LabelsOptions) -> pd.DataFrame:
+        """The label table of some photos."""
+        self.place()
+        propagate_labels(
+            terrain=self.terrain,
+            keys=keys,
+            photos=self.folder / "photos.parquet",
+            inventory=self.folder / "inventory.json",
+            seeds=self.folder / "seeds",
+            cameras=self.folder / "cameras",
+            meshes=self.folder / "meshes",
+            boxes=self.folder / "boxes",
+            table=self.folder / "labels.parquet",
+            options=options,
+        )
+        return read_parquet(self.folder / "labels.parquet")
 
 
-def scene_from(root: Path, work: Path, truth: Release, azimuths: Sequence[Azimuth]) -> Scene:
-    """Cameras and meshes by the seeds of some azimuths alone."""
-    folder = work / f"Terrain{truth.terrain:02d}_{'_'.join(azimuths)}"
-    if not (folder / "done").exists():
-        shutil.rmtree(folder, ignore_errors=True)
-        (folder / "seeds").mkdir(parents=True)
-        files = release.label_files(root, truth.terrain)
-        for position, drawings in truth.seeds(azimuths).items():
-            for camera, azimuth in drawings:
-                key = truth.best[position, "off", azimuth, camera]
-                shutil.copyfile(files[key], folder / "seeds" / f"{key}.txt")
-        _place(root, folder, truth.terrain)
-        (folder / "done").touch()
-    placed = rigs.read_all_placed(folder / "cameras")
-    suns = lamps.read_suns(folder / "cameras", placed)
-    return Scene(read_terrain(folder / "meshes", truth.terrain), placed, suns)
+@dataclass
+class Scores:
+    """Counts by task, kind and terrain, and every label with whether it hits."""
 
+    counts: dict[tuple[str, str, int], Counts] = field(default_factory=dict)
+    labels: list[pd.DataFrame] = field(default_factory=list)
 
-def _place(root: Path, folder: Path, terrain: int) -> None:
-    meshes = {str(rock): str(path) for rock, path in release.mesh_files(root, terrain).items()}
-    write_inventory(folder / "inventory.json", Inventory(terrain, "release", meshes=meshes))
-    rigs.write_rig(folder / "calibration.json", stated_rig(), "stated")
-    locate_cameras(
-        terrain=terrain,
-        positions=list(POSITIONS),
-        inventory=folder / "inventory.json",
-        calibration=folder / "calibration.json",
-        seeds=folder / "seeds",
-        cameras=folder / "cameras",
-        options=CamerasOptions(),
-        threads=1,
-    )
-    adopt_rocks(
-        terrain=terrain,
-        inventory=folder / "inventory.json",
-        cameras=folder / "cameras",
-        rocks=folder / "rocks.parquet",
-        cuboids=folder / "cuboids.yaml",
-        meshes=folder / "meshes",
-        options=RocksOptions(),
-    )
-
-
-class Scores(dict[tuple[str, str], Counts]):
-    """Counts by task and kind, and every label of a fit: kind, source, share of the azimuths, size, whether it hits.
-
-    Shadows that the rover light casts have a source of their own there.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.labels: list[tuple[str, str, float, float, bool]] = []
-
-    def add(self, task: str, truth: Drawn, found: Sequence[Label], kinds: Sequence[str] = BOX_CLASSES) -> None:
-        for kind in kinds:
-            drawn = truth.rocks if kind == ROCK else truth.shadows
-            assert drawn is not None
-            boxes = boxes_of(found, kind)
-            self[task, kind] = self.get((task, kind), Counts()) + count_boxes(drawn, boxes)
-            hits = set(match(iou(drawn, boxes))[1].tolist())
-            for row, label in enumerate(label for label in found if label.kind == kind):
-                size = float(np.sqrt(area(label.box)))
-                source = f"{label.source}, rover" if kind == SHADOW and task.startswith("no Sun") else label.source
-                self.labels.append((kind, source, label.confidence, size, row in hits))
+    def add(self, task: str, key: PhotoKey, truth: dict[str, np.ndarray], labels: pd.DataFrame) -> None:
+        for kind, drawn in truth.items():
+            found = labels[labels["kind"] == kind]
+            boxes = found[EDGES].to_numpy(float)
+            name = task, kind, key.terrain
+            self.counts[name] = self.counts.get(name, Counts()) + count_boxes(drawn, boxes)
+            hits = np.isin(np.arange(len(found)), match(iou(drawn, boxes))[1])
+            self.labels.append(found.assign(hit=hits, size=np.sqrt(area(boxes)), no_lamp=key.azimuth == "no"))
 
     def show(self) -> None:
-        for (task, kind), counts in self.items():
-            if counts.tp + counts.fn:
-                figures = counts.figures()
-                named = " ".join(f"{name} {figures[name] or 0:.3f}" for name in ("precision", "recall", "f1", "miou"))
-                print(f"{task:34s} {kind:6s} {named} n {figures['truth_boxes']}")
-
-
-def boxes_of(labels: Sequence[Label], kind: str) -> np.ndarray:
-    return np.array([label.box for label in labels if label.kind == kind]).reshape(-1, 4)
-
-
-def score_from_all(truth: Release, scene: Scene, scores: Scores) -> None:
-    """Other exposures, light on, the right camera, and photos without Sun, from seeds of all azimuths."""
-    known = scene.known(truth.seeds())
-    positions = {position: PositionLabels(known, position, OPTIONS) for position in scene.placed}
-    seeds = {truth.best[position, "off", azimuth, "L"] for position in known.seeds for azimuth in SUNS}
-    for key, drawn in truth.files.items():
-        if key not in seeds and key.position in positions and key.azimuth in SUNS and key.camera == "L":
-            labels = at_exposure(
-                positions[key.position].labels("L", key.light, key.azimuth),
-                key,
-                OPTIONS.shadow_start(key.terrain),
-                OPTIONS,
-            )
-            scores.add("other exposures" if key.light == "off" else "light on", drawn, labels)
-    for (position, light, azimuth, camera), key in truth.best.items():
-        if position not in positions:
-            continue
-        labels = positions[position].labels(camera, light, azimuth)
-        if azimuth == "no":
-            scores.add(f"no Sun, rover light {light}", truth.files[key], labels)
-        elif camera == "R" and light == "off":
-            scores.add("Left to Right", truth.files[key], labels)
-            scores.add(f"Left to Right, {truth.terrain:02d}", truth.files[key], labels)
-
-
-def score_from_some(truth: Release, scene: Scene, azimuths: Sequence[Azimuth], scores: Scores) -> None:
-    """Rocks at the azimuths that are not among the seeds; with three seeds, also shadows where rocks are known."""
-    seeds, others = truth.seeds(azimuths), [azimuth for azimuth in SUNS if azimuth not in azimuths]
-    task = "one azimuth to another" if len(azimuths) == 1 else "from the other three azimuths"
-    known = scene.known(seeds)
-    with_rocks: Seeds = {position: dict(drawings) for position, drawings in seeds.items()}
-    for position in with_rocks:
-        for azimuth in others:
-            drawn = truth.drawn(position, "off", azimuth, "L")
-            if drawn is not None:
-                with_rocks[position]["L", azimuth] = replace(drawn, shadows=None)
-    rocks_known = scene.known(with_rocks) if len(azimuths) > 1 else None
-    for position in with_rocks:
-        own = PositionLabels(known, position, OPTIONS)
-        for azimuth in others:
-            drawn = truth.drawn(position, "off", azimuth, "L")
-            if drawn is None:
+        for task, kind in dict.fromkeys((task, kind) for task, kind, _ in self.counts):
+            own = {terrain: counts for (t, k, terrain), counts in self.counts.items() if (t, k) == (task, kind)}
+            pooled = sum(own.values(), Counts())
+            if not pooled.tp + pooled.fn:
                 continue
-            scores.add(task, drawn, own.labels("L", "off", azimuth), [ROCK])
-            if rocks_known is not None:
-                labels = PositionLabels(rocks_known, position, OPTIONS).labels("L", "off", azimuth)
-                scores.add("shadows where rocks are known", drawn, labels, [SHADOW])
-                scores.add(f"shadows where rocks are known, {truth.terrain:02d}", drawn, labels, [SHADOW])
+            figures = pooled.figures()
+            named = " ".join(f"{name} {figures[name] or 0:.3f}" for name in ("precision", "recall", "f1", "miou"))
+            by_terrain = ", ".join(f"{terrain:02d} {own[terrain].figures()['f1'] or 0:.3f}" for terrain in sorted(own))
+            print(f"{task:36s} {kind:6s} {named} n {figures['truth_boxes']} (F1 {by_terrain})")
 
 
-def score_projected(truth: Release, scene: Scene, scores: Scores) -> None:
-    """Positions without a seed, their cameras known all the same: rocks that other positions or meshes know."""
-    for position in scene.placed:
-        others = {other: drawn for other, drawn in truth.seeds().items() if other != position}
-        own = PositionLabels(scene.known(others), position, OPTIONS)
-        for azimuth in SUNS:
-            drawn = truth.drawn(position, "off", azimuth, "L")
-            if drawn is not None:
-                scores.add("position without seed", drawn, own.labels("L", "off", azimuth))
+def task_of(key: PhotoKey) -> str:
+    """What a photo of a run with seeds of all azimuths asks for."""
+    if key.azimuth == "no":
+        return f"no lamp, rover light {key.light}"
+    if key.camera == "R":
+        return "Left to Right" if key.light == "off" else "Left to Right, light on"
+    return "other exposures" if key.light == "off" else "light on"
+
+
+def score_run(run: Run, truth: Truth, task: str | None, options: LabelsOptions, scores: Scores) -> None:
+    """Every file that is no seed, of the photos that `truth` holds."""
+    run.place()
+    wanted = {key: drawn for key, drawn in truth.items() if key not in run.seeds}
+    table = run.labels(sorted(wanted), options)
+    rows = dict(iter(table.groupby("key")))
+    for key, drawn in wanted.items():
+        scores.add(task or task_of(key), key, drawn, rows.get(str(key), table[:0]))
+
+
+def partial_runs(run: Run, truth: Truth) -> Iterator[tuple[Run, Truth, str]]:
+    """Seeds of one azimuth, of three, and of two positions: what they are asked for, in the Left photos, light off."""
+    left = {key: drawn for key, drawn in truth.items() if (key.camera, key.light) == ("L", "off")}
+    for azimuth in SUNS:
+        others = tuple(other for other in SUNS if other != azimuth)
+        rocks = {key: {ROCK: drawn[ROCK]} for key, drawn in left.items()}
+        elsewhere = {key: drawn for key, drawn in rocks.items() if key.azimuth in others}
+        there = {key: drawn for key, drawn in rocks.items() if key.azimuth == azimuth}
+        yield with_seeds(run, (azimuth,), POSITIONS), elsewhere, "one azimuth to another"
+        yield with_seeds(run, others, POSITIONS), there, "from the other three azimuths"
+    for position in POSITIONS:
+        own = {key: drawn for key, drawn in left.items() if key.position == position and key.azimuth in SUNS}
+        yield with_seeds(run, run.azimuths, POSITIONS.replace(position, "")), own, "position without seed"
+        yield from unplaced_run(run, truth, position)
+
+
+def unplaced_run(run: Run, truth: Truth, position: str) -> Iterator[tuple[Run, Truth, str]]:
+    """A position whose cameras were not found."""
+    lost = replace(run, unplaced=position)
+    suns = {key: drawn for key, drawn in truth.items() if key.position == position and key.azimuth in SUNS}
+    for camera, task in (("L", "not placed, other Left photos"), ("R", "not placed, Left to Right")):
+        yield lost, {key: drawn for key, drawn in suns.items() if key.camera == camera}, task
+
+
+def with_seeds(run: Run, azimuths: tuple[Azimuth, ...], seeded: str) -> Run:
+    return replace(run, azimuths=azimuths, seeded=seeded)
 
 
 @dataclass(frozen=True)
@@ -245,13 +231,18 @@ class CastPairs:
     drawn: np.ndarray
 
 
-def cast_pairs(truth: Release, scene: Scene) -> CastPairs:
+def cast_pairs(run: Run, options: LabelsOptions) -> CastPairs:
     """Every drawn shadow of the seeds beside the one that geometry alone gives."""
-    learnt, habits.COEFFICIENTS = habits.COEFFICIENTS, np.zeros(len(habits.TERMS))
-    known = scene.known(truth.seeds())
+    run.place()
+    plain = options.model_copy(update={"shadow_habits": (0.0,) * len(habits.TERMS)})
+    placed = rigs.read_all_placed(run.folder / "cameras")
+    drawings = read_drawings(run.folder / "seeds", run.terrain)
+    seeds = choose_seeds(drawings, {}, shadow_starts(drawings, plain.shadow_start(run.terrain)))
+    suns = lamps.read_suns(run.folder / "cameras", placed)
+    known = gather(read_terrain(run.folder / "meshes", run.terrain), placed, suns, seeds, plain)
     rows = []
     for position in known.seeds:
-        own = PositionLabels(known, position, OPTIONS)
+        own = PositionLabels(known, position, plain)
         for azimuth in SUNS:
             labels = own.labels("L", "off", azimuth)
             rocks = {label.rock: label.box for label in labels if label.kind == ROCK}
@@ -260,71 +251,81 @@ def cast_pairs(truth: Release, scene: Scene) -> CastPairs:
                 if label.kind == SHADOW and label.rock in cast:
                     shown = own.rocks.projected("L", label.rock)
                     rock, box = rocks[label.rock], cast[label.rock].box
-                    mesh = shown.box if shown else rock
-                    terms = habits.terms(box, rock, mesh, own.rocks.px_per_m("L", label.rock))
+                    terms = habits.terms(box, rock, shown.box if shown else rock, own.rocks.px_per_m("L", label.rock))
                     rows.append((terms, box, label.box))
-    habits.COEFFICIENTS = learnt
     terms, cast_boxes, drawn = (np.array(column) for column in zip(*rows, strict=True))
     return CastPairs(terms, cast_boxes, drawn)
 
 
-def fitted(pairs: Sequence[CastPairs], rounds: int = 20, scale: float = 1.5) -> np.ndarray:
-    """(t,) coefficients by iterated least squares with Cauchy weights."""
-    terms = np.concatenate([one.terms for one in pairs]).reshape(-1, len(habits.TERMS))
-    moved = np.concatenate([(one.drawn - one.cast) * habits.OUTWARD.sum(axis=1) for one in pairs]).reshape(-1)
+def fitted(pairs: Iterable[CastPairs], rounds: int = 20, scale: float = 1.5) -> tuple[float, ...]:
+    """Coefficients of the habits' terms by iterated least squares with Cauchy weights."""
+    known = list(pairs)
+    terms = np.concatenate([one.terms for one in known]).reshape(-1, len(habits.TERMS))
+    moved = np.concatenate([(one.drawn - one.cast) * habits.OUTWARD.sum(axis=1) for one in known]).reshape(-1)
     found = np.zeros(terms.shape[1])
     for _ in range(rounds):
         error = moved - terms @ found
         weight = 1 / (1 + (error / (scale * 1.4826 * np.median(np.abs(error)))) ** 2)
         found = np.linalg.lstsq(terms * weight[:, None] ** 0.5, moved * weight**0.5, rcond=None)[0]
-    return found
+    return tuple(found.round(4).tolist())
 
 
-def fit_confidence(labels: Sequence[tuple[str, str, float, float, bool]]) -> None:
+def fit_confidence(labels: pd.DataFrame) -> None:
     """Print logistic regressions of hits on share and size, by kind and source."""
-    for kind, source in sorted({label[:2] for label in labels}):
-        own = [label for label in labels if label[:2] == (kind, source)]
-        share, size, hit = (np.array([label[column] for label in own], float) for column in (2, 3, 4))
-        terms = np.stack([np.ones(len(own)), share - 1, np.log(size / confidence.USUAL_PX)], axis=1)
+    rover = labels["no_lamp"] & (labels["kind"] == SHADOW)
+    for (kind, source, by_rover), own in labels.groupby(["kind", "source", rover]):
+        share = shares_told(own, kind, source) if not by_rover else np.ones(len(own))
+        hit = own["hit"].to_numpy(float)
+        terms = np.stack([np.ones(len(own)), share - 1, np.log(own["size"] / confidence.USUAL_PX)], axis=1)
 
         def loss(x: np.ndarray, terms: np.ndarray = terms, hit: np.ndarray = hit) -> float:
             score = terms @ x
             return float(np.logaddexp(0, score).sum() - score @ hit + 0.5 * (x**2).sum())
 
         found = minimize(loss, np.zeros(3)).x.round(2).tolist()
-        print(f"    ({kind!r}, {source!r}): {tuple(found)},  # {len(own)} labels, {hit.mean():.3f} right")
+        name = f"{kind!r}, {source!r}{', rover light' if by_rover else ''}"
+        print(f"    ({name}): {tuple(found)},  # {len(own)} labels, {hit.mean():.3f} right")
+
+
+def shares_told(labels: pd.DataFrame, kind: str, source: str) -> np.ndarray:
+    """(n,) shares of the azimuths that labels were given, back from their confidences."""
+    start, missed, size = confidence.COEFFICIENTS[kind, source]
+    if not missed:
+        return np.ones(len(labels))
+    told = labels["confidence"].to_numpy(float).clip(1e-6, 1 - 1e-6)
+    score = np.log(told / (1 - told))
+    return np.asarray((score - start - size * np.log(labels["size"].clip(1) / confidence.USUAL_PX)) / missed + 1)
 
 
 def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("release", type=Path)
     asked.add_argument("work", type=Path)
-    asked.add_argument("--terrains", type=int, nargs="+", default=[1, 3, 4, 8, 11])
+    asked.add_argument("--config", type=Path, default=Path("config/release.yaml"), help="whose options are used")
+    asked.add_argument("--terrains", type=int, nargs="+", default=[1, 3, 4, 8, 11, 12])
     asked.add_argument("--fit", action="store_true")
     asked.add_argument("--quick", action="store_true", help="only what needs seeds of all azimuths")
-    asked.add_argument("--refine-lamps", action="store_true", help="by the seeds' shadows, as labels.refine_lamps does")
     args = asked.parse_args()
-    global OPTIONS
-    OPTIONS = OPTIONS.model_copy(update={"refine_lamps": args.refine_lamps})
-    truths = {terrain: read_release(args.release, terrain) for terrain in args.terrains}
-    pairs = {}
-    if args.fit:
-        pairs = {t: cast_pairs(truth, scene_from(args.release, args.work, truth, SUNS)) for t, truth in truths.items()}
-        print("COEFFICIENTS", dict(zip(habits.TERMS, fitted(list(pairs.values())).round(4).tolist(), strict=True)))
-        label_module.confidence = lambda *given, **_: given[2]  # the bare share
+    config = read_config(args.config)
+    options = LabelsOptions(**config.labels.stage_options())
+    seeded = config.labels.seeds.azimuths
+    runs = {terrain: Run(args.release, args.work, terrain, config, seeded) for terrain in args.terrains}
+    pairs = {terrain: cast_pairs(run, options) for terrain, run in runs.items()} if args.fit else {}
     scores = Scores()
-    for terrain, truth in truths.items():
+    for terrain, run in runs.items():
+        own = options
         if args.fit:  # what the others taught
-            habits.COEFFICIENTS = fitted([other for t, other in pairs.items() if t != terrain])
-        score_from_all(truth, scene_from(args.release, args.work, truth, SUNS), scores)
-        for azimuth in SUNS if not args.quick else ():
-            others = [other for other in SUNS if other != azimuth]
-            for azimuths in ([azimuth], others):
-                score_from_some(truth, scene_from(args.release, args.work, truth, azimuths), azimuths, scores)
-        score_projected(truth, scene_from(args.release, args.work, truth, SUNS), scores)
+            habit = fitted(pairs[other] for other in pairs if other != terrain)
+            own = options.model_copy(update={"shadow_habits": habit})
+        truth = read_truth(args.release, terrain)
+        print(f"terrain {terrain:02d}: {len(truth)} files", flush=True)
+        score_run(run, truth, None, own, scores)
+        for part, wanted, task in () if args.quick else partial_runs(run, truth):
+            score_run(part, wanted, task, own, scores)
     scores.show()
     if args.fit:
-        fit_confidence(scores.labels)
+        print("COEFFICIENTS", dict(zip(habits.TERMS, fitted(pairs.values()), strict=True)))
+        fit_confidence(pd.concat(scores.labels, ignore_index=True))
 
 
 if __name__ == "__main__":

@@ -230,7 +230,7 @@ def masks(
 
     files = sorted(path for path in polygons.glob("*.txt") if path.name != "classes.txt")
     if not files:
-        raise FormatError(f"{polygons}: no polygon file (*.txt)")
+        raise FormatError("no polygon file (*.txt)", path=polygons)
     for path in track(files, "grey maps"):
         png.write(out / f"{path.stem}.png", paint(yolo.read_polygons(path)))
     typer.echo(f"{len(files)} grey maps in {out}")

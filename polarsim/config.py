@@ -212,7 +212,7 @@ def read_config(path: str | Path) -> Config:
     """
     content = read_yaml(path)
     if not isinstance(content, Mapping):
-        raise ConfigError(f"{path}: no keys, a configuration was expected")
+        raise ConfigError("no keys, a configuration was expected", path=path)
     with about(path):
         return parse_config(content)
 

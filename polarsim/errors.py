@@ -8,7 +8,30 @@ from pathlib import Path
 
 
 class PolarsimError(Exception):
-    """Bad input. One line: where, what was found, what was expected. Anything else that is raised is a bug of ours."""
+    """Bad input. One line: where, what was found, what was expected. Anything else that is raised is a bug of ours.
+
+    Code that needs the place asks the fields; the message is for people and may be worded anew.
+
+    Parameters
+    ----------
+    reason
+        What was found and what was expected, without the place.
+    path
+        The file or folder that is wrong; None where only the caller knows it, which says so with `about`.
+    line
+        Line of the file, from 1.
+    """
+
+    def __init__(self, reason: str, path: str | Path | None = None, line: int | None = None) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.path = None if path is None else Path(path)
+        self.line = line
+
+    def __str__(self) -> str:
+        place = [] if self.path is None else [str(self.path)]
+        place += [] if self.line is None else [str(self.line)]
+        return f"{':'.join(place)}: {self.reason}" if place else self.reason
 
 
 class ConfigError(PolarsimError):
@@ -49,10 +72,20 @@ class RoverError(PolarsimError):
 
 @contextmanager
 def about(path: str | Path) -> Iterator[None]:
-    """Put the file's name in front of a `PolarsimError` that the core raised: the core knows arrays only."""
+    """Name the file of a `PolarsimError` that the core raised, which knows arrays only. A file that is there stays."""
     try:
         yield
     except PolarsimError as error:
-        if str(path) in str(error):
-            raise
-        raise type(error)(f"{path}: {error}") from error
+        if error.path is None:
+            error.path = Path(path)
+        raise
+
+
+@contextmanager
+def within(part: str) -> Iterator[None]:
+    """Put what is no file, such as a position or a photo, in front of a `PolarsimError`'s reason."""
+    try:
+        yield
+    except PolarsimError as error:
+        error.reason = f"{part}: {error.reason}"
+        raise

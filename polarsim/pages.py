@@ -20,7 +20,7 @@ def make_report(*, run: str, configfile: Path, cores: int = 1, results: Path = P
     folder = results / run
     parts = sorted([*folder.glob("tables/*.*"), *folder.glob("figures/*.png")])
     if not parts:
-        raise PolarsimError(f"{folder}: no tables; run snakemake first")
+        raise PolarsimError("no tables; run snakemake first", path=folder)
     page = folder / "report.html"
     if not page.exists() or page.stat().st_mtime < max(path.stat().st_mtime for path in parts):
         command = [
@@ -29,5 +29,5 @@ def make_report(*, run: str, configfile: Path, cores: int = 1, results: Path = P
         ]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
-            raise PolarsimError(f"{page}: snakemake --report failed: {' '.join(done.stderr.split())[-500:]}")
+            raise PolarsimError(f"snakemake --report failed: {' '.join(done.stderr.split())[-500:]}", path=page)
     return [*(path for path in parts if path.suffix == ".md"), page]

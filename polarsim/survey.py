@@ -12,10 +12,12 @@ import numpy as np
 
 HEIGHT_OFFSET = 0.20  # survey heights count from a level this far above the sand: fits to labels give 0.16 to 0.22
 
-SURVEYED_LEFT = {  # left cameras; B as fitted to labels (6.1), for its survey (5.5) contradicts "4000 mm from the edge"
+# Left cameras. Two are fitted to labels: B, whose survey (x 5.5) contradicts "4000 mm from the edge", and C, which five
+# terrains have 0.5 m beside its survey (0.316, -3.540), one like the other.
+SURVEYED_LEFT = {
     "A": np.array([3.541, -0.303, 1.346 + HEIGHT_OFFSET]),
     "B": np.array([6.100, -0.403, 1.345 + HEIGHT_OFFSET]),
-    "C": np.array([0.316, -3.540, 1.346 + HEIGHT_OFFSET]),
+    "C": np.array([0.81, -3.675, 1.325 + HEIGHT_OFFSET]),
 }
 NOMINAL_YAW_DEG = {"A": 180.0, "B": 180.0, "C": 103.0}  # heading of the optical axis, from +X towards +Y
 NOMINAL_PITCH_DEG = 25.0  # downwards

@@ -42,14 +42,14 @@ def unpack(archive: Path, folder: Path, options: FetchOptions | None = None) -> 
                     _extract(source, entry, temporary)
                 _flatten(temporary, folder.name)
     except PolarsimError as error:
-        if str(error).startswith(f"{folder}: "):  # the disk: its line already says where
-            raise
-        raise type(error)(f"{archive}: {error}") from error
+        if error.path is None:  # the disk says where
+            error.path = archive
+        raise
     except OSError as error:
-        raise FormatError(f"{archive}: no readable zip archive, {error.strerror or error}") from error
+        raise FormatError(f"no readable zip archive, {error.strerror or error}", path=archive) from error
     except Exception as error:  # damaged zips make the parser raise nearly anything
         reason = (str(error).splitlines() or [""])[0] or type(error).__name__
-        raise FormatError(f"{archive}: a damaged zip archive, {reason}") from error
+        raise FormatError(f"a damaged zip archive, {reason}", path=archive) from error
 
 
 def check_entries(entries: list[zipfile.ZipInfo], options: FetchOptions) -> None:

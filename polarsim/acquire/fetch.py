@@ -56,7 +56,7 @@ def fetch_archive(*, name: str, url: str | None, root: Path, options: FetchOptio
             _check_pin(path, path, root)
             return path
         if url is None:
-            raise FetchError(f"{path}: not there, and no address is configured for it")
+            raise FetchError("not there, and no address is configured for it", path=path)
         partial = path.with_name(f".{name}.part")
         _download(url, partial, options)
         try:
@@ -96,8 +96,9 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path) -> None:
     folders = _folders(source, terrain)
     if not folders:
         raise FetchError(
-            f"{source.root}: nothing of terrain {terrain:02d}, no folder Terrain{terrain:02d}_* (polar) or "
-            f"{release.BOXES}/Terrain{terrain:02d} (release), and {len(used)} archives without it"
+            f"nothing of terrain {terrain:02d}, no folder Terrain{terrain:02d}_* (polar) or "
+            f"{release.BOXES}/Terrain{terrain:02d} (release), and {len(used)} archives without it",
+            path=source.root,
         )
     files = sorted(path for folder in folders for path in folder.rglob("*") if path.is_file())
     write_json(
@@ -169,7 +170,7 @@ def _download(url: str, partial: Path, options: FetchOptions) -> None:
                 raise FetchError(f"{url}: {reason}") from error
         except (_TransferError, HTTPException, OSError) as error:
             if isinstance(error, OSError) and error.errno in _DISK:
-                raise FetchError(f"{partial}: cannot be written, {error.strerror}") from error
+                raise FetchError(f"cannot be written, {error.strerror}", path=partial) from error
             reason = str(getattr(error, "reason", error)) or type(error).__name__
         if number < options.tries:
             log.warning("%s: try %d of %d failed, %s", url, number, options.tries, reason)
@@ -249,7 +250,7 @@ def _check_pin(content: Path, path: Path, root: Path) -> None:
     if path.name not in pins:
         write_json(root / PINS, {**pins, path.name: found})
     elif pins[path.name] != found:
-        raise FetchError(f"{path}: SHA-256 {found}, but {pins[path.name]} is pinned in {root / PINS}")
+        raise FetchError(f"SHA-256 {found}, but {pins[path.name]} is pinned in {root / PINS}", path=path)
 
 
 def _pins(root: Path) -> dict[str, str]:
@@ -258,7 +259,7 @@ def _pins(root: Path) -> dict[str, str]:
         return {}
     pins = read_json(path)
     if not isinstance(pins, dict) or not all(isinstance(value, str) for value in pins.values()):
-        raise FormatError(f"{path}: expected archive names with their SHA-256")
+        raise FormatError("expected archive names with their SHA-256", path=path)
     return pins
 
 
@@ -269,7 +270,7 @@ def _alone(root: Path) -> Iterator[None]:
         root.mkdir(parents=True, exist_ok=True)
         folder = os.open(root, os.O_RDONLY)
     except OSError as error:
-        raise FetchError(f"{root}: cannot be opened, {error.strerror}") from error
+        raise FetchError(f"cannot be opened, {error.strerror}", path=root) from error
     try:
         with suppress(OSError):  # a file system without locks
             fcntl.flock(folder, fcntl.LOCK_EX)

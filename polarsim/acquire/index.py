@@ -50,7 +50,7 @@ def index_terrain(
         There is neither a seed nor a scan; or there is no scan and there shall be no seeds.
     """
     if not source.root.is_dir():
-        raise FormatError(f"{source.root}: no such folder, it is the root of the source {source.kind!r}")
+        raise FormatError(f"no such folder, it is the root of the source {source.kind!r}", path=source.root)
     if source.kind == "release":
         found, table = _published(source.root, terrain), photo_table([])
     else:
@@ -79,7 +79,7 @@ def _published(root: Path, terrain: int) -> Inventory:
     looked_for = [release.label_folder(root, terrain), release.mesh_folder(root, terrain)]
     if not any(folder.is_dir() for folder in looked_for):
         names = " and ".join(folder.relative_to(root).as_posix() for folder in looked_for)
-        raise FormatError(f"{root}: nothing of terrain {terrain:02d}, looked for {names}")
+        raise FormatError(f"nothing of terrain {terrain:02d}, looked for {names}", path=root)
     stray = release.stray_files(root, terrain)
     release.log_strays(stray, f"{root}, terrain {terrain:02d}")
     ground = release.ground_file(root, terrain)
@@ -102,7 +102,7 @@ def _recorded(
     folder = nasa.find_terrain_folder(root, terrain)
     if folder is None and not range_maps:
         names = f"Terrain{terrain:02d}_* and {nasa.RANGE_FOLDER}/Terrain{terrain:02d}"
-        raise FormatError(f"{root}: nothing of terrain {terrain:02d}, looked for {names}")
+        raise FormatError(f"nothing of terrain {terrain:02d}, looked for {names}", path=root)
     found = nasa.find_photos(folder, terrain) if folder else []
     files = [(key, path) for key, path in found if key.position in positions]
     gaps = find_gaps([key for key, _ in files], selected_grid(terrain, positions, grid))
@@ -125,7 +125,7 @@ def _recorded(
 def _check_scanned(terrain: int, positions: Sequence[str], found: Inventory, root: Path) -> None:
     """Without seeds, nothing but scans tells of rocks and cameras."""
     if not found.scanned:
-        raise LabelError(f"{root}: no scan of terrain {terrain:02d}, which labels.seeds: {NO_SEEDS} needs")
+        raise LabelError(f"no scan of terrain {terrain:02d}, which labels.seeds: {NO_SEEDS} needs", path=root)
     unknown = set(positions) - set(found.scanned)
     if unknown:
         log.warning("%s: no scan of position %s, and no seeds are read", root, ", ".join(sorted(unknown)))
@@ -144,7 +144,7 @@ def _seeds(
             f"exposure {options.exposure}"
         )
         raise LabelError(
-            f"{folder}: no seed of terrain {terrain:02d} ({wanted}) among {len(files)} label files, and no scan"
+            f"no seed of terrain {terrain:02d} ({wanted}) among {len(files)} label files, and no scan", path=folder
         )
     unknown = set(positions) - {key.position for key, _ in chosen} - set(found.scanned)
     if unknown:

@@ -20,7 +20,8 @@ def raw_inputs(terrain: int, source: SourceOptions, seeds: SeedChoice) -> list[P
         return [source.root / "receipts" / f"Terrain{terrain:02d}.json"]
     files = _possible_seeds(terrain, source.root, seeds) if isinstance(seeds, SeedOptions) else []
     if source.kind == "release":
-        return [*files, *release.mesh_files(source.root, terrain).values()]
+        ground = release.ground_file(source.root, terrain)
+        return [*files, *release.mesh_files(source.root, terrain).values(), *([ground] if ground else [])]
     folder = nasa.find_terrain_folder(source.root, terrain)
     range_maps, clouds = nasa.find_scans(source.root, terrain)
     calibration = nasa.find_calibration(folder) if folder else None

@@ -41,7 +41,7 @@ def describe_photo(path: Path) -> dict[str, object]:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise FormatError(f"{path}: no readable photo, {error.strerror or error}") from error
+        raise FormatError(f"no readable photo, {error.strerror or error}", path=path) from error
     with about(path):
         header = png.parse_header(content)
         if (header.width, header.height) != (WIDTH, HEIGHT):

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from polarsim.acquire.options import SeedOptions
 from polarsim.formats import release, yolo
 from polarsim.formats.files import writing_folder
-from polarsim.photo import PhotoKey
+from polarsim.geometry.swapped import rocks_called_shadows
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
+
+log = logging.getLogger("polarsim")
 
 USUAL_EXPOSURE_MS = 256  # most labels were drawn at it
 
@@ -62,7 +68,32 @@ def choose_seeds(
 
 
 def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
-    """Write the chosen files anew as the folder's only content: boxes, also of polygons, all in one number format."""
+    """Write the chosen files anew as the folder's only content: boxes, also of polygons, all in one number format.
+
+    Shadows that other azimuths show to be rocks become rocks: one such file would mislead cameras and labels alike.
+    """
+    drawn = {key: yolo.read_boxes_or_polygons(path) for key, path in chosen}
     with writing_folder(seeds) as folder:
-        for key, path in chosen:
-            yolo.write_boxes(folder / f"{key}.txt", *yolo.read_boxes_or_polygons(path))
+        for key, (_, boxes) in drawn.items():
+            yolo.write_boxes(folder / f"{key}.txt", _unswapped(key, drawn), boxes)
+
+
+def _unswapped(key: PhotoKey, drawn: Mapping[PhotoKey, tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """(n,) classes of a seed, put right where at least two other azimuths of its view tell otherwise."""
+    rock, shadow = BOX_CLASSES.index(ROCK), BOX_CLASSES.index(SHADOW)
+    classes, boxes = drawn[key]
+    elsewhere = [
+        others[numbers == rock]
+        for other, (numbers, others) in drawn.items()
+        if other.view == key.view and other.light == key.light and other.azimuth != key.azimuth
+    ]
+    shadows = np.flatnonzero(classes == shadow)
+    swapped = shadows[rocks_called_shadows(boxes[shadows], boxes[classes == rock], elsewhere)]
+    if len(swapped):
+        log.warning(
+            "%s: %d of %d shadows lie where other azimuths have rocks, taken for rocks: see `polarsim lint`",
+            key, len(swapped), len(shadows),
+        )  # fmt: skip
+    right = classes.copy()
+    right[swapped] = rock
+    return right

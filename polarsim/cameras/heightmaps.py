@@ -134,3 +134,16 @@ def agreement(fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, 
     first, second = height_map(fixed, reach, step), height_map(moving, reach, step)
     off = np.abs(first.height - second.height)[first.known & second.known]
     return (float((off < tolerance).mean()) if len(off) else 0.0), len(off)
+
+
+def relief_correlation(fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, least: float) -> float:
+    """Correlation of the relief of two aligned clouds (n, 3), (m, 3) over the cells that both have, -1 to 1.
+
+    1 where neither relief has a standard deviation of `least` metres, and where they share no cell.
+    """
+    first, second = height_map(fixed, reach, step), height_map(moving, reach, step)
+    both = first.known & second.known
+    one, other = first.relief()[both], second.relief()[both]
+    if not len(one) or max(one.std(), other.std()) < least:
+        return 1.0
+    return float(((one - one.mean()) * (other - other.mean())).mean() / max(one.std() * other.std(), 1e-12))

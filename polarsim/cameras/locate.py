@@ -13,17 +13,18 @@ import numpy as np
 import pandas as pd
 
 from polarsim.cameras.gauge import find_gauge
-from polarsim.cameras.labels import LabelPlacement, place_by_labels, with_shifts
+from polarsim.cameras.labels import LabelPlacement
 from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.placements import Placements, place_all, unshifted_fits
 from polarsim.cameras.rounding import rounded, rounded_figures
 from polarsim.cameras.scans import Pair, register_scans
 from polarsim.cameras.shifts import shift_table
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
-from polarsim.errors import RegistrationError, about
+from polarsim.errors import RegistrationError, within
 from polarsim.formats import colmap, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
-from polarsim.formats.rigs import PlacedRig, read_rig, write_placed
+from polarsim.formats.rigs import SURVEYED, PlacedRig, read_rig, write_placed
 from polarsim.formats.rock_shifts import FILE as SHIFT_FILE
 from polarsim.formats.scans import read_scan
 from polarsim.formats.seeds import read_rock_boxes
@@ -81,7 +82,7 @@ def locate_cameras(
     os.environ["OMP_NUM_THREADS"] = str(threads)  # read by Open3D's OpenMP when it is first loaded
     known, rig = read_inventory(inventory), read_rig(calibration)
     scanned = [position for position in positions if position in known.scanned]
-    with about(f"Terrain{terrain:02d}"):
+    with within(f"Terrain{terrain:02d}"):
         if scanned:
             located = _locate_by_scans(known, scanned, rig, options)
         else:
@@ -99,6 +100,8 @@ def locate_cameras(
 def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig, options: CamerasOptions) -> Located:
     scans = {position: read_scan(known, position, rig) for position in positions}
     network = register_scans(scans, options)
+    for reason in network.refused:
+        log.warning("%s; the scan is left out", reason)
     gauge = find_gauge(network.points, network.normals, network.level_from_left)
     if not gauge.walls:
         log.warning("no two walls of the box are seen in the scans: origin and heading are the survey's")
@@ -153,15 +156,15 @@ def _locate_by_labels(
         position: consensus_boxes(drawn.get(position, []), options.consensus_share, options.cluster_iou)
         for position in positions
     }
-    placements = _place_by_labels(seen, outlines, rig, options)
+    found = place_all(seen, outlines, rig.left, options)
+    _tell_refused(found)
     details = {}
-    if options.rock_shift_sd_mm and placements:
-        unshifted = placements
-        placements, shifts = with_shifts(placements, seen, outlines, rig.left, options)
-        before, after = ([one.fit for one in found.values()] for found in (unshifted, placements))
-        details[SHIFT_FILE] = shift_table(outlines.rocks, shifts, before, after)
+    if options.rock_shift_sd_mm and found.placed:
+        before = unshifted_fits(found, outlines, rig.left, options)
+        fits = [one.fit for one in found.placed.values()]
+        details[SHIFT_FILE] = shift_table(outlines.rocks, found.shifts, before, fits)
     placed, rows = {}, []
-    for position, placement in sorted(placements.items()):
+    for position, placement in sorted(found.placed.items()):
         pose = placement.fit.sandbox_from_left
         quality = {**_label_quality(placement, seen[position], outlines), **_off_survey(position, pose)}
         placed[position] = _placed(rig, pose, "labels", quality)
@@ -170,27 +173,19 @@ def _locate_by_labels(
     return Located(placed, {**details, "matches.parquet": pd.DataFrame(rows, columns=list(MATCH_COLUMNS))})
 
 
-def _place_by_labels(
-    seen: Mapping[str, np.ndarray], outlines: Outlines, rig: StereoRig, options: CamerasOptions
-) -> dict[str, LabelPlacement]:
-    """Every position whose boxes and meshes suffice, the surest first: it helps the others."""
-    placements: dict[str, LabelPlacement] = {}
-    refused = []
-    for position in sorted(seen, key=lambda name: (-len(seen[name]), name)):
-        boxes = seen[position]
-        if min(len(boxes), len(outlines)) < options.min_boxes:
-            continue
-        poses = {name: one.fit.sandbox_from_left for name, one in placements.items()}
-        try:
-            with about(f"position {position}"):
-                placements[position] = place_by_labels(boxes, outlines, rig.left, pose_beside(position, poses), options)
-        except RegistrationError as error:
-            refused.append(error)
-    if refused and not placements:  # one view may be hopeless; a terrain without any has the wrong labels or meshes
-        raise refused[0]
-    for reason in refused:
+def _tell_refused(found: Placements) -> None:
+    """Warn of positions that labels do not place; one view may be hopeless.
+
+    Raises
+    ------
+    RegistrationError
+        All are refused: these are other labels or other meshes.
+    """
+    reasons = [f"position {position}: {reason}" for position, reason in sorted(found.refused.items())]
+    if reasons and not found.placed:
+        raise RegistrationError(reasons[0])
+    for reason in reasons:
         log.warning("%s", reason)
-    return placements
 
 
 def _label_quality(placement: LabelPlacement, boxes: np.ndarray, outlines: Outlines) -> dict[str, float]:
@@ -242,7 +237,7 @@ def _completed(placed: dict[str, PlacedRig], positions: Sequence[str], rig: Ster
                 f"position {position} has no scan, no labels and meshes that place it, and no survey"
             )
         log.warning("position %s has neither a scan nor labels and meshes that place it: the survey does", position)
-        complete[position] = _placed(rig, pose, "survey", _off_survey(position, pose))
+        complete[position] = _placed(rig, pose, SURVEYED, _off_survey(position, pose))
     return complete
 
 

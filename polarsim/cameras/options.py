@@ -48,6 +48,7 @@ class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     min_fit: float = Field(0.52, gt=0, lt=1, description="Sum of IoU over what could match that speaks for itself.")
     min_led_fit: float = Field(0.4, gt=0, lt=1, description="... and that suffices with a clear lead.")
     min_lead: float = Field(0.15, gt=0, lt=1, description="Such a lead over the next best pose, in the same measure.")
+    max_off_survey_m: float = Field(1, gt=0, description="A pose further from the surveyed place is refused, m.")
 
     # Scans.
     voxel_mm: float = Field(12, gt=0, description="Grid to which scans are thinned for the last alignment, mm.")
@@ -59,6 +60,12 @@ class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     scan_radius_m: float = Field(3.2, gt=0, description="Scans are used this far about the terrain's centre, m.")
     same_surface_mm: float = Field(10, gt=0, description="Points of two scans nearer than this lie on one surface, mm.")
     min_fitness: float = Field(0.5, gt=0, lt=1, description="Part of the overlap that must agree between scans.")
+    min_likeness: float = Field(
+        0.5,
+        ge=-1,
+        lt=1,
+        description="Correlation of the relief of two scans below which they show different terrains; 0.9 is usual.",
+    )
 
     # Photos: meshes shaded at the located poses are looked for in them.
     photo_scales: tuple[float, ...] = Field(

@@ -54,7 +54,7 @@ def refine_cameras(
     placed = start
     pictures = best_pictures(terrain, photos) if photos is not None and options.photo_scales else {}
     suns: dict[str, np.ndarray] = {}
-    if found := {view for view in pictures if view[0] in placed and placed[view[0]].method != "survey"}:
+    if found := {view for view in pictures if view[0] in placed and not placed[view[0]].surveyed}:
         name, surface = f"terrain {terrain:02d}", surface_of(read_terrain(meshes, terrain))
         placed, suns = _refined(name, placed, surface, {view: pictures[view] for view in found}, options)
     with writing_folder(cameras) as folder:

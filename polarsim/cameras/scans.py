@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from polarsim.cameras import icp
-from polarsim.cameras.heightmaps import agreement, turned_and_shifted
+from polarsim.cameras.heightmaps import agreement, relief_correlation, turned_and_shifted
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import RegistrationError
@@ -20,6 +20,8 @@ from polarsim.survey import NOMINAL_PITCH_DEG
 SAND_REACH = 1.6  # metres about the centre where a scan shows sand and rocks only, for all errors of the survey
 SAND_SCALES = [0.4, 0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.06, 0.06]  # metres: what belongs to the sand, ever closer
 MIN_SAND_POINTS = 1000
+MIN_SAND_AREA = 1.0  # square metres: scans of the analog show 5 to 11
+LEAST_RELIEF = 0.005  # metres, standard deviation: two flatter scans look alike whatever they show
 HEIGHT_REACH = 1.0  # metres about the sand's level: above are curtains and stands
 LEVEL, FLAT = 0.2, 0.8  # metres about the sand's level, and |z| of normals, of what counts as sand near the walls
 COARSE_VOXELS = [0.04, 0.02]  # metres
@@ -46,6 +48,7 @@ class Network:
     covariances: dict[str, np.ndarray]  # (6, 6) of turn and shift in the level frame, the mean of all scans held
     points: dict[str, np.ndarray]  # (n, 3) thinned, in the level frame
     normals: dict[str, np.ndarray]  # (n, 3)
+    refused: list[RegistrationError]  # of scans that are not of this terrain, and therefore in none of the above
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ class _Levelled:
 
 
 def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> Network:
-    """Lay the scans of a terrain on each other.
+    """Lay the scans of a terrain on each other, without those that show no sand or another terrain than most.
 
     Parameters
     ----------
@@ -75,17 +78,14 @@ def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> 
     Raises
     ------
     RegistrationError
-        A scan shows no sand where the survey has it, two scans are copies, or disagree however they are laid.
+        No scan shows sand where the survey has it, two scans are copies, or no more than half of them agree.
     """
     for one, other in combinations(sorted(scans), 2):
         if np.array_equal(scans[one], scans[other]):
             raise RegistrationError(f"the scans of positions {one} and {other} are copies: the same points in both")
-    levelled = {position: _levelled(position, points, options) for position, points in sorted(scans.items())}
-    reference = max(levelled, key=lambda position: len(levelled[position].fine.points))
-    start = {reference: Pose.identity()}
-    for position in levelled:
-        if position != reference:
-            start[position] = _found(reference, position, levelled, options)
+    levelled, sandless = _all_levelled(scans, options)
+    reference, start, strange = _majority(levelled, options)
+    levelled = {position: scan for position, scan in levelled.items() if position in start}
     sands = {position: scan.sand() for position, scan in levelled.items()}
     moves = icp.align_jointly(sands, start, reference)
     pairs = [
@@ -98,7 +98,46 @@ def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> 
         icp.covariances(sands, moves),
         {position: moves[position].apply(scan.fine.points) for position, scan in levelled.items()},
         {position: moves[position].rotate(scan.fine.normals) for position, scan in levelled.items()},
+        [*sandless, *strange],
     )
+
+
+def _all_levelled(
+    scans: Mapping[str, np.ndarray], options: CamerasOptions
+) -> tuple[dict[str, _Levelled], list[RegistrationError]]:
+    """The scans that show sand, and why others do not."""
+    levelled, refused = {}, []
+    for position, points in sorted(scans.items()):
+        try:
+            levelled[position] = _levelled(position, points, options)
+        except RegistrationError as reason:
+            refused.append(reason)
+    if not levelled:
+        raise refused[0]
+    return levelled, refused
+
+
+def _majority(
+    levelled: Mapping[str, _Levelled], options: CamerasOptions
+) -> tuple[str, dict[str, Pose], list[RegistrationError]]:
+    """A scan that more than half of all agree with, those by their `reference_from_own`, and why others do not.
+
+    The scan with most points is asked first.
+    """
+    first: RegistrationError | None = None
+    for reference in sorted(levelled, key=lambda position: (-len(levelled[position].fine.points), position)):
+        start, refused = {reference: Pose.identity()}, []
+        for position in levelled:
+            if position != reference:
+                try:
+                    start[position] = _found(reference, position, levelled, options)
+                except RegistrationError as reason:
+                    refused.append(reason)
+        if len(start) > len(levelled) / 2:
+            return reference, start, refused
+        first = first or refused[0]
+    assert first is not None  # a scan alone agrees with itself
+    raise first
 
 
 def level_pose(position: str, points: np.ndarray) -> Pose:
@@ -118,8 +157,20 @@ def _levelled(position: str, points: np.ndarray, options: CamerasOptions) -> _Le
     reach = [options.scan_radius_m, options.scan_radius_m, HEIGHT_REACH]
     near = near[(np.abs(near) < reach).all(axis=1)]
     viewpoint = level_from_left.translation
+    area = _sand_area(icp.surface(near, viewpoint, COARSE_VOXELS[0]))
+    if area < MIN_SAND_AREA:
+        raise RegistrationError(
+            f"the scan of position {position} shows {area:.1f} m2 of level sand within {SAND_REACH:g} m of the middle, "
+            f"{MIN_SAND_AREA:g} m2 needed: walls alone place no camera"
+        )
     fine = icp.surface(near, viewpoint, options.voxel_mm / 1000)
     return _Levelled(level_from_left, [icp.surface(fine.points, viewpoint, voxel) for voxel in COARSE_VOXELS], fine)
+
+
+def _sand_area(coarse: icp.Surface) -> float:
+    """Square metres of level surface about the middle, by a scan on the coarsest grid."""
+    sand = (np.abs(coarse.points) < [SAND_REACH, SAND_REACH, LEVEL]).all(axis=1) & (np.abs(coarse.normals[:, 2]) > FLAT)
+    return float(sand.sum() * COARSE_VOXELS[0] ** 2)
 
 
 def _found(fixed: str, moving: str, levelled: Mapping[str, _Levelled], options: CamerasOptions) -> Pose:
@@ -143,12 +194,25 @@ def _found(fixed: str, moving: str, levelled: Mapping[str, _Levelled], options: 
             f"the scans of positions {fixed} and {moving} agree on {max(share):.2f} of the ground that both show, "
             f"{options.min_fitness:g} needed"
         )
-    return tried[int(np.argmax(share))]
+    found = tried[int(np.argmax(share))]
+    alike = _likeness(first, second, found, options)
+    if alike < options.min_likeness:
+        raise RegistrationError(
+            f"the scans of positions {fixed} and {moving} show different terrains: their relief correlates by "
+            f"{alike:.2f}, {options.min_likeness:g} needed"
+        )
+    return found
 
 
 def _measured(fixed: str, moving: str, pose: Pose, levelled: Mapping[str, _Levelled], options: CamerasOptions) -> Pair:
     alignment = icp.measure(levelled[fixed].fine, levelled[moving].fine, pose, options.same_surface_mm / 1000)
     return Pair(fixed, moving, alignment, _agreement(levelled[fixed], levelled[moving], pose, options))
+
+
+def _likeness(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose, options: CamerasOptions) -> float:
+    """Correlation of the relief that both scans show of the sand; 1 where there is too little to tell."""
+    moved = fixed_from_moving.apply(moving.fine.points)
+    return relief_correlation(fixed.fine.points, moved, SAND_REACH, options.map_step_mm / 1000, LEAST_RELIEF)
 
 
 def _agreement(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose, options: CamerasOptions) -> float:

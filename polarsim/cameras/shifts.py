@@ -15,6 +15,8 @@ from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import Outlines
 
 ROUNDS = 3  # of pairing rocks and boxes anew
+FAR = 2.0  # standard deviations of the prior from which on a rock was plainly put elsewhere: the prior lets it go
+FARTHEST = 0.1  # metres: boxes that would move a rock further are another one's
 STEPS = 30  # of a fit, at most
 SETTLED = 1e-6  # metres and radians: a fit whose unknowns move less has ended
 
@@ -37,18 +39,36 @@ class Shifts:
     boxes: np.ndarray  # (m,) boxes that a shift rests on
 
 
+def no_shifts(outlines: Outlines, sd: float) -> Shifts:
+    """Rocks where their meshes have them, known to `sd` metres on each axis."""
+    shape = len(outlines), 3
+    return Shifts(np.zeros(shape), np.full(shape, sd), np.zeros(len(outlines), int))
+
+
 def shifted(outlines: Outlines, metres: np.ndarray) -> Outlines:
     """Outlines moved by shifts (m, 3)."""
     return replace(outlines, whole=outlines.whole + metres[:, None], upper=outlines.upper + metres[:, None])
 
 
 def fit_shifts(
-    views: Mapping[str, View], outlines: Outlines, lens: Lens, sd: float, gate_px: float, noise: EdgeNoise
+    views: Mapping[str, View],
+    outlines: Outlines,
+    lens: Lens,
+    sd: float,
+    gate_px: float,
+    noise: EdgeNoise,
+    start: np.ndarray,
 ) -> tuple[dict[str, np.ndarray], Shifts]:
     """Poses of all views and shifts of all rocks together; iterated least squares with Cauchy weights of the edges.
 
-    A Gaussian prior of `sd` metres on each axis holds the rocks, and with them the terrain's frame: moving all rocks
-    and all cameras alike changes no box.
+    A prior of `sd` metres on each axis holds the rocks, and with them the terrain's frame: moving all rocks and all
+    cameras alike changes no box. Its tails are a Cauchy distribution's: few rocks were put centimetres off, and these
+    must not pull the others.
+
+    Parameters
+    ----------
+    start : (m, 3) float
+        Shifts known so far, metres.
 
     Returns
     -------
@@ -57,14 +77,15 @@ def fit_shifts(
     shifts : Shifts
     """
     unknowns = {position: unknowns_of(view.fit.sandbox_from_left) for position, view in views.items()}
-    metres = np.zeros((len(outlines), 3))
+    metres = start
+    strangers = np.zeros(len(outlines), bool)  # rocks whose boxes are somebody else's
     pairs: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for _ in range(ROUNDS):
         moved = shifted(outlines, metres)
-        pairs = {
-            position: assign(moved.seen(lens, pose_of(unknowns[position])), view.boxes, gate_px)
-            for position, view in views.items()
-        }
+        for position, view in views.items():
+            rows, columns = assign(moved.seen(lens, pose_of(unknowns[position])), view.boxes, gate_px)
+            known = ~strangers[rows]
+            pairs[position] = rows[known], columns[known]
         for _ in range(STEPS):
             normal_matrix, right_side = _normal_equations(views, pairs, unknowns, outlines, metres, lens, sd, noise)
             step = np.linalg.solve(normal_matrix, right_side)
@@ -73,6 +94,8 @@ def fit_shifts(
             metres = metres + step[6 * len(views) :].reshape(-1, 3)
             if np.abs(step).max() < SETTLED:
                 break
+        strangers |= np.linalg.norm(metres, axis=1) > FARTHEST
+        metres = np.where(strangers[:, None], 0.0, metres)
     normal_matrix, _ = _normal_equations(views, pairs, unknowns, outlines, metres, lens, sd, noise)
     variance = np.diag(np.linalg.inv(normal_matrix))[6 * len(views) :].reshape(-1, 3)
     seen = np.concatenate([rows for rows, _ in pairs.values()])
@@ -108,8 +131,9 @@ def _normal_equations(
         matrix += (jacobian * weights[:, None]).T @ jacobian
         side -= jacobian.T @ (weights * residuals)
     held = np.arange(poses, size)
-    matrix[held, held] += sd**-2
-    side[poses:] -= metres.ravel() / sd**2
+    hold = np.repeat(sd**-2 / (1 + (metres**2).sum(axis=1) / (FAR * sd) ** 2), 3)
+    matrix[held, held] += hold
+    side[poses:] -= hold * metres.ravel()
     return matrix, side
 
 
@@ -119,7 +143,7 @@ def shift_table(rocks: np.ndarray, shifts: Shifts, before: Sequence[BoxFit], aft
     Parameters
     ----------
     before, after : sequence of BoxFit
-        Fits of all views without and with the shifts.
+        Fits of all views to the meshes as they are and to the shifted ones.
     """
     millimetres = np.round(1000 * shifts.metres, 2) + 0.0
     columns = {

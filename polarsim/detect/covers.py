@@ -72,11 +72,11 @@ def read_cover(root: Path, key: PhotoKey) -> np.ndarray:
     """
     path = release.cover_photos(root, key.terrain).get(key.position)
     if path is None:
-        raise DetectError(f"{root}: no cover photo of terrain {key.terrain:02d}, position {key.position}")
+        raise DetectError(f"no cover photo of terrain {key.terrain:02d}, position {key.position}", path=root)
     picture = png.read(path)
     if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[:2] != (HEIGHT, WIDTH):
         raise DetectError(
-            f"{path}: shape {picture.shape} {picture.dtype}, expected {HEIGHT} x {WIDTH} in colour, 8 bits"
+            f"shape {picture.shape} {picture.dtype}, expected {HEIGHT} x {WIDTH} in colour, 8 bits", path=path
         )
     return picture[..., :3]
 
@@ -95,7 +95,7 @@ def read_covers(*, root: Path, keys: Sequence[PhotoKey], pictures: Path, labels:
             png.write(folder / f"{key}.png", erase_strokes(read_cover(root, key)))
             path = release.label_files(root, key.terrain).get(key)
             if path is None:
-                raise DetectError(f"{root}: no label file {key}.txt")
+                raise DetectError(f"no label file {key}.txt", path=root)
             classes, corners = yolo.read_boxes(path)
             facts = {"key": str(key), **{name: getattr(key, name) for name in (
                 "terrain", "position", "light", "azimuth", "camera", "exposure_ms"
@@ -139,7 +139,7 @@ def make_cover_dataset(
         raise DetectError(f"terrain {both[0]:02d} is to be trained on and to be tested")
     for folder in twins.values():
         if not (folder / "images").is_dir():
-            raise DetectError(f"{folder}: no varied twins are here")
+            raise DetectError("no varied twins are here", path=folder)
     paths = [path for terrain in sorted(twins) for path in sorted((twins[terrain] / "images").glob("*.png"))]
     if len(paths) < 2:
         raise DetectError(f"{', '.join(map(str, twins.values()))}: {len(paths)} twins, at least 2 are needed")

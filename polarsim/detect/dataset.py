@@ -188,7 +188,7 @@ def _write(
     counts = {part: sum(entry.part == part for entry in entries) for part in PARTS}
     for part in needed:
         if not counts[part]:
-            raise DetectError(f"{dataset}: no {domain} picture in the {part} part")
+            raise DetectError(f"no {domain} picture in the {part} part", path=dataset)
     for entry in entries:
         for (kind, ending), file in zip(KINDS, (entry.image, entry.label), strict=True):
             place = folder / kind / entry.part

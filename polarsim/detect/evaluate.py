@@ -133,7 +133,7 @@ def trained_and_evaluated(path: Path) -> tuple[str, str]:
     """
     trained, between, evaluated = path.stem.partition("_on_")
     if not (trained and between and evaluated):
-        raise DetectError(f"{path}: expected a name such as real_on_hapke.parquet")
+        raise DetectError("expected a name such as real_on_hapke.parquet", path=path)
     return trained, evaluated
 
 

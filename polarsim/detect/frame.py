@@ -24,7 +24,7 @@ def read_picture(path: Path) -> np.ndarray:
     """
     pixels = png.read(path)
     if pixels.ndim != 2 or pixels.dtype != np.uint8:
-        raise DetectError(f"{path}: {pixels.dtype} with shape {pixels.shape}, expected one channel of 8 bits")
+        raise DetectError(f"{pixels.dtype} with shape {pixels.shape}, expected one channel of 8 bits", path=path)
     return pixels
 
 

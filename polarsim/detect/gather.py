@@ -34,6 +34,6 @@ def gather_tables(*, parts: Sequence[Path], splits: Sequence[str], seeds: Sequen
         if "seed" not in part.columns:
             part.insert(list(part.columns).index("split") + 1, "seed", seed)
         if found and list(part.columns) != list(found[0].columns):
-            raise DetectError(f"{path}: columns {', '.join(part.columns)}, expected those of {parts[0]}")
+            raise DetectError(f"columns {', '.join(part.columns)}, expected those of {parts[0]}", path=path)
         found.append(part)
     tables.write_parquet(table, pd.concat(found, ignore_index=True))

@@ -157,7 +157,7 @@ def write_ledger(
     """
     keys = sorted(set.intersection(*(set(read_pictures(dataset, TEST)) for dataset in datasets.values())))
     if not keys:
-        raise DetectError(f"{datasets[photo]}: no test picture that every twin of the ledger has")
+        raise DetectError("no test picture that every twin of the ledger has", path=datasets[photo])
     truth = {domain: read_labels(path) for domain, path in labels.items()}
     facts: dict[str, Any] = {
         "model": twin,

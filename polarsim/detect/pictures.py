@@ -12,7 +12,7 @@ import pandas as pd
 
 from polarsim.detect import tone
 from polarsim.detect.options import VIEWS, DetectOptions
-from polarsim.errors import DetectError, PolarsimError, about
+from polarsim.errors import DetectError, PolarsimError, about, within
 from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json, write_json, writing_folder
 from polarsim.geometry import boxes
@@ -87,7 +87,7 @@ def convert_photos(
     boxes_of = _boxes_by_photo(labels)
 
     def labelled(source: Source, size: tuple[int, int]) -> Labels:
-        with about(f"{labels}: {source.key}"):
+        with about(labels), within(source.key):
             return _inside(*boxes_of.get(source.key, (np.zeros(0, int), np.zeros((0, 4)))), size)
 
     _convert(domain, sources, labelled, folder, options)
@@ -123,7 +123,7 @@ def _terrains_of_view(sidecar: Path) -> tuple[int, ...]:
     try:
         return tuple(sorted({int(terrain["terrain"]) for terrain in read_json(sidecar)["terrains"]}))
     except (KeyError, TypeError, ValueError) as error:
-        raise DetectError(f"{sidecar}: does not say which terrains are to be seen") from error
+        raise DetectError("does not say which terrains are to be seen", path=sidecar) from error
 
 
 def picture_paths(pictures: Path, keys: list[PhotoKey]) -> dict[PhotoKey, Path]:
@@ -190,9 +190,9 @@ def _read(path: Path, size: tuple[int, int] | None) -> np.ndarray:
     try:
         header = png.parse_header(path.read_bytes())  # OpenCV reads a cut picture without a word
     except OSError as error:
-        raise DetectError(f"{path}: cannot be read, {error.strerror or error}") from error
+        raise DetectError(f"cannot be read, {error.strerror or error}", path=path) from error
     except PolarsimError as error:
-        raise DetectError(f"{path}: {error}") from error
+        raise DetectError(error.reason, path=path) from error
     return png.read_photo(path, size or (header.width, header.height))
 
 
@@ -201,7 +201,7 @@ def _boxes_by_photo(labels: Path) -> dict[str, Labels]:
     table = tables.read_parquet(labels, tables.LABEL_COLUMNS)
     unknown = sorted(set(table["kind"].astype(str)) - set(BOX_CLASSES))
     if unknown:
-        raise DetectError(f"{labels}: kind {unknown[0]!r}, expected one of {', '.join(BOX_CLASSES)}")
+        raise DetectError(f"kind {unknown[0]!r}, expected one of {', '.join(BOX_CLASSES)}", path=labels)
     return {
         str(key): (
             np.array([BOX_CLASSES.index(kind) for kind in rows["kind"]]),

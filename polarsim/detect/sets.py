@@ -109,7 +109,7 @@ def read_predictions(path: Path) -> pd.DataFrame:
     table = _read_folder(path)
     if table["confidence"].isna().any():
         key = table.loc[table["confidence"].isna(), "key"].iloc[0]
-        raise DetectError(f"{path / key}.txt: a prediction has 6 fields: class x y width height confidence")
+        raise DetectError("a prediction has 6 fields: class x y width height confidence", path=path / f"{key}.txt")
     return table
 
 
@@ -143,7 +143,7 @@ def _read_folder(folder: Path) -> pd.DataFrame:
         columns = dict(zip(BOX_COLUMNS, corners.T, strict=True))
         parts.append(pd.DataFrame({"key": path.stem, "kind": kinds, "confidence": confidence} | columns))
     if not parts:
-        raise DetectError(f"{folder}: no YOLO file (*.txt)")
+        raise DetectError("no YOLO file (*.txt)", path=folder)
     return pd.concat(parts, ignore_index=True).astype({"key": "str", "kind": "str"})
 
 

@@ -133,7 +133,7 @@ def read_split(split: Path, by: str = PHOTO) -> dict[PhotoKey, str]:
     table = tables.read_csv(split, SPLIT_COLUMNS)
     unknown = sorted(set(table["part"].astype(str)) - set(PARTS))
     if unknown:
-        raise DetectError(f"{split}: part {unknown[0]!r}, expected one of {', '.join(PARTS)}")
+        raise DetectError(f"part {unknown[0]!r}, expected one of {', '.join(PARTS)}", path=split)
     with about(split):
         parts = {PhotoKey.parse(str(key)): str(part) for key, part in zip(table["key"], table["part"], strict=True)}
         check_split(parts, by)

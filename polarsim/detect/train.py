@@ -39,7 +39,7 @@ def train_judge(*, dataset: Path, weights: Path, curve: Path, options: DetectOpt
         A broken data set, one without labels to train on, or a disk that is full.
     """
     if not any(path.stat().st_size for path in (dataset / "labels" / TRAIN).glob("*.txt")):
-        raise DetectError(f"{dataset}: not one labelled box in its train part")
+        raise DetectError("not one labelled box in its train part", path=dataset)
     ensure_weights(options)
     try:
         folder = _prepare(dataset, options, work)
@@ -50,7 +50,7 @@ def train_judge(*, dataset: Path, weights: Path, curve: Path, options: DetectOpt
         judges.write_judge(weights, judges.Judge(options.model, options.imgsz, options.epochs, start, trained.state))
         shutil.rmtree(folder, ignore_errors=True)
     except OSError as error:
-        raise PolarsimError(f"{work}: training cannot go on, {error.strerror or error}") from error
+        raise PolarsimError(f"training cannot go on, {error.strerror or error}", path=work) from error
 
 
 def _prepare(dataset: Path, options: DetectOptions, work: Path) -> Path:

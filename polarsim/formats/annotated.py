@@ -34,11 +34,11 @@ def read_annotated(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray, np.nd
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise FormatError(f"{folder}: no such folder of label files")
+        raise FormatError("no such folder of label files", path=folder)
     try:
         found = release.key_files(folder)
     except LabelError as error:
-        raise FormatError(str(error)) from error
+        raise FormatError(error.reason, path=error.path) from error
     release.log_strays((path for path in found.stray if path.suffix == ".txt"), str(folder))
     names = {place: read_class_list(place) for place in {path.parent for path in found.files.values()}}
     return {key: yolo.read_boxes(path, names=names[path.parent]) for key, path in found.files.items()}
@@ -58,11 +58,11 @@ def read_class_list(folder: Path) -> tuple[str, ...]:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"{path}: no readable class list, {error}") from error
+        raise FormatError(f"no readable class list, {error}", path=path) from error
     names = tuple(line.strip() for line in "\n".join(lines).rstrip().split("\n"))
     if not any(names):
-        raise FormatError(f"{path}: no class, expected a name a line, such as {' and '.join(BOX_CLASSES)}")
+        raise FormatError(f"no class, expected a name a line, such as {' and '.join(BOX_CLASSES)}", path=path)
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise FormatError(f"{path}: class {twice[0]!r} is there twice")
+        raise FormatError(f"class {twice[0]!r} is there twice", path=path)
     return names

@@ -245,16 +245,16 @@ def read_coco(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> dict
     try:
         content = _FILE.validate_json(Path(path).read_bytes())
     except OSError as error:
-        raise FormatError(f"{path}: no readable COCO file, {error.strerror}") from error
+        raise FormatError(f"no readable COCO file, {error.strerror}", path=path) from error
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"])
-        raise FormatError(f"{path}: no COCO file, {place}: {first['msg']}".replace("\n", " ")) from error
+        raise FormatError(f"no COCO file, {place}: {first['msg']}".replace("\n", " "), path=path) from error
     keys = _once(path, "image", ((image.id, _key(path, image, size)) for image in content.images))
     names = _once(path, "category", ((category.id, category.name) for category in content.categories))
     photos: dict[PhotoKey, list[Annotation]] = {key: [] for key in keys.values()}
     if len(photos) < len(keys):
-        raise FormatError(f"{path}: two images of photo {Counter(keys.values()).most_common(1)[0][0]}")
+        raise FormatError(f"two images of photo {Counter(keys.values()).most_common(1)[0][0]}", path=path)
     for number, row in enumerate(content.annotations):
         try:
             if row.image_id not in keys:
@@ -262,7 +262,7 @@ def read_coco(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> dict
             photos[keys[row.image_id]].append(_annotation(row, names, size))
         except PolarsimError as error:
             own = number if row.id is None else row.id
-            raise FormatError(f"{path}: annotation {own}: {error}") from error
+            raise FormatError(f"annotation {own}: {error.reason}", path=path) from error
     return photos
 
 
@@ -270,7 +270,7 @@ def _once(path: str | Path, what: str, pairs: Iterable[tuple[int, Any]]) -> dict
     found: dict[int, Any] = {}
     for number, value in pairs:
         if number in found:
-            raise FormatError(f"{path}: {what} id {number} comes twice")
+            raise FormatError(f"{what} id {number} comes twice", path=path)
         found[number] = value
     return found
 
@@ -279,11 +279,11 @@ def _key(path: str | Path, image: _Image, size: tuple[int, int]) -> PhotoKey:
     stem = re.split(r"[\\/]", image.file_name)[-1].rsplit(".", 1)[0]
     stated = (image.width or size[0], image.height or size[1])
     if stated != size:
-        raise FormatError(f"{path}: image {image.id}: {stated[0]} x {stated[1]} px, expected {size[0]} x {size[1]}")
+        raise FormatError(f"image {image.id}: {stated[0]} x {stated[1]} px, expected {size[0]} x {size[1]}", path=path)
     try:
         return PhotoKey.parse(stem.rsplit("-", 1)[-1])
     except PolarsimError as error:
-        raise FormatError(f"{path}: image {image.id}: {error}") from error
+        raise FormatError(f"image {image.id}: {error.reason}", path=path) from error
 
 
 def _annotation(row: _Annotation, names: Mapping[int, str], size: tuple[int, int]) -> Annotation:

@@ -35,10 +35,10 @@ def write_model(folder: str | Path, placed: Mapping[str, PlacedRig]) -> None:
     import pycolmap
 
     if not placed:
-        raise FormatError(f"{folder}: a COLMAP model needs a position")
+        raise FormatError("a COLMAP model needs a position", path=folder)
     rigs = [one.rig for one in placed.values()]
     if any(not _same_rig(rig, rigs[0]) for rig in rigs):
-        raise FormatError(f"{folder}: positions {', '.join(sorted(placed))} have different rigs, a model has one")
+        raise FormatError(f"positions {', '.join(sorted(placed))} have different rigs, a model has one", path=folder)
     model = pycolmap.Reconstruction()
     for camera in CAMERAS:
         model.add_camera(_camera(CAMERA_ID[camera], rigs[0].lens(camera)))
@@ -68,13 +68,13 @@ def read_model(folder: str | Path) -> dict[str, PlacedRig]:
         poses = {image.name: _pose(image.cam_from_world()) for image in images}
         lenses = {image.name: _lens(image.camera) for image in images}
     except (ValueError, RuntimeError, TypeError, KeyError, IndexError) as error:
-        raise FormatError(f"{folder}: no readable COLMAP model, {str(error).splitlines()[0]}") from error
+        raise FormatError(f"no readable COLMAP model, {str(error).splitlines()[0]}", path=folder) from error
     placed = {}
     for name in poses:
         position = name.removeprefix("Pos").split("_")[0]
         left, right = (f"Pos{position}_Cam{camera}" for camera in CAMERAS)
         if left not in poses or right not in poses or name not in (left, right):
-            raise FormatError(f"{folder}: image {name!r}, expected pairs PosX_CamL and PosX_CamR")
+            raise FormatError(f"image {name!r}, expected pairs PosX_CamL and PosX_CamR", path=folder)
         rig = StereoRig(lenses[left], lenses[right], poses[left] @ poses[right].inverse())
         placed[position] = PlacedRig(rig, poses[left].inverse())
     return placed

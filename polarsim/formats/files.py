@@ -29,7 +29,7 @@ def writing(path: str | Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        raise PolarsimError(f"{path}: cannot be written, {error.strerror or error}") from error
+        raise PolarsimError(f"cannot be written, {error.strerror or error}", path=path) from error
     finally:
         with suppress(OSError):  # the error that is under way says more
             temporary.unlink(missing_ok=True)
@@ -47,7 +47,7 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(path, ignore_errors=True)
         temporary.replace(path)
     except OSError as error:
-        raise PolarsimError(f"{path}: cannot be written, {error.strerror or error}") from error
+        raise PolarsimError(f"cannot be written, {error.strerror or error}", path=path) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -78,4 +78,4 @@ def read_json(path: str | Path) -> Any:
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise FormatError(f"{path}: no readable JSON, {error}") from error
+        raise FormatError(f"no readable JSON, {error}", path=path) from error

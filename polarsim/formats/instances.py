@@ -25,5 +25,5 @@ def read_kind_masks(path: str | Path) -> dict[str, np.ndarray]:
     """
     ids = png.read(path)
     if ids.dtype != np.uint16 or ids.ndim != 2:
-        raise FormatError(f"{path}: {ids.dtype} with shape {ids.shape}, an instance map is one channel of 16 bits")
+        raise FormatError(f"{ids.dtype} with shape {ids.shape}, an instance map is one channel of 16 bits", path=path)
     return {ROCK: (ids >= ROCK_IDS) & (ids < SHADOW_IDS), SHADOW: ids >= SHADOW_IDS}

@@ -57,4 +57,4 @@ def read_inventory(path: str | Path) -> Inventory:
     try:
         return Inventory(**{**content, "stray": tuple(content.get("stray", ()))})
     except TypeError as error:
-        raise FormatError(f"{path}: no inventory, {error}") from error
+        raise FormatError(f"no inventory, {error}", path=path) from error

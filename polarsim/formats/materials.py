@@ -74,7 +74,9 @@ def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
     with about(folder / TABLE_FILE):
         _check(content, set(table.columns))
     if not np.array_equal(table["rock"].to_numpy(), rock_of_vertex(mesh)):
-        raise FormatError(f"{folder / ALBEDO_FILE}: {len(table)} vertices that are not those of the terrain's meshes")
+        raise FormatError(
+            f"{len(table)} vertices that are not those of the terrain's meshes", path=folder / ALBEDO_FILE
+        )
     models = {
         model: Fitted(
             fit["parameters"],

@@ -54,7 +54,7 @@ def read_calibration(path: str | Path) -> StereoRig:
     try:
         text = Path(path).read_text(encoding="ascii")
     except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"{path}: no readable calibration, {error}") from error
+        raise FormatError(f"no readable calibration, {error}", path=path) from error
     with about(path):
         entries = _entries(text)
         rotation = checked_rotation(entries["ROTATION_MATRIX"].reshape(3, 3))
@@ -189,16 +189,16 @@ def read_cloud(path: str | Path, unit_m: float = MM) -> np.ndarray:
     """
     suffix = Path(path).suffix.lower()
     if suffix not in CLOUD_SUFFIXES:
-        raise FormatError(f"{path}: a cloud's name ends in {', '.join(CLOUD_SUFFIXES)}")
+        raise FormatError(f"a cloud's name ends in {', '.join(CLOUD_SUFFIXES)}", path=path)
     try:
         points = _read_ply(path) if suffix == ".ply" else _read_ascii_cloud(path)
     except FormatError:
         raise
     except Exception as error:  # parsers of damaged files raise nearly anything
-        raise FormatError(f"{path}: no readable cloud, {_reason(error)}") from error
+        raise FormatError(f"no readable cloud, {_reason(error)}", path=path) from error
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
-        raise FormatError(f"{path}: no point")
+        raise FormatError("no point", path=path)
     return points * unit_m
 
 
@@ -209,7 +209,7 @@ def _read_ascii_cloud(path: str | Path) -> np.ndarray:
         start = [line for _, line in zip(range(_CLOUD_START), lines, strict=False)]
     first = next((n for n, line in enumerate(start) if _is_point(line)), None)
     if first is None:
-        raise FormatError(f"{path}: no line of x y z among the first {_CLOUD_START}")
+        raise FormatError(f"no line of x y z among the first {_CLOUD_START}", path=path)
     separator = "," if "," in start[first] else r"\s+"
     table = pd.read_csv(
         path, sep=separator, header=None, skiprows=first, usecols=[0, 1, 2], dtype=float, encoding="ascii"
@@ -217,7 +217,7 @@ def _read_ascii_cloud(path: str | Path) -> np.ndarray:
     points = table.to_numpy(dtype=float)
     short = np.isnan(points).any(axis=1) & ~np.isnan(points).all(axis=1)  # all NaN is a ray that met nothing
     if short.any():
-        raise FormatError(f"{path}:{first + 1 + int(np.argmax(short))}: fewer than 3 numbers, a point is x y z")
+        raise FormatError("fewer than 3 numbers, a point is x y z", path=path, line=first + 1 + int(np.argmax(short)))
     return points
 
 
@@ -261,7 +261,7 @@ def find_terrain_folder(root: str | Path, terrain: int) -> Path | None:
     for pattern in ("*", "*/*"):
         found = sorted(path for path in Path(root).glob(pattern) if name.fullmatch(path.name) and path.is_dir())
         if len(found) > 1:
-            raise FormatError(f"{root}: two folders of terrain {terrain:02d}, {found[0].name} and {found[1].name}")
+            raise FormatError(f"two folders of terrain {terrain:02d}, {found[0].name} and {found[1].name}", path=root)
         if found:
             return found[0]
     return None
@@ -292,7 +292,7 @@ def find_photos(terrain_folder: str | Path, terrain: int) -> list[tuple[PhotoKey
         if key is None:
             strays.append(path.name)
         elif key in photos:
-            raise FormatError(f"{path}: a second photo {key} beside {photos[key]}")
+            raise FormatError(f"a second photo {key} beside {photos[key]}", path=path)
         else:
             photos[key] = path
     if strays:
@@ -351,7 +351,7 @@ def find_scans(root: str | Path, terrain: int) -> tuple[dict[str, Path], dict[st
         if path.suffix.lower() not in CLOUD_SUFFIXES:
             continue
         if path.stem[3] in clouds:
-            raise FormatError(f"{path}: a second cloud of position {path.stem[3]} beside {clouds[path.stem[3]]}")
+            raise FormatError(f"a second cloud of position {path.stem[3]} beside {clouds[path.stem[3]]}", path=path)
         clouds[path.stem[3]] = path
     return maps, clouds
 

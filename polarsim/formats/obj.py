@@ -72,14 +72,14 @@ def read(path: str | Path) -> Mesh:
     try:
         content = Path(path).read_bytes()
     except OSError as error:
-        raise FormatError(f"{path}: no readable OBJ file, {error}") from error
+        raise FormatError(f"no readable OBJ file, {error}", path=path) from error
     mesh = _plain_triangles(content) or _any_faces(path, content)
     if not len(mesh.faces):
-        raise FormatError(f"{path}: no triangle")
+        raise FormatError("no triangle", path=path)
     if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
-        raise FormatError(f"{path}: a face names vertex {mesh.faces.max() + 1} of {len(mesh.vertices)}")
+        raise FormatError(f"a face names vertex {mesh.faces.max() + 1} of {len(mesh.vertices)}", path=path)
     if not np.isfinite(mesh.vertices).all():
-        raise FormatError(f"{path}: a vertex is not finite")
+        raise FormatError("a vertex is not finite", path=path)
     return mesh
 
 
@@ -136,7 +136,7 @@ def _any_faces(path: str | Path, content: bytes) -> Mesh:
     try:
         lines = content.decode("ascii").splitlines()
     except UnicodeDecodeError as error:
-        raise FormatError(f"{path}: no readable OBJ file, {error}") from error
+        raise FormatError(f"no readable OBJ file, {error}", path=path) from error
     for number, line in enumerate(lines, 1):
         try:
             if line.startswith("v "):
@@ -147,7 +147,7 @@ def _any_faces(path: str | Path, content: bytes) -> Mesh:
                 corners = [c - 1 if c > 0 else len(vertices) + c for c in corners]
                 faces += [[corners[0], corners[k], corners[k + 1]] for k in range(1, len(corners) - 1)]
         except ValueError as error:
-            raise FormatError(f"{path}:{number}: {error}") from error
+            raise FormatError(str(error), path=path, line=number) from error
     return Mesh(np.array(vertices, float).reshape(-1, 3), np.array(faces, np.int64).reshape(-1, 3))
 
 

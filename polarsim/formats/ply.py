@@ -46,22 +46,22 @@ def read(path: str | Path) -> Cloud:
     try:
         content = Path(path).read_bytes()
     except OSError as error:
-        raise FormatError(f"{path}: no readable PLY file, {error.strerror}") from error
+        raise FormatError(f"no readable PLY file, {error.strerror}", path=path) from error
     end = content.find(b"end_header\n", 0, _LONGEST_HEADER)
     if not content.startswith(b"ply\n") or end < 0:
-        raise FormatError(f"{path}: no PLY header")
+        raise FormatError("no PLY header", path=path)
     lines = content[:end].decode("ascii", "replace").splitlines()
     if "format binary_little_endian 1.0" not in lines:
-        raise FormatError(f"{path}: expected the format binary_little_endian 1.0")
+        raise FormatError("expected the format binary_little_endian 1.0", path=path)
     if [line.split() for line in lines if line.startswith("property")] != [["property", "float", c] for c in _COLUMNS]:
-        raise FormatError(f"{path}: expected the float properties {' '.join(_COLUMNS)}")
+        raise FormatError(f"expected the float properties {' '.join(_COLUMNS)}", path=path)
     elements = [line.split() for line in lines if line.startswith("element")]
     if len(elements) != 1 or elements[0][:2] != ["element", "vertex"] or not elements[0][-1].isdigit():
-        raise FormatError(f"{path}: expected one element vertex")
+        raise FormatError("expected one element vertex", path=path)
     body = content[end + len(b"end_header\n") :]
     if len(body) != int(elements[0][-1]) * _ROW.itemsize:
-        raise FormatError(f"{path}: {len(body)} bytes of points, expected {elements[0][-1]} x {_ROW.itemsize}")
+        raise FormatError(f"{len(body)} bytes of points, expected {elements[0][-1]} x {_ROW.itemsize}", path=path)
     values = np.frombuffer(body, "<f4").reshape(-1, 6).astype(float)
     if not np.isfinite(values).all():
-        raise FormatError(f"{path}: a value is not finite")
+        raise FormatError("a value is not finite", path=path)
     return Cloud(values[:, :3], values[:, 3:])

@@ -72,9 +72,9 @@ def read(path: str | Path) -> np.ndarray:
     try:
         pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
-        raise FormatError(f"{path}: no readable picture, {error.err}") from error
+        raise FormatError(f"no readable picture, {error.err}", path=path) from error
     if pixels is None:
-        raise FormatError(f"{path}: no readable picture")
+        raise FormatError("no readable picture", path=path)
     if pixels.ndim == 3:
         pixels = pixels[..., [2, 1, 0]]
     return np.asarray(pixels)
@@ -90,11 +90,11 @@ def read_photo(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.
     """
     pixels = read(path)
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
-        raise FormatError(f"{path}: {pixels.dtype} with shape {pixels.shape}, a photo is one channel of 16 bits")
+        raise FormatError(f"{pixels.dtype} with shape {pixels.shape}, a photo is one channel of 16 bits", path=path)
     if (pixels.shape[1], pixels.shape[0]) != size:
-        raise FormatError(f"{path}: {pixels.shape[1]} x {pixels.shape[0]} pixels, expected {size[0]} x {size[1]}")
+        raise FormatError(f"{pixels.shape[1]} x {pixels.shape[0]} pixels, expected {size[0]} x {size[1]}", path=path)
     if pixels.max(initial=0) > WHITE_LEVEL:
-        raise FormatError(f"{path}: value {pixels.max()}, a photo has 12 bits (0 to {WHITE_LEVEL})")
+        raise FormatError(f"value {pixels.max()}, a photo has 12 bits (0 to {WHITE_LEVEL})", path=path)
     return pixels
 
 

@@ -161,7 +161,7 @@ def _collect(folder: Path, terrain: int | None, found: KeyFiles) -> None:
         if key is None or (terrain is not None and key.terrain != terrain):
             found.stray.append(path)
         elif key in found.files:
-            raise LabelError(f"{path}: {key} is also at {found.files[key]}, a photo has one label file")
+            raise LabelError(f"{key} is also at {found.files[key]}, a photo has one label file", path=path)
         else:
             found.files[key] = path
 

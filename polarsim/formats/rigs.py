@@ -16,6 +16,8 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.survey import survey_lift
 
+SURVEYED = "survey"  # method of a rig that nothing else places
+
 
 @dataclass(frozen=True)
 class PlacedRig:
@@ -25,6 +27,11 @@ class PlacedRig:
     sandbox_from_left: Pose
     method: str = ""  # "scans", "labels" or "survey", ", photos" behind it: what the pose rests on
     quality: dict[str, float] = field(default_factory=dict)  # figures of the fit; keys carry their units
+
+    @property
+    def surveyed(self) -> bool:
+        """Whether nothing but the survey places the rig: what was scanned from there cannot be laid by its pose."""
+        return self.method == SURVEYED
 
     def sandbox_from(self, camera: str) -> Pose:
         """Pose of camera L or R in the sandbox."""

@@ -9,8 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import FormatError
-from polarsim.formats import obj
+from polarsim.formats import obj, tables
 from polarsim.photo import NO_ROCK
+
+MESH_TABLE = "meshes.csv"  # beside the meshes: a row a mesh
+SCANNED, PUBLISHED, FITTED = "scan", "published", "fitted"  # what a mesh was made from; a fitted ground is a guess
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,11 @@ class TerrainMesh:
         used, numbers = np.unique(faces, return_inverse=True)
         return obj.Mesh(self.vertices[used], numbers.reshape(faces.shape))
 
+    def ground(self) -> TerrainMesh:
+        """The same terrain without its rocks."""
+        own = self.rock_of_face == NO_ROCK
+        return TerrainMesh(self.vertices, self.faces[own], self.rock_of_face[own], self.given_normals)
+
     def rock_vertices(self, rock: int) -> np.ndarray:
         """(n, 3) vertices that a rock's faces use."""
         return self.vertices[np.unique(self.faces[self.rock_of_face == rock])]
@@ -60,8 +68,23 @@ def mesh_files(folder: str | Path, terrain: int) -> dict[int, Path]:
     """
     ground = Path(folder) / obj.ground_name(terrain)
     if not ground.exists():
-        raise FormatError(f"{ground}: the ground mesh is missing")
+        raise FormatError("the ground mesh is missing", path=ground)
     return {NO_ROCK: ground, **obj.rock_files(folder)}
+
+
+def made_from(folder: str | Path) -> dict[str, str]:
+    """What each mesh of a folder was made from, by file name: `scan`, `published` or `fitted`; empty without a table.
+
+    Raises
+    ------
+    FormatError
+        The table lacks a column.
+    """
+    path = Path(folder) / MESH_TABLE
+    if not path.exists():
+        return {}
+    table = tables.read_csv(path, ["mesh", "made_from"])
+    return dict(zip(table["mesh"], table["made_from"], strict=True))
 
 
 def read_terrain(folder: str | Path, terrain: int) -> TerrainMesh:

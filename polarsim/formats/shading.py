@@ -25,10 +25,10 @@ def read_shading(path: str | Path) -> np.ndarray:
     """
     shading = png.read(path)
     if shading.dtype != np.uint16 or shading.ndim != 2:
-        raise FormatError(f"{path}: {shading.dtype} with shape {shading.shape}, expected one channel of 16 bits")
+        raise FormatError(f"{shading.dtype} with shape {shading.shape}, expected one channel of 16 bits", path=path)
     unknown = shading[(shading > FACES_AWAY) & (shading < ROCK_IDS)]
     if len(unknown):
-        raise FormatError(f"{path}: value {unknown[0]} has no meaning in a shading picture")
+        raise FormatError(f"value {unknown[0]} has no meaning in a shading picture", path=path)
     return shading
 
 

@@ -38,10 +38,10 @@ def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     try:
         table = pd.read_parquet(path)
     except Exception as error:  # pyarrow raises many kinds
-        raise FormatError(f"{path}: no readable Parquet table, {str(error).splitlines()[0]}") from error
+        raise FormatError(f"no readable Parquet table, {str(error).splitlines()[0]}", path=path) from error
     missing = [name for name in columns if name not in table.columns]
     if missing:
-        raise FormatError(f"{path}: column {missing[0]!r} is missing")
+        raise FormatError(f"column {missing[0]!r} is missing", path=path)
     return table
 
 
@@ -61,10 +61,10 @@ def read_csv(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     try:
         table = pd.read_csv(path, dtype={"azimuth": str, "light": str, "key": str})
     except Exception as error:
-        raise FormatError(f"{path}: no readable CSV table, {str(error).splitlines()[0]}") from error
+        raise FormatError(f"no readable CSV table, {str(error).splitlines()[0]}", path=path) from error
     missing = [name for name in columns if name not in table.columns]
     if missing:
-        raise FormatError(f"{path}: column {missing[0]!r} is missing")
+        raise FormatError(f"column {missing[0]!r} is missing", path=path)
     return table
 
 

@@ -35,7 +35,7 @@ def read_floats(path: str | Path) -> np.ndarray:
         values = tifffile.imread(path)
     except Exception as error:  # a damaged TIFF makes the parser raise nearly anything
         reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise FormatError(f"{path}: no readable TIFF file, {reason}") from error
+        raise FormatError(f"no readable TIFF file, {reason}", path=path) from error
     if values.ndim != 2 or values.dtype != np.float32:
-        raise FormatError(f"{path}: {values.dtype} with shape {values.shape}, expected one channel of 32-bit floats")
+        raise FormatError(f"{values.dtype} with shape {values.shape}, expected one channel of 32-bit floats", path=path)
     return np.asarray(values)

@@ -24,7 +24,7 @@ def read_yaml(path: str | Path) -> Any:
     try:
         return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: no readable YAML file, {' '.join(str(error).split())}") from error
+        raise ConfigError(f"no readable YAML file, {' '.join(str(error).split())}", path=path) from error
 
 
 def read_model(path: str | Path, model: type[Model], whole: str) -> Model:
@@ -39,7 +39,7 @@ def read_model(path: str | Path, model: type[Model], whole: str) -> Model:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(f"{path}: {told(error, whole)}") from error
+        raise ConfigError(told(error, whole), path=path) from error
 
 
 def told(error: ValidationError, whole: str) -> str:

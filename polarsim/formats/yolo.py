@@ -32,12 +32,12 @@ def read_boxes(
     classes, boxes, photo = [], [], _SIZE if size is None else np.array(size, float)
     for number, fields in _lines(path):
         if len(fields) != 5:
-            raise FormatError(f"{path}:{number}: {len(fields)} fields, a YOLO box has 5: class x y width height")
+            raise FormatError(f"{len(fields)} fields, a YOLO box has 5: class x y width height", path=path, line=number)
         values = _numbers(path, number, fields)
         classes.append(_box_class(path, number, fields[0], names))
         centre, extent = values[1:3] * photo, values[3:5] * photo
         if (extent <= 0).any() or (extent > photo + 1).any() or (np.abs(centre / photo - 0.5) > 0.5 + 1e-3).any():
-            raise FormatError(f"{path}:{number}: box outside the photo or without area")
+            raise FormatError("box outside the photo or without area", path=path, line=number)
         boxes.append(np.concatenate([centre - extent / 2, centre + extent / 2]))
     return np.array(classes, int), np.array(boxes, float).reshape(-1, 4)
 
@@ -68,13 +68,15 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
     classes, boxes, confidences = [], [], []
     for number, fields in _lines(path):
         if len(fields) not in (5, 6):
-            raise FormatError(f"{path}:{number}: {len(fields)} fields, expected class x y width height [confidence]")
+            raise FormatError(
+                f"{len(fields)} fields, expected class x y width height [confidence]", path=path, line=number
+            )
         if not fields[0].isdigit():
-            raise FormatError(f"{path}:{number}: class {fields[0]}, expected a whole number")
+            raise FormatError(f"class {fields[0]}, expected a whole number", path=path, line=number)
         values = _numbers(path, number, fields)
         centre, extent = values[1:3] * _SIZE, values[3:5] * _SIZE
         if (extent <= 0).any():
-            raise FormatError(f"{path}:{number}: box without area")
+            raise FormatError("box without area", path=path, line=number)
         classes.append(int(fields[0]))
         boxes.append(np.concatenate([centre - extent / 2, centre + extent / 2]))
         confidences.append(values[5] if len(values) == 6 else np.nan)
@@ -100,7 +102,9 @@ def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:
     polygons = []
     for number, fields in _lines(path):
         if len(fields) < 7 or len(fields) % 2 == 0:
-            raise FormatError(f"{path}:{number}: {len(fields)} fields, a polygon has a class and at least 3 points")
+            raise FormatError(
+                f"{len(fields)} fields, a polygon has a class and at least 3 points", path=path, line=number
+            )
         values = _numbers(path, number, fields)
         polygons.append((_class(path, number, fields[0], POLYGON_CLASSES), values[1:].reshape(-1, 2) * _SIZE))
     return polygons
@@ -137,7 +141,7 @@ def _lines(path: str | Path) -> list[tuple[int, list[str]]]:
     try:
         text = Path(path).read_text(encoding="ascii")
     except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"{path}: no readable label file, {error}") from error
+        raise FormatError(f"no readable label file, {error}", path=path) from error
     return [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
 
 
@@ -145,20 +149,20 @@ def _numbers(path: str | Path, number: int, fields: list[str]) -> np.ndarray:
     try:
         values = np.array([float(field) for field in fields])
     except ValueError as error:
-        raise FormatError(f"{path}:{number}: {error}") from error
+        raise FormatError(str(error), path=path, line=number) from error
     if not np.isfinite(values).all():
-        raise FormatError(f"{path}:{number}: a value that is not finite")
+        raise FormatError("a value that is not finite", path=path, line=number)
     return values
 
 
 def _box_class(path: str | Path, number: int, field: str, names: tuple[str, ...]) -> int:
     name = names[_class(path, number, field, names)]
     if name not in BOX_CLASSES:
-        raise FormatError(f"{path}:{number}: class {field} is {name!r}, expected {' or '.join(BOX_CLASSES)}")
+        raise FormatError(f"class {field} is {name!r}, expected {' or '.join(BOX_CLASSES)}", path=path, line=number)
     return BOX_CLASSES.index(name)
 
 
 def _class(path: str | Path, number: int, field: str, names: tuple[str, ...]) -> int:
     if not field.isdigit() or int(field) >= len(names):
-        raise FormatError(f"{path}:{number}: class {field}, expected 0 to {len(names) - 1} ({', '.join(names)})")
+        raise FormatError(f"class {field}, expected 0 to {len(names) - 1} ({', '.join(names)})", path=path, line=number)
     return int(field)

@@ -2,7 +2,8 @@
 
 Logistic in the share of the drawn azimuths at which the rock was seen and in the logarithm of the label's size. The
 coefficients were fitted by `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published labels,
-where one person's drawing is the truth; `figures/reliability.png` of a run shows how well they hold there.
+where one person's drawing is the truth; those of `shifted` to 12 too, the pose of each position in turn forgotten.
+`figures/reliability.png` of a run shows how well they hold there.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ USUAL_PX = 50.0  # sqrt(area) of a common label
 COEFFICIENTS = {  # by kind and source: at full share and usual size; for every share missed; for size
     ("rock", "seed"): (5.06, 0.0, 0.89),
     ("rock", "fused"): (2.13, 2.30, 1.22),
+    ("rock", "shifted"): (0.96, 0.0, 3.33),
     ("rock", "projected"): (0.81, 0.0, 0.56),
     ("shadow", "seed"): (4.27, 0.0, 0.31),
     ("shadow", "fused"): (1.90, 0.0, 1.31),
+    ("shadow", "shifted"): (0.40, 0.0, 2.42),
     ("shadow", "cast"): (0.31, 0.0, 0.79),
 }
 ROVER_CAST = (-2.4, 0.0, 0.0)  # the same of shadows that the rover light casts: slivers beside their rocks

@@ -32,7 +32,7 @@ def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Drawn]
     for path in sorted(Path(folder).rglob("*.json")):
         for key, drawn in read_coco(path).items():
             if key in found:
-                raise FormatError(f"{path}: {key} is corrected in another file of {folder} too")
+                raise FormatError(f"{key} is corrected in another file of {folder} too", path=path)
             classes = np.array([BOX_CLASSES.index(one.kind) for one in drawn], int)
             found[key] = classes, np.array([one.box for one in drawn]).reshape(-1, 4)
     return {key: Drawn.of(*found[key]) for key in sorted(found) if key.terrain == terrain}

@@ -8,6 +8,8 @@ fitted by `benchmarks/transfers.py --fit` to the shadow boxes of terrains 01, 03
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 OUTWARD = np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # normals of the left, top, right, bottom edge
@@ -17,10 +19,16 @@ TERMS = (
     "near of rock", "near gap",  # of the rock's extent; of how far the edge lies outside the rock's own
     "near label", "side label",  # of how far the rock's label reaches beyond its projected mesh there
 )  # fmt: skip
-COEFFICIENTS = np.array([0.0245, -0.0062, 0.0100, 0.0071, -0.1419, -0.0401, -0.2836, -0.4524, 0.1407, 0.6529])
+COEFFICIENTS = (0.0245, -0.0062, 0.0100, 0.0071, -0.1419, -0.0401, -0.2836, -0.4524, 0.1407, 0.6529)
 
 
-def as_people_draw(box: np.ndarray, rock_label: np.ndarray, rock_mesh: np.ndarray, px_per_m: float) -> np.ndarray:
+def as_people_draw(
+    box: np.ndarray,
+    rock_label: np.ndarray,
+    rock_mesh: np.ndarray,
+    px_per_m: float,
+    coefficients: Sequence[float] = COEFFICIENTS,
+) -> np.ndarray:
     """The box (4,) that a person draws around a shadow whose visible part geometry puts into `box` (4,), px.
 
     Parameters
@@ -29,8 +37,12 @@ def as_people_draw(box: np.ndarray, rock_label: np.ndarray, rock_mesh: np.ndarra
         Box of the shadow's rock as labelled, and as its mesh projects; px.
     px_per_m
         Scale of the photo at the rock.
+    coefficients
+        One a term.
     """
-    return np.asarray(box + OUTWARD.sum(axis=1) * (terms(box, rock_label, rock_mesh, px_per_m) @ COEFFICIENTS))
+    return np.asarray(
+        box + OUTWARD.sum(axis=1) * (terms(box, rock_label, rock_mesh, px_per_m) @ np.asarray(coefficients))
+    )
 
 
 def terms(box: np.ndarray, rock_label: np.ndarray, rock_mesh: np.ndarray, px_per_m: float) -> np.ndarray:

@@ -54,15 +54,17 @@ def dome_behind(world: World, view: View, box: np.ndarray) -> Dome | None:
     return Dome(place, float(radius), float(np.clip(height, 0.4 * radius, 2.5 * radius)))
 
 
-def number_domes(domes_of_views: list[list[Dome | None]]) -> tuple[list[list[int]], dict[int, Dome]]:
+def number_domes(
+    domes_of_views: list[list[Dome | None]], first: int = FIRST_UNMESHED_ROCK
+) -> tuple[list[list[int]], dict[int, Dome]]:
     """Give unmeshed rocks their numbers: domes of different views that stand in one place are one rock.
 
-    Returns the number of each dome (`FIRST_UNMESHED_ROCK` and on, in the order of views and of domes within; a box that
-    gave no dome gets a number of its own too), and the mean dome of each number.
+    Returns the number of each dome (`first` and on, in the order of views and of domes within; a box that gave no dome
+    gets a number of its own too), and the mean dome of each number.
     """
     members: dict[int, list[Dome]] = {}
     numbers: list[list[int]] = []
-    following = FIRST_UNMESHED_ROCK
+    following = first
     for domes in domes_of_views:
         known = sorted(number for number, stood in members.items() if stood)
         cost = np.array([[_apart(dome, members[number]) for number in known] for dome in domes]).reshape(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from polarsim.labels.seeds import Drawn, Seeds, Sight, cameras_first
 from polarsim.labels.tracks import Track, find_tracks
 from polarsim.labels.view import View, move_rocks, project_rock
 from polarsim.labels.world import Dome, World, build_world, with_domes
-from polarsim.photo import NO_ROCK
+from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,16 @@ class Known:
 
     terrain: TerrainMesh
     domes: dict[int, Dome]  # stand-ins of rocks without a mesh
-    world: World  # of both
+    world: World  # of meshes and stand-ins
     placed: dict[str, PlacedRig]
     seeds: Seeds
     tracks: dict[str, list[Track]]
     rocks: dict[str, np.ndarray]  # by position: (tracks,) rock ids
+    apart: Mapping[str, Known] = field(default_factory=dict)  # positions that only the survey places, each by itself
+
+    def of(self, position: str) -> Known:
+        """What photos of a position may use: its own drawings alone where nobody knows where its cameras stood."""
+        return self.apart.get(position, self)
 
 
 def gather(
@@ -38,8 +43,34 @@ def gather(
     seeds: Seeds,
     options: LabelsOptions,
 ) -> Known:
-    """Give every drawn rock its id: that of the mesh that projects there, or the number of a stand-in."""
+    """Give every drawn rock its id: that of the mesh that projects there, or the number of a stand-in.
+
+    Meshes projected through a surveyed pose meet other rocks. A position that nothing else places keeps to its image:
+    its rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
+    """
     world = build_world(terrain, options.trim_mm / 1000, suns, options.wall_height_m)
+    located = {position: rig for position, rig in placed.items() if not rig.surveyed}
+    known = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK, options)
+    apart: dict[str, Known] = {}
+    if len(located) < len(placed):
+        ground = terrain.ground()
+        bare = build_world(ground, options.trim_mm / 1000, suns, options.wall_height_m)
+        following = max([FIRST_UNMESHED_ROCK - 1, *(int(rock) for ids in known.rocks.values() for rock in ids)]) + 1
+        for position in sorted(set(placed) - set(located)):
+            apart[position] = _gathered(ground, bare, {position: placed[position]}, seeds, following, options)
+            following += len(apart[position].rocks.get(position, ()))
+    return replace(known, placed=placed, apart=apart)
+
+
+def _gathered(
+    terrain: TerrainMesh,
+    world: World,
+    placed: dict[str, PlacedRig],
+    seeds: Seeds,
+    first: int,
+    options: LabelsOptions,
+) -> Known:
+    """What positions whose poses agree tell of the rocks of a world; stand-ins are numbered from `first`."""
     tracks: dict[str, list[Track]] = {}
     matched: dict[str, np.ndarray] = {}
     domes = []
@@ -53,7 +84,7 @@ def gather(
         )
         matched[position] = np.where(rows >= 0, np.array([*shown, NO_ROCK])[rows], NO_ROCK)
         domes.append([dome_behind(world, view, box) for box in drawn[rows < 0]])
-    numbers, stand_ins = number_domes(domes)
+    numbers, stand_ins = number_domes(domes, first)
     for position, own in zip(tracks, numbers, strict=True):
         matched[position][matched[position] == NO_ROCK] = own
     return Known(terrain, stand_ins, with_domes(world, stand_ins), placed, seeds, tracks, matched)

@@ -12,7 +12,7 @@ from polarsim.labels.confidence import confidence
 
 @dataclass(frozen=True)
 class Label:
-    """One box (4,) of a photo, and where it comes from: seed, fused, projected or cast."""
+    """One box (4,) of a photo, and where it comes from: seed, fused, shifted, projected or cast."""
 
     kind: str
     rock: int

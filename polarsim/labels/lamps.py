@@ -69,7 +69,7 @@ def with_refined_lamps(known: Known, surveyed: Collection[Azimuth], options: Lab
     A lamp with fewer shadows than `min_lamp_shadows` stays where it is.
     """
     edges: dict[Azimuth, list[FarEdges]] = {azimuth: [] for azimuth in sorted(surveyed)}
-    for position in sorted(set(known.seeds) & set(known.placed)):
+    for position in sorted(set(known.seeds) & set(known.placed) - set(known.apart)):
         shadows = PositionShadows(PositionRocks(known, position, options), options)
         for camera, azimuth in sorted(known.seeds[position]):
             if azimuth in edges:

@@ -41,9 +41,14 @@ class LightLayers:
         self._seen = lru_cache(maxsize=KEPT)(self._look)
         self._layer = lru_cache(maxsize=KEPT * (len(SUN_LAMPS) + 1))(self._lit)
 
-    def brightness(self, photo_set: PhotoSet) -> Brightness:
-        """Sum of the layers of the lamps that are on; black in the dark. No photo was taken: no exposures."""
+    def brightness(self, photo_set: PhotoSet) -> Brightness | None:
+        """Sum of the layers of the lamps that are on; black in the dark. No photo was taken: no exposures.
+
+        None where nobody knows from where the meshes are seen.
+        """
         position, camera, light, azimuth = photo_set
+        if position in self.known.apart:
+            return None
         layers = [self._layer(position, camera, azimuth)] if azimuth != "no" else []
         if light == "on":
             layers.append(ROVER_LIGHT_SHARE * self._layer(position, camera, "no"))

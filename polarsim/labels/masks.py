@@ -167,12 +167,17 @@ def draw_masks(
     for position in sorted({key.position for key in keys} - set(placed)):
         log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
     suns = lamps.read_suns(cameras, placed)
-    world = build_world(read_terrain(meshes, terrain), options.trim_mm / 1000, suns, options.wall_height_m)
+    content = read_terrain(meshes, terrain)
+    world = build_world(content, options.trim_mm / 1000, suns, options.wall_height_m)
+    surveyed = [position for position, rig in placed.items() if rig.surveyed]  # there the meshes are seen elsewhere
+    bare = build_world(content.ground(), options.trim_mm / 1000, suns, options.wall_height_m) if surveyed else world
     photos: dict[PhotoKey, list[coco.Annotation]] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
         for members in _by_view([key for key in keys if key.position in placed]):
             in_view = _of_view(labels, members[0])
-            outlines = ViewOutlines(world, View(placed[members[0].position], members[0].camera), in_view, options)
+            position, camera = members[0].position, members[0].camera
+            shown = bare if position in surveyed else world
+            outlines = ViewOutlines(shown, View(placed[position], camera), in_view, options)
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
             for own in _photo_sets(members):
                 rows_of = {key: of_photo.get(str(key), in_view[:0]) for key in own}

@@ -7,6 +7,8 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
+from polarsim.labels.habits import COEFFICIENTS
+
 
 class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     """How seed boxes are carried over the photo grid, and how their outlines are drawn."""
@@ -22,7 +24,7 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         "photo",
         description="Which labels an exposure has: 'photo', those that stand out in the photo, or, without one, in the "
         "light layers of the meshes; 'annotator', as people labelled the release: rocks always, shadows from an "
-        "exposure on.",
+        "exposure on; where no lamp shines nothing, unless the photo shows it or people drew the position's own.",
     )
     min_contrast: float = Field(
         3.0, ge=0, description="Least contrast of a label with its surround in its photo, noises of a pixel."
@@ -81,6 +83,13 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         35.0, gt=0, description="The same under the rover light, whose shadows are mostly hidden slivers, px."
     )
 
+    shadow_habits: tuple[float, ...] = Field(
+        COEFFICIENTS,
+        min_length=len(COEFFICIENTS),
+        max_length=len(COEFFICIENTS),
+        description="How people box shadows, one coefficient a term of polarsim/labels/habits.py: they move the edges "
+        "of a cast shadow's box; all 0 leaves it as geometry has it.",
+    )
     cast_weight: float = Field(
         0.3, ge=0, description="Weight of a cast shadow in a box fused with one drawn in the other camera, which has 1."
     )

@@ -17,6 +17,8 @@ class PositionRocks:
     """Rocks of one position; what photos share is computed once."""
 
     def __init__(self, known: Known, position: str, options: LabelsOptions) -> None:
+        self.in_image = position in known.apart  # nobody knows where its cameras stood
+        known = known.of(position)
         self.world, self.options = known.world, options
         self.placed = known.placed[position]
         self.drawn = known.seeds.get(position, {})
@@ -42,7 +44,13 @@ class PositionRocks:
             share = np.array([len(track.azimuths) for track in self.tracks]) / len(self.azimuths)
         boxes = self._fused(camera)
         chosen = [row for row in range(len(self.tracks)) if share[row] >= self.options.presence]
-        return [label_of(ROCK, self.ids[row], "fused", boxes[row], float(share[row])) for row in chosen]
+        source = self.moved_source(camera)
+        return [label_of(ROCK, self.ids[row], source, boxes[row], float(share[row])) for row in chosen]
+
+    def moved_source(self, camera: Camera) -> str:
+        """Source of labels that other drawings tell: `shifted` where no pose says how far things move to a camera."""
+        drawn_here = any(own == camera for own, _ in self.drawn)
+        return "shifted" if self.in_image and not drawn_here else "fused"
 
     def drawn_azimuths(self, rock: int) -> set[Azimuth]:
         """Under which lamps people drew a rock here."""
@@ -55,9 +63,8 @@ class PositionRocks:
         elsewhere = {int(rock): box for rock, box in zip(self.ids, fused, strict=True) if rock not in known}
         taken = np.array([*(label.box for label in rocks), *elsewhere.values()]).reshape(-1, 4)
         share = {int(rock): len(track.azimuths) for rock, track in zip(self.ids, self.tracks, strict=True)}
-        found = [
-            label_of(ROCK, rock, "fused", box, share[rock] / len(self.azimuths)) for rock, box in elsewhere.items()
-        ]
+        source = self.moved_source(camera)
+        found = [label_of(ROCK, rock, source, box, share[rock] / len(self.azimuths)) for rock, box in elsewhere.items()]
         for label in self._projected_rocks(camera):
             drawn_as_another = iou(label.box[None], taken).max(initial=0.0) >= self.options.same_rock_iou
             if label.rock not in known and label.rock not in elsewhere and not drawn_as_another:

@@ -68,7 +68,8 @@ class PositionShadows:
         self, camera: Camera, light: Light, azimuth: Azimuth, rocks: list[Label], brightness: Brightness | None
     ) -> list[Label]:
         """Shadows of labelled rocks under a lamp; with a photo also those that it shows and nobody drew."""
-        cast = self.cast(camera, light, azimuth, {label.rock: label.box for label in rocks}, brightness)
+        boxes = {} if self.rocks.in_image else {label.rock: label.box for label in rocks}  # nobody knows where they end
+        cast = self.cast(camera, light, azimuth, boxes, brightness)
         shadows = self._known(camera, light, azimuth, cast)
         return shadows if brightness is None else shadows + self._undrawn(azimuth, shadows, cast)
 
@@ -96,7 +97,8 @@ class PositionShadows:
             mean_shadow(box, cut, cast.get(int(rock)), self.options.cast_weight)
             for rock, box, cut in zip(throwers, moved, at_border(drawn, self.rocks.view(other).size), strict=True)
         ]
-        return [label_of(SHADOW, rock, "fused", box) for rock, box in zip(throwers, boxes, strict=True)]
+        source = self.rocks.moved_source(camera)
+        return [label_of(SHADOW, rock, source, box) for rock, box in zip(throwers, boxes, strict=True)]
 
     def _undrawn(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
         """Shadows that the photo shows and nobody drew, each of a rock without one, where no other was drawn."""
@@ -156,7 +158,8 @@ class PositionShadows:
             )
             if dark is None and rock_box is not None:
                 shown = self.rocks.projected(camera, rock) if rock in self.world.bodies else None
-                box = as_people_draw(box, rock_box, shown.box if shown else rock_box, self.rocks.px_per_m(camera, rock))
+                mesh_box, scale = shown.box if shown else rock_box, self.rocks.px_per_m(camera, rock)
+                box = as_people_draw(box, rock_box, mesh_box, scale, self.options.shadow_habits)
             if area(box) > 0:
                 found[rock] = CastShadow(box if dark is None else dark, dark is not None)
         return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
@@ -24,6 +25,7 @@ from polarsim.labels.photos import Brightness, Photos, PhotoSet
 from polarsim.labels.position import PositionLabels
 from polarsim.labels.seeds import Drawings, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.shadow_starts import ShadowStarts
+from polarsim.labels.unlit import UnlitStarts, is_unlit
 from polarsim.labels.visibility import contrast
 from polarsim.photo import BOX_CLASSES, SHADOW, SUNS, PhotoKey
 
@@ -32,12 +34,20 @@ log = logging.getLogger(__name__)
 NOTHING_DRAWN: Drawings = MappingProxyType({})
 
 
+@dataclass(frozen=True)
+class Starts:
+    """From which exposures on people see what, by what they drew: shadows under Sun lamps, rocks without a lamp."""
+
+    shadows: ShadowStarts
+    unlit: UnlitStarts
+
+
 def visible(
-    labels: list[Label], key: PhotoKey, brightness: Brightness | None, shadow_start_ms: int, options: LabelsOptions
+    labels: list[Label], key: PhotoKey, brightness: Brightness | None, starts: Starts, options: LabelsOptions
 ) -> list[Label]:
     """The labels of a photo set that one of its photos shows; without brightness, as people draw them."""
     if brightness is None:
-        return at_exposure(labels, key, shadow_start_ms, options)
+        return at_exposure(labels, key, starts, options)
     return [label for label in labels if stands_out(label, brightness, key.exposure_ms, options)]
 
 
@@ -47,11 +57,17 @@ def stands_out(label: Label, brightness: Brightness, exposure_ms: int, options: 
     return found.noises >= options.min_contrast and found.dn >= options.min_contrast_dn
 
 
-def at_exposure(labels: list[Label], key: PhotoKey, shadow_start_ms: int, options: LabelsOptions) -> list[Label]:
-    """The labels that a photo's exposure lets a person see: rocks from the start, shadows from their own start on."""
+def at_exposure(labels: list[Label], key: PhotoKey, starts: Starts, options: LabelsOptions) -> list[Label]:
+    """The labels that a photo's exposure lets a person see.
+
+    Under a Sun lamp rocks at once and shadows from their own start on, under the rover light alone all from
+    `no_sun_start_ms` on. Without any lamp none, but from the exposure on at which people drew the position's own.
+    """
+    if is_unlit(key.light, key.azimuth):
+        return labels if starts.unlit.shown(key) else []
     if key.azimuth == "no":
         return labels if key.exposure_ms >= options.no_sun_start_ms else []
-    dark = key.exposure_ms < shadow_start_ms
+    dark = key.exposure_ms < starts.shadows.of(key)
     return [label for label in labels if not (dark and label.kind == SHADOW)]
 
 
@@ -78,14 +94,15 @@ def propagate_labels(
         A broken seed, camera or mesh file.
     """
     if (found := read_inventory(inventory).terrain) != terrain:
-        raise LabelError(f"{inventory}: inventory of terrain {found:02d}, expected {terrain:02d}")
+        raise LabelError(f"inventory of terrain {found:02d}, expected {terrain:02d}", path=inventory)
     _warn_of_gaps(photos, keys)
     placed = rigs.read_all_placed(cameras)
     suns = lamps.read_suns(cameras, placed)
     corrections = read_corrections(options.corrections, terrain)
     drawings = read_drawings(seeds, terrain)
-    starts = shadow_starts({**drawings, **corrections}, options.shadow_start(terrain))
-    chosen = choose_seeds(drawings, corrections, starts)
+    by_people = {**drawings, **corrections}
+    starts = Starts(shadow_starts(by_people, options.shadow_start(terrain)), UnlitStarts.of(by_people))
+    chosen = choose_seeds(drawings, corrections, starts.shadows)
     known = gather(read_terrain(meshes, terrain), placed, suns, chosen, options)
     if options.refine_lamps:
         in_photos = lamps.read_found_suns(cameras)
@@ -103,21 +120,25 @@ def grid_labels(
     known: Known,
     keys: Sequence[PhotoKey],
     options: LabelsOptions,
-    starts: ShadowStarts,
+    starts: Starts,
     photos: Photos | None = None,
     drawings: Drawings = NOTHING_DRAWN,
     corrections: Drawings = NOTHING_DRAWN,
 ) -> dict[PhotoKey, list[Label]]:
     """Labels of every key; what photos share is computed once.
 
+    Where people's habits decide what is seen, photos that no lamp lights are looked at all the same, if they are there.
     A photo that was drawn itself keeps its boxes as they are; others may be added, but not to a correction.
     """
     by_people = options.visibility == "annotator"
-    photos = None if by_people else photos
+    asked = None if by_people else photos
     layers = None if by_people else LightLayers(known)
-    positions = {position: PositionLabels(known, position, options, photos) for position in known.placed}
+    positions = {position: PositionLabels(known, position, options, asked) for position in known.placed}
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
+    for position in known.apart:
+        seeded = "its labels stay in the image" if position in known.seeds else "no labels, for it has no seed"
+        log.warning("position %s: nothing but the survey places its cameras: %s", position, seeded)
     labels: dict[PhotoKey, list[Label]] = {key: [] for key in keys}
     sets: dict[PhotoSet, list[PhotoKey]] = {}
     for key in keys:
@@ -126,12 +147,12 @@ def grid_labels(
     for photo_set, members in sorted(sets.items(), key=lambda item: item[0]):
         position, camera, light, azimuth = photo_set
         shared = positions[position].labels(camera, light, azimuth)
-        brightness = _first_known(photo_set, photos, layers)
+        brightness = _first_known(photo_set, photos if is_unlit(light, azimuth) else asked, layers)
         for key in members:
             if key in corrections:
                 labels[key] = as_drawn(corrections[key], shared)
                 continue
-            labels[key] = visible(shared, key, brightness, starts.of(key), options)
+            labels[key] = visible(shared, key, brightness, starts, options)
             if key in drawings:
                 added = [label for label in labels[key] if label.source != "seed"]
                 labels[key] = as_drawn(drawings[key], shared) + added

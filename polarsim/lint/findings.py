@@ -134,12 +134,13 @@ class Findings:
         """What a file holds, or a finding and None."""
         try:
             return reader(path)
-        except (PolarsimError, OSError) as error:
-            place, _, reason = str(error).removeprefix(f"{path}:").partition(": ")
-            line = int(place) if place.isdigit() else 0
-            detail = reason if line else str(error).removeprefix(str(path)).lstrip(": ")
-            self.gathered.append(Finding(path.relative_to(self.root).as_posix(), line, name, detail))
-            return None
+        except PolarsimError as error:
+            here = error.path in (None, path)
+            line, detail = (error.line or 0, error.reason) if here else (0, str(error))
+        except OSError as error:
+            line, detail = 0, str(error)
+        self.gathered.append(Finding(path.relative_to(self.root).as_posix(), line, name, detail))
+        return None
 
     def read_all(self, files: Mapping[PhotoKey, Path], reader: Callable[[Path], Content]) -> dict[PhotoKey, Content]:
         """Contents of the files that can be read, one object for files of the same bytes; the others are findings."""

@@ -34,7 +34,7 @@ def lint_pictures(root: Path) -> Report:
     pictures = {_stem(path, root / IMAGES): path for path in _files(root / IMAGES, SUFFIXES)}
     labels = {_stem(path, root / LABELS): path for path in _files(root / LABELS, (".txt",))}
     if not labels:
-        raise FormatError(f"{root / LABELS}: no label file (*.txt)")
+        raise FormatError("no label file (*.txt)", path=root / LABELS)
     found = Findings(root)
     boxes = 0
     for stem in sorted(set(pictures) - set(labels)):
@@ -69,5 +69,5 @@ def _size(path: Path) -> Size:
     content = np.frombuffer(path.read_bytes(), np.uint8)
     picture = cv2.imdecode(content, cv2.IMREAD_UNCHANGED) if len(content) else None
     if picture is None:
-        raise FormatError(f"{path}: no picture")
+        raise FormatError("no picture", path=path)
     return picture.shape[1], picture.shape[0]

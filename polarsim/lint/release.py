@@ -41,8 +41,9 @@ def lint_release(root: Path, workers: int = 1) -> Report:
     terrains = release.terrains(root)
     if not terrains:
         raise FormatError(
-            f"{root}: no terrain, looked for {release.BOXES}/TerrainNN, {release.POLYGONS}/terrainNN and "
-            f"{release.MESHES}/TerrainNN"
+            f"no terrain, looked for {release.BOXES}/TerrainNN, {release.POLYGONS}/terrainNN and "
+            f"{release.MESHES}/TerrainNN",
+            path=root,
         )
     findings: list[Finding] = []
     contents = {}

@@ -46,7 +46,7 @@ def write_repaired(root: Path, findings: Iterable[Finding], out: Path) -> int:
         `out` is there already, or lies in `root`.
     """
     if out.exists() or out.resolve().is_relative_to(root.resolve()):
-        raise FormatError(f"{out}: a repaired copy needs a new folder outside {root}")
+        raise FormatError(f"a repaired copy needs a new folder outside {root}", path=out)
     by_file: dict[str, list[Finding]] = {}
     for finding in findings:
         if RULES[finding.defect].repair:
@@ -133,9 +133,11 @@ def _drop_malformed(path: Path, reader: Callable[[Path], Any]) -> None:
         try:
             reader(path)
         except FormatError as error:
-            place = str(error).removeprefix(f"{path}:").partition(":")[0]
-            lines = path.read_text(encoding="ascii").splitlines(keepends=True) if place.isdigit() else []
-            path.write_text("".join(lines[: int(place) - 1] + lines[int(place) :]) if lines else "", encoding="ascii")
+            lines = [] if error.line is None else path.read_text(encoding="ascii").splitlines(keepends=True)
+            left = [line for number, line in enumerate(lines, 1) if number != error.line]
+            if error.line is not None and left == lines:  # no such line: it would be read like this forever
+                raise
+            path.write_text("".join(left), encoding="ascii")
         else:
             return
 

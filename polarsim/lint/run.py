@@ -32,7 +32,7 @@ def lint(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | No
     root = Path(root)
     if is_picture_folder(root) and not release.terrains(root):
         if fix is not None:
-            raise FormatError(f"{root}: repaired copies are written of the published layout only")
+            raise FormatError("repaired copies are written of the published layout only", path=root)
         return lint_pictures(root).chosen(names)
     report = lint_release(root, workers).chosen(names)
     if fix is not None:

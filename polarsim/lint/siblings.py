@@ -8,13 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from polarsim.geometry.boxes import iou
+from polarsim.geometry.swapped import SAME_ROCK, rocks_called_shadows
 from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.exposures import Found, changed, modal, of_class, photo_sets
 from polarsim.lint.rules import Defect
 from polarsim.photo import SUNS, PhotoKey
-
-SAME_ROCK = 0.3  # IoU of a rock's boxes that two people drew, or one person twice
-SHADOW_ON_ROCK = 0.5  # IoU of a shadow's box with a rock that makes it the rock
 
 
 def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
@@ -69,12 +67,8 @@ def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
             yield key, Defect("rock_alone", f"{alone} rocks")
     for key, (classes, boxes) in sorted(files.items()):
         shadows = np.flatnonzero(classes == SHADOW_CLASS)
-        on_rocks = [
-            _on(boxes[shadows], rocks[azimuth]) >= SHADOW_ON_ROCK for azimuth in rocks if azimuth != key.azimuth
-        ]
-        swapped = shadows[
-            (np.sum(on_rocks, axis=0) >= 2) & (_on(boxes[shadows], boxes[classes == ROCK_CLASS]) < SAME_ROCK)
-        ]
+        elsewhere = [rocks[azimuth] for azimuth in rocks if azimuth != key.azimuth]
+        swapped = shadows[rocks_called_shadows(boxes[shadows], boxes[classes == ROCK_CLASS], elsewhere)]
         if len(swapped):
             detail = f"{len(swapped)} boxes, first box {swapped[0] + 1}"
             yield key, Defect("swapped_class", detail, tuple(swapped.tolist()))

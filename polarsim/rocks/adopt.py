@@ -1,4 +1,4 @@
-"""Published rock meshes, cleaned, on a ground fitted under them."""
+"""Published rock meshes, cleaned, on the published ground, or on one fitted under them where none is published."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import about
-from polarsim.formats import obj, tables
+from polarsim.formats import obj, scene, tables
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.obj import Mesh
 from polarsim.formats.rock_shifts import read_shifts
+from polarsim.photo import NO_ROCK
 from polarsim.rocks import table
 from polarsim.rocks.folder import height_mesh, write_meshes
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Cuboid, write_cuboids
+from polarsim.rocks.published_ground import heights_on, read_ground
 from polarsim.rocks.rims import fit_ground, rim
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import largest_island, merged_vertices
@@ -35,26 +37,38 @@ def adopt_rocks(
     meshes: Path,
     options: RocksOptions,
 ) -> None:
-    """Take over a terrain's published rock meshes under their ids; fit a ground where none is published.
+    """Take over a terrain's published rock meshes under their ids, and its ground; fit a ground where none is there.
 
-    Rocks are moved as `cameras/rock_shifts.csv` says, where there is one.
+    Rocks are moved as `cameras/rock_shifts.csv` says, where there is one. `meshes.csv` tells where the ground is from.
 
     A terrain without meshes has an empty table and level ground at z = 0.
+
+    Raises
+    ------
+    FormatError
+        A mesh cannot be read, or the published ground does not belong to the rocks.
     """
     published = read_inventory(inventory)
     with about(inventory):
         files = published.rock_meshes()
     shifts = read_shifts(cameras)
-    adopted = {rock: moved(cleaned(obj.read(path)), shifts.get(rock, np.zeros(3))) for rock, path in files.items()}
+    as_published = {rock: cleaned(obj.read(path)) for rock, path in files.items()}
+    adopted = {rock: moved(mesh, shifts.get(rock, np.zeros(3))) for rock, mesh in as_published.items()}
     half = HALF_WIDTH
     grid = FloorGrid(Extent(-half, -half, half, half), options.fitted_ground_cell_mm / 1000)
-    heights = fit_ground([rim(mesh) for mesh in adopted.values()], grid)
-    ground = obj.read(published.ground) if published.ground else height_mesh(grid, heights)
+    if published.ground:
+        ground = read_ground(published.ground, {rock: rim(mesh) for rock, mesh in as_published.items()})
+        heights, made_from = heights_on(grid, ground), scene.PUBLISHED
+    else:
+        heights = fit_ground([rim(mesh) for mesh in adopted.values()], grid)
+        ground, made_from = height_mesh(grid, heights), scene.FITTED
+        log.warning("%s: no %s, a smooth ground is fitted under the rocks", inventory, obj.ground_name(terrain))
     if not adopted:
         log.warning("%s: terrain %02d has no rock meshes", inventory, terrain)
     around = {rock: cuboid_of(mesh) for rock, mesh in adopted.items()}
     rows = [_row(rock, mesh, around[rock], grid, heights) for rock, mesh in adopted.items()]
-    write_meshes(terrain, meshes, adopted, ground, options.decimated_share)
+    sources = {NO_ROCK: made_from, **dict.fromkeys(adopted, scene.PUBLISHED)}
+    write_meshes(terrain, meshes, adopted, ground, options.decimated_share, sources)
     write_cuboids(cuboids, around)
     tables.write_parquet(rocks, table.rock_table(rows))
 
@@ -93,5 +107,5 @@ def _row(rock: int, mesh: Mesh, cuboid: Cuboid, grid: FloorGrid, ground: np.ndar
         size=float(np.ptp(mesh.vertices[:, :2], axis=0).max()),
         height=float((mesh.vertices[:, 2] - grid.sample(ground, mesh.vertices)).max()),
         volume=volume_above(mesh, grid, ground),
-        source="published",
+        source=scene.PUBLISHED,
     )

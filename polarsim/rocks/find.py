@@ -101,6 +101,9 @@ def _read_scans(inventory: Inventory, placed: Mapping[str, PlacedRig]) -> ScanPo
         if position not in placed:
             log.warning("terrain %02d: the scan at %s has no pose and is left out", inventory.terrain, position)
             continue
+        if placed[position].surveyed:
+            log.warning("terrain %02d: the scan at %s places no camera and is left out", inventory.terrain, position)
+            continue
         points_left = read_scan(inventory, position, placed[position].rig)
         scan = place_scan(points_left, placed[position].sandbox_from_left)
         scans.append(scan.select(NEIGHBOURHOOD.contains(scan.points)))

@@ -11,6 +11,7 @@ import pandas as pd
 from polarsim.formats import gltf, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.obj import Mesh
+from polarsim.formats.scene import MESH_TABLE
 from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.rocks.heights import FloorGrid
@@ -40,19 +41,23 @@ def write_meshes(
     solids: Mapping[int, Mesh],
     ground: Mesh,
     decimated_share: float,
+    sources: Mapping[int, str],
     scanned: Mapping[int, Scanned] | None = None,
 ) -> None:
     """Write a terrain's meshes under the release's names, a table of their figures, and a glTF file for viewers.
 
-    With what was `scanned` of each rock (of the ground under `NO_ROCK`) goes a table of the vertices' support.
+    `sources` says what each rock, and the ground under `NO_ROCK`, was made from. With what was `scanned` of each rock
+    (of the ground under `NO_ROCK`) goes a table of the vertices' support.
     """
     scanned = scanned or {}
     with writing_folder(meshes) as folder:
         named = {obj.ground_name(terrain): ground}
+        made_from = {obj.ground_name(terrain): sources[NO_ROCK]}
         for rock, mesh in sorted(solids.items()):
             named[obj.rock_name(terrain, rock)] = mesh
             named[obj.rock_name(terrain, rock, decimated=True)] = decimated(mesh, decimated_share)
-        write_named(folder, named)
+            made_from |= {obj.rock_name(terrain, rock, decimated=copy): sources[rock] for copy in (False, True)}
+        write_named(folder, named, made_from)
         parts = {NO_ROCK: ground, **dict(sorted(solids.items()))}
         known = {rock: support(mesh.vertices, scanned[rock]) for rock, mesh in parts.items() if rock in scanned}
         if scanned:
@@ -73,11 +78,12 @@ def _file_name(terrain: int, rock: int) -> str:
     return obj.ground_name(terrain) if rock == NO_ROCK else obj.rock_name(terrain, rock)
 
 
-def write_named(folder: Path, named: Mapping[str, Mesh]) -> None:
-    """Write meshes by file name, and `meshes.csv` with their figures."""
+def write_named(folder: Path, named: Mapping[str, Mesh], made_from: Mapping[str, str]) -> None:
+    """Write meshes by file name, and `meshes.csv` with their figures and what each was made from."""
     for name, mesh in named.items():
         obj.write(folder / name, mesh, Path(name).stem)
-    tables.write_csv(folder / "meshes.csv", pd.DataFrame([figures(name, mesh) for name, mesh in named.items()]))
+    rows = [{**figures(name, mesh), "made_from": made_from[name]} for name, mesh in named.items()]
+    tables.write_csv(folder / MESH_TABLE, pd.DataFrame(rows))
 
 
 def figures(name: str, mesh: Mesh) -> dict[str, object]:

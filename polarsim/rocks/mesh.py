@@ -11,6 +11,7 @@ from polarsim.errors import ReconstructionError
 from polarsim.formats import ply, tables
 from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
+from polarsim.formats.scene import SCANNED
 from polarsim.photo import NO_ROCK
 from polarsim.rocks.folder import height_mesh, write_meshes
 from polarsim.rocks.heights import FloorGrid, filled, mean_heights
@@ -46,7 +47,8 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
             log.warning("terrain %02d, rock %d has no mesh: %s", terrain, rock, error)
     cell = options.ground_mesh_cell_mm / 1000
     surface = ground_surface(grid, ground, cell) if options.ground_surface == "poisson" else _triangles(points, cell)
-    write_meshes(terrain, meshes, solids, surface, options.decimated_share, scanned)
+    sources = dict.fromkeys((NO_ROCK, *solids), SCANNED)
+    write_meshes(terrain, meshes, solids, surface, options.decimated_share, sources, scanned)
 
 
 def _triangles(points: Cloud, cell: float) -> Mesh:

@@ -44,7 +44,7 @@ def read_overrides(path: str | Path) -> Overrides:
     try:
         entries = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise FormatError(f"{path}: no readable YAML, {' '.join(str(error).split())}") from error
+        raise FormatError(f"no readable YAML, {' '.join(str(error).split())}", path=path) from error
     with about(path):
         if entries is not None and not isinstance(entries, list):
             raise FormatError("expected a list of cuboids and drops")

@@ -13,6 +13,7 @@ from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.ply import Cloud
 from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.scene import PUBLISHED
 from polarsim.progress import track
 from polarsim.rocks.defects import FILE, defect_table, repaired
 from polarsim.rocks.folder import write_named
@@ -49,5 +50,5 @@ def repair_rocks(
             continue
         closed[obj.rock_name(terrain, rock)] = copy
     with writing_folder(copies) as folder:
-        write_named(folder, closed)
+        write_named(folder, closed, dict.fromkeys(closed, PUBLISHED))
         tables.write_csv(folder / FILE, defect_table(published))

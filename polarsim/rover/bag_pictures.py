@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.errors import FormatError
+from polarsim.errors import FormatError, about
 from polarsim.formats import png, tables
 from polarsim.geometry.lens import Lens
 from polarsim.rover import messages
@@ -73,15 +73,13 @@ def lens_of(camera: CameraPart, content: bytes, path: Path) -> Lens:
     FormatError
         No PNG file, or one of another shape than the camera's pictures.
     """
-    try:
+    with about(path):
         header = png.parse_header(content)
-    except FormatError as error:
-        raise FormatError(f"{path}: {error}") from error
     lens = mount_of(camera, header.width / camera.width_px).lens
     if (lens.width, lens.height) != (header.width, header.height):
         raise FormatError(
-            f"{path}: {header.width} x {header.height} px, camera {camera.name} has {camera.width_px} x "
-            f"{camera.height_px} px"
+            f"{header.width} x {header.height} px, camera {camera.name} has {camera.width_px} x {camera.height_px} px",
+            path=path,
         )
     return lens
 

@@ -200,7 +200,7 @@ def detection_table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
 def _require(paths: Any) -> None:
     for path in paths:
         if not path.is_file():
-            raise RoverError(f"{path}: the picture is missing")
+            raise RoverError("the picture is missing", path=path)
 
 
 def _said(note: Path) -> str:

@@ -245,7 +245,7 @@ class Simulation:
         if saved["ground"].shape != self.ground.state.shape or len(saved["physics"]) != self._mujoco.mj_stateSize(
             self.model, whole
         ):
-            raise FormatError(f"{path}: the state of another world or rover")
+            raise FormatError("the state of another world or rover", path=path)
         self._mujoco.mj_setState(self.model, self.data, saved["physics"], whole)
         self._mujoco.mj_step1(self.model, self.data)
         self.ground.state[:], self.ground.owner[:] = saved["ground"], saved["owner"]
@@ -289,7 +289,7 @@ class Simulation:
         try:
             self.ground.require_inside(centres, self._reach + EDGE)
         except RoverError as error:
-            raise OffGridError(str(error)) from error
+            raise OffGridError(error.reason) from error
 
     def _wire(self) -> None:
         """Views of MuJoCo's memory and room for what the kernel writes."""

@@ -103,7 +103,7 @@ def read_soil(path: str | Path, name: str) -> Soil:
     """One soil of a table; a set that has no name there is refused."""
     soils = read_soils(path)
     if name not in soils:
-        raise RoverError(f"{path}: no soil {name!r}, there are {', '.join(sorted(soils))}")
+        raise RoverError(f"no soil {name!r}, there are {', '.join(sorted(soils))}", path=path)
     return soils[name]
 
 

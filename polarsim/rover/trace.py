@@ -126,9 +126,9 @@ def read_trace(folder: str | Path) -> Trace:
     world = read_world(folder / WORLD)
     table = tables.read_parquet(folder / TRACE, COLUMNS)
     if len(table) < 2:
-        raise FormatError(f"{folder / TRACE}: {len(table)} rows, a drive has two or more")
+        raise FormatError(f"{len(table)} rows, a drive has two or more", path=folder / TRACE)
     arrays = read_arrays(folder / TRACKS, ("time_s", "start", "cell", "level_m"))
     tracks = Tracks(arrays["time_s"], arrays["start"], arrays["cell"], arrays["level_m"])
     if len(tracks.start) != len(tracks.time) + 1 or (len(tracks.cell) and tracks.cell.max() >= world.level.size):
-        raise FormatError(f"{folder / TRACKS}: its cells do not belong to the ground of {world.level.shape} nodes")
+        raise FormatError(f"its cells do not belong to the ground of {world.level.shape} nodes", path=folder / TRACKS)
     return Trace(table, world, tracks, read_json(folder / DRIVE))

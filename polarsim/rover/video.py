@@ -88,7 +88,7 @@ def _make(
     paths = [pictures / f"{frame:05d}.png" for frame in frames]
     for path in paths:
         if not path.is_file():
-            raise RoverError(f"{path}: the picture is missing")
+            raise RoverError("the picture is missing", path=path)
     note = video.with_suffix(".txt")
     told = "" if boxes is None else boxes.to_csv()
     identity = digest(paths, code_digest(__name__), str(rate), told, str(confidence))
@@ -132,7 +132,7 @@ def write_video(path: Path, pictures: Iterable[np.ndarray], rate: Fraction) -> N
             image = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:height, :width]), format="rgb24")
             container.mux(stream.encode(image))
         if stream is None:
-            raise RoverError(f"{path}: a video without a picture")
+            raise RoverError("a video without a picture", path=path)
         container.mux(stream.encode())
 
 

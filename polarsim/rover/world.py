@@ -108,7 +108,9 @@ def read_world(folder: str | Path) -> World:
     rocks = tables.read_parquet(folder / "rocks.parquet", ROCK_COLUMNS)
     mesh = read_arrays(folder / "rocks.npz", ("vertices_m", "triangles"))
     if ground["level_m"].ndim != 2:
-        raise FormatError(f"{folder / 'ground.npz'}: level_m of shape {ground['level_m'].shape}, a grid was expected")
+        raise FormatError(
+            f"level_m of shape {ground['level_m'].shape}, a grid was expected", path=folder / "ground.npz"
+        )
     return World(
         float(ground["x0_m"]),
         float(ground["y0_m"]),
@@ -139,8 +141,8 @@ def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         with np.load(path, allow_pickle=False) as content:
             arrays = {name: content[name] for name in content.files}
     except Exception as error:  # zipfile, NumPy and the system raise many kinds
-        raise FormatError(f"{path}: no readable NPZ file, {' '.join(str(error).split())}") from error
+        raise FormatError(f"no readable NPZ file, {' '.join(str(error).split())}", path=path) from error
     for name in names:
         if name not in arrays:
-            raise FormatError(f"{path}: array {name!r} is missing")
+            raise FormatError(f"array {name!r} is missing", path=path)
     return arrays

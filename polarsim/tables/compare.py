@@ -38,7 +38,7 @@ def _measured(run: Path) -> pd.DataFrame:
     parts = sorted((run / "quality").glob("*.csv"))
     tables = [table for table in (read_csv(path) for path in parts) if set(COLUMNS) <= set(table.columns)]
     if not tables:
-        raise PolarsimError(f"{run / 'quality'}: no figures; run `snakemake geometry` or `snakemake tables` first")
+        raise PolarsimError("no figures; run `snakemake geometry` or `snakemake tables` first", path=run / "quality")
     table = join_quality(tables)
     table.insert(0, "run", run.name)
     return table

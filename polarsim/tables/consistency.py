@@ -32,7 +32,6 @@ log = logging.getLogger("polarsim")
 MARGIN = 0.15  # metres along the walls that do not count: cloth hangs otherwise in every scan
 POINTS = 20_000  # of a scan
 MATCH_COLUMNS = ("position", "iou")
-SURVEYED = "survey"  # method of a camera that nothing but the survey places
 
 
 def check_consistency(
@@ -51,7 +50,7 @@ def check_consistency(
     scans = {
         position: on_sand(placed[position], read_scan(known, position, placed[position].rig))
         for position in known.scanned
-        if position in placed
+        if position in placed and not placed[position].surveyed
     }
     figures = []
     if scans:
@@ -100,7 +99,7 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
 def cameras_together(before: Mapping[str, PlacedRig], after: Mapping[str, PlacedRig]) -> list[Figure]:
     """What all cameras of a terrain did in common since the meshes were made, and which none but the survey places."""
     figures = [
-        Figure(f"camera {position}", "surveyed", float(rig.method == SURVEYED), "1", 1, "own")
+        Figure(f"camera {position}", "surveyed", float(rig.surveyed), "1", 1, "own")
         for position, rig in sorted(after.items())
     ]
     if len(set(before) & set(after)) > 1:

@@ -59,7 +59,7 @@ def export(
     if tool not in TOOLS:
         raise ConfigError(f"tool {tool!r}, expected {', '.join(TOOLS)}")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ConfigError(f"{folder}: not empty, and an export overwrites nothing: name a new folder")
+        raise ConfigError("not empty, and an export overwrites nothing: name a new folder", path=folder)
     pictures = _chosen(run, terrains, pattern, domain)
     keys = list(pictures)
     labels = pd.concat([_table(run, terrain) for terrain in sorted({key.terrain for key in keys})])
@@ -98,7 +98,7 @@ def _chosen(run: Path, terrains: Sequence[int], pattern: str, domain: str) -> di
             chosen.update({key: pictures[key] for key in wanted if key in pictures})
     if not chosen:
         raise LabelError(
-            f"{run}: no labelled {domain} picture of a key like {pattern}; models are in {run / 'renders'}"
+            f"no labelled {domain} picture of a key like {pattern}; models are in {run / 'renders'}", path=run
         )
     return chosen
 

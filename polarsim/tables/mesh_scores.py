@@ -9,17 +9,16 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import obj
-from polarsim.formats.scene import TerrainMesh
+from polarsim.formats.scene import TerrainMesh, made_from
 from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.tables.surface import Surface, islands
 from polarsim.tables.true_surface import Samples
 
 COLUMNS = {
-    "mesh": "str", "rock": "int64", "vertices": "int64", "faces": "int64", "watertight": "bool", "islands": "int64",
-    "edge_mm": "float64", "contact_share": "float64", "copy_vertex_share": "float64", "copy_watertight": "float64",
-    "copy_hausdorff_mm": "float64", "true_rock": "float64",
-    "true_size_m": "float64",
+    "mesh": "str", "rock": "int64", "made_from": "str", "vertices": "int64", "faces": "int64", "watertight": "bool",
+    "islands": "int64", "edge_mm": "float64", "contact_share": "float64", "copy_vertex_share": "float64",
+    "copy_watertight": "float64", "copy_hausdorff_mm": "float64", "true_rock": "float64", "true_size_m": "float64",
     "surface_median_mm": "float64", "surface_p90_mm": "float64", "f_score_5mm": "float64", "surface_iou": "float64",
 }  # fmt: skip
 SECTORS = 72  # about a rock, in each of which it must reach the ground
@@ -39,10 +38,11 @@ def soundness_rows(
     """A row for the ground and for every rock of a scene, by the order of ids; thinned copies lie in the folder."""
     ground = scene.part(NO_ROCK)
     level = Surface(ground.vertices, ground.faces)
-    rows = [{"mesh": obj.ground_name(terrain), "rock": NO_ROCK, **_counts(ground)}]
+    sources = made_from(folder)
+    rows = [_named(obj.ground_name(terrain), NO_ROCK, ground, sources)]
     for rock, path in obj.rock_files(folder).items():
         mesh = scene.part(rock)
-        row = {"mesh": path.name, "rock": rock, **_counts(mesh), "contact_share": contact_share(mesh, level)}
+        row = {**_named(path.name, rock, mesh, sources), "contact_share": contact_share(mesh, level)}
         copy = path.with_name(obj.rock_name(terrain, rock, decimated=True))
         if copy.exists() and copy != path:
             row |= _copy_figures(mesh, obj.read(copy), rng, samples)
@@ -103,6 +103,10 @@ def contact_share(rock: obj.Mesh, ground: Surface) -> float:
     lowest = np.full(SECTORS, np.inf)
     np.fmin.at(lowest, sector, above)  # NaN beside the ground
     return float((lowest[np.unique(sector)] < CONTACT).mean())
+
+
+def _named(name: str, rock: int, mesh: obj.Mesh, sources: Mapping[str, str]) -> dict[str, object]:
+    return {"mesh": name, "rock": rock, "made_from": sources.get(name, ""), **_counts(mesh)}
 
 
 def _counts(mesh: obj.Mesh) -> dict[str, object]:

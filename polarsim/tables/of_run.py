@@ -61,7 +61,7 @@ def show_of_run(
         picture = next(iter(sorted(run.glob(f"renders/*/Terrain{key.terrain:02d}/{key}.png"))), None)
         log.warning("%s: no photo of %s, %s stands in", run, key, picture or "and no twin")
     if picture is None or not picture.exists():
-        raise LabelError(f"{run}: no {domain} picture of {key}; models are below {run / 'renders'}")
+        raise LabelError(f"no {domain} picture of {key}; models are below {run / 'renders'}", path=run)
     show(
         key=key,
         picture=picture,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import FormatError, RegistrationError
+from polarsim.errors import FormatError, about
 from polarsim.formats import lamps, obj
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.tables import read_parquet
@@ -241,11 +241,9 @@ def read_gauge(cameras: Path, truth: Path) -> Pose:
     """
     placed, true = read_all_placed(cameras), read_all_placed(truth / "cameras")
     if not true:
-        raise FormatError(f"{truth / 'cameras'}: no PosX.json")
-    try:
+        raise FormatError("no PosX.json", path=truth / "cameras")
+    with about(cameras):
         return _gauge(placed, true)
-    except RegistrationError as error:
-        raise RegistrationError(f"{cameras}: {error}") from error
 
 
 def _gauge(placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig]) -> Pose:

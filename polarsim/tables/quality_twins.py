@@ -116,7 +116,7 @@ def compare_pictures(photo_path: Path, twin_path: Path) -> Likeness:
     """
     photo, twin = png.read(photo_path), png.read(twin_path)
     if photo.shape != twin.shape:
-        raise FormatError(f"{twin_path}: {twin.shape[::-1]} pixels, its photo has {photo.shape[::-1]}")
+        raise FormatError(f"{twin.shape[::-1]} pixels, its photo has {photo.shape[::-1]}", path=twin_path)
     ratio = log_ratio(photo, twin)
     middle = (float(np.median(ratio)), float(np.median(np.abs(ratio)))) if ratio.size else (np.nan, np.nan)
     return Likeness(ratio.size, *middle, similarity(photo, twin))

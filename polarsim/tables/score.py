@@ -159,7 +159,7 @@ def score_folders(
     if not of_truth.files:
         return _score_by_name(of_truth.stray, of_labels, truth, labels, threshold)
     if not set(of_truth.files) & set(of_labels.files):
-        raise LabelError(f"{labels}: no label file of a photo that {truth} has")
+        raise LabelError(f"no label file of a photo that {truth} has", path=labels)
     wanted = {key: path for key, path in of_truth.files.items() if keys is None or keys(key)}
     report = _score_files(wanted, of_labels.files, truth, labels, threshold)
     report["files"] |= {
@@ -178,9 +178,9 @@ def _score_by_name(
     true = {path.stem: path for path in of_truth if path.suffix == ".txt"}
     found = {path.stem: path for path in [*of_labels.files.values(), *of_labels.stray] if path.suffix == ".txt"}
     if not true:
-        raise LabelError(f"{truth}: no label file, such as 01_A_off_180_L_0256.txt or picture.txt")
+        raise LabelError("no label file, such as 01_A_off_180_L_0256.txt or picture.txt", path=truth)
     if not set(true) & set(found):
-        raise LabelError(f"{labels}: no label file of the same name as one of {truth}")
+        raise LabelError(f"no label file of the same name as one of {truth}", path=labels)
     report = _score_files(true, found, truth, labels, threshold)
     report["files"] |= {
         "not_selected": 0,
@@ -196,7 +196,7 @@ def _score_files(
 ) -> dict[str, Any]:
     read_truth, unreadable = _read_truth(of_truth)
     if unreadable and not read_truth:
-        raise FormatError(f"{truth}: none of {len(unreadable)} label files can be read, first {unreadable[0]}")
+        raise FormatError(f"none of {len(unreadable)} label files can be read, first {unreadable[0]}", path=truth)
     read_labels = {name: read(of_labels[name]) for name in read_truth if name in of_labels}
     missing = [name for name in read_truth if name not in read_labels]
     if missing:
@@ -229,13 +229,13 @@ def _read_truth(files: Mapping[Name, Path]) -> tuple[dict[Name, Labels], list[st
             found[key] = read(path)
         except FormatError as error:
             log.warning("left out of the scores: %s", error)
-            unreadable.append(f"{path.name}: {str(error).removeprefix(str(path)).lstrip(':')}")
+            unreadable.append(f"{path.name}: {FormatError(error.reason, line=error.line)}")
     return found, unreadable
 
 
 def _label_files(folder: Path) -> release.KeyFiles:
     if not folder.is_dir():
-        raise FormatError(f"{folder}: no such folder of label files")
+        raise FormatError("no such folder of label files", path=folder)
     return release.key_files(folder / release.BOXES if (folder / release.BOXES).is_dir() else folder)
 
 

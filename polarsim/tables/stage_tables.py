@@ -41,9 +41,13 @@ CAMERA_CAPTION = (
 ALIGNMENT_CAPTION = (
     "How scans lie on each other, and how projected meshes lie on the boxes that cameras were fitted to."
 )
-ROCK_CAPTION = "Every rock: where it lies, its size above the ground, and by which positions' labels it is confirmed."
+ROCK_CAPTION = (
+    "Every rock: where it lies, its size above the ground (table meshes tells what that was made from), and by which "
+    "positions' labels it is confirmed."
+)
 MESH_CAPTION = (
-    "Every mesh: soundness, contact with the ground, its thinned copy, and its distance from the visible true surface."
+    "Every mesh: what it was made from (a fitted ground is a smooth guess from the rocks' feet, without craters and "
+    "mounds), soundness, contact with the ground, its thinned copy, and its distance from the visible true surface."
 )
 
 

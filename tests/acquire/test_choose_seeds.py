@@ -107,3 +107,30 @@ def test_a_file_of_boxes_and_polygons_is_refused(tmp_path):
     (tmp_path / "mixed.txt").write_text("2 0.1 0.1 0.2 0.1 0.2 0.2\n0 0.5 0.5 0.1 0.1\n")
     with pytest.raises(FormatError, match=r"mixed\.txt:2: 5 fields"):
         yolo.read_boxes_or_polygons(tmp_path / "mixed.txt")
+
+
+def test_a_seed_with_swapped_classes_is_put_right_by_the_other_azimuths(tmp_path, caplog):
+    rocks = np.array([[100.0, 100, 160, 140], [300, 200, 350, 260], [700, 500, 820, 560]])
+    shadows = rocks + np.array([60.0, 0, 90, 10])
+    boxes = np.concatenate([rocks, shadows])
+    right = np.repeat([0, 1], 3)
+    chosen = []
+    for azimuth, classes in {"30": right, "180": right, "270": np.ones(6, int), "350": right}.items():
+        key = PhotoKey.parse(f"03_A_off_{azimuth}_L_0256")
+        yolo.write_boxes(tmp_path / f"{key}.txt", classes, boxes + 3 * (azimuth == "270"))
+        chosen.append((key, tmp_path / f"{key}.txt"))
+    copy_seeds(chosen, tmp_path / "seeds")
+    for key, _ in chosen:
+        np.testing.assert_array_equal(yolo.read_boxes(tmp_path / "seeds" / f"{key}.txt")[0], right)
+    assert "03_A_off_270_L_0256: 3 of 6 shadows lie where other azimuths have rocks" in caplog.text
+
+
+def test_shadows_on_a_rock_of_one_other_azimuth_stay_shadows(tmp_path):
+    box = np.array([[100.0, 100, 160, 140]])
+    chosen = []
+    for azimuth, number in {"30": 0, "180": 1, "270": 1}.items():
+        key = PhotoKey.parse(f"03_A_off_{azimuth}_L_0256")
+        yolo.write_boxes(tmp_path / f"{key}.txt", np.array([number]), box)
+        chosen.append((key, tmp_path / f"{key}.txt"))
+    copy_seeds(chosen, tmp_path / "seeds")
+    assert [int(yolo.read_boxes(tmp_path / "seeds" / f"{key}.txt")[0][0]) for key, _ in chosen] == [0, 1, 1]

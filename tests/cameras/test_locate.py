@@ -89,6 +89,16 @@ def test_scans_place_their_rigs_and_the_survey_the_others(tmp_path, scanned, san
     )
 
 
+def test_a_scan_of_a_wall_leaves_its_position_to_the_survey(tmp_path, scanned, sandbox, range_maps, caplog):
+    flat = range_maps["C"] * (2.8 / range_maps["C"][..., 2:])  # each beam ends at a wall 2.8 m before the camera
+    nasa.write_range_map(scanned.range_maps["C"], flat)
+    with caplog.at_level(logging.WARNING):
+        placed = locate(tmp_path, scanned, sandbox.rig, "AC")
+    assert {position: one.method for position, one in placed.items()} == {"A": "scans", "C": "survey"}
+    assert "the scan of position C shows 0." in caplog.text
+    assert "position C has neither a scan" in caplog.text
+
+
 def test_the_same_scans_give_the_same_bytes(tmp_path, scanned, sandbox):
     for name, threads in (("one", 1), ("two", 2)):
         locate(tmp_path, scanned, sandbox.rig, "AC", name=name, threads=threads)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.cameras.labels import place_by_labels, survey_prior
+from polarsim.cameras.labels import checked, place_by_labels, survey_prior
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.refine import EdgeNoise, EdgeProblem, unknowns_of
 from polarsim.cameras.search import candidate_centres, search_pose
@@ -53,8 +53,29 @@ def test_the_pose_is_found_without_a_survey(labelled, outlines, true_poses):
 def test_boxes_of_another_scene_are_refused(labelled, outlines, rng):
     size = rng.uniform(30, 150, (14, 2))
     corner = rng.uniform([100, 300], [1700, 1000], (14, 2))
+    placement = place_by_labels(np.column_stack([corner, corner + size]), outlines, LENS, surveyed_pose("A"), OPTIONS)
     with pytest.raises(RegistrationError, match="the best pose explains 0"):
-        place_by_labels(np.column_stack([corner, corner + size]), outlines, LENS, surveyed_pose("A"), OPTIONS)
+        checked(placement, OPTIONS)
+
+
+def test_mirrored_boxes_are_refused(labelled, outlines):
+    mirrored = labelled.seen("A") * [-1, 1, -1, 1] + [LENS.width, 0, LENS.width, 0]
+    placement = place_by_labels(mirrored[:, [2, 1, 0, 3]], outlines, LENS, surveyed_pose("A"), OPTIONS)
+    with pytest.raises(RegistrationError, match="the best pose explains 0"):
+        checked(placement, OPTIONS)
+
+
+def test_boxes_of_another_position_are_refused(labelled, outlines):
+    # A and B stand one behind the other: the boxes of B are explained perfectly, from where B stands.
+    placement = place_by_labels(labelled.seen("B"), outlines, LENS, surveyed_pose("A"), OPTIONS)
+    with pytest.raises(RegistrationError, match=r"stands 2\.\d m from the survey's place, .* another position's boxes"):
+        checked(placement, OPTIONS)
+
+
+def test_one_pose_found_twice_is_not_its_own_rival(labelled, outlines):
+    placement = place_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS)
+    assert placement.share > 0.8
+    assert placement.runner_up < 0.5 * placement.share
 
 
 def test_too_few_boxes_are_refused(outlines):

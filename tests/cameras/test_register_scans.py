@@ -1,14 +1,19 @@
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from polarsim.cameras.gauge import find_gauge
-from polarsim.cameras.heightmaps import agreement, height_map, turned_and_shifted
+from polarsim.cameras.heightmaps import agreement, height_map, relief_correlation, turned_and_shifted
 from polarsim.cameras.icp import Surface, align_jointly, covariances, measure, surface
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.scans import level_pose, register_scans
 from polarsim.errors import RegistrationError
-from polarsim.geometry.poses import Pose, angle_between
+from polarsim.geometry.poses import Pose, angle_between, looking
+from polarsim.geometry.stereo import rectified_left
+
+from .conftest import make_sandbox
 
 OPTIONS = CamerasOptions(voxel_mm=15, scan_yaw_step_deg=2)
 
@@ -78,10 +83,65 @@ def test_copies_of_one_scan_are_refused_by_name(scans):
         register_scans({"A": scans["A"], "C": scans["A"].copy()}, OPTIONS)
 
 
-def test_a_scan_that_is_turned_round_is_refused_by_name(scans):
+QUICK = OPTIONS.model_copy(update={"scan_candidates": 2, "scan_yaw_step_deg": 5.0})
+
+
+@pytest.fixture(scope="module")
+def foreign(true_poses):
+    """Scans of A and C of another sandbox: relief of the same height, other rocks, the same walls."""
+    box, rng = make_sandbox(9), np.random.default_rng(1)
+    left_from_rectified = rectified_left(box.rig).left_from_rectified
+    maps = {position: box.scan(true_poses[position], rng, 0.002) for position in "AC"}
+    return {p: left_from_rectified.apply(m[np.isfinite(m).all(axis=-1)]) for p, m in maps.items()}
+
+
+def test_scans_of_two_terrains_with_like_relief_are_refused_by_name(scans, foreign):
+    """70 % of their cells agree to 15 mm, for sand is flat; what stands on it does not."""
+    with pytest.raises(RegistrationError, match=r"positions [AC] and [AC] show different terrains: .* by -?0\.[01]\d,"):
+        register_scans({"A": scans["A"], "C": foreign["C"]}, QUICK)
+
+
+def test_the_scan_that_two_others_contradict_is_left_out_by_name(sandbox, scans, foreign):
+    """Whichever of them has most points."""
+    left_from_rectified = rectified_left(sandbox.rig).left_from_rectified
+    beside = looking(np.array([3.5, 0.35, 1.5]), np.radians(182), np.radians(25))  # of a position without survey
+    third = sandbox.scan(beside, np.random.default_rng(2), 0.002)
+    third = left_from_rectified.apply(third[np.isfinite(third).all(axis=-1)])
+    for odd in "AC":
+        network = register_scans({**scans, "D": third, odd: foreign[odd]}, OPTIONS)
+        assert set(network.level_from_left) == set("ACD") - {odd}
+        assert len(network.refused) == 1
+        assert f" {odd} " in str(network.refused[0])
+        assert "show different terrains" in str(network.refused[0])
+        assert network.pairs[0].agreement > 0.9
+
+
+def test_a_scan_that_is_turned_round_is_left_out_by_name(scans):
     backwards = scans["C"] * np.array([-1, 1, -1])  # by 180 degrees about the camera's vertical
-    with pytest.raises(RegistrationError, match=r"position C has \d+ points where the sand should be"):
-        register_scans({"A": scans["A"], "C": backwards}, OPTIONS)
+    network = register_scans({"A": scans["A"], "C": backwards}, OPTIONS)
+    assert list(network.level_from_left) == ["A"]
+    (reason,) = network.refused
+    assert re.fullmatch(r"the scan of position C has \d+ points where the sand should be", str(reason))
+
+
+def wall(distance=2.8):
+    """A scan of nothing but a wall that stands before the camera, square to its view."""
+    x, y = (part.ravel() for part in np.meshgrid(np.arange(-1.2, 1.2, 0.01), np.arange(-0.8, 0.8, 0.01)))
+    return np.column_stack([x, y, distance + 0.002 * np.random.default_rng(3).standard_normal(len(x))])
+
+
+def test_a_scan_of_a_wall_is_left_out_by_name_and_what_it_shows(scans):
+    network = register_scans({"A": wall(), "C": scans["C"]}, OPTIONS)
+    assert list(network.level_from_left) == ["C"]
+    (reason,) = network.refused
+    assert re.search(
+        r"the scan of position A shows 0\.\d m2 of level sand within 1.6 m of the middle, 1 m2", str(reason)
+    )
+
+
+def test_walls_alone_place_no_terrain():
+    with pytest.raises(RegistrationError, match="the scan of position A shows 0"):
+        register_scans({"A": wall(), "C": wall(2.7)}, OPTIONS)
 
 
 def test_a_scan_that_shows_no_sand_is_refused_by_name():
@@ -115,6 +175,15 @@ def test_a_height_map_has_the_mean_of_each_cell():
     assert heights[2, 2] == 2.0  # y row, x column: both first points
     assert heights[3, 0] == 5.0
     assert np.isfinite(heights).sum() == 2
+
+
+def test_relief_correlates_with_itself_and_not_with_another(rng):
+    grid = np.stack(np.meshgrid(*[np.arange(-1.5, 1.5, 0.01)] * 2), axis=-1).reshape(-1, 2)
+    one, other = (np.column_stack([grid, 0.05 * np.sin(f * grid[:, 0]) * np.sin(f * grid[:, 1])]) for f in (9, 13))
+    noisy = one + 0.01 * rng.standard_normal(one.shape) * [0, 0, 1]
+    assert relief_correlation(one, noisy, 1.6, 0.02, 0.005) > 0.95
+    assert abs(relief_correlation(one, other, 1.6, 0.02, 0.005)) < 0.05
+    assert relief_correlation(one * [1, 1, 0.01], other * [1, 1, 0.01], 1.6, 0.02, 0.005) == 1.0  # too flat to tell
 
 
 def test_agreement_counts_the_shared_cells_alone():

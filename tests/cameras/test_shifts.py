@@ -1,16 +1,17 @@
 """Rocks that were placed millimetres off, and boxes of three positions that know better."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
-from polarsim.cameras.labels import place_by_labels, with_shifts
 from polarsim.cameras.options import CamerasOptions
-from polarsim.cameras.shifts import shift_table, shifted
-from polarsim.cameras.surveyed import surveyed_pose
+from polarsim.cameras.placements import Placements, place_all, unshifted_fits
+from polarsim.cameras.shifts import FARTHEST, shift_table, shifted
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.rock_shifts import FILE, read_shifts
 from polarsim.geometry import boxes as box_geometry
-from polarsim.geometry.outlines import outlines_of
+from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.geometry.stereo import stated_rig
 
 from .conftest import TRUE_POSES, drawn_boxes
@@ -27,13 +28,25 @@ def drawn(labelled):
     return {p: drawn_boxes(labelled.meshes, stated_rig(), pose, rng, EDGE_PX) for p, pose in TRUE_POSES.items()}
 
 
+@dataclass(frozen=True)
+class Solution:
+    outlines: Outlines  # where the meshes are said to be
+    found: Placements
+
+    @property
+    def before(self):
+        return unshifted_fits(self.found, self.outlines, LENS, OPTIONS)
+
+    @property
+    def after(self):
+        return [one.fit for one in self.found.placed.values()]
+
+
 def solved(labelled, drawn, off, options=OPTIONS):
-    """Placements without and with shifts when the meshes lie `off` (m, 3) metres from where they belong."""
+    """All positions placed when the meshes lie `off` (m, 3) metres from where they belong."""
     outlines = shifted(outlines_of(labelled.meshes, 0.0, 0.0), off)
     seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in drawn.items()}
-    before = {p: place_by_labels(boxes, outlines, LENS, surveyed_pose(p), OPTIONS) for p, boxes in seen.items()}
-    after, shifts = with_shifts(before, seen, outlines, LENS, options)
-    return outlines, before, after, shifts
+    return Solution(outlines, place_all(seen, outlines, LENS, options))
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +77,7 @@ def iou_in_right_photos(labelled, outlines, placements):
 
 
 def test_shifts_take_back_most_of_what_rocks_are_off(off, solution):
-    _, _, _, shifts = solution
+    shifts = solution.found.shifts
     seen = shifts.boxes >= 2
     assert seen.sum() >= 12
     left = (off + shifts.metres)[seen]
@@ -73,37 +86,67 @@ def test_shifts_take_back_most_of_what_rocks_are_off(off, solution):
 
 
 def test_the_right_photos_agree_better_too(labelled, solution):
-    outlines, before, after, shifts = solution
-    plain = iou_in_right_photos(labelled, outlines, before)
-    corrected = iou_in_right_photos(labelled, shifted(outlines, shifts.metres), after)
+    placed, shifts = solution.found.placed, solution.found.shifts
+    plain = iou_in_right_photos(labelled, solution.outlines, placed)
+    corrected = iou_in_right_photos(labelled, shifted(solution.outlines, shifts.metres), placed)
     assert corrected > plain + 0.03
 
 
 def test_the_frame_stays_where_it_is(solution):
-    shifts = solution[3]
+    shifts = solution.found.shifts
     assert np.abs(shifts.metres.mean(axis=0)).max() < 0.001
     assert (shifts.sd <= 0.010 + 1e-9).all()
     assert np.median(shifts.sd[shifts.boxes >= 2]) < 0.006
 
 
 def test_rocks_that_lie_right_stay(labelled, drawn):
-    _, _, _, shifts = solved(labelled, drawn, np.zeros((15, 3)))
+    shifts = solved(labelled, drawn, np.zeros((15, 3))).found.shifts
     assert np.median(np.linalg.norm(shifts.metres, axis=1)) < 0.003
 
 
 def test_a_stronger_prior_shifts_less(labelled, drawn, off, solution):
-    _, _, _, held = solved(labelled, drawn, off, OPTIONS.model_copy(update={"rock_shift_sd_mm": 1.0}))
-    assert np.linalg.norm(held.metres) < 0.7 * np.linalg.norm(solution[3].metres)
+    held = solved(labelled, drawn, off, OPTIONS.model_copy(update={"rock_shift_sd_mm": 1.0})).found.shifts
+    assert np.linalg.norm(held.metres) < 0.7 * np.linalg.norm(solution.found.shifts.metres)
+
+
+def test_a_few_rocks_put_centimetres_off_do_not_pull_the_others(labelled, drawn):
+    off = np.zeros((15, 3))
+    off[[2, 5, 8], 1] = 0.05
+    found = solved(labelled, drawn, off).found
+    assert set(found.placed) == set("ABC")
+    for position, one in found.placed.items():
+        assert np.linalg.norm(one.fit.sandbox_from_left.translation - TRUE_POSES[position].translation) < 0.02
+    left = np.linalg.norm(off + found.shifts.metres, axis=1)[found.shifts.boxes >= 2]
+    assert np.median(left) < 0.003
+    assert left.max() < 0.02
+
+
+def test_no_rock_moves_further_than_anybody_could_have_put_it(labelled, drawn):
+    off = np.zeros((15, 3))
+    off[3] = 0.0, 0.16, 0.0
+    metres = solved(labelled, drawn, off).found.shifts.metres
+    assert np.linalg.norm(metres, axis=1).max() <= FARTHEST
+
+
+def test_a_position_that_is_refused_leaves_the_others_as_they_are(labelled, drawn):
+    outlines = outlines_of(labelled.meshes, 0.0, 0.0)
+    seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in drawn.items()}
+    found = place_all({**seen, "A": seen["B"]}, outlines, LENS, OPTIONS)
+    assert set(found.placed) == set("BC")
+    assert "another position's boxes" in found.refused["A"]
+    np.testing.assert_allclose(
+        found.placed["C"].fit.sandbox_from_left.translation, TRUE_POSES["C"].translation, atol=0.02
+    )
 
 
 def test_the_table_gives_back_the_shifts(tmp_path, solution):
-    outlines, before, after, shifts = solution
-    table = shift_table(outlines.rocks, shifts, [p.fit for p in before.values()], [p.fit for p in after.values()])
+    rocks, shifts = solution.outlines.rocks, solution.found.shifts
+    table = shift_table(rocks, shifts, solution.before, solution.after)
     assert table["iou_after"].mean() > table["iou_before"].mean()
     table.to_csv(tmp_path / FILE, index=False)
     read = read_shifts(tmp_path)
     assert sorted(read) == table["rock"].tolist()
-    for rock, metres in zip(outlines.rocks, shifts.metres, strict=True):
+    for rock, metres in zip(rocks, shifts.metres, strict=True):
         np.testing.assert_allclose(read[int(rock)], metres, atol=1e-5)
 
 

@@ -16,3 +16,9 @@ def test_a_rock_that_other_azimuths_do_not_show_is_less_sure():
 def test_what_a_person_drew_is_surer_than_what_geometry_made_of_it():
     order = [confidence("shadow", source, 1.0, 60) for source in ("seed", "fused", "cast")]
     assert order == sorted(order, reverse=True)
+
+
+def test_what_moved_to_the_other_camera_without_its_pose_is_a_guess_unless_it_is_large():
+    for kind in ("rock", "shadow"):
+        assert confidence(kind, "shifted", 1.0, 40) < 0.6 < confidence(kind, "fused", 1.0, 40)
+        assert confidence(kind, "shifted", 1.0, 120) > 0.8

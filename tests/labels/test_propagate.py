@@ -10,6 +10,7 @@ from polarsim.formats.coco import Annotation, write_coco
 from polarsim.formats.lamps import surveyed_suns, write_suns
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import iou
+from polarsim.geometry.poses import Pose
 from polarsim.labels.known import gather
 from polarsim.labels.light import LightLayers
 from polarsim.labels.options import LabelsOptions
@@ -165,12 +166,56 @@ def test_edges_of_shadows_follow_the_photo_and_the_drawn_photo_keeps_its_boxes(s
     np.testing.assert_allclose(found, drawn + np.array([2, -1.5, -2, -1.5]), atol=0.6)
 
 
-def test_without_sun_only_long_exposures_are_labelled_and_without_any_lamp_no_shadow(labels):
-    # People labelled rocks also where the release says that no lamp shone (03_C, 04_B).
-    assert len(rocks(labels, "A_off_no_L_2048")) == 2
-    assert len(shadows(labels, "A_off_no_L_2048")) == 0
+def test_under_the_rover_light_alone_only_long_exposures_are_labelled(labels):
     assert len(rocks(labels, "A_on_no_L_2048")) == 2
     assert len(rocks(labels, "A_on_no_L_0064")) == 0  # the rover light is too weak for short exposures
+
+
+def test_a_photo_that_no_lamp_lights_has_no_labels(labels):
+    for position in "AC":
+        for camera in "LR":
+            assert not len(labels[key(f"{position}_off_no_{camera}_2048")][1])
+
+
+@pytest.fixture
+def unlit_keys():
+    exposures = (1024, 2048, 4096, 8192)
+    return [key(f"{position}_off_no_{camera}_{ms}") for position in "AC" for camera in "LR" for ms in exposures]
+
+
+def test_without_any_lamp_a_position_is_labelled_from_where_people_drew_it(scene, tmp_path, unlit_keys):
+    """Stray light, as at 04_B: a drawn file says from which exposure on it shows rocks, and at which position."""
+    expected = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS])
+    yolo.write_boxes(scene.seeds / f"{key('A_off_no_L_4096')}.txt", np.array([0, 0]), expected)
+    labels = propagate(scene, tmp_path / "out", keys=unlit_keys)
+    told = {str(one) for one, (classes, _) in labels.items() if len(classes)}
+    assert told == {f"03_A_off_no_{camera}_{ms}" for camera in "LR" for ms in (4096, 8192)}
+    np.testing.assert_allclose(rocks(labels, "A_off_no_L_4096"), expected, atol=0.01)
+    assert not len(shadows(labels, "A_off_no_R_8192"))  # nothing that could throw one
+
+
+def test_a_drawn_file_without_rocks_says_nothing_of_unlit_photos(scene, tmp_path, unlit_keys):
+    yolo.write_boxes(scene.seeds / f"{key('A_off_no_L_2048')}.txt", np.zeros(0, int), np.zeros((0, 4)))
+    assert not any(len(classes) for classes, _ in propagate(scene, tmp_path / "out", keys=unlit_keys).values())
+
+
+@pytest.mark.parametrize("visibility", ["annotator", "photo"])
+def test_a_photo_decides_whether_stray_light_shows_a_rock(scene, tmp_path, rng, visibility):
+    """A photo of noise alone and one with a bright block, both of 8192 ms without any lamp."""
+    dark, stray = key("C_off_no_L_8192"), key("A_off_no_L_8192")
+    x0, y0, x1, y1 = scene.expected_box("A", "L", 4).astype(int)
+    noise = rng.normal(BLACK_LEVEL, 0.8, (2, 1216, 1936))
+    noise[1, y0:y1, x0:x1] += 60
+    rows = []
+    for one, picture in zip((dark, stray), noise, strict=True):
+        png.write(tmp_path / f"{one}.png", picture.clip(0).round().astype(np.uint16))
+        rows.append({"key": str(one), "path": str(tmp_path / f"{one}.png")})
+    tables.write_parquet(scene.photos, pd.DataFrame(rows).reindex(columns=list(tables.PHOTO_COLUMNS)))
+    labels = propagate(scene, tmp_path / "out", keys=[dark, stray], visibility=visibility)
+    assert not len(labels[dark][1])
+    found = rocks(labels, "A_off_no_L_8192")
+    assert iou(found, scene.expected_box("A", "L", 4)[None]).max() > 0.8
+    assert len(found) == 1
 
 
 def test_the_table_has_the_boxes_of_the_files_and_the_meshes_numbers(out, labels):
@@ -318,3 +363,39 @@ def test_lamps_are_refined_by_seeds_only_where_photos_do_not_place_them(scene, t
     write_suns(scene.cameras, surveyed_suns(rigs_here))
     photo = [labels(name, refine) for name, refine in (("refined", True), ("as found", False))]
     np.testing.assert_array_equal(shadows(photo[0], sight), shadows(photo[1], sight))
+
+
+def lose_pose(scene, position, off):
+    """The pose of a position as only the survey knows it."""
+    lost = placed(position)
+    pose = Pose(lost.sandbox_from_left.rotation, lost.sandbox_from_left.translation + off)
+    rigs.write_placed(scene.cameras / f"Pos{position}.json", rigs.PlacedRig(lost.rig, pose, rigs.SURVEYED))
+
+
+def test_a_position_that_nobody_could_place_keeps_to_its_own_drawings(untouched_scene, scene, tmp_path, labels):
+    lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]))
+    found = propagate(scene, tmp_path / "lost")
+    for photo in ("A_off_30_L_1024", "A_off_270_L_0128"):  # the camera stands still, wherever that is
+        np.testing.assert_allclose(np.sort(rocks(found, photo), 0), np.sort(rocks(labels, photo), 0), atol=1.5)
+    assert len(shadows(found, "A_off_270_L_0128")) == 0  # nobody knows where the lamp's shadows fall in this image
+    table = tables.read_parquet(tmp_path / "lost" / "labels.parquet")
+    assert set(table["source"]) == {"seed", "fused", "shifted", "projected", "cast"}
+    assert set(table[table["position"] == "A"]["source"]) == {"seed", "fused", "shifted"}
+
+
+def test_other_positions_know_nothing_of_one_that_nobody_could_place(scene, tmp_path, labels):
+    lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]))
+    found = propagate(scene, tmp_path / "lost")
+    np.testing.assert_array_equal(rocks(found, "C_off_30_L_0128"), rocks(labels, "C_off_30_L_0128"))
+
+
+def test_a_position_without_pose_and_drawing_gets_no_label(scene, tmp_path):
+    lose_pose(scene, "C", np.array([-0.4, 0.3, 0.0]))
+    found = propagate(scene, tmp_path / "lost")
+    assert not len(found[key("C_off_30_L_0128")][1])
+
+
+def test_without_photos_nobody_renders_what_a_lost_position_sees(scene, tmp_path):
+    lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]))
+    found = propagate(scene, tmp_path / "lost", visibility="photo")
+    assert len(rocks(found, "A_off_30_L_1024")) == len(BLOCKS)

@@ -3,9 +3,9 @@ import filecmp
 import numpy as np
 import pytest
 
-from polarsim.errors import FormatError
+from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import tables, yolo
-from polarsim.lint.repair import CHANGES, write_repaired
+from polarsim.lint.repair import CHANGES, _drop_malformed, write_repaired
 from polarsim.lint.rules import RULES
 from polarsim.lint.run import lint
 from polarsim.photo import exposures
@@ -23,6 +23,10 @@ def repaired(root):
     assert len(changes) == count == sum(bool(RULES[one.defect].repair) for one in before.findings)
     assert [one for one in lint(out, set(RULES)).findings if RULES[one.defect].repair] == []
     return out, changes
+
+
+def files_of(folder):
+    return {file.relative_to(folder): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
 def assert_whole(copy, exposure_ms):
@@ -72,6 +76,34 @@ def test_malformed_lines_and_boxes_beyond_the_border_go(root):
     path(root, 1024).write_text("0 0.5 0.5 0.1\n" + text + "rock 1 2 3 4\n")
     out, _ = repaired(root)
     assert path(out, 1024).read_text() == text
+
+
+@pytest.mark.parametrize("told", ["4: something of 17 at 2:1", "none of this file, 1: 0", ""])
+def test_another_wording_of_messages_repairs_the_same(root, monkeypatch, told):
+    text = path(root, 1024).read_text()
+    path(root, 1024).write_text("0 0.5 0.5 0.1\n" + text + "rock 1 2 3 4\n")
+    polygons = root / POLYGONS / path(root, 1024).name
+    polygons.parent.mkdir(parents=True)
+    sound = "1 0.1 0.1 0.2 0.1 0.2 0.2\n"
+    polygons.write_text(sound + "2 0.1 0.1\n" + sound)
+    before, _ = repaired(root)
+    monkeypatch.setattr(PolarsimError, "__str__", lambda error: told)
+    report, after = lint(root, set(RULES)), root.with_name("reworded")
+    assert [one.line for one in report.findings if one.defect == "malformed"] == [1, 2]
+    write_repaired(root, report.findings, after)
+    assert path(after, 1024).read_text() == text
+    assert files_of(after) == files_of(before)
+
+
+def test_a_reader_that_names_a_line_that_is_not_there_stops_the_repair(tmp_path):
+    def reader(path):
+        raise FormatError("no box", path, 9)
+
+    file = tmp_path / "labels.txt"
+    file.write_text("0 0.5 0.5 0.1 0.1\n")
+    with pytest.raises(FormatError, match="no box"):
+        _drop_malformed(file, reader)
+    assert file.read_text() == "0 0.5 0.5 0.1 0.1\n"
 
 
 def test_files_of_wrong_names_go_and_impossible_exposures_are_renamed(root):

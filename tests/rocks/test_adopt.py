@@ -7,6 +7,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import obj
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.obj import Mesh
+from polarsim.formats.scene import made_from
 from polarsim.rocks.adopt import adopt_rocks, volume_above
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.options import RocksOptions
@@ -72,6 +73,83 @@ def test_a_published_ground_is_used(tmp_path):
     )
     _, figures = adopt(tmp_path, 4, {}, ground=str(tmp_path / "ground.obj"))
     assert figures.loc["terrain04_ground.obj", "faces"] == 1
+
+
+def wavy_ground(lift=0.0, half=2.0, step=0.05):
+    """A published ground with a pit of 12 cm in its middle and waves of 2 cm."""
+    x, y = np.meshgrid(np.arange(-half, half + step / 2, step), np.arange(-half, half + step / 2, step))
+    return height_mesh_of(x, y, wavy(x, y) + lift)
+
+
+def wavy(x, y):
+    return 0.1 + 0.02 * np.sin(3 * x) - 0.12 * np.exp(-(x**2 + y**2) / 0.4**2)
+
+
+def height_mesh_of(x, y, z):
+    number = np.arange(z.size).reshape(z.shape)
+    a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return Mesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces)
+
+
+PLACES = {3: (0.9, 0.8), 5: (-1.1, 0.4), 8: (0.2, -1.3)}
+
+
+def adopt_on(folder, ground):
+    """Three half balls that stand on the wavy ground, published with some ground."""
+    obj.write(folder / "terrain04_ground.obj", ground, "ground")
+    paths = {}
+    for rock, (x, y) in PLACES.items():
+        paths[str(rock)] = str(folder / f"rock{rock}.obj")
+        obj.write(paths[str(rock)], half_ball(x, y, wavy(x, y)), "rock")
+    return adopt(folder, 4, paths, ground=str(folder / "terrain04_ground.obj"))
+
+
+def test_rocks_stand_on_the_published_ground_and_tables_say_so(tmp_path):
+    table, figures = adopt_on(tmp_path, wavy_ground())
+    assert figures.loc["terrain04_ground.obj", "made_from"] == "published"
+    assert made_from(tmp_path / "meshes")["terrain04_rock3.obj"] == "published"
+    np.testing.assert_allclose(table["height_m"], 0.06, atol=0.008)  # a half ball's, above waves of up to 3.4 degrees
+    ground = obj.read(tmp_path / "meshes" / "terrain04_ground.obj")
+    middle = np.linalg.norm(ground.vertices[:, :2], axis=1).argmin()
+    assert ground.vertices[middle, 2] == pytest.approx(wavy(0, 0), abs=1e-5)  # the pit is in it
+
+
+def test_a_fitted_ground_is_told_from_a_published_one(tmp_path):
+    obj.write(tmp_path / "rock.obj", half_ball(0, 0, 0.2), "rock")
+    _, figures = adopt(tmp_path, 4, {"2": str(tmp_path / "rock.obj")})
+    assert figures["made_from"].to_dict() == {
+        "terrain04_ground.obj": "fitted",
+        "terrain04_rock2.obj": "published",
+        "terrain04_rock2_decimate-005.obj": "published",
+    }
+
+
+def test_a_published_ground_that_faces_down_is_turned_over(tmp_path):
+    ground = wavy_ground()
+    adopt_on(tmp_path, Mesh(ground.vertices, ground.faces[:, ::-1]))
+    assert obj.read(tmp_path / "meshes" / "terrain04_ground.obj").normals()[:, 2].min() > 0.5
+
+
+@pytest.mark.parametrize(
+    ("ground", "reason"),
+    [
+        (
+            wavy_ground(lift=-0.2),
+            r"the rocks' feet lie \+20\d mm above this ground, median of 3 rocks, 50 mm allowed",
+        ),
+        (wavy_ground(half=1.2), r"no ground at rock 8 of 3: the ground covers all rocks"),
+        (
+            Mesh(1000 * wavy_ground().vertices, wavy_ground().faces),
+            r"a ground of 4000 by 4000 m, the sandbox measures 4 m",
+        ),
+    ],
+    ids=["other frame", "part of the sand", "millimetres"],
+)
+def test_a_ground_that_is_not_the_rocks_is_refused_by_name(tmp_path, ground, reason):
+    with pytest.raises(FormatError, match=r"terrain04_ground.obj: " + reason):
+        adopt_on(tmp_path, ground)
+    assert not (tmp_path / "rocks.parquet").exists()
 
 
 def test_ids_that_are_no_numbers_are_refused(tmp_path):

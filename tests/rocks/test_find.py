@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -115,6 +117,15 @@ def test_a_second_run_writes_the_same_bytes(worked, tmp_path):
     assert len(clouds) == 4
     for name in ("rocks.parquet", "cuboids.yaml", "ids.yaml", *clouds):
         assert (tmp_path / name).read_bytes() == (worked / name).read_bytes(), name
+
+
+def test_a_scan_that_placed_no_camera_puts_no_point_into_the_scene(three_rocks, tripods, tmp_path, caplog):
+    write_scene(tmp_path, three_rocks, tripods)
+    path = tmp_path / "cameras" / "PosC.json"
+    rigs.write_placed(path, replace(rigs.read_placed(path), method="survey"))
+    run(tmp_path)
+    assert "the scan at C places no camera and is left out" in caplog.text
+    assert pd.read_parquet(tmp_path / "rocks.parquet")["points_by_scan"].str.fullmatch(r"A:\d+").all()
 
 
 def test_a_terrain_without_scans_is_level_ground_without_rocks(tmp_path, caplog):

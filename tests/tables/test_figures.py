@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.formats import png, release, yolo
+from polarsim.formats import obj, png, release, yolo
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
-from polarsim.formats.tables import key_columns, label_table, write_parquet
+from polarsim.formats.tables import key_columns, label_table, write_csv, write_parquet
 from polarsim.geometry.boxes import around
 from polarsim.geometry.rays import caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
@@ -65,6 +65,14 @@ def test_meshes_and_cuboids_are_drawn_twice_the_same(tmp_path, world):
     for one, two in zip(terrain_drawn(tmp_path, tmp_path / "1"), terrain_drawn(tmp_path, tmp_path / "2"), strict=True):
         assert is_drawn(one)
         assert one.read_bytes() == two.read_bytes()
+
+
+def test_a_map_of_a_fitted_ground_says_so(tmp_path, world):
+    world.write(tmp_path)
+    scanned, _ = (path.read_bytes() for path in terrain_drawn(tmp_path, tmp_path / "scanned"))
+    write_csv(tmp_path / "meshes/meshes.csv", pd.DataFrame([{"mesh": obj.ground_name(3), "made_from": "fitted"}]))
+    fitted, _ = (path.read_bytes() for path in terrain_drawn(tmp_path, tmp_path / "fitted"))
+    assert fitted != scanned
 
 
 def test_a_terrain_without_rocks_is_drawn(tmp_path, world):

@@ -1,9 +1,11 @@
 import numpy as np
+import pandas as pd
 import pytest
 import trimesh
 
 from polarsim.formats import obj
 from polarsim.formats.scene import read_terrain
+from polarsim.formats.tables import write_csv
 from polarsim.tables.mesh_scores import (
     COLUMNS,
     accuracy,
@@ -76,8 +78,14 @@ def test_a_folder_gives_a_row_for_the_ground_and_each_rock(tmp_path, rng):
     obj.write(tmp_path / obj.ground_name(1), LEVEL, "ground")
     obj.write(tmp_path / obj.rock_name(1, 4), ball(0.03), "rock")
     obj.write(tmp_path / obj.rock_name(1, 4, decimated=True), ball(0.03, radius=0.052, detail=2), "copy")
+    rows = [
+        {"mesh": obj.ground_name(1), "made_from": "fitted"},
+        {"mesh": obj.rock_name(1, 4), "made_from": "published"},
+    ]
+    write_csv(tmp_path / "meshes.csv", pd.DataFrame(rows))
     table = mesh_table(soundness_rows(read_terrain(tmp_path, 1), tmp_path, 1, rng, 500))
     assert list(table.columns) == list(COLUMNS)
+    assert table["made_from"].tolist() == ["fitted", "published"]
     ground, rock = table.to_dict("records")
     assert (ground["rock"], ground["watertight"]) == (-1, False)
     assert (rock["rock"], rock["watertight"], rock["copy_watertight"], rock["contact_share"]) == (4, True, 1, 1)

@@ -35,7 +35,7 @@ def fetch(url: str, path: Path, sha256: str) -> None:
         with urllib.request.urlopen(url, timeout=_TIMEOUT_S) as answer:  # noqa: S310 - options allow https and file
             content = answer.read()
     except (OSError, ValueError) as error:
-        raise FetchError(f"{path}: cannot be fetched from {url}, {error}") from error
+        raise FetchError(f"cannot be fetched from {url}, {error}", path=path) from error
     found = hashlib.sha256(content).hexdigest()
     if found != sha256.lower():
         raise FetchError(f"{url}: SHA-256 {found}, expected {sha256}")

@@ -41,9 +41,9 @@ def read_judge(path: Path) -> Judge:
     """
     content = load(path)
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
-        raise DetectError(f"{path}: not weights that polarsim wrote, expected format {_FORMAT!r}")
+        raise DetectError(f"not weights that polarsim wrote, expected format {_FORMAT!r}", path=path)
     if tuple(content["classes"]) != BOX_CLASSES:
-        raise DetectError(f"{path}: a judge of classes {content['classes']}, expected {list(BOX_CLASSES)}")
+        raise DetectError(f"a judge of classes {content['classes']}, expected {list(BOX_CLASSES)}", path=path)
     return Judge(**{name: content[name] for name in Judge.__dataclass_fields__})
 
 
@@ -66,4 +66,4 @@ def load(path: Path) -> Any:
     try:
         return torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises many kinds
-        raise DetectError(f"{path}: no readable judge, {str(error).splitlines()[0]}") from error
+        raise DetectError(f"no readable judge, {str(error).splitlines()[0]}", path=path) from error

@@ -89,7 +89,7 @@ def measure_stereo(
             pair_rows.append(name | score(depth, truth, chosen))
             rock_rows += [name | row for row in rock_performance(depth, truth, chosen)]
     if not pair_rows:
-        raise DetectError(f"{cameras}: terrain {terrain} has no pair of pictures for stereo")
+        raise DetectError(f"terrain {terrain} has no pair of pictures for stereo", path=cameras)
     _write(pairs, pair_rows, PAIR_COLUMNS)
     _write(rocks, rock_rows, ROCK_COLUMNS)
 

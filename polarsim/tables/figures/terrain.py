@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.scene import TerrainMesh, read_terrain
+from polarsim.formats import obj
+from polarsim.formats.scene import FITTED, PUBLISHED, SCANNED, TerrainMesh, made_from, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
@@ -25,6 +26,11 @@ SKY = 3.0  # metres: where those rays start
 OUTLINE = "#d55e00"
 SPAN = 0.15  # metres that the colours cover at least: flat sand shall look flat
 AMBIENT = 0.12  # share of light without direction in the slanted view
+HEIGHTS = {  # what the colours of the map mean, by what the ground was made from
+    SCANNED: "height above the sand's level, m",
+    PUBLISHED: "height in the published ground's frame, m",
+    FITTED: "height, m, on a smooth ground fitted under the rocks",
+}
 SAND, STONE = np.array([0.78, 0.74, 0.68]), np.array([0.93, 0.62, 0.25])
 
 
@@ -53,27 +59,30 @@ def draw_terrain(
     scene = read_terrain(meshes, terrain)
     rays = caster(scene.vertices, scene.faces)
     top = top_view(scene, rays)
+    heights = HEIGHTS.get(made_from(meshes).get(obj.ground_name(terrain), ""), HEIGHTS[SCANNED])
     name, width = f"Terrain {terrain:02d}", options.figure_width_px
     with page(meshes_figure, width, round(width * 0.46)) as sheet:
-        _draw_meshes(sheet, name, scene, rays, top, width)
+        _draw_meshes(sheet, name, scene, rays, top, width, heights)
     with page(crops_figure, width, round(width * 0.5)) as sheet:
-        _draw_crops(sheet, name, table, top)
+        _draw_crops(sheet, name, table, top, heights)
 
 
-def _draw_meshes(sheet: Any, name: str, scene: TerrainMesh, rays: Caster, top: TopView, width: int) -> None:
+def _draw_meshes(
+    sheet: Any, name: str, scene: TerrainMesh, rays: Caster, top: TopView, width: int, heights: str
+) -> None:
     """The meshes from above with rock outlines and ids, and at a slant from tripod A's side."""
     above, aslant = sheet.subplots(1, 2, width_ratios=[1, 1.15])
-    _draw_top(sheet, above, top, f"{name} from above, {len(scene.rocks)} rocks")
+    _draw_top(sheet, above, top, f"{name} from above, {len(scene.rocks)} rocks", heights)
     for rock in scene.rocks:
         _draw_outline(above, top, rock)
         _write_id(above, rock, *_middle(top, rock, scene))
     picture(aslant, slanted_view(scene, rays, round(width * 0.52)), "From tripod A's side, lamp at Sun azimuth 30")
 
 
-def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView) -> None:
+def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView, heights: str) -> None:
     """The cuboids over the view from above, and their heights from the side."""
     above, side = sheet.subplots(1, 2, width_ratios=[1.15, 1])
-    _draw_top(sheet, above, top, f"{name}: cuboids of {len(table)} rocks, from above")
+    _draw_top(sheet, above, top, f"{name}: cuboids of {len(table)} rocks, from above", heights)
     _draw_rectangles(above, table, "x", "y")
     side.set_title("From the side")
     side.set(xlabel="x, m", ylabel="z, m")
@@ -135,8 +144,8 @@ def _normals(scene: TerrainMesh, face: np.ndarray, points: np.ndarray) -> tuple[
     return normal / np.sqrt(squared)[:, None], smooth / np.linalg.norm(smooth, axis=1, keepdims=True).clip(1e-9)
 
 
-def _draw_top(sheet: Any, axes: Any, top: TopView, title: str) -> None:
-    """The height map, shaded by a light from azimuth 135 as maps are."""
+def _draw_top(sheet: Any, axes: Any, top: TopView, title: str, heights: str) -> None:
+    """The height map, shaded by a light from azimuth 135 as maps are; `heights` names what its colours mean."""
     from matplotlib.colors import LightSource
 
     axes.set_title(title)
@@ -155,7 +164,7 @@ def _draw_top(sheet: Any, axes: Any, top: TopView, title: str) -> None:
     grey[..., :3] = np.where(light > 0.5, 1.0, 0.0)[..., None]
     grey[..., 3] = np.abs(light - 0.5) * 0.9
     axes.imshow(grey, extent=top.extent)
-    sheet.colorbar(image, ax=axes, label="height above the sand's level, m", shrink=0.8)
+    sheet.colorbar(image, ax=axes, label=heights, shrink=0.8)
 
 
 def _draw_outline(axes: Any, top: TopView, rock: int) -> None:

@@ -82,7 +82,7 @@ def _start(options: DetectOptions, device: str) -> State:
         module, average = network(options.model), network(options.model)
     if options.pretrained:
         if not options.pretrained.is_file():
-            raise DetectError(f"{options.pretrained}: the pretrained weights are missing")
+            raise DetectError("the pretrained weights are missing", path=options.pretrained)
         with about(options.pretrained):
             module = network(options.model, read_judge(options.pretrained).state)
     average.load_state_dict(module.state_dict())

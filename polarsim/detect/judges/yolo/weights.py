@@ -56,7 +56,7 @@ def load_start(path: Path, model: str, folder: Path) -> Any:
         The file is missing or holds no such weights.
     """
     if not path.is_file():
-        raise DetectError(f"{path}: the pretrained weights are missing")
+        raise DetectError("the pretrained weights are missing", path=path)
     library = ultralytics(folder)
     try:
         judge = read_judge(path)
@@ -64,7 +64,7 @@ def load_start(path: Path, model: str, folder: Path) -> Any:
         try:
             return library.load_checkpoint(str(path))[0]
         except Exception as error:
-            raise DetectError(f"{path}: no weights of {model}, {str(error).splitlines()[0]}") from error
+            raise DetectError(f"no weights of {model}, {str(error).splitlines()[0]}", path=path) from error
     module = library.DetectionModel(f"{judge.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
     module.load_state_dict({name: value.float() for name, value in judge.state.items()})
     return module

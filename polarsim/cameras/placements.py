@@ -1,0 +1,116 @@
+"""All positions of a terrain placed by seed boxes, the surest first; rocks that stand off their places move along.
+
+Published meshes were cut and placed by hand: most stand within millimetres, some off by centimetres. What the boxes of
+a position tell of the rocks helps to place the next one.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from polarsim.cameras.labels import LabelPlacement, checked, final_noise, place_by_labels
+from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.refine import BoxFit, judge_pose, pose_of
+from polarsim.cameras.shifts import Shifts, View, fit_shifts, no_shifts, shifted
+from polarsim.cameras.surveyed import pose_beside
+from polarsim.errors import RegistrationError
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.outlines import Outlines
+from polarsim.geometry.poses import Pose
+
+log = logging.getLogger("polarsim")
+
+
+@dataclass(frozen=True)
+class Placements:
+    """Where positions stand, where rocks do, and why positions were refused."""
+
+    placed: dict[str, LabelPlacement]
+    shifts: Shifts
+    refused: dict[str, str]  # position -> reason
+
+
+def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, options: CamerasOptions) -> Placements:
+    """Place every position whose boxes and meshes suffice.
+
+    Parameters
+    ----------
+    seen : position -> (b, 4) float
+        Rock boxes of the left photos, pixels.
+
+    Returns
+    -------
+    Placements
+        Positions with too few boxes or meshes are neither placed nor refused.
+    """
+    usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= options.min_boxes]
+    found = Placements({}, no_shifts(outlines, options.rock_shift_sd_mm / 1000), {})
+    for position in _surest_first(usable, seen, outlines, lens, options):
+        found = _with_position(found, position, seen[position], outlines, lens, options)
+    return found
+
+
+def unshifted_fits(found: Placements, outlines: Outlines, lens: Lens, options: CamerasOptions) -> list[BoxFit]:
+    """What the boxes of the placed positions say of the meshes as they are, seen from the same poses."""
+    noise, gate = final_noise(options), options.match_gate_px
+    return [
+        judge_pose(one.fit.sandbox_from_left, outlines, one.boxes, lens, one.prior, gate, noise)
+        for one in found.placed.values()
+    ]
+
+
+def _surest_first(
+    positions: Sequence[str],
+    seen: Mapping[str, np.ndarray],
+    outlines: Outlines,
+    lens: Lens,
+    options: CamerasOptions,
+) -> list[str]:
+    """By the share of the boxes that each position's best pose explains by itself."""
+    share = {}
+    for position in positions:
+        try:
+            share[position] = place_by_labels(seen[position], outlines, lens, pose_beside(position, {}), options).share
+        except RegistrationError:
+            share[position] = 0.0
+    return sorted(positions, key=lambda position: (-share[position], position))
+
+
+def _with_position(
+    before: Placements, position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: CamerasOptions
+) -> Placements:
+    """One more position, and all poses and shifts fitted anew; or one more that is refused."""
+    surveyed = pose_beside(position, _poses(before.placed))
+    moved = shifted(outlines, before.shifts.metres)
+    try:
+        new = place_by_labels(boxes, moved, lens, surveyed, options)
+        after = _fitted({**before.placed, position: new}, before.shifts, outlines, lens, options)
+        checked(after.placed[position], options)
+    except RegistrationError as error:
+        return replace(before, refused={**before.refused, position: error.reason})
+    return replace(after, refused=before.refused)
+
+
+def _fitted(
+    placed: Mapping[str, LabelPlacement], start: Shifts, outlines: Outlines, lens: Lens, options: CamerasOptions
+) -> Placements:
+    """All positions placed together with shifts of the rocks."""
+    if not options.rock_shift_sd_mm:
+        return Placements(dict(placed), start, {})
+    noise, gate = final_noise(options), options.match_gate_px
+    views = {position: View(one.boxes, one.fit, one.prior) for position, one in placed.items()}
+    unknowns, shifts = fit_shifts(views, outlines, lens, options.rock_shift_sd_mm / 1000, gate, noise, start.metres)
+    moved = shifted(outlines, shifts.metres)
+    fits = {
+        position: judge_pose(pose_of(unknowns[position]), moved, one.boxes, lens, one.prior, gate, noise)
+        for position, one in placed.items()
+    }
+    return Placements({position: replace(one, fit=fits[position]) for position, one in placed.items()}, shifts, {})
+
+
+def _poses(placed: Mapping[str, LabelPlacement]) -> dict[str, Pose]:
+    return {position: one.fit.sandbox_from_left for position, one in placed.items()}

@@ -1,0 +1,35 @@
+"""Photos that no lamp lights: black, but for stray light at some positions, where people drew rocks all the same."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from polarsim.labels.seeds import Drawings
+from polarsim.photo import Azimuth, Light, PhotoKey
+
+
+def is_unlit(light: Light, azimuth: Azimuth) -> bool:
+    """Neither a Sun lamp nor the rover light shines."""
+    return azimuth == "no" and light == "off"
+
+
+@dataclass(frozen=True)
+class UnlitStarts:
+    """Shortest exposure with rocks that people drew without any lamp, by position."""
+
+    drawn_ms: Mapping[str, int]
+
+    @classmethod
+    def of(cls, drawings: Drawings) -> UnlitStarts:
+        """Each position speaks for itself: a light leak at one does not reach the others."""
+        drawn_ms: dict[str, int] = {}
+        for key, drawn in drawings.items():
+            if is_unlit(key.light, key.azimuth) and len(drawn.rocks):
+                drawn_ms[key.position] = min(drawn_ms.get(key.position, key.exposure_ms), key.exposure_ms)
+        return cls(drawn_ms)
+
+    def shown(self, key: PhotoKey) -> bool:
+        """Whether an unlit photo shows anything, as far as somebody drew it; nobody did: it is black."""
+        start = self.drawn_ms.get(key.position)
+        return start is not None and key.exposure_ms >= start

@@ -1,0 +1,14 @@
+"""What Snakemake watches of a local source."""
+
+from polarsim.acquire.inputs import raw_inputs
+from polarsim.acquire.options import SeedOptions, SourceOptions
+
+
+def test_a_ground_that_was_added_to_a_release_is_watched(tmp_path):
+    folder = tmp_path / "TerrainMeshes/Terrain04"
+    folder.mkdir(parents=True)
+    (folder / "terrain04_rock2.obj").touch()
+    source = SourceOptions(kind="release", root=tmp_path)
+    assert raw_inputs(4, source, SeedOptions()) == [folder / "terrain04_rock2.obj"]
+    (folder / "terrain04_ground.obj").touch()
+    assert folder / "terrain04_ground.obj" in raw_inputs(4, source, SeedOptions())
