@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
-from polarsim.acquire.options import SeedOptions, SourceOptions
+from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions, seed_choice
 from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.options import CamerasOptions
 from polarsim.detect.gap_options import GapOptions
@@ -33,7 +33,16 @@ RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy 
 class LabelsSection(LabelsOptions):
     """Options of the labels stage, and which label files propagation starts from."""
 
-    seeds: SeedOptions = Field(SeedOptions(), description="The label files that a person drew and that are carried on.")
+    seeds: SeedChoice = Field(
+        SeedOptions(),
+        description="The label files that a person drew and that are carried on; 'none': no file is read, rocks and "
+        "shadows are labelled from scans, light and photos alone.",
+    )
+
+    @field_validator("seeds", mode="before")
+    @classmethod
+    def _options_or_none(cls, value: object) -> SeedChoice:
+        return seed_choice(value)
 
     def stage_options(self) -> dict[str, Any]:
         """What the labels stage itself is given: the seeds are chosen when raw data are taken in."""
@@ -84,6 +93,14 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return self
 
     @model_validator(mode="after")
+    def _scans_without_seeds(self) -> Config:
+        if self.labels.seeds == NO_SEEDS and self.source.kind == "release":
+            raise ValueError(
+                f"labels.seeds: {NO_SEEDS} needs scans: the release has none, so nothing but seeds places its cameras"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _rover_on_terrains(self) -> Config:
         if not self.rover.run:
             return self
@@ -130,6 +147,13 @@ class Config(BaseModel, extra="forbid", frozen=True):
         changed = self.gap.ingredients[ingredient].render
         fixed = {"models": (self.gap.model,), "maps": ()}
         return RenderOptions.model_validate(self.render.model_dump() | changed | fixed)
+
+    @property
+    def drawn_root(self) -> Path:
+        """Folder of the labels that people drew, which scores are measured against: the seeds' where there are some."""
+        seeds = self.labels.seeds
+        own = seeds.root if isinstance(seeds, SeedOptions) else None
+        return self.tables.drawn_root or own or self.source.root
 
     @property
     def ledger_judges(self) -> tuple[str, ...]:

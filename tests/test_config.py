@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 
 from polarsim.config import parse_config, render_options
@@ -89,3 +91,36 @@ def test_an_impossible_ledger_is_told(ingredient, gap, told):
 def test_a_mix_of_what_is_not_there_is_told(mixes, told):
     with pytest.raises(ConfigError, match=told):
         detect(mixes=mixes)
+
+
+def seeded(seeds, kind="polar", **others):
+    return parse_config({"source": {"kind": kind, "root": "data"}, "labels": {"seeds": seeds}, **others})
+
+
+def test_a_run_may_have_no_seeds():
+    found = seeded("none")
+    assert found.labels.seeds == "none"
+    assert "seeds" not in found.labels.stage_options()
+    assert parse_config(found.model_dump(mode="json")).digest() == found.digest() != seeded({}).digest()
+
+
+@pytest.mark.parametrize(
+    ("seeds", "kind", "told"),
+    [
+        ("none", "release", "labels.seeds: none needs scans: the release has none"),
+        ("no", "polar", "labels.seeds: 'no', expected options of seeds or 'none'"),
+        (None, "polar", "labels.seeds: None, expected options of seeds or 'none'"),
+        ({"azimuth": 30}, "polar", "labels.seeds.azimuth: unknown key"),
+        ({"camera": "M"}, "polar", "labels.seeds.camera"),
+    ],
+)
+def test_impossible_seeds_are_told_in_one_line(seeds, kind, told):
+    with pytest.raises(ConfigError, match=told) as error:
+        seeded(seeds, kind)
+    assert "\n" not in str(error.value)
+
+
+def test_scores_are_measured_against_the_folder_that_is_named_or_that_of_the_seeds():
+    assert seeded("none").drawn_root == Path("data")
+    assert seeded({"root": "drawn"}).drawn_root == Path("drawn")
+    assert seeded("none", tables={"drawn_root": "drawn"}).drawn_root == Path("drawn")

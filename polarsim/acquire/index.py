@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.acquire.options import SeedOptions, SourceOptions
+from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions
 from polarsim.acquire.photos import find_gaps, index_photos, log_gaps, photo_table
 from polarsim.acquire.seeds import choose_seeds, copy_seeds, find_labels
 from polarsim.errors import FormatError, LabelError
@@ -30,7 +30,7 @@ def index_terrain(
     terrain: int,
     positions: Sequence[str],
     source: SourceOptions,
-    seed_options: SeedOptions,
+    seed_options: SeedChoice,
     photos: Path,
     calibration: Path,
     inventory: Path,
@@ -47,7 +47,7 @@ def index_terrain(
     FormatError
         The source has nothing of the terrain, or a file of it is broken.
     LabelError
-        There is neither a seed nor a scan.
+        There is neither a seed nor a scan; or there is no scan and there shall be no seeds.
     """
     if not source.root.is_dir():
         raise FormatError(f"no such folder, it is the root of the source {source.kind!r}", path=source.root)
@@ -55,7 +55,11 @@ def index_terrain(
         found, table = _published(source.root, terrain), photo_table([])
     else:
         found, table = _recorded(source, terrain, positions, grid or GridOptions())
-    chosen = _seeds(terrain, positions, found, seed_options.root or source.root, seed_options)
+    if isinstance(seed_options, SeedOptions):
+        chosen = _seeds(terrain, positions, found, seed_options.root or source.root, seed_options)
+    else:
+        _check_scanned(terrain, positions, found, source.root)
+        chosen = []
     rig = nasa.read_calibration(found.calibration) if found.calibration else stated_rig()
     write_parquet(photos, table)  # from here on nothing of the source can be wrong any more
     write_rig(calibration, rig, Path(found.calibration).name if found.calibration else STATED)
@@ -116,6 +120,15 @@ def _recorded(
         stray=_below(stray, root),
     )
     return inventory, index_photos(files)
+
+
+def _check_scanned(terrain: int, positions: Sequence[str], found: Inventory, root: Path) -> None:
+    """Without seeds, nothing but scans tells of rocks and cameras."""
+    if not found.scanned:
+        raise LabelError(f"no scan of terrain {terrain:02d}, which labels.seeds: {NO_SEEDS} needs", path=root)
+    unknown = set(positions) - set(found.scanned)
+    if unknown:
+        log.warning("%s: no scan of position %s, and no seeds are read", root, ", ".join(sorted(unknown)))
 
 
 def _seeds(

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from polarsim.acquire.fetch import archives_of
-from polarsim.acquire.options import SeedOptions, SourceOptions
+from polarsim.acquire.options import SeedChoice, SeedOptions, SourceOptions
 from polarsim.acquire.seeds import find_labels
 from polarsim.formats import nasa, release
 
 
-def raw_inputs(terrain: int, source: SourceOptions, seeds: SeedOptions) -> list[Path]:
+def raw_inputs(terrain: int, source: SourceOptions, seeds: SeedChoice) -> list[Path]:
     """A receipt where the terrain is made or fetched; else its local seed labels, meshes, calibration and scans.
 
     Label files are listed only as far as they may be seeds. Photos are too many to be watched one by one: where some
@@ -18,12 +18,7 @@ def raw_inputs(terrain: int, source: SourceOptions, seeds: SeedOptions) -> list[
     """
     if source.kind == "analog" or archives_of(terrain, source):
         return [source.root / "receipts" / f"Terrain{terrain:02d}.json"]
-    labels, _ = find_labels(seeds.root or source.root, terrain)
-    files = [
-        path
-        for key, path in labels.items()
-        if key.light == seeds.light and key.camera == seeds.camera and key.azimuth in seeds.azimuths
-    ]
+    files = _possible_seeds(terrain, source.root, seeds) if isinstance(seeds, SeedOptions) else []
     if source.kind == "release":
         ground = release.ground_file(source.root, terrain)
         return [*files, *release.mesh_files(source.root, terrain).values(), *([ground] if ground else [])]
@@ -33,3 +28,12 @@ def raw_inputs(terrain: int, source: SourceOptions, seeds: SeedOptions) -> list[
     if calibration:
         files.append(calibration)
     return [*files, *range_maps.values(), *clouds.values()]
+
+
+def _possible_seeds(terrain: int, root: Path, seeds: SeedOptions) -> list[Path]:
+    labels, _ = find_labels(seeds.root or root, terrain)
+    return [
+        path
+        for key, path in labels.items()
+        if key.light == seeds.light and key.camera == seeds.camera and key.azimuth in seeds.azimuths
+    ]

@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from polarsim.grid import words
 from polarsim.photo import SUNS, Azimuth, Camera, Light, is_exposure
 
+NO_SEEDS = "none"  # in the place of seed options: labels come from geometry and light alone
 Kind = Literal["analog", "release", "polar"]
 
 
@@ -89,3 +90,29 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
         if isinstance(value, int) and not is_exposure(value):
             raise ValueError(f"exposure {value} ms, expected 'best' or 16, 32, 64 ... 8192")
         return value
+
+
+SeedChoice = SeedOptions | Literal["none"]
+
+
+def told_seeds(seeds: SeedChoice) -> str:
+    """Which photos the seeds were drawn in, in a few words for tables."""
+    if not isinstance(seeds, SeedOptions):
+        return NO_SEEDS
+    exposure = seeds.exposure if seeds.exposure == "best" else f"{seeds.exposure} ms"
+    return f"{seeds.camera}, rover light {seeds.light}, azimuths {' '.join(seeds.azimuths)}, exposure {exposure}"
+
+
+def seed_choice(content: object) -> SeedChoice:
+    """Seed options, or `NO_SEEDS`, out of what a configuration says.
+
+    Raises
+    ------
+    ValueError
+        Neither of them; of options also a misspelt key or an impossible value.
+    """
+    if content == NO_SEEDS:
+        return "none"
+    if content is None or isinstance(content, str):
+        raise ValueError(f"{content!r}, expected options of seeds or {NO_SEEDS!r}")
+    return SeedOptions.model_validate(content)

@@ -2,8 +2,9 @@
 
 What scans alone leave open is settled so: +Z is the normal of a robust plane through the whole sand, and z = 0 its
 height at the origin. Origin and heading come from the box: its inner walls lie at +-`SANDBOX_HALF_WIDTH` along X and
-Y, and the survey says which wall is which. Where fewer than two walls at right angles are seen, they come from the
-tripods, by the turn and shift that best put them on their surveyed places and headings.
+Y, and the survey says which wall is which: they are looked for about where the tripods put them, by the turn and shift
+that best lay these on their surveyed places and headings. Where fewer than two walls at right angles are seen, that is
+the frame.
 """
 
 from __future__ import annotations
@@ -51,14 +52,13 @@ def find_gauge(
     all_points = np.concatenate([points[position] for position in sorted(points)])
     all_normals = np.concatenate([normals[position] for position in sorted(points)])
     upright = level_from(_ground(all_points))
-    turned = upright.apply(all_points)
-    walls = _walls(turned, upright.rotate(all_normals))
+    settled = _from_survey({position: upright @ pose for position, pose in level_from_left.items()}) @ upright
+    turned = settled.apply(all_points)
+    walls = _walls(turned, settled.rotate(all_normals))
     if len({wall.axis for wall in walls}) == 2:
-        flat = _from_walls(turned, walls)
+        settled = _from_walls(turned, walls) @ settled
     else:
         walls = []
-        flat = _from_survey({position: upright @ pose for position, pose in level_from_left.items()})
-    settled = flat @ upright
     # The plane's height is meant at the origin, which has moved since; its slope is nil, so any place will do.
     ground = _ground(settled.apply(all_points))
     down = Pose(np.eye(3), np.array([0, 0, -ground[2]]))

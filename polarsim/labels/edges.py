@@ -7,6 +7,7 @@ import numpy as np
 from polarsim.geometry.boxes import of_mask, window
 from polarsim.labels.parts import SMALL_PART, without_thin_parts
 from polarsim.labels.photos import Brightness, noise_dn
+from polarsim.photo import NO_ROCK
 
 MARGIN = 0.25  # of a box's sides, and at least MARGIN_PX: so far outside it is looked for the shadow's end
 MARGIN_PX = 10.0
@@ -33,7 +34,8 @@ def snapped(
     box : (4,) float
         Around the shadow as cast, px.
     shadow, rocks : (rows, columns) int
-        Whose shadow, and which rock, is seen at every `step`-th pixel; `rock` is the one that throws the shadow.
+        Whose shadow, and which rock, is seen at every `step`-th pixel; `rock` is the one that throws the shadow. What
+        walls shade belongs to none, nor to `NO_ROCK`.
     """
     import cv2
 
@@ -45,7 +47,7 @@ def snapped(
         return None
     row, column = np.minimum(y // step, shadow.shape[0] - 1), np.minimum(x // step, shadow.shape[1] - 1)
     cast, thrower = shadow[np.ix_(row, column)] == rock, shadow[np.ix_(row, column)]
-    bare = (rocks[np.ix_(row, column)] < 0) & ((thrower < 0) | cast)  # ground that no other rock darkens
+    bare = (rocks[np.ix_(row, column)] < 0) & ((thrower == NO_ROCK) | cast)  # ground that nothing else darkens
     rate = cv2.blur(brightness.rate[part], (SMOOTH_PX, SMOOTH_PX))
     lit = bare & ~cv2.dilate(cast.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool)
     if cast.sum() < 12 or lit.sum() < 12:

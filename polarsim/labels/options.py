@@ -30,6 +30,12 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         3.0, ge=0, description="Least contrast of a label with its surround in its photo, noises of a pixel."
     )
 
+    min_contrast_dn: float = Field(
+        10.0,
+        ge=0,
+        description="The same in grey values of 4,095: less is half a step of a screen's 256 shades.",
+    )
+
     # Which photos show what, as the people who drew the release's labels saw it (facts of the data set).
     shadow_start_ms: int = Field(
         128,

@@ -18,11 +18,12 @@ from polarsim.labels.photos import Brightness
 from polarsim.labels.position_rocks import PositionRocks
 from polarsim.labels.shadows import Ids, lamp, shadow_box
 from polarsim.labels.view import at_border, move_flat
+from polarsim.labels.wall_shade import shading_height
 from polarsim.photo import NO_ROCK, SHADOW, Azimuth, Camera, Light
 
 SHADOW_GATE = 2.0  # shadows are long: they are matched within this many times the gate of rocks
 FAR_APART, FAR_APART_PX = 0.3, 6.0  # of a box's sides, and at least pixels: so far apart edges are not the same one
-SHADED = 0.2  # of a cast shadow: where a wall shades more, a photo does not show it
+OF_WALL = NO_ROCK - 1  # in pictures of who throws a shadow: a wall of the sandbox does
 SAME_SHADOW = 0.2  # least IoU of a drawn and a cast box of one shadow for both to be believed
 
 
@@ -137,17 +138,19 @@ class PositionShadows:
     ) -> dict[int, CastShadow]:
         """What a person would draw around the shadows of rocks, whose own boxes are given, by rock.
 
-        In a photo nothing is seen of a shadow that lies in a wall's. Without one nobody knows where walls stand well
-        enough to say so.
+        In a photo nothing is seen of a shadow that lies in a wall's, whose end the photo shows. Without one nobody
+        knows where walls stand well enough to say so.
         """
         view, step = self.rocks.view(camera), self.options.ray_step_px
         place = lamp(self.world, view, light, azimuth)
         assert place is not None
         ids, shadow, windows = self._shadows_seen(camera, place)
-        in_the_dark = mostly_shaded(shadow, ids.shaded_by_walls(self.world, place)) if brightness is not None else []
+        if brightness is not None:
+            shadow = np.where(self._shaded_by_walls(ids, place, shadow, brightness), OF_WALL, shadow)
+            windows = windows_of(shadow)
         found = {}
         for rock, rock_box in sorted(rock_boxes.items()):
-            box = None if rock in in_the_dark else shadow_box(shadow, rock, rock_box, step, windows)
+            box = shadow_box(shadow, rock, rock_box, step, windows)
             if box is None:
                 continue
             dark = (
@@ -180,6 +183,16 @@ class PositionShadows:
         )
         return ground.reshape(*chosen.shape, 3), blockers.reshape(*chosen.shape, 3)
 
+    def _shaded_by_walls(self, ids: Ids, place: np.ndarray, shadow: np.ndarray, brightness: Brightness) -> np.ndarray:
+        """(rows, columns) bool: walls, as high as the photo shows them to be, take a lamp's light from the ground."""
+        step, height = self.options.ray_step_px, self.options.wall_height_m
+        if not height:
+            return np.zeros(ids.shape, bool)
+        passing = ids.over_walls(self.world, place)
+        bare = np.isfinite(passing) & (ids.rock == NO_ROCK) & (shadow == NO_ROCK)
+        rate = brightness.rate[step // 2 :: step, step // 2 :: step]
+        return passing < shading_height(passing[bare], rate[bare], height)
+
     def _shadows_seen(self, camera: Camera, place: np.ndarray) -> tuple[Ids, np.ndarray, dict[int, Window]]:
         """What a camera sees, whose shadow a lamp (3,) throws on the ground there, and the `windows_of` of that."""
         view, step = self.rocks.view(camera), self.options.ray_step_px
@@ -193,10 +206,3 @@ class PositionShadows:
             shadow = np.where(ids.rock == NO_ROCK, ids.shadow_of(self.world, place), NO_ROCK)
             self._shadow_ids[camera, place.tobytes()] = shadow, windows_of(shadow)
         return ids, *self._shadow_ids[camera, place.tobytes()]
-
-
-def mostly_shaded(shadow: np.ndarray, shaded: np.ndarray) -> list[int]:
-    """Rocks whose shadow, in a picture of rock ids, lies in the shade (a bool picture) by more than `SHADED` of it."""
-    whole = np.bincount(shadow.ravel() - NO_ROCK)
-    part = np.bincount(shadow[shaded] - NO_ROCK, minlength=len(whole))
-    return (np.flatnonzero(part > SHADED * whole) + NO_ROCK).tolist()

@@ -48,7 +48,13 @@ def visible(
     """The labels of a photo set that one of its photos shows; without brightness, as people draw them."""
     if brightness is None:
         return at_exposure(labels, key, starts, options)
-    return [label for label in labels if contrast(brightness, label.box, key.exposure_ms) >= options.min_contrast]
+    return [label for label in labels if stands_out(label, brightness, key.exposure_ms, options)]
+
+
+def stands_out(label: Label, brightness: Brightness, exposure_ms: int, options: LabelsOptions) -> bool:
+    """Whether a person can tell a label from its surround at an exposure."""
+    found = contrast(brightness, label.box, exposure_ms)
+    return found.noises >= options.min_contrast and found.dn >= options.min_contrast_dn
 
 
 def at_exposure(labels: list[Label], key: PhotoKey, starts: Starts, options: LabelsOptions) -> list[Label]:

@@ -10,6 +10,7 @@ import numpy as np
 from polarsim.geometry.boxes import of_mask
 from polarsim.labels.parts import Window, without_crumbs, without_thin_parts
 from polarsim.labels.view import View
+from polarsim.labels.wall_shade import passing_heights
 from polarsim.labels.world import World
 from polarsim.photo import NO_ROCK, Azimuth, Light
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT
@@ -100,12 +101,15 @@ class Ids:
         share = world.rocks.nearest(ground, to_lamp)[0]
         return ground, ground + share[:, None] * to_lamp
 
-    def shaded_by_walls(self, world: World, lamp_place: np.ndarray) -> np.ndarray:
-        """(rows, columns) bool: a wall of the sandbox takes the lamp's light from the ground."""
-        shaded = np.zeros(self.shape, bool)
-        if world.walls is not None:
-            shaded[self.ground] = world.walls.blocked(self.places, lamp_place - self.places, 1.0)
-        return shaded
+    def over_walls(self, world: World, lamp_place: np.ndarray) -> np.ndarray:
+        """(rows, columns) metres above the sand at which a lamp's light passes the walls on its way to the ground.
+
+        Infinite where nothing is in its way, and where no ground is seen.
+        """
+        heights = np.full(self.shape, np.inf)
+        passing = passing_heights(self.places, lamp_place, world.ground_bounds)
+        heights[self.ground] = passing - world.ground_level
+        return heights
 
 
 def thrown(blockers: np.ndarray, level: np.ndarray, lamp_place: np.ndarray) -> np.ndarray:

@@ -93,14 +93,16 @@ class World:
         return np.where(np.isfinite(distance), distance, level)
 
     def hidden(self, eye: np.ndarray, points: np.ndarray, rock: int) -> np.ndarray:
-        """(n,) bool: another rock stands between the eye and points (n, 3) of a rock.
+        """(n,) bool: another rock or a wall stands between the eye and points (n, 3) of a rock.
 
         What a rock hides of itself lies inside its own outline, so it does not matter here.
         """
         directions = points - eye
-        distance, face = self.rocks.nearest(np.broadcast_to(eye, points.shape), directions)
+        eyes = np.broadcast_to(eye, points.shape)
+        distance, face = self.rocks.nearest(eyes, directions)
         other = self.rock_of_rocks_face[face]
-        return (distance < 1) & (other != rock) & (other != NO_ROCK)
+        hidden = (distance < 1) & (other != rock) & (other != NO_ROCK)
+        return hidden if self.walls is None else hidden | self.walls.blocked(eyes, directions, 1.0)
 
 
 def build_world(

@@ -37,19 +37,23 @@ _USED = ["kind", "task", *GROUPS[1:4], "hit", "iou_best", "truth_px", "label_px"
 _PLACE = ["kind", "task", "value"]
 
 
-def tabulate_labels(*, pairs: Sequence[Path], table: Path, reliability: Path, origin: Mapping[str, str]) -> None:
+def tabulate_labels(
+    *, pairs: Sequence[Path], table: Path, reliability: Path, seeds: str, origin: Mapping[str, str]
+) -> None:
     """Write the tables of labels and of their confidence from the terrains' pairs.
 
-    `table` and `reliability` are stems: four forms each.
+    `table` and `reliability` are stems: four forms each. `seeds` says which drawn labels the run started from.
     """
     whole = pd.concat([read_parquet(path, list(PAIR_COLUMNS)) for path in pairs], ignore_index=True)
     rows = label_scores(whole)
     compared = " and ".join(TRUTH_NAMES[name] for name in sorted(set(whole["against"]))) or "nothing"
-    notes = [f"Against {compared}. {NOTE}", origin_note(origin)]
-    write_blocks(table, with_origin(rows, origin), lay_out_labels(rows), notes)
+    started = f"Seeds: {seeds}."
+    notes = [f"{started} Against {compared}. {NOTE}", origin_note(origin)]
+    write_blocks(table, with_origin(rows.assign(seeds=seeds), origin), lay_out_labels(rows), notes)
     bins = reliability_table(whole)
     shown = bins.assign(labels=bins["labels"].round().astype("int64"))
-    write_table(reliability, with_origin(bins, origin), RELIABILITY_CAPTION, layout=shown, notes=[origin_note(origin)])
+    told = with_origin(bins.assign(seeds=seeds), origin)
+    write_table(reliability, told, RELIABILITY_CAPTION, layout=shown, notes=[started, origin_note(origin)])
 
 
 def label_scores(pairs: pd.DataFrame) -> pd.DataFrame:

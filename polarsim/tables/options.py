@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from pydantic import BaseModel, Field
 
 
 class TablesOptions(BaseModel, extra="forbid", frozen=True):
     """How results are scored and drawn. None of it changes a result, only what is said about it."""
 
+    drawn_root: Path | None = Field(
+        None,
+        description="Folder in the release's layout with labels that people drew, which ours are scored against; null: "
+        "that of the seeds, else the source's.",
+    )
     seed: int = Field(0, ge=0, description="Seed of the points that are sampled on true surfaces.")
     iou_threshold: float = Field(0.5, gt=0, le=1, description="IoU from which a box counts as found.")
     large_rock_cm: float = Field(8, gt=0, description="Rocks with a longest side from here on are large, cm.")

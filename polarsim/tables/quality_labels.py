@@ -56,7 +56,8 @@ def score_labels(
     wanted = read_truth(truth, terrain, found, options)
     seed_keys = set(release.key_files(seeds).files)
     tasks = {key: task_of(key, seed_keys) for key in wanted}
-    figures = score_tasks(wanted, found, tasks, TASKS, against(truth), options)
+    figures = [Figure("seeds", "photos_drawn", len(seed_keys), "photos", len(found), "own")]
+    figures += score_tasks(wanted, found, tasks, TASKS, against(truth), options)
     unlabelled = len([key for key, task in tasks.items() if task is not None and key not in found])
     figures.append(Figure("photos with truth", "without_label_file", unlabelled, "photos", len(wanted), against(truth)))
     compared = {key: true for key, true in wanted.items() if key in found}

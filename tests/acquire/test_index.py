@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from polarsim.acquire.index import index_terrain, merge_photos
+from polarsim.acquire.inputs import raw_inputs
 from polarsim.acquire.options import SeedOptions, SourceOptions
 from polarsim.errors import FormatError, LabelError, PolarsimError
 from polarsim.formats import nasa, png
@@ -145,6 +146,36 @@ def test_scans_and_calibration_alone_are_enough(tmp_path, polar):
 def test_seeds_may_come_from_another_folder_than_the_scans(tmp_path, polar, release):
     out = index(tmp_path, polar, seeds=SeedOptions(root=release.root))
     assert [path.name for path in (out / "seeds").iterdir()] == ["11_A_off_30_L_0256.txt"]
+
+
+def test_without_seeds_no_label_file_is_opened_and_the_folder_of_seeds_is_empty(tmp_path, polar):
+    write(polar.root / "Labels/Terrain11/11_A_off_30_L_0256.txt", "no label at all\n")
+    with pytest.raises(FormatError):
+        index(tmp_path, polar)
+    out = index(tmp_path, polar, seeds="none")
+    assert read_inventory(out / "inventory.json").scanned == ["A", "C"]
+    assert list((out / "seeds").iterdir()) == []
+
+
+def test_without_seeds_a_terrain_needs_a_scan(tmp_path, release):
+    with pytest.raises(LabelError, match=r"no scan of terrain 11, which labels\.seeds: none needs"):
+        index(tmp_path, release, seeds="none")
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_seeds_a_position_without_a_scan_is_one_warning(tmp_path, polar, caplog):
+    with caplog.at_level(logging.WARNING):
+        index(tmp_path, polar, seeds="none")
+    assert "no scan of position B, and no seeds are read" in caplog.text
+
+
+def test_label_files_are_watched_only_where_they_may_be_seeds(polar):
+    seed, other = (polar.root / f"Labels/Terrain11/11_A_off_30_{camera}_0256.txt" for camera in "LR")
+    for path in (seed, other):
+        write(path, BOX)
+    without = set(raw_inputs(11, polar, "none"))
+    assert set(raw_inputs(11, polar, SeedOptions())) - without == {seed}
+    assert len(without) == 3  # calibration and two scans
 
 
 def test_only_the_positions_of_the_run_are_taken(tmp_path, polar, release, photo):

@@ -1,7 +1,7 @@
 import pytest
 from pydantic import ValidationError
 
-from polarsim.acquire.options import SeedOptions, SourceOptions
+from polarsim.acquire.options import SeedOptions, SourceOptions, seed_choice, told_seeds
 
 
 @pytest.mark.parametrize(
@@ -47,6 +47,21 @@ def test_the_default_seeds_are_left_without_rover_light_under_every_sun():
     options = SeedOptions()
     assert (options.camera, options.light, options.exposure) == ("L", "off", "best")
     assert options.azimuths == ("30", "180", "270", "350")
+
+
+def test_seeds_are_options_or_the_word_none():
+    assert seed_choice("none") == "none"
+    assert seed_choice({"camera": "R"}) == SeedOptions(camera="R")
+    assert seed_choice(SeedOptions()) == SeedOptions()
+    for content in (None, "nine", "None"):
+        with pytest.raises(ValueError, match="expected options of seeds or 'none'"):
+            seed_choice(content)
+
+
+def test_seeds_are_told_in_a_few_words():
+    assert told_seeds("none") == "none"
+    assert told_seeds(SeedOptions(azimuths=[30, 180])) == "L, rover light off, azimuths 30 180, exposure best"
+    assert told_seeds(SeedOptions(exposure=256)).endswith("exposure 256 ms")
 
 
 def test_options_survive_json():

@@ -44,6 +44,19 @@ def test_the_walls_give_origin_and_heading(network, true_poses):
         assert np.degrees(angle_between(found, true_poses[position])) < 0.4  # the relief tilts the sand's plane
 
 
+def test_walls_are_found_though_the_scans_common_frame_lies_far_off(network, true_poses):
+    level_from_far = Pose.from_rotvec(np.array([0, 0, 0.15]), np.array([-0.9, 0.9, 0.0]))
+    gauge = find_gauge(
+        {position: level_from_far.apply(points) for position, points in network.points.items()},
+        {position: level_from_far.rotate(normals) for position, normals in network.normals.items()},
+        {position: level_from_far @ pose for position, pose in network.level_from_left.items()},
+    )
+    assert gauge.walls >= 3
+    for position, pose in network.level_from_left.items():
+        found = gauge.sandbox_from_level @ level_from_far @ pose
+        assert np.linalg.norm(found.translation - true_poses[position].translation) < 0.015
+
+
 def test_without_walls_the_tripods_go_to_their_surveyed_places(network, true_poses):
     low = {p: points[points[:, 2] < 0.05] for p, points in network.points.items()}
     normals = {p: network.normals[p][network.points[p][:, 2] < 0.05] for p in low}

@@ -4,8 +4,12 @@ import pytest
 import trimesh
 
 from polarsim.formats.scene import read_terrain
+from polarsim.labels.known import gather
+from polarsim.labels.light import LightLayers
+from polarsim.labels.options import LabelsOptions
 from polarsim.labels.parts import windows_of
-from polarsim.labels.position_shadows import CastShadow, mean_shadow, mostly_shaded
+from polarsim.labels.position_rocks import PositionRocks
+from polarsim.labels.position_shadows import CastShadow, PositionShadows, mean_shadow
 from polarsim.labels.shadows import Ids, lamp, shadow_box
 from polarsim.labels.view import View
 from polarsim.labels.world import build_world
@@ -137,12 +141,15 @@ def test_the_near_wall_hides_the_ground_behind_it(world, walled):
 
 def test_a_wall_shades_the_ground_beside_it(walled):
     place = lamp_position("30")  # beyond the wall at x = 2.1, low
-    assert seen_at(walled, [1.6, 0.9, 0.0]).shaded_by_walls(walled, place).all()
-    assert not seen_at(walled, [-1.0, -0.4, 0.0]).shaded_by_walls(walled, place).any()
+    assert (seen_at(walled, [1.6, 0.9, 0.0]).over_walls(walled, place) < 0.3).all()
+    assert (seen_at(walled, [-1.0, -0.4, 0.0]).over_walls(walled, place) > 0.3).all()
 
 
-def test_without_walls_nothing_is_shaded_by_them(world, ids):
-    assert not ids.shaded_by_walls(world, lamp_position("30")).any()
+def test_the_near_wall_hides_a_rocks_foot_and_all_of_a_low_one(world, walled):
+    eye = View(placed("A"), "L").centre
+    behind = np.array([[1.9, -0.4, 0.0], [1.9, -0.4, 0.25]])  # 20 cm behind the wall: it hides what is below 0.2 m
+    assert walled.hidden(eye, behind, 4).tolist() == [True, False]
+    assert not world.hidden(eye, behind, 4).any()
 
 
 DRAWN, INSIDE = np.array([100.0, 200, 180, 230]), np.zeros(4, bool)
@@ -170,7 +177,17 @@ def test_a_shadow_cast_elsewhere_moves_nothing():
         np.testing.assert_allclose(mean_shadow(DRAWN, INSIDE, cast, 0.3), DRAWN)
 
 
-def test_a_shadow_that_lies_mostly_in_a_walls_is_not_seen():
-    shadow = np.array([[NO_ROCK, 4, 4, 4, 4, 7, 7]])
-    assert mostly_shaded(shadow, np.array([[1, 1, 0, 0, 0, 0, 0]], bool)) == [NO_ROCK, 4]
-    assert mostly_shaded(shadow, np.array([[0, 0, 0, 0, 0, 1, 1]], bool)) == [7]
+def test_a_shadow_ends_where_the_photo_shows_a_walls_to_begin(untouched_scene):
+    """The wall is stated lower than it is in the photo: its shade covers the rock's side of the shadow there."""
+    lamp_place = np.array([3.2, -0.6, 0.6])
+    terrain = read_terrain(untouched_scene.meshes, TERRAIN)
+    rig = {"A": placed("A")}
+    photo_of = {}
+    for height in (0.3, 0.42):
+        known = gather(terrain, rig, {"30": lamp_place}, {}, LabelsOptions(wall_height_m=height))
+        photo_of[height] = LightLayers(known).brightness(("A", "L", "off", "30"))
+    known = gather(terrain, rig, {"30": lamp_place}, {}, LabelsOptions(wall_height_m=0.3))
+    shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
+    low, high = (shadows.cast("L", "off", "30", {4: None}, photo_of[height])[4].box for height in (0.3, 0.42))
+    assert high[3] < low[3] - 20  # the shade of the near wall takes the shadow's lower part
+    assert high[1] == pytest.approx(low[1], abs=4)

@@ -136,13 +136,17 @@ def test_tables_are_written_in_four_forms_with_their_origin(tmp_path, scored):
     for number, pairs in enumerate([*scored[0], scored[0][0].iloc[:0]]):  # the last terrain has no box
         paths.append(tmp_path / f"pairs{number}.parquet")
         write_parquet(paths[-1], pairs)
-    tabulate_labels(pairs=paths, table=tmp_path / "labels", reliability=tmp_path / "reliability", origin=ORIGIN)
+    tabulate_labels(
+        pairs=paths, table=tmp_path / "labels", reliability=tmp_path / "reliability", seeds="none", origin=ORIGIN
+    )
     for name in ("labels", "reliability"):
         for form in ("csv", "md", "tex", "parquet"):
             assert (tmp_path / f"{name}.{form}").stat().st_size
         assert set(read_csv(tmp_path / f"{name}.csv")["source"]) == {"analog"}
+        assert set(read_parquet(tmp_path / f"{name}.parquet")["seeds"]) == {"none"}
+        assert "Seeds: none." in (tmp_path / f"{name}.md").read_text()
     pd.testing.assert_frame_equal(
-        read_parquet(tmp_path / "labels.parquet").drop(columns=["run", "source", "config"]),
+        read_parquet(tmp_path / "labels.parquet").drop(columns=["run", "source", "config", "seeds"]),
         label_scores(pd.concat(scored[0])),
     )
     assert "Against hand-drawn labels." in (tmp_path / "labels.md").read_text()
@@ -154,6 +158,7 @@ def test_terrains_without_any_box_make_empty_tables(tmp_path, scored):
         pairs=[tmp_path / "pairs.parquet"],
         table=tmp_path / "labels",
         reliability=tmp_path / "reliability",
+        seeds="none",
         origin=ORIGIN,
     )
     assert len(read_csv(tmp_path / "labels.csv", ["kind", "task", "group", "value"])) == 0

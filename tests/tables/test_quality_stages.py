@@ -309,7 +309,8 @@ def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
     assert found["photos with truth", "without_label_file"] == 1
     table = read_csv(tmp_path / "q.csv")
     assert table.loc[(table["subject"] == "rock: all but seeds") & (table["figure"] == "f1"), "n"].tolist() == [3]
-    assert set(table["against"]) == {"labels"}
+    assert found["seeds", "photos_drawn"] == 1
+    assert set(table.loc[table["subject"] != "seeds", "against"]) == {"labels"}
     pairs = read_parquet(tmp_path / "pairs.parquet", list(PAIR_COLUMNS))
     assert "03_A_off_30_L_0256" not in set(pairs["key"])  # the seed
     assert "03_A_off_30_R_1024" not in set(pairs["key"])  # drawn by a person, but not labelled by the run

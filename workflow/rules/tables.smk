@@ -342,6 +342,7 @@ rule tabulate_labels:
         mem_mb=1000,
         runtime=5,
     params:
+        seeds=SEEDS_TOLD,
         origin=ORIGIN,
         code=code_of("tabulate_labels"),
     script:

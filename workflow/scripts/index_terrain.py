@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.acquire.index import index_terrain
-from polarsim.acquire.options import SeedOptions, SourceOptions
+from polarsim.acquire.options import SourceOptions, seed_choice
 from polarsim.grid import GridOptions
 from polarsim.reporting import reporting
 
@@ -13,7 +13,7 @@ with reporting(log=snakemake.log[0]):
         positions=snakemake.params.positions,
         grid=GridOptions(**snakemake.params.grid),
         source=SourceOptions(**snakemake.params.source),
-        seed_options=SeedOptions(**snakemake.params.seeds),
+        seed_options=seed_choice(snakemake.params.seeds),
         photos=Path(snakemake.output.photos),
         calibration=Path(snakemake.output.calibration),
         inventory=Path(snakemake.output.inventory),

@@ -10,5 +10,6 @@ with reporting(log=snakemake.log[0]):
         pairs=[Path(path) for path in snakemake.input.pairs],
         table=Path(snakemake.output.table).with_suffix(""),
         reliability=Path(snakemake.output.reliability).with_suffix(""),
+        seeds=snakemake.params.seeds,
         origin=snakemake.params.origin,
     )

@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+
+from polarsim.labels.wall_shade import passing_heights, shading_height
+from polarsim.labels.world import wall_caster
+
+BOUNDS = np.array([[-2.0, -2.0], [2.0, 2.0]])
+
+
+@pytest.mark.parametrize(
+    ("place", "lamp", "height"),
+    [
+        ([0, 0, 0], [4, 0, 1], 0.5),  # half of the way lies inside
+        ([1.5, 0, 0.1], [3.5, 0, 0.9], 0.3),
+        ([0, 1, 0], [-3, 3, 1.2], 0.6),  # over the wall at y = 2, before it passes x = -2
+        ([0, 0, 0], [1, 1, 1], np.inf),  # a lamp inside
+        ([0, -1, 0], [0, -4, 0.9], 0.3),  # straight along an axis
+    ],
+)
+def test_light_passes_the_walls_at_the_height_of_a_hand_calculation(place, lamp, height):
+    found = passing_heights(np.array([place], float), np.array(lamp, float), BOUNDS)
+    np.testing.assert_allclose(found, [height], atol=1e-12)
+
+
+def test_what_passes_lower_than_the_walls_is_what_rays_find_shaded(rng):
+    places = np.column_stack([rng.uniform(-1.99, 1.99, (2000, 2)), rng.uniform(-0.05, 0.05, 2000)])
+    lamp = np.array([3.4, 1.8, 0.8])
+    blocked = wall_caster(BOUNDS, 0.0, 0.3).blocked(places, lamp - places, 1.0)
+    np.testing.assert_array_equal(passing_heights(places, lamp, BOUNDS) < 0.3, blocked)
+    assert 0.1 < blocked.mean() < 0.9
+
+
+def ground(rng, edge, dark=2.0, lit=20.0):
+    """Heights at which light passes, and brightness of patchy sand that is shaded below `edge`."""
+    passing = rng.uniform(0.1, 0.8, 5000)
+    return passing, np.where(passing < edge, dark, lit) * rng.lognormal(0, 0.4, 5000)
+
+
+@pytest.mark.parametrize("edge", [0.22, 0.3, 0.41])
+def test_the_walls_are_as_high_as_the_edge_of_their_shade_says(rng, edge):
+    assert shading_height(*ground(rng, edge), 0.3) == pytest.approx(edge, abs=0.015)
+
+
+def test_without_an_edge_of_shade_the_stated_height_holds(rng):
+    assert shading_height(*ground(rng, 0.0), 0.3) == 0.3
+    assert shading_height(np.zeros(0), np.zeros(0), 0.3) == 0.3

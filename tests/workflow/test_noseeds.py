@@ -1,0 +1,80 @@
+"""Labels without any seed: `labels.seeds: none`."""
+
+import re
+
+import pandas as pd
+import pytest
+import yaml
+
+SMALL = {
+    "run": "seeded",
+    "terrains": [1],
+    "positions": ["A", "C"],
+    "source": {"kind": "analog", "root": "data/analog"},
+    "rocks": {"rock_cell_mm": 3, "ground_mesh_cell_mm": 10},
+    "grid": {"azimuths": ["30", "180"], "lights": ["off"], "exposures_ms": [256]},
+}
+
+
+@pytest.mark.slow
+def test_rocks_and_shadows_are_labelled_though_no_drawn_file_can_be_read(checkout, snakemake):
+    (checkout / "config/small.yaml").write_text(yaml.safe_dump(SMALL))
+    files = ("--configfile", "config/small.yaml", "config/noseeds.yaml")
+    made = snakemake(checkout, "data/analog/receipts/Terrain01.json", *files)
+    assert made.returncode == 0, made.stderr[-3000:]
+    drawn = sorted((checkout / "data/analog/Labels").rglob("*.txt"))
+    assert drawn
+    for path in drawn:
+        path.write_text("who opens this file ends with an error\n")
+    done = snakemake(checkout, "results/noseeds/tables/labels.csv", "labels", *files)
+    assert done.returncode == 0, done.stderr[-3000:]
+    results = checkout / "results/noseeds"
+    assert list((results / "acquire/Terrain01/seeds").glob("*.txt")) == []
+    labels = pd.read_parquet(results / "labels/labels.parquet")
+    assert set(labels["source"]) == {"projected", "cast"}
+    table = pd.read_csv(results / "tables/labels.csv")
+    assert set(table["seeds"]) == {"none"}
+    whole = table[(table["task"] == "all but seeds") & (table["group"] == "all")].set_index("kind")
+    assert whole.loc["rock", "truth_boxes"] > 50
+    assert whole.loc["rock", "f1"] > 0.85
+    assert whole.loc["shadow", "f1"] > 0.75
+
+
+def test_drawn_files_are_no_input_of_a_run_without_seeds(checkout, snakemake, tmp_path):
+    """NASA's layout with two scans, and a drawn file where seeds would be looked for."""
+    root = tmp_path / "polar"
+    for position in "AC":
+        scan = root / f"GroundTruth_RectifiedRangeMaps/Terrain01/Pos{position}_org-XYZ.tif"
+        scan.parent.mkdir(parents=True, exist_ok=True)
+        scan.touch()
+    drawn = root / "Labels/Terrain01/01_A_off_30_L_0256.txt"
+    drawn.parent.mkdir(parents=True)
+    drawn.write_text("0 0.5 0.5 0.1 0.1\n")
+    content = {"run": "own", "terrains": [1], "positions": ["A", "C"], "source": {"kind": "polar", "root": str(root)}}
+    (checkout / "config/own.yaml").write_text(yaml.safe_dump(content))
+    files = ["config/own.yaml", "config/noseeds.yaml"]
+    for overlay, read in (([], True), (files[1:], False)):
+        done = snakemake(checkout, "labels", "--dry-run", "--configfile", files[0], *overlay)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert (str(drawn) in done.stdout + done.stderr) == read
+    scored = snakemake(checkout, "tables", "--dry-run", "--configfile", *files)
+    assert "score_labels" in scored.stdout + scored.stderr  # drawn files still are what labels are scored against
+
+
+def test_the_overlay_makes_a_run_of_its_own_from_the_same_data(checkout, snakemake):
+    files = ("--configfile", "config/config.yaml", "config/noseeds.yaml")
+    done = snakemake(checkout, "labels", "--dry-run", *files)
+    assert done.returncode == 0, done.stdout + done.stderr
+    text = done.stdout + done.stderr
+    assert "results/noseeds/labels/labels.parquet" in text
+    assert "data/analog/receipts/Terrain03.json" in text
+    assert "results/demo" not in text
+
+
+def test_the_release_without_seeds_is_refused_in_one_line(checkout, snakemake, tmp_path):
+    files = ("--configfile", "config/release.yaml", "config/noseeds.yaml")
+    done = snakemake(checkout, "labels", "--dry-run", *files, POLAR_SIM_ROOT=str(tmp_path))
+    assert done.returncode == 1
+    lines = [line for line in done.stderr.splitlines() if line.startswith("error:")]
+    assert len(lines) == 1
+    assert re.search(r"labels\.seeds: none needs scans: the release has none", lines[0])
