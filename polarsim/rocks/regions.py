@@ -128,6 +128,25 @@ def marked_region(sand: Sand, mask: np.ndarray) -> Region:
     return measured_region(sand, box, mask[box])
 
 
+def region_of(sand: Sand, cells: np.ndarray, evidence: Evidence) -> Region:
+    """Measure the region of flat cells (n,), and ask who drew it."""
+    region = marked_region(sand, _mask(sand, cells))
+    return replace(region, confirmed=tuple(evidence.confirming(surface_points(sand, region.seen))))
+
+
+def largest_piece(sand: Sand, cells: np.ndarray) -> np.ndarray:
+    """Those of flat cells (n,) that make the largest connected piece."""
+    pieces, _ = ndimage.label(_mask(sand, cells), np.ones((3, 3)))
+    own = pieces.ravel()[cells]
+    return cells[own == np.bincount(own).argmax()]
+
+
+def _mask(sand: Sand, cells: np.ndarray) -> np.ndarray:
+    mask = np.zeros(sand.surface.shape, bool)
+    mask.ravel()[cells] = True
+    return mask
+
+
 def measured_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Region:
     """Measure the region that `mask` marks in a window of the grid."""
     rows, columns = np.nonzero(mask)
