@@ -12,7 +12,7 @@ from polarsim.rocks.drawn import raised
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import FOOT_MARGIN, Sand
 from polarsim.rocks.heights import filled
-from polarsim.rocks.regions import WALL_CLEARANCE, Limits, Region, in_order, largest_piece, region_of
+from polarsim.rocks.regions import FLATTEST, WALL_CLEARANCE, Limits, Region, in_order, largest_piece, region_of
 
 SMOOTHING = 0.012  # metres, sigma: scanner's noise makes no caps, and a rock of 4 cm still is one
 CURVATURE = 6.0  # 1 / m that a cap bends down at least in any direction; a ridge or a ripple's crest is straight in one
@@ -23,8 +23,7 @@ FOOT_SHARE, FOOT = 0.25, 0.003  # of the height, and metres at least, above whic
 FITS = 4  # rounds of reweighted least squares: what else stands on the ring loses its weight
 NOISE = 1e-5  # metres: surfaces of no noise at all have residuals too
 
-# Chosen on scenes of benchmarks/foreign.py, each left out in turn; real rocks there have caps of twice these figures.
-STEEPNESS = 0.16  # height over size: swells and heaps of loose sand are flatter
+# Chosen on scenes of benchmarks/foreign.py, each left out in turn.
 STANDING_OUT = 5.0  # height over the standard deviation of the ring: among ripples and tracks a cap must be higher
 KNOWN_RING = 0.8  # of the ring that was seen and is no other rock's: beside rocks and shadows flanks look like caps
 ROUNDNESS = 0.4  # width over length: what is longer is a ripple, a track's rim
@@ -40,7 +39,7 @@ class Bumps:
     def __contains__(self, cap: Cap) -> bool:
         """Whether a cap is a rock."""
         return (
-            cap.height >= max(self.height, STEEPNESS * cap.size, STANDING_OUT * cap.unevenness)
+            cap.height >= max(self.height, FLATTEST * cap.size, STANDING_OUT * cap.unevenness)
             and cap.size <= self.largest
             and cap.roundness >= ROUNDNESS
             and cap.known >= KNOWN_RING

@@ -18,7 +18,7 @@ from polarsim.survey import SANDBOX_HALF_WIDTH
 
 PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
 WALL_CLEARANCE = 0.05  # metres from the sand's border within which only confirmed finds are rocks
-FLATTEST = 0.1  # height over size of the flattest rock that nobody drew: lower things are rims and swells of sand
+FLATTEST = 0.16  # height over size of a rock that nobody drew: ripples, rims and heaps are flatter, scanned rocks > 0.3
 SWEEP = np.array([0.83, 0.56])  # order along this oblique line: rocks laid in rows along a wall do not tie
 ID_SIDE = 0.25  # metres of the squares that ids count
 ID_LAYERS = 3  # rocks in one square that have ids of their own
