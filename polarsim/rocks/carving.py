@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
@@ -12,7 +12,7 @@ from polarsim.rocks.drawn import raised
 from polarsim.rocks.evidence import PEN_IOU, Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.grouping import grouped
-from polarsim.rocks.regions import Limits, Region, in_order, marked_region, surface_points
+from polarsim.rocks.regions import Limits, Region, in_order, largest_piece, region_of, surface_points
 from polarsim.rocks.splitting import neighbours
 
 FILLED = 0.65  # least IoU of what is cut out with its box: no second position speaks for it
@@ -91,7 +91,7 @@ def _joined(sand: Sand, regions: list[Region], evidence: Evidence) -> list[Regio
 
 def _union(sand: Sand, regions: Sequence[Region], evidence: Evidence) -> Region:
     cells = np.concatenate([region.seen for region in regions])
-    return _region(sand, cells, evidence)
+    return region_of(sand, cells, evidence)
 
 
 def _view(sand: Sand, evidence: Evidence, position: str) -> _View:
@@ -120,7 +120,7 @@ def _cut(
     if standing is None:
         return None
     below, region = standing
-    part = _region(below, _largest(below, region.seen), evidence)
+    part = region_of(below, largest_piece(below, region.seen), evidence)
     fit = evidence.fit(position, surface_points(sand, part.seen), box[None])
     if fit < FILLED or part.size < limits.size or part.height < limits.confirmed_height:
         return None
@@ -129,7 +129,7 @@ def _cut(
     rest = np.setdiff1d(own, part.seen)
     if not len(rest) or not _fits_as_before(evidence, surface_points(sand, own), surface_points(sand, rest)):
         return None
-    remaining = _region(below, rest, evidence)
+    remaining = region_of(below, rest, evidence)
     if remaining.size < limits.size:
         return None
     return _Cut(fit, below, [*regions[:number], remaining, *regions[number + 1 :], part])
@@ -151,21 +151,3 @@ def _fits_as_before(evidence: Evidence, before: np.ndarray, after: np.ndarray) -
 def _surfaces(sand: Sand, regions: Sequence[Region]) -> list[np.ndarray]:
     """(n, 3) seen points of every region."""
     return [surface_points(sand, region.seen) for region in regions]
-
-
-def _mask(sand: Sand, cells: np.ndarray) -> np.ndarray:
-    mask = np.zeros(sand.surface.shape, bool)
-    mask.ravel()[cells] = True
-    return mask
-
-
-def _largest(sand: Sand, cells: np.ndarray) -> np.ndarray:
-    """Those of flat cells (n,) that make the largest connected piece."""
-    pieces, _ = ndimage.label(_mask(sand, cells), np.ones((3, 3)))
-    own = pieces.ravel()[cells]
-    return cells[own == np.bincount(own).argmax()]
-
-
-def _region(sand: Sand, cells: np.ndarray, evidence: Evidence) -> Region:
-    region = marked_region(sand, _mask(sand, cells))
-    return replace(region, confirmed=tuple(evidence.confirming(surface_points(sand, region.seen))))

@@ -19,6 +19,7 @@ from polarsim.formats.scans import read_scan
 from polarsim.formats.seeds import read_rock_boxes
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import table
+from polarsim.rocks.bumps import Bumps, with_bumps
 from polarsim.rocks.carving import carved
 from polarsim.rocks.clouds import surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
@@ -71,8 +72,10 @@ def find_rocks(
         confirmed_height=options.confirmed_height_mm / 1000,
         size=options.min_size_mm / 1000,
     )
+    bumps = Bumps(options.bump_height_mm / 1000, options.bump_size_mm / 1000)
     sand, regions = with_drawn(sand, find_regions(sand, limits, evidence), limits, evidence)
     sand, regions = carved(sand, regions, limits, evidence)
+    sand, regions = with_bumps(sand, regions, limits, evidence, bumps)
     sand, found = crop_rocks(sand, regions, typed, limits.foot)
     rock_of_point = rock_of_points(sand, found, scans, limits.foot)
     points = {rock: _by_scan(scans.select(rock_of_point == rock), placed) for rock in found}

@@ -13,6 +13,12 @@ class RocksOptions(BaseModel, extra="forbid", frozen=True):
     min_size_mm: float = Field(35, gt=0, description="Longest horizontal side of the smallest rock, mm.")
     min_height_mm: float = Field(15, gt=0, description="Height above ground of the lowest rock, mm.")
     confirmed_height_mm: float = Field(10, gt=0, description="The same for a rock that seed boxes confirm, mm.")
+    bump_height_mm: float = Field(
+        5, gt=0, description="Height above the sand about it of the lowest small rock found as a convex bump, mm."
+    )
+    bump_size_mm: float = Field(
+        95, ge=0, description="Longest side of the largest rock found as a convex bump of the sand, mm; 0: none is."
+    )
     foot_height_mm: float = Field(6, gt=0, description="Height above ground at which a rock begins, mm.")
     max_sand_slope_deg: float = Field(
         40, gt=0, lt=90, description="Steepest slope of sand, degrees; steeper is rock. Loose sand rests at up to 38."

@@ -18,7 +18,7 @@ from polarsim.survey import SANDBOX_HALF_WIDTH
 
 PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
 WALL_CLEARANCE = 0.05  # metres from the sand's border within which only confirmed finds are rocks
-FLATTEST = 0.1  # height over size of the flattest rock that nobody drew: lower things are rims and swells of sand
+FLATTEST = 0.16  # height over size of a rock that nobody drew: ripples, rims and heaps are flatter, scanned rocks > 0.3
 SWEEP = np.array([0.83, 0.56])  # order along this oblique line: rocks laid in rows along a wall do not tie
 ID_SIDE = 0.25  # metres of the squares that ids count
 ID_LAYERS = 3  # rocks in one square that have ids of their own
@@ -126,6 +126,25 @@ def marked_region(sand: Sand, mask: np.ndarray) -> Region:
     """Measure the region that `mask` (rows, columns) marks on the whole grid; it marks something."""
     box = ndimage.find_objects(mask.astype(np.int8))[0]
     return measured_region(sand, box, mask[box])
+
+
+def region_of(sand: Sand, cells: np.ndarray, evidence: Evidence) -> Region:
+    """Measure the region of flat cells (n,), and ask who drew it."""
+    region = marked_region(sand, _mask(sand, cells))
+    return replace(region, confirmed=tuple(evidence.confirming(surface_points(sand, region.seen))))
+
+
+def largest_piece(sand: Sand, cells: np.ndarray) -> np.ndarray:
+    """Those of flat cells (n,) that make the largest connected piece."""
+    pieces, _ = ndimage.label(_mask(sand, cells), np.ones((3, 3)))
+    own = pieces.ravel()[cells]
+    return cells[own == np.bincount(own).argmax()]
+
+
+def _mask(sand: Sand, cells: np.ndarray) -> np.ndarray:
+    mask = np.zeros(sand.surface.shape, bool)
+    mask.ravel()[cells] = True
+    return mask
 
 
 def measured_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Region:

@@ -14,6 +14,7 @@ from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import read_overrides
+from tests.rocks.conftest import Scene, angular_rock, hilly
 
 OPTIONS = RocksOptions(ground_cell_mm=10, ground_mesh_cell_mm=40)
 
@@ -33,8 +34,14 @@ def write_scene(folder, scene, tripods, reduction=0.5):
     write_inventory(folder / "inventory.json", Inventory(1, "polar", clouds=clouds))
 
 
-def run(folder, **changed):
-    arguments = {
+def hilly_below(x0, y0):
+    """Hills that have height 0 at a place."""
+    return lambda x, y: hilly(x, y) - hilly(np.array(x0), np.array(y0))
+
+
+def given(folder, **changed):
+    """Arguments of `find_rocks` in a folder."""
+    return {
         "terrain": 1,
         "inventory": folder / "inventory.json",
         "cameras": folder / "cameras",
@@ -47,6 +54,10 @@ def run(folder, **changed):
         "options": OPTIONS,
         **changed,
     }
+
+
+def run(folder, **changed):
+    arguments = given(folder, **changed)
     find_rocks(**arguments)
     mesh_rocks(
         terrain=1, rocks=arguments["rocks"], clouds=arguments["clouds"], meshes=folder / "meshes", options=OPTIONS
@@ -100,6 +111,19 @@ def test_the_ground_covers_the_sand(worked):
     ground = obj.read(worked / "meshes" / "terrain01_ground.obj").vertices
     assert (ground[:, :2].min(axis=0) < -2.0).all()
     assert (ground[:, :2].max(axis=0) > 2.0).all()
+
+
+@pytest.mark.slow
+def test_a_rock_of_7_cm_that_rises_17_mm_is_found_without_boxes(tripods, tmp_path):
+    low = angular_rock(np.random.default_rng(8), (0.9, 0.3, -0.008), 0.07)
+    write_scene(tmp_path, Scene(hilly_below(0.9, 0.3), [low]), tripods, reduction=0.7)
+    arguments = given(tmp_path, options=RocksOptions())
+    find_rocks(**arguments)
+    table = pd.read_parquet(tmp_path / "rocks.parquet")
+    np.testing.assert_allclose(table[["x", "y"]], [[0.9, 0.3]], atol=0.015)
+    assert table["size_m"].between(0.045, 0.080).all()
+    find_rocks(**{**arguments, "options": RocksOptions(bump_size_mm=0)})
+    assert len(pd.read_parquet(tmp_path / "rocks.parquet")) == 0
 
 
 def test_a_second_run_writes_the_same_bytes(worked, tmp_path):
