@@ -17,6 +17,7 @@ from polarsim.geometry.poses import Pose, yaw_pitch_roll
 START_DIRECTIONS = 64  # points a rock while hypotheses are refined from afar
 FINAL_LOSS_SCALE = 2.0  # of the Cauchy loss, in standard deviations of an edge
 SAME_PLACE = 0.1  # metres: fits that end nearer to each other are one
+NO_LEAD = 0.1  # of the share: a pose that leads another one by less is a guess, however much both explain
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,11 @@ def checked(placement: LabelPlacement, options: CamerasOptions) -> LabelPlacemen
         raise RegistrationError(
             f"the best pose explains {placement.share:.2f} of what could match, the next {placement.runner_up:.2f}; "
             f"{options.min_fit:g}, or {options.min_led_fit:g} with a lead of {options.min_lead:g}, is needed"
+        )
+    if placement.share - placement.runner_up < NO_LEAD:
+        raise RegistrationError(
+            f"two poses explain the {len(placement.boxes)} boxes nearly alike, {placement.share:.2f} and "
+            f"{placement.runner_up:.2f} of what could match"
         )
     off = np.linalg.norm(placement.fit.sandbox_from_left.translation - placement.prior.mean[:3])
     if np.isfinite(placement.prior.sd[0]) and off > options.max_off_survey_m:

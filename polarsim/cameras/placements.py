@@ -7,7 +7,7 @@ a position tell of the rocks helps to place the next one.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,8 +49,10 @@ def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, op
     """
     usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= options.min_boxes]
     found = Placements({}, no_shifts(outlines, options.rock_shift_sd_mm / 1000), {})
-    for position in _surest_first(usable, seen, outlines, lens, options):
-        found = _with_position(found, position, seen[position], outlines, lens, options)
+    alone = {position: _alone(position, seen[position], outlines, lens, options) for position in usable}
+    surest_first = sorted(usable, key=lambda position: (-(one.share if (one := alone[position]) else 0.0), position))
+    for position in surest_first:
+        found = _with_position(found, position, seen[position], outlines, lens, options, alone[position])
     return found
 
 
@@ -63,32 +65,32 @@ def unshifted_fits(found: Placements, outlines: Outlines, lens: Lens, options: C
     ]
 
 
-def _surest_first(
-    positions: Sequence[str],
-    seen: Mapping[str, np.ndarray],
-    outlines: Outlines,
-    lens: Lens,
-    options: CamerasOptions,
-) -> list[str]:
-    """By the share of the boxes that each position's best pose explains by itself."""
-    share = {}
-    for position in positions:
-        try:
-            share[position] = place_by_labels(seen[position], outlines, lens, pose_beside(position, {}), options).share
-        except RegistrationError:
-            share[position] = 0.0
-    return sorted(positions, key=lambda position: (-share[position], position))
+def _alone(
+    position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: CamerasOptions
+) -> LabelPlacement | None:
+    """A position by itself, without what others tell of rocks; None where nothing is explained."""
+    try:
+        return place_by_labels(boxes, outlines, lens, pose_beside(position, {}), options)
+    except RegistrationError:
+        return None
 
 
 def _with_position(
-    before: Placements, position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: CamerasOptions
+    before: Placements,
+    position: str,
+    boxes: np.ndarray,
+    outlines: Outlines,
+    lens: Lens,
+    options: CamerasOptions,
+    alone: LabelPlacement | None,
 ) -> Placements:
     """One more position, and all poses and shifts fitted anew; or one more that is refused."""
-    surveyed = pose_beside(position, _poses(before.placed))
-    moved = shifted(outlines, before.shifts.metres)
     try:
-        new = place_by_labels(boxes, moved, lens, surveyed, options)
-        after = _fitted({**before.placed, position: new}, before.shifts, outlines, lens, options)
+        if alone is None or before.placed:  # others have told of the rocks since
+            moved = shifted(outlines, before.shifts.metres)
+            surveyed = pose_beside(position, _poses(before.placed))
+            alone = place_by_labels(boxes, moved, lens, surveyed, options)
+        after = _fitted({**before.placed, position: alone}, before.shifts, outlines, lens, options)
         checked(after.placed[position], options)
     except RegistrationError as error:
         return replace(before, refused={**before.refused, position: error.reason})

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from polarsim.cameras.labels import place_by_labels
+from polarsim.cameras.labels import checked, place_by_labels
 from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.placements import place_all
 from polarsim.cameras.surveyed import surveyed_pose
+from polarsim.errors import RegistrationError
 from polarsim.formats import obj, release, yolo
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.boxes import clip, iou
@@ -43,7 +45,7 @@ def test_real_seeds_place_the_rig(release_root, terrain, position, place, least_
     meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, terrain).items()}
     outlines = outlines_of(meshes, OPTIONS.trim_mm / 1000, OPTIONS.trim_share)
     boxes = consensus_boxes(best_boxes(release_root, terrain, position, "L"))
-    placement = place_by_labels(boxes, outlines, stated_rig().left, surveyed_pose(position), OPTIONS)
+    placement = checked(place_by_labels(boxes, outlines, stated_rig().left, surveyed_pose(position), OPTIONS), OPTIONS)
     pose = placement.fit.sandbox_from_left
     assert np.linalg.norm(pose.translation - place) < 0.1  # their lens is 1 % longer: 4 to 6 cm in distance
     assert placement.fit.iou.mean() >= least_left
@@ -54,3 +56,29 @@ def test_real_seeds_place_the_rig(release_root, terrain, position, place, least_
     rows, columns = assign(right, drawn, OPTIONS.match_gate_px)
     assert len(rows) >= len(placement.fit.iou) - 1
     assert np.diag(iou(right[rows], drawn[columns])).mean() >= least_right
+
+
+@pytest.mark.release
+def test_real_seeds_that_are_not_the_position_s_own_are_refused(release_root):
+    meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, 11).items()}
+    outlines = outlines_of(meshes, OPTIONS.trim_mm / 1000, OPTIONS.trim_share)
+    lens = stated_rig().left
+    own, other = (consensus_boxes(best_boxes(release_root, 11, position, "L")) for position in "AB")
+    mirrored = (own * [-1, 1, -1, 1] + [lens.width, 0, lens.width, 0])[:, [2, 1, 0, 3]]
+    for boxes in (other, mirrored):
+        with pytest.raises(RegistrationError):
+            checked(place_by_labels(boxes, outlines, lens, surveyed_pose("A"), OPTIONS), OPTIONS)
+
+
+@pytest.mark.release
+def test_every_position_of_a_terrain_whose_rocks_stand_off_is_placed(release_root):
+    """Terrain 12: three published rocks lie 5 cm off, which C sees most."""
+    meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, 12).items()}
+    outlines = outlines_of(meshes, OPTIONS.trim_mm / 1000, OPTIONS.trim_share)
+    seen = {position: consensus_boxes(best_boxes(release_root, 12, position, "L")) for position in "ABC"}
+    found = place_all(seen, outlines, stated_rig().left, OPTIONS)
+    assert not found.refused
+    assert all(placement.share > 0.55 for placement in found.placed.values())
+    off = np.linalg.norm(found.shifts.metres, axis=1)
+    assert set(outlines.rocks[off > 0.03]) >= {3, 4, 6}
+    assert np.median(off) < 0.02

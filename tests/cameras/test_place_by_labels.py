@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,13 @@ def test_boxes_of_another_position_are_refused(labelled, outlines):
     placement = place_by_labels(labelled.seen("B"), outlines, LENS, surveyed_pose("A"), OPTIONS)
     with pytest.raises(RegistrationError, match=r"stands 2\.\d m from the survey's place, .* another position's boxes"):
         checked(placement, OPTIONS)
+
+
+def test_of_two_poses_that_explain_alike_none_is_believed(labelled, outlines):
+    placement = place_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS)
+    rivalled = replace(placement, runner_up=placement.share - 0.05)
+    with pytest.raises(RegistrationError, match=r"two poses explain the \d+ boxes nearly alike"):
+        checked(rivalled, OPTIONS)
 
 
 def test_one_pose_found_twice_is_not_its_own_rival(labelled, outlines):
