@@ -1,9 +1,9 @@
 """Time and memory of labelling all 13 terrains: boxes of every photo, then polygons, grey maps and COCO.
 
-`python benchmarks/labels.py RELEASE WORK [--jobs 2]`
+`python benchmarks/labels.py RELEASE WORK [--config config/release.yaml] [--jobs 2]`
 
-RELEASE is the release's folder (Labels, TerrainMeshes). Thirteen terrains are made of the five whose cameras
-`benchmarks/transfers.py` locates in folders below WORK, each with the whole photo grid of its number. Every terrain is
+RELEASE is the release's folder (Labels, TerrainMeshes). Thirteen terrains are made of the five that
+`benchmarks/transfers.py` places in folders below WORK, each with the whole photo grid of its number. Every terrain is
 a process of its own, as in the pipeline; so many run at once.
 
 Last figures (two processes on a 2-core virtual machine, 5,280 photos): boxes 56 s, 104 CPU s with Python's starts, and
@@ -25,68 +25,50 @@ from itertools import cycle, islice
 from multiprocessing import get_context
 from pathlib import Path
 
-import pandas as pd
-
 sys.path.insert(0, str(Path(__file__).parent))
 
-from transfers import OPTIONS, read_release, scene_from
+from transfers import Run
 
-from polarsim.formats import tables
+from polarsim.config import read_config
 from polarsim.labels.masks import draw_masks
-from polarsim.labels.propagate import propagate_labels
-from polarsim.photo import SUNS, PhotoKey, photo_grid
+from polarsim.labels.options import LabelsOptions
+from polarsim.photo import PhotoKey, photo_grid
 
 TERRAINS, ALL = (1, 3, 4, 8, 11), 13
-AS_DRAWN = OPTIONS.model_copy(update={"visibility": "annotator"})
 
 
 @dataclass(frozen=True)
 class Job:
     """One of the thirteen: a terrain's files, and where its labels go."""
 
-    terrain: int
-    work: Path
+    run: Run
     out: Path
 
     @property
     def keys(self) -> list[PhotoKey]:
-        return list(photo_grid(self.terrain))
+        return list(photo_grid(self.run.terrain))
 
     @property
-    def scene(self) -> Path:
-        return self.work / f"Terrain{self.terrain:02d}_{'_'.join(SUNS)}"
+    def options(self) -> LabelsOptions:
+        return LabelsOptions(**self.run.config.labels.stage_options())
 
 
 def boxes(job: Job) -> int:
-    job.out.mkdir(parents=True)
-    photos = job.out / "photos.parquet"
-    tables.write_parquet(photos, pd.DataFrame({name: [] for name in tables.PHOTO_COLUMNS}))
-    propagate_labels(
-        terrain=job.terrain,
-        keys=job.keys,
-        photos=photos,
-        inventory=job.scene / "inventory.json",
-        seeds=job.scene / "seeds",
-        cameras=job.scene / "cameras",
-        meshes=job.scene / "meshes",
-        boxes=job.out / "boxes",
-        table=job.out / "labels.parquet",
-        options=AS_DRAWN,
-    )
+    job.run.labels(job.keys, job.options, job.out)
     return peak_mb()
 
 
 def outlines(job: Job) -> int:
     draw_masks(
-        terrain=job.terrain,
+        terrain=job.run.terrain,
         keys=job.keys,
         table=job.out / "labels.parquet",
-        cameras=job.scene / "cameras",
-        meshes=job.scene / "meshes",
+        cameras=job.run.folder / "cameras",
+        meshes=job.run.folder / "meshes",
         polygons=job.out / "polygons",
         masks=job.out / "masks",
         annotations=job.out / "coco.json",
-        options=AS_DRAWN,
+        options=job.options,
     )
     return peak_mb()
 
@@ -114,13 +96,16 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("release", type=Path)
     asked.add_argument("work", type=Path)
+    asked.add_argument("--config", type=Path, default=Path("config/release.yaml"), help="whose options are used")
     asked.add_argument("--jobs", type=int, default=2, help="processes at once")
     args = asked.parse_args()
-    for terrain in TERRAINS:
-        scene_from(args.release, args.work, read_release(args.release, terrain), SUNS)
+    config = read_config(args.config)
+    seeded = config.labels.seeds.azimuths
+    runs = [Run(args.release, args.work, terrain, config, seeded) for terrain in TERRAINS]
+    for run in runs:
+        run.place()
     with tempfile.TemporaryDirectory() as out:
-        chosen = enumerate(islice(cycle(TERRAINS), ALL))
-        jobs = [Job(terrain, args.work, Path(out) / f"{number:02d}") for number, terrain in chosen]
+        jobs = [Job(run, Path(out) / f"{number:02d}") for number, run in enumerate(islice(cycle(runs), ALL))]
         for name, work in (("boxes", boxes), ("outlines", outlines)):
             timed(name, work, jobs, args.jobs)
 

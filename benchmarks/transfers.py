@@ -129,8 +129,8 @@ class Run:
         assert pose is not None
         rigs.write_placed(path, rigs.PlacedRig(rig.rig, pose, rigs.SURVEYED))
 
-    def labels(self, keys: Sequence[PhotoKey], options: LabelsOptions) -> pd.DataFrame:
-        """The label table of some photos."""
+    def labels(self, keys: Sequence[PhotoKey], options: LabelsOptions, out: Path) -> pd.DataFrame:
+        """The label table of some photos; it and the boxes are written to a folder."""
         self.place()
         propagate_labels(
             terrain=self.terrain,
@@ -140,11 +140,11 @@ class Run:
             seeds=self.folder / "seeds",
             cameras=self.folder / "cameras",
             meshes=self.folder / "meshes",
-            boxes=self.folder / "boxes",
-            table=self.folder / "labels.parquet",
+            boxes=out / "boxes",
+            table=out / "labels.parquet",
             options=options,
         )
-        return read_parquet(self.folder / "labels.parquet")
+        return read_parquet(out / "labels.parquet")
 
 
 @dataclass
@@ -188,7 +188,7 @@ def score_run(run: Run, truth: Truth, task: str | None, options: LabelsOptions, 
     """Every file that is no seed, of the photos that `truth` holds."""
     run.place()
     wanted = {key: drawn for key, drawn in truth.items() if key not in run.seeds}
-    table = run.labels(sorted(wanted), options)
+    table = run.labels(sorted(wanted), options, run.folder)
     rows = dict(iter(table.groupby("key")))
     for key, drawn in wanted.items():
         scores.add(task or task_of(key), key, drawn, rows.get(str(key), table[:0]))

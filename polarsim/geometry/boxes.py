@@ -35,6 +35,11 @@ def iou(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.divide(inter, union, out=np.zeros_like(inter), where=union > 0)
 
 
+def largest_iou(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(n,) IoU of each box (n, 4) with that of the others (m, 4) which it overlaps most; 0 where there is none."""
+    return np.asarray(iou(boxes, others).max(axis=1, initial=0.0))
+
+
 def match(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
     """One-to-one pairs (rows, columns) with overlap >= threshold: as many as can be, then of the largest sum."""
     if not overlap.size:

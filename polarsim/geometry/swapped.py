@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from polarsim.geometry.boxes import iou
+from polarsim.geometry.boxes import largest_iou
 
 SAME_ROCK = 0.3  # IoU of a rock's boxes that two people drew, or one person twice
 SHADOW_ON_ROCK = 0.5  # IoU of a shadow's box with a rock that makes it the rock
@@ -27,10 +27,5 @@ def rocks_called_shadows(shadows: np.ndarray, rocks: np.ndarray, elsewhere: Sequ
     -------
     (n,) bool
     """
-    shown = np.sum([_on(shadows, boxes) >= SHADOW_ON_ROCK for boxes in elsewhere], axis=0)
-    return np.asarray((shown >= AZIMUTHS) & (_on(shadows, rocks) < SAME_ROCK))
-
-
-def _on(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(n,) largest IoU of each box with other ones."""
-    return np.asarray(iou(boxes, others).max(axis=1, initial=0.0))
+    shown = np.sum([largest_iou(shadows, boxes) >= SHADOW_ON_ROCK for boxes in elsewhere], axis=0)
+    return np.asarray((shown >= AZIMUTHS) & (largest_iou(shadows, rocks) < SAME_ROCK))

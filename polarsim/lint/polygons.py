@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from polarsim.geometry.boxes import around, iou, match
+from polarsim.geometry.boxes import around, iou, largest_iou, match
 from polarsim.lint.boxes import NEAR, OUTSIDE_PX, ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
 from polarsim.photo import HEIGHT, POLYGON_CLASSES, ROCK, SHADOW, WIDTH, PhotoKey
@@ -91,11 +91,11 @@ def against_boxes(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:
         ("rock_polygon_alone", rocks, rock_boxes),
         ("shadow_polygon_alone", shadows if len(shadow_boxes) else shadows[:0], shadow_boxes),
     ):
-        alone = int((iou(one, other).max(axis=1, initial=0.0) < ALONE).sum())
+        alone = int((largest_iou(one, other) < ALONE).sum())
         if alone:
             yield Defect(name, f"{alone} of {len(one)}")
-    on_rock = iou(shadow_boxes, rocks).max(axis=1, initial=0.0) >= ON_IT
-    mixed = int((on_rock & (iou(shadow_boxes, shadows).max(axis=1, initial=0.0) < ALONE)).sum())
+    on_rock = largest_iou(shadow_boxes, rocks) >= ON_IT
+    mixed = int((on_rock & (largest_iou(shadow_boxes, shadows) < ALONE)).sum())
     if mixed:
         yield Defect("class_mismatch", f"{mixed} boxes")
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from polarsim.geometry.boxes import iou
+from polarsim.geometry.boxes import largest_iou
 from polarsim.geometry.swapped import SAME_ROCK, rocks_called_shadows
 from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.exposures import Found, changed, modal, of_class, photo_sets
@@ -58,9 +58,9 @@ def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
         others = [rocks[other] for other in rocks if other != azimuth]
         if len(others) < len(SUNS) - 1:
             continue
-        elsewhere = np.all([_on(others[0], other) >= SAME_ROCK for other in others[1:]], axis=0)
-        absent = int((elsewhere & (_on(others[0], rocks[azimuth]) < SAME_ROCK)).sum())
-        alone = int(np.all([_on(rocks[azimuth], other) < SAME_ROCK for other in others], axis=0).sum())
+        elsewhere = np.all([largest_iou(others[0], other) >= SAME_ROCK for other in others[1:]], axis=0)
+        absent = int((elsewhere & (largest_iou(others[0], rocks[azimuth]) < SAME_ROCK)).sum())
+        alone = int(np.all([largest_iou(rocks[azimuth], other) < SAME_ROCK for other in others], axis=0).sum())
         if absent:
             yield key, Defect("rock_absent", f"{absent} rocks")
         if alone:
@@ -72,11 +72,6 @@ def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
         if len(swapped):
             detail = f"{len(swapped)} boxes, first box {swapped[0] + 1}"
             yield key, Defect("swapped_class", detail, tuple(swapped.tolist()))
-
-
-def _on(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(n,) largest IoU of each box with other ones."""
-    return np.asarray(iou(boxes, others).max(axis=1, initial=0.0))
 
 
 def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Found:

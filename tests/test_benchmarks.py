@@ -1,0 +1,36 @@
+"""Benchmarks run too seldom to notice what moved away under them: every name that they import of ours is there."""
+
+import ast
+import importlib
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = sorted((Path(__file__).parent.parent / "benchmarks").glob("*.py"))
+
+
+def imported(path):
+    """Module and name of each `from module import name` of a file."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield from ((node.module, alias.name) for alias in node.names)
+
+
+def defined(path):
+    """Names that a file's top level defines."""
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        for target in getattr(node, "targets", [getattr(node, "target", None)]):
+            if target is not None:
+                yield from (part.id for part in ast.walk(target) if isinstance(part, ast.Name))
+
+
+@pytest.mark.parametrize("path", BENCHMARKS, ids=lambda path: path.stem)
+def test_every_imported_name_of_ours_is_there(path):
+    beside = {one.stem: one for one in BENCHMARKS}
+    for module, name in imported(path):
+        if module in beside:
+            assert name in set(defined(beside[module])), f"{module}.{name}"
+        elif module.partition(".")[0] == "polarsim" and not hasattr(importlib.import_module(module), name):
+            importlib.import_module(f"{module}.{name}")  # a module of its package
