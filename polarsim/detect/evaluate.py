@@ -20,6 +20,7 @@ from polarsim.detect.breakdown import (
     judge,
 )  # fmt: skip
 from polarsim.detect.dataset import BOX_COLUMNS, count_left_out, read_pictures
+from polarsim.detect.differences import DIFFERENCE_COLUMNS, paired_differences
 from polarsim.detect.false_alarms import FALSE_ALARM_COLUMNS, false_alarms
 from polarsim.detect.ipd import (
     INSTANCE_COLUMNS,
@@ -33,6 +34,7 @@ from polarsim.detect.ipd import (
 from polarsim.detect.judges import judge_name
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
+from polarsim.detect.seen import Seen
 from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, leaks, read_split
 from polarsim.errors import DetectError
 from polarsim.formats import tables
@@ -64,6 +66,7 @@ class Evaluation:
     ipd: Path  # IPD_COLUMNS
     rocks: Path  # trained, first, second, ROCK_COLUMNS
     instances: Path  # trained, evaluated, INSTANCE_COLUMNS, area_px
+    differences: Path  # DIFFERENCE_COLUMNS
 
 
 def evaluate(
@@ -105,10 +108,13 @@ def evaluate(
         truth[domain] = read_labels(labels[domain])
     parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_alarms": []}
     performances: dict[tuple[str, str], pd.DataFrame] = {}
+    seen: dict[tuple[str, str], Seen] = {}
+    common = sorted(set.intersection(*map(set, keys.values()))) if keys else []
     for (trained, evaluated), path in track(sorted(named.items()), "evaluate"):
         found = tables.read_parquet(path, PREDICTION_COLUMNS)
         figures = _figures(keys[evaluated], truth[evaluated], found, options)
         performances[trained, evaluated] = figures.pop("instances")
+        seen[trained, evaluated] = Seen(common, truth[evaluated], found, options)
         for name, table in figures.items():
             parts[name].append(_named(table, SIDES, (trained, evaluated)))
     judged = _joined(parts["breakdown"], (*SIDES, *BREAKDOWN_COLUMNS))
@@ -119,6 +125,8 @@ def evaluate(
     _write(tables_of.false_alarms, _joined(parts["false_alarms"], (*SIDES, *FALSE_ALARM_COLUMNS)))
     _write(tables_of.ipd, _ipd_table(performances, options))
     _write(tables_of.rocks, _rock_table(performances, options))
+    compared = paired_differences(seen) if common else pd.DataFrame(columns=list(DIFFERENCE_COLUMNS))
+    _write(tables_of.differences, compared)
     instances = [_named(table, SIDES, sides) for sides, table in sorted(performances.items())]
     _write(tables_of.instances, _joined(instances, (*SIDES, *INSTANCE_COLUMNS, "area_px")))
 

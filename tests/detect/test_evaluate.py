@@ -93,6 +93,16 @@ def test_the_ipd_is_the_mean_difference_of_paired_rocks(tested):
     assert table["ipd"].to_dict() == pytest.approx({"rock": (0.8 - 0.5) / 2, "shadow": 1})
 
 
+def test_a_difference_is_that_of_the_two_metrics(tested):
+    table = tables.read_parquet(tested / "differences.parquet").set_index("kind")
+    sides = ["metric", "trained", "evaluated", "other_trained", "other_evaluated"]
+    assert table.loc["rock", sides].tolist() == ["map50", "real", "real", "real", "hapke"]
+    # In `hapke` one of two rocks is found, at an IoU of 0.5: precision 1 up to a recall of 1/2.
+    assert table.loc["rock", ["value", "other_value"]].tolist() == pytest.approx([1, 51 / 101], abs=1e-6)
+    assert table.loc["rock", "difference"] == pytest.approx(50 / 101, abs=1e-6)
+    assert table.loc["shadow", "difference"] == pytest.approx(1)
+
+
 def test_every_tested_label_has_a_row_of_its_own(tested):
     table = tables.read_parquet(tested / "instances.parquet")
     real = table[table["evaluated"] == "real"]

@@ -357,10 +357,19 @@ def photos_and_twins():
     )
 
 
+TABLES_OF_DETECTORS = (
+    "detection",
+    "differences",
+    "detection_breakdown",
+    "false_alarms",
+    "ipd",
+)
+
+
 def tables_of_judges():
     """Where judges are trained."""
-    names = ["detection", "detection_breakdown", "false_alarms", "ipd", "ipd_rocks"]
-    return of_run("results/{run}/tables/{name}.csv", name=names if DOMAINS else [])
+    names = [*TABLES_OF_DETECTORS, "ipd_rocks"] if DOMAINS else []
+    return of_run("results/{run}/tables/{name}.csv", name=names)
 
 
 def figures_of_judges():
@@ -373,28 +382,21 @@ def figures_of_judges():
     return of_run("results/{run}/figures/{name}.png", name=names if DOMAINS else [])
 
 
-def figures_of_section():
-    """Figures of the results section by the key that it knows them by; of comparisons the first one."""
-    names = {
-        "matrices": "detection",
-        "curves": "precision_recall",
-        "ipd-bars": "ipd",
-        "ipd-histogram": "ipd_histogram",
-        "opposition": "opposition",
-    }
-    for domain in DOMAINS:
-        names |= {
-            f"seen-{domain}": f"seen_{domain}",
-            f"rocks-{domain}": f"gap_rocks_{domain}",
-        }
-    if CONFIG.gap.ingredients:
-        names["ledger"] = "gap"
-    first = every_figure("comparison_Terrain{terrain}_Pos{position}")[0]
-    paths = {
-        key: of_run(f"results/{{run}}/figures/{name}.png")[0]
-        for key, name in names.items()
-    }
-    return {"comparison": first, **paths}
+def tables_of_page():
+    """Tables of the results page, in the form that it shows."""
+    names = [*TABLES_OF_DETECTORS]
+    names += ["stereo"] if STEREO else []
+    names += ["gap"] if CONFIG.gap.ingredients else []
+    return of_run("results/{run}/tables/{name}.md", name=names if DOMAINS else [])
+
+
+def figures_of_page():
+    """Figures of the results page; of the comparisons the first one."""
+    if not DOMAINS:
+        return []
+    causes = of_run("results/{run}/figures/gap.png") if CONFIG.gap.ingredients else []
+    comparisons = every_figure("comparison_Terrain{terrain}_Pos{position}")
+    return [*comparisons[:1], *figures_of_judges(), *causes]
 
 
 def shown_photo(wildcards):

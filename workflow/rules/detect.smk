@@ -8,6 +8,7 @@ EVALUATED = [  # tables of `evaluate`
     "ipd",
     "rocks",
     "instances",
+    "differences",
 ]
 
 
@@ -173,7 +174,7 @@ rule predict:
 
 
 rule evaluate:
-    """mAP, IOU_mean, false alarms and IPD of every judge of a split and seed on every domain, with intervals."""
+    """mAP, IOU_mean, false alarms and IPD of every judge of a split and seed on every domain, and paired differences."""
     input:
         predictions=expand(
             "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{evaluated}.parquet",
@@ -193,6 +194,7 @@ rule evaluate:
         ipd="results/{run}/detect/{split}/seed{seed}/ipd.parquet",
         rocks="results/{run}/detect/{split}/seed{seed}/rocks.parquet",
         instances="results/{run}/detect/{split}/seed{seed}/instances.parquet",
+        differences="results/{run}/detect/{split}/seed{seed}/differences.parquet",
     log:
         "results/{run}/logs/detect/evaluate_{split}_seed{seed}.log",
     benchmark:

@@ -17,7 +17,7 @@ rule tables:
         tables_of_judges(),
         figures_of_judges(),
         of_run("results/{run}/tables/stereo.csv") if STEREO else [],
-        of_run("results/{run}/tables/results_section.html") if DOMAINS else [],
+        of_run("results/{run}/results.html") if DOMAINS else [],
         of_run("results/{run}/figures/reflectance.png"),
         every_figure("comparison_Terrain{terrain}_Pos{position}"),
         every_figure("contact_Terrain{terrain}_Pos{position}"),
@@ -1036,52 +1036,62 @@ rule draw_opposition:
         "../scripts/draw_opposition.py"
 
 
-rule write_results_section:
-    """What the detection part found, told as the results section of a paper tells it."""
+rule tabulate_differences:
+    """What separates two detectors, two domains or two gaps, with the interval of the difference."""
     input:
-        tables=of_run(
-            "results/{run}/tables/{name}.parquet",
-            name=[
-                "detection",
-                "detection_breakdown",
-                "false_alarms",
-                "ipd",
-                "ipd_rocks",
-            ]
-            + (["stereo"] if STEREO else []),
+        differences="results/{run}/detect/differences.parquet",
+        detection="results/{run}/detect/detection.parquet",
+    output:
+        table=report(
+            "results/{run}/tables/differences.csv",
+            caption="../report/differences_table.rst",
+            category="Tables",
+            labels={"table": "paired differences"},
         ),
-        stereo_ipd=of_run("results/{run}/detect/stereo_ipd.parquet") if STEREO else [],
+        others=multiext("results/{run}/tables/differences", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/tables/tabulate_differences.log",
+    benchmark:
+        "results/{run}/benchmarks/tables/tabulate_differences.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tabulate_differences"),
+    script:
+        "../scripts/tabulate_differences.py"
+
+
+rule write_results_page:
+    """Tables and figures of what detectors found, on one page."""
+    input:
+        tables=tables_of_page(),
+        figures=figures_of_page(),
+        phases="results/{run}/figures/opposition.json",
         datasets=of_run(
             "results/{run}/detect/{split}/datasets/{trained}",
             split=SPLITS,
             trained=TRAINED,
         ),
-        pictures=pictures_behind(TRAINED),
-        figures=list(figures_of_section().values()) if DOMAINS else [],
-        phases="results/{run}/figures/opposition.json",
-        ledger=of_run("results/{run}/tables/gap.md") if CONFIG.gap.ingredients else [],
     output:
         page=report(
-            "results/{run}/tables/results_section.html",
-            caption="../report/results_section.rst",
-            category="Results section",
+            "results/{run}/results.html",
+            caption="../report/results_page.rst",
+            category="Results",
         ),
-        markdown="results/{run}/tables/results_section.md",
     log:
-        "results/{run}/logs/tables/write_results_section.log",
+        "results/{run}/logs/tables/write_results_page.log",
     benchmark:
-        "results/{run}/benchmarks/tables/write_results_section.tsv"
+        "results/{run}/benchmarks/tables/write_results_page.tsv"
     threads: 1
     resources:
         mem_mb=1000,
         runtime=5,
     params:
         datasets=[(split, trained) for split in SPLITS for trained in TRAINED],
-        figures=list(figures_of_section()) if DOMAINS else [],
-        rules=detect_options(
-            ["confidence", "nms_iou", "tone", "min_mean_dn"], COMPARES_BY
-        ),
         origin=ORIGIN,
-        code=code_of("write_results_section"),
+        code=code_of("write_results_page"),
     script:
-        "../scripts/write_results_section.py"
+        "../scripts/write_results_page.py"

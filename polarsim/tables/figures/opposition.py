@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ from polarsim.tables import paper
 from polarsim.tables.figures.canvas import note, page
 from polarsim.tables.options import TablesOptions
 from polarsim.tables.phase import Place, extreme_places
-from polarsim.tables.section.estimates import listed
 
 NEAR_DEG = 10.0  # farther from opposition nothing of its surge is left to see (h_s of Sato et al. 2014: 4 degrees)
 HALF_PX = 140  # of the crops
@@ -138,6 +137,12 @@ def _words(crops: list[np.ndarray], domains: Sequence[str], place: Place, key: P
     signals = {domain: _signal(crop) for domain, crop in zip(domains[1:], crops[1:], strict=True)}
     unclear = [domain for domain, signal in {domains[0]: photo, **signals}.items() if not _is_clear(signal)]
     if unclear:
-        return f"{start} the median of {listed(map(paper.title, unclear))} is clipped or black: no comparison."
-    told = listed(f"{signal / photo:.2f} ({paper.title(domain)})" for domain, signal in signals.items())
+        return f"{start} the median of {_listed(map(paper.title, unclear))} is clipped or black: no comparison."
+    told = _listed(f"{signal / photo:.2f} ({paper.title(domain)})" for domain, signal in signals.items())
     return f"{start} the crop's median over that of {paper.title(domains[0])} is {told}."
+
+
+def _listed(words: Iterable[str]) -> str:
+    """a; a and b; a, b and c."""
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
