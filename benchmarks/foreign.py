@@ -49,11 +49,11 @@ from polarsim.photo import PhotoKey
 from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
-from polarsim.tables.match_rule import MatchRule
-from polarsim.tables.options import TablesOptions
-from polarsim.tables.quality_cameras import score_cameras
-from polarsim.tables.quality_rocks import score_rocks
-from polarsim.tables.rock_pairs import pair_rocks
+from polarsim.scoring.cameras import score_cameras
+from polarsim.scoring.match_rule import MatchRule
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.rock_pairs import pair_rocks
+from polarsim.scoring.rocks import score_rocks
 
 TERRAIN = 2
 TRIPODS = {"A": ((3.55, -0.35, 1.55), 179, 25), "B": ((6.1, -0.45, 1.55), 178, 23), "C": ((0.75, -3.6, 1.52), 103, 26)}

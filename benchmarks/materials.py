@@ -35,8 +35,8 @@ from polarsim.photo import CAMERAS
 from polarsim.randomness import generator
 from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.options import FittingOptions, RenderOptions
-from polarsim.tables.quality_cameras import read_gauge
-from polarsim.tables.quality_materials import ALBEDO_COLUMNS, albedo_figures
+from polarsim.scoring.cameras import read_gauge
+from polarsim.scoring.materials import ALBEDO_COLUMNS, albedo_figures
 
 MODELS = ("principled", "hapke")
 

@@ -41,7 +41,7 @@ from polarsim.labels.propagate import propagate_labels
 from polarsim.labels.seeds import choose_seeds, read_drawings, shadow_starts
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
-from polarsim.tables.score import Counts, count_boxes
+from polarsim.scoring.score import Counts, count_boxes
 
 POSITIONS = "ABC"
 EDGES = ["x0", "y0", "x1", "y1"]

@@ -136,7 +136,7 @@ def score(
 ) -> None:
     """Score box files: precision, recall, F1 and mean IoU of rocks and shadows, matched one to one in each file."""
     from polarsim.formats.files import write_json
-    from polarsim.tables.score import score_folders
+    from polarsim.scoring.score import score_folders
 
     report = score_folders(truth, labels, threshold)
     if json:
@@ -262,8 +262,8 @@ def show(
     scale: Annotated[float, typer.Option(help="Size of the picture over that of the photo.")] = 1.0,
 ) -> None:
     """Draw a photo or a twin with its labels to PNG: boxes, rock ids, confidences, lines from shadows to rocks."""
+    from polarsim.annotate.show import show_of_run
     from polarsim.photo import PhotoKey
-    from polarsim.tables.of_run import show_of_run
 
     photo = PhotoKey.parse(key)
     target = out or Path(f"{key}_{domain}.png")
@@ -284,8 +284,8 @@ def export(
     results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
 ) -> None:
     """Write a run's photos, tone-mapped, with their labels to a folder in which people correct them."""
-    from polarsim.tables.export import export as write
-    from polarsim.tables.export import opening
+    from polarsim.annotate.export import export as write
+    from polarsim.annotate.export import opening
 
     count = write(
         folder=folder, run=results / run, terrains=terrain or (), pattern=keys, domain=domain, tool=tool.value
@@ -442,7 +442,7 @@ def brdf(
     typer.echo(f"f_r     {value:.6g} 1/sr")
     typer.echo(f"pi f_r  {np.pi * value:.6g}")
     if plot:
-        from polarsim.tables.figures.brdf import draw_brdf
+        from polarsim.report.figures.brdf import draw_brdf
 
         names = list(HAPKE_SETS) if soil is None and model in (Model.hapke, Model.hapke_chrono) else [soil]
         chosen = {name or model.value: parameters_of(model.value, name) for name in names}
@@ -508,7 +508,7 @@ def compare(
     results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
 ) -> None:
     """Put the quality of several runs side by side: of other seeds, options, versions. In four forms."""
-    from polarsim.tables.compare import compare_runs
+    from polarsim.report.compare import compare_runs
 
     compare_runs(runs=[results / run for run in runs], stem=out)
     typer.echo(f"{out}.md")

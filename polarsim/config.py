@@ -25,7 +25,7 @@ from polarsim.photo import TERRAINS, positions
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
 from polarsim.rover.rover_options import RoverOptions
-from polarsim.tables.options import TablesOptions
+from polarsim.scoring.options import TablesOptions
 
 RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy of the release
 

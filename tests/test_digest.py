@@ -25,8 +25,12 @@ def test_the_renderer_is_no_part_of_the_meshes():
 def test_imports_run_one_way():
     """Stages see the floors below and themselves, never one another; the floors below see no stage."""
     package = Path(digest.__file__).parent
-    stages = {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "tables", "rover"}
-    below_rover = {"render", "detect"}  # its ground changes while it drives, so it renders and judges itself
+    stages = {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "rover"}
+    stages |= {"scoring", "annotate", "report"}
+    below = {
+        "rover": {"render", "detect"},  # its ground changes while it drives, so it renders and judges itself
+        "report": {"scoring", "annotate"},  # it shows what scoring found, and pictures with labels drawn in
+    }
     floors = ["digest", "errors", "photo", "survey", "randomness", "grid", "progress", "geometry", "formats"]
     for path in sorted(package.rglob("*.py")):
         parts = path.relative_to(package).with_suffix("").parts
@@ -36,10 +40,22 @@ def test_imports_run_one_way():
         name = ".".join(("polarsim", *(part for part in parts if part != "__init__")))
         seen = {module.split(".")[1] for module in digest.imported_modules(name) if module != "polarsim"}
         forbidden = (stages - {place}) if place in stages else stages
-        forbidden = forbidden - below_rover if place == "rover" else forbidden
+        forbidden = forbidden - below.get(place, set())
         assert not seen & forbidden, f"{name} imports {sorted(seen & forbidden)}"
         above = {"cli", "config", "reporting", "pages"}
         assert not seen & above, f"{name} imports {sorted(seen & above)}"
+
+
+def test_only_scoring_reads_truth():
+    """Rules that are given truth or people's labels run code of `scoring` alone; the analog's makers write truth."""
+    given = ("truth_of", "true_labels_of", "drawn_labels_of", "drawn_polygons")
+    for path in sorted(RULES.glob("*.smk")):
+        for block in re.split(r"^(?=\s*rule \w+:$)", path.read_text(), flags=re.MULTILINE):
+            script = re.search(r'"\.\./scripts/(\w+)\.py"', block)
+            if script and any(name in block for name in given):
+                modules = imports_by_text((SCRIPTS / f"{script[1]}.py").read_text())
+                packages = {".".join(module.split(".")[:2]) for module in modules}
+                assert packages <= {"polarsim.scoring", "polarsim.reporting", "polarsim.grid"}, script[1]
 
 
 SCRIPTS = Path(digest.__file__).parent.parent / "workflow/scripts"
@@ -84,7 +100,7 @@ def rules_with_scripts() -> dict[str, tuple[str, str]]:
 
 def test_every_rule_carries_the_digest_of_its_own_script():
     rules = rules_with_scripts()
-    assert len(rules) > 80
+    assert {script for script, _ in rules.values()} == {path.stem for path in SCRIPTS.glob("*.py")}
     assert {name: pair for name, pair in rules.items() if pair[0] != pair[1]} == {}
 
 

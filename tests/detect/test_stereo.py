@@ -23,7 +23,7 @@ from polarsim.geometry.poses import looking
 from polarsim.geometry.rays import caster
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.photo import NO_ROCK, PhotoKey
-from polarsim.tables.stereo_table import tabulate_stereo
+from polarsim.report.stereo_table import tabulate_stereo
 
 SCALE = 0.25
 OPTIONS = StereoOptions(scale=SCALE, farthest_m=12)

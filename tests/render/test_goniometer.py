@@ -14,7 +14,7 @@ from polarsim.render.goniometer import (
     write_reflectance,
 )
 from polarsim.render.options import HAPKE_SETS, MODELS, RenderOptions
-from polarsim.tables.figures.brdf import draw_brdf
+from polarsim.report.figures.brdf import draw_brdf
 
 
 def test_angles_come_back_from_the_vectors():

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.tables.consistency import check_consistency
+from polarsim.scoring.consistency import check_consistency
 
 with reporting(log=snakemake.log[0]):
     check_consistency(

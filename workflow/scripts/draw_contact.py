@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from polarsim.grid import GridOptions
+from polarsim.report.of_run import draw_contact_of_run
 from polarsim.reporting import reporting
-from polarsim.tables.of_run import draw_contact_of_run
-from polarsim.tables.options import TablesOptions
+from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_contact_of_run(

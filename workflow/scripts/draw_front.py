@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from polarsim.report.figures.rover import draw_front
 from polarsim.reporting import reporting
-from polarsim.tables.figures.rover import draw_front
-from polarsim.tables.options import TablesOptions
+from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_front(

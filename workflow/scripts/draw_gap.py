@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from polarsim.report.figures.gap import draw_gap
 from polarsim.reporting import reporting
-from polarsim.tables.figures.gap import draw_gap
-from polarsim.tables.options import TablesOptions
+from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_gap(

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from polarsim.report.figures.offsets import draw_offsets
 from polarsim.reporting import reporting
-from polarsim.tables.figures.offsets import draw_offsets
-from polarsim.tables.options import TablesOptions
+from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_offsets(

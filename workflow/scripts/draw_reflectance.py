@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from polarsim.report.figures.brdf import draw_reflectance
 from polarsim.reporting import reporting
-from polarsim.tables.figures.brdf import draw_reflectance
-from polarsim.tables.options import TablesOptions
+from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_reflectance(

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from polarsim.report.figures.reliability import draw_reliability
 from polarsim.reporting import reporting
-from polarsim.tables.figures.reliability import draw_reliability
-from polarsim.tables.options import TablesOptions
+from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_reliability(

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from polarsim.report.figures.residuals import draw_residuals_of_run
 from polarsim.reporting import reporting
-from polarsim.tables.figures.residuals import draw_residuals_of_run
-from polarsim.tables.match_rule import MatchRule
-from polarsim.tables.options import TablesOptions
+from polarsim.scoring.match_rule import MatchRule
+from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_residuals_of_run(

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from polarsim.report.figures.terrain import draw_terrain
 from polarsim.reporting import reporting
-from polarsim.tables.figures.terrain import draw_terrain
-from polarsim.tables.options import TablesOptions
+from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_terrain(

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from polarsim.report.quality_table import gather_quality
 from polarsim.reporting import reporting
-from polarsim.tables.quality import gather_quality
 
 with reporting(log=snakemake.log[0]):
     gather_quality(

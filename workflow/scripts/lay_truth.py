@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.tables.options import TablesOptions
-from polarsim.tables.true_scene import lay_truth
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.true_scene import lay_truth
 
 with reporting(log=snakemake.log[0]):
     lay_truth(

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.tables.match_rule import MatchRule
-from polarsim.tables.quality_cameras import score_cameras
+from polarsim.scoring.cameras import score_cameras
+from polarsim.scoring.match_rule import MatchRule
 
 with reporting(log=snakemake.log[0]):
     score_cameras(

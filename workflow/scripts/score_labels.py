@@ -4,8 +4,8 @@ from pathlib import Path
 
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.reporting import reporting
-from polarsim.tables.options import TablesOptions
-from polarsim.tables.quality_labels import score_labels
+from polarsim.scoring.labels import score_labels
+from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     terrain = int(snakemake.wildcards.terrain)

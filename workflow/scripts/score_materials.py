@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.tables.quality_materials import score_materials
+from polarsim.scoring.materials import score_materials
 
 with reporting(log=snakemake.log[0]):
     score_materials(

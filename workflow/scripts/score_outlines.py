@@ -4,8 +4,8 @@ from pathlib import Path
 
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.reporting import reporting
-from polarsim.tables.options import TablesOptions
-from polarsim.tables.quality_outlines import score_outlines
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.outlines import score_outlines
 
 with reporting(log=snakemake.log[0]):
     terrain = int(snakemake.wildcards.terrain)

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.tables.options import TablesOptions
-from polarsim.tables.quality_rocks import score_rocks
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.rocks import score_rocks
 
 with reporting(log=snakemake.log[0]):
     score_rocks(

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.tables.options import TablesOptions
-from polarsim.tables.quality_twins import score_twins
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.twins import score_twins
 
 with reporting(log=snakemake.log[0]):
     score_twins(

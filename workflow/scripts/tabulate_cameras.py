@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from polarsim.report.stage_tables import tabulate_cameras
 from polarsim.reporting import reporting
-from polarsim.tables.stage_tables import tabulate_cameras
 
 with reporting(log=snakemake.log[0]):
     tabulate_cameras(

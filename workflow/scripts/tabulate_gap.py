@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from polarsim.report.gap_table import tabulate_gap
 from polarsim.reporting import reporting
-from polarsim.tables.gap_table import tabulate_gap
 
 with reporting(log=snakemake.log[0]):
     tabulate_gap(

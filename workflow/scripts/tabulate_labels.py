@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from polarsim.report.labels_table import tabulate_labels
 from polarsim.reporting import reporting
-from polarsim.tables.labels_table import tabulate_labels
 
 with reporting(log=snakemake.log[0]):
     tabulate_labels(

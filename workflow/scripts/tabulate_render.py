@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from polarsim.report.render_table import tabulate_render
 from polarsim.reporting import reporting
-from polarsim.tables.render_table import tabulate_render
 
 with reporting(log=snakemake.log[0]):
     tabulate_render(

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from polarsim.report.rover_table import tabulate_rover
 from polarsim.reporting import reporting
-from polarsim.tables.rover_table import tabulate_rover
 
 with reporting(log=snakemake.log[0]):
     tabulate_rover(

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from polarsim.report.stereo_table import tabulate_stereo
 from polarsim.reporting import reporting
-from polarsim.tables.stereo_table import tabulate_stereo
 
 with reporting(log=snakemake.log[0]):
     tabulate_stereo(

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.tables.true_scene import thin_meshes
+from polarsim.scoring.true_scene import thin_meshes
 
 with reporting(log=snakemake.log[0]):
     thin_meshes(

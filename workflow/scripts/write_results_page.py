@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from polarsim.report.results_page import write_results_page
 from polarsim.reporting import reporting
-from polarsim.tables.results_page import write_results_page
 
 with reporting(log=snakemake.log[0]):
     write_results_page(

@@ -1,0 +1,1 @@
+"""Tools for annotators: labels drawn into pictures, and labels and pictures for editors."""

@@ -1,0 +1,181 @@
+"""Labels drawn into a picture: fills, lines from shadows to rocks, boxes by kind, rock ids, confidences; a legend."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.annotate.tags import Colour, Tags, font
+from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, WIDTH
+
+COLOURS = {ROCK: (255, 176, 0), SHADOW: (70, 190, 255)}  # apart for colour-blind eyes too, and from any grey
+LINK = (120, 245, 255)  # of lines from shadows to their rocks: the shadows' blue, brighter than their boxes
+INK, PAPER = (32, 33, 36), (255, 255, 255)
+_FILL = 0.35  # share of the kind's colour in a fill
+_SMALL = 0.75  # letters beside shadows over those beside rocks
+
+
+@dataclass(frozen=True)
+class Marks:
+    """What of the labels is drawn.
+
+    Attributes
+    ----------
+    doubtful_below
+        Boxes of a lower confidence are dashed.
+    """
+
+    kinds: Sequence[str] = BOX_CLASSES
+    links: bool = False
+    shadow_ids: bool = False
+    confidences: bool = True
+    doubtful_below: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Label:
+    """One label with its box (x0, y0, x1, y1) in pixels of the drawn picture."""
+
+    kind: str
+    rock: int
+    confidence: float
+    box: tuple[float, float, float, float]
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        return (self.box[0] + self.box[2]) / 2, (self.box[1] + self.box[3]) / 2
+
+    def tag(self, marks: Marks) -> str:
+        """Rock id, and the confidence (.90) where it is not full."""
+        named = self.rock != NO_ROCK and (self.kind == ROCK or marks.shadow_ids)
+        doubted = marks.confidences and self.confidence < 0.995
+        return " ".join([str(self.rock)] * named + [f"{self.confidence:.2f}".removeprefix("0")] * doubted)
+
+
+def draw_labels(
+    pixels: np.ndarray,
+    labels: pd.DataFrame,
+    width: int | None = None,
+    marks: Marks | None = None,
+    masks: Mapping[str, np.ndarray] | None = None,
+) -> np.ndarray:
+    """A picture with its labels, scaled.
+
+    Parameters
+    ----------
+    pixels : (h, w, 3) uint8
+        The whole photo at any scale.
+    labels
+        Rows with kind, rock, confidence, x0, y0, x1, y1 in pixels of the full photo.
+    width
+        Width of the result in pixels; as the picture when None.
+    marks
+        Boxes, rock ids and confidences of all kinds when None.
+    masks : kind -> (h, w) bool
+        Regions of the whole photo, at any scale, that are filled with their kind's colour.
+
+    Returns
+    -------
+    (h', width, 3) uint8
+    """
+    from PIL import Image, ImageDraw
+
+    marks = marks or Marks()
+    width = width or pixels.shape[1]
+    size = (width, round(pixels.shape[0] * width / pixels.shape[1]))
+    picture = Image.fromarray(np.ascontiguousarray(pixels)).resize(size, Image.Resampling.LANCZOS)
+    for kind in _bottom_up(marks.kinds):
+        if masks and kind in masks:
+            _fill(picture, masks[kind], COLOURS[kind])
+    pen = ImageDraw.Draw(picture)
+    line = max(2 if width >= 600 else 1, round(width / 700))
+    shown = [label for kind in _bottom_up(marks.kinds) for label in _labels(labels, kind, width / WIDTH)]
+    if marks.links:
+        _draw_links(pen, shown, line)
+    for label in shown:
+        _draw_box(pen, label.box, COLOURS[label.kind], line, dashed=label.confidence < marks.doubtful_below)
+    tags, large = Tags(pen, size, line), max(10, round(width / 62))
+    letters = {ROCK: font(large), SHADOW: font(max(9, round(_SMALL * large)) if marks.shadow_ids else large)}
+    for label in reversed(shown):  # rocks choose their places first
+        text = label.tag(marks)
+        if text:
+            tags.write(text, label.box, COLOURS[label.kind], letters[label.kind])
+    return np.asarray(picture)
+
+
+def add_legend(pixels: np.ndarray, title: str, labels: pd.DataFrame, kinds: Sequence[str] = BOX_CLASSES) -> np.ndarray:
+    """The picture (h, w, 3) on a strip that names it, the colours, and how many labels of each kind there are."""
+    from PIL import Image, ImageDraw
+
+    width = pixels.shape[1]
+    size = max(11, round(width / 70))
+    strip = Image.new("RGB", (width, round(2.2 * size)), PAPER)
+    pen, letters, middle = ImageDraw.Draw(strip), font(size), round(1.1 * size)
+    pen.text((size, middle), title, fill=INK, font=letters, anchor="lm")
+    place = width - size
+    for kind in _bottom_up(kinds):
+        text = f"{kind} ({int((labels['kind'] == kind).sum())})"
+        place -= round(pen.textlength(text, font=letters))
+        pen.text((place, middle), text, fill=INK, font=letters, anchor="lm")
+        place -= round(1.4 * size)
+        pen.rectangle([place, middle - size // 2, place + size, middle + size // 2], outline=INK, fill=COLOURS[kind])
+        place -= size
+    return np.concatenate([pixels, np.asarray(strip)])
+
+
+def _bottom_up(kinds: Sequence[str]) -> list[str]:
+    """Kinds in the order of drawing: rocks lie on top."""
+    return [kind for kind in reversed(BOX_CLASSES) if kind in kinds]
+
+
+def _labels(table: pd.DataFrame, kind: str, scale: float) -> list[_Label]:
+    part = table[table["kind"] == kind].sort_values(["rock", "x0", "y0"], kind="stable")
+    boxes = part[["x0", "y0", "x1", "y1"]].to_numpy(float) * scale
+    rows = zip(part["rock"], part["confidence"], boxes.tolist(), strict=True)
+    return [_Label(kind, int(rock), float(confidence), tuple(box)) for rock, confidence, box in rows]
+
+
+def _fill(picture: Any, mask: np.ndarray, colour: Colour) -> None:
+    """Tint the part of a picture that a mask covers."""
+    from PIL import Image
+
+    cover = Image.fromarray((mask * round(255 * _FILL)).astype(np.uint8)).resize(picture.size, Image.Resampling.BOX)
+    picture.paste(colour, (0, 0, *picture.size), cover)
+
+
+def _draw_links(pen: Any, labels: Sequence[_Label], line: int) -> None:
+    """A line from the middle of every shadow to a dot in the middle of its rock, the nearest one of its number."""
+    thin = max(min(line, 2), round(0.6 * line))
+    rim, dot = thin + 2 * (line > 1), max(1.5, 1.3 * line)
+    rocks = [label for label in labels if label.kind == ROCK and label.rock != NO_ROCK]
+    for shadow in (label for label in labels if label.kind == SHADOW):
+        ends = [rock.middle for rock in rocks if rock.rock == shadow.rock]
+        if ends:
+            x, y = min(ends, key=lambda end: (_distance(end, shadow.middle), end))
+            pen.line([shadow.middle, (x, y)], fill=(0, 0, 0), width=rim)  # sand may be as bright as the line
+            pen.line([shadow.middle, (x, y)], fill=LINK, width=thin)
+            pen.ellipse([x - dot, y - dot, x + dot, y + dot], fill=LINK, outline=(0, 0, 0))
+
+
+def _distance(first: tuple[float, float], second: tuple[float, float]) -> float:
+    return float(np.hypot(first[0] - second[0], first[1] - second[1]))
+
+
+def _draw_box(pen: Any, box: Sequence[float], colour: Colour, line: int, *, dashed: bool) -> None:
+    x0, y0, x1, y1 = (round(value) for value in box)
+    if not dashed:
+        pen.rectangle([x0, y0, x1, y1], outline=colour, width=line)
+        return
+    dash = 3 * line
+    for x in range(x0, x1 + 1, 2 * dash):
+        end = min(x + dash - 1, x1)
+        pen.rectangle([x, y0, end, y0 + line - 1], fill=colour)
+        pen.rectangle([x, y1 - line + 1, end, y1], fill=colour)
+    for y in range(y0, y1 + 1, 2 * dash):
+        end = min(y + dash - 1, y1)
+        pen.rectangle([x0, y, x0 + line - 1, end], fill=colour)
+        pen.rectangle([x1 - line + 1, y, x1, end], fill=colour)

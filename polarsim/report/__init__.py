@@ -1,0 +1,1 @@
+"""What people read of a run: tables that papers quote, figures, one page of results."""

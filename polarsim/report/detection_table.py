@@ -1,0 +1,154 @@
+"""The table of detection: every judge on every domain, in the layout of the paper's Table 1 with its figures beside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from polarsim.formats.tables import read_parquet
+from polarsim.photo import ROCK
+from polarsim.report import paper
+from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
+from polarsim.report.seeds import SEED, over_seeds, seed_notes
+
+COLUMNS = (
+    "trained", "evaluated", "kind", "split", "leaks_views", "judge", "epochs", "imgsz", "images", "labels",
+    "map50", "map50_95", "iou_mean",
+)  # fmt: skip
+MEASURES = ("map50", "map50_95", "iou_mean")
+INTERVALS = tuple(f"{name}_{bound}" for name in MEASURES for bound in ("low", "high"))
+KINDS = (ROCK, "shadow", "all")
+CAPTION = "Detection: mAP@0.5 / mAP@[0.5:0.95] / IOU_mean, higher is better (T: trained on, E: evaluated on)."
+INTERVAL_CAPTION = "95 % intervals of the same figures, by a bootstrap of {}s."
+
+
+def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], min_mean_dn: float = 0.0) -> None:
+    """Write tables/detection.{csv,md,tex,parquet} from detect/detection.parquet.
+
+    Pictures that are darker than `min_mean_dn` (mean above black, DN) were left out; 0: none was.
+    """
+    table = tidy_detection(read_parquet(detection, COLUMNS), origin["source"])
+    notes = [*judge_notes(table), *_dark_notes(min_mean_dn), *seed_notes(table), origin_note(origin)]
+    if table["paper_map50"].notna().any():
+        notes.insert(-1, "Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
+    if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
+        notes.insert(0, paper.ANALOG_PICTURES_NOTE)
+    blocks = {CAPTION: lay_out_detection(table)}
+    if set(INTERVALS) <= set(table.columns) and not seed_notes(table):
+        unit = "/".join(sorted(set(table.get("unit", pd.Series(["view"])).astype(str)))) or "view"
+        blocks[INTERVAL_CAPTION.format(unit)] = lay_out_intervals(table)
+    write_blocks(stem, with_origin(table, origin), blocks, notes)
+
+
+def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
+    """A row for every kind, trained and evaluated domain in the paper's order, the paper's figures in `paper_*`.
+
+    The paper has rocks in NASA's photos and their twins only: all other rows have no figure of it.
+    """
+    table = detection[list(COLUMNS)].copy()
+    table.insert(COLUMNS.index("epochs"), "start", detection["start"] if "start" in detection.columns else "")
+    for name, after in ((SEED, "split"), ("left_out", "images")):
+        place = list(table.columns).index(after) + 1
+        table.insert(place, name, detection[name] if name in detection.columns else 0)
+    for name in ("unit", "units", *INTERVALS):
+        if name in detection.columns:
+            table[name] = detection[name]
+    table = paper.with_own_names(table, ("trained", "evaluated"), source)
+    places = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
+    found = [
+        paper.DETECTION.get((trained, evaluated)) if kind == ROCK and paper.is_comparable(source) else None
+        for kind, trained, evaluated in places
+    ]
+    for number, name in enumerate(MEASURES):
+        values = [figures[number] if figures else float("nan") for figures in found]
+        table[f"paper_{name}"] = pd.Series(values, dtype="float64")
+    order = sorted(range(len(table)), key=lambda row: _place(table, row))
+    return table.iloc[order].reset_index(drop=True)
+
+
+def lay_out_detection(table: pd.DataFrame) -> pd.DataFrame:
+    """The paper's Table 1 out of tidy rows: a row a judge, a column an evaluated domain, then the paper's columns."""
+    return _lay_out(table, _cell)
+
+
+def lay_out_intervals(table: pd.DataFrame) -> pd.DataFrame:
+    """The same places with the bounds of the intervals; the paper has none."""
+    shown = _lay_out(table, _interval_cell)
+    return shown[[name for name in shown.columns if not name.startswith("paper")]]
+
+
+def _lay_out(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd.DataFrame:
+    evaluated = paper.in_order(set(table["evaluated"]))
+    several = len(table[["split", "judge", "epochs", "imgsz"]].drop_duplicates()) > 1
+    beside = table["paper_map50"].notna().any()  # else no column of the paper is shown
+    theirs = [domain for domain in evaluated if beside and domain in paper.DOMAIN_ORDER]
+    rows = []
+    names = ["kind", "split", "judge", "epochs", "imgsz", "trained"]
+    for group, part in table.groupby(names, sort=False):
+        kind, split, judge, epochs, imgsz, trained = (str(value) for value in group)
+        row: dict[str, str] = {"labels": kind, "T": paper.title(trained)}
+        if several:
+            row["judge"] = f"{judge}, {epochs} epochs at {imgsz} px, split by {split}"
+        for prefix, text, domains in (("", "E: {}", evaluated), ("paper_", "paper, E: {}", theirs)):
+            for domain in domains:
+                row[text.format(paper.title(domain))] = cell(part[part["evaluated"] == domain], prefix)
+        rows.append(row)
+    return pd.DataFrame(rows, columns=None if rows else ["labels", "T"])
+
+
+def _cell(part: pd.DataFrame, prefix: str) -> str:
+    figures = part[[prefix + name for name in MEASURES]].dropna()
+    if not len(figures):
+        return MISSING
+    return " / ".join(over_seeds(figures[name] if not prefix else figures[name][:1]) for name in figures.columns)
+
+
+def _interval_cell(part: pd.DataFrame, prefix: str) -> str:
+    if prefix or not len(part) or part[list(INTERVALS)].iloc[0].isna().all():
+        return MISSING
+    row = part.iloc[0]
+    return " / ".join(f"[{row[f'{name}_low']:.3f}, {row[f'{name}_high']:.3f}]" for name in MEASURES)
+
+
+def judge_notes(detection: pd.DataFrame) -> list[str]:
+    """What one must know before comparing: judge, training, split, seeds, size of the test.
+
+    Of detect/detection.parquet, whichever table the notes stand below.
+    """
+    table = detection if "start" in detection.columns else detection.assign(start="")
+    seeds = ", ".join(str(seed) for seed in sorted(set(table[SEED]))) if SEED in table.columns else ""
+    trained = f" by seed {seeds}" if seeds else ""
+    notes = []
+    for (judge, start, epochs, imgsz, split), part in table.groupby(
+        ["judge", "start", "epochs", "imgsz", "split"], sort=False
+    ):
+        leak = "views are shared by training and test" if part["leaks_views"].any() else "no view is in both parts"
+        low, high = part["images"].min(), part["images"].max()
+        images = f"{low}" if low == high else f"{low} to {high}"
+        training = (f"started from {start}, " if start else "") + f"{epochs} epochs{trained}"
+        notes.append(f"Judge {judge}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
+        corrupt = int(part["left_out"].max()) if "left_out" in part.columns else 0
+        if corrupt:
+            notes.append(f"Split by {split}: up to {corrupt} corrupt pictures of a judge's training and test left out.")
+    return notes
+
+
+def notes_of_judges(path: Path | None) -> list[str]:
+    """`judge_notes` of detect/detection.parquet; none without it."""
+    return [] if path is None else judge_notes(read_parquet(path, COLUMNS))
+
+
+def _dark_notes(min_mean_dn: float) -> list[str]:
+    """The rule of near-black pictures, where one holds."""
+    return (
+        [f"Near-black pictures, with a mean below {min_mean_dn:g} DN above black, are left out."] if min_mean_dn else []
+    )
+
+
+def _place(table: pd.DataFrame, row: int) -> tuple[object, ...]:
+    entry: Mapping[Hashable, object] = table.iloc[row].to_dict()
+    kind, trained, evaluated = (str(entry[name]) for name in ("kind", "trained", "evaluated"))
+    place = KINDS.index(kind) if kind in KINDS else len(KINDS)
+    return place, kind, str(entry["split"]), paper.rank(trained), trained, paper.rank(evaluated), evaluated

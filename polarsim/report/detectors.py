@@ -1,0 +1,57 @@
+"""All tables and figures of what a run's detectors found, from the tables of the detect stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from polarsim.report.breakdown_table import tabulate_breakdown
+from polarsim.report.detection_table import tabulate_detection
+from polarsim.report.differences_table import tabulate_differences
+from polarsim.report.false_alarms_table import tabulate_false_alarms
+from polarsim.report.figures.curves import draw_curves
+from polarsim.report.figures.ipd_histogram import draw_ipd_histogram
+from polarsim.report.figures.judges import draw_detection, draw_ipd
+from polarsim.report.ipd_rocks_table import tabulate_ipd_rocks
+from polarsim.report.ipd_table import tabulate_ipd
+from polarsim.scoring.options import TablesOptions
+
+
+def tabulate_detectors(
+    *, found: Mapping[str, Path], tables: Path, origin: dict[str, str], min_mean_dn: float = 0.0
+) -> None:
+    """Write detection, differences, detection_breakdown, false_alarms, ipd, ipd_rocks, each as {csv,md,tex,parquet}.
+
+    Parameters
+    ----------
+    found
+        detection, differences, breakdown, false_alarms, ipd, rocks: Parquet tables of the detect stage.
+    tables
+        Folder to write to.
+    min_mean_dn
+        Pictures that are darker (mean above black, DN) were left out; 0: none was.
+    """
+    common: dict[str, Any] = {"detection": found["detection"], "origin": origin}
+    tabulate_detection(**common, stem=tables / "detection", min_mean_dn=min_mean_dn)
+    tabulate_differences(**common, differences=found["differences"], stem=tables / "differences")
+    tabulate_breakdown(**common, breakdown=found["breakdown"], stem=tables / "detection_breakdown")
+    tabulate_false_alarms(**common, false_alarms=found["false_alarms"], stem=tables / "false_alarms")
+    tabulate_ipd(**common, ipd=found["ipd"], stem=tables / "ipd")
+    tabulate_ipd_rocks(**common, rocks=found["rocks"], stem=tables / "ipd_rocks")
+
+
+def draw_detectors(
+    *, found: Mapping[str, Path], figures: Mapping[str, Path], origin: dict[str, str], options: TablesOptions
+) -> None:
+    """Draw the matrix of detection, precision over recall, IPD, and its histogram over rocks.
+
+    Parameters
+    ----------
+    found, figures
+        detection, curves, ipd, rocks: Parquet table of the detect stage, and PNG to write.
+    """
+    draw_detection(detection=found["detection"], figure=figures["detection"], origin=origin, options=options)
+    draw_curves(curves=found["curves"], figure=figures["curves"], origin=origin, options=options)
+    draw_ipd(ipd=found["ipd"], figure=figures["ipd"], origin=origin, options=options)
+    draw_ipd_histogram(rocks=found["rocks"], figure=figures["rocks"], origin=origin, options=options)

@@ -1,0 +1,158 @@
+"""A photo beside its twins, each with its labels, and how they differ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.ndimage import maximum_filter
+
+from polarsim.annotate.overlay import Marks, draw_labels
+from polarsim.annotate.show import rows_of
+from polarsim.formats import png
+from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.formats.tone import to_8bit, white_of
+from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
+from polarsim.report.figures import difference
+from polarsim.report.figures.canvas import note, page, picture
+from polarsim.scoring.options import TablesOptions
+
+GAP = 50  # pixels of a title
+_SAME = 0.35  # share of our boxes' outlines on drawn red lines from which a cover photo is taken to show that photo
+_ALIKE = 0.1  # difference of two such shares that says nothing
+_REACH = 9  # pixels between our line and the red one
+
+
+def draw_comparison(
+    *,
+    key: PhotoKey,
+    photo: Path | None,
+    twins_of: Callable[[PhotoKey], Mapping[str, Path]],
+    labels: Path,
+    automatic: Path | None,
+    cover_photo: Path | None,
+    figure: Path,
+    options: TablesOptions,
+) -> None:
+    """Write the picture: photo, cover photo, twins, with boxes and rock ids drawn in, and how twins differ.
+
+    Twins are shown with the photo's white, so brightness can be compared; among themselves where there is no photo.
+
+    Parameters
+    ----------
+    photo
+        The photo; None or missing where there is none.
+    twins_of
+        The twins of a key by model; missing ones are left out.
+    labels
+        Label table with the photo's labels.
+    automatic
+        Label table of the twins; None draws the photo's labels there too.
+    cover_photo
+        The release's photo with ids drawn in. Ours are added from the photo of the key's position whose boxes fit the
+        red ones, if any does.
+    """
+    table = read_parquet(labels, LABEL_COLUMNS)
+    own = rows_of(table, key)
+    of_twins = own if automatic is None else rows_of(read_parquet(automatic, LABEL_COLUMNS), key)
+    width = options.figure_width_px // 2
+    panels, differences = [], []
+    twins = _read(twins_of(key))
+    white = None
+    if photo is not None and photo.exists():
+        pixels = png.read(photo)
+        white = white_of(pixels)
+        panels.append((f"Photo {key}", draw_labels(to_8bit(pixels, white), own, width)))
+        differences += [
+            (f"log2 of twin over photo, {model}: ±{difference.STOPS:g}", difference.of_photo(pixels, twin))
+            for model, twin in twins.items()
+        ]
+    if cover_photo is not None and cover_photo.exists():
+        cover = to_8bit(png.read(cover_photo))
+        shown = _shown_on(cover, table, key)
+        panels.append(_cover_panel(cover, table, shown, width))
+        differences += _cover_differences(cover, shown, _read(twins_of(shown))) if shown else []
+    for model, pixels in twins.items():
+        white = white_of(pixels) if white is None else white
+        panels.append((f"Twin, {model}", draw_labels(to_8bit(pixels, white), of_twins, width)))
+    nothing = table[:0]
+    panels += [(title, draw_labels(pixels, nothing, width)) for title, pixels in differences]
+    _draw(figure, panels, width, f"{key}: neither photo nor twin")
+
+
+def cover_key(cover: np.ndarray, labels: pd.DataFrame, keys: Iterable[PhotoKey]) -> PhotoKey | None:
+    """The photo, of some keys, whose rock boxes lie on the red boxes drawn into a cover photo (h, w, 3) uint8.
+
+    None when no photo's boxes do: covers show either camera and any azimuth, and some have numbers only. Of photos that
+    fit nearly alike the first one wins.
+    """
+    near_red = maximum_filter(_red(cover), _REACH)
+    scale = np.array([cover.shape[1] / WIDTH, cover.shape[0] / HEIGHT] * 2)
+    best, best_share = None, _SAME
+    rocks = labels[labels["kind"] == ROCK]
+    for key in keys:
+        boxes = rocks.loc[rocks["key"] == str(key), ["x0", "y0", "x1", "y1"]].to_numpy(float) * scale
+        share = float(np.mean([_share_on(near_red, box) for box in boxes])) if len(boxes) else 0.0
+        if share > best_share + (_ALIKE if best else 0):
+            best, best_share = key, share
+    return best
+
+
+def _red(cover: np.ndarray) -> np.ndarray:
+    """(h, w) bool: the lines and digits that its authors drew into a cover photo."""
+    return (cover[..., 0] > 150) & (cover[..., 1] < 90) & (cover[..., 2] < 90)
+
+
+def _shown_on(cover: np.ndarray, table: pd.DataFrame, key: PhotoKey) -> PhotoKey | None:
+    """The photo that a cover photo of a key's position shows, told by its red boxes."""
+    keys = [PhotoKey.parse(str(name)) for name in sorted(set(table["key"]))]
+    alike = [k for k in keys if k.set_up == key.set_up and k.exposure_ms == key.exposure_ms and k.light == key.light]
+    return cover_key(cover, table, sorted(alike, key=lambda other: (other.azimuth != key.azimuth, other)))
+
+
+def _cover_differences(
+    cover: np.ndarray, shown: PhotoKey, twins: Mapping[str, np.ndarray]
+) -> list[tuple[str, np.ndarray]]:
+    red = maximum_filter(_red(cover), _REACH)
+    return [
+        (f"Published photo and twin {shown}, {model}, tones matched", difference.of_cover(cover, twin, red))
+        for model, twin in twins.items()
+        if twin.shape == red.shape
+    ]
+
+
+def _read(paths: Mapping[str, Path]) -> dict[str, np.ndarray]:
+    return {name: png.read(path) for name, path in paths.items() if path.exists()}
+
+
+def _cover_panel(cover: np.ndarray, table: pd.DataFrame, shown: PhotoKey | None, width: int) -> tuple[str, np.ndarray]:
+    if shown is None:
+        return "Published photo, ids drawn by its authors", draw_labels(cover, table[:0], width)
+    rocks = draw_labels(cover, rows_of(table, shown), width, Marks((ROCK,)))  # its azimuth is not known: no shadows
+    return f"Published photo (red: its authors), rocks of {shown}", rocks
+
+
+def _share_on(mask: np.ndarray, box: np.ndarray) -> float:
+    """Share of a box's outline on a mask."""
+    x0, y0, x1, y1 = box
+    along = np.linspace(0, 1, 50)
+    x, y = x0 + (x1 - x0) * along, y0 + (y1 - y0) * along
+    columns = np.concatenate([x, x, np.full(50, x0), np.full(50, x1)]).clip(0, mask.shape[1] - 1).astype(int)
+    rows = np.concatenate([np.full(50, y0), np.full(50, y1), y, y]).clip(0, mask.shape[0] - 1).astype(int)
+    return float(mask[rows, columns].mean())
+
+
+def _draw(path: Path, panels: list[tuple[str, np.ndarray]], width: int, empty: str) -> None:
+    rows = max(1, (len(panels) + 1) // 2)
+    height = round(width * HEIGHT / WIDTH) + GAP
+    with page(path, 2 * width, rows * height) as figure:
+        if not panels:
+            note(figure, empty)
+            return
+        grid = figure.subplots(rows, 2 if len(panels) > 1 else 1, squeeze=False)
+        for axes in grid.ravel()[len(panels) :]:
+            axes.set_axis_off()
+        for axes, (title, pixels) in zip(grid.ravel(), panels, strict=False):
+            picture(axes, pixels, title)

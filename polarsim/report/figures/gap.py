@@ -1,0 +1,71 @@
+"""The gap ledger as bars: what every ingredient of the twin changes of IPD and of false alarms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats.tables import read_parquet
+from polarsim.photo import ROCK
+from polarsim.report import gap_table, paper
+from polarsim.report.figures.canvas import INK, SERIES, note, page
+from polarsim.report.seeds import averaged, panels, title_words
+from polarsim.scoring.options import TablesOptions
+
+PANELS = {
+    "ipd": "change of IPD\n|mean difference|",
+    "ipd_abs": "change of IPD\nmean |difference|",
+    "alarms": "change of false alarms\nper photo",
+}
+_THICK = 0.8  # of the bars of one ingredient together
+
+
+def draw_gap(*, ledger: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
+    """Write bars of rocks with 95 % intervals, a group an ingredient, a colour a judge, a row a split.
+
+    Of several seeds means, with the span of all intervals.
+    """
+    table = gap_table.tidy_gap(read_parquet(ledger, gap_table.COLUMNS), origin["source"])
+    rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
+    width, splits = options.figure_width_px, panels(rocks)
+    ingredients = list(dict.fromkeys(rocks["ingredient"]))
+    height = round(width * (0.16 + 0.035 * max(4, len(ingredients))))
+    with page(figure, width, height * len(splits)) as sheet:
+        if not len(rocks):
+            note(sheet, "no rock is labelled in photos and in twins")
+            return
+        model = paper.title(str(rocks["model"].iloc[0]))
+        words = f"source {origin['source']}{title_words(rocks)}"
+        sheet.suptitle(f"What each ingredient of the {model} twin changes, rocks, {words}", x=0.01, ha="left")
+        grid = sheet.subplots(len(splits), len(PANELS), sharey=True, squeeze=False)
+        for row, (split, rows) in zip(grid, splits, strict=True):
+            own = averaged(rows, ("ingredient", "trained"), [f"{name}_change" for name in PANELS])
+            for axes, (name, text) in zip(row, PANELS.items(), strict=True):
+                _draw_panel(axes, own, ingredients, name)
+                axes.set_xlabel(text)
+            if len(splits) > 1:
+                row[0].set_ylabel(f"split by {split}")
+        grid[0, 0].set_yticks(range(len(ingredients)), ingredients)
+        grid[0, 0].invert_yaxis()
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        sheet.legend(handles, labels, ncols=len(labels), loc="outside lower right")
+
+
+def _draw_panel(axes: Any, rocks: pd.DataFrame, ingredients: list[str], name: str) -> None:
+    judges = paper.in_order(set(rocks["trained"]))
+    for number, trained in enumerate(judges):
+        own = rocks[rocks["trained"] == trained].set_index("ingredient").reindex(ingredients)
+        value = own[f"{name}_change"].to_numpy(float)
+        bounds = own[[f"{name}_change_low", f"{name}_change_high"]].to_numpy(float).T
+        errors = np.nan_to_num(np.abs(bounds - value))
+        place = np.arange(len(ingredients)) + _THICK * ((number + 0.5) / len(judges) - 0.5)
+        gap = own[f"{name}_twin"].iloc[0] if name != "alarms" else np.nan
+        text = f"judge trained on {paper.title(trained)}" + ("" if np.isnan(gap) else f" (IPD of the twin {gap:.3f})")
+        thick = 0.9 * _THICK / len(judges)
+        axes.barh(place, value, thick, xerr=errors, color=SERIES[number], ecolor=INK, capsize=3, label=text)
+    axes.axvline(0, color=INK, linewidth=1)
+    axes.grid(visible=True, axis="x")
+    axes.tick_params(axis="y", length=0)

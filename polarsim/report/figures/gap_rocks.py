@@ -1,0 +1,176 @@
+"""The rocks that a judge finds most differently in two domains: crops of both pictures, label and best box drawn in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats import png
+from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.formats.tone import to_8bit
+from polarsim.geometry import boxes
+from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
+from polarsim.report import paper
+from polarsim.report.figures.canvas import FAINT, note, page
+from polarsim.scoring.options import TablesOptions
+
+PREDICTION_COLUMNS = ("key", "kind", "confidence", "x0", "y0", "x1", "y1")
+INSTANCE_COLUMNS = ("trained", "evaluated", "key", "kind", "rock", "iou")
+ROCKS_A_SIDE = 2  # of each pair of domains, that the judge finds better in the first, and in the second
+_BOX = ["x0", "y0", "x1", "y1"]
+_LABEL, _FOUND = "#ffb000", "#00e5ff"
+
+
+@dataclass(frozen=True)
+class Sight:
+    """One rock in one picture."""
+
+    key: str
+    rock: int
+    domain: str
+    label: np.ndarray  # (4,) px
+    found: np.ndarray | None  # (4,) the box that overlaps it best
+    iou: float
+
+
+def draw_gap_rocks(
+    *,
+    trained: str,
+    instances: Path,
+    predictions: Mapping[str, Path],
+    labels: Mapping[str, Path],
+    picture_of: Callable[[str, PhotoKey], Path | None],
+    confidence: float,
+    figure: Path,
+    origin: dict[str, str],
+    options: TablesOptions,
+) -> None:
+    """Write the page of one judge: a row a pair of domains, two crops a rock.
+
+    Rocks are chosen by their mean difference over photos, and shown in the photo in which they differ most.
+
+    Parameters
+    ----------
+    predictions, labels
+        Of each domain that the judge was asked about.
+    picture_of
+        Photo or twin of a domain and a key.
+    confidence
+        Predictions below it do not count.
+    """
+    table = read_parquet(instances, INSTANCE_COLUMNS)
+    table = table[(table["trained"] == trained) & (table["kind"] == ROCK) & (table["rock"] > 0)]
+    found = {domain: read_parquet(path, PREDICTION_COLUMNS) for domain, path in predictions.items()}
+    drawn = {domain: read_parquet(path, LABEL_COLUMNS) for domain, path in labels.items()}
+    rows = []
+    for pair in combinations(sorted(predictions, key=paper.rank), 2):
+        first, second = (table[table["evaluated"] == domain] for domain in pair)
+        chosen = [
+            [_sight(domain, key, rock, drawn[domain], found[domain], confidence) for domain in pair]
+            for key, rock in most_different(first, second, ROCKS_A_SIDE)
+        ]
+        rows.append((pair, chosen))
+    width = options.figure_width_px
+    cell = width / (4 * ROCKS_A_SIDE)
+    with page(figure, width, round(len(rows) * (cell + 50) + 50)) as sheet:
+        if not any(chosen for _, chosen in rows):
+            note(sheet, "no rock is found differently in two domains")
+            return
+        name = paper.title(paper.own_name(trained, origin["source"]))
+        sheet.suptitle(
+            f"Rocks that the judge trained on {name} finds most differently (yellow: label, blue: box, number: IoU)",
+            x=0.01,
+            ha="left",
+        )
+        sheet.get_layout_engine().set(wspace=0.01, hspace=0.1)
+        grid = sheet.subplots(len(rows), 4 * ROCKS_A_SIDE, squeeze=False)
+        for axes in grid.ravel():
+            axes.set_axis_off()
+        for row, (_, chosen) in enumerate(rows):
+            for number, sights in enumerate(chosen):
+                _draw_rock(grid[row, 2 * number : 2 * number + 2], sights, picture_of, origin["source"])
+
+
+def most_different(first: pd.DataFrame, second: pd.DataFrame, count: int) -> list[tuple[str, int]]:
+    """Key and id of rocks that are found better in the first domain, then of those better in the second.
+
+    Of rows of the instance table in each domain: key, rock, iou. Each rock is shown by its most different photo.
+    """
+    sides = [table.groupby(["key", "rock"])["iou"].max() for table in (first, second)]
+    gain = pd.concat(sides, axis=1, join="inner", keys=["first", "second"])
+    gain = (gain["first"] - gain["second"]).rename("gain").reset_index()
+    gain["terrain"] = [PhotoKey.parse(str(key)).terrain for key in gain["key"]]
+    found = []
+    for sign in (1, -1):
+        signed = gain.assign(gain=(sign * gain["gain"]).round(9))
+        means = signed.groupby(["terrain", "rock"])["gain"].mean().reset_index()
+        means = means[means["gain"] > 0].sort_values(["gain", "terrain", "rock"], ascending=[False, True, True])
+        for terrain, rock in means[["terrain", "rock"]].iloc[:count].itertuples(index=False):
+            own = signed[(signed["terrain"] == terrain) & (signed["rock"] == rock)]
+            best = own.sort_values(["gain", "key"], ascending=[False, True], kind="stable").iloc[0]
+            found.append((str(best["key"]), int(rock)))
+    return found
+
+
+def _sight(
+    domain: str, key: str, rock: int, labels: pd.DataFrame, predictions: pd.DataFrame, confidence: float
+) -> Sight:
+    """The label of a rock and the prediction that overlaps it best; of several labels the one found best."""
+    own = labels[(labels["key"] == key) & (labels["kind"] == ROCK) & (labels["rock"] == rock)]
+    sure = (predictions["key"] == key) & (predictions["kind"] == ROCK) & (predictions["confidence"] >= confidence)
+    label = boxes.clip(own[_BOX].to_numpy(float))
+    found = predictions.loc[sure, _BOX].to_numpy(float)
+    if not len(found):
+        return Sight(key, rock, domain, label[0], None, 0.0)
+    overlap = boxes.iou(label, found)
+    row, column = np.unravel_index(overlap.argmax(), overlap.shape)
+    best = float(overlap[row, column])
+    return Sight(key, rock, domain, label[row], found[column] if best > 0 else None, best)
+
+
+def _draw_rock(
+    cells: Any, sights: list[Sight], picture_of: Callable[[str, PhotoKey], Path | None], source: str
+) -> None:
+    """Both crops show the same window, each with its own white: twins may be much darker than their photo."""
+    reach = boxes.around(np.concatenate([sight.label.reshape(2, 2) for sight in sights]))
+    half = min(max(60.0, 1.1 * float((reach[2:] - reach[:2]).max())), HEIGHT / 2)
+    middle = np.clip((reach[:2] + reach[2:]) / 2, half, [WIDTH - half, HEIGHT - half])
+    key = PhotoKey.parse(sights[0].key)
+    for axes, sight in zip(cells, sights, strict=True):
+        path = picture_of(sight.domain, key)
+        axes.set_title(f"{paper.title(paper.own_name(sight.domain, source))} {sight.iou:.2f}", fontsize="small")
+        if path is None or not path.exists():
+            axes.text(0.5, 0.5, "no picture", transform=axes.transAxes, ha="center", color=FAINT)
+            continue
+        (left, top), side = np.floor(middle - half).astype(int), int(2 * half)
+        crop = png.read(path)[top : top + side, left : left + side]
+        extent = (left, left + crop.shape[1], top + crop.shape[0], top)
+        axes.imshow(to_8bit(crop), extent=extent, interpolation="antialiased")
+        if sight.found is not None:
+            _draw_box(axes, sight.found, _FOUND, "--")
+        _draw_box(axes, sight.label, _LABEL, "-")
+        axes.set_xlim(*extent[:2])
+        axes.set_ylim(*extent[2:])
+    name = cells[0].text(
+        0,
+        -0.03,
+        f"{key}, rock {sights[0].rock}",
+        transform=cells[0].transAxes,
+        va="top",
+        fontsize="x-small",
+        color=FAINT,
+    )
+    name.set_in_layout(False)  # it reaches below the second crop
+
+
+def _draw_box(axes: Any, box: np.ndarray, colour: str, style: str) -> None:
+    from matplotlib.patches import Rectangle
+
+    x0, y0, x1, y1 = box
+    axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, linestyle=style, linewidth=2))

@@ -1,0 +1,117 @@
+"""Judges on domains: the 3 x 3 matrices of detection and the bars of IPD, ours large, the paper's small beside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats.tables import read_parquet
+from polarsim.photo import ROCK
+from polarsim.report import detection_table, ipd_table, paper
+from polarsim.report.figures.canvas import FAINT, INK, SERIES, note, page
+from polarsim.report.seeds import averaged, panels, title_words
+from polarsim.scoring.options import TablesOptions
+
+TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mean"}
+
+
+def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
+    """Write detection of rocks as three matrices for each split, means over seeds: a row a judge, a column a domain."""
+    table = detection_table.tidy_detection(read_parquet(detection, detection_table.COLUMNS), origin["source"])
+    rocks = table[table["kind"] == ROCK]
+    parts = panels(rocks)
+    width = options.figure_width_px
+    with page(figure, width, round(width * 0.42) * len(parts)) as sheet:
+        if not len(rocks):
+            note(sheet, "no judged rocks")
+            return
+        small = " (small: the paper's photos and twins)" if rocks["paper_map50"].notna().any() else ""
+        sheet.suptitle(f"Rock detection, source {origin['source']}{title_words(rocks)}{small}", x=0.01, ha="left")
+        for row, (split, part) in zip(sheet.subplots(len(parts), 3, squeeze=False), parts, strict=True):
+            means = averaged(part, ("trained", "evaluated"), list(TITLES))
+            for axes, measure in zip(row, TITLES, strict=True):
+                _draw_matrix(axes, means, measure)
+            row[0].set_ylabel("trained on" if len(parts) == 1 else f"split by {split}, trained on")
+
+
+def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
+    """Write IPD of rocks as bars, a group a judge and pair of domains, a panel a split.
+
+    Bars are means over seeds; whiskers hold the 95 % intervals of all of them.
+    """
+    table = ipd_table.tidy_ipd(read_parquet(ipd, ipd_table.COLUMNS), origin["source"])
+    rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
+    parts = panels(rocks)
+    width = options.figure_width_px
+    with page(figure, width, round(width * 0.42) * len(parts)) as sheet:
+        if not len(rocks):
+            note(sheet, "no rock is labelled in two domains")
+            return
+        title = f"Instance performance difference of rocks, source {origin['source']}{title_words(rocks)}"
+        for axes, (split, part) in zip(sheet.subplots(len(parts), squeeze=False)[:, 0], parts, strict=True):
+            axes.set_title(title if len(parts) == 1 else f"{title}, split by {split}")
+            _draw_bars(axes, averaged(part, ("trained", "first", "second"), ("ipd", "ipd_abs")))
+        sheet.legend(*sheet.axes[0].get_legend_handles_labels(), ncols=3, loc="outside upper right")
+
+
+def _draw_bars(axes: Any, rocks: pd.DataFrame) -> None:
+    place = np.arange(len(rocks))
+    for shift, name, text, colour in (
+        (-0.2, "ipd", "|mean difference|", SERIES[0]),
+        (0.2, "ipd_abs", "mean |difference|", SERIES[1]),
+    ):
+        value = rocks[name].to_numpy(float)
+        below, above = value - rocks[f"{name}_low"].to_numpy(float), rocks[f"{name}_high"].to_numpy(float) - value
+        errors = np.nan_to_num(np.stack([below, above])).clip(0)
+        axes.bar(place + shift, value, 0.36, yerr=errors, color=colour, label=text, ecolor=INK, capsize=4)
+    theirs = rocks["paper_ipd"].to_numpy(float)
+    if not np.isnan(theirs).all():
+        axes.plot(place - 0.2, theirs, "D", color="white", markeredgecolor=INK, label="paper's |mean difference|")
+    names = [
+        f"{paper.title(first)} -\n{paper.title(second)}"
+        for first, second in zip(rocks["first"], rocks["second"], strict=True)
+    ]
+    axes.set_xticks(place, names)
+    axes.set_ylabel("difference of IoU")
+    axes.set_ylim(bottom=0)
+    axes.grid(visible=True, axis="y")
+    _name_judges(axes, rocks)
+
+
+def _draw_matrix(axes: Any, rocks: pd.DataFrame, measure: str) -> None:
+    trained, evaluated = paper.in_order(set(rocks["trained"])), paper.in_order(set(rocks["evaluated"]))
+    values = np.full((len(trained), len(evaluated)), np.nan)
+    theirs, spread = np.full_like(values, np.nan), np.full_like(values, np.nan)
+    for row in rocks.to_dict("records"):
+        place = trained.index(row["trained"]), evaluated.index(row["evaluated"])
+        values[place], theirs[place] = row[measure], row[f"paper_{measure}"]
+        spread[place] = row[f"{measure}_sd"]
+    axes.imshow(values, cmap="Blues", vmin=0, vmax=1.3)  # dark ink stays readable on the darkest cell
+    axes.set_title(TITLES[measure])
+    axes.set_xticks(range(len(evaluated)), [paper.title(domain) for domain in evaluated])
+    axes.set_yticks(range(len(trained)), [paper.title(domain) for domain in trained], rotation=90, va="center")
+    axes.set_xlabel("evaluated on")
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    for (row_number, column), value in np.ndenumerate(values):
+        text = "–" if np.isnan(value) else f"{value:.3f}"
+        axes.text(column, row_number, text, ha="center", va="center", fontsize="x-large", color=INK)
+        if not np.isnan(spread[row_number, column]):
+            small = f"± {spread[row_number, column]:.3f}"
+            axes.text(column, row_number + 0.17, small, ha="center", va="center", fontsize="small", color=INK)
+        if not np.isnan(theirs[row_number, column]):
+            small = f"paper {theirs[row_number, column]:.3f}"
+            axes.text(column, row_number + 0.3, small, ha="center", va="center", fontsize="small", color=INK)
+
+
+def _name_judges(axes: Any, rocks: pd.DataFrame) -> None:
+    """The judge of each group of bars, below the pairs, and a line between groups."""
+    for trained in dict.fromkeys(rocks["trained"]):
+        members = np.flatnonzero(rocks["trained"] == trained)
+        text = f"trained on {paper.title(trained)}"
+        axes.text(members.mean(), -0.2, text, transform=axes.get_xaxis_transform(), ha="center", va="top", color=FAINT)
+        if members[-1] < len(rocks) - 1:
+            axes.axvline(members[-1] + 0.5, color=FAINT, linewidth=0.8)

@@ -1,0 +1,84 @@
+"""How far the edges of carried boxes lie from the true ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats.tables import read_parquet
+from polarsim.photo import BOX_CLASSES
+from polarsim.report.figures.canvas import FAINT, SERIES, note, page
+from polarsim.scoring.label_pairs import EDGES, PAIR_COLUMNS, TRUE_EDGES
+from polarsim.scoring.labels import EXPOSURES, LIGHT, TASKS
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.quality import TRUTH_NAMES
+
+SIDES = ("left", "top", "right", "bottom")
+REACH = 20  # pixels to both sides that the histograms show
+COPIED = (EXPOSURES, LIGHT)  # left out of the printed medians where other tasks are there: mostly zeros
+_GOOD = 1.4826  # robust sd over median absolute deviation
+
+
+def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, options: TablesOptions) -> None:
+    """Write histograms of edge errors, a row a kind, a column an edge, a line a task, from `label_pairs`."""
+    table = read_parquet(pairs, list(PAIR_COLUMNS))
+    errors = edge_errors(table)
+    name = TRUTH_NAMES[table["against"].iloc[0]] if len(table) else ""
+    width = options.figure_width_px
+    with page(figure, width, round(width * 0.5)) as sheet:
+        if not errors:
+            note(sheet, f"Terrain {terrain:02d}: no box of both")
+            return
+        sheet.suptitle(f"Terrain {terrain:02d}: edges of our boxes less those of {name}", x=0.01, ha="left")
+        grid = sheet.subplots(len(BOX_CLASSES), len(SIDES), sharex=True, squeeze=False)
+        for row, kind in enumerate(BOX_CLASSES):
+            parts = {task: errors[kind, task] for task in TASKS if (kind, task) in errors}
+            for column, edge in enumerate(SIDES):
+                _draw_edge(grid[row, column], {task: values[:, column] for task, values in parts.items()})
+                grid[row, column].set_title(f"{kind}, {edge}")
+        for axes in grid[-1]:
+            axes.set_xlabel("error, px")
+        for axes in grid[:, 0]:
+            axes.set_ylabel("share of boxes")
+        shown = [task for task in TASKS if any(task == part for _, part in errors)]
+        lines = [_line(task) for task in shown]
+        sheet.legend(lines, shown, loc="outside lower center", ncols=len(shown))
+
+
+def edge_errors(pairs: pd.DataFrame) -> dict[tuple[str, str], np.ndarray]:
+    """Our edges less the true ones, (n, 4) pixels, of paired boxes by kind and task."""
+    return {
+        (str(kind), str(task)): part[list(EDGES)].to_numpy(float) - part[list(TRUE_EDGES)].to_numpy(float)
+        for (kind, task), part in pairs[pairs["hit"]].groupby(["kind", "task"], sort=False)
+    }
+
+
+def _draw_edge(axes: Any, parts: Mapping[str, np.ndarray]) -> None:
+    bins = np.arange(-REACH - 0.5, REACH + 1)
+    tallest = 0.0
+    for task, values in parts.items():
+        share = np.histogram(values.clip(-REACH, REACH), bins)[0] / len(values)
+        axes.stairs(share, bins, color=SERIES[TASKS.index(task) % len(SERIES)], linewidth=1.8)
+        tallest = max(tallest, float(np.sort(share)[-2]), 0.4 * float(share.max()))
+    axes.axvline(0, color=FAINT, linewidth=0.8)
+    axes.set_xlim(-REACH - 0.5, REACH + 0.5)
+    if not parts:
+        axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", color=FAINT)
+        return
+    axes.set_ylim(0, 1.1 * tallest)
+    moved = [values for task, values in parts.items() if task not in COPIED]
+    everything = np.concatenate(moved or list(parts.values()))
+    middle = float(np.median(everything))
+    spread = _GOOD * float(np.median(np.abs(everything - middle)))
+    text = f"n {len(everything)}\nmedian {middle:+.1f}\nrobust sd {spread:.1f}"
+    axes.text(0.98, 0.97, text, transform=axes.transAxes, ha="right", va="top", color=FAINT, fontsize="small")
+
+
+def _line(task: str) -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=SERIES[TASKS.index(task) % len(SERIES)], linewidth=2.5)

@@ -1,0 +1,148 @@
+"""Opposition effect: crops of photo and twins where the lamp stands behind the camera, and far from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.formats import png
+from polarsim.formats.files import write_json
+from polarsim.formats.tone import to_8bit
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
+from polarsim.report import paper
+from polarsim.report.figures.canvas import note, page
+from polarsim.report.phase import Place, extreme_places
+from polarsim.scoring.options import TablesOptions
+
+NEAR_DEG = 10.0  # farther from opposition nothing of its surge is left to see (h_s of Sato et al. 2014: 4 degrees)
+HALF_PX = 140  # of the crops
+_WELL_EXPOSED_DN = 1000.0  # median of the crop above black
+_ROW_PX = 60  # of titles
+
+
+def draw_opposition(
+    *,
+    keys: Sequence[PhotoKey],
+    cameras: Mapping[int, Path],
+    photo_domain: str,
+    models: Sequence[str],
+    picture_of: Callable[[str, PhotoKey], Path | None],
+    figure: Path,
+    words: Path,
+    options: TablesOptions,
+) -> None:
+    """Write the figure, and in a JSON file what it shows or why it shows nothing.
+
+    Rows: the smallest and the largest phase angle; columns: photo and twins. Each crop has its own white, and below it
+    how bright it is: a surge that one model has and the other has not would hide all else.
+
+    Parameters
+    ----------
+    keys
+        Photos that may be shown; the terrain that comes nearest to opposition is.
+    cameras
+        Folder of each terrain's rig poses and lamps.
+    picture_of
+        Photo or twin of a domain and a key.
+    """
+    domains = [photo_domain, *models]
+    pictured = [key for key in keys if all(_exists(picture_of(domain, key)) for domain in domains)]
+    places = _of_best_terrain(pictured, cameras)
+    facts = _refused(places)
+    if places is None or facts:
+        with page(figure, options.figure_width_px, 300) as sheet:
+            note(sheet, facts)
+        write_json(words, {"shown": False, "words": facts})
+        return
+    width = options.figure_width_px
+    cell = width // len(domains)
+    told = []
+    with page(figure, width, 2 * (cell + _ROW_PX)) as sheet:
+        grid = sheet.subplots(2, len(domains), squeeze=False)
+        for axes, place in zip(grid, places, strict=True):
+            alike = [key for key in pictured if key.photo_set == place.key.photo_set]
+            crops_of = {key: [_crop(picture_of(domain, key), place) for domain in domains] for key in alike}
+            key = min(crops_of, key=lambda key: (_off_grey(crops_of[key]), key))
+            crops = crops_of[key]
+            _draw_row(axes, crops, domains, place, key)
+            told.append(_words(crops, domains, place, key))
+    write_json(words, {"shown": True, "words": " ".join(told).removesuffix(".")})
+
+
+def _refused(places: tuple[Place, Place] | None) -> str:
+    """Why nothing can be shown; "" where something can."""
+    if places is None:
+        return "No photo of this run with its twins is lit by a single lamp, so none has a phase angle to show"
+    nearest = places[0].phase_deg
+    if nearest > NEAR_DEG:
+        return (
+            f"The smallest phase angle in this run is {nearest:.1f} degrees ({places[0].key}), too far from opposition "
+            f"to show its surge (less than {NEAR_DEG:g} degrees)"
+        )
+    return ""
+
+
+def _exists(path: Path | None) -> bool:
+    return path is not None and path.exists()
+
+
+def _of_best_terrain(keys: Sequence[PhotoKey], cameras: Mapping[int, Path]) -> tuple[Place, Place] | None:
+    """The places of the terrain that comes nearest to opposition; of several alike the first one."""
+    found = [
+        extreme_places([key for key in keys if key.terrain == terrain], folder, HALF_PX)
+        for terrain, folder in sorted(cameras.items())
+    ]
+    return min((places for places in found if places), key=lambda places: round(places[0].phase_deg, 1), default=None)
+
+
+def _off_grey(crops: Sequence[np.ndarray]) -> tuple[int, float]:
+    """How many crops tell no brightness, and how far the one that is exposed worst is from a middle grey, in stops."""
+    unclear = sum(not _is_clear(_signal(crop)) for crop in crops)
+    return unclear, max(abs(float(np.log2(max(_signal(crop), 1.0) / _WELL_EXPOSED_DN))) for crop in crops)
+
+
+def _crop(path: Path | None, place: Place) -> np.ndarray:
+    assert path is not None, "only pictures that are there are asked for"
+    left, top = int(place.u) - HALF_PX, int(place.v) - HALF_PX
+    return png.read(path)[top : top + 2 * HALF_PX, left : left + 2 * HALF_PX]
+
+
+def _signal(crop: np.ndarray) -> float:
+    """Median, DN above black."""
+    return float(np.median(crop.astype(float)) - BLACK_LEVEL)
+
+
+def _is_clear(signal: float) -> bool:
+    """Whether a median, DN above black, is neither black nor clipped."""
+    return 1 <= signal < WHITE_LEVEL - BLACK_LEVEL
+
+
+def _draw_row(axes: Any, crops: list[np.ndarray], domains: Sequence[str], place: Place, key: PhotoKey) -> None:
+    for panel, domain, crop in zip(axes, domains, crops, strict=True):
+        panel.imshow(to_8bit(crop), interpolation="antialiased")
+        panel.set_xticks([])
+        panel.set_yticks([])
+        panel.set_title(paper.title(domain))
+        panel.set_xlabel(f"median {_signal(crop):.0f} DN")
+    axes[0].set_ylabel(f"phase {place.phase_deg:.1f}°\n{key}", fontsize="small")
+
+
+def _words(crops: list[np.ndarray], domains: Sequence[str], place: Place, key: PhotoKey) -> str:
+    """How bright the twins are beside the photo; nothing is said about crops that are clipped or dark."""
+    photo = _signal(crops[0])
+    start = f"At a phase angle of {place.phase_deg:.1f} degrees ({key})"
+    signals = {domain: _signal(crop) for domain, crop in zip(domains[1:], crops[1:], strict=True)}
+    unclear = [domain for domain, signal in {domains[0]: photo, **signals}.items() if not _is_clear(signal)]
+    if unclear:
+        return f"{start} the median of {_listed(map(paper.title, unclear))} is clipped or black: no comparison."
+    told = _listed(f"{signal / photo:.2f} ({paper.title(domain)})" for domain, signal in signals.items())
+    return f"{start} the crop's median over that of {paper.title(domains[0])} is {told}."
+
+
+def _listed(words: Iterable[str]) -> str:
+    """a; a and b; a, b and c."""
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last

@@ -1,0 +1,71 @@
+"""How often labels are right, against how sure they say they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats.tables import read_parquet
+from polarsim.photo import BOX_CLASSES
+from polarsim.report.figures.canvas import FAINT, INK, SERIES, note, page
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.reliability import ANY_SOURCE, COLUMNS, brier_score, calibration_error
+
+
+def draw_reliability(*, reliability: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
+    """Write the reliability diagram, a panel a kind, from tables/reliability.parquet."""
+    bins = read_parquet(reliability, list(COLUMNS))
+    width = options.figure_width_px
+    with page(figure, width, round(width * 0.56)) as sheet:
+        if not len(bins):
+            note(sheet, "no label was compared with a true box")
+            return
+        sources = sorted(set(bins["label_source"]) - {ANY_SOURCE})
+        colours = dict(zip(sources, SERIES * len(sources), strict=False)) | {ANY_SOURCE: INK}
+        sheet.suptitle(f"Confidence of labels, source {origin['source']}", x=0.01, ha="left")
+        for axes, kind in zip(sheet.subplots(1, len(BOX_CLASSES)), BOX_CLASSES, strict=True):
+            _draw_kind(axes, bins[bins["kind"] == kind], colours)
+            axes.set_title(kind)
+            axes.set_xlabel("confidence")
+        sheet.axes[0].set_ylabel("share of labels that are right")
+        lines = [_line(colours[name], name) for name in (*sources, ANY_SOURCE)]
+        sheet.legend(lines, [*sources, "all sources"], loc="outside lower center", ncols=len(lines))
+
+
+def _draw_kind(axes: Any, bins: pd.DataFrame, colours: dict[str, str]) -> None:
+    axes.plot([0, 1], [0, 1], color=FAINT, linewidth=0.8, linestyle="--")
+    axes.set_xlim(-0.02, 1.02)
+    axes.set_ylim(-0.02, 1.02)
+    axes.set_aspect("equal")
+    axes.grid(visible=True)
+    texts = []
+    for name, colour in colours.items():
+        chosen = bins[bins["label_source"] == name].sort_values("confidence")
+        if not len(chosen):
+            continue
+        right = chosen["right"].to_numpy(float)
+        reach = np.stack([right - chosen["right_low"], chosen["right_high"] - right]).clip(0)
+        axes.errorbar(chosen["confidence"], right, yerr=reach, color=colour, **_look(name), capsize=3, elinewidth=1.2)
+        texts.append(
+            f"{name}: n {round(chosen['labels'].sum())}, ECE {calibration_error(chosen):.3f}, "
+            f"Brier {brier_score(chosen):.3f}"
+        )
+    plain = {"facecolor": "white", "edgecolor": "none"}  # no grid behind the figures
+    text = "\n".join(texts)
+    axes.text(0.03, 0.97, text, transform=axes.transAxes, va="top", color=FAINT, fontsize="small", bbox=plain)
+
+
+def _look(name: str) -> dict[str, Any]:
+    """Sources are points; all together are a line through larger, open points."""
+    if name == ANY_SOURCE:
+        return {"marker": "o", "markersize": 10, "markerfacecolor": "none", "linewidth": 1.2}
+    return {"marker": "o", "markersize": 6, "linewidth": 0, "linestyle": "none"}
+
+
+def _line(colour: str, name: str) -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=colour, **_look(name))

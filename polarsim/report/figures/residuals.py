@@ -1,0 +1,124 @@
+"""How far projected meshes lie from the boxes that people drew, as arrows in the photos."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.formats import png
+from polarsim.formats.obj import Mesh
+from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.run_files import cover_photo_of, photo_of
+from polarsim.formats.scene import TerrainMesh, read_terrain
+from polarsim.formats.seeds import read_rock_boxes
+from polarsim.formats.tone import to_8bit
+from polarsim.geometry.boxes import centres, iou
+from polarsim.geometry.consensus import consensus_boxes
+from polarsim.geometry.matching import assign
+from polarsim.geometry.outlines import Outlines, outlines_of
+from polarsim.photo import HEIGHT, NO_ROCK, WIDTH, PhotoKey
+from polarsim.report.figures.canvas import SERIES, note, page, picture
+from polarsim.scoring.match_rule import MatchRule
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.surface import Surface
+
+LENGTHENED = 20  # times that arrows are longer than what they show
+DRAWN, PROJECTED = "#ffb000", SERIES[5]
+GREY = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)  # where there is no photo
+
+
+def draw_residuals(
+    *,
+    terrain: int,
+    cameras: Path,
+    meshes: Path,
+    seeds: Path,
+    photos: Mapping[str, Path | None],
+    rule: MatchRule,
+    figure: Path,
+    options: TablesOptions,
+) -> None:
+    """Write a panel a position: agreed seed boxes, boxes of the projected meshes, and arrows from those to these.
+
+    Parameters
+    ----------
+    photos : position -> Path or None
+        A left photo or cover photo of each position to draw on; a grey page where there is none.
+    """
+    placed, drawn = read_all_placed(cameras), read_rock_boxes(seeds, terrain)
+    outlines = outlines_of(_above_ground(read_terrain(meshes, terrain)), rule.trim, rule.trim_share)
+    width, columns = options.figure_width_px, min(2, max(1, len(placed)))
+    rows = -(-len(placed) // columns)
+    with page(figure, width, round(width / columns * rows * 0.77)) as sheet:
+        if not placed:
+            note(sheet, "no position")
+            return
+        panels = sheet.subplots(rows, columns, squeeze=False).ravel()
+        for axes in panels[len(placed) :]:
+            axes.set_axis_off()
+        for axes, (position, rig) in zip(panels, sorted(placed.items()), strict=False):
+            boxes = consensus_boxes(drawn.get(position, []), rule.consensus_share, rule.same_iou)
+            _draw_position(axes, f"Terrain {terrain:02d}, {position}", rig, outlines, boxes, photos.get(position), rule)
+
+
+def draw_residuals_of_run(*, terrain: int, run: Path, rule: MatchRule, figure: Path, options: TablesOptions) -> None:
+    """The figure of a terrain's residuals, drawn on a seed's photo of each position, or on its cover photo."""
+    folder = f"Terrain{terrain:02d}"
+    seeds = run / "acquire" / folder / "seeds"
+    photos: dict[str, Path | None] = {}
+    for key in (PhotoKey.parse(path.stem) for path in sorted(seeds.glob("*.txt"))):
+        if key.camera == "L" and photos.get(key.position) is None:
+            photos[key.position] = photo_of(run, key) or cover_photo_of(run, key)
+    draw_residuals(
+        terrain=terrain,
+        cameras=run / "cameras" / folder,
+        meshes=run / "meshes" / folder,
+        seeds=seeds,
+        photos=photos,
+        rule=rule,
+        figure=figure,
+        options=options,
+    )
+
+
+def _above_ground(scene: TerrainMesh) -> dict[int, Mesh]:
+    """Rocks with what lies in the sand raised to its surface: people draw what they see."""
+    level = scene.part(NO_ROCK)
+    ground = Surface(level.vertices, level.faces)
+    raised = {}
+    for rock in scene.rocks:
+        mesh = scene.part(rock)
+        lift = np.nan_to_num(np.maximum(-ground.height_below(mesh.vertices), 0))  # NaN beside the ground
+        raised[rock] = Mesh(mesh.vertices + lift[:, None] * [0.0, 0.0, 1.0], mesh.faces)
+    return raised
+
+
+def _draw_position(
+    axes: Any, name: str, rig: PlacedRig, outlines: Outlines, boxes: np.ndarray, photo: Path | None, rule: MatchRule
+) -> None:
+    pixels = to_8bit(png.read(photo)) if photo is not None and photo.exists() else GREY
+    projected = outlines.seen(rig.rig.left, rig.sandbox_from("L"))
+    rows, columns = assign(projected, boxes, rule.gate_px)
+    ours, theirs = projected[rows], boxes[columns]
+    start, end = centres(theirs), centres(ours)
+    scale = pixels.shape[1] / WIDTH
+    if len(rows):
+        off = np.median(np.abs(end - start), axis=0)
+        overlap = np.diag(iou(ours, theirs)).mean()
+        name += f": {len(rows)} of {len(boxes)} boxes\nmean IoU {overlap:.2f}, median {off[0]:.1f}, {off[1]:.1f} px"
+    else:
+        name += f": none of {len(boxes)} boxes\npaired with a mesh"
+    picture(axes, pixels, name)
+    for some, colour in ((theirs, DRAWN), (ours, PROJECTED)):
+        for x0, y0, x1, y1 in some * scale:
+            axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=colour, linewidth=0.9)
+    if len(rows):
+        axes.quiver(
+            *(start * scale).T, *(LENGTHENED * scale * (end - start)).T, color=SERIES[1], angles="xy",
+            scale_units="xy", scale=1, width=0.004,
+        )  # fmt: skip
+    height, width = pixels.shape[:2]
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))  # arrows and boxes may reach out of the photo

@@ -1,0 +1,111 @@
+"""Photo and twins in rows, as the paper's figures 4 and 5: labels with rock ids, and what one judge sees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import log2
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.annotate.overlay import Marks, draw_labels
+from polarsim.annotate.show import rows_of
+from polarsim.formats import png
+from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.formats.tone import to_8bit
+from polarsim.photo import HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey
+from polarsim.report import paper
+from polarsim.report.figures.canvas import note, page, picture
+from polarsim.report.figures.gap_rocks import INSTANCE_COLUMNS, PREDICTION_COLUMNS
+from polarsim.scoring.options import TablesOptions
+
+PHOTOS = 2  # side by side, of different terrains where there are
+FOUND = (0, 229, 255)  # of predicted boxes
+_TITLE_PX = 50
+_USUAL_MS = 256
+
+
+def draw_seen(
+    *,
+    trained: str,
+    instances: Path,
+    predictions: Mapping[str, Path],
+    labels: Mapping[str, Path],
+    picture_of: Callable[[str, PhotoKey], Path | None],
+    confidence: float,
+    figure: Path,
+    origin: dict[str, str],
+    options: TablesOptions,
+) -> None:
+    """Write the figure of one judge: a row a domain, a column a test photo; each picture has its own white.
+
+    Parameters
+    ----------
+    instances
+        Rows of the labels that the judge was asked about: their keys are those of the test.
+    predictions, labels
+        Of each domain that the judge was asked about.
+    picture_of
+        Photo or twin of a domain and a key.
+    confidence
+        Predictions below it are not drawn.
+    """
+    table = read_parquet(instances, INSTANCE_COLUMNS)
+    keys = shown_keys(table[(table["trained"] == trained) & (table["kind"] == ROCK)])
+    domains = sorted(predictions, key=paper.rank)
+    width = options.figure_width_px // max(1, len(keys))
+    height = round(width * HEIGHT / WIDTH) + _TITLE_PX
+    with page(figure, options.figure_width_px, height * max(1, len(domains)) if keys else 300) as sheet:
+        if not keys:
+            note(sheet, "no test photo has a labelled rock in every domain")
+            return
+        grid = sheet.subplots(len(domains), len(keys), squeeze=False)
+        for row, domain in enumerate(domains):
+            drawn = read_parquet(labels[domain], LABEL_COLUMNS)
+            found = read_parquet(predictions[domain], PREDICTION_COLUMNS)
+            found = found[(found["kind"] == ROCK) & (found["confidence"] >= confidence)]
+            name = paper.title(paper.own_name(domain, origin["source"]))
+            for axes, key in zip(grid[row], keys, strict=True):
+                path = picture_of(domain, key)
+                if path is None or not path.exists():
+                    axes.set_axis_off()
+                    note(axes.figure, f"{name}: no picture of {key}")
+                    continue
+                seen = _with_boxes(to_8bit(png.read(path)), rows_of(drawn, key), found[found["key"] == str(key)], width)
+                picture(axes, seen, f"{name}, {key}")
+
+
+def shown_keys(instances: pd.DataFrame) -> list[PhotoKey]:
+    """Test photos that show most: Sun lamp on, rover light off, near 256 ms, Left, with many rocks; one a terrain.
+
+    Of rows of the rocks that a judge was asked about in each domain (`evaluated`, `key`, `rock`); only photos that have
+    a labelled rock in all of them count. Where there are fewer terrains than `PHOTOS`, there are fewer photos.
+    """
+    known = instances[instances["rock"] != NO_ROCK]
+    labelled = known.groupby(["key", "evaluated"])["rock"].nunique().reset_index().groupby("key")["rock"]
+    everywhere = labelled.count() == instances["evaluated"].nunique()
+    counts = labelled.min()[everywhere]
+    places = sorted((_place(PhotoKey.parse(str(key)), int(number)) for key, number in counts.items()))
+    chosen: dict[int, tuple[tuple[object, ...], PhotoKey]] = {}
+    for *place, key in places:
+        chosen.setdefault(key.terrain, (tuple(place), key))
+    ordered = sorted(chosen.values(), key=lambda entry: entry)
+    return sorted(key for _, key in ordered[:PHOTOS])
+
+
+def _place(key: PhotoKey, rocks: int) -> tuple[bool, bool, float, bool, int, PhotoKey]:
+    near = abs(log2(key.exposure_ms / _USUAL_MS))
+    return key.azimuth == "no", key.light == "on", near, key.camera == "R", -rocks, key
+
+
+def _with_boxes(pixels: np.ndarray, labels: pd.DataFrame, found: pd.DataFrame, width: int) -> np.ndarray:
+    """(h', width, 3) uint8: rock labels with their ids, and predicted boxes above them."""
+    from PIL import Image, ImageDraw
+
+    shown = draw_labels(pixels, labels, width, Marks((ROCK,), confidences=False))
+    image = Image.fromarray(shown)
+    pen, line, scale = ImageDraw.Draw(image), max(1, round(width / 500)), width / WIDTH
+    for box in found[["x0", "y0", "x1", "y1"]].to_numpy(float) * scale:
+        pen.rectangle([float(edge) for edge in box], outline=FOUND, width=line)
+    return np.asarray(image)

@@ -1,0 +1,213 @@
+"""A terrain's meshes and cuboids: from above as a height map, and at a slant under a Sun lamp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats import obj
+from polarsim.formats.scene import FITTED, PUBLISHED, SCANNED, TerrainMesh, made_from, read_terrain
+from polarsim.formats.tables import read_parquet
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import looking
+from polarsim.geometry.rays import Caster, caster
+from polarsim.photo import NO_ROCK
+from polarsim.report.figures.canvas import INK, note, page, picture
+from polarsim.scoring.options import TablesOptions
+from polarsim.survey import SANDBOX_HALF_WIDTH, lamp_position
+
+CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
+STEP = 0.0075  # metres between the rays of the view from above
+SKY = 3.0  # metres: where those rays start
+OUTLINE = "#d55e00"
+SPAN = 0.15  # metres that the colours cover at least: flat sand shall look flat
+AMBIENT = 0.12  # share of light without direction in the slanted view
+HEIGHTS = {  # what the colours of the map mean, by what the ground was made from
+    SCANNED: "height above the sand's level, m",
+    PUBLISHED: "height in the published ground's frame, m",
+    FITTED: "height, m, on a smooth ground fitted under the rocks",
+}
+SAND, STONE = np.array([0.78, 0.74, 0.68]), np.array([0.93, 0.62, 0.25])
+
+
+@dataclass(frozen=True)
+class TopView:
+    """A terrain from above, a pixel a `STEP`, row 0 at the largest y."""
+
+    height: np.ndarray  # (h, w) metres, NaN where there is no surface
+    rock: np.ndarray  # (h, w) rock id or NO_ROCK
+    extent: tuple[float, float, float, float]  # x from, x to, y from, y to
+
+
+def draw_terrain(
+    *, terrain: int, rocks: Path, meshes: Path, meshes_figure: Path, crops_figure: Path, options: TablesOptions
+) -> None:
+    """Write two figures of a terrain: its meshes from above and aslant, and the cuboids of its rocks.
+
+    Parameters
+    ----------
+    rocks
+        rocks.parquet.
+    meshes
+        Folder of the terrain.
+    """
+    table = read_parquet(rocks, CUBOID_COLUMNS)
+    scene = read_terrain(meshes, terrain)
+    rays = caster(scene.vertices, scene.faces)
+    top = top_view(scene, rays)
+    heights = HEIGHTS.get(made_from(meshes).get(obj.ground_name(terrain), ""), HEIGHTS[SCANNED])
+    name, width = f"Terrain {terrain:02d}", options.figure_width_px
+    with page(meshes_figure, width, round(width * 0.46)) as sheet:
+        _draw_meshes(sheet, name, scene, rays, top, width, heights)
+    with page(crops_figure, width, round(width * 0.5)) as sheet:
+        _draw_crops(sheet, name, table, top, heights)
+
+
+def _draw_meshes(
+    sheet: Any, name: str, scene: TerrainMesh, rays: Caster, top: TopView, width: int, heights: str
+) -> None:
+    """The meshes from above with rock outlines and ids, and at a slant from tripod A's side."""
+    above, aslant = sheet.subplots(1, 2, width_ratios=[1, 1.15])
+    _draw_top(sheet, above, top, f"{name} from above, {len(scene.rocks)} rocks", heights)
+    for rock in scene.rocks:
+        _draw_outline(above, top, rock)
+        _write_id(above, rock, *_middle(top, rock, scene))
+    picture(aslant, slanted_view(scene, rays, round(width * 0.52)), "From tripod A's side, lamp at Sun azimuth 30")
+
+
+def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView, heights: str) -> None:
+    """The cuboids over the view from above, and their heights from the side."""
+    above, side = sheet.subplots(1, 2, width_ratios=[1.15, 1])
+    _draw_top(sheet, above, top, f"{name}: cuboids of {len(table)} rocks, from above", heights)
+    _draw_rectangles(above, table, "x", "y")
+    side.set_title("From the side")
+    side.set(xlabel="x, m", ylabel="z, m")
+    side.grid(visible=True)
+    if not len(table):
+        side.text(0.5, 0.5, "no rocks", transform=side.transAxes, ha="center")
+        return
+    _draw_rectangles(side, table, "x", "z")
+    low, high = table["z0"].min(), table["z1"].max()
+    side.set_xlim(-SANDBOX_HALF_WIDTH, SANDBOX_HALF_WIDTH)
+    side.set_ylim(low - 0.05, high + 0.1)
+
+
+def top_view(scene: TerrainMesh, rays: Caster) -> TopView:
+    """Cast rays straight down over the sand."""
+    low = np.maximum(scene.vertices[:, :2].min(axis=0), -SANDBOX_HALF_WIDTH - 0.3)
+    high = np.minimum(scene.vertices[:, :2].max(axis=0), SANDBOX_HALF_WIDTH + 0.3)
+    x = np.arange(low[0] + STEP / 2, high[0], STEP)
+    y = np.arange(low[1] + STEP / 2, high[1], STEP)[::-1]
+    across, along = np.meshgrid(x, y)
+    origins = np.stack([across, along, np.full_like(across, SKY)], axis=-1).reshape(-1, 3)
+    distance, face = rays.nearest(origins, np.tile([0.0, 0.0, -1.0], (len(origins), 1)))
+    height = np.where(np.isfinite(distance), SKY - distance, np.nan)
+    rock = np.where(face >= 0, scene.rock_of_face[face], NO_ROCK)
+    extent = (float(low[0]), float(high[0]), float(low[1]), float(high[1]))
+    return TopView(height.reshape(across.shape), rock.reshape(across.shape), extent)
+
+
+def slanted_view(scene: TerrainMesh, rays: Caster, width: int) -> np.ndarray:
+    """(h, width, 3) picture from tripod A's side: diffuse light of one lamp with cast shadows, rocks tinted."""
+    height = round(0.62 * width)
+    lens = Lens(1.02 * width, 1.02 * width, width / 2, height / 2, width=width, height=height)
+    sandbox_from_camera = looking(np.array([3.9, -0.2, 2.3]), np.pi, np.radians(32.0))
+    directions = sandbox_from_camera.rotate(lens.pixel_directions().reshape(-1, 3))
+    origins = np.broadcast_to(sandbox_from_camera.translation, directions.shape)
+    distance, face = rays.nearest(origins, directions)
+    hit = np.flatnonzero(face >= 0)
+    points = origins[hit] + distance[hit, None] * directions[hit]
+    to_lamp = lamp_position("30", lift=scene.sand_level) - points
+    flat, smooth = _normals(scene, face[hit], points)
+    lit = ~rays.blocked(points + 1e-3 * flat, to_lamp, 1.0)
+    towards = to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
+    shade = AMBIENT * (0.6 + 0.4 * smooth[:, 2]) + lit * np.einsum("nk,nk->n", smooth, towards).clip(0) * 1.6
+    colour = np.where((scene.rock_of_face[face[hit]] == NO_ROCK)[:, None], SAND, STONE)
+    pixels = np.ones((height * width, 3))
+    pixels[hit] = (colour * shade[:, None]).clip(0, 1) ** (1 / 2.2)
+    return np.round(255 * pixels.reshape(height, width, 3)).astype(np.uint8)
+
+
+def _normals(scene: TerrainMesh, face: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (n, 3) of the faces, and between their vertices' normals at points (n, 3) on them."""
+    a, b, c = (scene.vertices[scene.faces[face, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    squared = np.maximum(np.einsum("nk,nk->n", normal, normal), 1e-30)
+    v = np.einsum("nk,nk->n", np.cross(points - a, c - a), normal) / squared
+    w = np.einsum("nk,nk->n", np.cross(b - a, points - a), normal) / squared
+    weights = np.stack([1 - v - w, v, w], axis=1).clip(0)
+    smooth = np.einsum("nj,njk->nk", weights, scene.normals[scene.faces[face]])
+    return normal / np.sqrt(squared)[:, None], smooth / np.linalg.norm(smooth, axis=1, keepdims=True).clip(1e-9)
+
+
+def _draw_top(sheet: Any, axes: Any, top: TopView, title: str, heights: str) -> None:
+    """The height map, shaded by a light from azimuth 135 as maps are; `heights` names what its colours mean."""
+    from matplotlib.colors import LightSource
+
+    axes.set_title(title)
+    axes.set(xlabel="x (Sun azimuth 0), m", ylabel="y (Sun azimuth 90), m")
+    axes.set_aspect("equal")
+    if not np.isfinite(top.height).any():
+        note(sheet, "no surface")
+        return
+    ground = top.height[np.isfinite(top.height) & (top.rock == NO_ROCK)]
+    low, high = np.percentile(ground if len(ground) else top.height[np.isfinite(top.height)], [0.5, 99.5])
+    low, high = min(low, (low + high - SPAN) / 2), max(high, (low + high + SPAN) / 2)
+    image = axes.imshow(top.height, extent=top.extent, cmap="cividis", vmin=low, vmax=high)
+    filled = np.where(np.isfinite(top.height), top.height, low)
+    light = LightSource(azdeg=315, altdeg=35).hillshade(filled, vert_exag=2, dx=STEP, dy=STEP)
+    grey = np.zeros((*light.shape, 4))
+    grey[..., :3] = np.where(light > 0.5, 1.0, 0.0)[..., None]
+    grey[..., 3] = np.abs(light - 0.5) * 0.9
+    axes.imshow(grey, extent=top.extent)
+    sheet.colorbar(image, ax=axes, label=heights, shrink=0.8)
+
+
+def _draw_outline(axes: Any, top: TopView, rock: int) -> None:
+    """The rock's outline as seen from above; nothing where the rock lies below others."""
+    shown = np.argwhere(top.rock == rock)
+    if len(shown):
+        (row0, column0), (row1, column1) = np.maximum(shown.min(axis=0) - 2, 0), shown.max(axis=0) + 3
+        part = slice(row0, row1), slice(column0, column1)
+        inside = (top.rock[part] == rock).astype(float)
+        if min(inside.shape) > 1:
+            axes.contour(_columns(top)[part[1]], _rows(top)[part[0]], inside, levels=[0.5], colors=[OUTLINE])
+
+
+def _draw_rectangles(axes: Any, table: pd.DataFrame, across: str, up: str) -> None:
+    from matplotlib.patches import Rectangle
+
+    for row in table.to_dict("records"):
+        x, y = row[f"{across}0"], row[f"{up}0"]
+        wide, high = row[f"{across}1"] - x, row[f"{up}1"] - y
+        axes.add_patch(Rectangle((x, y), wide, high, fill=False, edgecolor=OUTLINE, linewidth=1.3))
+        _write_id(axes, int(row["rock"]), x + wide / 2, y + high)
+
+
+def _write_id(axes: Any, rock: int, x: float, y: float) -> None:
+    from matplotlib.patheffects import withStroke
+
+    axes.text(
+        x, y, str(rock), ha="center", va="bottom", color=INK, path_effects=[withStroke(linewidth=3, foreground="white")]
+    )
+
+
+def _middle(top: TopView, rock: int, scene: TerrainMesh) -> tuple[float, float]:
+    """Where a rock's number stands: at its upper edge on the map, or where its mesh is when it lies below others."""
+    shown = np.argwhere(top.rock == rock)
+    if not len(shown):
+        middle = scene.rock_vertices(rock).mean(axis=0)
+        return float(middle[0]), float(middle[1])
+    return float(_columns(top)[shown[:, 1]].mean()), float(_rows(top)[shown[:, 0]].max())
+
+
+def _columns(top: TopView) -> np.ndarray:
+    return top.extent[0] + STEP * (np.arange(top.height.shape[1]) + 0.5)
+
+
+def _rows(top: TopView) -> np.ndarray:
+    return top.extent[2] + STEP * (np.arange(top.height.shape[0])[::-1] + 0.5)

@@ -1,0 +1,112 @@
+"""The gap ledger: what replacing one ingredient of the twin changes, the one that closes most of the gap first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from polarsim.formats.tables import read_parquet
+from polarsim.photo import ROCK
+from polarsim.report import paper
+from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
+from polarsim.report.seeds import by_splits, over_seeds, seed_notes
+
+FIGURES = ("ipd", "ipd_abs", "map50", "alarms", "alarm_area")
+ENDS = ("_twin", "", "_change", "_change_low", "_change_high")
+COLUMNS = (
+    "split", "seed", "ingredient", "replaced", "model", "trained", "kind", "judge", "epochs", "imgsz", "images",
+    "units", "unit", "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "alarms_photo", "alarm_area_photo",
+    *(f"{figure}{end}" for figure in FIGURES for end in ENDS),
+)  # fmt: skip
+CAPTION = (
+    "Gap ledger, {kind}s: one ingredient of the {model} twin is replaced at a time (T: judge trained on). Changes are "
+    "against the twin as it was, with 95 % intervals; below zero in IPD the gap closes."
+)
+NOTES = (
+    "IPD between photos and twins: ipd is the absolute value of the mean difference of IoU, ipd_abs the mean of the "
+    "absolute differences, both over the rocks or shadows (pairs) that photo, twin and changed twin have. Both IPDs "
+    "of a row are drawn by the same resamples, so the interval is that of their difference.",
+    "Judges are those of the run and were not trained again: the ledger tells what of the gap they see, not what a "
+    "training on better twins would bring. Ingredients interact, so changes do not add up.",
+    "False alarms: rocks seen where none is labelled, per area of a whole photo, over their rock-free area.",
+)
+
+
+def tabulate_gap(*, ledger: Path, stem: Path, origin: dict[str, str]) -> None:
+    """Write tables/gap.{csv,md,tex,parquet} from gap/ledger.parquet."""
+    table = tidy_gap(read_parquet(ledger, COLUMNS), origin["source"])
+    model = paper.title(str(table["model"].iloc[0]))
+    blocks = {
+        CAPTION.format(kind=kind, model=model): lay_out_gap(rows) for kind, rows in table.groupby("kind", sort=False)
+    }
+    blocks["What was replaced."] = table[["ingredient", "replaced"]].drop_duplicates().reset_index(drop=True)
+    notes = [*NOTES, *judge_notes(table), *seed_notes(table), origin_note(origin)]
+    if origin["source"] == paper.ANALOG:
+        notes.insert(0, paper.ANALOG_PICTURES_NOTE)
+    write_blocks(stem, with_origin(table, origin), blocks, notes)
+
+
+def tidy_gap(ledger: pd.DataFrame, source: str) -> pd.DataFrame:
+    """Rows of rocks first, by split; ingredients by their mean change of the rocks' ipd over judges and seeds."""
+    table = paper.with_own_names(ledger[list(COLUMNS)], ("trained",), source)
+    rocks = table[table["kind"] == ROCK]
+    effect = rocks.groupby(["split", "ingredient"])["ipd_change"].mean()
+    place = {name: n for n, name in enumerate(dict.fromkeys(table["ingredient"]))}
+    keys = pd.DataFrame(
+        {
+            "kind": (table["kind"] != ROCK).astype(int),
+            "split": table["split"].map({name: n for n, name in enumerate(dict.fromkeys(table["split"]))}),
+            "effect": [effect.get(key, 0.0) for key in zip(table["split"], table["ingredient"], strict=True)],
+            "place": table["ingredient"].map(place),  # ties stay as they were named
+            "trained": table["trained"].map(paper.rank),
+            "seed": table["seed"],
+        }
+    )
+    return table.loc[keys.sort_values(list(keys.columns), kind="stable").index].reset_index(drop=True)
+
+
+def lay_out_gap(table: pd.DataFrame) -> pd.DataFrame:
+    """A row an ingredient and judge of one class."""
+    rows = []
+    for split, own in by_splits(table):
+        for (ingredient, trained), part in own.groupby(["ingredient", "trained"], sort=False):
+            row = {
+                **split,
+                "ingredient": str(ingredient),
+                "T": paper.title(str(trained)),
+                "pairs": over_seeds(part["pairs"], 0),
+                "ipd": f"{over_seeds(part['ipd_twin'])} → {over_seeds(part['ipd'])}",
+                "change of ipd": change(part, "ipd"),
+                "change of ipd_abs": change(part, "ipd_abs"),
+                "change of mAP@0.5": change(part, "map50"),
+            }
+            if (part["kind"] == ROCK).all():
+                row["false alarms: photos, twin"] = " ".join(
+                    over_seeds(part[name], 2) for name in ("alarms_photo", "alarms_twin")
+                )
+                row["change of false alarms"] = change(part, "alarms", 2)
+                row["change of their area, %"] = change(part, "alarm_area", 2, 100)
+            rows.append(row)
+    return pd.DataFrame(rows, columns=None if rows else ["ingredient", "T"])
+
+
+def change(part: pd.DataFrame, name: str, decimals: int = 3, factor: float = 1) -> str:
+    """The change of a figure with its sign and interval, or its spread over seeds; +0 where nothing changed."""
+    values = factor * part[f"{name}_change"]
+    if values.isna().all():
+        return MISSING
+    if len(part) > 1:
+        return over_seeds(values, decimals)
+    value, low, high = (factor * float(part[f"{name}_change{end}"].iloc[0]) for end in ("", "_low", "_high"))
+    interval = f" [{low:+.{decimals}f}, {high:+.{decimals}f}]" if low == low else ""  # NaN: a single view
+    return f"{value:+.{decimals}f}{interval}"
+
+
+def judge_notes(table: pd.DataFrame) -> list[str]:
+    """Judge, split and size of the test."""
+    facts = table[["judge", "epochs", "imgsz", "split", "images", "units", "unit"]].drop_duplicates()
+    return [
+        f"Judge {judge}, {epochs} epochs at {imgsz} px; split by {split}; {images} test photos in {units} {unit}s."
+        for judge, epochs, imgsz, split, images, units, unit in facts.itertuples(index=False)
+    ]

@@ -1,0 +1,97 @@
+"""The table of twins: how near they come to their photos, and their automatic boxes to true ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats.tables import read_csv, read_parquet
+from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
+from polarsim.scoring.quality import COLUMNS as QUALITY_COLUMNS
+from polarsim.scoring.quality import TRUTH_NAMES
+from polarsim.scoring.twins import PAIR_COLUMNS
+
+COLUMNS = {
+    "subject": "str", "group": "str", "value": "str", "n": "int64", "log2_twin_over_photo": "float64",
+    "log2_difference": "float64", "ssim": "float64", "f1": "float64", "miou": "float64",
+}  # fmt: skip
+GROUPS = ("all", "terrain", "position", "azimuth", "light", "camera")
+LIKENESS = ("log2_twin_over_photo", "log2_difference", "ssim")
+BOXES = ("f1", "miou")
+_OF_ALL = ": all"  # end of the subjects of box scores that are over both cameras
+
+NOTE = "Medians over photos of one exposure a photo set. A difference of 1 stop is a factor of two."
+
+
+def tabulate_render(*, pairs: Sequence[Path], quality: Sequence[Path], table: Path, origin: Mapping[str, str]) -> None:
+    """Write the table of twins from the terrains' pairs and quality files; `table` is a stem: four forms."""
+    likeness = pd.concat([read_parquet(path, list(PAIR_COLUMNS)) for path in pairs], ignore_index=True)
+    scores = pd.concat([read_csv(path, QUALITY_COLUMNS) for path in quality], ignore_index=True)
+    boxes = box_rows(scores)
+    rows = pd.concat([likeness_rows(likeness), boxes], ignore_index=True).astype(COLUMNS)
+    against = " and ".join(TRUTH_NAMES[name] for name in TRUTH_NAMES if name in set(scores["against"]))
+    notes = [NOTE, *([f"Boxes against {against}."] if len(boxes) else []), origin_note(origin)]
+    write_blocks(table, with_origin(rows, origin), lay_out(rows), notes)
+
+
+def likeness_rows(pairs: pd.DataFrame) -> pd.DataFrame:
+    """Rows with `COLUMNS` of every model and group of photos."""
+    parts = []
+    for group in GROUPS:
+        of = pairs.assign(value="all" if group == "all" else _names(pairs, group)).groupby(["model", "value"])
+        found = of[list(LIKENESS)].median().join(of.size().rename("n")).reset_index()
+        parts.append(found.rename(columns={"model": "subject"}).assign(group=group))
+    return pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
+
+
+def box_rows(scores: pd.DataFrame) -> pd.DataFrame:
+    """Rows with `COLUMNS` of automatic boxes by kind and terrain, out of quality rows; n counts true boxes."""
+    chosen = scores[scores["figure"].isin(BOXES) & scores["subject"].str.endswith(_OF_ALL)]
+    rows = [
+        {
+            "subject": str(subject).removesuffix(_OF_ALL),
+            "group": "terrain",
+            "value": f"{terrain:02d}",
+            "n": int(part["n"].max()),
+            **dict(zip(part["figure"], part["value"], strict=True)),
+        }
+        for (subject, terrain), part in chosen.groupby(["subject", "terrain"])
+    ]
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def lay_out(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Tables to read by their captions: models by each group, then boxes by terrain."""
+    pictures, boxes = rows[rows["ssim"].notna()], rows[rows["f1"].notna()]
+    blocks = {
+        f"Twins by {group}: log2 of twin over photo / absolute / SSIM.": _cells(
+            pictures[pictures["group"].isin(["all", group])], LIKENESS, ("{:+.2f}", "{:.2f}", "{:.3f}")
+        )
+        for group in GROUPS[1:]
+        if len(pictures)
+    }
+    if len(boxes):
+        blocks["Boxes of twins by terrain: F1 / mIoU."] = _cells(boxes, BOXES, ("{:.3f}", "{:.3f}"))
+    return blocks or {"Twins: neither photos nor boxes to compare with.": rows}
+
+
+def _cells(rows: pd.DataFrame, figures: Sequence[str], forms: Sequence[str]) -> pd.DataFrame:
+    """A row a subject, a column a value of the group."""
+    text = {
+        (row["subject"], row["value"]): " / ".join(
+            MISSING if np.isnan(row[name]) else form.format(row[name])
+            for name, form in zip(figures, forms, strict=True)
+        )
+        for row in rows.to_dict("records")
+    }
+    values, subjects = (list(dict.fromkeys(rows[name])) for name in ("value", "subject"))
+    return pd.DataFrame(
+        [[one, *(text.get((one, value), MISSING) for value in values)] for one in subjects], columns=["", *values]
+    )
+
+
+def _names(pairs: pd.DataFrame, group: str) -> pd.Series:
+    return pairs["terrain"].map("{:02d}".format) if group == "terrain" else pairs[group]

@@ -1,0 +1,254 @@
+"""How well cameras and lamps were placed: against the analog's true ones, or against the boxes they were fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError, about
+from polarsim.formats import lamps, obj
+from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.tables import read_parquet
+from polarsim.geometry.boxes import iou
+from polarsim.geometry.consensus import consensus_of_sets
+from polarsim.geometry.matching import assign
+from polarsim.geometry.outlines import outlines_of
+from polarsim.geometry.poses import Pose, angle_between
+from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, PhotoKey
+from polarsim.scoring.gauge import fit_gauge
+from polarsim.scoring.labels import read_drawn
+from polarsim.scoring.lamps import lamps_against_truth
+from polarsim.scoring.match_rule import MatchRule
+from polarsim.scoring.quality import Figure, summary, write_quality
+from polarsim.scoring.score import Labels
+
+MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
+_POINTS = 4000  # true surface points that are projected, at most
+_UNITS = {"_mm": "mm", "_deg": "deg", "_px": "px", "_m": "m"}
+
+
+def score_cameras(
+    *,
+    terrain: int,
+    cameras: Path,
+    truth: Path | None,
+    matches: Path | None,
+    drawn: Path | None,
+    meshes: Path,
+    quality: Path,
+    rule: MatchRule,
+) -> None:
+    """Write the quality of a terrain's cameras.
+
+    Parameters
+    ----------
+    cameras
+        Folder with PosX.json.
+    truth
+        The analog's truth/TerrainTT; None where there is none.
+    matches
+        matches.parquet of the cameras stage; may be None or missing.
+    drawn
+        Folder of all label files that people drew; None where there is none.
+    meshes
+        Folder of the terrain's meshes.
+    """
+    placed = read_all_placed(cameras)
+    figures = stated(placed)
+    if truth is not None:
+        true = read_all_placed(truth / "cameras")
+        figures += against_truth(placed, true, true_points(truth, terrain))
+        if set(placed) & set(true) and (truth / lamps.FILE).exists():  # sandboxes without photos have no lamps
+            figures += lamps_against_truth(cameras, truth, _gauge(placed, true))
+    if matches is not None and matches.exists():
+        figures += against_boxes(matches)
+    if drawn is not None:
+        figures += against_drawn(placed, obj.rock_files(meshes), read_drawn(drawn, terrain), rule)
+    write_quality(quality, "cameras", terrain, figures)
+
+
+def against_truth(
+    placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig], points_truth: np.ndarray
+) -> list[Figure]:
+    """Errors of the poses before and after one alignment of the terrain, of the rig, and of points in the pictures.
+
+    Of every two positions the pose of one in the other's frame is compared too, which needs no alignment.
+    With a single position the alignment takes up the whole error: then only the figures before it are given.
+
+    Parameters
+    ----------
+    points_truth : (n, 3) float
+        Points on true surfaces, true frame, metres; may be empty.
+    """
+    common = sorted(set(placed) & set(true))
+    if not common:
+        return []
+    estimated = {position: placed[position].sandbox_from_left for position in common}
+    wanted = {position: true[position].sandbox_from_left for position in common}
+    frames = {"before": Pose.identity()}
+    if len(common) > 1:
+        frames["aligned"] = fit_gauge(estimated, wanted)
+    figures = []
+    for position in common:
+        for name, truth_from_sandbox in frames.items():
+            figures += _pose_errors(position, name, truth_from_sandbox @ estimated[position], wanted[position])
+            if name == "aligned" or len(frames) == 1:
+                figures += projection_errors(
+                    "reprojection", position, placed[position], true[position], points_truth, truth_from_sandbox
+                )
+        figures += _rig_errors(position, placed[position], true[position])
+    for one, other in combinations(common, 2):
+        found, meant = estimated[one].inverse() @ estimated[other], wanted[one].inverse() @ wanted[other]
+        figures += _pose_errors(f"{one} to {other}", "between", found, meant)
+    for name in frames:
+        errors = [figure for figure in figures if figure.figure.endswith(f"_error_{name}")]
+        for kind, unit in (("position", "mm"), ("angle", "deg")):
+            worst = max(figure.value for figure in errors if figure.figure == f"{kind}_error_{name}")
+            figures.append(Figure("worst position", f"{kind}_error_{name}", worst, unit, len(common), "truth"))
+    return figures
+
+
+def against_boxes(path: Path) -> list[Figure]:
+    """IoU and offsets of the projected meshes and the consensus boxes of the seeds, by position and over all.
+
+    Raises
+    ------
+    FormatError
+        A column is missing.
+    """
+    table = read_parquet(path, MATCH_COLUMNS)
+    figures = []
+    parts = [(str(position), part) for position, part in table.groupby("position")]
+    for subject, part in [*parts, ("all positions", table)]:
+        offset_px = part[["dx_px", "dy_px"]].abs().to_numpy(float)
+        figures += _overlap_figures(subject, part["iou"].to_numpy(float), offset_px)
+    return figures
+
+
+def against_drawn(
+    placed: Mapping[str, PlacedRig],
+    meshes: Mapping[int, Path],
+    drawn: Mapping[PhotoKey, Labels],
+    rule: MatchRule,
+) -> list[Figure]:
+    """Overlap of the projected meshes with what all drawn boxes of a view agree on; fits know of no right photo."""
+    outlines = outlines_of({rock: obj.read(path) for rock, path in meshes.items()}, rule.trim, rule.trim_share)
+    figures = []
+    for camera in CAMERAS:
+        pairs = [np.zeros((0, 2, 4))]  # projected and drawn
+        for position, rig in placed.items():
+            boxes = _agreed_boxes(drawn, position, camera, rule)
+            projected = outlines.seen(rig.rig.lens(camera), rig.sandbox_from(camera))
+            rows, columns = assign(projected, boxes, rule.gate_px)
+            pairs.append(np.stack([projected[rows], boxes[columns]], axis=1))
+        first, second = np.concatenate(pairs).swapaxes(0, 1)
+        offset_px = np.abs(first[:, :2] + first[:, 2:] - second[:, :2] - second[:, 2:]) / 2
+        figures += _overlap_figures(f"all boxes of {camera}", np.diag(iou(first, second)), offset_px)
+    return figures
+
+
+def _agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str, rule: MatchRule) -> np.ndarray:
+    """(m, 4) rock boxes of one view that its photo sets agree on."""
+    sets: dict[tuple[str, str], list[np.ndarray]] = {}
+    for key, labels in drawn.items():
+        if (key.position, key.camera) == (position, camera):
+            rocks = labels.boxes[labels.classes == BOX_CLASSES.index(ROCK)]
+            sets.setdefault((key.light, key.azimuth), []).append(rocks)
+    return consensus_of_sets(list(sets.values()), rule.consensus_share, rule.same_iou)
+
+
+def _overlap_figures(subject: str, overlap: np.ndarray, offset_px: np.ndarray) -> list[Figure]:
+    """Mean IoU, and medians of the offsets (n, 2) along x and y; none for no pair."""
+    n = len(overlap)
+    if not n:
+        return []
+    across, down = np.median(offset_px, axis=0)
+    return [
+        Figure(subject, "box_iou_mean", float(overlap.mean()), "1", n, "labels"),
+        Figure(subject, "box_dx_median", float(across), "px", n, "labels"),
+        Figure(subject, "box_dy_median", float(down), "px", n, "labels"),
+    ]
+
+
+def stated(placed: Mapping[str, PlacedRig]) -> list[Figure]:
+    """What the cameras stage itself says of each fit (`quality` of PosX.json)."""
+    figures = []
+    for position, rig in placed.items():
+        for name, value in sorted(rig.quality.items()):
+            unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "1")
+            subject = f"{position} ({rig.method})" if rig.method else position
+            figures.append(Figure(subject, name, float(value), unit, 1, "own"))
+    return figures
+
+
+def _pose_errors(position: str, name: str, estimated: Pose, true: Pose) -> list[Figure]:
+    shift_mm = 1000 * float(np.linalg.norm(estimated.translation - true.translation))
+    turn_deg = float(np.degrees(angle_between(estimated, true)))
+    return [
+        Figure(position, f"position_error_{name}", shift_mm, "mm", 1, "truth"),
+        Figure(position, f"angle_error_{name}", turn_deg, "deg", 1, "truth"),
+    ]
+
+
+def _rig_errors(position: str, placed: PlacedRig, true: PlacedRig) -> list[Figure]:
+    """Errors that came with the calibration file."""
+    ours, theirs = placed.rig.left_from_right, true.rig.left_from_right
+    shift_mm = 1000 * float(np.linalg.norm(ours.translation - theirs.translation))
+    return [
+        Figure(position, "rig_baseline_error", shift_mm, "mm", 1, "truth"),
+        Figure(position, "rig_angle_error", float(np.degrees(angle_between(ours, theirs))), "deg", 1, "truth"),
+    ]
+
+
+def projection_errors(
+    name: str, position: str, placed: PlacedRig, true: PlacedRig, points_truth: np.ndarray, truth_from_sandbox: Pose
+) -> list[Figure]:
+    """Distances in the picture between true points (n, 3) seen by the true and by our camera, as figures `name_*`."""
+    figures: list[Figure] = []
+    for camera in CAMERAS:
+        lens = true.rig.lens(camera)
+        wanted = true.project(camera, points_truth)
+        inside = ((wanted > 0) & (wanted < [lens.width, lens.height])).all(axis=-1)  # NaN behind the camera: outside
+        found = placed.project(camera, truth_from_sandbox.inverse().apply(points_truth[inside]))
+        error_px = np.linalg.norm(found - wanted[inside], axis=-1)
+        figures += summary(f"{position} {camera}", name, error_px, "px", "truth")
+    return figures
+
+
+def true_points(truth: Path, terrain: int) -> np.ndarray:
+    """Vertices of the true rocks, of the ground where there is no rock, thinned to `_POINTS`."""
+    files = list(obj.rock_files(truth / "meshes").values())
+    ground = truth / "meshes" / obj.ground_name(terrain)
+    files = files or ([ground] if ground.exists() else [])
+    if not files:
+        return np.zeros((0, 3))
+    points = np.concatenate([obj.read(path).vertices for path in files])
+    return points[:: max(1, len(points) // _POINTS)]
+
+
+def read_gauge(cameras: Path, truth: Path) -> Pose:
+    """`truth_from_sandbox` of a terrain by its cameras.
+
+    Raises
+    ------
+    RegistrationError
+        Truth and result have no position in common.
+    FormatError
+        A camera file is broken.
+    """
+    placed, true = read_all_placed(cameras), read_all_placed(truth / "cameras")
+    if not true:
+        raise FormatError("no PosX.json", path=truth / "cameras")
+    with about(cameras):
+        return _gauge(placed, true)
+
+
+def _gauge(placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig]) -> Pose:
+    """`truth_from_sandbox` by the left cameras of all common positions."""
+    return fit_gauge(
+        {position: rig.sandbox_from_left for position, rig in placed.items()},
+        {position: rig.sandbox_from_left for position, rig in true.items()},
+    )

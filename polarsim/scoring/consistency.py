@@ -1,0 +1,131 @@
+"""Whether a run agrees with itself, without truth: scans, cameras, meshes and boxes, by the files that were written.
+
+Every scan is put through its written pose and asked how it would still have to move to lie on the written meshes; all
+scans together too. Cameras that photos or labels moved are held against those that the meshes were made with, and
+meshes against the boxes that placed the cameras. What does not agree becomes a plain sentence.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats.inventory import read_inventory
+from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.scans import read_scan
+from polarsim.formats.scene import TerrainMesh, read_terrain
+from polarsim.formats.tables import read_parquet
+from polarsim.geometry.poses import Pose, angle_between
+from polarsim.scoring.complaints import STAGE, complaint
+from polarsim.scoring.gauge import fit_gauge, refine_gauge
+from polarsim.scoring.quality import Figure, write_quality
+from polarsim.scoring.surface import Surface
+from polarsim.survey import SANDBOX_HALF_WIDTH
+
+log = logging.getLogger("polarsim")
+
+MARGIN = 0.15  # metres along the walls that do not count: cloth hangs otherwise in every scan
+POINTS = 20_000  # of a scan
+MATCH_COLUMNS = ("position", "iou")
+
+
+def check_consistency(
+    *, terrain: int, inventory: Path, located: Path, cameras: Path, meshes: Path, quality: Path
+) -> None:
+    """Write how far a terrain's scans, cameras, meshes and boxes agree, and warn where they do not.
+
+    Parameters
+    ----------
+    located, cameras
+        Folders with the poses that the meshes were made with, and with the last ones.
+    meshes
+        Folder of the terrain's meshes.
+    """
+    known, placed = read_inventory(inventory), read_all_placed(located)
+    scans = {
+        position: on_sand(placed[position], read_scan(known, position, placed[position].rig))
+        for position in known.scanned
+        if position in placed and not placed[position].surveyed
+    }
+    figures = []
+    if scans:
+        figures += scans_on_meshes(scans, read_terrain(meshes, terrain))
+    figures += cameras_together(placed, read_all_placed(cameras))
+    if (located / "matches.parquet").exists():
+        figures += boxes_met(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
+    for figure in figures:
+        for sentence in complaint(figure.subject, figure.figure, figure.value):
+            log.warning("terrain %02d: %s", terrain, sentence)
+    write_quality(quality, STAGE, terrain, figures)
+
+
+def on_sand(placed: PlacedRig, points_left: np.ndarray) -> np.ndarray:
+    """(m, 3) points of a scan (n, 3) on the sand and its rocks, through the written pose, in the sandbox."""
+    points = placed.sandbox_from_left.apply(points_left)
+    inside = (np.abs(points[:, :2]) < SANDBOX_HALF_WIDTH - MARGIN).all(axis=1)
+    return points[inside][:: max(1, inside.sum() // POINTS)]
+
+
+def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list[Figure]:
+    """How scans (n, 3) in the sandbox would still have to move to lie on the meshes: all together, and by pairs."""
+    surface = Surface(scene.vertices, scene.faces)
+    everything = np.concatenate(list(scans.values()))
+    turn, shift = _size(_further(everything, surface), everything.mean(axis=0))
+    figures = [
+        Figure("all scans on the meshes", "common_turn", turn, "deg", len(scans), "own"),
+        Figure("all scans on the meshes", "common_shift", shift, "mm", len(scans), "own"),
+    ]
+    moves = {}
+    for position, points in sorted(scans.items()):
+        moves[position] = _further(points, surface)
+        settled = moves[position].apply(points)
+        place, face = surface.nearest(settled)
+        above = ((settled - place) * surface.normals[face]).sum(axis=1)
+        left_mm = 1000 * float(np.median(np.abs(above)))
+        figures.append(Figure(f"scan {position} on the meshes", "distance_median", left_mm, "mm", len(points), "own"))
+    for one, other in combinations(sorted(moves), 2):
+        turn, shift = _size(moves[one].inverse() @ moves[other], everything.mean(axis=0))
+        subject = f"scans {one} and {other}"
+        figures.append(Figure(subject, "turn_between", turn, "deg", 2, "own"))
+        figures.append(Figure(subject, "shift_between", shift, "mm", 2, "own"))
+    return figures
+
+
+def cameras_together(before: Mapping[str, PlacedRig], after: Mapping[str, PlacedRig]) -> list[Figure]:
+    """What all cameras of a terrain did in common since the meshes were made, and which none but the survey places."""
+    figures = [
+        Figure(f"camera {position}", "surveyed", float(rig.surveyed), "1", 1, "own")
+        for position, rig in sorted(after.items())
+    ]
+    if len(set(before) & set(after)) > 1:
+        common = fit_gauge(
+            {position: rig.sandbox_from_left for position, rig in after.items()},
+            {position: rig.sandbox_from_left for position, rig in before.items()},
+        )
+        turn = float(np.degrees(angle_between(common, Pose.identity())))
+        figures.append(Figure("cameras since the meshes", "cameras_turn", turn, "deg", len(after), "own"))
+    return figures
+
+
+def boxes_met(matches: pd.DataFrame) -> list[Figure]:
+    """Mean IoU of projected meshes and the boxes that placed the cameras, by position."""
+    return [
+        Figure(f"meshes on boxes, position {position}", "boxes_iou", float(part["iou"].mean()), "1", len(part), "own")
+        for position, part in matches.groupby("position")
+    ]
+
+
+def _further(points: np.ndarray, surface: Surface) -> Pose:
+    """The motion that brings points (n, 3) onto a surface."""
+    return refine_gauge(Pose.identity(), points, surface).inverse()
+
+
+def _size(motion: Pose, place: np.ndarray) -> tuple[float, float]:
+    """Degrees of a motion's turn, and millimetres that it shifts a place (3,)."""
+    turn_deg = float(np.degrees(angle_between(motion, Pose.identity())))
+    return turn_deg, 1000 * float(np.linalg.norm(motion.apply(place) - place))

@@ -1,0 +1,202 @@
+"""How well carried labels agree with hand-drawn or true ones, task by task: what had to be carried how far."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.errors import FormatError
+from polarsim.formats import release
+from polarsim.formats.tables import LABEL_COLUMNS, read_parquet, write_parquet
+from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
+from polarsim.scoring.label_pairs import labels_by_photo, pair_labels, shadows_drawn
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.quality import Against, Figure, write_quality
+from polarsim.scoring.reliability import ANY_SOURCE, brier_score, calibration_error, reliability_table
+from polarsim.scoring.score import Counts, Labels, count_photo, read
+
+EXPOSURES, LIGHT, CAMERA = "other exposures", "light on", "Left to Right"
+AZIMUTH, NO_SUN, POSITION, ALL = "another azimuth", "no Sun", "position without seed", "all but seeds"
+TASKS = (EXPOSURES, LIGHT, CAMERA, AZIMUTH, NO_SUN, POSITION, ALL)
+DRAWN = "shadow, where drawn"  # photos whose truth has a shadow: at short exposures nobody draws any
+
+log = logging.getLogger("polarsim")
+
+
+def score_labels(
+    *,
+    terrain: int,
+    keys: Sequence[PhotoKey],
+    table: Path,
+    truth: Path,
+    seeds: Path,
+    quality: Path,
+    pairs: Path,
+    options: TablesOptions,
+) -> None:
+    """Write the quality of a terrain's labels, and every true box beside its label.
+
+    Parameters
+    ----------
+    keys
+        The photos that were labelled.
+    table
+        The terrain's label table; a photo without row has nothing to see.
+    truth
+        Folder of hand-drawn KEY.txt files (a terrain's, or a release's root), or the analog's labels.parquet.
+    seeds
+        Folder of the terrain's seeds; these photos themselves are not scored.
+    """
+    labels = read_parquet(table, LABEL_COLUMNS)
+    found = dict.fromkeys(keys, Labels.none()) | labels_by_photo(labels)
+    wanted = read_truth(truth, terrain, found, options)
+    seed_keys = set(release.key_files(seeds).files)
+    tasks = {key: task_of(key, seed_keys) for key in wanted}
+    figures = [Figure("seeds", "photos_drawn", len(seed_keys), "photos", len(found), "own")]
+    figures += score_tasks(wanted, found, tasks, TASKS, against(truth), options)
+    unlabelled = len([key for key, task in tasks.items() if task is not None and key not in found])
+    figures.append(Figure("photos with truth", "without_label_file", unlabelled, "photos", len(wanted), against(truth)))
+    compared = {key: true for key, true in wanted.items() if key in found}
+    paired = pair_labels(compared, labels, tasks, against(truth), options)
+    write_parquet(pairs, paired)
+    write_quality(quality, "labels", terrain, figures + confidence_figures(paired, against(truth)))
+
+
+def task_of(key: PhotoKey, seeds: Iterable[PhotoKey]) -> str | None:
+    """What it took to label a photo, given the seeds; None for a seed itself.
+
+    A photo counts for the hardest step that it needs: no Sun, then another azimuth, Left to Right, light on.
+    """
+    near = [seed for seed in seeds if seed.set_up == key.set_up]
+    if key in near:
+        return None
+    if not near:
+        return POSITION
+    if key.azimuth == "no" and all(seed.azimuth != "no" for seed in near):
+        return NO_SUN
+    near = [seed for seed in near if seed.azimuth == key.azimuth]
+    if not near:
+        return AZIMUTH
+    if all(seed.camera != key.camera for seed in near):
+        return CAMERA
+    return LIGHT if all(seed.light != key.light for seed in near) else EXPOSURES
+
+
+def score_tasks(
+    wanted: Mapping[PhotoKey, Labels],
+    found: Mapping[PhotoKey, Labels],
+    tasks: Mapping[PhotoKey, str | None],
+    order: Iterable[str],
+    against: Against,
+    options: TablesOptions,
+) -> list[Figure]:
+    """Precision, recall, F1 and mIoU by kind and task, pooled over the photos that are in both."""
+    total: dict[tuple[str, str], Counts] = {}
+    for key in sorted(set(wanted) & set(found)):
+        task = tasks[key]
+        if task is None:
+            continue
+        for kind, counts in count_photo(wanted[key], found[key], options.iou_threshold).items():
+            drawn = kind == SHADOW and shadows_drawn(key, counts.tp + counts.fn, against, options)
+            for name in [kind, DRAWN] if drawn else [kind]:
+                for part in (task, ALL):
+                    total[name, part] = total.get((name, part), Counts()) + counts
+    figures = []
+    for kind in (*BOX_CLASSES, DRAWN):
+        for task in order:
+            if (kind, task) in total:
+                figures += box_figures(f"{kind}: {task}", total[kind, task], against)
+    return figures
+
+
+def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
+    """The labels of a terrain's folder of KEY.txt; broken lines are errors."""
+    files = release.key_files(folder).files
+    return {key: read(path) for key, path in files.items() if key.terrain == terrain}
+
+
+def read_truth(
+    truth: Path, terrain: int, labelled: Iterable[PhotoKey], options: TablesOptions
+) -> dict[PhotoKey, Labels]:
+    """True labels by photo: hand-drawn files as they are, or the analog's table.
+
+    A photo without hand-drawn file has no truth: nobody looked. The analog knows all: without row, without object.
+    """
+    if not truth.is_file():
+        folder = release.label_folder(truth, terrain) if (truth / release.BOXES).is_dir() else truth
+        return read_drawn(folder, terrain)
+    table = read_parquet(truth, LABEL_COLUMNS)
+    table = visible(table[table["terrain"] == terrain], options)
+    found = {
+        PhotoKey.parse(str(key)): Labels(
+            np.array([BOX_CLASSES.index(kind) for kind in part["kind"]]), part[["x0", "y0", "x1", "y1"]].to_numpy(float)
+        )
+        for key, part in table.groupby("key")
+    }
+    return {key: found.get(key, Labels.none()) for key in sorted({*found, *labelled})}
+
+
+def visible(truth: pd.DataFrame, options: TablesOptions) -> pd.DataFrame:
+    """The true labels that a person could have drawn: large enough, and clear in some exposure of their photo set.
+
+    People copy labels over all exposures of a photo set, so one that shows the object is enough. The columns
+    `visible_px` and `contrast` (DN) may be missing.
+    """
+    if "visible_px" in truth.columns:
+        truth = truth[truth["visible_px"] >= options.min_visible_px]
+    if "contrast" in truth.columns:
+        one_object = ["terrain", "position", "light", "azimuth", "camera", "kind", "rock"]
+        clearest = truth["contrast"].abs().groupby([truth[name] for name in one_object]).transform("max")
+        truth = truth[clearest >= options.min_contrast_dn]
+    return truth
+
+
+def read_drawn(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
+    """As `read_folder`, but a broken file is left out with a warning: the release has one, nobody's result."""
+    found = {}
+    for key, path in release.key_files(folder).files.items():
+        if key.terrain == terrain:
+            try:
+                found[key] = read(path)
+            except FormatError as error:
+                log.warning("left out of the scores: %s", error)
+    return found
+
+
+def against(truth: Path) -> Against:
+    """What a truth is called: the analog's table is truth, drawn files are labels."""
+    return "truth" if truth.is_file() else "labels"
+
+
+def confidence_figures(pairs: pd.DataFrame, against: Against) -> list[Figure]:
+    """How far the confidence of labels is from the share of them that are right, by kind."""
+    table = reliability_table(pairs)
+    figures = []
+    for kind in BOX_CLASSES:
+        bins = table[(table["kind"] == kind) & (table["label_source"] == ANY_SOURCE)]
+        if len(bins):
+            n = round(bins["labels"].sum())
+            for name, value in (("ece", calibration_error(bins)), ("brier", brier_score(bins))):
+                figures.append(Figure(f"{kind}: confidence", name, value, "1", n, against))
+    return figures
+
+
+def box_figures(subject: str, counts: Counts, against: Against) -> list[Figure]:
+    """Precision, recall, F1 and mean IoU; NaN where there is nothing to divide by."""
+    figures = counts.figures()
+    sizes = {"precision": "label_boxes", "recall": "truth_boxes", "f1": "truth_boxes", "miou": "truth_boxes"}
+    return [
+        Figure(
+            subject,
+            name,
+            float("nan") if figures[name] is None else float(figures[name] or 0),
+            "1",
+            int(figures[n] or 0),
+            against,
+        )
+        for name, n in sizes.items()
+    ]

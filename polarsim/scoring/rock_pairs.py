@@ -1,0 +1,80 @@
+"""Found rocks and true ones brought together: which are the same, how many were found, how large they came out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import linear_sum_assignment
+
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.quality import Figure, summary
+
+MATCH_RADIUS = 0.5  # of the true size: how far the centre of a found rock may be off
+SMALLEST_RADIUS = 0.03  # metres
+
+
+@dataclass(frozen=True)
+class RockPairs:
+    """Found rocks and true ones: row numbers that belong together, one to one."""
+
+    true: np.ndarray  # (p,)
+    found: np.ndarray  # (p,)
+
+
+def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:
+    """One-to-one pairs of the smallest summed distance of centres, none beyond half the true rock's size.
+
+    Both tables in one frame.
+    """
+    if not len(true) or not len(found):
+        return RockPairs(np.zeros(0, int), np.zeros(0, int))
+    centres = [table[["x", "y", "z"]].to_numpy(float) for table in (true, found)]
+    distance = np.linalg.norm(centres[0][:, None] - centres[1][None], axis=-1)
+    radius = np.maximum(MATCH_RADIUS * true["size_m"].to_numpy(float), SMALLEST_RADIUS)[:, None]
+    gain = np.where(distance < radius, 2 - distance / radius, 0.0)  # many pairs first, then near ones
+    rows, columns = linear_sum_assignment(-gain)
+    good = distance[rows, columns] < radius[rows, 0]
+    return RockPairs(rows[good], columns[good])
+
+
+def recall_and_precision(
+    true: pd.DataFrame, found: pd.DataFrame, pairs: RockPairs, seen: np.ndarray, options: TablesOptions
+) -> list[Figure]:
+    """Share of true rocks found and of found rocks true, by size, and how sizes differ.
+
+    A rock counts by its own size: a true one for recall, a found one for precision. True rocks that scans `seen`
+    (n,) saw have a recall of their own: what hides behind another rock no scan can find.
+    """
+    figures = []
+    true_cm, found_cm = (100 * table["size_m"].to_numpy(float) for table in (true, found))
+    for number, subject in enumerate(size_names(options)):
+        wanted, given = size_classes(true_cm, options)[number], size_classes(found_cm, options)[number]
+        for name, members, hits in (
+            ("recall", wanted, pairs.true),
+            ("recall_seen", wanted & seen, pairs.true),
+            ("precision", given, pairs.found),
+        ):
+            if members.any():
+                share = float(np.isin(np.flatnonzero(members), hits).mean())
+                figures.append(Figure(subject, name, share, "1", int(members.sum()), "truth"))
+    for column, name in (("size_m", "size_error"), ("height_m", "height_error")):
+        difference = found[column].to_numpy(float)[pairs.found] - true[column].to_numpy(float)[pairs.true]
+        figures += summary("paired rocks", name, 1000 * np.abs(difference), "mm", "truth")
+    ratio = found["volume_m3"].to_numpy(float)[pairs.found] / true["volume_m3"].to_numpy(float)[pairs.true]
+    return figures + summary("paired rocks", "volume_ratio", ratio, "1", "truth", p90=False)
+
+
+def size_classes(size_cm: np.ndarray, options: TablesOptions) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) bool of the large and of the small rocks."""
+    large = size_cm >= options.large_rock_cm
+    return large, (size_cm >= options.small_rock_cm) & ~large
+
+
+def size_names(options: TablesOptions) -> tuple[str, str]:
+    """What the large and the small rocks are called in tables."""
+    return (
+        f"rocks of {options.large_rock_cm:g} cm and more",
+        f"rocks of {options.small_rock_cm:g} to {options.large_rock_cm:g} cm",
+    )

@@ -1,0 +1,88 @@
+"""The analog's true cameras, lamps and meshes, moved into the run's own frame: ingredients of the gap ledger.
+
+Scoring reads truth, and nothing else may: twins out of this folder are judged by the ledger and used by no stage.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats import obj
+from polarsim.formats.files import read_json, writing_folder
+from polarsim.formats.lamps import write_suns
+from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
+from polarsim.formats.scene import mesh_files, read_terrain
+from polarsim.formats.tables import read_parquet
+from polarsim.geometry.poses import Pose
+from polarsim.photo import NO_ROCK, SUNS
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.rock_pairs import pair_rocks
+from polarsim.scoring.true_surface import compare
+
+_CENTRES = ("rock", "x", "y", "z", "size_m")
+
+
+def lay_truth(
+    *,
+    terrain: int,
+    rocks: Path,
+    meshes: Path,
+    located: Path,
+    inventory: Path,
+    truth: Path,
+    true_cameras: Path,
+    true_meshes: Path,
+    options: TablesOptions,
+) -> None:
+    """Write a terrain's true `PosX.json` and `lamps.json`, and its true meshes, as the run would have them.
+
+    The frame is the one in which the run's meshes lie on the true surface (`true_surface.compare`); true rocks have the
+    number of the run's rock that they are, so that they can be paired with labels, and others a number of their own.
+
+    Parameters
+    ----------
+    rocks, meshes, located
+        The run's rocks.parquet, its meshes, and the poses that these were made with.
+    truth
+        The analog's truth/TerrainTT.
+    true_cameras, true_meshes
+        Folders that are written.
+    """
+    ours = read_terrain(meshes, terrain)
+    truth_from_sandbox = compare(terrain, ours, located, truth, inventory, options).truth_from_sandbox
+    sandbox_from_truth = truth_from_sandbox.inverse()
+    true, found = (read_parquet(path, _CENTRES) for path in (truth / "rocks.parquet", rocks))
+    found[["x", "y", "z"]] = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
+    pairs = pair_rocks(true, found)
+    number = dict(zip(true["rock"].iloc[pairs.true], found["rock"].iloc[pairs.found], strict=True))
+    unpaired = sorted(set(true["rock"]) - set(number))
+    number |= dict(zip(unpaired, range(max([*found["rock"], 0]) + 1, 2**31), strict=False))
+    with writing_folder(true_cameras) as folder:
+        for position, rig in read_all_placed(truth / "cameras").items():
+            placed = PlacedRig(rig.rig, sandbox_from_truth @ rig.sandbox_from_left, "truth")
+            write_placed(folder / f"Pos{position}.json", placed)
+        _write_lamps(folder, truth / "lamps.json", sandbox_from_truth)
+    with writing_folder(true_meshes) as folder:
+        for rock, path in mesh_files(truth / "meshes", terrain).items():
+            name = obj.ground_name(terrain) if rock == NO_ROCK else obj.rock_name(terrain, int(number[rock]))
+            mesh = obj.read(path)
+            moved = obj.Mesh(sandbox_from_truth.apply(mesh.vertices), mesh.faces)
+            obj.write(folder / name, moved, Path(name).stem)
+
+
+def thin_meshes(*, terrain: int, meshes: Path, thinned: Path) -> None:
+    """Write a folder with the run's ground and the thinned copies of its rocks alone."""
+    with writing_folder(thinned) as folder:
+        for rock, path in mesh_files(meshes, terrain).items():
+            copy = path if rock == NO_ROCK else meshes / obj.rock_name(terrain, rock, decimated=True)
+            source = copy if copy.exists() else path  # of some published rocks there is no copy
+            shutil.copyfile(source, folder / source.name)
+
+
+def _write_lamps(folder: Path, lamps: Path, sandbox_from_truth: Pose) -> None:
+    """The Sun lamps; the rover light is on the rig."""
+    places = read_json(lamps)
+    write_suns(folder, {sun: sandbox_from_truth.apply(np.array(places[sun], float)) for sun in SUNS if sun in places})

@@ -1,0 +1,105 @@
+"""Our meshes and the true ones laid on each other: points on the seen part of each, and where the other one lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats.inventory import read_inventory
+from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.scene import TerrainMesh, read_terrain
+from polarsim.geometry.poses import Pose
+from polarsim.photo import NO_ROCK
+from polarsim.randomness import generator
+from polarsim.scoring.cameras import read_gauge
+from polarsim.scoring.gauge import refine_gauge
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.sight import Sight, sights
+from polarsim.scoring.surface import Surface
+from polarsim.survey import SANDBOX_HALF_WIDTH
+
+EDGE = 0.1  # metres: a strip along the walls does not count as ground
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Points (n, 3) on the seen part of a surface, true frame, metres."""
+
+    points: np.ndarray
+    rock: np.ndarray  # (n,) whose surface they lie on; NO_ROCK for ground
+    offset: np.ndarray  # (n,) metres to the other surface, below 0 inside it
+    beside: np.ndarray  # (n,) rock of the other surface there
+    area: np.ndarray  # (n,) m^2 that a point stands for
+
+    @property
+    def distance(self) -> np.ndarray:
+        return np.abs(self.offset)
+
+    def table(self) -> pd.DataFrame:
+        """Rock, place to a tenth of a millimetre, offset in millimetres to a hundredth."""
+        x, y, z = np.round(self.points, 4).T
+        return pd.DataFrame({"rock": self.rock, "x": x, "y": y, "z": z, "offset_mm": np.round(1000 * self.offset, 2)})
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Samples of both surfaces, and the frames that brought them together."""
+
+    true: Samples
+    ours: Samples
+    truth_from_sandbox: Pose  # after an ICP of the ground
+    by_cameras: Pose  # before
+
+
+def compare(
+    terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, inventory: Path | None, options: TablesOptions
+) -> Comparison:
+    """Lay a terrain's meshes on the true ones: by the camera poses, then by one small rigid ICP of the ground.
+
+    What nobody saw nobody can measure: undersides, and ground below rocks. A strip along the walls is left out too.
+    """
+    by_cameras, views = read_gauge(cameras, truth), _sights(cameras, truth, inventory)
+    true_scene = read_terrain(truth / "meshes", terrain)
+    true_surface = Surface(true_scene.vertices, true_scene.faces)
+    rng = generator(options.seed, "surface samples", terrain)
+    points, rock, area = _seen_points(true_surface, true_scene.rock_of_face, views, options.surface_samples, rng)
+    gauge = refine_gauge(by_cameras, points[rock == NO_ROCK], Surface(scene.vertices, scene.faces))
+    our_surface = Surface(gauge.apply(scene.vertices), scene.faces)
+    true = Samples(points, rock, *_beside(our_surface, scene.rock_of_face, points), area)
+    points, rock, area = _seen_points(our_surface, scene.rock_of_face, views, options.surface_samples, rng)
+    ours = Samples(points, rock, *_beside(true_surface, true_scene.rock_of_face, points), area)
+    return Comparison(true, ours, gauge, by_cameras)
+
+
+def _sights(cameras: Path, truth: Path, inventory: Path | None) -> list[Sight]:
+    known = read_inventory(inventory) if inventory is not None else None
+    return sights(read_all_placed(truth / "cameras"), set(read_all_placed(cameras)), known)
+
+
+def _seen_points(
+    surface: Surface, rock_of_face: np.ndarray, views: list[Sight], n: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points that were seen, of n on rocks and n on ground; the rock of each, and the area that it stands for."""
+    parts = []
+    for wanted in (rock_of_face != NO_ROCK, rock_of_face == NO_ROCK):
+        if not wanted.any():
+            continue
+        faces = np.flatnonzero(wanted)
+        part = Surface(surface.vertices, surface.faces[faces])
+        points, face = part.sample(n, rng)
+        seen = np.logical_or.reduce([view.sees(surface, points, part.normals[face]) for view in views])
+        seen &= (np.abs(points[:, :2]) < SANDBOX_HALF_WIDTH - EDGE).all(axis=1)
+        parts.append((points[seen], rock_of_face[faces[face[seen]]], np.full(seen.sum(), part.area.sum() / n)))
+    points, rock, area = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return points, rock, area
+
+
+def _beside(surface: Surface, rock_of_face: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distance (n,) of points to a surface, and the rock (n,) that it belongs to there."""
+    place, face = surface.nearest(points)
+    away = points - place
+    side = np.einsum("nk,nk->n", away, surface.normals[face])
+    return np.copysign(np.linalg.norm(away, axis=1), side), rock_of_face[face]

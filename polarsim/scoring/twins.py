@@ -1,0 +1,171 @@
+"""How well twins agree with what they copy: automatic boxes with drawn or true ones, pixels with those of photos."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.errors import FormatError
+from polarsim.formats import png
+from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
+from polarsim.formats.tone import to_8bit, white_of
+from polarsim.photo import BLACK_LEVEL, PhotoKey
+from polarsim.scoring.labels import ALL, against, read_folder, read_truth, score_tasks
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.quality import Figure, summary, write_quality
+
+LIT_DN = 40  # above black: darker pixels hold too much noise for a ratio
+FULL_DN = 4000  # above black: brighter ones are clipped
+WINDOW = 11  # pixels of the structural similarity's window
+PAIR_COLUMNS = {
+    "key": "str", "terrain": "int64", "position": "str", "light": "str", "azimuth": "str", "camera": "str",
+    "exposure_ms": "int64", "model": "str", "lit_px": "int64", "log2_twin_over_photo": "float64",
+    "log2_difference": "float64", "ssim": "float64",
+}  # fmt: skip
+TYPICAL_MS = 256  # of all exposures of a photo set the nearest to this one is compared
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """How alike a twin and its photo are."""
+
+    lit_px: int  # pixels that are lit and not clipped in both
+    log2_twin_over_photo: float  # median over them; NaN without any
+    log2_difference: float  # median of the absolute values
+    ssim: float
+
+
+def score_twins(
+    *,
+    terrain: int,
+    boxes: Path,
+    truth: Path | None,
+    twins: Mapping[str, Path],
+    photos: Path | None,
+    quality: Path,
+    pairs: Path,
+    options: TablesOptions,
+) -> None:
+    """Write the quality of a terrain's twins, and how alike each twin and its photo are, a row a pair.
+
+    Parameters
+    ----------
+    boxes
+        Folder of the automatic boxes, KEY.txt.
+    truth
+        Folder of hand-drawn KEY.txt files, or the analog's labels.parquet; None where there is none.
+    twins
+        Folder of the twins, KEY.png, by model.
+    photos
+        photos.parquet; it may have no row.
+    quality, pairs
+        What to write: quality CSV; Parquet with `PAIR_COLUMNS`.
+    """
+    figures: list[Figure] = []
+    compared: list[dict[str, object]] = []
+    if truth is not None:
+        found = read_folder(boxes, terrain)
+        wanted = read_truth(truth, terrain, found, options)
+        tasks = {key: f"camera {key.camera}" for key in wanted}
+        order = ("camera L", "camera R", ALL)
+        for figure in score_tasks(wanted, found, tasks, order, against(truth), options):
+            figures.append(_renamed(figure))
+    if photos is not None:
+        table = read_parquet(photos, PHOTO_COLUMNS)
+        paths = {
+            PhotoKey.parse(str(key)): Path(str(path)) for key, path in zip(table["key"], table["path"], strict=True)
+        }
+        for model, folder in sorted(twins.items()):
+            there = [key for key in sorted(paths) if key.terrain == terrain and (folder / f"{key}.png").exists()]
+            alike = {
+                key: compare_pictures(paths[key], folder / f"{key}.png")
+                for key in typical_photos(there, options.compared_photos)
+            }
+            figures += likeness_figures(model, list(alike.values()))
+            compared += [{**key_columns(key), "model": model, **asdict(likeness)} for key, likeness in alike.items()]
+    write_quality(quality, "render", terrain, figures)
+    write_parquet(pairs, pd.DataFrame(compared, columns=list(PAIR_COLUMNS)).astype(PAIR_COLUMNS))
+
+
+def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:
+    """Up to n photos under a Sun lamp, of middle exposure, spread evenly over the photo sets."""
+    middle: dict[tuple[object, ...], PhotoKey] = {}
+    for key in sorted(keys):
+        if key.azimuth == "no":
+            continue
+        best = middle.get(key.photo_set)
+        if best is None or _off_typical(key) < _off_typical(best):
+            middle[key.photo_set] = key
+    found = sorted(middle.values())
+    if len(found) <= n:
+        return found
+    return [found[number] for number in np.linspace(0, len(found) - 1, n).round().astype(int)] if n else []
+
+
+def compare_pictures(photo_path: Path, twin_path: Path) -> Likeness:
+    """Brightness and structure of a twin beside its photo.
+
+    Raises
+    ------
+    FormatError
+        A picture cannot be read, or they differ in size.
+    """
+    photo, twin = png.read(photo_path), png.read(twin_path)
+    if photo.shape != twin.shape:
+        raise FormatError(f"{twin.shape[::-1]} pixels, its photo has {photo.shape[::-1]}", path=twin_path)
+    ratio = log_ratio(photo, twin)
+    middle = (float(np.median(ratio)), float(np.median(np.abs(ratio)))) if ratio.size else (np.nan, np.nan)
+    return Likeness(ratio.size, *middle, similarity(photo, twin))
+
+
+def likeness_figures(model: str, found: Sequence[Likeness]) -> list[Figure]:
+    """Medians over the pairs of a model."""
+    figures: list[Figure] = []
+    for name, unit in (("log2_twin_over_photo", "stops"), ("log2_difference", "stops"), ("ssim", "1")):
+        values = np.array([getattr(likeness, name) for likeness in found], float)
+        figures += summary(model, name, values, unit, "photos", p90=False)
+    return figures
+
+
+def log_ratio(photo: np.ndarray, twin: np.ndarray) -> np.ndarray:
+    """log2(twin / photo) of the pixels that are lit and not clipped in both, (n,)."""
+    signals = [picture.astype(float) - BLACK_LEVEL for picture in (photo, twin)]
+    good = np.logical_and.reduce([(signal > LIT_DN) & (signal < FULL_DN) for signal in signals])
+    return np.log2(signals[1][good] / signals[0][good])
+
+
+def similarity(photo: np.ndarray, twin: np.ndarray) -> float:
+    """Mean structural similarity (Wang et al., IEEE Trans. Image Process. 13 (2004) 600), flat window, tone-mapped.
+
+    Both are shown with the photo's white.
+    """
+    import cv2
+
+    def mean(picture: np.ndarray) -> np.ndarray:
+        return cv2.blur(picture, (WINDOW, WINDOW), borderType=cv2.BORDER_REFLECT)
+
+    white = white_of(photo)
+    first, second = (to_8bit(picture, white)[..., 0].astype(np.float32) for picture in (photo, twin))
+    mean1, mean2 = mean(first), mean(second)
+    variance1 = mean(first * first) - mean1**2
+    variance2 = mean(second * second) - mean2**2
+    covariance = mean(first * second) - mean1 * mean2
+    c1, c2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
+    value = (
+        (2 * mean1 * mean2 + c1) * (2 * covariance + c2) / ((mean1**2 + mean2**2 + c1) * (variance1 + variance2 + c2))
+    )
+    return float(value.mean())
+
+
+def _off_typical(key: PhotoKey) -> float:
+    return abs(float(np.log2(key.exposure_ms / TYPICAL_MS)))
+
+
+def _renamed(figure: Figure) -> Figure:
+    """Automatic boxes know no seeds: all photos count."""
+    subject = "automatic " + figure.subject.replace(ALL, "all")
+    return Figure(subject, figure.figure, figure.value, figure.unit, figure.n, figure.against)

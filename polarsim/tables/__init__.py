@@ -1,1 +1,0 @@
-"""Stage 7, what the stages wrote to the tables and pictures that papers quote."""

@@ -1,0 +1,143 @@
+import json
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.annotate.export import TOOLS, export, opening
+from polarsim.errors import ConfigError, LabelError
+from polarsim.formats import png, yolo
+from polarsim.formats.annotated import read_annotated
+from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_parquet
+from polarsim.photo import BOX_CLASSES, PhotoKey
+
+KEYS = [PhotoKey.parse(f"{terrain}_A_off_30_{camera}_0256") for terrain in ("01", "03") for camera in "LR"]
+PIXELS = np.full((38, 60), 500, np.uint16)  # a small picture: only its size on the disk matters here
+BOXES = st.lists(
+    st.tuples(
+        st.sampled_from(BOX_CLASSES), st.floats(-1, 1800), st.floats(-1, 1100), st.floats(2, 130), st.floats(2, 110)
+    ),
+    max_size=8,
+)
+
+
+def make_run(run: Path, drawn: dict[PhotoKey, list[tuple]]) -> Path:
+    """A run that labelled some photos: class, left, top, width, height."""
+    for terrain in sorted({key.terrain for key in drawn}):
+        folder, photos, rows = f"Terrain{terrain:02d}", [], []
+        for key in (key for key in drawn if key.terrain == terrain):
+            png.write(run / f"photos/{key}.png", PIXELS)
+            photos.append(key_columns(key) | {"path": str(run / f"photos/{key}.png")})
+            yolo.write_boxes(run / f"labels/boxes/{folder}/{key}.txt", np.zeros(0, int), np.zeros((0, 4)))
+            for number, (kind, x, y, width, height) in enumerate(drawn[key], 1):
+                row = {"kind": kind, "rock": number, "source": "fused", "confidence": 0.8}
+                rows.append(key_columns(key) | row | {"x0": x, "y0": y, "x1": x + width, "y1": y + height})
+        write_parquet(run / f"acquire/{folder}/photos.parquet", pd.DataFrame(photos, columns=list(PHOTO_COLUMNS)))
+        write_parquet(run / f"labels/tables/{folder}.parquet", label_table(rows))
+    return run
+
+
+@pytest.fixture
+def run(tmp_path):
+    return make_run(tmp_path / "demo", {key: [("rock", 100, 200, 50, 30), ("shadow", 60, 210, 45, 20)] for key in KEYS})
+
+
+def names(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_labelimg_gets_pictures_boxes_and_classes_and_nothing_else(tmp_path, run):
+    assert export(folder=tmp_path / "out", run=run, tool="labelimg") == len(KEYS)
+    assert names(tmp_path / "out") == {f"{key}.{end}" for key in KEYS for end in ("png", "txt")} | {"classes.txt"}
+    assert (tmp_path / "out/classes.txt").read_text() == "rock\nshadow\n"
+    lines = (tmp_path / f"out/{KEYS[0]}.txt").read_text().splitlines()
+    assert lines[0] == "0 0.064566 0.176809 0.025826 0.024671"  # 125/1936 215/1216 50/1936 30/1216
+    shown = png.read(tmp_path / f"out/{KEYS[0]}.png")
+    assert shown.dtype == np.uint8
+    assert shown.shape == PIXELS.shape
+
+
+@settings(max_examples=15, deadline=None)
+@given(drawn=BOXES)
+def test_what_was_exported_reads_back_to_a_hundredth_of_a_pixel(tmp_path_factory, drawn):
+    folder = tmp_path_factory.mktemp("export")
+    export(folder=folder / "out", run=make_run(folder / "demo", {KEYS[0]: drawn, KEYS[1]: []}), tool="labelimg")
+    found = read_annotated(folder / "out")
+    assert list(found) == KEYS[:2]
+    assert len(found[KEYS[1]][0]) == 0
+    classes, boxes = found[KEYS[0]]
+    wanted = np.array([[BOX_CLASSES.index(kind), x, y, x + w, y + h] for kind, x, y, w, h in drawn]).reshape(-1, 5)
+    read = np.column_stack([classes, boxes])
+    assert len(read) == len(wanted)
+    apart = np.abs(read[:, None] - wanted[None]).max(axis=-1)  # in the order of rocks, not of drawing
+    assert (apart.min(axis=0, initial=1) < 0.01).all()
+    assert (apart.min(axis=1, initial=1) < 0.01).all()
+
+
+def test_terrains_and_keys_are_chosen_by_number_and_pattern(tmp_path, run):
+    export(folder=tmp_path / "one", run=run, terrains=[3], tool="labelimg")
+    assert {key.terrain for key in read_annotated(tmp_path / "one")} == {3}
+    export(folder=tmp_path / "two", run=run, pattern="*_L_*", tool="labelimg")
+    assert {key.camera for key in read_annotated(tmp_path / "two")} == {"L"}
+    with pytest.raises(LabelError, match="13_"):
+        export(folder=tmp_path / "three", run=run, pattern="13_*", tool="labelimg")
+    assert not (tmp_path / "three").exists()
+
+
+def test_twins_stand_in_for_photos(tmp_path, run):
+    with pytest.raises(LabelError, match="no labelled hapke picture"):
+        export(folder=tmp_path / "out", run=run, domain="hapke", tool="labelimg")
+    png.write(run / f"renders/hapke/Terrain03/{KEYS[2]}.png", np.full((38, 60), 4095, np.uint16))
+    assert export(folder=tmp_path / "out", run=run, domain="hapke", tool="labelimg") == 1
+    assert (png.read(tmp_path / f"out/{KEYS[2]}.png") == 255).all()
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_labels_that_a_person_may_have_edited_are_never_overwritten(tmp_path, run, tool):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/01_A_off_30_L_0256.txt").write_text("edited")
+    with pytest.raises(ConfigError, match="out: not empty"):
+        export(folder=tmp_path / "out", run=run, tool=tool)
+    assert (tmp_path / "out/01_A_off_30_L_0256.txt").read_text() == "edited"
+
+
+def test_an_empty_folder_is_taken_and_an_unknown_tool_is_not(tmp_path, run):
+    (tmp_path / "out").mkdir()
+    export(folder=tmp_path / "out", run=run, tool="cvat")
+    assert names(tmp_path / "out")
+    with pytest.raises(ConfigError, match="paint"):
+        export(folder=tmp_path / "other", run=run, tool="paint")
+
+
+def test_cvat_gets_coco_in_its_layout_and_the_labels_of_its_task(tmp_path, run):
+    export(folder=tmp_path / "out", run=run, tool="cvat")
+    pictures = {f"images/{key}.png" for key in KEYS}
+    assert names(tmp_path / "out") == pictures | {"annotations/instances_default.json", "labels.json"}
+    document = json.loads((tmp_path / "out/annotations/instances_default.json").read_text())
+    assert {f"images/{image['file_name']}" for image in document["images"]} == pictures
+    assert len(document["annotations"]) == 2 * len(KEYS)
+    labels = json.loads((tmp_path / "out/labels.json").read_text())
+    assert [entry["name"] for entry in labels] == [category["name"] for category in document["categories"]]
+
+
+def test_label_studio_finds_every_picture_below_the_folder_that_it_serves(tmp_path, run):
+    folder = tmp_path / "to check"
+    export(folder=folder, run=run, tool="label-studio")
+    assert names(folder) == {f"images/{key}.png" for key in KEYS} | {"tasks.json", "interface.xml"}
+    for task in json.loads((folder / "tasks.json").read_text()):
+        address, _, place = task["data"]["image"].partition("?d=")
+        assert address == "/data/local-files/"
+        assert (tmp_path / unquote(place)).is_file()
+    assert f"serve local files from {tmp_path}," in opening(folder, "label-studio")
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_same_run_same_bytes(tmp_path, run, tool):
+    for place in ("a", "b"):
+        export(folder=tmp_path / place / "out", run=run, tool=tool)
+    for name in names(tmp_path / "a/out"):
+        assert (tmp_path / "a/out" / name).read_bytes() == (tmp_path / "b/out" / name).read_bytes()

@@ -1,0 +1,104 @@
+"""Pictures of a run that has one set-up: photos of one lamp, twins of one model."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.annotate.overlay import COLOURS
+from polarsim.annotate.show import show_of_run
+from polarsim.errors import FormatError, LabelError
+from polarsim.formats import png, yolo
+from polarsim.formats.files import write_json
+from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_parquet
+from polarsim.grid import GridOptions
+from polarsim.photo import PhotoKey
+from polarsim.report.of_run import draw_contact_of_run
+from polarsim.scoring.options import TablesOptions
+
+GRID = GridOptions(azimuths=("30",), lights=("off",), exposures_ms=(64, 256))
+KEYS = [PhotoKey.parse(f"03_A_off_30_{camera}_{exposure}") for camera in "LR" for exposure in ("0064", "0256")]
+LEFT = KEYS[1]
+ROCK_AT, SHADOW_AT = (450, 600), (450, 1200)  # row and column inside the rock and the shadow below
+REGIONS = [
+    (2, np.array([[500.0, 400], [700, 400], [700, 500], [500, 500]])),
+    (3, np.array([[1100.0, 400], [1300, 400], [1300, 500], [1100, 500]])),
+]
+
+
+def label(key, kind, box):
+    row = {"kind": kind, "rock": 7, "source": "seed", "confidence": 1.0}
+    return key_columns(key) | row | dict(zip(("x0", "y0", "x1", "y1"), map(float, box), strict=True))
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A run whose left photos are there and whose right ones have twins only."""
+    run, folder = tmp_path / "results/demo", "Terrain03"
+    photos = []
+    for key in KEYS:
+        if key.camera == "L":
+            png.write(tmp_path / f"{key}.png", np.full((1216, 1936), 500, np.uint16))
+            photos.append(key_columns(key) | {"path": str(tmp_path / f"{key}.png")})
+        png.write(run / f"renders/hapke/{folder}/{key}.png", np.full((1216, 1936), 500, np.uint16))
+    write_parquet(run / f"acquire/{folder}/photos.parquet", pd.DataFrame(photos, columns=list(PHOTO_COLUMNS)))
+    write_json(run / f"acquire/{folder}/inventory.json", {"terrain": 3, "kind": "analog"})
+    rows = [label(key, "rock", (500, 400, 700, 500)) for key in KEYS]
+    rows += [label(key, "shadow", (1100, 400, 1300, 500)) for key in KEYS]
+    for stage in ("labels", "renders"):
+        write_parquet(run / f"{stage}/tables/{folder}.parquet", label_table(rows))
+    yolo.write_polygons(run / f"labels/polygons/{folder}/{LEFT}.txt", REGIONS)
+    ids = np.ones((1216, 1936), np.uint16)
+    ids[400:500, 500:700], ids[400:500, 1100:1300] = 1007, 2007
+    png.write(run / f"renders/instances/{folder}/03_A_off_30_L.png", ids)
+    return run
+
+
+@pytest.mark.parametrize("domain", ["photo", "hapke"])
+def test_masks_of_photos_come_from_polygons_and_those_of_twins_from_what_they_show(tmp_path, run, domain):
+    for name, masks in (("plain", False), ("filled", True)):
+        show_of_run(key=LEFT, run=run, domain=domain, out=tmp_path / f"{name}.png", masks=masks)
+    plain, filled = (png.read(tmp_path / f"{name}.png").astype(int) for name in ("plain", "filled"))
+    grey = plain[1100, 1000]
+    for place, kind in ((ROCK_AT, "rock"), (SHADOW_AT, "shadow")):
+        dark = place[0] + 30, place[1] + 30  # beside the line from shadow to rock
+        assert (plain[dark] == grey).all()
+        assert (np.sign(filled[dark] - grey) == np.sign(np.array(COLOURS[kind]) - grey)).all()
+
+
+def test_a_photo_that_is_not_there_is_shown_by_its_twin_and_never_by_the_cover_photo(tmp_path, run, caplog):
+    right = next(key for key in KEYS if key.camera == "R")
+    cover = tmp_path / "cover_photo_indexed_03_A.png"
+    png.write(cover, np.zeros((1216, 1936, 3), np.uint8))
+    inventory = {"terrain": 3, "kind": "release", "cover_photos": {right.position: str(cover)}}
+    write_json(run / "acquire/Terrain03/inventory.json", inventory)
+    show_of_run(key=right, run=run, domain="photo", out=tmp_path / "out.png")
+    assert png.read(tmp_path / "out.png")[1100, 1000].min() > 0  # not the black cover photo of another light and camera
+    assert f"no photo of {right}" in caplog.text
+    (run / f"renders/hapke/Terrain03/{right}.png").unlink()
+    with pytest.raises(LabelError, match="no photo picture"):
+        show_of_run(key=right, run=run, domain="photo", out=tmp_path / "other.png")
+
+
+def test_a_picture_or_polygons_that_the_run_has_not_are_named(tmp_path, run):
+    with pytest.raises(LabelError, match="no lambert picture"):
+        show_of_run(key=LEFT, run=run, domain="lambert", out=tmp_path / "out.png")
+    with pytest.raises(FormatError, match=f"{KEYS[0]}.txt"):
+        show_of_run(key=KEYS[0], run=run, domain="photo", out=tmp_path / "out.png", masks=True)
+    assert not (tmp_path / "out.png").exists()
+
+
+def test_a_contact_sheet_shows_photos_then_twins_then_grey(tmp_path, run):
+    png.write(tmp_path / f"{LEFT}.png", np.full((1216, 1936), 4000, np.uint16))  # all white; twins stay dark below
+    for path in (run / "renders/hapke/Terrain03").glob("*.png"):
+        png.write(path, np.full((1216, 1936), 16, np.uint16))
+    arguments = {"terrain": 3, "position": "A", "run": run, "grid": GRID, "options": TablesOptions(figure_width_px=800)}
+    corners = {}
+    for models in (["hapke"], []):
+        figure = tmp_path / f"{len(models)}.png"
+        draw_contact_of_run(**arguments, models=models, figure=figure)
+        pixels = png.read(figure)
+        left, right = pixels[200, 20], pixels[200, 780]  # of the left camera's tile and of the right one's
+        corners[len(models)] = int(left[0]), int(right[0])
+    assert corners[1] == (255, 0)
+    assert corners[0][0] == 255
+    assert 80 < corners[0][1] < 100

@@ -1,0 +1,39 @@
+import pytest
+from typer.testing import CliRunner
+
+from polarsim.cli import app
+from polarsim.errors import PolarsimError
+from polarsim.formats.tables import read_csv, write_csv
+from polarsim.report.compare import compare_runs
+from polarsim.scoring.mesh_scores import mesh_table
+from polarsim.scoring.quality import Figure, write_quality
+
+
+def measured(folder, run, terrain, value):
+    figure = Figure("A", "position_error_aligned", value, "mm", 1, "truth")
+    write_quality(folder / run / f"quality/cameras_Terrain{terrain:02d}.csv", "cameras", terrain, [figure])
+
+
+def test_runs_follow_each_other_in_the_cells_of_a_terrain(tmp_path):
+    measured(tmp_path, "seed1", 3, 1.0)
+    measured(tmp_path, "seed1", 1, 2.0)
+    measured(tmp_path, "seed2", 1, 4.0)
+    write_csv(tmp_path / "seed1/quality/meshes_Terrain01.csv", mesh_table([]))  # no figures of quality
+    compare_runs(runs=[tmp_path / "seed1", tmp_path / "seed2"], stem=tmp_path / "both")
+    assert "| mm | truth | 2.00 / 4.00 | 1.00 / – | 2.00 |" in (tmp_path / "both.md").read_text()
+    table = read_csv(tmp_path / "both.csv")
+    assert table[["run", "terrain", "value"]].values.tolist() == [["seed1", 1, 2], ["seed2", 1, 4], ["seed1", 3, 1]]
+
+
+def test_a_run_without_figures_is_named(tmp_path):
+    measured(tmp_path, "seed1", 1, 1.0)
+    with pytest.raises(PolarsimError, match="seed2/quality: no figures"):
+        compare_runs(runs=[tmp_path / "seed1", tmp_path / "seed2"], stem=tmp_path / "both")
+    assert not list(tmp_path.glob("both.*"))
+
+
+def test_the_command_says_where_the_table_lies(tmp_path):
+    measured(tmp_path, "seed1", 1, 1.0)
+    done = CliRunner().invoke(app, ["compare", "seed1", "--results", str(tmp_path), "--out", str(tmp_path / "one")])
+    assert done.exit_code == 0
+    assert done.stdout.strip() == str(tmp_path / "one.md")

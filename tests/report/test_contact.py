@@ -1,0 +1,99 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import png
+from polarsim.formats.tables import key_columns, label_table, write_parquet
+from polarsim.photo import PhotoKey
+from polarsim.report.figures import contact
+from polarsim.scoring.options import TablesOptions
+
+KEYS = [
+    PhotoKey.parse(f"03_A_{light}_{azimuth}_{camera}_{exposure}")
+    for light in ("off", "on")
+    for azimuth in ("no", "30")
+    for camera in "LR"
+    for exposure in ("0064", "0256", "1024")
+]
+
+
+def label(key, kind="rock", rock=7, confidence=1.0, box=(400, 300, 800, 500)):
+    row = {"kind": kind, "rock": rock, "source": "seed", "confidence": confidence}
+    return key_columns(key) | row | dict(zip(("x0", "y0", "x1", "y1"), map(float, box), strict=True))
+
+
+def drawn(folder, name, rows, keys=KEYS, picture_of=lambda _: None, width=800):
+    write_parquet(folder / "labels.parquet", label_table(rows))
+    contact.draw_contact(
+        keys=keys,
+        labels=folder / "labels.parquet",
+        picture_of=picture_of,
+        figure=folder / name,
+        options=TablesOptions(figure_width_px=width),
+    )
+    return png.read(folder / name)
+
+
+@pytest.mark.parametrize(
+    ("labels", "chosen"),
+    [
+        ({}, "0256"),  # none anywhere: the usual exposure
+        ({"0064": 1, "0256": 2, "1024": 2}, "0256"),  # of two with all labels the one nearer to 256 ms
+        ({"0064": 1, "0256": 2, "1024": 3}, "1024"),
+        ({"0064": 3, "0256": 2, "1024": 2}, "0064"),
+    ],
+)
+def test_the_exposure_with_the_most_labels_stands_for_its_photo_set(labels, chosen):
+    exposures = [key for key in KEYS if key.photo_set == KEYS[0].photo_set]
+    table = label_table([label(key) for key in exposures for _ in range(labels.get(str(key)[-4:], 0))])
+    assert str(contact.most_labelled(exposures, table)).endswith(chosen)
+
+
+def test_the_lowest_tenth_is_in_doubt_and_all_below_one_half():
+    sure = pd.Series(np.linspace(0.55, 1.0, 101))
+    assert (sure < contact.doubtful_confidence(sure)).mean() == pytest.approx(0.1, abs=0.01)
+    bad = pd.Series([0.3] * 80 + [0.9] * 20)
+    assert (bad < contact.doubtful_confidence(bad)).sum() == 80
+    alike = pd.Series([0.9] * 50)
+    assert not (alike < contact.doubtful_confidence(alike)).any()
+    assert contact.doubtful_confidence(pd.Series([], dtype=float)) == 0.5
+
+
+def test_a_sheet_has_a_row_an_azimuth_and_a_column_a_camera_and_light(tmp_path):
+    whole = drawn(tmp_path, "whole.png", [label(key) for key in KEYS])
+    assert whole.shape[1] == 800
+    no_sun = drawn(tmp_path, "row.png", [], [key for key in KEYS if key.azimuth == "no"])
+    left = drawn(tmp_path, "column.png", [], [key for key in KEYS if key.camera == "L" and key.light == "off"])
+    assert 0.4 * whole.shape[0] < no_sun.shape[0] < 0.6 * whole.shape[0]  # half of the rows
+    assert left.shape[0] > 3 * whole.shape[0]  # a quarter of the columns: tiles are four times as wide
+
+
+def test_a_tile_s_title_counts_labels_and_doubts():
+    rows = [label(KEYS[0]), label(KEYS[0], "shadow", confidence=0.4), label(KEYS[0], "shadow", rock=8)]
+    tile = contact.Tile(KEYS[0], label_table(rows), None)
+    assert tile.title(0.5) == "no Sun, light off, L, 64 ms: 1 rocks, 2 shadows, 1 dashed"
+    assert contact.Tile(KEYS[3], label_table(rows[:1]), None).title(0.5).startswith("no Sun, light off, R, 64 ms")
+
+
+def test_same_rows_make_the_same_bytes_and_labels_keep_their_colours(tmp_path):
+    rows = [label(key) for key in KEYS] + [label(key, "shadow", box=(900, 300, 1200, 500)) for key in KEYS]
+    shown = drawn(tmp_path, "one.png", rows, width=1600).astype(int)
+    drawn(tmp_path, "two.png", rows, width=1600)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+    for kind in ("rock", "shadow"):
+        off = np.abs(shown - contact.COLOURS[kind]).max(axis=-1)
+        assert (off <= 2).sum() > 300
+
+
+def test_a_sheet_that_is_too_large_gets_fewer_greys(tmp_path, monkeypatch, rng):
+    png.write(tmp_path / "noise.png", rng.integers(16, 4095, (1216, 1936)).astype(np.uint16))
+    arguments = {"keys": KEYS[:3], "rows": [label(KEYS[0])], "picture_of": lambda _: tmp_path / "noise.png"}
+    many = drawn(tmp_path, "many.png", **arguments)
+    monkeypatch.setattr(contact, "MAX_BYTES", int(0.9 * (tmp_path / "many.png").stat().st_size))
+    few = drawn(tmp_path, "few.png", **arguments)
+    assert (tmp_path / "few.png").stat().st_size <= contact.MAX_BYTES
+    assert len(np.unique(few)) < len(np.unique(many))
+
+
+def test_no_photo_at_all_makes_a_sheet_all_the_same(tmp_path):
+    assert drawn(tmp_path, "none.png", [], []).shape[1] == 800

@@ -1,0 +1,205 @@
+import itertools
+
+import pandas as pd
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats.tables import read_csv, read_parquet, write_parquet
+from polarsim.report import paper
+from polarsim.report.detection_table import COLUMNS, lay_out_detection, tabulate_detection, tidy_detection
+from polarsim.report.ipd_table import COLUMNS as IPD_COLUMNS
+from polarsim.report.ipd_table import lay_out_ipd, tabulate_ipd, tidy_ipd
+
+ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
+
+
+def detection(domains=("analog", "hapke", "principled"), kinds=("rock", "shadow")):
+    rows = []
+    for number, (kind, trained, evaluated) in enumerate(itertools.product(kinds, domains, domains)):
+        shares = (0.001 * number, 0.002 * number, 0.003 * number)
+        rows.append((trained, evaluated, kind, "photo", True, "yolov5n", 12, 320, 96, 500, *shares))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def ipd(domains=("analog", "hapke", "principled")):
+    rows = []
+    for trained, (first, second) in itertools.product(domains, itertools.combinations(domains, 2)):
+        rows.append((trained, first, second, "rock", 40, 0.1, 0.2, 0.05, 0.15, 0.12, 0.28))
+    return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
+
+
+def test_corrupt_pictures_that_were_left_out_are_noted(tmp_path):
+    left_out = [0, 3, *[0] * (len(detection()) - 2)]
+    write_parquet(tmp_path / "d.parquet", detection().assign(left_out=left_out))
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    assert "up to 3 corrupt pictures of a judge's training and test left out" in (tmp_path / "detection.md").read_text()
+    write_parquet(tmp_path / "d.parquet", detection().assign(left_out=0))
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    assert "corrupt" not in (tmp_path / "detection.md").read_text()
+
+
+def test_every_ipd_of_the_paper_is_the_difference_of_two_of_its_mean_ious():
+    for (trained, (first, second)), value in paper.IPD.items():
+        means = [paper.DETECTION[trained, domain][2] for domain in (first, second)]
+        assert value == pytest.approx(abs(means[0] - means[1]), abs=1.1e-3)
+
+
+def test_the_papers_figures_stand_in_columns_of_their_own_and_change_none_of_ours():
+    given = detection(("real", "hapke", "principled"))
+    table = tidy_detection(given, "polar")
+    places = ["kind", "trained", "evaluated"]
+    row = table.set_index(places).loc[("rock", "principled", "real")]
+    same = given.set_index(places).loc[("rock", "principled", "real")]
+    assert row["map50"] == same["map50"]
+    assert (row["paper_map50"], row["paper_map50_95"], row["paper_iou_mean"]) == (0.662, 0.318, 0.513)
+    assert table.loc[table["kind"] != "rock", "paper_map50"].isna().all()
+
+
+def test_the_layout_is_the_papers():
+    shown = lay_out_detection(tidy_detection(detection(("hapke", "real", "principled"), ("rock",)), "release"))
+    assert list(shown["T"]) == ["Real", "Principled", "Hapke"]
+    assert list(shown.columns[2:5]) == ["E: Real", "E: Principled", "E: Hapke"]
+    assert shown.loc[0, "paper, E: Real"] == "0.987 / 0.805 / 0.849"
+    assert shown.loc[2, "paper, E: Principled"] == "0.887 / 0.730 / 0.872"
+
+
+def test_a_result_on_the_analog_is_never_called_real(tmp_path):
+    write_parquet(tmp_path / "detection.parquet", detection(("real", "principled", "hapke")))
+    tabulate_detection(detection=tmp_path / "detection.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    table = read_parquet(tmp_path / "detection.parquet")
+    assert set(table["trained"]) == {"analog", "principled", "hapke"}
+    text = (tmp_path / "detection.md").read_text()
+    assert "are no photos" in text
+    header = next(line for line in text.splitlines() if line.startswith("| labels"))
+    assert "| E: Real" not in header
+
+
+def test_the_papers_figures_never_stand_beside_the_analogs(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection(kinds=("rock",)))
+    write_parquet(tmp_path / "i.parquet", ipd())
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
+    for name in ("detection", "ipd"):
+        assert "aper, " not in (tmp_path / f"{name}.md").read_text().replace("the paper's table", "")
+        theirs = read_parquet(tmp_path / f"{name}.parquet").filter(like="paper_")
+        assert theirs.shape[1] > 0
+        assert theirs.isna().all(axis=None)
+
+
+def test_domains_that_the_paper_does_not_know_have_no_figure_of_it():
+    table = tidy_detection(detection(("views", "hapke")), "release")
+    known = (table["trained"] == "hapke") & (table["evaluated"] == "hapke") & (table["kind"] == "rock")
+    assert table.loc[known, "paper_map50"].tolist() == [0.887]
+    assert table.loc[~known, "paper_map50"].isna().all()
+    assert "paper, E: Views" not in lay_out_detection(table).columns
+
+
+def test_the_weights_that_a_judge_started_from_are_told_where_they_are_known(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection().assign(start="random weights"))
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    assert "yolov5n, started from random weights, 12 epochs" in (tmp_path / "detection.md").read_text()
+    assert set(read_parquet(tmp_path / "detection.parquet")["start"]) == {"random weights"}
+
+
+def test_a_table_without_a_row_is_written_with_its_columns(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection().iloc[:0])
+    write_parquet(tmp_path / "i.parquet", ipd().iloc[:0])
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
+    assert len(read_csv(tmp_path / "detection.csv", ["run", "map50", "paper_map50"])) == 0
+    assert len(read_csv(tmp_path / "ipd.csv", ["run", "ipd", "paper_ipd"])) == 0
+
+
+def test_a_missing_column_is_named_with_its_file(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection().drop(columns="iou_mean"))
+    with pytest.raises(FormatError, match=r"d\.parquet.*iou_mean"):
+        tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+
+
+def test_ipd_pairs_are_brought_into_the_papers_order_whichever_way_they_come():
+    given = ipd()
+    turned = given.rename(columns={"first": "second", "second": "first"})
+    pd.testing.assert_frame_equal(tidy_ipd(given, "analog"), tidy_ipd(turned[given.columns], "analog"))
+    shown = lay_out_ipd(tidy_ipd(ipd(("real", "hapke", "principled")), "polar"))
+    assert list(shown.columns[2:5]) == ["Principled - Hapke", "Real - Hapke", "Real - Principled"]
+    assert shown.loc[0, "Real - Principled"] == "0.1000 [0.050, 0.150] / 0.2000 [0.120, 0.280]"
+    assert shown.loc[2, "paper, Real - Hapke"] == "0.4638"
+    assert shown.loc[0, "paper, Principled - Hapke"] == "–"
+
+
+def test_ipd_has_a_row_for_each_split():
+    given = pd.concat([ipd().assign(split="photo", seed=0), ipd().assign(split="terrain", seed=0)], ignore_index=True)
+    table = tidy_ipd(given, "analog")
+    assert list(table.columns[:2]) == ["split", "seed"]
+    shown = lay_out_ipd(table)
+    assert len(shown) == 2 * len(lay_out_ipd(tidy_ipd(ipd(), "analog")))
+    assert set(shown["split by"]) == {"photo", "terrain"}
+
+
+def with_intervals(table):
+    bounds = {
+        f"{name}_{bound}": table[name] + shift
+        for name in ("map50", "map50_95", "iou_mean")
+        for bound, shift in (("low", -0.1), ("high", 0.1))
+    }
+    return table.assign(**bounds, unit="view")
+
+
+def test_intervals_stand_in_a_block_of_their_own(tmp_path):
+    table = with_intervals(detection(kinds=("rock",)).assign(map50=0.5, map50_95=0.4, iou_mean=0.3))
+    write_parquet(tmp_path / "d.parquet", table)
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    text = (tmp_path / "detection.md").read_text()
+    assert "by a bootstrap of views" in text
+    assert text.count("[0.400, 0.600] / [0.300, 0.500] / [0.200, 0.400]") == 9
+    assert {"map50_low", "iou_mean_high"} <= set(read_csv(tmp_path / "detection.csv").columns)
+
+
+def test_several_seeds_are_shown_by_mean_and_deviation_with_their_number(tmp_path):
+    one = detection(("real", "hapke", "principled"), ("rock",)).assign(map50=0.5, map50_95=0.4, iou_mean=0.3)
+    table = pd.concat([one.assign(seed=seed, map50=0.5 + 0.1 * seed) for seed in (0, 1, 2)])
+    write_parquet(tmp_path / "d.parquet", with_intervals(table))
+    origin = ORIGIN | {"source": "polar"}
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=origin)
+    text = (tmp_path / "detection.md").read_text()
+    assert text.count("0.600 ± 0.100 / 0.400 ± 0.000 / 0.300 ± 0.000") == 9
+    assert "over n = 3 trainings of other seeds (0, 1, 2)" in text
+    assert "0.987 / 0.805 / 0.849" in text  # the paper has one
+    assert len(read_csv(tmp_path / "detection.csv", ["seed"])) == 27
+    assert r"0.600 $\pm$ 0.100" in (tmp_path / "detection.tex").read_text()
+
+
+def test_several_seeds_of_ipd_are_shown_by_mean_and_deviation(tmp_path):
+    table = pd.concat([ipd().assign(seed=seed, ipd=0.1 + 0.1 * seed) for seed in (0, 1)])
+    write_parquet(tmp_path / "i.parquet", table)
+    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
+    text = (tmp_path / "ipd.md").read_text()
+    assert text.count("0.150 ± 0.071 / 0.200 ± 0.000") == 9
+    assert "n = 2 trainings" in text
+
+
+def test_the_rules_of_an_ipd_are_told(tmp_path):
+    rules = {"unit": "view", "units": 12, "undetected": "zero", "unpaired": "left_out", "confidence": 0.25}
+    write_parquet(tmp_path / "i.parquet", ipd().assign(**rules))
+    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
+    text = (tmp_path / "ipd.md").read_text()
+    assert "Least confidence 0.25; rocks that no prediction overlaps: IoU 0" in text
+    assert "labelled in one domain only: left out; intervals: 95 % bootstrap of views" in text
+
+
+def test_every_table_of_judges_tells_judge_split_seeds_and_photos(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection().assign(start="scratch", seed=3))
+    write_parquet(tmp_path / "i.parquet", ipd())
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
+    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN, detection=tmp_path / "d.parquet")
+    told = "Judge yolov5n, started from scratch, 12 epochs by seed 3 at 320 px; split by photo: views are shared by"
+    for name in ("detection", "ipd"):
+        assert f"{told} training and test; 96 test images." in (tmp_path / f"{name}.md").read_text()
+
+
+def test_the_rule_of_near_black_pictures_is_told_where_one_holds(tmp_path):
+    write_parquet(tmp_path / "d.parquet", detection())
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "one", origin=ORIGIN, min_mean_dn=5)
+    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "other", origin=ORIGIN)
+    assert "Near-black pictures, with a mean below 5 DN above black, are left out." in (tmp_path / "one.md").read_text()
+    assert "Near-black" not in (tmp_path / "other.md").read_text()

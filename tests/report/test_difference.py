@@ -1,0 +1,31 @@
+import numpy as np
+
+from polarsim.report.figures.difference import of_cover, of_photo
+
+
+def test_a_brighter_twin_is_red_and_a_darker_one_blue():
+    photo = np.full((4, 6), 16 + 400, np.uint16)
+    twin = photo.copy()
+    twin[:, :2], twin[:, 2:4], twin[:, 4:] = 16 + 1600, 16 + 400, 16 + 100
+    shown = of_photo(photo, twin)
+    assert shown[0, 0].tolist() == [255, 0, 0]
+    assert shown[0, 2].tolist() == [255, 255, 255]
+    assert shown[0, 4].tolist() == [0, 0, 255]
+
+
+def test_dark_and_clipped_pixels_are_grey():
+    photo = np.array([[20, 4095, 500]], np.uint16)
+    assert of_photo(photo, np.full((1, 3), 500, np.uint16)).tolist() == [[[128] * 3, [128] * 3, [255] * 3]]
+
+
+def test_a_twin_differs_in_nothing_from_a_cover_of_the_same_tones(rng):
+    twin = rng.integers(16, 4000, (60, 80)).astype(np.uint16)
+    tones = np.sqrt((twin - 16) / 4000) * 255  # stretched in some way
+    cover = np.repeat(np.round(tones)[..., None], 3, axis=-1).astype(np.uint8)
+    red = np.zeros((60, 80), bool)
+    red[0] = True
+    shown = of_cover(cover, twin, red)
+    assert (shown[0] == 128).all()
+    assert (shown[1:] > 240).all()
+    other = of_cover(cover, twin[:, ::-1], red)
+    assert (other[1:] > 240).mean() < 0.6

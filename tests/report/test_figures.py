@@ -1,0 +1,291 @@
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import obj, png, release, yolo
+from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.scene import read_terrain
+from polarsim.formats.tables import key_columns, label_table, write_csv, write_parquet
+from polarsim.geometry.boxes import around
+from polarsim.geometry.rays import caster
+from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.report import detection_table, ipd_table
+from polarsim.report.figures import (
+    draw_comparison,
+    draw_detection,
+    draw_ipd,
+    draw_label_errors,
+    draw_offsets,
+    draw_reliability,
+    draw_residuals,
+    draw_terrain,
+)
+from polarsim.report.figures.comparison import cover_key
+from polarsim.report.figures.labels import edge_errors
+from polarsim.report.figures.terrain import STEP, slanted_view, top_view
+from polarsim.scoring.label_pairs import EDGES, PAIR_COLUMNS, TRUE_EDGES
+from polarsim.scoring.match_rule import MatchRule
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.reliability import COLUMNS as RELIABILITY_COLUMNS
+
+OPTIONS = TablesOptions(figure_width_px=600)
+WIDE = TablesOptions(figure_width_px=1300)
+ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
+KEY = PhotoKey.parse("03_A_off_30_L_0256")
+
+
+def is_drawn(path, width=600):
+    """A picture of the wanted width with more than a blank page on it."""
+    pixels = png.read(path)
+    assert pixels.shape[1] == width
+    return (pixels[..., :3] < 128).any()
+
+
+def label(key, kind, rock, box):
+    row = {"kind": kind, "rock": rock, "source": "seed", "confidence": 1.0}
+    return key_columns(key) | row | dict(zip(("x0", "y0", "x1", "y1"), map(float, box), strict=True))
+
+
+def terrain_drawn(folder, to):
+    draw_terrain(
+        terrain=3,
+        rocks=folder / "rocks.parquet",
+        meshes=folder / "meshes",
+        meshes_figure=to / "meshes.png",
+        crops_figure=to / "crops.png",
+        options=OPTIONS,
+    )
+    return to / "meshes.png", to / "crops.png"
+
+
+def test_meshes_and_cuboids_are_drawn_twice_the_same(tmp_path, world):
+    world.write(tmp_path)
+    for one, two in zip(terrain_drawn(tmp_path, tmp_path / "1"), terrain_drawn(tmp_path, tmp_path / "2"), strict=True):
+        assert is_drawn(one)
+        assert one.read_bytes() == two.read_bytes()
+
+
+def test_a_map_of_a_fitted_ground_says_so(tmp_path, world):
+    world.write(tmp_path)
+    scanned, _ = (path.read_bytes() for path in terrain_drawn(tmp_path, tmp_path / "scanned"))
+    write_csv(tmp_path / "meshes/meshes.csv", pd.DataFrame([{"mesh": obj.ground_name(3), "made_from": "fitted"}]))
+    fitted, _ = (path.read_bytes() for path in terrain_drawn(tmp_path, tmp_path / "fitted"))
+    assert fitted != scanned
+
+
+def test_a_terrain_without_rocks_is_drawn(tmp_path, world):
+    world.write(tmp_path, rocks=())
+    assert all(is_drawn(figure) for figure in terrain_drawn(tmp_path, tmp_path))
+
+
+def offsets_drawn(folder, rows, name):
+    columns = {"rock": "int64", **dict.fromkeys(("x", "y", "z", "offset_mm"), "float64")}
+    write_parquet(folder / "offsets.parquet", pd.DataFrame(rows, columns=list(columns)).astype(columns))
+    draw_offsets(terrain=3, offsets=folder / "offsets.parquet", figure=folder / name, options=WIDE)
+    return png.read(folder / name)[..., :3].astype(int)
+
+
+def test_surface_outside_the_true_one_is_drawn_red_and_inside_blue(tmp_path):
+    rng = np.random.default_rng(1)
+    places = rng.uniform(-1.5, 1.5, (3000, 3))
+    counts = []
+    for offset in (5.0, -5.0):
+        pixels = offsets_drawn(tmp_path, [(1, *place, offset) for place in places], f"{offset:g}.png")[:, :650]
+        counts.append([((pixels[..., one] - pixels[..., other]) > 60).sum() for one, other in ((0, 2), (2, 0))])
+    (red, no_blue), (no_red, blue) = counts
+    assert red > 4 * no_blue  # the colour bar has some of both
+    assert blue > 4 * no_red
+
+
+def test_a_terrain_that_nobody_saw_has_a_page_that_says_so(tmp_path):
+    assert (offsets_drawn(tmp_path, [], "none.png") < 200).any()
+
+
+def residuals_drawn(folder, name, **photos):
+    rule = MatchRule(trim=0.004, trim_share=0.35, consensus_share=0.3, same_iou=0.5, gate_px=40)
+    draw_residuals(
+        terrain=3,
+        cameras=folder / "cameras",
+        meshes=folder / "meshes",
+        seeds=folder / "seeds",
+        photos=photos,
+        rule=rule,
+        figure=folder / name,
+        options=WIDE,
+    )
+    return png.read(folder / name)[..., :3].astype(int)
+
+
+def test_boxes_beside_their_meshes_get_arrows_and_right_ones_none(tmp_path, world):
+    world.write(tmp_path)
+    placed, scene = read_all_placed(tmp_path / "cameras"), read_terrain(tmp_path / "meshes", 3)
+    position, rig = sorted(placed.items())[0]
+    boxes = np.array([around(rig.project("L", scene.rock_vertices(rock))) for rock in scene.rocks])
+    arrows = []
+    for off in (0, 8):
+        yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(len(boxes)), boxes + off)
+        pixels = residuals_drawn(tmp_path, f"{off}.png")
+        arrows.append(((pixels[..., 0] - pixels[..., 2] > 120) & (pixels[..., 1] < 140)).sum())  # vermilion
+    assert arrows[1] > 2 * arrows[0] + 50
+
+
+def test_residuals_need_neither_photos_nor_seeds(tmp_path, world):
+    world.write(tmp_path)
+    assert (residuals_drawn(tmp_path, "bare.png") < 128).any()
+
+
+def test_from_above_a_cube_has_its_area_its_height_and_its_place(tmp_path, world):
+    world.write(tmp_path)
+    scene = read_terrain(tmp_path / "meshes", 3)
+    top = top_view(scene, caster(scene.vertices, scene.faces))
+    on_rock = top.rock == 1
+    assert on_rock.sum() * STEP**2 == pytest.approx(0.2**2, rel=0.06)
+    np.testing.assert_allclose(top.height[on_rock], 0.05 + 0.1, atol=1e-5)
+    rows, columns = np.nonzero(on_rock)
+    assert -2 + STEP * (columns.mean() + 0.5) == pytest.approx(0.5, abs=0.01)
+    assert 2 - STEP * (rows.mean() + 0.5) == pytest.approx(0.4, abs=0.01)
+
+
+def test_the_slanted_view_shows_rocks_in_their_colour_and_their_shadow(tmp_path, world):
+    world.write(tmp_path)
+    scene = read_terrain(tmp_path / "meshes", 3)
+    pixels = slanted_view(scene, caster(scene.vertices, scene.faces), 400).astype(int)
+    tinted = pixels[..., 0] > pixels[..., 2] + 60
+    dark = pixels.max(axis=-1) < 110
+    assert 50 < tinted.sum() < 0.1 * tinted.size
+    assert 50 < dark.sum() < 0.1 * dark.size
+
+
+def label_pairs(*rows):
+    """Pairs of (kind, task, label box, true box); a box is None where there is none."""
+    table = pd.DataFrame({name: pd.Series([None] * len(rows), dtype="object") for name in PAIR_COLUMNS})
+    for row, (kind, task, ours, true) in enumerate(rows):
+        table.loc[row, ["kind", "task", "hit", "against"]] = [kind, task, None not in (ours, true), "truth"]
+        table.loc[row, list(EDGES)] = ours or [np.nan] * 4
+        table.loc[row, list(TRUE_EDGES)] = true or [np.nan] * 4
+    defaults = {"bool": False, "float64": np.nan, "int64": 0, "str": ""}
+    filled = {name: table[name].fillna(defaults[kind]) for name, kind in PAIR_COLUMNS.items()}
+    return pd.DataFrame(filled).astype(PAIR_COLUMNS)
+
+
+def test_edge_errors_are_ours_less_theirs_by_kind_and_task():
+    true = [100, 100, 160, 140]
+    found = edge_errors(
+        label_pairs(
+            ("rock", "Left to Right", [102, 100, 159, 143], true),
+            ("shadow", "Left to Right", None, true),
+            ("rock", "other exposures", [100, 100, 160, 141], true),
+            ("rock", "other exposures", true, None),
+        )
+    )
+    assert set(found) == {("rock", "Left to Right"), ("rock", "other exposures")}
+    np.testing.assert_allclose(found["rock", "Left to Right"], [[2, 0, -1, 3]])
+    np.testing.assert_allclose(found["rock", "other exposures"], [[0, 0, 0, 1]])
+
+
+def test_label_errors_are_drawn_also_when_there_are_none(tmp_path):
+    pairs = label_pairs(("rock", "Left to Right", [102, 100, 161, 140], [100, 100, 160, 140]))
+    write_parquet(tmp_path / "pairs.parquet", pairs)
+    write_parquet(tmp_path / "none.parquet", pairs[:0])
+    for name in ("pairs", "none"):
+        figure = tmp_path / f"{name}.png"
+        draw_label_errors(terrain=3, pairs=tmp_path / f"{name}.parquet", figure=figure, options=OPTIONS)
+        assert is_drawn(figure)
+    assert (tmp_path / "pairs.png").read_bytes() != (tmp_path / "none.png").read_bytes()
+
+
+@pytest.mark.parametrize("kinds", [("rock", "shadow"), ("shadow",), ()])
+def test_detection_and_ipd_are_drawn_also_without_rocks(tmp_path, kinds):
+    domains = ("analog", "principled", "hapke")
+    detection = [
+        (t, e, kind, "photo", True, "yolov5n", 9, 320, 9, 9, 0.5, 0.3, 0.4)
+        for kind in kinds
+        for t, e in itertools.product(domains, domains)
+    ]
+    ipd = [
+        (t, *pair, kind, 9, 0.1, 0.2, 0.0, 0.2, 0.1, 0.3)
+        for kind in kinds
+        for t in domains
+        for pair in itertools.combinations(domains, 2)
+    ]
+    write_parquet(tmp_path / "d.parquet", pd.DataFrame(detection, columns=list(detection_table.COLUMNS)))
+    write_parquet(tmp_path / "i.parquet", pd.DataFrame(ipd, columns=list(ipd_table.COLUMNS)))
+    draw_detection(detection=tmp_path / "d.parquet", figure=tmp_path / "detection.png", origin=ORIGIN, options=OPTIONS)
+    draw_ipd(ipd=tmp_path / "i.parquet", figure=tmp_path / "ipd.png", origin=ORIGIN, options=OPTIONS)
+    assert is_drawn(tmp_path / "detection.png")
+    assert is_drawn(tmp_path / "ipd.png")
+
+
+def test_a_comparison_shows_what_is_there(tmp_path):
+    png.write(tmp_path / "photo.png", np.full((1216, 1936), 700, np.uint16))
+    png.write(tmp_path / "hapke.png", np.full((1216, 1936), 300, np.uint16))
+    write_parquet(tmp_path / "labels.parquet", label_table([label(KEY, "rock", 1, (100, 100, 500, 400))]))
+    twins = {"principled": tmp_path / "none.png", "hapke": tmp_path / "hapke.png"}
+    arguments = {
+        "key": KEY,
+        "labels": tmp_path / "labels.parquet",
+        "automatic": None,
+        "cover_photo": None,
+        "options": OPTIONS,
+    }
+    draw_comparison(**arguments, photo=tmp_path / "photo.png", twins_of=lambda _: twins, figure=tmp_path / "two.png")
+    draw_comparison(**arguments, photo=None, twins_of=lambda _: {}, figure=tmp_path / "none.png")
+    shown = png.read(tmp_path / "two.png")
+    # Beside each other with the photo's white: the twin, with 284 of 684 DN above black, is darker than the photo.
+    left, right = shown[:, 150].astype(int).mean(axis=-1), shown[:, 450].astype(int).mean(axis=-1)
+    middle = slice(shown.shape[0] // 4, shown.shape[0] // 4 + 20)  # of the upper of two rows
+    assert np.median(left[middle]) == 255
+    assert np.median(right[middle]) == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
+    assert is_drawn(tmp_path / "none.png")
+
+
+@pytest.mark.release
+@pytest.mark.parametrize(("position", "camera"), [("A", "R"), ("C", "L")])
+def test_a_cover_photo_is_known_by_its_red_boxes(release_root, position, camera):
+    """03 A was taken by the right camera and 03 C by the left one: found by eye."""
+    cover = png.read(release.cover_photos(release_root, 3)[position])
+    keys = [key for key in release.label_files(release_root, 3) if key.light == "off" and key.exposure_ms == 256]
+    keys = [key for key in keys if key.position == position]
+    assert cover_key(cover, hand_drawn(release_root, keys), keys).camera == camera
+
+
+@pytest.mark.release
+def test_a_cover_photo_with_numbers_only_is_taken_for_no_photo(release_root):
+    cover = png.read(release.cover_photos(release_root, 4)["C"])
+    keys = [key for key in release.label_files(release_root, 4) if key.position == "C" and key.exposure_ms == 256]
+    assert cover_key(cover, hand_drawn(release_root, keys), keys) is None
+
+
+def hand_drawn(root, keys):
+    rows = []
+    for key in keys:
+        classes, boxes = yolo.read_boxes(release.label_folder(root, key.terrain) / f"{key}.txt")
+        rows += [label(key, BOX_CLASSES[number], -1, box) for number, box in zip(classes, boxes, strict=True)]
+    return label_table(rows)
+
+
+def reliability_drawn(folder, rows, name):
+    bins = pd.DataFrame(rows, columns=list(RELIABILITY_COLUMNS)).astype(RELIABILITY_COLUMNS)
+    write_parquet(folder / "reliability.parquet", bins)
+    draw_reliability(reliability=folder / "reliability.parquet", figure=folder / name, origin=ORIGIN, options=WIDE)
+    return png.read(folder / name)[..., :3].astype(int)
+
+
+def test_points_of_sure_and_right_labels_lie_above_and_right_of_doubtful_ones(tmp_path):
+    places = []
+    for confidence in (0.3, 0.8):
+        point = {"kind": "rock", "label_source": "seed", "labels": 50, "low": confidence, "high": confidence}
+        shares = dict.fromkeys(("confidence", "right", "right_low", "right_high"), confidence) | {"brier": 0.1}
+        pixels = reliability_drawn(tmp_path, [point | shares], f"{confidence}.png")[:-80, :650]  # without the legend
+        blue = (pixels[..., 2] > 130) & (pixels[..., 0] < 60)
+        places.append(np.argwhere(blue).mean(axis=0))
+    (low_row, low_column), (high_row, high_column) = places
+    side = high_column - low_column
+    assert side > 200
+    assert low_row - high_row == pytest.approx(side, rel=0.02)  # the diagonal is one
+
+
+def test_a_run_without_compared_labels_has_a_page_that_says_so(tmp_path):
+    assert (reliability_drawn(tmp_path, [], "none.png") < 200).any()

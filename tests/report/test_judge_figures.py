@@ -1,0 +1,186 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import png
+from polarsim.formats.tables import key_columns, label_table, write_parquet
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.report.figures import curves, draw_curves, draw_gap_rocks, draw_ipd_histogram
+from polarsim.report.figures.gap_rocks import most_different
+from polarsim.report.figures.seen import draw_seen, shown_keys
+from polarsim.report.ipd_rocks_table import COLUMNS
+from polarsim.report.seeds import averaged, panels, title_words
+from polarsim.scoring.options import TablesOptions
+
+OPTIONS = TablesOptions(figure_width_px=640)
+ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
+KEYS = ("01_A_off_180_L_0256", "01_A_off_180_L_0512")
+
+
+def is_drawn(path) -> bool:
+    pixels = png.read(path)
+    return pixels.shape[1] == 640 and len(np.unique(pixels)) > 2
+
+
+@pytest.mark.parametrize("kinds", [("rock", "shadow"), ("rock",), ()])
+def test_precision_and_recall_are_drawn_also_without_labels(tmp_path, kinds):
+    rows = [
+        (trained, evaluated, kind, iou, recall, 1 - recall)
+        for trained in ("real", "hapke")
+        for evaluated in ("real", "hapke")
+        for kind in kinds
+        for iou in (0.5, 0.75)
+        for recall in (0.0, 0.5, 1.0)
+    ]
+    write_parquet(tmp_path / "c.parquet", pd.DataFrame(rows, columns=list(curves.COLUMNS)))
+    draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / "c.png", origin=ORIGIN, options=OPTIONS)
+    assert is_drawn(tmp_path / "c.png")
+
+
+@pytest.mark.parametrize("count", [0, 30])
+def test_differences_of_rocks_are_drawn_also_without_rocks(tmp_path, count):
+    rows = [("hapke", "real", "hapke", 1, n, "rock", 4, n / 30, 0.5, n / 30 - 0.5) for n in range(1, count)]
+    write_parquet(tmp_path / "r.parquet", pd.DataFrame(rows, columns=list(COLUMNS)))
+    draw_ipd_histogram(rocks=tmp_path / "r.parquet", figure=tmp_path / "h.png", origin=ORIGIN, options=OPTIONS)
+    assert is_drawn(tmp_path / "h.png")
+
+
+def seen(*rows):
+    return pd.DataFrame(rows, columns=["key", "rock", "iou"])
+
+
+def test_rocks_are_chosen_by_their_mean_and_shown_where_they_differ_most():
+    first = seen((KEYS[0], 1, 0.9), (KEYS[1], 1, 0.8), (KEYS[0], 2, 0.5), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.2))
+    second = seen((KEYS[0], 1, 0.7), (KEYS[1], 1, 0.1), (KEYS[0], 2, 0.4), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.9))
+    assert most_different(first, second, 1) == [(KEYS[1], 1), (KEYS[0], 3)]
+    assert most_different(first, second, 5) == [(KEYS[1], 1), (KEYS[0], 2), (KEYS[0], 3)]
+    assert most_different(first, first, 5) == []
+
+
+def test_a_page_of_rocks_shows_label_and_best_box_in_both_domains(tmp_path):
+    box = {"x0": 900.0, "y0": 500.0, "x1": 1000.0, "y1": 600.0}
+    key = PhotoKey.parse(KEYS[0])
+    label = key_columns(key) | {"kind": "rock", "rock": 1, "source": "truth", "confidence": 1.0} | box
+    write_parquet(tmp_path / "labels.parquet", label_table([label]))
+    found = pd.DataFrame([{"key": str(key), "kind": "rock", "confidence": 0.9} | box | {"x0": 880.0, "y1": 620.0}])
+    write_parquet(tmp_path / "hit.parquet", found)
+    write_parquet(tmp_path / "miss.parquet", found.assign(confidence=0.1))
+    instances = [("real", "real", str(key), "rock", 1, 1.0), ("real", "hapke", str(key), "rock", 1, 0.0)]
+    columns = ["trained", "evaluated", "key", "kind", "rock", "iou"]
+    write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=columns))
+    png.write(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
+
+    def draw(trained):
+        draw_gap_rocks(
+            trained=trained,
+            instances=tmp_path / "instances.parquet",
+            predictions={"real": tmp_path / "hit.parquet", "hapke": tmp_path / "miss.parquet"},
+            labels=dict.fromkeys(("real", "hapke"), tmp_path / "labels.parquet"),
+            picture_of=lambda domain, key: tmp_path / "photo.png" if domain == "real" else None,
+            confidence=0.25,
+            figure=tmp_path / f"{trained}.png",
+            origin=ORIGIN,
+            options=OPTIONS,
+        )
+        return png.read(tmp_path / f"{trained}.png")[..., :3].astype(int)
+
+    def shows(pixels, colour):
+        return bool((np.abs(pixels - colour).max(axis=2) < 40).any())
+
+    page = draw("real")
+    assert shows(page, (255, 176, 0))  # the label's line
+    assert shows(page, (0, 229, 255))  # the box that the judge found in the photo
+    draw("hapke")
+    assert is_drawn(tmp_path / "hapke.png")  # says that there is nothing
+
+
+def asked(*rows):
+    return pd.DataFrame(rows, columns=["evaluated", "key", "rock"])
+
+
+def test_photos_are_shown_that_every_domain_labels_one_a_terrain_under_the_sun():
+    dark, sunny, other = "01_A_off_no_L_0256", "01_A_off_180_L_0512", "03_A_on_30_L_0256"
+    rows = [(domain, key, 1) for domain in ("real", "hapke") for key in (dark, sunny, other)]
+    alone = ("real", "04_A_off_30_L_0256", 1)
+    assert [str(key) for key in shown_keys(asked(*rows, alone))] == [sunny, other]
+    assert shown_keys(asked(("real", sunny, 1), ("hapke", other, 1))) == []
+    assert shown_keys(asked()) == []
+
+
+def test_what_a_judge_sees_is_drawn_with_labels_of_every_domain(tmp_path):
+    box = {"x0": 400.0, "y0": 300.0, "x1": 1400.0, "y1": 900.0}
+    key = PhotoKey.parse(KEYS[0])
+    label = key_columns(key) | {"kind": "rock", "rock": 7, "source": "truth", "confidence": 1.0} | box
+    write_parquet(tmp_path / "labels.parquet", label_table([label]))
+    found = pd.DataFrame([{"key": str(key), "kind": "rock", "confidence": 0.9} | box | {"x0": 600.0, "y1": 700.0}])
+    write_parquet(tmp_path / "hit.parquet", found)
+    write_parquet(tmp_path / "miss.parquet", found.assign(confidence=0.1))
+    columns = ["trained", "evaluated", "key", "kind", "rock", "iou"]
+    instances = [("real", "real", str(key), "rock", 7, 0.6), ("real", "hapke", str(key), "rock", 7, 0.0)]
+    write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=columns))
+    png.write(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
+    for trained, hit in (("real", "hit"), ("hapke", "miss")):
+        draw_seen(
+            trained="real",
+            instances=tmp_path / "instances.parquet",
+            predictions={"real": tmp_path / f"{hit}.parquet", "hapke": tmp_path / "miss.parquet"},
+            labels=dict.fromkeys(("real", "hapke"), tmp_path / "labels.parquet"),
+            picture_of=lambda domain, key: tmp_path / "photo.png",
+            confidence=0.25,
+            figure=tmp_path / f"{trained}.png",
+            origin=ORIGIN,
+            options=OPTIONS,
+        )
+    drawn, nothing = (png.read(tmp_path / f"{name}.png")[..., :3].astype(int) for name in ("real", "hapke"))
+
+    def has(pixels, colour):
+        return bool((np.abs(pixels - colour).max(axis=2) < 60).any())
+
+    assert has(drawn, (0, 229, 255))
+    assert not has(nothing, (0, 229, 255))  # below the least confidence
+    assert has(nothing, (255, 176, 0))
+
+
+def test_seeds_are_averaged_and_their_intervals_put_together():
+    rows = pd.DataFrame(
+        {"trained": ["a", "b", "a"], "seed": [0, 0, 1], "x": [0.2, 0.5, 0.4], "x_low": [0.1, np.nan, 0.3],
+         "x_high": [0.3, np.nan, 0.5]}
+    )  # fmt: skip
+    table = averaged(rows, ["trained"], ["x"]).set_index("trained")
+    assert table.loc["a", ["x", "x_low", "x_high"]].tolist() == pytest.approx([0.3, 0.1, 0.5])
+    assert table.loc["a", "x_sd"] == pytest.approx(0.1 * 2**0.5)
+    assert table.loc["b", "x"] == 0.5
+    assert table.loc["b", ["x_sd", "x_low"]].isna().all()
+
+
+def test_titles_tell_split_and_seeds():
+    rows = pd.DataFrame({"split": ["photo", "photo"], "seed": [0, 1]})
+    assert title_words(rows) == ", split by photo, mean of 2 seeds"
+    assert title_words(rows.assign(split=["photo", "view"], seed=0)) == ""
+    assert [name for name, _ in panels(rows.assign(split=["view", "photo"]))] == ["view", "photo"]
+
+
+def test_each_split_has_its_own_panels_and_seeds_a_band(tmp_path):
+    rows = [
+        ("real", "real", "rock", split, seed, 0.5, recall, 0.9 - 0.5 * recall - 0.3 * seed)
+        for split in ("photo", "view")
+        for seed in (0, 1)
+        for recall in (0.0, 0.5, 1.0)
+    ]
+    columns = ["trained", "evaluated", "kind", "split", "seed", "iou", "recall", "precision"]
+    table = pd.DataFrame(rows, columns=columns)
+
+    def drawn(chosen, name):
+        write_parquet(tmp_path / "c.parquet", chosen)
+        draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / name, origin=ORIGIN, options=OPTIONS)
+        return png.read(tmp_path / name)[..., :3].astype(int)
+
+    both, one = drawn(table, "both.png"), drawn(table[(table["split"] == "photo") & (table["seed"] == 0)], "one.png")
+    assert both.shape[0] > 1.5 * one.shape[0]
+    pale = np.array([217, 234, 243])  # 0.15 of the first colour on white
+
+    def has_band(pixels):
+        return bool((np.abs(pixels - pale).max(axis=2) < 8).mean() > 0.01)
+
+    assert has_band(both)
+    assert not has_band(one)

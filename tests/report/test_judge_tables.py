@@ -1,0 +1,73 @@
+import pandas as pd
+
+from polarsim.formats.tables import read_csv, read_parquet, write_parquet
+from polarsim.report import breakdown_table, false_alarms_table, ipd_rocks_table
+
+ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
+
+
+def breakdown():
+    groups = [("all", "all"), ("size", "large"), ("size", "small"), ("exposure", "0256"), ("exposure", "0064")]
+    figures = (0.5, 0.4, 0.6, 0.3, 0.2, 0.4, 0.7, float("nan"), float("nan"))
+    rows = [
+        ("hapke", trained, by, group, kind, 10, 4, 50, *figures)
+        for trained in ("real", "hapke")
+        for by, group in groups
+        for kind in ("shadow", "rock")
+    ]
+    return pd.DataFrame(rows, columns=list(breakdown_table.COLUMNS))
+
+
+def test_a_breakdown_has_a_block_for_each_grouping_with_its_groups_in_order(tmp_path):
+    write_parquet(tmp_path / "b.parquet", breakdown())
+    breakdown_table.tabulate_breakdown(breakdown=tmp_path / "b.parquet", stem=tmp_path / "t", origin=ORIGIN)
+    text = (tmp_path / "t.md").read_text()
+    headers = [line for line in text.splitlines() if line.startswith("| labels")]
+    assert headers == [
+        "| labels | T | E | all |", "| labels | T | E | small | large |", "| labels | T | E | 0064 | 0256 |",
+    ]  # fmt: skip
+    assert "| rock | Hapke | Analog | 0.500 [0.400, 0.600] |" in text
+    assert "Real |" not in text
+    assert "32 x 32 px" in text
+    assert len(read_csv(tmp_path / "t.csv", ["run", "by", "group", "iou_mean_low"])) == 20
+
+
+def test_a_breakdown_of_several_seeds_shows_their_spread(tmp_path):
+    write_parquet(tmp_path / "b.parquet", pd.concat([breakdown().assign(seed=n, map50=0.2 * n) for n in (1, 2)]))
+    breakdown_table.tabulate_breakdown(breakdown=tmp_path / "b.parquet", stem=tmp_path / "t", origin=ORIGIN)
+    assert "| 0.300 ± 0.141 |" in (tmp_path / "t.md").read_text()
+
+
+def test_false_alarms_are_shown_a_photo_and_in_percent_of_the_area(tmp_path):
+    row = ("hapke", "real", "rock-free terrain", "06", 45, 4, 45.0, 24, 0.5, 0.25, 0.75, 0.01, 0.005, 0.02)
+    write_parquet(tmp_path / "f.parquet", pd.DataFrame([row], columns=list(false_alarms_table.COLUMNS)))
+    false_alarms_table.tabulate_false_alarms(false_alarms=tmp_path / "f.parquet", stem=tmp_path / "t", origin=ORIGIN)
+    text = (tmp_path / "t.md").read_text()
+    shown = "| rock-free terrain | Hapke | Analog | 06 | 45 | 0.500 [0.250, 0.750] | 1.000 [0.500, 2.000] |"
+    assert shown in text
+    assert read_parquet(tmp_path / "t.parquet")["area_share"].tolist() == [0.01]
+
+
+def test_the_rocks_that_differ_most_are_shown_and_pairs_are_in_the_papers_order(tmp_path):
+    rows = [
+        ("hapke", "hapke", "principled", 1, rock, "rock", 4, 0.5, 0.5 + 0.01 * rock, -0.01 * rock)
+        for rock in range(1, 9)
+    ]
+    table = pd.DataFrame(rows, columns=list(ipd_rocks_table.COLUMNS))
+    write_parquet(tmp_path / "r.parquet", table)
+    ipd_rocks_table.tabulate_ipd_rocks(rocks=tmp_path / "r.parquet", stem=tmp_path / "t", origin=ORIGIN)
+    lines = [line for line in (tmp_path / "t.md").read_text().splitlines() if line.startswith("| Hapke")]
+    assert len(lines) == ipd_rocks_table.SHOWN
+    assert lines[0] == "| Hapke | Principled - Hapke | 1 | 8 | 4 | 0.580 | 0.500 | 0.080 |"
+    assert len(read_csv(tmp_path / "t.csv")) == 8
+
+
+def test_tables_without_a_row_are_written_with_their_columns(tmp_path):
+    for module, name, write in (
+        (breakdown_table, "breakdown", breakdown_table.tabulate_breakdown),
+        (false_alarms_table, "false_alarms", false_alarms_table.tabulate_false_alarms),
+        (ipd_rocks_table, "rocks", ipd_rocks_table.tabulate_ipd_rocks),
+    ):
+        write_parquet(tmp_path / "e.parquet", pd.DataFrame(columns=list(module.COLUMNS)))
+        write(**{name: tmp_path / "e.parquet"}, stem=tmp_path / name, origin=ORIGIN)
+        assert len(read_csv(tmp_path / f"{name}.csv", module.COLUMNS)) == 0

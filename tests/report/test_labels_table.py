@@ -1,0 +1,165 @@
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.formats.tables import key_columns, label_table, read_csv, read_parquet, write_parquet
+from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.report.labels_table import SIZES, label_scores, lay_out_labels, size_class, tabulate_labels
+from polarsim.scoring.label_pairs import pair_labels
+from polarsim.scoring.labels import TASKS, score_tasks, task_of
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.score import Labels
+
+ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
+SEEDS = [PhotoKey.parse(f"{terrain}_A_off_30_L_0256") for terrain in ("03", "11")]
+OPTIONS = TablesOptions()
+
+
+def made_up(terrain, seed=1):
+    """True and found labels of some photos of a terrain: moved, lost, and too many."""
+    rng = np.random.default_rng(seed)
+    names = ["A_off_30_L_0256", "A_off_30_L_0064", "A_on_30_L_0256", "A_off_30_R_0256", "A_off_270_L_0256"]
+    names += ["A_on_no_L_2048", "C_off_180_R_0512"]
+    wanted, found = {}, {}
+    for name in names:
+        key = PhotoKey.parse(f"{terrain:02d}_{name}")
+        low = rng.uniform(0, 1500, (20, 2))
+        size = rng.uniform(12, 150, (20, 2))
+        boxes, classes = np.hstack([low, low + size]), rng.integers(0, 2, 20)
+        classes[:] = 0 if key.azimuth == "no" else classes
+        wanted[key] = Labels(classes[:17], boxes[:17])
+        found[key] = Labels(classes[4:], boxes[4:] + rng.normal(0, 8, (16, 4)))
+    return wanted, found
+
+
+def pairs_of(wanted, found, tasks, against="labels"):
+    rows = [
+        key_columns(key)
+        | {"kind": BOX_CLASSES[number], "rock": 1, "source": "fused", "confidence": 0.75}
+        | dict(zip(("x0", "y0", "x1", "y1"), box, strict=True))
+        for key, labels in found.items()
+        for number, box in zip(labels.classes, labels.boxes, strict=True)
+    ]
+    return pair_labels(wanted, label_table(rows), tasks, against, OPTIONS)
+
+
+@pytest.fixture(scope="module")
+def scored():
+    """Pairs of two terrains, and what the scores of quality say of each."""
+    pairs, figures = [], {}
+    for terrain in (3, 11):
+        wanted, found = made_up(terrain, terrain)
+        tasks = {key: task_of(key, SEEDS) for key in wanted}
+        pairs.append(pairs_of(wanted, found, tasks))
+        for figure in score_tasks(wanted, found, tasks, TASKS, "labels", OPTIONS):
+            figures[f"{terrain:02d}", figure.subject, figure.figure] = figure
+    return pairs, figures
+
+
+def test_rows_of_terrains_say_what_the_quality_says(scored):
+    pairs, figures = scored
+    rows = label_scores(pd.concat(pairs))
+    of_terrains = rows[rows["group"] == "terrain"]
+    seen = set()
+    for row in of_terrains.to_dict("records"):
+        for name, n in (("precision", "label_boxes"), ("recall", "truth_boxes"), ("f1", None), ("miou", "truth_boxes")):
+            figure = figures[row["value"], f"{row['kind']}: {row['task']}", name]
+            assert row[name] == pytest.approx(figure.value, nan_ok=True)
+            assert n is None or row[n] == figure.n
+            seen.add((row["value"], figure.subject, name))
+    assert {place for place, figure in figures.items() if figure.n} <= seen
+
+
+def test_every_group_parts_the_same_boxes(scored):
+    rows = label_scores(pd.concat(scored[0]))
+    for _, part in rows.groupby(["kind", "task"]):
+        by_group = part.groupby("group")[["truth_boxes", "label_boxes"]].sum()
+        assert len(by_group) == 5
+        assert (by_group == by_group.loc["all"]).all(axis=None)
+        everything = part[part["group"] == "all"].iloc[0]
+        for group in ("terrain", "position", "azimuth", "size"):
+            values = part[part["group"] == group]
+            boxes = values["truth_boxes"] + values["label_boxes"]
+            assert np.average(values["f1"], weights=boxes) == pytest.approx(everything["f1"])
+
+
+def test_by_size_labels_count_by_their_own_size():
+    key = PhotoKey.parse("03_A_off_30_R_0256")
+    wanted = {key: Labels(np.zeros(1, int), np.array([[0, 0, 34, 34.0]]))}
+    found = {key: Labels(np.zeros(1, int), np.array([[0, 0, 36, 36.0]]))}
+    rows = label_scores(pairs_of(wanted, found, {key: "light on"}))
+    by_size = rows[(rows["group"] == "size") & (rows["task"] == "light on")].set_index("value")
+    assert by_size.index.tolist() == ["25-35", "35-50"]
+    assert by_size["recall"].tolist() == pytest.approx([1, np.nan], nan_ok=True)
+    assert by_size["precision"].tolist() == pytest.approx([np.nan, 1], nan_ok=True)
+    assert by_size["f1"].tolist() == [1, 1]
+    assert by_size["confidence"].tolist() == pytest.approx([np.nan, 0.75], nan_ok=True)
+
+
+@given(st.floats(0, 500))
+def test_a_size_falls_into_the_class_whose_bounds_hold_it(size):
+    name = str(size_class(np.array([size]))[0])
+    low, _, high = name.strip("<>").partition("-")
+    if name.startswith("<"):
+        assert size < float(low)
+    elif name.startswith(">"):
+        assert size >= float(low)
+    else:
+        assert float(low) <= size < float(high)
+
+
+def test_rows_stand_in_the_order_of_tasks_and_sizes(scored):
+    rows = label_scores(pd.concat(scored[0]))
+    first = rows[(rows["kind"] == "rock") & (rows["group"] == "all")]["task"].tolist()
+    assert first == [task for task in TASKS if task in first]
+    sizes = rows[(rows["kind"] == "rock") & (rows["task"] == TASKS[-1]) & (rows["group"] == "size")]["value"].tolist()
+    assert sizes == [size for size in SIZES if size in sizes]
+    azimuths = rows[(rows["kind"] == "rock") & (rows["task"] == TASKS[-1]) & (rows["group"] == "azimuth")]
+    assert azimuths["value"].tolist() == ["no", "30", "180", "270"]
+
+
+def test_the_layout_has_a_block_a_kind_and_a_block_a_group(scored):
+    rows = label_scores(pd.concat(scored[0]))
+    blocks = lay_out_labels(rows)
+    assert len(blocks) == 3 + 3
+    rocks = blocks["Labels, rock: F1 (mIoU) by task and terrain."]
+    assert rocks.columns.tolist() == ["task", "truth boxes", "precision", "recall", "confidence", "all", "T03", "T11"]
+    place = (rows["kind"] == "rock") & (rows["task"] == "no Sun") & (rows["value"] == "11")
+    f1, miou = rows.loc[place, ["f1", "miou"]].iloc[0]
+    assert rocks.set_index("task").loc["no Sun", "T11"] == f"{f1:.3f} ({miou:.3f})"
+
+
+def test_tables_are_written_in_four_forms_with_their_origin(tmp_path, scored):
+    paths = []
+    for number, pairs in enumerate([*scored[0], scored[0][0].iloc[:0]]):  # the last terrain has no box
+        paths.append(tmp_path / f"pairs{number}.parquet")
+        write_parquet(paths[-1], pairs)
+    tabulate_labels(
+        pairs=paths, table=tmp_path / "labels", reliability=tmp_path / "reliability", seeds="none", origin=ORIGIN
+    )
+    for name in ("labels", "reliability"):
+        for form in ("csv", "md", "tex", "parquet"):
+            assert (tmp_path / f"{name}.{form}").stat().st_size
+        assert set(read_csv(tmp_path / f"{name}.csv")["source"]) == {"analog"}
+        assert set(read_parquet(tmp_path / f"{name}.parquet")["seeds"]) == {"none"}
+        assert "Seeds: none." in (tmp_path / f"{name}.md").read_text()
+    pd.testing.assert_frame_equal(
+        read_parquet(tmp_path / "labels.parquet").drop(columns=["run", "source", "config", "seeds"]),
+        label_scores(pd.concat(scored[0])),
+    )
+    assert "Against hand-drawn labels." in (tmp_path / "labels.md").read_text()
+
+
+def test_terrains_without_any_box_make_empty_tables(tmp_path, scored):
+    write_parquet(tmp_path / "pairs.parquet", scored[0][0].iloc[:0])
+    tabulate_labels(
+        pairs=[tmp_path / "pairs.parquet"],
+        table=tmp_path / "labels",
+        reliability=tmp_path / "reliability",
+        seeds="none",
+        origin=ORIGIN,
+    )
+    assert len(read_csv(tmp_path / "labels.csv", ["kind", "task", "group", "value"])) == 0
+    assert len(read_parquet(tmp_path / "reliability.parquet", ["confidence"])) == 0

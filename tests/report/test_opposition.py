@@ -1,0 +1,106 @@
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.formats import png
+from polarsim.formats.lamps import write_suns
+from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.stereo import StereoRig
+from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
+from polarsim.report.figures.opposition import draw_opposition
+from polarsim.report.phase import extreme_places, lit_by_one_lamp, phase_angles
+from polarsim.scoring.options import TablesOptions
+
+EYE = np.array([3.5, 0.0, 1.5])
+OPTIONS = TablesOptions(figure_width_px=640)
+ALONE, BOTH, ROVER = (PhotoKey.parse(f"01_A_{name}_L_0256") for name in ("off_30", "on_30", "on_no"))
+
+
+@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.1, 5))
+def test_a_lamp_on_the_line_of_sight_has_phase_angle_0(x, y, beyond):
+    """Seen from (x, y, 0), a lamp behind the camera on the same line."""
+    ground = np.array([x, y, 0.0])
+    lamp = EYE + beyond * (EYE - ground)
+    camera = Pose(np.eye(3), EYE)
+    np.testing.assert_allclose(phase_angles(camera, ground - EYE, lamp), 0, atol=1e-7)
+
+
+def test_a_lamp_straight_across_has_phase_angle_90_degrees():
+    camera = Pose(np.eye(3), np.array([1.0, 0.0, 1.0]))
+    angle = phase_angles(camera, np.array([-1.0, 0.0, -1.0]), np.array([-1.0, 0.0, 1.0]))
+    np.testing.assert_allclose(angle, np.pi / 2)
+
+
+def test_what_lies_near_the_walls_or_above_the_horizon_has_no_phase_angle():
+    camera = Pose(np.eye(3), EYE)
+    rays = np.array([[0.0, 0.0, 1.0], [-5.2, 0.0, -1.5], [-1.0, 0.0, 0.0]])
+    assert np.isnan(phase_angles(camera, rays, EYE)).all()
+
+
+def test_only_photos_of_one_lamp_have_a_phase_angle():
+    assert [lit_by_one_lamp(key) for key in (ALONE, BOTH, ROVER)] == [True, False, True]
+    assert not lit_by_one_lamp(PhotoKey.parse("01_A_off_no_L_0256"))
+
+
+@pytest.fixture
+def cameras(tmp_path):
+    lens = Lens(2066.0, 2066.0, WIDTH / 2, HEIGHT / 2)
+    apart = Pose(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    rig = PlacedRig(StereoRig(lens, lens, apart), looking(EYE, np.pi, np.radians(25)))
+    write_placed(tmp_path / "cameras" / "PosA.json", rig)
+    write_suns(tmp_path / "cameras", {"30": np.array([-3.5, 0.0, 0.8])})
+    return tmp_path / "cameras"
+
+
+def test_the_rover_light_is_nearer_to_opposition_than_a_lamp_across(cameras):
+    near, far = extreme_places([ALONE, BOTH, ROVER], cameras, 140)
+    assert (near.key, far.key) == (ROVER, ALONE)
+    # 0.15 m beside the camera at 3 to 5 m: 1.7 to 2.9 degrees.
+    assert 1.5 < near.phase_deg < 3
+    assert far.phase_deg > 120
+    assert extreme_places([BOTH], cameras, 140) is None
+
+
+def draw(tmp_path, cameras, keys, brightness):
+    def picture_of(domain, key):
+        path = tmp_path / f"{domain}_{key}.png"
+        if not path.exists():
+            png.write(path, np.full((HEIGHT, WIDTH), BLACK_LEVEL + brightness[domain], np.uint16))
+        return path
+
+    draw_opposition(
+        keys=keys,
+        cameras={1: cameras},
+        photo_domain="analog",
+        models=["hapke"],
+        picture_of=picture_of,
+        figure=tmp_path / "o.png",
+        words=tmp_path / "o.json",
+        options=OPTIONS,
+    )
+    return json.loads((tmp_path / "o.json").read_text())
+
+
+def test_brightness_near_opposition_is_told_beside_that_far_from_it(tmp_path, cameras):
+    told = draw(tmp_path, cameras, [ALONE, ROVER], {"analog": 800, "hapke": 1600})
+    assert told["shown"]
+    assert told["words"].count("median over that of Analog is 2.00 (Hapke)") == 2
+    assert str(ROVER) in told["words"].split(". ")[0]
+    assert png.read(tmp_path / "o.png").shape[1] == 640
+
+
+def test_clipped_crops_are_not_compared(tmp_path, cameras):
+    told = draw(tmp_path, cameras, [ROVER], {"analog": 800, "hapke": 4079})
+    assert "Hapke is clipped or black: no comparison" in told["words"]
+
+
+@pytest.mark.parametrize(("key", "why"), [(ALONE, "too far from opposition"), (BOTH, "lit by a single lamp")])
+def test_a_run_without_opposition_says_why(tmp_path, cameras, key, why):
+    told = draw(tmp_path, cameras, [key], {"analog": 800, "hapke": 800})
+    assert not told["shown"]
+    assert why in told["words"]

@@ -1,0 +1,64 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats.tables import key_columns, read_csv, write_csv, write_parquet
+from polarsim.photo import PhotoKey
+from polarsim.report.render_table import likeness_rows, tabulate_render
+from polarsim.scoring.quality import Figure, quality_table
+from polarsim.scoring.twins import PAIR_COLUMNS
+
+ORIGIN = {"run": "test", "source": "analog", "config": "0123"}
+
+
+@pytest.fixture
+def pairs():
+    """Two positions under two lamps: twins at B are a stop too bright, those under lamp 180 unlike their photos."""
+    keys = [PhotoKey(3, position, "off", azimuth, "L", 256) for position in "AB" for azimuth in ("30", "180")]
+    rows = [
+        {
+            **key_columns(key),
+            "model": "hapke",
+            "lit_px": 1000,
+            "log2_twin_over_photo": float(key.position == "B"),
+            "log2_difference": 0.25,
+            "ssim": 0.5 if key.azimuth == "180" else 0.9,
+        }
+        for key in keys
+    ]
+    return pd.DataFrame(rows, columns=list(PAIR_COLUMNS)).astype(PAIR_COLUMNS)
+
+
+def test_groups_tell_where_twins_lie_off(pairs):
+    rows = likeness_rows(pairs).set_index(["group", "value"])
+    assert rows.loc[("all", "all"), "log2_twin_over_photo"] == 0.5
+    assert rows.loc[("position", "B"), "log2_twin_over_photo"] == 1
+    assert rows.loc[("azimuth", "180"), "ssim"] == 0.5
+    assert rows.loc[("terrain", "03"), "n"] == 4
+
+
+def test_the_table_holds_pictures_and_boxes(tmp_path, pairs):
+    write_parquet(tmp_path / "pairs.parquet", pairs)
+    figures = [
+        Figure("automatic rock: all", name, value, "1", 7, "truth") for name, value in (("f1", 0.8), ("miou", 0.6))
+    ]
+    write_csv(tmp_path / "q.csv", quality_table("render", 3, figures))
+    tabulate_render(
+        pairs=[tmp_path / "pairs.parquet"], quality=[tmp_path / "q.csv"], table=tmp_path / "render", origin=ORIGIN
+    )
+    rows = read_csv(tmp_path / "render.csv").set_index(["subject", "group"])
+    assert rows.loc[("automatic rock", "terrain"), ["n", "f1", "miou"]].tolist() == [7, 0.8, 0.6]
+    assert np.isnan(rows.loc[("automatic rock", "terrain"), "ssim"])
+    text = (tmp_path / "render.md").read_text()
+    assert "+0.50 / 0.25 / 0.700" in text
+    assert "0.800 / 0.600" in text
+
+
+def test_a_run_without_photos_and_truth_has_an_empty_table(tmp_path, pairs):
+    write_parquet(tmp_path / "pairs.parquet", pairs[:0])
+    write_csv(tmp_path / "q.csv", quality_table("render", 3, []))
+    tabulate_render(
+        pairs=[tmp_path / "pairs.parquet"], quality=[tmp_path / "q.csv"], table=tmp_path / "render", origin=ORIGIN
+    )
+    assert len(read_csv(tmp_path / "render.csv")) == 0
+    assert "neither photos nor boxes" in (tmp_path / "render.md").read_text()

@@ -1,0 +1,74 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.tables import read_csv, write_csv, write_parquet
+from polarsim.geometry.poses import looking
+from polarsim.geometry.stereo import stated_rig
+from polarsim.report.stage_tables import tabulate_cameras, tabulate_rocks
+from polarsim.scoring.mesh_scores import mesh_table
+from polarsim.scoring.quality import Figure, write_quality
+
+ORIGIN = {"run": "here", "source": "analog", "config": "abc"}
+POSE = looking(np.array([3.5, -0.3, 1.5]), np.radians(178), np.radians(25), np.radians(1))
+
+
+def tabulated(folder):
+    tabulate_cameras(
+        cameras={1: folder / "cameras"},
+        quality=[folder / "quality.csv"],
+        table=folder / "tables/cameras",
+        alignment=folder / "tables/alignment",
+        origin=ORIGIN,
+    )
+    return read_csv(folder / "tables/cameras.csv"), read_csv(folder / "tables/alignment.csv")
+
+
+def test_a_camera_placed_by_scans_has_its_errors_beside_it(tmp_path):
+    write_placed(tmp_path / "cameras/PosA.json", PlacedRig(stated_rig(), POSE, "scans", {"sd_mm": 0.3}))
+    write_csv(tmp_path / "cameras/alignment.csv", pd.DataFrame([{"pair": "A-C", "fitness": 0.8, "rmse_mm": 1.2}]))
+    figures = [
+        Figure("A", "position_error_aligned", 1.25, "mm", 1, "truth"),
+        Figure("A R", "reprojection_median", 0.4, "px", 9, "truth"),
+    ]
+    write_quality(tmp_path / "quality.csv", "cameras", 1, figures)
+    cameras, alignment = tabulated(tmp_path)
+    row = cameras.iloc[0]
+    assert (row["run"], row["terrain"], row["position"], row["method"]) == ("here", 1, "A", "scans")
+    assert row["yaw_deg"] == pytest.approx(178)
+    assert (row["sd_mm"], row["error_mm"], row["reprojection_r_px"]) == (0.3, 1.25, 0.4)
+    assert np.isnan(row["error_deg"])
+    assert alignment.iloc[0][["evidence", "between", "rmse_mm"]].tolist() == ["scans", "A-C", 1.2]
+
+
+def test_a_camera_placed_by_labels_is_aligned_with_its_boxes(tmp_path):
+    quality = {"matched": 9.0, "mean_iou": 0.8, "median_dx_px": 1.0, "median_dy_px": 0.9}
+    write_placed(tmp_path / "cameras/PosB.json", PlacedRig(stated_rig(), POSE, "labels", quality))
+    write_quality(tmp_path / "quality.csv", "cameras", 1, [])
+    _, alignment = tabulated(tmp_path)
+    assert alignment.iloc[0][["evidence", "between", "mean_iou"]].tolist() == ["labels", "B and its boxes", 0.8]
+
+
+def test_rocks_and_meshes_of_all_terrains_stand_in_one_table_each(tmp_path):
+    for terrain in (1, 11):
+        found = pd.DataFrame({"rock": [1, 2], "size_m": [0.1, 0.2], "source": ["scan", "override"]})
+        write_parquet(tmp_path / f"rocks{terrain}.parquet", found)
+        rows = [
+            {"mesh": f"m{k}", "rock": k, "vertices": 4, "faces": 4, "watertight": True, "islands": 1} for k in (1, 2)
+        ]
+        write_csv(tmp_path / f"scores{terrain}.csv", mesh_table(rows))
+    tabulate_rocks(
+        rocks={t: tmp_path / f"rocks{t}.parquet" for t in (1, 11)},
+        scores={t: tmp_path / f"scores{t}.csv" for t in (1, 11)},
+        table=tmp_path / "tables/rocks",
+        meshes=tmp_path / "tables/meshes",
+        origin=ORIGIN,
+    )
+    rocks, meshes = (read_csv(tmp_path / f"tables/{name}.csv") for name in ("rocks", "meshes"))
+    assert rocks["terrain"].tolist() == meshes["terrain"].tolist() == [1, 1, 11, 11]
+    assert rocks["source"].unique().tolist() == ["analog"]
+    assert rocks["found_by"].tolist() == ["scan", "override"] * 2
+    shown = (tmp_path / "tables/meshes.md").read_text()
+    assert "m2" in shown
+    assert "hausdorff" not in shown  # a column without any value is not shown

@@ -1,0 +1,111 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.formats.tables import key_columns, label_table
+from polarsim.photo import PhotoKey
+from polarsim.scoring.label_pairs import PAIR_COLUMNS, pair_labels, pair_photo
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.score import Counts, Labels, count_photo
+
+KEY = PhotoKey.parse("03_A_off_30_R_0256")
+OPTIONS = TablesOptions()
+
+
+def labels(*boxes, kind=0):
+    return Labels(np.full(len(boxes), kind), np.array(boxes, float).reshape(-1, 4))
+
+
+def label_rows(key, *boxes, kind="rock", **told):
+    """Rows of a label table; rock ids count from 1."""
+    return [
+        key_columns(key)
+        | {"kind": kind, "rock": rock, "source": "fused", "confidence": 0.8}
+        | told
+        | dict(zip(("x0", "y0", "x1", "y1"), box, strict=True))
+        for rock, box in enumerate(boxes, 1)
+    ]
+
+
+def paired(wanted, rows, task="Left to Right", against="labels"):
+    return pair_labels(wanted, label_table(rows), dict.fromkeys(wanted, task), against, OPTIONS)
+
+
+def test_a_pair_a_missed_box_and_a_label_too_many_have_a_row_each():
+    true = labels([0, 0, 20, 45], [100, 0, 110, 10])
+    found = paired({KEY: true}, label_rows(KEY, [0, 0, 20, 36], [300, 0, 316, 4]))
+    hit, missed, extra = (found.iloc[row] for row in range(3))
+    assert (hit["hit"], hit["rock"], hit["source"], hit["confidence"], hit["iou"]) == (True, 1, "fused", 0.8, 0.8)
+    assert (hit["truth_px"], hit["label_px"]) == (30, pytest.approx(720**0.5))
+    assert (missed["hit"], missed["rock"], missed["source"], missed["truth_px"]) == (False, -1, "", 10)
+    assert missed[["confidence", "label_px", "iou", "x0"]].isna().all()
+    assert (extra["hit"], extra["rock"], extra["label_px"], extra["x0"]) == (False, 2, 8, 300)
+    assert np.isnan(extra["truth_px"])
+
+
+def test_a_near_miss_counts_for_the_mean_iou_but_is_no_pair():
+    near = paired({KEY: labels([0, 0, 10, 10])}, label_rows(KEY, [0, 0, 10, 4]))
+    assert near["hit"].tolist() == [False, False]
+    assert near["iou_best"].tolist() == pytest.approx([0.4, np.nan], nan_ok=True)
+
+
+def test_photos_without_task_are_left_out_and_no_photo_at_all_makes_an_empty_table():
+    none = paired({KEY: labels([0, 0, 10, 10])}, [], task=None)
+    assert len(none) == 0
+    assert {name: str(kind) for name, kind in none.dtypes.items()} == PAIR_COLUMNS
+
+
+@pytest.mark.parametrize(
+    ("key", "against", "drawn"),
+    [
+        ("03_A_off_30_R_0128", "truth", True),
+        ("03_A_off_30_R_0064", "truth", False),  # nobody draws them there, the analog knows them
+        ("03_A_off_30_R_0064", "labels", True),  # somebody did
+    ],
+)
+def test_shadows_are_drawn_where_a_person_did_or_would(key, against, drawn):
+    key = PhotoKey.parse(key)
+    true = Labels(np.array([0, 1]), np.array([[0, 0, 10, 10], [50, 0, 90, 10]], float))
+    found = paired({key: true}, label_rows(key, [200, 0, 240, 10], kind="shadow"), against=against)
+    assert found["kind"].tolist() == ["rock", "shadow", "shadow"]
+    assert found["drawn"].tolist() == [False, drawn, drawn]
+
+
+def test_a_shadow_in_a_photo_where_nobody_drew_one_is_not_where_they_are_drawn():
+    found = paired({KEY: labels([0, 0, 10, 10])}, label_rows(KEY, [0, 0, 10, 10], kind="shadow"))
+    assert found.loc[found["kind"] == "shadow", "drawn"].tolist() == [False]
+
+
+def test_every_copy_of_a_photo_keeps_its_own_labels():
+    copies = [KEY.with_exposure(exposure) for exposure in (64, 128, 256)]
+    rows = [row for n, key in enumerate(copies) for row in label_rows(key, [0, 0, 9, 9], confidence=n / 4)]
+    found = paired(dict.fromkeys(copies, labels([0, 0, 10, 10])), rows)
+    assert list(zip(found["exposure_ms"], found["confidence"], strict=True)) == [(64, 0), (128, 0.25), (256, 0.5)]
+
+
+boxes = st.lists(
+    st.tuples(*[st.integers(0, 30)] * 2, *[st.integers(2, 12)] * 2).map(
+        lambda b: (b[0], b[1], b[0] + b[2], b[1] + b[3])
+    ),
+    max_size=6,
+)
+sets = st.tuples(boxes, boxes).map(
+    lambda two: Labels(np.repeat([0, 1], [len(two[0]), len(two[1])]), np.array(two[0] + two[1], float).reshape(-1, 4))
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(truth=sets, found=sets)
+def test_rows_add_up_to_the_counts_of_the_scores(truth, found):
+    pairs = pair_photo(truth, found, 0.5)
+    for number, counts in enumerate(count_photo(truth, found, 0.5).values()):
+        of_kind = pairs.kind == number
+        true, hit = of_kind & ~np.isnan(pairs.truth[:, 0]), of_kind & ~np.isnan(pairs.iou)
+        told = of_kind & (pairs.label >= 0)
+        summed = Counts(1, hit.sum(), (told & ~hit).sum(), (true & ~hit).sum(), pairs.iou_best[true].sum())
+        assert (summed.tp, summed.fp, summed.fn) == (counts.tp, counts.fp, counts.fn)
+        assert summed.iou_sum == pytest.approx(counts.iou_sum)
+    used = pairs.label[pairs.label >= 0]
+    assert sorted(used) == list(range(len(found.classes)))  # every label once
+    assert (found.classes[used] == pairs.kind[pairs.label >= 0]).all()

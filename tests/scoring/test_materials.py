@@ -1,0 +1,90 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import obj
+from polarsim.formats.materials import Fitted, FittedMaterials, write_materials
+from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.scene import read_terrain
+from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.stereo import stated_rig
+from polarsim.scoring.materials import held_out_figures, score_materials
+
+SHIFT = np.array([0.3, -0.1, 0.05])  # of the true frame
+STEPS = ("unfitted", "constant_albedo", "fitted")
+ERRORS = {step: {"median_stops": number, "rms_stops": number + 0.5} for number, step in enumerate(STEPS)}
+CHECK = {"azimuth": "30", "pixels": {"count": 10, **ERRORS}}
+
+
+def grid(low, high, z):
+    """A level square of 1 cm triangles."""
+    axis = np.arange(low, high + 0.005, 0.01)
+    x, y = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
+    k = (np.arange(len(axis) - 1)[:, None] * len(axis) + np.arange(len(axis) - 1)).ravel()
+    faces = np.concatenate(
+        [np.stack([k, k + len(axis), k + 1], 1), np.stack([k + 1, k + len(axis), k + len(axis) + 1], 1)]
+    )
+    return obj.Mesh(np.stack([x, y, np.full_like(x, z)], axis=1), faces)
+
+
+@pytest.fixture
+def scored(tmp_path):
+    """Score fitted factors of ground and rock vertices that are `off` the truth, on a scale of their own."""
+
+    def score(off_ground, off_rock, looks=1, albedo_known=True):
+        for name, mesh in ((obj.ground_name(1), grid(0, 0.5, 0)), (obj.rock_name(1, 3), grid(0.1, 0.2, 0.1))):
+            obj.write(tmp_path / "meshes" / name, mesh, "part")
+        mesh = read_terrain(tmp_path / "meshes", 1)
+        rock = mesh.vertices[:, 2] > 0.05
+        true = np.where(rock, 0.4, 0.2 + 0.1 * mesh.vertices[:, 0])
+        factor = 3 * true * np.where(rock, 1 + off_rock, 1 + off_ground)
+        found = FittedMaterials(
+            True, True, {"hapke": Fitted({}, {}, {}, factor.astype(np.float32), CHECK)}, np.full(len(true), looks)
+        )
+        write_materials(tmp_path / "materials", mesh, found)
+        pose = looking(np.array([2.0, 0, 1]), np.pi, 0.4)
+        write_placed(tmp_path / "cameras" / "PosA.json", PlacedRig(stated_rig(), pose, "test"))
+        shifted = Pose(np.eye(3), SHIFT) @ pose
+        write_placed(tmp_path / "truth" / "cameras" / "PosA.json", PlacedRig(stated_rig(), shifted, "truth"))
+        table = pd.DataFrame(mesh.vertices + SHIFT, columns=list("xyz")).assign(
+            rock=np.where(rock, 5, -1), albedo=true, pixels=9
+        )
+        if albedo_known:
+            table.to_parquet(tmp_path / "truth" / "albedo.parquet")
+        score_materials(
+            terrain=1, materials=tmp_path / "materials", meshes=tmp_path / "meshes", cameras=tmp_path / "cameras",
+            truth=tmp_path / "truth", quality=tmp_path / "quality.csv",
+        )  # fmt: skip
+        table = pd.read_csv(tmp_path / "quality.csv")
+        return {(row.subject, row.figure): row.value for row in table.itertuples()}
+
+    return score
+
+
+def test_true_albedo_on_any_scale_and_in_any_frame_is_without_error(scored):
+    figures = scored(0, 0)
+    for thing in ("ground", "rocks"):
+        assert figures[f"hapke, {thing}", "albedo_error_median"] < 0.003  # means of neighbours
+    assert figures["hapke, ground", "constant_error_median"] == pytest.approx(0.0125 / 0.225, rel=0.05)
+    assert figures["hapke, rocks", "constant_error_median"] == pytest.approx(0.4 / 0.225 - 1, rel=0.01)
+
+
+def test_rocks_have_no_scale_of_their_own(scored):
+    assert scored(0, -0.2)["hapke, rocks", "albedo_error_median"] == pytest.approx(0.2, abs=0.01)
+    assert scored(0.25, 0)["hapke, rocks", "albedo_error_median"] == pytest.approx(0.2, abs=0.01)
+
+
+def test_vertices_that_no_photo_shows_lit_are_not_scored(scored):
+    assert not [subject for subject, _ in scored(0, 0, looks=0) if "held-out" not in subject]
+
+
+def test_without_true_albedo_errors_on_photos_are_told(scored):
+    figures = scored(0, 0, albedo_known=False)
+    assert set(figures) == {
+        ("hapke, held-out pixels", f"{step}_{kind}") for step in STEPS for kind in ("median", "rms")
+    }
+    assert figures["hapke, held-out pixels", "fitted_rms"] == 2.5
+
+
+def test_a_fit_without_a_check_has_no_such_figures():
+    assert held_out_figures("hapke", {}) == []

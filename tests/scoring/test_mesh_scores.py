@@ -1,0 +1,93 @@
+import numpy as np
+import pandas as pd
+import pytest
+import trimesh
+
+from polarsim.formats import obj
+from polarsim.formats.scene import read_terrain
+from polarsim.formats.tables import write_csv
+from polarsim.scoring.mesh_scores import (
+    COLUMNS,
+    accuracy,
+    contact_share,
+    f_score,
+    mesh_table,
+    soundness_rows,
+    surface_iou,
+)
+from polarsim.scoring.surface import Surface
+from polarsim.scoring.true_surface import Samples
+
+LEVEL = obj.Mesh(
+    np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
+    np.array([[0, 1, 2], [0, 2, 3]]),
+)
+GROUND = Surface(LEVEL.vertices, LEVEL.faces)
+
+
+def ball(height, radius=0.05, detail=4):
+    made = trimesh.creation.icosphere(detail, radius)
+    return obj.Mesh(np.asarray(made.vertices) + np.array([0.2, 0.1, height]), np.asarray(made.faces, np.int64))
+
+
+def test_a_rock_that_stands_in_the_ground_meets_it_all_around_and_one_that_hovers_nowhere():
+    assert contact_share(ball(0.03), GROUND) == 1
+    assert contact_share(ball(0.0525), GROUND) < 0.1
+    assert contact_share(ball(0.06), GROUND) == 0
+
+
+def test_a_rock_half_beyond_the_ground_is_judged_by_the_half_above_it():
+    beside = ball(0.03)
+    beside = obj.Mesh(beside.vertices + np.array([0.8, 0, 0]), beside.faces)
+    assert 0.3 < contact_share(beside, GROUND) < 0.7
+
+
+def test_heights_are_measured_straight_down_and_nowhere_beside_the_surface():
+    heights = GROUND.height_below(np.array([[0.0, 0.1, 0.3], [0.5, 0, -0.2], [3, 0, 0]]))
+    np.testing.assert_allclose(heights[:2], [0.3, -0.2], atol=1e-6)
+    assert np.isnan(heights[2])
+
+
+def test_f_score_is_the_harmonic_mean_of_both_shares():
+    assert f_score(np.array([0.001, 0.001, 0.010, 0.010]), np.array([0.0, 0.004])) == pytest.approx(2 / 3)
+    assert f_score(np.array([1.0]), np.array([1.0])) == 0
+    assert np.isnan(f_score(np.zeros(0), np.zeros(3)))
+
+
+def samples(rock, offset, beside, area=1.0):
+    count = len(rock)
+    return Samples(np.zeros((count, 3)), np.array(rock), np.array(offset), np.array(beside), np.full(count, area))
+
+
+def test_figures_go_to_the_found_rock_of_each_true_one():
+    there = samples([7, 7, -1], [0.001, -0.003, 0.0005], [2, 2, -1])
+    own = accuracy(there, samples([2, -1], [0.001, 0.0], [7, -1]), {2: 7, 3: 9})
+    assert own[2]["true_rock"] == 7
+    assert own[2]["surface_median_mm"] == pytest.approx(2)
+    assert own[-1]["surface_median_mm"] == pytest.approx(0.5)
+    assert 3 not in own  # its true rock has no visible point
+
+
+def test_surface_iou_counts_area_that_is_both_rocks_over_area_of_either():
+    there = samples([7, 7, 7, -1], [0.0] * 4, [2, 2, -1, 2], area=3.0)  # 6 in both, 3 lost to the ground
+    back = samples([2, 2, 2, -1], [0.0] * 4, [7, -1, 5, -1], area=1.5)  # 3 that are not the true rock's
+    assert surface_iou(there, back, true=7, found=2) == pytest.approx(6 / (9 + 3))
+
+
+def test_a_folder_gives_a_row_for_the_ground_and_each_rock(tmp_path, rng):
+    obj.write(tmp_path / obj.ground_name(1), LEVEL, "ground")
+    obj.write(tmp_path / obj.rock_name(1, 4), ball(0.03), "rock")
+    obj.write(tmp_path / obj.rock_name(1, 4, decimated=True), ball(0.03, radius=0.052, detail=2), "copy")
+    rows = [
+        {"mesh": obj.ground_name(1), "made_from": "fitted"},
+        {"mesh": obj.rock_name(1, 4), "made_from": "published"},
+    ]
+    write_csv(tmp_path / "meshes.csv", pd.DataFrame(rows))
+    table = mesh_table(soundness_rows(read_terrain(tmp_path, 1), tmp_path, 1, rng, 500))
+    assert list(table.columns) == list(COLUMNS)
+    assert table["made_from"].tolist() == ["fitted", "published"]
+    ground, rock = table.to_dict("records")
+    assert (ground["rock"], ground["watertight"]) == (-1, False)
+    assert (rock["rock"], rock["watertight"], rock["copy_watertight"], rock["contact_share"]) == (4, True, 1, 1)
+    assert rock["copy_hausdorff_mm"] == pytest.approx(2, abs=0.3)
+    assert rock["copy_vertex_share"] == pytest.approx(162 / 2562, abs=1e-6)

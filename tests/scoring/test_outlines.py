@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+
+from polarsim.formats import coco, rle, yolo
+from polarsim.formats.release import label_folder, polygon_folder
+from polarsim.formats.tables import read_csv
+from polarsim.photo import PhotoKey
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.outlines import Region, overlaps, region_iou, score_outlines
+from polarsim.scoring.quality import COLUMNS
+
+ROCK_POLYGON, SHADOW_POLYGON = 2, 3
+LEFT, RIGHT = (PhotoKey.parse(f"03_A_off_30_{camera}_0256") for camera in "LR")
+ROCK, SHADOW = np.array([100.0, 200, 140, 230]), np.array([140.0, 210, 200, 230])
+
+
+def ring(box):
+    x0, y0, x1, y1 = box
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+
+
+def annotation(kind, box, rock=4):
+    left, top, right, bottom = box.astype(int)
+    return coco.Annotation(kind, rock, box, rle.encode(np.ones((bottom - top, right - left), bool), left, top))
+
+
+@pytest.fixture
+def scores(tmp_path):
+    """Figures by subject and name, of polygons and annotations by photo."""
+
+    def run(polygons, annotations, boxes=None):
+        for key, drawn in polygons.items():
+            yolo.write_polygons(polygon_folder(tmp_path, 3) / f"{key}.txt", drawn)
+        for key, (classes, drawn) in (boxes or {}).items():
+            yolo.write_boxes(label_folder(tmp_path, 3) / f"{key}.txt", np.array(classes), np.array(drawn))
+        coco.write_coco(tmp_path / "coco.json", annotations)
+        score_outlines(
+            terrain=3,
+            keys=[LEFT, RIGHT],
+            annotations=tmp_path / "coco.json",
+            root=tmp_path,
+            quality=tmp_path / "quality.csv",
+            options=TablesOptions(),
+        )
+        table = read_csv(tmp_path / "quality.csv", COLUMNS)
+        return {(row["subject"], row["figure"]): row["value"] for row in table.to_dict("records")}
+
+    return run
+
+
+def region(mask, left, top):
+    return Region(np.asarray(mask, bool), np.array([left, top]))
+
+
+def test_regions_overlap_where_both_have_pixels():
+    square = region(np.ones((10, 10)), 5, 5)
+    assert region_iou(square, square) == 1
+    assert region_iou(square, region(np.ones((10, 10)), 10, 5)) == pytest.approx(50 / 150)
+    assert region_iou(square, region(np.ones((4, 4)), 40, 40)) == 0
+    hollow = np.ones((10, 10))
+    hollow[2:8, 2:8] = 0
+    assert region_iou(square, region(hollow, 5, 5)) == pytest.approx(0.64)
+    np.testing.assert_allclose(overlaps([square], []), np.zeros((1, 0)))
+
+
+def test_outlines_like_the_drawn_ones_score_one(scores):
+    drawn = [(ROCK_POLYGON, ring(ROCK)), (SHADOW_POLYGON, ring(SHADOW))]
+    found = [annotation("rock", ROCK), annotation("shadow", SHADOW)]
+    figures = scores({LEFT: drawn, RIGHT: drawn}, {LEFT: found, RIGHT: found})
+    for subject in ("rock outline: seeds' camera", "rock outline: Left to Right", "shadow outline: Left to Right"):
+        assert figures[subject, "f1"] == figures[subject, "miou"] == 1
+    assert not any("drawn box" in subject for subject, _ in figures)  # nobody drew boxes
+
+
+def test_an_outline_that_is_missing_or_elsewhere_is_none(scores):
+    found = {LEFT: [annotation("rock", ROCK + 100)], RIGHT: []}
+    figures = scores({LEFT: [(ROCK_POLYGON, ring(ROCK))], RIGHT: [(ROCK_POLYGON, ring(ROCK))]}, found)
+    assert figures["rock outline: seeds' camera", "precision"] == 0
+    assert figures["rock outline: Left to Right", "recall"] == 0
+
+
+def test_people_s_own_boxes_are_the_yardstick(scores):
+    drawn = {LEFT: [(ROCK_POLYGON, ring(ROCK)), (SHADOW_POLYGON, ring(SHADOW))]}
+    boxes = {LEFT: ([0], [ROCK + np.array([0, 0, 10, 0])])}  # 50 px wide, and no shadow box: nothing to compare
+    figures = scores(drawn, {LEFT: []}, boxes)
+    assert figures["rock polygon's box against drawn box: seeds' camera", "miou"] == pytest.approx(0.8, abs=1e-3)
+    assert ("shadow polygon's box against drawn box: seeds' camera", "miou") not in figures
+
+
+def test_a_terrain_without_polygons_has_no_figures(scores):
+    assert scores({}, {LEFT: []}) == {}

@@ -1,0 +1,39 @@
+import numpy as np
+
+from polarsim.formats import nasa
+from polarsim.formats.inventory import Inventory
+from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.scoring.sight import sights
+from polarsim.scoring.surface import Surface
+
+DOWN = Pose(np.diag([1.0, -1, -1]), np.array([0.0, 0, 3]))  # 3 m above the floor, looking straight down
+FLOOR = Surface(np.array([[-5.0, -5, 0], [5, -5, 0], [5, 5, 0], [-5, 5, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+PLACES = np.array([[0.0, 0, 0], [0.3, 0.2, 0], [4.0, 0, 0]])  # the last one is out of the picture
+UP = np.tile([0.0, 0, 1], (3, 1))
+
+
+def seen(known=None):
+    grid = rectified_left(stated_rig())
+    rig = PlacedRig(stated_rig(), DOWN @ grid.left_from_rectified.inverse())
+    (view,) = sights({"A": rig, "B": rig}, {"A"}, known)
+    return view.sees(FLOOR, PLACES, UP).tolist(), view.sees(FLOOR, PLACES, -UP).tolist()
+
+
+def test_without_a_map_all_counts_that_faces_the_camera_inside_the_picture():
+    assert seen() == ([True, True, False], [False, False, False])
+
+
+def test_a_place_without_a_return_in_the_map_was_not_seen(tmp_path):
+    lens = rectified_left(stated_rig()).lens
+    points = 3.0 * lens.pixel_directions()
+    points[:, : int(lens.cx) + 20] = np.nan  # the left half of the picture came to nothing
+    nasa.write_range_map(tmp_path / "map.tif", points)
+    assert seen(Inventory(1, "polar", range_maps={"A": str(tmp_path / "map.tif")}))[0] == [False, True, False]
+
+
+def test_a_return_from_in_front_is_no_sight(tmp_path):
+    lens = rectified_left(stated_rig()).lens
+    nasa.write_range_map(tmp_path / "map.tif", 2.9 * lens.pixel_directions())
+    assert seen(Inventory(1, "polar", range_maps={"A": str(tmp_path / "map.tif")}))[0] == [False, False, False]

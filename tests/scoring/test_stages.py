@@ -1,0 +1,444 @@
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.cameras.surveyed import surveyed_pose
+from polarsim.errors import FormatError
+from polarsim.formats import obj, png, yolo
+from polarsim.formats.rigs import PlacedRig, read_placed, write_placed
+from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, read_parquet, write_parquet
+from polarsim.geometry import boxes as box_geometry
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import stated_rig
+from polarsim.photo import PhotoKey
+from polarsim.scoring.cameras import score_cameras
+from polarsim.scoring.label_pairs import PAIR_COLUMNS
+from polarsim.scoring.labels import score_labels, task_of, visible
+from polarsim.scoring.match_rule import MatchRule
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.rock_pairs import RockPairs, pair_rocks, recall_and_precision
+from polarsim.scoring.rocks import score_rocks
+from polarsim.scoring.twins import compare_pictures, log_ratio, score_twins, similarity, typical_photos
+
+OPTIONS = TablesOptions(surface_samples=3000)
+OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
+RULE = MatchRule(trim=0.004, trim_share=0.35, consensus_share=0.3, same_iou=0.5, gate_px=40)
+BOX = [100.0, 200.0, 160.0, 240.0]
+
+
+def figures(path):
+    table = read_csv(path)
+    return {(row["subject"], row["figure"]): row["value"] for row in table.to_dict("records")}
+
+
+# cameras
+
+
+def cameras_scored(folder, **changes):
+    paths = {"truth": None, "matches": None, "drawn": None, "meshes": folder / "meshes"}
+    score_cameras(terrain=3, rule=RULE, **{**paths, **changes})
+
+
+def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own", OTHER_FROM_TRUTH)
+    cameras_scored(
+        tmp_path, cameras=tmp_path / "own/cameras", truth=tmp_path / "truth", matches=None, quality=tmp_path / "q.csv"
+    )
+    found = figures(tmp_path / "q.csv")
+    assert found["worst position", "position_error_aligned"] < 1e-3  # mm
+    assert found["worst position", "angle_error_aligned"] < 1e-4
+    assert found["A", "angle_error_before"] == pytest.approx(np.degrees(np.linalg.norm([0.01, -0.02, 0.05])), rel=1e-4)
+    assert found["C R", "reprojection_p90"] < 1e-3
+    assert found["A (scans)", "rmse_mm"] == 1.5
+
+
+def test_a_truth_without_lamps_says_nothing_of_lamps(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own")
+    scored = {"cameras": tmp_path / "own/cameras", "truth": tmp_path / "truth", "quality": tmp_path / "q.csv"}
+    cameras_scored(tmp_path, **scored)
+    assert ("worst lamp", "direction_error") in figures(tmp_path / "q.csv")
+    (tmp_path / "truth/lamps.json").unlink()
+    cameras_scored(tmp_path, **scored)
+    assert ("worst lamp", "direction_error") not in figures(tmp_path / "q.csv")
+
+
+def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own")
+    path = tmp_path / "own/cameras/PosA.json"
+    placed = read_placed(path)
+    left = placed.sandbox_from_left
+    up = Pose(left.rotation, left.translation + np.array([0, 0, 0.01]))
+    write_placed(path, PlacedRig(placed.rig, up))
+    cameras_scored(
+        tmp_path, cameras=tmp_path / "own/cameras", truth=tmp_path / "truth", matches=None, quality=tmp_path / "q.csv"
+    )
+    found = figures(tmp_path / "q.csv")
+    assert found["A", "position_error_before"] == pytest.approx(10)
+    assert 3 < found["A", "position_error_aligned"] < 7  # the frame takes up half of it
+    assert found["A L", "reprojection_median"] > 1
+
+
+def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path, world):
+    world.write(tmp_path / "truth")
+    replace(world, poses={"A": world.poses["A"]}).write(tmp_path / "own")
+    cameras_scored(
+        tmp_path, cameras=tmp_path / "own/cameras", truth=tmp_path / "truth", matches=None, quality=tmp_path / "q.csv"
+    )
+    assert not [name for _, name in figures(tmp_path / "q.csv") if name.endswith("aligned")]
+
+
+def test_cameras_are_scored_on_the_boxes_that_all_photos_of_a_view_agree_on(tmp_path, cube):
+    rig = PlacedRig(stated_rig(), surveyed_pose("A"))
+    write_placed(tmp_path / "cameras" / "PosA.json", rig)
+    places = {1: (0.2, 0.4, 0.0), 2: (-0.5, -0.3, 0.0), 3: (0.9, -0.7, 0.0)}
+    for rock, place in places.items():
+        obj.write(tmp_path / "meshes" / obj.rock_name(3, rock), cube(place, 0.15), "rock")
+    for camera in "LR":
+        around = [box_geometry.around(rig.project(camera, cube(place, 0.15).vertices)) for place in places.values()]
+        for azimuth, off_px in (("30", 0.0), ("180", 0.0), ("270", 30.0)):  # one azimuth drawn badly
+            moved = np.array(around) + (off_px if camera == "R" else 0.0)
+            path = tmp_path / "drawn" / f"03_A_off_{azimuth}_{camera}_0256.txt"
+            path.parent.mkdir(exist_ok=True)
+            yolo.write_boxes(path, np.zeros(3, int), moved)
+    cameras_scored(tmp_path, cameras=tmp_path / "cameras", drawn=tmp_path / "drawn", quality=tmp_path / "q.csv")
+    found = figures(tmp_path / "q.csv")
+    for camera in "LR":
+        assert found[f"all boxes of {camera}", "box_iou_mean"] > 0.95  # sides are trimmed at the foot
+        assert found[f"all boxes of {camera}", "box_dy_median"] < 0.5
+
+
+def test_matches_of_meshes_and_boxes_give_iou_and_offsets_and_may_be_missing(tmp_path, world):
+    world.write(tmp_path)
+    matches = pd.DataFrame(
+        {
+            "position": ["A", "A", "C"],
+            "rock": [1, 2, 1],
+            "iou": [0.6, 0.8, 0.7],
+            "dx_px": [-3.0, 1, 5],
+            "dy_px": [0.0, 0, -1],
+        }
+    )
+    write_parquet(tmp_path / "matches.parquet", matches)
+    for name in ("matches.parquet", "none.parquet"):
+        cameras_scored(
+            tmp_path,
+            cameras=tmp_path / "cameras",
+            truth=None,
+            matches=tmp_path / name,
+            quality=tmp_path / f"{name}.csv",
+        )
+    found = figures(tmp_path / "matches.parquet.csv")
+    assert found["A", "box_iou_mean"] == pytest.approx(0.7)
+    assert found["all positions", "box_dx_median"] == 3
+    assert not [name for _, name in figures(tmp_path / "none.parquet.csv") if name.startswith("box")]
+
+
+# rocks
+
+
+def test_perfect_meshes_in_another_frame_have_no_distance_and_full_recall(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own", OTHER_FROM_TRUTH)
+    found = scored_rocks(tmp_path)
+    assert found["paired rocks", "surface_distance_p90"] < 0.05  # mm
+    assert found["ground", "surface_distance_p90"] < 0.05
+    assert found["rocks of 8 cm and more", "recall"] == found["rocks of 5 to 8 cm", "recall"] == 1
+    assert found["rocks of 8 cm and more", "precision"] == 1
+    assert found["rock meshes", "watertight_share"] == 1
+    assert found["paired rocks", "volume_ratio_median"] == pytest.approx(1)
+
+
+def test_rocks_three_millimetres_too_large_are_three_millimetres_off_and_the_ground_is_not(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own", grown=0.003)
+    found = scored_rocks(tmp_path)
+    assert found["paired rocks", "surface_distance_median"] == pytest.approx(3, abs=0.3)
+    assert found["ground", "surface_distance_median"] < 0.3
+
+
+def test_a_missed_rock_lowers_recall_of_its_size_only(tmp_path, world):
+    world.write(tmp_path / "truth")
+    world.write(tmp_path / "own", rocks=(1,))
+    found = scored_rocks(tmp_path)
+    assert found["rocks of 8 cm and more", "recall"] == 1
+    assert found["rocks of 5 to 8 cm", "recall"] == 0
+    assert ("rocks of 5 to 8 cm", "precision") not in found
+
+
+def test_a_terrain_without_rocks_is_scored_by_its_ground(tmp_path, world):
+    world.write(tmp_path / "truth", rocks=())
+    world.write(tmp_path / "own", OTHER_FROM_TRUTH, rocks=())
+    found = scored_rocks(tmp_path)
+    assert found["rocks", "count"] == 0
+    assert found["ground", "surface_distance_p90"] < 0.05
+    assert ("paired rocks", "surface_distance_median") not in found
+
+
+def test_without_truth_there_are_counts_and_soundness(tmp_path, world):
+    world.write(tmp_path)
+    quality = tmp_path / "q.csv"
+    score_rocks(
+        terrain=3,
+        rocks=tmp_path / "rocks.parquet",
+        meshes=tmp_path / "meshes",
+        located=tmp_path / "cameras",
+        cameras=tmp_path / "cameras",
+        truth=None,
+        inventory=None,
+        quality=quality,
+        scores=tmp_path / "scores.csv",
+        offsets=tmp_path / "offsets.parquet",
+        options=OPTIONS,
+    )
+    assert set(read_csv(quality)["against"]) == {"own"}
+    assert read_csv(tmp_path / "scores.csv")["rock"].tolist() == [-1, 1, 2]
+    assert figures(quality)["rocks", "count"] == 2
+
+
+def test_rocks_are_paired_one_to_one_within_half_their_size():
+    true = rock_rows([(0, 0, 0.2), (1, 0, 0.1)])
+    found = rock_rows([(0.04, 0, 0.18), (0.05, 0, 0.06), (1.06, 0, 0.1)])
+    pairs = pair_rocks(true, found)
+    assert (pairs.true.tolist(), pairs.found.tolist()) == ([0], [0])
+    seen = np.array([True, False])
+    figures = recall_and_precision(true, found, pairs, seen, OPTIONS)
+    shares = {(figure.subject, figure.figure): figure.value for figure in figures}
+    assert shares["rocks of 8 cm and more", "recall"] == 0.5
+    assert shares["rocks of 8 cm and more", "recall_seen"] == 1
+    assert shares["rocks of 8 cm and more", "precision"] == 0.5
+    assert shares["rocks of 5 to 8 cm", "precision"] == 0
+    assert shares["paired rocks", "size_error_median"] == pytest.approx(20)
+    assert pair_rocks(true, rock_rows([])).true.size == 0
+    nothing = RockPairs(np.zeros(0, int), np.zeros(0, int))
+    assert recall_and_precision(rock_rows([]), rock_rows([]), nothing, np.zeros(0, bool), OPTIONS) == []
+
+
+def scored_rocks(folder):
+    quality = folder / "q.csv"
+    own = folder / "own"
+    score_rocks(
+        terrain=3,
+        rocks=own / "rocks.parquet",
+        meshes=own / "meshes",
+        located=own / "cameras",
+        cameras=own / "cameras",
+        truth=folder / "truth",
+        inventory=None,
+        quality=quality,
+        scores=folder / "scores.csv",
+        offsets=folder / "offsets.parquet",
+        options=OPTIONS,
+    )
+    return figures(quality)
+
+
+def rock_rows(rocks):
+    names = ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3"]
+    rows = [(number, x, y, 0.0, size, size / 2, size**3) for number, (x, y, size) in enumerate(rocks, 1)]
+    return pd.DataFrame(rows, columns=names).astype(dict.fromkeys(names[1:], float))
+
+
+# labels
+
+SEEDS = [PhotoKey.parse(name) for name in ("03_A_off_30_L_0256", "03_A_off_180_L_0256")]
+
+
+@pytest.mark.parametrize(
+    ("name", "task"),
+    [
+        ("03_A_off_30_L_0256", None),
+        ("03_A_off_30_L_1024", "other exposures"),
+        ("03_A_on_180_L_0256", "light on"),
+        ("03_A_on_180_R_0256", "Left to Right"),
+        ("03_A_off_270_L_0256", "another azimuth"),
+        ("03_A_off_270_R_0256", "another azimuth"),
+        ("03_A_on_no_R_2048", "no Sun"),
+        ("03_B_off_30_L_0256", "position without seed"),
+        ("04_A_off_30_L_0256", "position without seed"),
+    ],
+)
+def test_a_photo_belongs_to_the_hardest_step_it_needs(name, task):
+    assert task_of(PhotoKey.parse(name), SEEDS) == task
+
+
+def label_rows(key, *boxes, **told):
+    """Rows of a label table: boxes as (kind, x0, y0, x1, y1)."""
+    rest = {"rock": 1, "source": "seed", "confidence": 1.0} | told
+    return [
+        key_columns(PhotoKey.parse(key)) | rest | dict(zip(("kind", "x0", "y0", "x1", "y1"), box, strict=True))
+        for box in boxes
+    ]
+
+
+def labels_scored(folder, keys, rows, truth="truth"):
+    """Score these rows of these photos; what was written, and all that a second call needs."""
+    write_parquet(folder / "labels.parquet", label_table(rows))
+    score_labels(
+        terrain=3,
+        keys=[PhotoKey.parse(key) for key in keys],
+        table=folder / "labels.parquet",
+        truth=folder / truth,
+        seeds=folder / "seeds",
+        quality=folder / "q.csv",
+        pairs=folder / "pairs.parquet",
+        options=OPTIONS,
+    )
+    return figures(folder / "q.csv")
+
+
+def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
+    names = ["03_A_off_30_L_0256", "03_A_off_30_L_0512", "03_A_off_30_R_0256", "03_A_off_30_R_0512"]
+    shadow = [300.0, 300.0, 400.0, 330.0]
+    rows = []
+    for name in names:
+        yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0, 1], [BOX, shadow])
+        rows += label_rows(name, ("rock", *BOX), *([("shadow", *shadow)] if "_L_" in name else []))
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
+    yolo.write_boxes(tmp_path / "truth/03_A_off_30_R_1024.txt", [0], [BOX])
+    found = labels_scored(tmp_path, names, rows)
+    assert found["rock: other exposures", "f1"] == 1
+    assert found["rock: Left to Right", "f1"] == 1
+    assert found["shadow: Left to Right", "recall"] == 0
+    assert found["shadow: all but seeds", "recall"] == pytest.approx(1 / 3)
+    assert np.isnan(found["shadow: Left to Right", "precision"])
+    assert found["photos with truth", "without_label_file"] == 1
+    table = read_csv(tmp_path / "q.csv")
+    assert table.loc[(table["subject"] == "rock: all but seeds") & (table["figure"] == "f1"), "n"].tolist() == [3]
+    assert found["seeds", "photos_drawn"] == 1
+    assert set(table.loc[table["subject"] != "seeds", "against"]) == {"labels"}
+    pairs = read_parquet(tmp_path / "pairs.parquet", list(PAIR_COLUMNS))
+    assert "03_A_off_30_L_0256" not in set(pairs["key"])  # the seed
+    assert "03_A_off_30_R_1024" not in set(pairs["key"])  # drawn by a person, but not labelled by the run
+    assert pairs["hit"].sum() == 4
+
+
+def test_a_labelled_photo_without_a_row_misses_all_that_is_there(tmp_path):
+    name = "03_A_off_30_R_0256"
+    yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX])
+    (tmp_path / "seeds").mkdir()
+    found = labels_scored(tmp_path, [name], [])
+    assert found["rock: all but seeds", "recall"] == 0
+    assert found["photos with truth", "without_label_file"] == 0
+    assert ("rock: confidence", "ece") not in found
+
+
+def test_the_analogs_truth_counts_boxes_on_photos_of_nothing_as_wrong(tmp_path):
+    lit, dark = "03_A_off_30_R_0256", "03_A_off_no_R_0256"
+    true = label_table(label_rows(lit, ("rock", *BOX), source="truth")).assign(visible_px=500, contrast=-50.0)
+    tiny = true.assign(rock=2, x0=700.0, visible_px=3)
+    unseen = true.assign(rock=3, x0=700.0, contrast=4.0)
+    write_parquet(tmp_path / "true.parquet", pd.concat([true, tiny, unseen]))
+    (tmp_path / "seeds").mkdir()
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
+    rows = [row for key in (lit, dark) for row in label_rows(key, ("rock", *BOX), confidence=0.75)]
+    found = labels_scored(tmp_path, [lit, dark], rows, truth="true.parquet")
+    assert found["rock: Left to Right", "recall"] == 1
+    assert found["rock: no Sun", "precision"] == 0
+    assert found["rock: all but seeds", "precision"] == 0.5
+    assert found["rock: confidence", "ece"] == pytest.approx(0.25)  # says 0.75, half are right
+    assert found["rock: confidence", "brier"] == pytest.approx((0.75**2 + 0.25**2) / 2)
+
+
+def test_a_broken_hand_drawn_file_is_left_out_but_a_broken_result_is_an_error(tmp_path):
+    names = ["03_A_off_30_R_0256", "03_A_off_30_R_0512"]
+    for name in names:
+        yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX])
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
+    (tmp_path / "truth/03_A_off_30_R_0512.txt").write_text("name0 0.5 0.5\n")
+    rows = [row for name in names for row in label_rows(name, ("rock", *BOX))]
+    assert labels_scored(tmp_path, names, rows)["rock: Left to Right", "f1"] == 1
+    write_parquet(tmp_path / "torn.parquet", label_table(rows).drop(columns="confidence"))
+    with pytest.raises(FormatError, match=r"torn\.parquet: column 'confidence'"):
+        score_labels(
+            terrain=3,
+            keys=[],
+            table=tmp_path / "torn.parquet",
+            truth=tmp_path / "truth",
+            seeds=tmp_path / "seeds",
+            quality=tmp_path / "q.csv",
+            pairs=tmp_path / "pairs.parquet",
+            options=OPTIONS,
+        )
+
+
+# twins
+
+
+def test_a_twin_at_half_the_brightness_is_one_stop_down():
+    photo = np.full((40, 60), 16 + 800, np.uint16)
+    twin = np.full((40, 60), 16 + 400, np.uint16)
+    photo[:5], twin[:5] = 4095, 16
+    np.testing.assert_allclose(log_ratio(photo, twin), -1)
+    assert log_ratio(photo, twin).size == 35 * 60
+
+
+def test_similarity_is_one_with_itself_and_falls_with_a_shift(rng):
+    photo = (16 + 2000 * rng.random((80, 80))).astype(np.uint16)
+    assert similarity(photo, photo) == pytest.approx(1)
+    assert similarity(photo, np.roll(photo, 3, axis=1)) < 0.3
+
+
+def test_typical_photos_are_of_middle_exposure_and_spread_over_the_sets():
+    keys = [
+        PhotoKey(3, position, "off", azimuth, "L", ms)
+        for position in "AC"
+        for azimuth in ("no", "30", "180")
+        for ms in (64, 512, 1024)
+    ]
+    assert [str(key) for key in typical_photos(keys, 2)] == ["03_A_off_180_L_0512", "03_C_off_30_L_0512"]
+    assert len(typical_photos(keys, 9)) == 4
+    assert typical_photos(keys, 0) == typical_photos([], 5) == []
+
+
+def test_twins_are_scored_by_boxes_and_pixels_where_there_are_any(tmp_path):
+    key = PhotoKey.parse("03_A_off_30_L_0256")
+    photo = np.full((1216, 1936), 16 + 800, np.uint16)
+    png.write(tmp_path / "photo.png", photo)
+    png.write(tmp_path / f"hapke/{key}.png", photo + 800)
+    yolo.write_boxes(tmp_path / f"boxes/{key}.txt", [0], [BOX])
+    yolo.write_boxes(tmp_path / f"truth/{key}.txt", [0, 0], [BOX, [500, 500, 540, 530]])
+    row = {**dict.fromkeys(PHOTO_COLUMNS, 0), **key_columns(key), "path": str(tmp_path / "photo.png"), "sha256": ""}
+    write_parquet(tmp_path / "photos.parquet", pd.DataFrame([row]))
+    twins = {"hapke": tmp_path / "hapke", "principled": tmp_path / "none"}
+    arguments = {
+        "terrain": 3,
+        "boxes": tmp_path / "boxes",
+        "truth": tmp_path / "truth",
+        "twins": twins,
+        "quality": tmp_path / "q.csv",
+        "pairs": tmp_path / "pairs.parquet",
+        "options": OPTIONS,
+    }
+    score_twins(**arguments, photos=tmp_path / "photos.parquet")
+    found = figures(tmp_path / "q.csv")
+    assert found["automatic rock: all", "recall"] == found["automatic rock: camera L", "recall"] == 0.5
+    assert found["hapke", "log2_twin_over_photo_median"] == pytest.approx(1)
+    assert not [subject for subject, _ in found if subject == "principled"]
+    pair = read_parquet(tmp_path / "pairs.parquet").iloc[0]
+    assert (pair["key"], pair["model"], pair["lit_px"]) == (str(key), "hapke", 1216 * 1936)
+    score_twins(**{**arguments, "truth": None}, photos=None)
+    assert len(read_csv(tmp_path / "q.csv")) == len(read_parquet(tmp_path / "pairs.parquet")) == 0
+
+
+def test_a_twin_of_another_size_is_named(tmp_path):
+    png.write(tmp_path / "photo.png", np.zeros((10, 20), np.uint16))
+    png.write(tmp_path / "twin.png", np.zeros((10, 10), np.uint16))
+    with pytest.raises(FormatError, match=r"twin\.png"):
+        compare_pictures(tmp_path / "photo.png", tmp_path / "twin.png")
+
+
+def test_an_object_that_one_exposure_shows_counts_at_all_of_its_photo_set():
+    keys = [PhotoKey.parse(f"03_A_off_30_L_{ms}") for ms in ("0064", "0256")]
+    rows = [
+        dict(key_columns(key), kind="rock", rock=rock, contrast=contrast)
+        for key, contrast in zip(keys, (3.0, -30.0), strict=True)
+        for rock in (1, 2)
+    ]
+    table = pd.DataFrame(rows)
+    table.loc[table["rock"] == 2, "contrast"] = 3.0
+    assert visible(table, OPTIONS)[["key", "rock"]].to_numpy().tolist() == [[str(key), 1] for key in keys]

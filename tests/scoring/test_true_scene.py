@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from polarsim.formats import obj
+from polarsim.formats.files import read_json, write_json
+from polarsim.formats.inventory import Inventory, write_inventory
+from polarsim.formats.lamps import read_found_suns
+from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.tables import read_parquet, write_parquet
+from polarsim.geometry.poses import Pose, angle_between
+from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.true_scene import lay_truth, thin_meshes
+
+SANDBOX_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
+
+
+@pytest.fixture
+def laid(world, tmp_path):
+    """Truth moved into the frame of a run that found all as it was, but in a frame of its own, and one rock of two."""
+    world.write(tmp_path / "truth")
+    write_json(tmp_path / "truth/lamps.json", {"rover_A": [0.0, 0.0, 1.0], **read_json(tmp_path / "truth/lamps.json")})
+    world.write(tmp_path / "run", SANDBOX_FROM_TRUTH, rocks=(2,))
+    meshes = tmp_path / "run/meshes"  # runs number rocks on their own
+    (meshes / obj.rock_name(world.terrain, 2)).rename(meshes / obj.rock_name(world.terrain, 9))
+    write_parquet(tmp_path / "run/rocks.parquet", read_parquet(tmp_path / "run/rocks.parquet").assign(rock=9))
+    write_inventory(tmp_path / "inventory.json", Inventory(world.terrain, "analog"))
+    lay_truth(
+        terrain=world.terrain,
+        rocks=tmp_path / "run/rocks.parquet",
+        meshes=tmp_path / "run/meshes",
+        located=tmp_path / "run/cameras",
+        inventory=tmp_path / "inventory.json",
+        truth=tmp_path / "truth",
+        true_cameras=tmp_path / "laid/cameras",
+        true_meshes=tmp_path / "laid/meshes",
+        options=TablesOptions(surface_samples=3000),
+    )
+    return tmp_path
+
+
+def test_true_cameras_and_lamps_are_in_the_runs_frame(laid, sun_lamps):
+    found, ours = read_all_placed(laid / "laid/cameras"), read_all_placed(laid / "run/cameras")
+    assert sorted(found) == sorted(ours)
+    for position, rig in found.items():
+        pose, own = rig.sandbox_from_left, ours[position].sandbox_from_left
+        assert np.linalg.norm(pose.translation - own.translation) < 1e-4
+        assert angle_between(pose, own) < 1e-4
+    lamps = read_found_suns(laid / "laid/cameras")
+    assert sorted(lamps) == sorted(sun_lamps)  # the rover light is on the rig
+    for name, place in lamps.items():
+        np.testing.assert_allclose(place, SANDBOX_FROM_TRUTH.apply(np.array(sun_lamps[name])), atol=5e-4)
+
+
+def test_true_meshes_lie_on_the_runs_and_have_its_numbers(laid, world):
+    names = sorted(path.name for path in (laid / "laid/meshes").iterdir())
+    ground, rock, unknown = obj.ground_name(world.terrain), obj.rock_name(world.terrain, 9), 10
+    assert names == sorted([ground, rock, obj.rock_name(world.terrain, unknown)])  # a rock that the run did not find
+    for name in (ground, rock):
+        true, own = (obj.read(laid / folder / "meshes" / name) for folder in ("laid", "run"))
+        np.testing.assert_allclose(true.vertices, own.vertices, atol=5e-4)
+
+
+def test_thinned_meshes_are_the_copies_where_there_are_some(world, tmp_path, cube):
+    world.write(tmp_path)
+    thin = obj.rock_name(world.terrain, 1, decimated=True)
+    obj.write(tmp_path / "meshes" / thin, cube((0.5, 0.4, 0.05), 0.19), "thin")
+    thin_meshes(terrain=world.terrain, meshes=tmp_path / "meshes", thinned=tmp_path / "thinned")
+    expected = {obj.ground_name(world.terrain), thin, obj.rock_name(world.terrain, 2)}
+    assert {path.name for path in (tmp_path / "thinned").iterdir()} == expected
+    assert (tmp_path / "thinned" / thin).read_bytes() == (tmp_path / "meshes" / thin).read_bytes()

@@ -1,0 +1,719 @@
+"""Stage 8: tables that papers quote, the figures of the report, and one page of results."""
+
+
+rule geometry:
+    """Tables of cameras, alignments, rocks and meshes with their quality: no labels, no twins."""
+    input:
+        of_run("results/{run}/tables/{name}.csv", name=["cameras", "rocks"]),
+        every_figure("residuals_Terrain{terrain}"),
+        every_figure("offsets_Terrain{terrain}") if KIND == "analog" else [],
+
+
+rule tables:
+    """Everything of this stage."""
+    input:
+        rules.geometry.input,
+        of_run("results/{run}/tables/{name}.csv", name=["quality", "render"]),
+        tables_of_judges(),
+        figures_of_judges(),
+        of_run("results/{run}/tables/stereo.csv") if STEREO else [],
+        of_run("results/{run}/results.html") if DOMAINS else [],
+        of_run("results/{run}/figures/reflectance.png"),
+        every_figure("comparison_Terrain{terrain}_Pos{position}"),
+        every_figure("contact_Terrain{terrain}_Pos{position}"),
+        every_figure("meshes_Terrain{terrain}"),
+        every_figure("crops_Terrain{terrain}"),
+        of_run("results/{run}/errata.html") if KIND == "release" else [],
+        of_run(
+            "results/{run}/figures/label_errors_Terrain{terrain}.png",
+            terrain=SCORED_TERRAINS,
+        ),
+        of_run("results/{run}/tables/labels.csv") if SCORED_TERRAINS else [],
+        of_run("results/{run}/figures/reliability.png") if SCORED_TERRAINS else [],
+
+
+rule gather_quality:
+    """The quality of every stage in one table."""
+    input:
+        parts=quality_parts,
+    output:
+        table=report(
+            "results/{run}/tables/quality.csv",
+            caption="../report/quality.rst",
+            category="Tables",
+            labels={"table": "quality of every stage"},
+        ),
+        others=multiext("results/{run}/tables/quality", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/report/gather_quality.log",
+    benchmark:
+        "results/{run}/benchmarks/report/gather_quality.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("gather_quality"),
+    script:
+        "../scripts/gather_quality.py"
+
+
+rule tabulate_cameras:
+    """Every camera, and how scans or labels and meshes lie on each other."""
+    input:
+        cameras=expand("results/{{run}}/cameras/Terrain{terrain}", terrain=TERRAINS),
+        quality=expand(
+            "results/{{run}}/quality/{stage}_Terrain{terrain}.csv",
+            stage=["cameras", "rocks"],
+            terrain=TERRAINS,
+        ),
+    output:
+        table=report(
+            "results/{run}/tables/cameras.csv",
+            caption="../report/cameras_table.rst",
+            category="Tables",
+            labels={"table": "cameras"},
+        ),
+        alignment="results/{run}/tables/alignment.csv",
+        others=multiext("results/{run}/tables/cameras", ".md", ".tex", ".parquet")
+        + multiext("results/{run}/tables/alignment", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/report/tabulate_cameras.log",
+    benchmark:
+        "results/{run}/benchmarks/report/tabulate_cameras.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        terrains=CONFIG.terrains,
+        origin=ORIGIN,
+        code=code_of("tabulate_cameras"),
+    script:
+        "../scripts/tabulate_cameras.py"
+
+
+rule tabulate_rocks:
+    """Every rock and every mesh of the run."""
+    input:
+        rocks=expand(
+            "results/{{run}}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS
+        ),
+        scores=expand(
+            "results/{{run}}/quality/meshes_Terrain{terrain}.csv", terrain=TERRAINS
+        ),
+    output:
+        table=report(
+            "results/{run}/tables/rocks.csv",
+            caption="../report/rocks_table.rst",
+            category="Tables",
+            labels={"table": "rocks"},
+        ),
+        meshes=report(
+            "results/{run}/tables/meshes.csv",
+            caption="../report/meshes_table.rst",
+            category="Tables",
+            labels={"table": "meshes"},
+        ),
+        others=multiext("results/{run}/tables/rocks", ".md", ".tex", ".parquet")
+        + multiext("results/{run}/tables/meshes", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/report/tabulate_rocks.log",
+    benchmark:
+        "results/{run}/benchmarks/report/tabulate_rocks.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        terrains=CONFIG.terrains,
+        origin=ORIGIN,
+        code=code_of("tabulate_rocks"),
+    script:
+        "../scripts/tabulate_rocks.py"
+
+
+rule tabulate_labels:
+    """How good labels are by task, terrain, position, azimuth and size, and how often they are right as they say."""
+    input:
+        pairs=expand(
+            "results/{{run}}/quality/label_pairs_Terrain{terrain}.parquet",
+            terrain=SCORED_TERRAINS,
+        ),
+    output:
+        table=report(
+            "results/{run}/tables/labels.csv",
+            caption="../report/labels_table.rst",
+            category="Tables",
+            labels={"table": "labels"},
+        ),
+        reliability="results/{run}/tables/reliability.parquet",
+        others=multiext("results/{run}/tables/labels", ".md", ".tex", ".parquet")
+        + multiext("results/{run}/tables/reliability", ".md", ".tex", ".csv"),
+    log:
+        "results/{run}/logs/report/tabulate_labels.log",
+    benchmark:
+        "results/{run}/benchmarks/report/tabulate_labels.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        seeds=SEEDS_TOLD,
+        origin=ORIGIN,
+        code=code_of("tabulate_labels"),
+    script:
+        "../scripts/tabulate_labels.py"
+
+
+rule tabulate_render:
+    """How near twins come to their photos and their boxes to true ones, by terrain, position, azimuth, light, camera."""
+    input:
+        pairs=expand(
+            "results/{{run}}/quality/twin_pairs_Terrain{terrain}.parquet",
+            terrain=TERRAINS,
+        ),
+        quality=expand(
+            "results/{{run}}/quality/twins_Terrain{terrain}.csv", terrain=TERRAINS
+        ),
+    output:
+        table=report(
+            "results/{run}/tables/render.csv",
+            caption="../report/render_table.rst",
+            category="Tables",
+            labels={"table": "twins"},
+        ),
+        others=multiext("results/{run}/tables/render", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/report/tabulate_render.log",
+    benchmark:
+        "results/{run}/benchmarks/report/tabulate_render.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tabulate_render"),
+    script:
+        "../scripts/tabulate_render.py"
+
+
+rule tabulate_detectors:
+    """The paper's two tables, what lies behind them, and paired differences."""
+    input:
+        detection="results/{run}/detect/detection.parquet",
+        differences="results/{run}/detect/differences.parquet",
+        breakdown="results/{run}/detect/breakdown.parquet",
+        false_alarms="results/{run}/detect/false_alarms.parquet",
+        ipd="results/{run}/detect/ipd.parquet",
+        rocks="results/{run}/detect/rocks.parquet",
+    output:
+        detection=report(
+            "results/{run}/tables/detection.csv",
+            caption="../report/detection_table.rst",
+            category="Tables",
+            labels={"table": "detection"},
+        ),
+        differences=report(
+            "results/{run}/tables/differences.csv",
+            caption="../report/differences_table.rst",
+            category="Tables",
+            labels={"table": "paired differences"},
+        ),
+        detection_breakdown=report(
+            "results/{run}/tables/detection_breakdown.csv",
+            caption="../report/detection_breakdown_table.rst",
+            category="Tables",
+            labels={"table": "detection, broken down"},
+        ),
+        false_alarms=report(
+            "results/{run}/tables/false_alarms.csv",
+            caption="../report/false_alarms_table.rst",
+            category="Tables",
+            labels={"table": "false alarms"},
+        ),
+        ipd=report(
+            "results/{run}/tables/ipd.csv",
+            caption="../report/ipd_table.rst",
+            category="Tables",
+            labels={"table": "IPD"},
+        ),
+        ipd_rocks=report(
+            "results/{run}/tables/ipd_rocks.csv",
+            caption="../report/ipd_rocks_table.rst",
+            category="Tables",
+            labels={"table": "IPD, rock by rock"},
+        ),
+        others=expand(
+            "results/{{run}}/tables/{name}.{form}",
+            name=[*TABLES_OF_DETECTORS, "ipd_rocks"],
+            form=["md", "tex", "parquet"],
+        ),
+    log:
+        "results/{run}/logs/report/tabulate_detectors.log",
+    benchmark:
+        "results/{run}/benchmarks/report/tabulate_detectors.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        min_mean_dn=CONFIG.detect.min_mean_dn,
+        code=code_of("tabulate_detectors"),
+    script:
+        "../scripts/tabulate_detectors.py"
+
+
+rule draw_detectors:
+    """Detection and IPD of every pair of domains, precision over recall, single rocks."""
+    input:
+        detection="results/{run}/detect/detection.parquet",
+        curves="results/{run}/detect/curves.parquet",
+        ipd="results/{run}/detect/ipd.parquet",
+        rocks="results/{run}/detect/rocks.parquet",
+    output:
+        detection=report(
+            "results/{run}/figures/detection.png",
+            caption="../report/detection.rst",
+            category="Detection",
+            labels={"picture": "detection"},
+        ),
+        curves=report(
+            "results/{run}/figures/precision_recall.png",
+            caption="../report/precision_recall.rst",
+            category="Detection",
+            labels={"picture": "precision and recall"},
+        ),
+        ipd=report(
+            "results/{run}/figures/ipd.png",
+            caption="../report/ipd.rst",
+            category="Detection",
+            labels={"picture": "IPD"},
+        ),
+        rocks=report(
+            "results/{run}/figures/ipd_histogram.png",
+            caption="../report/ipd_histogram.rst",
+            category="Detection",
+            labels={"picture": "IPD of rocks"},
+        ),
+    log:
+        "results/{run}/logs/report/draw_detectors.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_detectors.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("draw_detectors"),
+    script:
+        "../scripts/draw_detectors.py"
+
+
+rule draw_finds:
+    """What one detector finds in photo and twins, as in the paper's figures 4 and 5, and the rocks that differ most."""
+    input:
+        instances=of_first_training("instances.parquet"),
+        ipd=of_first_training("ipd.parquet"),
+        predictions=[
+            of_first_training(f"predictions/{{trained}}_on_{domain}.parquet")
+            for domain in DOMAINS
+        ],
+        labels=[path for domain in DOMAINS for path in labels_of(domain)],
+        pictures=photos_and_twins(),
+    output:
+        seen=report(
+            "results/{run}/figures/seen_{trained}.png",
+            caption="../report/seen.rst",
+            category="Detection",
+            labels={"picture": "photo and twins, judge of {trained}"},
+        ),
+        gap_rocks=report(
+            "results/{run}/figures/gap_rocks_{trained}.png",
+            caption="../report/gap_rocks.rst",
+            category="Detection",
+            labels={"picture": "rocks, judge of {trained}"},
+        ),
+    log:
+        "results/{run}/logs/report/draw_finds_{trained}.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_finds_{trained}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        domains=DOMAINS,
+        photo_domain=CONFIG.photo_domain,
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("draw_finds"),
+    script:
+        "../scripts/draw_finds.py"
+
+
+rule tabulate_stereo:
+    """Stereo depth against the meshes, in every domain."""
+    input:
+        stereo="results/{run}/detect/stereo.parquet",
+        instances="results/{run}/detect/stereo_instances.parquet",
+        ipd="results/{run}/detect/stereo_ipd.parquet",
+    output:
+        table=report(
+            "results/{run}/tables/stereo.csv",
+            caption="../report/stereo_table.rst",
+            category="Tables",
+            labels={"table": "stereo depth"},
+        ),
+        others=multiext("results/{run}/tables/stereo", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/report/tabulate_stereo.log",
+    benchmark:
+        "results/{run}/benchmarks/report/tabulate_stereo.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        stereo=options("detect")["stereo"],
+        code=code_of("tabulate_stereo"),
+    script:
+        "../scripts/tabulate_stereo.py"
+
+
+rule draw_comparison:
+    """One photo of a position beside its twins, labels drawn in."""
+    input:
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
+        labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
+        automatic="results/{run}/renders/tables/Terrain{terrain}.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/comparison_Terrain{terrain}_Pos{position}.png",
+            caption="../report/comparison.rst",
+            category="Photos and twins",
+            labels={"terrain": "{terrain}", "position": "{position}"},
+        ),
+    log:
+        "results/{run}/logs/report/draw_comparison_{terrain}_{position}.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_comparison_{terrain}_{position}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        key=shown_photo,
+        models=MODELS,
+        options=options("tables"),
+        code=code_of("draw_comparison"),
+    script:
+        "../scripts/draw_comparison.py"
+
+
+rule draw_reflectance:
+    """Every reflectance model over the phase angle."""
+    input:
+        curves="results/{run}/renders/reflectance.csv",
+    output:
+        figure=report(
+            "results/{run}/figures/reflectance.png",
+            caption="../report/reflectance.rst",
+            category="Photos and twins",
+            labels={"terrain": "all", "position": "reflectance models"},
+        ),
+    log:
+        "results/{run}/logs/report/draw_reflectance.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_reflectance.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        options=options("tables"),
+        code=code_of("draw_reflectance"),
+    script:
+        "../scripts/draw_reflectance.py"
+
+
+rule draw_contact:
+    """All photo sets of a set-up on one sheet, their labels drawn in, for review."""
+    input:
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
+        twins=expand(
+            "results/{{run}}/renders/{model}/Terrain{{terrain}}",
+            model=STAND_INS,
+        ),
+    output:
+        figure=report(
+            "results/{run}/figures/contact_Terrain{terrain}_Pos{position}.png",
+            caption="../report/contact.rst",
+            category="Contact sheets",
+            labels={"terrain": "{terrain}", "position": "{position}"},
+        ),
+    log:
+        "results/{run}/logs/report/draw_contact_{terrain}_{position}.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_contact_{terrain}_{position}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        grid=options("grid"),
+        models=STAND_INS,
+        options=options("tables"),
+        code=code_of("draw_contact"),
+    script:
+        "../scripts/draw_contact.py"
+
+
+rule draw_terrain:
+    """A terrain's meshes from above and aslant, and the cuboids that cut its rocks out."""
+    input:
+        rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        meshes=report(
+            "results/{run}/figures/meshes_Terrain{terrain}.png",
+            caption="../report/meshes.rst",
+            category="Meshes",
+            labels={"terrain": "{terrain}", "picture": "meshes"},
+        ),
+        crops=report(
+            "results/{run}/figures/crops_Terrain{terrain}.png",
+            caption="../report/crops.rst",
+            category="Meshes",
+            labels={"terrain": "{terrain}", "picture": "cuboids"},
+        ),
+    log:
+        "results/{run}/logs/report/draw_terrain_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_terrain_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=5,
+    params:
+        options=options("tables"),
+        code=code_of("draw_terrain"),
+    script:
+        "../scripts/draw_terrain.py"
+
+
+rule draw_offsets:
+    """Our meshes coloured by their distance from the true surface."""
+    input:
+        offsets="results/{run}/quality/offsets_Terrain{terrain}.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/offsets_Terrain{terrain}.png",
+            caption="../report/offsets.rst",
+            category="Meshes",
+            labels={"terrain": "{terrain}", "picture": "distance to truth"},
+        ),
+    log:
+        "results/{run}/logs/report/draw_offsets_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_offsets_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        options=options("tables"),
+        code=code_of("draw_offsets"),
+    script:
+        "../scripts/draw_offsets.py"
+
+
+rule draw_residuals:
+    """Arrows in a photo of every position, from the boxes that people drew to those of the projected meshes."""
+    input:
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        seeds="results/{run}/acquire/Terrain{terrain}/seeds",
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        figure=report(
+            "results/{run}/figures/residuals_Terrain{terrain}.png",
+            caption="../report/residuals.rst",
+            category="Cameras",
+            labels={"terrain": "{terrain}"},
+        ),
+    log:
+        "results/{run}/logs/report/draw_residuals_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_residuals_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        rule=match_rule(),
+        options=options("tables"),
+        code=code_of("draw_residuals"),
+    script:
+        "../scripts/draw_residuals.py"
+
+
+rule draw_label_errors:
+    """How far the edges of our boxes lie from the true or hand-drawn ones."""
+    input:
+        pairs="results/{run}/quality/label_pairs_Terrain{terrain}.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/label_errors_Terrain{terrain}.png",
+            caption="../report/label_errors.rst",
+            category="Labels",
+            labels={"terrain": "{terrain}"},
+        ),
+    log:
+        "results/{run}/logs/report/draw_label_errors_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_label_errors_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        options=options("tables"),
+        code=code_of("draw_label_errors"),
+    script:
+        "../scripts/draw_label_errors.py"
+
+
+rule draw_reliability:
+    """How often labels are right, against how sure they say they are."""
+    input:
+        reliability="results/{run}/tables/reliability.parquet",
+    output:
+        figure=report(
+            "results/{run}/figures/reliability.png",
+            caption="../report/reliability.rst",
+            category="Labels",
+            labels={"terrain": "all", "picture": "confidence"},
+        ),
+    log:
+        "results/{run}/logs/report/draw_reliability.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_reliability.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        options=options("tables"),
+        code=code_of("draw_reliability"),
+    script:
+        "../scripts/draw_reliability.py"
+
+
+if KIND == "release":
+
+    rule draw_errata:
+        """The defects of the published labels, each with its picture, and as a table."""
+        input:
+            raw=lambda wildcards: [
+                str(path)
+                for terrain in CONFIG.terrains
+                for path in raw_inputs(terrain, CONFIG.source, CONFIG.labels.seeds)
+            ],
+        output:
+            page=report(
+                "results/{run}/errata.html",
+                caption="../report/errata.rst",
+                category="Labels",
+            ),
+            table="results/{run}/tables/defects.csv",
+        log:
+            "results/{run}/logs/report/draw_errata.log",
+        benchmark:
+            "results/{run}/benchmarks/report/draw_errata.tsv"
+        threads: 2
+        resources:
+            mem_mb=2000,
+            runtime=5,
+        params:
+            root=str(CONFIG.source.root),
+            code=code_of("draw_errata"),
+        script:
+            "../scripts/draw_errata.py"
+
+
+rule draw_opposition:
+    """Photo and twins where the lamp stands behind the camera, and far from it."""
+    input:
+        cameras=of_run("results/{run}/cameras/Terrain{terrain}", terrain=TERRAINS),
+        pictures=photos_and_twins(),
+    output:
+        figure=report(
+            "results/{run}/figures/opposition.png",
+            caption="../report/opposition.rst",
+            category="Photos and twins",
+            labels={"terrain": "nearest", "position": "opposition effect"},
+        ),
+        words="results/{run}/figures/opposition.json",
+    log:
+        "results/{run}/logs/report/draw_opposition.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_opposition.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        terrains=CONFIG.terrains,
+        positions=CONFIG.positions,
+        grid=options("grid"),
+        photo_domain=CONFIG.photo_domain,
+        models=MODELS,
+        options=options("tables"),
+        code=code_of("draw_opposition"),
+    script:
+        "../scripts/draw_opposition.py"
+
+
+rule write_results_page:
+    """Tables and figures of what detectors found, on one page."""
+    input:
+        tables=tables_of_page(),
+        figures=figures_of_page(),
+        phases="results/{run}/figures/opposition.json",
+        datasets=of_run(
+            "results/{run}/detect/{split}/datasets/{trained}",
+            split=SPLITS,
+            trained=TRAINED,
+        ),
+    output:
+        page=report(
+            "results/{run}/results.html",
+            caption="../report/results_page.rst",
+            category="Results",
+        ),
+    log:
+        "results/{run}/logs/report/write_results_page.log",
+    benchmark:
+        "results/{run}/benchmarks/report/write_results_page.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        datasets=[(split, trained) for split in SPLITS for trained in TRAINED],
+        origin=ORIGIN,
+        code=code_of("write_results_page"),
+    script:
+        "../scripts/write_results_page.py"

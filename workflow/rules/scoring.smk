@@ -1,0 +1,183 @@
+"""Stage 7: how good a run is, against truth, against what people drew, and against itself; nothing else reads truth."""
+
+
+rule score_cameras:
+    """Poses against truth, or projected meshes against the boxes that people drew."""
+    input:
+        raw=raw_data,
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        quality="results/{run}/quality/cameras_Terrain{terrain}.csv",
+    log:
+        "results/{run}/logs/scoring/score_cameras_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/scoring/score_cameras_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        truth=truth_of,
+        drawn=drawn_labels_of,
+        rule=match_rule(),
+        code=code_of("score_cameras"),
+    script:
+        "../scripts/score_cameras.py"
+
+
+rule score_rocks:
+    """Rocks found and surfaces meshed, against truth where there is one."""
+    input:
+        raw=raw_data,
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+        located="results/{run}/cameras/located/Terrain{terrain}",
+        cameras="results/{run}/cameras/Terrain{terrain}",
+    output:
+        quality="results/{run}/quality/rocks_Terrain{terrain}.csv",
+        scores="results/{run}/quality/meshes_Terrain{terrain}.csv",
+        offsets="results/{run}/quality/offsets_Terrain{terrain}.parquet",
+    log:
+        "results/{run}/logs/scoring/score_rocks_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/scoring/score_rocks_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        truth=truth_of,
+        options=options("tables"),
+        code=code_of("score_rocks"),
+    script:
+        "../scripts/score_rocks.py"
+
+
+rule check_consistency:
+    """Scans, cameras, meshes and boxes held against each other, without any truth."""
+    input:
+        raw=raw_data,
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        located="results/{run}/cameras/located/Terrain{terrain}",
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        quality="results/{run}/quality/consistency_Terrain{terrain}.csv",
+    log:
+        "results/{run}/logs/scoring/check_consistency_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/scoring/check_consistency_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2500,
+        runtime=10,
+    params:
+        code=code_of("check_consistency"),
+    script:
+        "../scripts/check_consistency.py"
+
+
+rule score_labels:
+    """Labels of every photo against truth, or against what people drew, by what it took to carry them there."""
+    input:
+        raw=raw_data,
+        table="results/{run}/labels/tables/Terrain{terrain}.parquet",
+        seeds="results/{run}/acquire/Terrain{terrain}/seeds",
+    output:
+        quality="results/{run}/quality/labels_Terrain{terrain}.csv",
+        pairs="results/{run}/quality/label_pairs_Terrain{terrain}.parquet",
+    log:
+        "results/{run}/logs/scoring/score_labels_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/scoring/score_labels_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        positions=positions_here,
+        grid=options("grid"),
+        truth=true_labels_of,
+        options=options("tables"),
+        code=code_of("score_labels"),
+    script:
+        "../scripts/score_labels.py"
+
+
+rule score_outlines:
+    """Outlines of rocks and shadows against the polygons that people drew."""
+    input:
+        raw=raw_data,
+        polygons=lambda wildcards: drawn_polygons(wildcards.terrain) or [],
+        annotations="results/{run}/labels/coco/Terrain{terrain}.json",
+    output:
+        quality="results/{run}/quality/outlines_Terrain{terrain}.csv",
+    log:
+        "results/{run}/logs/scoring/score_outlines_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/scoring/score_outlines_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        positions=positions_here,
+        grid=options("grid"),
+        root=str(LABEL_ROOT),
+        options=options("tables"),
+        code=code_of("score_outlines"),
+    script:
+        "../scripts/score_outlines.py"
+
+
+rule score_twins:
+    """Automatic boxes against truth or against what people drew, and twins against photos where there are any."""
+    input:
+        raw=raw_data,
+        boxes="results/{run}/renders/boxes/Terrain{terrain}",
+        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+    output:
+        quality="results/{run}/quality/twins_Terrain{terrain}.csv",
+        pairs="results/{run}/quality/twin_pairs_Terrain{terrain}.parquet",
+    log:
+        "results/{run}/logs/scoring/score_twins_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/scoring/score_twins_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=20,
+    params:
+        truth=true_labels_of,
+        models=MODELS,
+        options=options("tables"),
+        code=code_of("score_twins"),
+    script:
+        "../scripts/score_twins.py"
+
+
+rule score_materials:
+    """Fitted albedo against truth, and twins with it against photos that were held out."""
+    input:
+        raw=raw_data,
+        materials="results/{run}/renders/materials/Terrain{terrain}",
+        meshes="results/{run}/meshes/Terrain{terrain}",
+        cameras="results/{run}/cameras/Terrain{terrain}",
+    output:
+        quality="results/{run}/quality/materials_Terrain{terrain}.csv",
+    log:
+        "results/{run}/logs/scoring/score_materials_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/scoring/score_materials_{terrain}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        truth=truth_of,
+        code=code_of("score_materials"),
+    script:
+        "../scripts/score_materials.py"
