@@ -21,6 +21,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from rover_rigs import SoilBed, park, patch_inverse_width, rest_plate
 from scipy.optimize import least_squares
 
 from polarsim.rover.soil import contact_numba
@@ -32,8 +33,6 @@ from polarsim.rover.soil.measured import SMOOTH_MGRU3, TILT_BED, TREC, SlopeCurv
 from polarsim.rover.soil.nodes import make_ground
 from polarsim.rover.soil.rig import Rig, drive
 from polarsim.rover.soil.shapes import Bodies, Plate, Wheel
-from tests.rover.soil.beds import SoilBed
-from tests.rover.soil.rigs import park, patch_inverse_width, rest_plate
 
 SOILS = read_soils(Path(__file__).parents[1] / "config" / "soils.csv")
 WHEELS = {"A": (Wheel(0.25, 0.20), "lunar", 174.15), "B": (Wheel(0.15735, 0.165), "hit-simulant", 80.0)}

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.rover_rigs import SoilBed
 from polarsim.errors import RoverError
 from polarsim.rover.soil.bulldozing import Bulldozing, settle
 from polarsim.rover.soil.nodes import FLOW, PLASTIC, Ground, flat_ground, make_ground
 from polarsim.rover.soil.shapes import Bodies, Wheel
-from tests.rover.soil.beds import SoilBed
 
 WHEEL = Wheel(0.25, 0.20)
 

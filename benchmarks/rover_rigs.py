@@ -1,4 +1,4 @@
-"""A plate press and a locked wheel on a slope: what the soil is tested on beside the rig."""
+"""A bed of soil, a plate press, a wheel locked on a slope: what the soil is measured and tested on beside the rig."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.errors import RoverError
-from polarsim.rover.soil.contact import Rule, press
+from polarsim.rover.soil import bulldozing_numba, contact_numba
+from polarsim.rover.soil.bulldozing import Bulldozing
+from polarsim.rover.soil.contact import Rule, Wrenches, press
 from polarsim.rover.soil.law import Law
-from polarsim.rover.soil.nodes import flat_ground
+from polarsim.rover.soil.nodes import Ground, flat_ground
 from polarsim.rover.soil.rig import Press
-from polarsim.rover.soil.shapes import Bodies, Plate, Wheel
+from polarsim.rover.soil.shapes import Bodies, Plate, Wheel, reach
 
 AXES = np.eye(3)
 
@@ -83,3 +85,19 @@ def park(
         centre = centre + dt * velocity
         slid[step], sinkage[step] = centre[0] - start, wheel.radius - centre[2]
     return Parked(dt * np.arange(1, steps + 1), slid, sinkage)
+
+
+class SoilBed:
+    """Ground and the law by which it gives way; `steps` counts the steps so far."""
+
+    def __init__(self, ground: Ground, law: Law, bulldozing_rule: Bulldozing | None = None) -> None:
+        self.ground, self.law, self.bulldozing, self.steps = ground, law, bulldozing_rule, 0
+
+    def step(self, bodies: Bodies, dt: float) -> Wrenches:
+        """Forces on the bodies where they are now; the ground gives way."""
+        self.ground.require_inside(bodies.centres, reach(bodies.numbers))
+        wrenches = contact_numba.press(self.ground, bodies, self.law, Rule(), dt)
+        self.steps += 1
+        if self.bulldozing is not None and self.steps % self.bulldozing.every == 0:
+            bulldozing_numba.bulldoze(self.ground, bodies, self.bulldozing)
+        return wrenches
