@@ -29,7 +29,8 @@ import numpy as np
 from polarsim.rover.drive.control import Command
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import run_drive
-from polarsim.rover.drive.simulation import Simulation, Start
+from polarsim.rover.drive.simulation import Simulation
+from polarsim.rover.drive.state import Start
 from polarsim.rover.drive.table import drive_table
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions

@@ -19,7 +19,8 @@ from gymnasium import spaces
 
 from polarsim.errors import RoverError
 from polarsim.rover.drive.control import Command, Driver, Law, Path
-from polarsim.rover.drive.simulation import Simulation, Start, State
+from polarsim.rover.drive.simulation import Simulation
+from polarsim.rover.drive.state import Start, State
 from polarsim.rover.drive.trace import CONTACTS
 from polarsim.rover.sight.eye import Eye, EyeOptions
 from polarsim.rover.soil.law import read_soil

@@ -8,7 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats.files import read_json
-from polarsim.rover.drive.ride import drive_to_end, job_of
+from polarsim.rover.drive.job import job_of
+from polarsim.rover.drive.ride import drive_to_end
 from polarsim.rover.drive.table import figures_of
 from polarsim.rover.drive.trace import DRIVE, Trace, read_trace
 from polarsim.rover.exchange.bag import write_bag

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,8 @@ from polarsim.formats.npz import read_arrays, write_arrays
 from polarsim.rover.drive import energy
 from polarsim.rover.drive.control import MODES, Command, steer
 from polarsim.rover.drive.mjcf import compile_model, import_mujoco
-from polarsim.rover.drive.trace import BODY_COLUMNS, COLUMNS, CONTACTS, WHEEL_COLUMNS
+from polarsim.rover.drive.state import EDGE, OffGridError, Start, State, heading_of
+from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS
 from polarsim.rover.soil.bulldozing import Bulldozing, taps
 from polarsim.rover.soil.law import Soil
 from polarsim.rover.soil.nodes import make_ground
@@ -26,64 +26,8 @@ from polarsim.rover.world.hulls import rock_hulls, under_rocks
 from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.surface import World
 
-EDGE = 0.05  # m of ground beyond every wheel at least
 SPIN = 2  # of a wheel's joints: lift, steer, spin
 NO_WHEEL = -1
-
-
-class OffGridError(RoverError):
-    """A wheel came too near to the ground's edge."""
-
-
-@dataclass(frozen=True)
-class Start:
-    """Where a rover is put down: base_link's place and heading from x towards y."""
-
-    x: float = 0.0
-    y: float = 0.0
-    heading: float = 0.0
-
-
-@dataclass(frozen=True)
-class State:
-    """Of one instant; arrays of wheels are in the order of `WHEELS`."""
-
-    time: float  # s
-    position: np.ndarray  # (3,) of base_link in the world
-    rotation: np.ndarray  # (4,) quaternion w x y z, world from base_link
-    velocity: np.ndarray  # (3,) world
-    spin: np.ndarray  # (3,) base_link
-    acceleration: np.ndarray  # (3,) as an accelerometer in base_link reads it
-    command: Command
-    energy_open: float
-    wheels: np.ndarray  # (4, len(WHEEL_COLUMNS)) as the trace has them, contacts as places in `CONTACTS`
-
-    @property
-    def heading(self) -> float:
-        """From x towards y."""
-        return heading_of(self.rotation)
-
-    def wheel(self, column: str) -> np.ndarray:
-        """(4,) values of one of `WHEEL_COLUMNS`."""
-        return np.asarray(self.wheels[:, WHEEL_COLUMNS.index(column)])
-
-    def row(self, offset: float, heading_error: float) -> np.ndarray:
-        """(len(COLUMNS),) of the trace."""
-        body = (
-            self.time, *self.position, *self.rotation, *self.velocity, *self.spin, *self.acceleration,
-            offset, heading_error, self.command.speed_m_s, self.command.steer_rad, self.command.crab_rad,
-            self.energy_open,
-        )  # fmt: skip
-        assert len(body) == len(BODY_COLUMNS)
-        row = np.concatenate([body, self.wheels.ravel()])
-        assert len(row) == len(COLUMNS)
-        return row
-
-
-def heading_of(rotation: np.ndarray) -> float:
-    """From x towards y, of a quaternion w x y z."""
-    w, x, y, z = rotation
-    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 class Simulation:

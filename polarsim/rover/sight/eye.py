@@ -15,7 +15,7 @@ from polarsim.render.layers import render_view
 from polarsim.render.options import Model
 from polarsim.render.sensor import expose
 from polarsim.rover.drive.control import Path
-from polarsim.rover.drive.simulation import State
+from polarsim.rover.drive.state import State
 from polarsim.rover.sight.bodywork import body_of, links_at
 from polarsim.rover.sight.options import SightOptions
 from polarsim.rover.sight.stage import Stage, options_of, rocks_of

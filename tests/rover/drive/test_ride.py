@@ -10,9 +10,10 @@ pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
 
 from polarsim.rover.drive import ride as drive
 from polarsim.rover.drive.energy import EnergyError
+from polarsim.rover.drive.job import Job
 from polarsim.rover.drive.options import DriveOptions
-from polarsim.rover.drive.ride import STATE, Job, Ride, drive_to_end
-from polarsim.rover.drive.simulation import OffGridError
+from polarsim.rover.drive.ride import STATE, Ride, drive_to_end
+from polarsim.rover.drive.state import OffGridError
 from polarsim.rover.drive.trace import read_trace
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions

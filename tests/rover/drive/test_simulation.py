@@ -13,7 +13,8 @@ pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
 from polarsim.errors import FormatError, RoverError
 from polarsim.rover.drive.control import Command
 from polarsim.rover.drive.energy import EnergyError, largest_step
-from polarsim.rover.drive.simulation import OffGridError, Simulation, Start
+from polarsim.rover.drive.simulation import Simulation
+from polarsim.rover.drive.state import OffGridError, Start
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
