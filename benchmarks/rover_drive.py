@@ -26,14 +26,17 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.rover.control import Command
-from polarsim.rover.drive import run_drive
-from polarsim.rover.drive_table import drive_table
-from polarsim.rover.options import DriveOptions, SoilOptions, WorldOptions
-from polarsim.rover.simulation import Simulation, Start
-from polarsim.rover.soil import read_soil
-from polarsim.rover.vehicle import read_vehicle
-from polarsim.rover.world import World, bare_world
+from polarsim.rover.drive.control import Command
+from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.drive.ride import run_drive
+from polarsim.rover.drive.simulation import Simulation
+from polarsim.rover.drive.state import Start
+from polarsim.rover.drive.table import drive_table
+from polarsim.rover.soil.law import read_soil
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.vehicle.table import read_vehicle
+from polarsim.rover.world.options import WorldOptions
+from polarsim.rover.world.surface import World, bare_world
 
 CONFIG = Path(__file__).parents[1] / "config"
 VIPER, SOIL = read_vehicle(CONFIG / "viper.yaml"), read_soil(CONFIG / "soils.csv", "lunar")

@@ -23,12 +23,12 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.rover.frames import truth_of
-from polarsim.rover.sight import Sight
-from polarsim.rover.sight_options import SightOptions
-from polarsim.rover.trace import Trace, read_trace
-from polarsim.rover.truth import write_truth
-from polarsim.rover.vehicle import read_vehicle
+from polarsim.rover.drive.trace import Trace, read_trace
+from polarsim.rover.sight.cameras import Sight
+from polarsim.rover.sight.frames import truth_of
+from polarsim.rover.sight.options import SightOptions
+from polarsim.rover.sight.truth import write_truth
+from polarsim.rover.vehicle.table import read_vehicle
 
 
 def main() -> None:

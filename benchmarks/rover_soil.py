@@ -21,17 +21,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from rover_rigs import SoilBed, park, patch_inverse_width, rest_plate
+from scipy.optimize import least_squares
 
-from polarsim.rover import contact_numba
-from polarsim.rover.bed import SoilBed
-from polarsim.rover.bulldozing import Bulldozing
-from polarsim.rover.contact import Bodies, Rule
-from polarsim.rover.ground import make_ground
-from polarsim.rover.limit import steady_wheel
-from polarsim.rover.measured import SMOOTH_MGRU3, TILT_BED, TREC, fit_law, misses_deg, rms_deg
-from polarsim.rover.rig import Rig, drive, park, rest_plate
-from polarsim.rover.shapes import Plate, Wheel, patch_inverse_width
-from polarsim.rover.soil import read_soils
+from polarsim.rover.soil import contact_numba
+from polarsim.rover.soil.bulldozing import Bulldozing
+from polarsim.rover.soil.contact import Rule
+from polarsim.rover.soil.law import Law, read_soils
+from polarsim.rover.soil.limit import steady_wheel
+from polarsim.rover.soil.measured import SMOOTH_MGRU3, TILT_BED, TREC, SlopeCurve, misses_deg
+from polarsim.rover.soil.nodes import make_ground
+from polarsim.rover.soil.rig import Rig, drive
+from polarsim.rover.soil.shapes import Bodies, Plate, Wheel
 
 SOILS = read_soils(Path(__file__).parents[1] / "config" / "soils.csv")
 WHEELS = {"A": (Wheel(0.25, 0.20), "lunar", 174.15), "B": (Wheel(0.15735, 0.165), "hit-simulant", 80.0)}
@@ -95,6 +96,24 @@ def against_limit(slips: tuple[float, ...]) -> list[dict[str, float | str | bool
                         f"torque {found.torque:.2f} N m {100 * (found.torque / limit.torque - 1):+.2f} %"
                     )
     return rows
+
+
+def rms_deg(curve: SlopeCurve, law: Law) -> float:
+    return float(np.sqrt((misses_deg(curve, law) ** 2).mean()))
+
+
+def fit_law(curve: SlopeCurve) -> Law:
+    """The soil without cohesion, n = 1, that comes nearest: K_phi, friction angle and K by least squares."""
+
+    def law(numbers: np.ndarray) -> Law:
+        K_mm, phi_deg, K_phi_mega = numbers
+        return Law(K_phi_mega * 1e6, 0.0, 1.0, 0.0, 0.0, math.tan(math.radians(phi_deg)), K_mm * 1e-3, 4e9, 0.0)
+
+    def misses(numbers: np.ndarray) -> np.ndarray:
+        return misses_deg(curve, law(numbers))
+
+    bounds = ([1.0, 10.0, 0.05], [60.0, 50.0, 10.0])
+    return law(least_squares(misses, [10.0, 30.0, 1.0], bounds=bounds, x_scale=[5, 10, 1], diff_step=[1e-3] * 3).x)
 
 
 def against_measured(fit: bool) -> None:

@@ -24,7 +24,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.photo import TERRAINS, positions
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
-from polarsim.rover.rover_options import RoverOptions
+from polarsim.rover.options import RoverOptions
 from polarsim.scoring.options import TablesOptions
 
 RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy of the release

@@ -2,7 +2,11 @@
 
 import ast
 import re
+from collections.abc import Iterable
+from graphlib import TopologicalSorter
 from pathlib import Path
+
+import pytest
 
 from polarsim import digest
 
@@ -56,6 +60,74 @@ def test_only_scoring_reads_truth():
                 modules = imports_by_text((SCRIPTS / f"{script[1]}.py").read_text())
                 packages = {".".join(module.split(".")[:2]) for module in modules}
                 assert packages <= {"polarsim.scoring", "polarsim.reporting", "polarsim.grid"}, script[1]
+
+
+ROVER_FLOORS = (  # from the bottom up: a room sees the floors below and itself, rooms of one floor never each other
+    {"soil", "world", "vehicle"},
+    {"drive"},
+    {"sight"},
+    {"onboard", "exchange"},
+    {"options", "run", "environment"},  # no rooms: where the command line, the configuration and learners come in
+)
+ROVER_BLIND = {"soil", "world", "vehicle", "drive"}  # a drive needs neither pictures nor judges
+
+
+def room_of(module: str) -> str | None:
+    """The rover's room that a module lies in; None for the rover's package itself and for what is not the rover's."""
+    parts = module.split(".")
+    return parts[2] if parts[:2] == ["polarsim", "rover"] and len(parts) > 2 else None
+
+
+def against_the_floors(imports: dict[str, Iterable[str]]) -> list[str]:
+    """The imports, module by module, that go up or sideways between the rover's rooms, or bring pictures into a drive.
+
+    Beside the rooms lie modules; these may see each other.
+    """
+    floor = {room: number for number, rooms in enumerate(ROVER_FLOORS) for room in rooms}
+    top, found = len(ROVER_FLOORS) - 1, []
+    for module, seen in imports.items():
+        own = room_of(module)
+        if own is None:
+            continue
+        for other in seen:
+            room = room_of(other)
+            if room is None:
+                wrong = own in ROVER_BLIND and other.split(".")[1] in {"render", "detect"}
+            else:
+                wrong = room != own and floor[room] >= floor[own] and floor[own] < top
+            found += [f"{module} imports {other}"] if wrong else []
+    return found
+
+
+def rover_imports() -> dict[str, tuple[str, ...]]:
+    package = Path(digest.__file__).parent
+    paths = [path.relative_to(package.parent) for path in sorted((package / "rover").rglob("*.py"))]
+    names = [".".join(path.with_suffix("").parts).removesuffix(".__init__") for path in paths]
+    return {name: digest.imported_modules(name) for name in names}
+
+
+def test_the_rovers_rooms_stand_on_each_other():
+    imports = rover_imports()
+    assert {room_of(name) for name in imports} - {None} == set().union(*ROVER_FLOORS)
+    assert against_the_floors(imports) == []
+    TopologicalSorter(imports).prepare()  # raises where modules import each other in a circle
+
+
+@pytest.mark.parametrize(
+    ("module", "imported"),
+    [
+        ("soil.contact", "rover.drive.trace"),  # up
+        ("world.stitch", "rover.soil.nodes"),  # sideways
+        ("onboard.measure", "rover.exchange.video"),
+        ("sight.cameras", "rover.options"),  # out of the rooms
+        ("drive.ride", "render.layers"),
+        ("vehicle.table", "detect.options"),
+    ],
+)
+def test_an_import_against_the_rovers_floors_is_found(module, imported):
+    one = f"polarsim.rover.{module}"
+    allowed = ("polarsim.errors", one.rpartition(".")[0] + ".other")
+    assert against_the_floors({one: (*allowed, f"polarsim.{imported}")}) == [f"{one} imports polarsim.{imported}"]
 
 
 SCRIPTS = Path(digest.__file__).parent.parent / "workflow/scripts"

@@ -8,8 +8,8 @@ import pytest
 from polarsim import errors
 from polarsim.errors import DetectError, FormatError, LabelError, PolarsimError, about, within
 from polarsim.formats import tables, yolo
-from polarsim.rover.energy import EnergyError
-from polarsim.rover.simulation import OffGridError
+from polarsim.rover.drive.energy import EnergyError
+from polarsim.rover.drive.state import OffGridError
 
 ROOT = Path(__file__).parents[1]
 KINDS = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, PolarsimError)]

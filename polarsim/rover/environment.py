@@ -18,15 +18,16 @@ import numpy as np
 from gymnasium import spaces
 
 from polarsim.errors import RoverError
-from polarsim.rover.control import Command, Driver, Law, Path
-from polarsim.rover.eye import Eye, EyeOptions
-from polarsim.rover.options import SoilOptions
-from polarsim.rover.practice import PracticeGround, practice_world
-from polarsim.rover.simulation import Simulation, Start, State
-from polarsim.rover.soil import read_soil
-from polarsim.rover.trace import CONTACTS
-from polarsim.rover.vehicle import WHEELS, read_vehicle
-from polarsim.rover.world import World, read_world
+from polarsim.rover.drive.control import Command, Driver, Law, Path
+from polarsim.rover.drive.simulation import Simulation
+from polarsim.rover.drive.state import Start, State
+from polarsim.rover.drive.trace import CONTACTS
+from polarsim.rover.sight.eye import Eye, EyeOptions
+from polarsim.rover.soil.law import read_soil
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.vehicle.table import WHEELS, read_vehicle
+from polarsim.rover.world.practice import PracticeGround, practice_world
+from polarsim.rover.world.surface import World, read_world
 
 ACTION_HZ = 10
 TOP = (0.4, math.radians(30))  # of the action, either way: m/s and rad

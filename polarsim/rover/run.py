@@ -8,17 +8,19 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats.files import read_json
-from polarsim.rover.bag import write_bag
-from polarsim.rover.drive import drive_to_end, job_of
-from polarsim.rover.frames import render_frames
-from polarsim.rover.onboard import detect_drive, measure_drive
-from polarsim.rover.report import figures_of
-from polarsim.rover.rover_options import RoverOptions
-from polarsim.rover.sight_options import SightOptions
-from polarsim.rover.trace import DRIVE, Trace, read_trace
-from polarsim.rover.urdf import write_urdf
-from polarsim.rover.vehicle import read_vehicle
-from polarsim.rover.video import make_videos
+from polarsim.rover.drive.job import job_of
+from polarsim.rover.drive.ride import drive_to_end
+from polarsim.rover.drive.table import figures_of
+from polarsim.rover.drive.trace import DRIVE, Trace, read_trace
+from polarsim.rover.exchange.bag import write_bag
+from polarsim.rover.exchange.urdf import write_urdf
+from polarsim.rover.exchange.video import make_videos
+from polarsim.rover.onboard.detections import detect_drive
+from polarsim.rover.onboard.measure import measure_drive
+from polarsim.rover.options import RoverOptions
+from polarsim.rover.sight.frames import render_frames
+from polarsim.rover.sight.options import SightOptions
+from polarsim.rover.vehicle.table import read_vehicle
 
 BAG, URDF = "drive.mcap", "rover.urdf"
 

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from polarsim.rover.soil import Soil, read_soil
+from polarsim.rover.soil.law import Soil, read_soil
 
 SOILS = Path(__file__).parents[2] / "config" / "soils.csv"
 

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.rover.trace import COLUMNS, Trace, Tracks
-from polarsim.rover.vehicle import Vehicle, read_vehicle
-from polarsim.rover.world import ROCK_COLUMNS, World
+from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks
+from polarsim.rover.sight.options import SightOptions
+from polarsim.rover.vehicle.table import Vehicle, read_vehicle
+from polarsim.rover.world.surface import ROCK_COLUMNS, World
 
 CELL, SPEED, SINKAGE = 0.02, 0.2, 0.016
 RADIUS = 0.25
@@ -19,6 +20,11 @@ ROCKS = (  # x, y, height above the ground, half-width
 
 def vehicle() -> Vehicle:
     return read_vehicle(Path(__file__).parents[2] / "config" / "viper.yaml")
+
+
+def options(**changes) -> SightOptions:
+    """Pictures small enough for tests."""
+    return SightOptions(**{"scale": 0.08, "finer": 2, "far_m": 10.0, "suns": ("2",), **changes})
 
 
 def level(x, y):

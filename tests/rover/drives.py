@@ -7,12 +7,13 @@ import pandas as pd
 import yaml
 
 from polarsim.formats import obj, png, tables
-from polarsim.rover.practice import PracticeGround, practice_world
-from polarsim.rover.sight import mount_of
-from polarsim.rover.trace import COLUMNS, Trace, Tracks, trace_table, write_trace
-from polarsim.rover.truth import TRUTH_COLUMNS, pose_table
-from polarsim.rover.vehicle import WHEELS, Vehicle
-from polarsim.rover.world import bare_world
+from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks, trace_table, write_trace
+from polarsim.rover.sight.layout import TRUTH_COLUMNS
+from polarsim.rover.sight.truth import pose_table
+from polarsim.rover.vehicle.mounts import mount_of
+from polarsim.rover.vehicle.table import WHEELS, Vehicle
+from polarsim.rover.world.practice import PracticeGround, practice_world
+from polarsim.rover.world.surface import bare_world
 
 DEMO = Path(__file__).parents[2] / "config/config.yaml"
 SMALL = {

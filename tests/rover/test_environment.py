@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from polarsim.errors import RoverError
-from polarsim.rover.trace import CONTACTS
+from polarsim.rover.drive.trace import CONTACTS
 
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is not installed")
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 from polarsim.rover.environment import STATE, DriveEnvironment  # noqa: E402
-from polarsim.rover.eye import EyeOptions  # noqa: E402
-from polarsim.rover.options import SoilOptions  # noqa: E402
-from polarsim.rover.practice import PracticeGround, practice_world  # noqa: E402
+from polarsim.rover.sight.eye import EyeOptions  # noqa: E402
+from polarsim.rover.soil.options import SoilOptions  # noqa: E402
+from polarsim.rover.world.practice import PracticeGround, practice_world  # noqa: E402
 
 SMALL = PracticeGround(length_m=5.0, width_m=3.0, cell_m=0.04, rocks=3, largest_m=0.1)
 AHEAD = np.float32([0.2, 0.0])

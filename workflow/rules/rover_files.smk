@@ -1,6 +1,6 @@
 """Files and options of the drives: what each step reads, and which set of pictures figures show."""
 
-from polarsim.rover.sight_options import FRONT
+from polarsim.rover.vehicle.mounts import FRONT
 
 ROVER = CONFIG.rover
 RIDES = [str(seed) for seed in ROVER.seeds] if ROVER.run else []

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.rover.report_soil import check_soil
+from polarsim.rover.soil.check import check_soil
 
 with reporting(log=snakemake.log[0]):
     check_soil(

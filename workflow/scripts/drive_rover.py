@@ -3,8 +3,10 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.rover.drive import run_drive
-from polarsim.rover.options import DriveOptions, SoilOptions, WorldOptions
+from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.drive.ride import run_drive
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.world.options import WorldOptions
 
 with reporting(log=snakemake.log[0]):
     run_drive(

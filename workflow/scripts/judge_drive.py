@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.rover.onboard import detect_drive
-from polarsim.rover.sight_options import SightOptions
-from polarsim.rover.vehicle import read_vehicle
+from polarsim.rover.onboard.detections import detect_drive
+from polarsim.rover.sight.options import SightOptions
+from polarsim.rover.vehicle.table import read_vehicle
 
 with reporting(log=snakemake.log[0]):
     detect_drive(

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.rover.frames import render_frames
-from polarsim.rover.sight_options import SightOptions
-from polarsim.rover.vehicle import read_vehicle
+from polarsim.rover.sight.frames import render_frames
+from polarsim.rover.sight.options import SightOptions
+from polarsim.rover.vehicle.table import read_vehicle
 
 with reporting(log=snakemake.log[0]):
     render_frames(

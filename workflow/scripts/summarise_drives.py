@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.rover.report import summarise_drives
+from polarsim.rover.drive.table import summarise_drives
 
 with reporting(log=snakemake.log[0]):
     summarise_drives(

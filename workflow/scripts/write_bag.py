@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.rover.bag import write_bag
-from polarsim.rover.bag_options import BagOptions
-from polarsim.rover.vehicle import read_vehicle
+from polarsim.rover.exchange.bag import write_bag
+from polarsim.rover.exchange.options import BagOptions
+from polarsim.rover.vehicle.table import read_vehicle
 
 with reporting(log=snakemake.log[0]):
     write_bag(

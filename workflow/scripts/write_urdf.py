@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.rover.urdf import write_urdf
-from polarsim.rover.vehicle import read_vehicle
+from polarsim.rover.exchange.urdf import write_urdf
+from polarsim.rover.vehicle.table import read_vehicle
 
 with reporting(log=snakemake.log[0]):
     write_urdf(Path(snakemake.output.urdf), read_vehicle(snakemake.input.vehicle))

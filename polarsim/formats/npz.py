@@ -1,0 +1,36 @@
+"""NPZ files: named arrays in one file, the same arrays in the same bytes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError
+from polarsim.formats.files import writing
+
+
+def write_arrays(path: Path, packed: bool = True, **arrays: np.ndarray | np.generic) -> None:
+    """An NPZ file; same arrays, same bytes. Unpacked it is larger, and written in a tenth of the time."""
+    save = np.savez_compressed if packed else np.savez
+    with writing(path) as temporary:
+        save(temporary, **arrays)  # type: ignore[arg-type]  # its stub takes names for options
+
+
+def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """The arrays of an NPZ file that must be there.
+
+    Raises
+    ------
+    FormatError
+        No readable NPZ file, or an array is missing.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            arrays = {name: content[name] for name in content.files}
+    except Exception as error:  # zipfile, NumPy and the system raise many kinds
+        raise FormatError(f"no readable NPZ file, {' '.join(str(error).split())}", path=path) from error
+    for name in names:
+        if name not in arrays:
+            raise FormatError(f"array {name!r} is missing", path=path)
+    return arrays

@@ -1,0 +1,176 @@
+"""From a place beside a path to a command, and from a command to four wheels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from polarsim.rover.vehicle.table import Vehicle
+
+STRAIGHT = 1e-6  # rad: a smaller steering angle is none
+Mode = Literal["drive", "crab", "turn"]
+MODES: tuple[Mode, ...] = ("drive", "crab", "turn")
+Steering = Literal["ackermann", "crab", "combined"]
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a rover is told.
+
+    drive : the body moves at `speed_m_s`, `crab_rad` to the left of ahead, and turns: `steer_rad` is the angle at which
+        a wheel midway between the front ones stands without crab, the rear ones steer the other way (as in the paper's
+        demo).
+    crab : all wheels point `steer_rad` to the left and the body moves that way without turning.
+    turn : the body turns on the spot, leftwards where the speed, that of a wheel's rim, is positive.
+    """
+
+    speed_m_s: float = 0.0
+    steer_rad: float = 0.0
+    mode: Mode = "drive"
+    crab_rad: float = 0.0
+
+
+def wheel_commands(command: Command, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """Steering angles (4,), rad, and speeds of the rims (4,), m/s, at which no wheel has to slide sideways."""
+    places = [(x, y) for x, y, _ in vehicle.wheel_centres.tolist()]
+    angles, speeds = steer(command, places, vehicle.wheelbase, math.radians(vehicle.steering.limit_deg))
+    return np.array(angles), np.array(speeds)
+
+
+def steer(
+    command: Command, places: list[tuple[float, float]], wheelbase: float, limit: float
+) -> tuple[list[float], list[float]]:
+    """`wheel_commands` of wheels at `places` x, y in base_link; plain numbers, for arrays of four cost more."""
+    speed = command.speed_m_s
+    if command.mode == "crab":
+        return [_within(command.steer_rad, limit)] * len(places), [speed] * len(places)
+    if command.mode == "turn":
+        angles = [math.atan2(x, -y) for x, y in places]  # across the line to the middle
+        speeds = [speed] * len(places)
+    elif command.crab_rad:
+        turn = 2 * math.tan(command.steer_rad) / wheelbase  # rad per metre
+        ways = [(math.cos(command.crab_rad) - turn * y, math.sin(command.crab_rad) + turn * x) for x, y in places]
+        angles = [math.atan2(across, along) for along, across in ways]
+        speeds = [speed * math.hypot(along, across) for along, across in ways]
+    elif abs(command.steer_rad) < STRAIGHT:
+        return [0.0] * len(places), [speed] * len(places)
+    else:
+        # All axles point at one point beside the middle, where the front's and the rear's meet.
+        radius = wheelbase / 2 / math.tan(command.steer_rad)
+        side = math.copysign(1.0, radius)
+        angles = [math.atan2(x * side, (radius - y) * side) for x, y in places]
+        speeds = [speed * math.hypot(x, radius - y) / abs(radius) for x, y in places]
+    # A wheel that would have to turn by more than a quarter runs backwards instead.
+    back = [abs(angle) > math.pi / 2 + 1e-9 for angle in angles]
+    angles = [angle - math.copysign(math.pi, angle) if far else angle for angle, far in zip(angles, back, strict=True)]
+    return [_within(angle, limit) for angle in angles], [-v if far else v for v, far in zip(speeds, back, strict=True)]
+
+
+@dataclass(frozen=True)
+class Path:
+    """Straight lines through points (n, 2) of the world."""
+
+    points: np.ndarray
+
+    @cached_property
+    def lengths(self) -> tuple[float, ...]:
+        """(n - 1,) m of each line."""
+        return tuple(np.hypot(*np.diff(self.points, axis=0).T).tolist())
+
+    @cached_property
+    def length(self) -> float:
+        return float(sum(self.lengths))
+
+    @cached_property
+    def headings(self) -> tuple[float, ...]:
+        """(n - 1,) rad from x towards y."""
+        steps = np.diff(self.points, axis=0)
+        return tuple(np.arctan2(steps[:, 1], steps[:, 0]).tolist())
+
+    @cached_property
+    def _lines(self) -> list[tuple[float, float, float, float]]:
+        """Of each line, its first point and the unit step along it."""
+        steps = np.diff(self.points, axis=0) / np.array(self.lengths)[:, None]
+        return [(*point, *step) for point, step in zip(self.points[:-1].tolist(), steps.tolist(), strict=True)]
+
+    def beside(self, x: float, y: float, line: int) -> tuple[float, float]:
+        """How far along a line a place lies, m from its first point, and how far to its left."""
+        from_x, from_y, along, across = self._lines[line]
+        dx, dy = x - from_x, y - from_y
+        return dx * along + dy * across, along * dy - across * dx
+
+
+@dataclass(frozen=True)
+class Law:
+    """How a driver steers; see `options.DriveOptions`."""
+
+    speed: float
+    gain: float
+    heading_gain: float
+    limit: float
+    steering: Steering = "ackermann"
+    integral_gain: float = 0.0
+    drift_limit: float = math.radians(10)
+    turn_above: float = math.radians(45)
+    turned: float = math.radians(2)  # a turn on the spot ends this near to the next line
+
+
+@dataclass
+class Driver:
+    """Follows a path line by line.
+
+    It remembers `line`, `turning`, `done` and `drift`: the angle held against what pushes it aside all the time.
+    """
+
+    path: Path
+    law: Law
+    line: int = 0
+    turning: bool = False
+    offset: float = 0.0
+    heading_error: float = 0.0
+    done: float = 0.0  # m along the path
+    drift: float = 0.0  # rad
+
+    @property
+    def finished(self) -> bool:
+        return self.done >= self.path.length
+
+    def command(self, x: float, y: float, heading: float) -> Command:
+        """What to do here; also notes how far off the path this is."""
+        along, self.offset = self.path.beside(x, y, self.line)
+        while along >= self.path.lengths[self.line] and self.line + 1 < len(self.path.lengths):
+            bend = wrapped(self.path.headings[self.line + 1] - self.path.headings[self.line])
+            self.line += 1
+            self.turning = self.law.steering != "crab" and abs(bend) > self.law.turn_above
+            along, self.offset = self.path.beside(x, y, self.line)
+        done = sum(self.path.lengths[: self.line]) + along
+        headway, self.done = max(done - self.done, 0.0), done
+        self.heading_error = wrapped(heading - self.path.headings[self.line])
+        if self.turning:
+            if abs(self.heading_error) > self.law.turned:
+                return Command(-math.copysign(self.law.speed, self.heading_error), 0.0, "turn")
+            self.turning = False
+        law = self.law
+        self.drift = _within(self.drift - law.integral_gain * self.offset * headway, law.drift_limit)
+        aim = self.drift - law.gain * self.offset
+        turn = -law.heading_gain * self.heading_error
+        if law.steering == "crab":
+            return Command(law.speed, _within(aim - self.heading_error, math.pi / 2), "crab")
+        if law.steering == "combined":
+            # Crab leads back to the line at once, without a swing; the bend keeps the rover pointing along it.
+            crab = _within(_within(aim, law.limit) - self.heading_error, law.limit)
+            return Command(law.speed, _within(turn, law.limit), "drive", crab)
+        return Command(law.speed, _within(aim + turn, law.limit), "drive")
+
+
+def _within(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
+
+
+def wrapped(angle: float) -> float:
+    """The same angle between -pi and pi."""
+    return math.remainder(angle, 2 * math.pi)

@@ -1,0 +1,131 @@
+"""What decides a drive: its world, rover, soil and options, and the path, steering law and start that follow."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.randomness import generator
+from polarsim.rover.drive.control import Law, Steering
+from polarsim.rover.drive.control import Path as Route
+from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.drive.state import EDGE, OffGridError, Start
+from polarsim.rover.soil.law import Soil, read_soil
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.vehicle.table import Vehicle, read_vehicle
+from polarsim.rover.world.options import WorldOptions
+from polarsim.rover.world.stitch import read_terrain, rough_world, stitch
+from polarsim.rover.world.surface import World
+
+SAMPLE = 0.1  # m between places of the path at which the wheels are checked
+
+
+@dataclass(frozen=True)
+class Job:
+    """All that decides a drive."""
+
+    world: World
+    vehicle: Vehicle
+    soil: Soil
+    drive: DriveOptions
+    physics: SoilOptions
+    rocks: WorldOptions
+    seed: int
+
+    def digest(self) -> str:
+        """Of everything here: a saved state of another drive is not gone on with."""
+        told = json.dumps(
+            [
+                *(part.model_dump(mode="json") for part in (self.vehicle, self.drive, self.physics, self.rocks)),
+                vars(self.soil),
+                self.seed,
+            ],
+            sort_keys=True,
+        )
+        found = hashlib.sha256(told.encode())
+        for array in (self.world.level, self.world.vertices, self.world.triangles):
+            found.update(np.ascontiguousarray(array).tobytes())
+        return found.hexdigest()
+
+
+def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int) -> Job:
+    """The drive that options ask for.
+
+    Raises
+    ------
+    PolarsimError
+        Meshes, soil or vehicle are missing or broken.
+    """
+    strip = stitch([read_terrain(meshes / f"Terrain{number:02d}", number) for number in world.terrains], world)
+    return Job(
+        rough_world(strip, drive.spread.ground_m, seed),
+        read_vehicle(drive.vehicle),
+        read_soil(soil.table, soil.soil),
+        drive,
+        soil,
+        world,
+        seed,
+    )
+
+
+def route_of(job: Job) -> Route:
+    """The path's points; the middle line of the terrains, from east to west, where none are given."""
+    if job.drive.path_m is not None:
+        return Route(np.array(job.drive.path_m, float))
+    half = job.rocks.length_m * len(job.rocks.terrains) / 2
+    return Route(np.array([[half, 0.0], [-half, 0.0]]))
+
+
+def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:
+    """Refuse a path on which a wheel would leave the grid.
+
+    Raises
+    ------
+    OffGridError
+        It does: one line with the place.
+    """
+    reach = max(wheel.radius_m for wheel in vehicle.wheels) + vehicle.wheels[0].width_m / 2 + EDGE
+    wheels = vehicle.wheel_centres[:, :2]
+    for begin, heading, length in zip(route.points, route.headings, route.lengths, strict=False):
+        step = np.array([math.cos(heading), math.sin(heading)])
+        turned = wheels @ np.array([[step[0], step[1]], [-step[1], step[0]]])
+        for along in (*np.arange(0.0, length, SAMPLE), length):
+            places = begin + along * step + turned
+            low, high = (world.x[0] + reach, world.y[0] + reach), (world.x[-1] - reach, world.y[-1] - reach)
+            if not ((places >= low) & (places <= high)).all():
+                x, y = begin + along * step
+                raise OffGridError(
+                    f"the path leaves the ground at ({x:.2f}, {y:.2f}) m: wheels may go from x {low[0]:.2f} to "
+                    f"{high[0]:.2f} m and from y {low[1]:.2f} to {high[1]:.2f} m"
+                )
+
+
+def law_of(options: DriveOptions) -> Law:
+    limit, turn_above = math.radians(options.steer_limit_deg), math.radians(options.turn_above_deg)
+    if options.control == "P-only":
+        steering: Steering = "crab" if options.steering == "crab" else "ackermann"
+        return Law(options.speed_m_s, options.p_only_gain_rad_m, 0.0, limit, steering, turn_above=turn_above)
+    return Law(
+        options.speed_m_s,
+        options.gain_rad_m,
+        options.heading_gain,
+        limit,
+        options.steering,
+        options.integral_rad_m2,
+        turn_above=turn_above,
+    )
+
+
+def start_of(job: Job, route: Route) -> Start:
+    """The path's first point, moved and turned by the seed."""
+    spread, heading = job.drive.spread, float(route.headings[0])
+    along, offset, turn = generator(job.seed, "rover", "start").uniform(-1, 1, 3) * (
+        spread.along_m, spread.offset_m, math.radians(spread.heading_deg),
+    )  # fmt: skip
+    x, y = route.points[0] + along * np.array([math.cos(heading), math.sin(heading)])
+    return Start(float(x - offset * math.sin(heading)), float(y + offset * math.cos(heading)), heading + float(turn))

@@ -1,0 +1,273 @@
+"""One drive along a path: commands, the log, the ground's changes, saved states, and how it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.digest import code_digest
+from polarsim.errors import RoverError
+from polarsim.formats.npz import read_arrays
+from polarsim.rover.drive.control import Driver
+from polarsim.rover.drive.energy import EnergyError
+from polarsim.rover.drive.job import Job, job_of, law_of, require_on_grid, route_of, start_of
+from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.drive.simulation import Simulation
+from polarsim.rover.drive.state import OffGridError
+from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks, trace_table, write_trace
+from polarsim.rover.soil.nodes import LEVEL
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.vehicle.table import WHEELS
+from polarsim.rover.world.options import WorldOptions
+
+STATE = "state.npz"
+LEAST_CHANGE = 1e-5  # m: less is not written as a change of the ground
+Progress = Callable[[float], None]  # share of the path that is done, 0 to 1
+
+
+def run_drive(
+    *,
+    meshes: Path,
+    folder: Path,
+    world: WorldOptions,
+    soil: SoilOptions,
+    drive: DriveOptions,
+    seed: int,
+    progress: Progress | None = None,
+) -> Trace:
+    """Drive over a run's meshes (`meshes/TerrainNN/`) and write the drive's files; a stopped one is gone on with.
+
+    Raises
+    ------
+    FormatError
+        Meshes are missing or broken.
+    RoverError
+        Nothing was driven: the path leaves the grid, no such soil, a rock without volume, a step too large. Or
+        `EnergyError`: the balance did not close; what was driven is written.
+    """
+    job = job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed)
+    return drive_to_end(job, folder, progress)
+
+
+def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Trace:
+    """Drive, write, and remove the saved state.
+
+    Raises
+    ------
+    RoverError
+        As `run_drive`.
+    """
+    ride = Ride(job)
+    saved = folder / STATE
+    if saved.exists():
+        ride.resume(saved)
+    failure = None
+    while ride.ended is None:
+        try:
+            ride.go_on(job.drive.save_every_s)
+        except EnergyError as error:
+            failure, ride.ended, ride.reason = error, "energy", str(error)
+        if progress:
+            progress(min(max(ride.driver.done / ride.driver.path.length, 0.0), 1.0))
+        if ride.ended is None:
+            ride.save(saved)
+    trace = ride.trace()
+    write_trace(folder, trace)
+    saved.unlink(missing_ok=True)
+    if failure:
+        raise failure
+    return trace
+
+
+class Ride:
+    """A drive under way."""
+
+    def __init__(self, job: Job) -> None:
+        self.job, options = job, job.drive
+        self.route = route_of(job)
+        require_on_grid(job.world, job.vehicle, self.route)
+        self.driver = Driver(self.route, law_of(options))
+        self.simulation = Simulation(
+            job.world, job.vehicle, job.soil, job.physics, start_of(job, self.route), job.rocks
+        )
+        dt = self.simulation.dt
+        self._every = {what: _steps(hz, dt) for what, hz in (("control", options.control_hz), ("log", options.log_hz))}
+        self.rows: list[np.ndarray] = []
+        self.done: list[float] = []  # m along the path, by row
+        self.moving_since = 0  # row from which headway is expected
+        self.frames: list[tuple[float, np.ndarray, np.ndarray]] = []
+        self._shown = job.world.level.copy()
+        self.step = 0
+        self.settled = False
+        self.ended: str | None = None
+        self.reason = ""
+        self._whose = f"{job.digest()} {code_digest(__name__)}"  # of which drive and code a saved state is
+
+    def go_on(self, seconds: float) -> None:
+        """Drive for a while, or to the end.
+
+        Raises
+        ------
+        EnergyError
+            The energy balance does not close.
+        """
+        until = self.step + max(round(seconds / self.simulation.dt), 1)
+        try:
+            if not self.settled:
+                self._settle()
+            while self.ended is None and self.step < until:
+                self._events()
+                if self.ended is None:
+                    ahead = min(self._next(), until)
+                    self.simulation.advance((ahead - self.step) * self.simulation.dt)
+                    self.step = ahead
+        except OffGridError as error:
+            self.ended, self.reason = "off the grid", str(error)
+
+    def save(self, path: Path) -> None:
+        """Write all that `resume` needs; the file is whole at any time."""
+        frames = _tracks(self.frames)
+        self.simulation.save(
+            path,
+            digest=np.array(self._whose),
+            rows=np.array(self.rows).reshape(-1, len(COLUMNS)),
+            done=np.array(self.done),
+            ride=np.array([self.step, self.moving_since, self.driver.line, self.driver.turning]),
+            driver=np.array([self.driver.offset, self.driver.heading_error, self.driver.done, self.driver.drift]),
+            frame_time=frames.time,
+            frame_start=frames.start,
+            frame_cell=frames.cell,
+            frame_level=frames.level,
+        )
+
+    def resume(self, path: Path) -> None:
+        """Go on from a saved state if it is of this drive and code; another one is passed over.
+
+        Raises
+        ------
+        FormatError
+            No readable state.
+        """
+        if str(read_arrays(path, ("digest",))["digest"]) != self._whose:
+            return
+        saved = self.simulation.restore(path)
+        self.rows, self.done = list(saved["rows"]), [float(value) for value in saved["done"]]
+        self.step, self.moving_since, self.driver.line = (int(value) for value in saved["ride"][:3])
+        self.driver.turning = bool(saved["ride"][3])
+        driver = self.driver
+        driver.offset, driver.heading_error, driver.done, driver.drift = (float(value) for value in saved["driver"])
+        tracks = Tracks(saved["frame_time"], saved["frame_start"], saved["frame_cell"], saved["frame_level"])
+        for frame, time in enumerate(tracks.time):
+            part = slice(tracks.start[frame], tracks.start[frame + 1])
+            self.frames.append((float(time), tracks.cell[part], tracks.level[part]))
+            tracks.apply(frame, self._shown)
+        self.settled = True
+
+    def trace(self) -> Trace:
+        """What was driven so far."""
+        return Trace(trace_table(np.array(self.rows)), self.job.world, _tracks(self.frames), self._summary())
+
+    def _settle(self) -> None:
+        steps = round(self.job.drive.settle_s / self.simulation.dt)
+        for first in range(0, steps, self._every["control"]):
+            count = min(self._every["control"], steps - first)
+            self.simulation.advance(count * self.simulation.dt)
+        self.simulation.zero()
+        self.settled = True
+
+    def _events(self) -> None:
+        """What is due at this step: a command, a row, a frame, the end."""
+        if self.step % self._every["control"] == 0:
+            x, y = self.simulation.data.qpos[:2]
+            self.simulation.apply(self.driver.command(float(x), float(y), self.simulation.heading))
+        if self.step % self._every["log"] == 0:
+            state = self.simulation.state()
+            self.rows.append(state.row(self.driver.offset, self.driver.heading_error))
+            self.done.append(self.driver.done)
+            self._judge()
+        if self.step == self._frame_step(len(self.frames)):
+            self._show()
+        if self.driver.finished:
+            self.ended = "finished"
+
+    def _judge(self) -> None:
+        """Whether the rover is stuck, or took too long."""
+        options, row = self.job.drive, len(self.done) - 1
+        if self.driver.turning:
+            self.moving_since = row
+        span = round(options.stuck_s / self._every["log"] / self.simulation.dt)
+        if row - self.moving_since >= span:
+            headway = self.done[row] - self.done[row - span]
+            if headway < options.stuck_share * options.speed_m_s * options.stuck_s:
+                self.ended = "stuck"
+                self.reason = f"{100 * headway:.1f} cm of headway in the last {options.stuck_s:g} s"
+        longest = options.longest_s or 4 * self.route.length / options.speed_m_s
+        if self.simulation.time >= longest:
+            self.ended, self.reason = "out of time", f"not there after {longest:g} s"
+
+    def _show(self) -> None:
+        """Note which cells changed since the frame before."""
+        level = self.simulation.ground.state[..., LEVEL].astype(np.float32)
+        cells = np.flatnonzero(np.abs(level - self._shown) > LEAST_CHANGE).astype(np.int32)
+        levels = level.ravel()[cells]
+        self._shown.ravel()[cells] = levels
+        self.frames.append((self.simulation.time, cells, levels))
+
+    def _frame_step(self, frame: int) -> int:
+        return round(frame / self.job.drive.picture_hz / self.simulation.dt)
+
+    def _next(self) -> int:
+        """The next step at which something is due."""
+        due = [(self.step // every + 1) * every for every in self._every.values()]
+        return min(*due, max(self._frame_step(len(self.frames)), self.step + 1))
+
+    def _summary(self) -> dict[str, Any]:
+        account, job = self.simulation.account, self.job
+        return {
+            "ended": self.ended or "under way",
+            "reason": self.reason,
+            "seed": job.seed,
+            "seconds": round(self.simulation.time, 9),
+            "path_m": self.route.points.tolist(),
+            "along_m": self.driver.done,
+            "digest": job.digest(),
+            "soil": vars(self.simulation.soil),
+            "options": {
+                name: part.model_dump(mode="json")
+                for name, part in (("drive", job.drive), ("soil", job.physics), ("world", job.rocks))
+            },
+            "energy_j": {
+                "motor": account.motor,
+                "soil": account.soil,
+                "damper": account.damper,
+                "rock": account.rock,
+                "change": account.change,
+                "missing": account.missing,
+                "motor_of": dict(zip(WHEELS, account.motor_of, strict=True)),
+                "soil_of": dict(zip(WHEELS, account.soil_of, strict=True)),
+            },
+            "energy_open": account.open,
+            "steps": self.simulation.steps,
+            "rows": len(self.rows),
+            "frames": len(self.frames),
+        }
+
+
+def _steps(hz: float, dt: float) -> int:
+    steps = round(1 / hz / dt)
+    if steps < 1:
+        raise RoverError(f"{hz:g} per second are more than one in a step of {1000 * dt:g} ms")
+    return steps
+
+
+def _tracks(frames: list[tuple[float, np.ndarray, np.ndarray]]) -> Tracks:
+    counts = [len(cells) for _, cells, _ in frames]
+    return Tracks(
+        np.array([time for time, _, _ in frames]),
+        np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        np.concatenate([np.zeros(0, np.int32), *(cells for _, cells, _ in frames)]),
+        np.concatenate([np.zeros(0, np.float32), *(levels for _, _, levels in frames)]),
+    )

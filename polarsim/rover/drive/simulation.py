@@ -1,0 +1,354 @@
+"""A rover on soft ground, step by step: rigid bodies and rocks by MuJoCo, the soil by our own contact."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from polarsim.errors import FormatError, RoverError
+from polarsim.formats.npz import read_arrays, write_arrays
+from polarsim.rover.drive import energy
+from polarsim.rover.drive.control import MODES, Command, steer
+from polarsim.rover.drive.mjcf import compile_model, import_mujoco
+from polarsim.rover.drive.state import EDGE, OffGridError, Start, State, heading_of
+from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS
+from polarsim.rover.soil.bulldozing import Bulldozing, taps
+from polarsim.rover.soil.law import Soil
+from polarsim.rover.soil.nodes import make_ground
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.soil.shapes import Wheel
+from polarsim.rover.soil.shapes import reach as reach_of
+from polarsim.rover.vehicle.table import WHEELS, Vehicle
+from polarsim.rover.world.hulls import rock_hulls, under_rocks
+from polarsim.rover.world.options import WorldOptions
+from polarsim.rover.world.surface import World
+
+SPIN = 2  # of a wheel's joints: lift, steer, spin
+NO_WHEEL = -1
+
+
+class Simulation:
+    """A rover in a world; same arguments and commands, same bytes.
+
+    Parameters
+    ----------
+    world : World
+        Ground and rocks.
+    vehicle : Vehicle
+        The rover's table.
+    soil : Soil
+        As measured; it is brought to the options' gravity.
+    options : SoilOptions
+        How the law is stepped.
+    start : Start
+        The rover is put down here without speed; let it settle before it drives.
+
+    Raises
+    ------
+    OffGridError
+        The start is off the grid.
+    RoverError
+        The step is too large for the soil's stiffness, a rock has no volume, or MuJoCo is
+        not installed.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        vehicle: Vehicle,
+        soil: Soil,
+        options: SoilOptions | None = None,
+        start: Start | None = None,
+        rocks: WorldOptions | None = None,
+    ) -> None:
+        self._mujoco = import_mujoco()
+        from polarsim.rover.drive import mujoco_kernels
+
+        self._kernels = mujoco_kernels
+        self.world, self.vehicle, self.options = world, vehicle, options or SoilOptions()
+        if self.options.scale_by_gravity:
+            soil = soil.at_gravity(self.options.gravity_m_s2)
+        self.soil, self._law = soil, soil.law(self.options.slip_sinkage)
+        energy.require_small_step(vehicle, self._law, self.options)
+        rules = rocks or WorldOptions()
+        hulls = rock_hulls(world, rules.rock_hollow_m, rules.rock_parts)
+        self.ground = make_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))
+        # Rims alone: cells are too coarse to see a grouser.
+        rims = [Wheel(wheel.radius_m, wheel.width_m) for wheel in vehicle.wheels]
+        self._shapes = np.array([rim.numbers(world.cell) for rim in rims])
+        self.model = compile_model(vehicle, hulls, self.options.gravity_m_s2, self.options.step_s)
+        self.data = self._mujoco.MjData(self.model)
+        self._wire()
+        self.steps, self.guarded = 0, False
+        self.time_zero = 0  # steps at time 0
+        self.command = Command()
+        self._put_down(start or Start())
+
+    @property
+    def dt(self) -> float:
+        return self.options.step_s
+
+    @property
+    def time(self) -> float:
+        """Seconds since `zero`."""
+        return (self.steps - self.time_zero) * self.dt
+
+    @property
+    def heading(self) -> float:
+        """Of base_link now, from x towards y."""
+        return heading_of(self.data.qpos[3:7])
+
+    @property
+    def account(self) -> energy.Account:
+        """Where the energy went since `zero`."""
+        return energy.Account.of(self._account, self._mechanical() - self._energy_zero)
+
+    def zero(self) -> None:
+        """Count time and energy from here, once the rover has settled: from now on the balance is guarded."""
+        self.guarded = True
+        self.time_zero = self.steps
+        self._account[:] = 0.0
+        self._energy_zero = self._mechanical()
+
+    def apply(self, command: Command) -> None:
+        """Command all wheels; steering follows at the rate that the vehicle can."""
+        self.command = command
+
+    def advance(self, seconds: float) -> None:
+        """Go on for whole steps, at least one; commands reach the servos at once, so call it often while steering.
+
+        Raises
+        ------
+        OffGridError
+            A wheel leaves the grid.
+        EnergyError
+            The state is not finite, or the energy balance is open by more than its bound.
+        """
+        steps = max(round(seconds / self.dt), 1)
+        self._require_inside(self.data.xpos[self._bodies])
+        self._steer(steps * self.dt)
+        self._run(steps)
+        if not np.isfinite(self.data.qpos).all():
+            raise energy.EnergyError(f"at {self.time:.2f} s the rover's state is not finite: take a smaller step")
+        if self.guarded:
+            energy.require_closed(self.account, self.options.energy_bound, self.time)
+
+    def state(self) -> State:
+        """What can be known of this instant."""
+        data, position = self.data, self.data.qpos
+        return State(
+            time=self.time,
+            position=position[:3].copy(),
+            rotation=position[3:7].copy(),
+            velocity=data.qvel[:3].copy(),
+            spin=data.qvel[3:6].copy(),
+            acceleration=data.sensordata[:3].copy(),
+            command=self.command,
+            energy_open=self.account.open,
+            wheels=self._wheels(),
+        )
+
+    def save(self, path: str | Path, **more: np.ndarray) -> None:
+        """All that `load` needs beside the constructor's arguments, and arrays of the caller's own."""
+        whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
+        physics = np.empty(self._mujoco.mj_stateSize(self.model, whole))
+        self._mujoco.mj_getState(self.model, self.data, physics, whole)
+        command = self.command
+        write_arrays(
+            Path(path),
+            packed=False,
+            physics=physics,
+            ground=self.ground.state,
+            owner=self.ground.owner,
+            forces=self._forces,
+            readings=self._readings,
+            slips=self._slips,
+            constraint=self.data.qfrc_constraint,
+            actuator=self.data.actuator_force,
+            sensor=self.data.sensordata,
+            account=self._account,
+            counts=np.array([self.steps, self.time_zero, self.guarded]),
+            energy_zero=np.float64(self._energy_zero),
+            command=np.array([command.speed_m_s, command.steer_rad, MODES.index(command.mode), command.crab_rad]),
+            **more,
+        )
+
+    def restore(self, path: str | Path) -> dict[str, np.ndarray]:
+        """Put everything back as `save` found it; all arrays that it wrote.
+
+        Raises
+        ------
+        FormatError
+            No saved state, or one of another world or rover.
+        """
+        path = Path(path)
+        names = (
+            "physics", "ground", "owner", "forces", "readings", "slips", "constraint", "actuator", "sensor", "account",
+            "counts", "energy_zero", "command",
+        )  # fmt: skip
+        saved = read_arrays(path, names)
+        whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
+        if saved["ground"].shape != self.ground.state.shape or len(saved["physics"]) != self._mujoco.mj_stateSize(
+            self.model, whole
+        ):
+            raise FormatError("the state of another world or rover", path=path)
+        self._mujoco.mj_setState(self.model, self.data, saved["physics"], whole)
+        self._mujoco.mj_step1(self.model, self.data)
+        self.ground.state[:], self.ground.owner[:] = saved["ground"], saved["owner"]
+        self._slips[:] = saved["slips"]
+        self._forces[:], self._readings[:], self._account[:] = saved["forces"], saved["readings"], saved["account"]
+        self.data.qfrc_constraint[:], self.data.actuator_force[:] = saved["constraint"], saved["actuator"]
+        self.data.sensordata[:] = saved["sensor"]
+        self.steps, self.time_zero = (int(count) for count in saved["counts"][:2])
+        self.guarded = bool(saved["counts"][2])
+        self._energy_zero = float(saved["energy_zero"])
+        speed, steer, mode, crab = (float(value) for value in saved["command"])
+        self.command = Command(speed, steer, MODES[int(mode)], crab)
+        return saved
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        world: World,
+        vehicle: Vehicle,
+        soil: Soil,
+        options: SoilOptions | None = None,
+        rocks: WorldOptions | None = None,
+    ) -> Simulation:
+        """A simulation as `save` left it, in the same world.
+
+        Raises
+        ------
+        FormatError
+            No saved state, or one of another world or rover.
+        """
+        middle = Start(float(world.x.mean()), float(world.y.mean()))
+        simulation = cls(world, vehicle, soil, options, middle, rocks)
+        simulation.restore(path)
+        return simulation
+
+    def _require_inside(self, centres: np.ndarray) -> None:
+        low_x, low_y, high_x, high_y = self._inside
+        if all(low_x <= x <= high_x and low_y <= y <= high_y for x, y in centres[:, :2].tolist()):
+            return
+        try:
+            self.ground.require_inside(centres, self._reach + EDGE)
+        except RoverError as error:
+            raise OffGridError(error.reason) from error
+
+    def _wire(self) -> None:
+        """Views of MuJoCo's memory and room for what the kernel writes."""
+        data, vehicle = self.data, self.vehicle
+        named = [self.model.body(f"{code}_wheel").id for code in WHEELS]
+        self._bodies = np.array(named, np.int64)
+        rims = {self.model.geom(f"{code}_rim").id: number for number, code in enumerate(WHEELS)}
+        self._wheel_of_geom = [rims.get(geom, NO_WHEEL) for geom in range(self.model.ngeom)]
+        self._views = (
+            data.xpos, data.xmat, data.cvel, data.subtree_com, data.xfrc_applied, data.qvel, data.qfrc_constraint,
+            data.actuator_force, self._bodies,
+            np.array(
+                [
+                    vehicle.drive.gain_n_m_s_rad, vehicle.drive.torque_limit_n_m, vehicle.suspension.damping_n_s_m,
+                    vehicle.steering.damping_n_m_s_rad, vehicle.drive.damping_n_m_s_rad,
+                ]
+            ),
+        )  # fmt: skip
+        self._forces, self._torques, self._readings = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros((4, 4))
+        self._slips = np.zeros(4)  # at which the soil under each wheel was worked lately
+        self._account = np.zeros(self._kernels.SIZE)
+        self._energy_zero = 0.0
+        self._reach = reach_of(self._shapes)
+        self._radii = np.array([wheel.radius_m for wheel in vehicle.wheels])
+        self._places = [(x, y) for x, y, _ in vehicle.wheel_centres.tolist()]
+        self._steer_limit = math.radians(vehicle.steering.limit_deg)
+        ground, options = self.ground, self.options.bulldozing
+        reach = self._reach + EDGE
+        self._inside = (ground.x0 + reach, ground.y0 + reach, ground.x[-1] - reach, ground.y[-1] - reach)
+        rule, moved = self.options.rule, options.rule(self.dt) if options else Bulldozing(every=0)
+        self._rules = (
+            self._law, rule.normal_of_terrain, rule.clearance, rule.shear_cap, rule.slip_length,
+            taps(moved, ground.cell), moved.share, moved.headroom,
+            ground.cell * math.tan(math.radians(moved.angle_deg)), moved.sweeps, moved.every,
+        )  # fmt: skip
+
+    def _run(self, steps: int) -> None:
+        ground = self.ground
+        self._kernels.advance(
+            self.model._address, self.data._address, steps, self.steps, self.dt, *self._views,
+            ground.state, ground.normals, ground.owner, ground.x0, ground.y0, ground.cell, self._shapes,
+            self._slips, *self._rules, self._forces, self._torques, self._readings, self._account,
+        )  # fmt: skip
+        self.steps += steps
+
+    def _put_down(self, start: Start) -> None:
+        """Along the slope that bears it, no wheel below the ground or rock under it, and locked."""
+        turn = np.array(
+            [[math.cos(start.heading), -math.sin(start.heading)], [math.sin(start.heading), math.cos(start.heading)]]
+        )
+        centres = self.vehicle.wheel_centres[:, :2] @ turn.T + (start.x, start.y)
+        self._require_inside(centres)
+        supports = np.array([self._support(x, y) for x, y in centres])
+        # The plane through what bears the wheels, in a frame that heads as the rover does.
+        places = self.vehicle.wheel_centres
+        plane = np.column_stack([places[:, :2], np.ones(len(places))])
+        along, across, _ = np.linalg.lstsq(plane, supports, rcond=None)[0]
+        up = np.array([-along, -across, 1.0]) / math.sqrt(1 + along**2 + across**2)
+        forward = np.array([1.0, 0.0, along]) / math.hypot(1.0, along)
+        level_from_base = np.stack([forward, np.cross(up, forward), up], axis=1)
+        z = max(supports + self._radii / up[2] - (places @ level_from_base.T)[:, 2])
+        turned = Rotation.from_euler("z", start.heading) * Rotation.from_matrix(level_from_base)
+        self.data.qpos[:3] = start.x, start.y, z
+        self.data.qpos[3:7] = turned.as_quat()[[3, 0, 1, 2]]
+        self._mujoco.mj_step1(self.model, self.data)
+        self._energy_zero = self._mechanical()
+
+    def _support(self, x: float, y: float) -> float:
+        """Highest ground under a wheel's middle; on a rock its top."""
+        column = round((x - self.ground.x0) / self.ground.cell)
+        row = round((y - self.ground.y0) / self.ground.cell)
+        near = math.ceil(0.12 / self.ground.cell)
+        part = slice(max(row - near, 0), row + near + 1), slice(max(column - near, 0), column + near + 1)
+        top = float(self.ground.level[part].max())
+        rocks = self.world.rocks
+        close = np.hypot(rocks["x_m"] - x, rocks["y_m"] - y) < rocks["radius_m"] + self._reach
+        for rock in rocks.loc[close, "rock"]:
+            top = max(top, float(self.world.rock_mesh(int(rock))[0][:, 2].max()))
+        return top
+
+    def _steer(self, seconds: float) -> None:
+        """Hand the command to the servos."""
+        angles, rims = steer(self.command, self._places, self.vehicle.wheelbase, self._steer_limit)
+        most = math.radians(self.vehicle.steering.rate_deg_s) * seconds
+        now: list[float] = self.data.ctrl.tolist()
+        quicker = self.vehicle.drive.acceleration_m_s2 * seconds
+        for wheel, radius in enumerate(self._radii.tolist()):
+            now[wheel] = _towards(now[wheel], angles[wheel], most)
+            now[4 + wheel] = _towards(now[4 + wheel], rims[wheel] / radius, quicker / radius)
+        self.data.ctrl[:] = now
+        # A speed servo creeps under load: wheels that are to stand are braked.
+        braked = not (any(rims) or any(now[4:]))
+        self.model.dof_frictionloss[6 + SPIN :: 3] = self.vehicle.drive.brake_torque_n_m if braked else 0.0
+
+    def _mechanical(self) -> float:
+        """Kinetic and potential energy, of the springs as well, J."""
+        return float(self.data.energy[0] + self.data.energy[1])
+
+    def _wheels(self) -> np.ndarray:
+        table = np.empty((len(WHEELS), len(WHEEL_COLUMNS)))
+        ground, data = self.ground, self.data
+        self._kernels.describe(
+            data.xpos, data.xmat, data.cvel, data.subtree_com, data.qvel, data.qfrc_constraint, data.actuator_force,
+            self._bodies, data.qpos, data.xquat, self._forces, self._readings,
+            ground.state, ground.x0, ground.y0, ground.cell, self._shapes, table,
+        )  # fmt: skip
+        on_rock = {self._wheel_of_geom[geom] for geoms in data.contact.geom.tolist() for geom in geoms} - {NO_WHEEL}
+        table[list(on_rock), WHEEL_COLUMNS.index("contact")] += CONTACTS.index("rock")
+        return table
+
+
+def _towards(now: float, wanted: float, most: float) -> float:
+    return now + min(max(wanted - now, -most), most)

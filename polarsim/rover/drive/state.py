@@ -1,0 +1,69 @@
+"""Where a rover is put down, how it stands at one instant, and how near it may come to the ground's edge."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.errors import RoverError
+from polarsim.rover.drive.control import Command
+from polarsim.rover.drive.trace import BODY_COLUMNS, COLUMNS, WHEEL_COLUMNS
+
+EDGE = 0.05  # m of ground beyond every wheel at least
+
+
+class OffGridError(RoverError):
+    """A wheel came too near to the ground's edge."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a rover is put down: base_link's place and heading from x towards y."""
+
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = 0.0
+
+
+@dataclass(frozen=True)
+class State:
+    """Of one instant; arrays of wheels are in the order of `WHEELS`."""
+
+    time: float  # s
+    position: np.ndarray  # (3,) of base_link in the world
+    rotation: np.ndarray  # (4,) quaternion w x y z, world from base_link
+    velocity: np.ndarray  # (3,) world
+    spin: np.ndarray  # (3,) base_link
+    acceleration: np.ndarray  # (3,) as an accelerometer in base_link reads it
+    command: Command
+    energy_open: float
+    wheels: np.ndarray  # (4, len(WHEEL_COLUMNS)) as the trace has them, contacts as places in `CONTACTS`
+
+    @property
+    def heading(self) -> float:
+        """From x towards y."""
+        return heading_of(self.rotation)
+
+    def wheel(self, column: str) -> np.ndarray:
+        """(4,) values of one of `WHEEL_COLUMNS`."""
+        return np.asarray(self.wheels[:, WHEEL_COLUMNS.index(column)])
+
+    def row(self, offset: float, heading_error: float) -> np.ndarray:
+        """(len(COLUMNS),) of the trace."""
+        body = (
+            self.time, *self.position, *self.rotation, *self.velocity, *self.spin, *self.acceleration,
+            offset, heading_error, self.command.speed_m_s, self.command.steer_rad, self.command.crab_rad,
+            self.energy_open,
+        )  # fmt: skip
+        assert len(body) == len(BODY_COLUMNS)
+        row = np.concatenate([body, self.wheels.ravel()])
+        assert len(row) == len(COLUMNS)
+        return row
+
+
+def heading_of(rotation: np.ndarray) -> float:
+    """From x towards y, of a quaternion w x y z."""
+    w, x, y, z = rotation
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

@@ -1,0 +1,124 @@
+"""What drives tell: slip, sinkage, torque, energy, offset and time on rocks, with intervals over seeds.
+
+The interval of a mean over n seeds is Student's, mean +- t(0.975, n - 1) s / sqrt(n); one seed has none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from polarsim.formats import tables
+from polarsim.rover.drive.trace import Trace, read_trace
+from polarsim.rover.vehicle.table import WHEELS
+
+WHOLE = "all"  # stands where a figure is the rover's, not a wheel's
+EACH_COLUMNS = ("seed", "control", "ended", "figure", "unit", "value")
+TABLE_COLUMNS = ("control", "figure", "wheel", "unit", "seeds", "mean", "low", "high", "least", "most")
+LEVEL = 0.95
+MOVING = 0.02  # m/s: rows of a rover that stands say nothing of slip
+
+
+def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> None:
+    """Write a row a drive and figure, `EACH_COLUMNS`, and what `drive_table` makes of all of them.
+
+    Raises
+    ------
+    FormatError
+        A drive's files are missing or broken.
+    """
+    traces = [read_trace(folder) for folder in folders]
+    parts = [figures_of(trace) for trace in traces]
+    tables.write_parquet(each, pd.concat(parts, ignore_index=True))
+    tables.write_parquet(together, drive_table(traces))
+
+
+def figures_of(trace: Trace) -> pd.DataFrame:
+    """The figures of one drive's rover, wheels together, `EACH_COLUMNS`."""
+    figures = drive_figures(trace)
+    told = trace.drive
+    own = {"seed": int(told["seed"]), "control": told["options"]["drive"]["control"], "ended": told["ended"]}
+    return figures[figures["wheel"] == WHOLE].assign(**own)[list(EACH_COLUMNS)].reset_index(drop=True)
+
+
+def drive_figures(trace: Trace) -> pd.DataFrame:
+    """Of one drive, a row a figure: `figure`, `wheel`, `unit`, `value`.
+
+    Means are over logged instants in motion; slip, sinkage and torque over those in which the wheel stands on soil
+    alone, for on a rock they mean something else.
+    """
+    table = trace.table
+    speed = np.hypot(table["vx_m_s"], table["vy_m_s"])
+    moving = table[(speed > MOVING) | (table["command_speed_m_s"].abs() > MOVING)]
+    account, driven = trace.drive["energy_j"], max(float(trace.drive["along_m"]), 1e-9)
+    rows: list[tuple[str, str, str, float]] = []
+    on_rock = np.zeros(len(moving), bool)
+    for wheel in WHEELS:
+        contact = moving[f"{wheel}_contact"]
+        soil, rock = moving[contact == "soil"], contact.isin(["rock", "both"]).to_numpy()
+        on_rock |= rock
+        rows += [
+            ("slip", wheel, "", _mean(soil[f"{wheel}_slip"])),
+            ("sinkage", wheel, "mm", 1000 * _mean(soil[f"{wheel}_sinkage_first_m"])),
+            ("sinkage, 95th percentile", wheel, "mm", 1000 * _percentile(soil[f"{wheel}_sinkage_first_m"])),
+            ("torque", wheel, "N m", _mean(soil[f"{wheel}_torque_n_m"])),
+            ("energy", wheel, "J/m", account["motor_of"][wheel] / driven),
+            ("time on a rock", wheel, "%", 100 * float(rock.mean()) if len(rock) else 0.0),
+        ]
+    for figure in ("slip", "sinkage", "torque"):
+        values = [(unit, value) for name, _, unit, value in rows if name == figure]
+        rows.append((figure, WHOLE, values[0][0], float(np.nanmean([value for _, value in values]))))
+    offset = table["offset_m"].to_numpy()
+    rows += [
+        ("energy", WHOLE, "J/m", account["motor"] / driven),
+        ("time on a rock", WHOLE, "%", 100 * float(on_rock.mean()) if len(on_rock) else 0.0),
+        ("offset, RMS", WHOLE, "mm", 1000 * math.sqrt(float((offset**2).mean()))),
+        ("offset, largest", WHOLE, "mm", 1000 * float(np.abs(offset).max())),
+        ("energy missing", WHOLE, "%", 100 * abs(float(trace.drive["energy_open"]))),
+        ("duration", WHOLE, "s", float(trace.drive["seconds"])),
+        ("reached the end", WHOLE, "%", 100.0 * (trace.drive["ended"] == "finished")),
+    ]
+    return pd.DataFrame(rows, columns=["figure", "wheel", "unit", "value"])
+
+
+def drive_table(traces: Iterable[Trace]) -> pd.DataFrame:
+    """`TABLE_COLUMNS`, a row a control law, figure and wheel: mean over seeds, its 95 % interval, least and most.
+
+    Traces may be of several control laws (`heading`, `P-only`); they stand beside each other in `control`.
+    """
+    parts = [
+        drive_figures(trace).assign(control=trace.drive["options"]["drive"]["control"], seed=trace.drive["seed"])
+        for trace in traces
+    ]
+    if not parts:
+        return pd.DataFrame(columns=list(TABLE_COLUMNS))
+    rows = []
+    for key, group in pd.concat(parts).groupby(["control", "figure", "wheel", "unit"], sort=False):
+        values = group["value"].to_numpy(float)
+        values = values[np.isfinite(values)]
+        low, high = interval(values)
+        ends = (values.min(), values.max()) if len(values) else (math.nan, math.nan)
+        middle = float(values.mean()) if len(values) else math.nan
+        rows.append((*key, len(values), middle, low, high, *ends))
+    return pd.DataFrame(rows, columns=list(TABLE_COLUMNS))
+
+
+def interval(values: np.ndarray) -> tuple[float, float]:
+    """Student's 95 % interval of the mean of (n,) values; NaN for fewer than two."""
+    if len(values) < 2:
+        return math.nan, math.nan
+    half = stats.t.ppf((1 + LEVEL) / 2, len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values))
+    return float(values.mean() - half), float(values.mean() + half)
+
+
+def _mean(values: pd.Series) -> float:
+    return float(values.mean()) if len(values) else math.nan
+
+
+def _percentile(values: pd.Series) -> float:
+    return float(values.quantile(0.95)) if len(values) else math.nan

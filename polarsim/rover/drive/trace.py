@@ -1,0 +1,135 @@
+"""What a drive leaves: a row per logged instant, the ground's change at picture times, and how it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation, Slerp
+
+from polarsim.errors import FormatError
+from polarsim.formats import tables
+from polarsim.formats.files import read_json, write_json
+from polarsim.formats.npz import read_arrays, write_arrays
+from polarsim.geometry.poses import Pose
+from polarsim.rover.vehicle.table import WHEELS
+from polarsim.rover.world.surface import World, read_world, write_world
+
+CONTACTS = ("none", "soil", "rock", "both")  # what a wheel stands on
+BODY_COLUMNS = (
+    "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz",  # base_link in the world
+    "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s",  # world; base_link
+    "ax_m_s2", "ay_m_s2", "az_m_s2",  # what an accelerometer in base_link's origin reads, gravity included, no noise
+    "offset_m", "heading_error_rad", "command_speed_m_s", "command_steer_rad", "command_crab_rad",
+    "energy_open",
+)  # fmt: skip
+WHEEL_COLUMNS = (
+    "steer_rad", "lift_m", "spin_rad", "spin_rad_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz",
+    "slip", "sinkage_m", "sinkage_first_m", "load_n", "torque_n_m", "contact",
+)  # fmt: skip
+COLUMNS = BODY_COLUMNS + tuple(f"{code}_{name}" for code in WHEELS for name in WHEEL_COLUMNS)
+CONTACT_COLUMNS = tuple(f"{code}_contact" for code in WHEELS)
+TRACE, TRACKS, DRIVE, WORLD = "trace.parquet", "tracks.npz", "drive.json", "world"
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """The ground's change, frame by frame: cells that changed since the frame before, and their levels then."""
+
+    time: np.ndarray  # (F,) s
+    start: np.ndarray  # (F + 1,) where a frame's cells begin
+    cell: np.ndarray  # (n,) int32, row * columns + column
+    level: np.ndarray  # (n,) float32, m
+
+    def apply(self, frame: int, level: np.ndarray) -> None:
+        """Bring a grid from the frame before to this one, in place."""
+        part = slice(self.start[frame], self.start[frame + 1])
+        level.ravel()[self.cell[part]] = self.level[part]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A drive as it was."""
+
+    table: pd.DataFrame  # `COLUMNS`
+    world: World
+    tracks: Tracks
+    drive: dict[str, Any] = field(default_factory=dict)  # drive.json
+
+    def ground_at(self, frame: int) -> np.ndarray:
+        """(rows, columns) levels at a picture time."""
+        level = self.world.level.copy()
+        for number in range(frame + 1):
+            self.tracks.apply(number, level)
+        return level
+
+    def pose_at(self, time_s: float, wheel: str | None = None) -> Pose:
+        """`world_from_base` between logged instants, or that of a wheel by its code (its own frame spins)."""
+        place, turn = self._paths[wheel or ""]
+        times = self.table["time_s"].to_numpy()
+        at = float(np.clip(time_s, times[0], times[-1]))
+        position = np.array([np.interp(at, times, column) for column in place.T])
+        return Pose(turn(at).as_matrix(), position)
+
+    def value_at(self, time_s: float, column: str) -> float:
+        """A number between logged instants."""
+        return float(np.interp(time_s, self.table["time_s"], self.table[column]))
+
+    @cached_property
+    def _paths(self) -> dict[str, tuple[np.ndarray, Slerp]]:
+        times = self.table["time_s"].to_numpy()
+        paths = {}
+        for wheel in ("", *WHEELS):
+            prefix = f"{wheel}_" if wheel else ""
+            place = self.table[[f"{prefix}{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy()
+            turns = self.table[[f"{prefix}{name}" for name in ("qx", "qy", "qz", "qw")]].to_numpy()
+            paths[wheel] = place, Slerp(times, Rotation.from_quat(turns))
+        return paths
+
+
+def trace_table(rows: np.ndarray) -> pd.DataFrame:
+    """A table of rows (n, len(COLUMNS)) of numbers in the order of `COLUMNS`, contacts as their place in `CONTACTS`."""
+    table = pd.DataFrame(rows.reshape(-1, len(COLUMNS)), columns=list(COLUMNS))
+    for name in CONTACT_COLUMNS:
+        table[name] = np.array(CONTACTS, dtype=object)[table[name].to_numpy(int)]
+    return table
+
+
+def write_trace(folder: str | Path, trace: Trace) -> None:
+    """All files of a drive: same drive, same bytes."""
+    folder = Path(folder)
+    write_world(folder / WORLD, trace.world)
+    tables.write_parquet(folder / TRACE, trace.table[list(COLUMNS)])
+    tracks = trace.tracks
+    write_arrays(
+        folder / TRACKS,
+        time_s=tracks.time.astype(np.float64),
+        start=tracks.start.astype(np.int64),
+        cell=tracks.cell.astype(np.int32),
+        level_m=tracks.level.astype(np.float32),
+    )
+    write_json(folder / DRIVE, trace.drive)
+
+
+def read_trace(folder: str | Path) -> Trace:
+    """Read a drive's folder.
+
+    Raises
+    ------
+    FormatError
+        A file is missing or is not what it should be.
+    """
+    folder = Path(folder)
+    world = read_world(folder / WORLD)
+    table = tables.read_parquet(folder / TRACE, COLUMNS)
+    if len(table) < 2:
+        raise FormatError(f"{len(table)} rows, a drive has two or more", path=folder / TRACE)
+    arrays = read_arrays(folder / TRACKS, ("time_s", "start", "cell", "level_m"))
+    tracks = Tracks(arrays["time_s"], arrays["start"], arrays["cell"], arrays["level_m"])
+    if len(tracks.start) != len(tracks.time) + 1 or (len(tracks.cell) and tracks.cell.max() >= world.level.size):
+        raise FormatError(f"its cells do not belong to the ground of {world.level.shape} nodes", path=folder / TRACKS)
+    return Trace(table, world, tracks, read_json(folder / DRIVE))

@@ -1,0 +1,208 @@
+"""A drive as an MCAP file of ROS 2 messages, written without ROS: states, pictures, detections, truth, ground.
+
+Topics are in docs/rover.md. Messages are made one at a time, in the order of their stamps, so memory does not grow
+with the drive; stamps come from the drive's clock, so the same drive has the same bytes.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from polarsim.errors import RoverError
+from polarsim.formats.files import writing
+from polarsim.geometry.poses import Pose
+from polarsim.randomness import generator
+from polarsim.rover.drive.trace import Trace, read_trace
+from polarsim.rover.exchange import messages
+from polarsim.rover.exchange.bag_pictures import PictureTopics
+from polarsim.rover.exchange.messages import Message
+from polarsim.rover.exchange.options import BagOptions
+from polarsim.rover.exchange.ros2 import definition
+from polarsim.rover.vehicle.mounts import FOLLOWING, base_from_camera, pose_of
+from polarsim.rover.vehicle.table import WHEELS, CameraPart, Vehicle
+
+UP = np.array([0.0, 0.0, 1.0])
+Stamped = tuple[int, str, str, Message]  # time, ns; topic; type; message
+_FOREVER = "{sec: 9223372036, nsec: 854775807}"
+# What rosbag2 writes for a topic whose last message late listeners get too (durability 1: transient local).
+_LATCHED = (
+    "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n"
+    f"  deadline: {_FOREVER}\n  lifespan: {_FOREVER}\n  liveliness: 1\n  liveliness_lease_duration: {_FOREVER}\n"
+    "  avoid_ros_namespace_conventions: false"
+)
+
+
+def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> dict[str, int]:
+    """Write a drive's folder as a bag; how many messages each topic has.
+
+    Raises
+    ------
+    PolarsimError
+        No drive in the folder, a broken file of it, a library that is missing, a full disk.
+    """
+    trace = read_trace(folder)
+    streams: list[Iterator[Stamped]] = [
+        _still(trace, vehicle, options),
+        _states(trace, vehicle, options),
+        _imu(trace, options, seed),
+        _heights(trace, options),
+    ]
+    streams += PictureTopics(folder, vehicle, options).streams()
+    with writing(out) as temporary:
+        return _write(temporary, streams, options)
+
+
+def picked(times: np.ndarray, hz: float) -> np.ndarray:
+    """Places of the first time in each period of a rate; all of them where the rate is higher than theirs."""
+    period = np.floor(times * hz + 1e-6)
+    return np.flatnonzero(np.diff(period, prepend=-np.inf) > 0)
+
+
+def _write(path: Path, streams: list[Iterator[Stamped]], options: BagOptions) -> dict[str, int]:
+    writer_of, kinds = _library()
+    counts: dict[str, int] = {}
+    schemas: dict[str, Any] = {}
+    with path.open("wb") as file:
+        writer = writer_of(file, compression=kinds[options.compression.upper()])
+        channels: dict[str, int] = {}
+        for time_ns, _, _, (topic, kind, message) in _in_order(streams):
+            if kind not in schemas:
+                schemas[kind] = _encoder(writer, kind)
+            schema, encode = schemas[kind]
+            if topic not in channels:
+                metadata = {"offered_qos_profiles": _LATCHED if topic == "/tf_static" else ""}
+                channels[topic] = writer.register_channel(topic, "cdr", schema, metadata)
+            number = counts.get(topic, 0)
+            writer.add_message(channels[topic], time_ns, encode(message), time_ns, number)
+            counts[topic] = number + 1
+        writer.finish()
+    return counts
+
+
+def _library() -> tuple[Any, Any]:
+    try:
+        from mcap.writer import CompressionType, Writer
+    except ImportError as error:
+        raise RoverError("bags need mcap and mcap-ros2-support: pip install 'polarsim[rover]'") from error
+
+    def started(file: Any, compression: Any) -> Any:
+        writer = Writer(file, compression=compression)
+        writer.start(profile="ros2", library="polarsim")
+        return writer
+
+    return started, CompressionType
+
+
+def _encoder(writer: Any, kind: str) -> tuple[int, Any]:
+    """A schema's number in the bag, and what turns its messages into bytes."""
+    from mcap_ros2._dynamic import serialize_dynamic
+
+    text = definition(kind)
+    return writer.register_schema(kind, "ros2msg", text.encode()), serialize_dynamic(kind, text)[kind]
+
+
+def _in_order(streams: list[Iterator[Stamped]]) -> Iterator[tuple[int, int, int, tuple[str, str, Message]]]:
+    """Merge streams by time, then by their place in the list: messages themselves are never compared."""
+
+    def keyed(place: int, stream: Iterator[Stamped]) -> Iterator[tuple[int, int, int, tuple[str, str, Message]]]:
+        for number, (time_ns, topic, kind, message) in enumerate(stream):
+            yield time_ns, place, number, (topic, kind, message)
+
+    return heapq.merge(*(keyed(place, stream) for place, stream in enumerate(streams)))
+
+
+def _still(trace: Trace, vehicle: Vehicle, options: BagOptions) -> Iterator[Stamped]:
+    """What does not move: the world's frames, and cameras on the body."""
+    time_ns = options.stamp_ns(float(trace.table["time_s"].iloc[0]))
+    frames = [messages.transform(time_ns, "map", "odom", Pose.identity())]
+    for camera in vehicle.cameras:
+        if camera.name not in FOLLOWING:
+            frames.append(messages.transform(time_ns, camera.link, f"{camera.name}_optical", mounted(camera)))
+    yield time_ns, "/tf_static", "tf2_msgs/msg/TFMessage", {"transforms": frames}
+
+
+def mounted(camera: CameraPart) -> Pose:
+    """`link_from_optical` of a camera: x right, y down, z forward."""
+    return base_from_camera(np.array(camera.position_m), camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
+
+
+def _states(trace: Trace, vehicle: Vehicle, options: BagOptions) -> Iterator[Stamped]:
+    table = trace.table
+    times = table["time_s"].to_numpy()
+    rates = {name: np.gradient(table[name].to_numpy(), times) for name in _joint_columns(("lift_m", "steer_rad"))}
+    rates |= {f"{code}_spin_rad": table[f"{code}_spin_rad_s"].to_numpy() for code in WHEELS}
+    order = [f"{code}_{name}" for code in WHEELS for name in ("lift_m", "steer_rad", "spin_rad")]
+    for place in picked(times, options.state_hz):
+        row = {str(name): value for name, value in table.iloc[int(place)].items()}
+        time_ns = options.stamp_ns(row["time_s"])
+        base = _base(row)
+        yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": _moving(time_ns, base, row, vehicle)}
+        velocity = np.array([row[name] for name in ("vx_m_s", "vy_m_s", "vz_m_s")])
+        turning = np.array([row[name] for name in ("wx_rad_s", "wy_rad_s", "wz_rad_s")])
+        yield time_ns, "/odom", "nav_msgs/msg/Odometry", messages.odometry(time_ns, base, velocity, turning)
+        joints = messages.joint_state(time_ns, [row[n] for n in order], [rates[n][place] for n in order])
+        yield time_ns, "/joint_states", "sensor_msgs/msg/JointState", joints
+        yield time_ns, "/wheels/state", "polarsim_msgs/msg/WheelStates", messages.wheel_states(time_ns, row)
+
+
+def _moving(time_ns: int, base: Pose, row: dict[str, Any], vehicle: Vehicle) -> list[Message]:
+    """Of the body and of the three links of each wheel."""
+    frames = [messages.transform(time_ns, "odom", "base_link", base)]
+    for wheel in vehicle.wheels:
+        code = wheel.code
+        lift, steer, spin = (row[f"{code}_{name}"] for name in ("lift_m", "steer_rad", "spin_rad"))
+        for parent, child, pose in (
+            ("base_link", f"{code}_arm", Pose(np.eye(3), np.array(wheel.position_m) + lift * UP)),
+            (f"{code}_arm", f"{code}_upright", Pose.from_rotvec(np.array([0, 0, steer]), np.zeros(3))),
+            (f"{code}_upright", f"{code}_wheel", Pose.from_rotvec(np.array([0, spin, 0]), np.zeros(3))),
+        ):
+            frames.append(messages.transform(time_ns, parent, child, pose))
+    return frames
+
+
+def _imu(trace: Trace, options: BagOptions, seed: int) -> Iterator[Stamped]:
+    """The same readings with noise, as a sensor gives them, and without, on a topic of their own."""
+    table = trace.table
+    noise = generator(seed, "rover", "imu")
+    sd = (options.accelerometer_sd_m_s2, options.gyroscope_sd_rad_s)
+    readings = table[["ax_m_s2", "ay_m_s2", "az_m_s2", "wx_rad_s", "wy_rad_s", "wz_rad_s"]].to_numpy()
+    quaternions = table[["qx", "qy", "qz", "qw"]].to_numpy()
+    times = table["time_s"].to_numpy()
+    for place in picked(times, options.imu_hz):
+        time_ns, true = options.stamp_ns(float(times[place])), readings[place]
+        read = true + noise.normal(size=6) * np.repeat(sd, 3)
+        yield time_ns, "/imu", "sensor_msgs/msg/Imu", messages.imu(time_ns, read[:3], read[3:], sd, None)
+        turn = Rotation.from_quat(quaternions[place]).as_matrix()
+        exact = messages.imu(time_ns, true[:3], true[3:], (0.0, 0.0), turn)
+        yield time_ns, "/imu/truth", "sensor_msgs/msg/Imu", exact
+
+
+def _heights(trace: Trace, options: BagOptions) -> Iterator[Stamped]:
+    """The ground as it is, thinned to whole multiples of its own cells."""
+    if not options.height_hz:
+        return
+    world, tracks = trace.world, trace.tracks
+    step = max(1, round(options.height_cell_m / world.cell))
+    wanted = set(picked(tracks.time, options.height_hz).tolist())
+    level = world.level.copy()
+    for frame, time_s in enumerate(tracks.time):
+        tracks.apply(frame, level)
+        if frame in wanted:
+            time_ns = options.stamp_ns(float(time_s))
+            thinned = messages.grid_map(time_ns, level[::step, ::step], step * world.cell, world.x0, world.y0)
+            yield time_ns, "/terrain/height", "grid_map_msgs/msg/GridMap", thinned
+
+
+def _base(row: dict[str, Any]) -> Pose:
+    place = np.array([row[name] for name in ("x_m", "y_m", "z_m")])
+    return pose_of(place, np.array([row[name] for name in ("qw", "qx", "qy", "qz")]))
+
+
+def _joint_columns(names: tuple[str, ...]) -> list[str]:
+    return [f"{code}_{name}" for code in WHEELS for name in names]

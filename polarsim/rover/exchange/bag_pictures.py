@@ -1,0 +1,100 @@
+"""A drive's pictures as topics of a bag: camera by camera, with what a judge saw in them and what is there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.errors import FormatError, about
+from polarsim.formats import png, tables
+from polarsim.geometry.lens import Lens
+from polarsim.rover.exchange import messages
+from polarsim.rover.exchange.options import BagOptions
+from polarsim.rover.sight.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_set
+from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
+from polarsim.rover.vehicle.table import CameraPart, Vehicle
+
+Stamped = tuple[int, str, str, messages.Message]
+ARRAY = "vision_msgs/msg/Detection2DArray"
+
+
+class PictureTopics:
+    """One stream a camera of which the folder has pictures in the set that the options choose."""
+
+    def __init__(self, folder: Path, vehicle: Vehicle, options: BagOptions) -> None:
+        self._folder, self._vehicle, self._options = folder, vehicle, options
+        self._set = picture_set(options.sun, options.model, options.exposure_ms)
+
+    def streams(self) -> list[Iterator[Stamped]]:
+        """In the order of the vehicle's table."""
+        return [self._stream(camera) for camera in self._vehicle.cameras if self._pictures(camera.name).is_dir()]
+
+    def _pictures(self, view: str) -> Path:
+        return self._folder / view / self._set
+
+    def _stream(self, camera: CameraPart) -> Iterator[Stamped]:
+        view, options = self._folder / camera.name, self._options
+        frame = f"{camera.name}_optical"
+        truth = _by_frame(view / f"{options.sun}_truth.parquet", TRUTH_COLUMNS)
+        detections = _by_frame(view / self._set / "detections.parquet", DETECTION_COLUMNS)
+        lens: Lens | None = None
+        for pose in _records(tables.read_parquet(view / "poses.parquet", POSE_COLUMNS)):
+            number, picture = int(pose["frame"]), self._pictures(camera.name) / f"{int(pose['frame']):05d}.png"
+            if not picture.is_file():
+                continue
+            time_ns = options.stamp_ns(float(pose["time_s"]))
+            content = picture.read_bytes()
+            lens = lens or lens_of(camera, content, picture)
+            if camera.name in FOLLOWING:
+                yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": [_following(time_ns, frame, pose)]}
+            info = messages.camera_info(time_ns, frame, lens)
+            yield time_ns, f"/{camera.name}/camera_info", "sensor_msgs/msg/CameraInfo", info
+            if options.images:
+                image = messages.image(time_ns, frame, content)
+                yield time_ns, f"/{camera.name}/image/compressed", "sensor_msgs/msg/CompressedImage", image
+            for topic, rows in (("truth", truth), ("detections", detections)):
+                if rows is not None:
+                    found = messages.detections(time_ns, frame, rows.get(number, []))
+                    yield time_ns, f"/{camera.name}/{topic}", ARRAY, found
+
+
+def lens_of(camera: CameraPart, content: bytes, path: Path) -> Lens:
+    """The lens of pictures that may be smaller than the camera's own.
+
+    Raises
+    ------
+    FormatError
+        No PNG file, or one of another shape than the camera's pictures.
+    """
+    with about(path):
+        header = png.parse_header(content)
+    lens = mount_of(camera, header.width / camera.width_px).lens
+    if (lens.width, lens.height) != (header.width, header.height):
+        raise FormatError(
+            f"{header.width} x {header.height} px, camera {camera.name} has {camera.width_px} x {camera.height_px} px",
+            path=path,
+        )
+    return lens
+
+
+def _following(time_ns: int, frame: str, row: dict[str, Any]) -> messages.Message:
+    """A camera that follows the rover and is fixed to no link of it."""
+    place = np.array([row[name] for name in ("x_m", "y_m", "z_m")])
+    quaternion = np.array([row[name] for name in ("qw", "qx", "qy", "qz")])
+    return messages.transform(time_ns, "map", frame, pose_of(place, quaternion))
+
+
+def _by_frame(path: Path, columns: tuple[str, ...]) -> dict[int, list[dict[str, Any]]] | None:
+    """Rows of a table by their frame; None where there is no such table."""
+    if not path.is_file():
+        return None
+    table: pd.DataFrame = tables.read_parquet(path, columns)
+    return {int(str(frame)): _records(rows) for frame, rows in table.groupby("frame")}
+
+
+def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]

@@ -1,0 +1,188 @@
+"""Messages of ROS 2 as plain dictionaries, from a drive's numbers. Units are ROS's: metres, radians, seconds, newtons.
+
+ROS counts pixels from the first one's centre, polarsim from its corner: what leaves here is half a pixel less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from polarsim.geometry.lens import HALF_PIXEL, Lens
+from polarsim.geometry.poses import Pose
+from polarsim.rover.drive.trace import CONTACTS
+from polarsim.rover.vehicle.table import WHEELS
+
+Message = dict[str, Any]
+CONTACT_CODES = {name: code for code, name in enumerate(CONTACTS)}  # as polarsim_msgs/WheelState names them
+JOINTS = tuple(f"{code}_{joint}" for code in WHEELS for joint in ("lift", "steer", "spin"))
+_UNMEASURED = (-1.0, *[0.0] * 8)  # covariance of an orientation that an IMU does not give (REP 145)
+
+
+def header(time_ns: int, frame: str) -> Message:
+    seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
+    return {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": frame}
+
+
+def transform(time_ns: int, parent: str, child: str, parent_from_child: Pose) -> Message:
+    """geometry_msgs/TransformStamped."""
+    return {
+        "header": header(time_ns, parent),
+        "child_frame_id": child,
+        "transform": {
+            "translation": vector(parent_from_child.translation),
+            "rotation": quaternion(parent_from_child.rotation),
+        },
+    }
+
+
+def odometry(time_ns: int, world_from_base: Pose, velocity: np.ndarray, turning: np.ndarray) -> Message:
+    """nav_msgs/Odometry: the true pose in `odom`; `velocity` (3,) in the world, `turning` (3,) in base_link."""
+    return {
+        "header": header(time_ns, "odom"),
+        "child_frame_id": "base_link",
+        "pose": {"pose": pose(world_from_base), "covariance": [0.0] * 36},
+        "twist": {
+            "twist": {"linear": vector(world_from_base.rotation.T @ velocity), "angular": vector(turning)},
+            "covariance": [0.0] * 36,
+        },
+    }
+
+
+def joint_state(time_ns: int, position: Sequence[float], velocity: Sequence[float]) -> Message:
+    """sensor_msgs/JointState of `JOINTS`; torques are in the wheels' own message."""
+    return {
+        "header": header(time_ns, ""),
+        "name": list(JOINTS),
+        "position": [float(value) for value in position],
+        "velocity": [float(value) for value in velocity],
+        "effort": [],
+    }
+
+
+def imu(
+    time_ns: int, acceleration: np.ndarray, turning: np.ndarray, sd: tuple[float, float], turn: np.ndarray | None
+) -> Message:
+    """sensor_msgs/Imu; `sd` of acceleration, m/s2, and rate, rad/s; `turn` (3, 3), where it is known, of base_link."""
+    return {
+        "header": header(time_ns, "base_link"),
+        "orientation": quaternion(np.eye(3) if turn is None else turn),
+        "orientation_covariance": list(_UNMEASURED) if turn is None else [0.0] * 9,
+        "angular_velocity": vector(turning),
+        "angular_velocity_covariance": (np.eye(3) * sd[1] ** 2).ravel().tolist(),
+        "linear_acceleration": vector(acceleration),
+        "linear_acceleration_covariance": (np.eye(3) * sd[0] ** 2).ravel().tolist(),
+    }
+
+
+def wheel_states(time_ns: int, row: Mapping[str, Any]) -> Message:
+    """polarsim_msgs/WheelStates from a row of the trace."""
+    names = {"slip": "slip", "sinkage": "sinkage_m", "sinkage_first": "sinkage_first_m", "load": "load_n"}
+    names |= {"torque": "torque_n_m"}
+    wheels = [
+        {
+            "name": code,
+            **{field: float(row[f"{code}_{column}"]) for field, column in names.items()},
+            "contact": CONTACT_CODES[row[f"{code}_contact"]],
+        }
+        for code in WHEELS
+    ]
+    return {"header": header(time_ns, "base_link"), "wheels": wheels}
+
+
+def camera_info(time_ns: int, frame: str, lens: Lens) -> Message:
+    """sensor_msgs/CameraInfo."""
+    matrix = lens.opencv_matrix()
+    return {
+        "header": header(time_ns, frame),
+        "height": lens.height,
+        "width": lens.width,
+        "distortion_model": "plumb_bob",
+        "d": list(lens.distortion),
+        "k": matrix.ravel().tolist(),
+        "r": np.eye(3).ravel().tolist(),
+        "p": np.hstack([matrix, np.zeros((3, 1))]).ravel().tolist(),
+        "binning_x": 0,
+        "binning_y": 0,
+        "roi": {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False},
+    }
+
+
+def image(time_ns: int, frame: str, content: bytes) -> Message:
+    """sensor_msgs/CompressedImage of a grey PNG file of 16 bits."""
+    return {"header": header(time_ns, frame), "format": "mono16; png compressed mono16", "data": content}
+
+
+def detections(time_ns: int, frame: str, rows: Sequence[Mapping[str, Any]]) -> Message:
+    """vision_msgs/Detection2DArray of rows with `kind`, `x0` to `y1`, px, and `confidence` or, of truth, `rock`."""
+    return {
+        "header": header(time_ns, frame),
+        "detections": [
+            {
+                "header": header(time_ns, frame),
+                "results": [
+                    {
+                        "hypothesis": {"class_id": str(row["kind"]), "score": float(row.get("confidence", 1.0))},
+                        "pose": {"pose": pose(Pose.identity()), "covariance": [0.0] * 36},
+                    }
+                ],
+                "bbox": _box(row),
+                "id": str(row["rock"]) if "rock" in row else "",
+            }
+            for row in rows
+        ],
+    }
+
+
+def grid_map(time_ns: int, level: np.ndarray, cell: float, x0: float, y0: float) -> Message:
+    """grid_map_msgs/GridMap with a layer `elevation`.
+
+    Parameters
+    ----------
+    level : (rows, columns) float
+        Metres, rows along +y, columns along +x, nodes `cell` apart from (x0, y0) on. The map's first row has the
+        greatest x, its first column the greatest y, and columns lie one behind the other.
+    """
+    rows, columns = level.shape
+    centre = Pose(np.eye(3), np.array([x0 + cell * (columns - 1) / 2, y0 + cell * (rows - 1) / 2, 0.0]))
+    layout = {
+        "dim": [
+            {"label": "column_index", "size": rows, "stride": rows * columns},
+            {"label": "row_index", "size": columns, "stride": columns},
+        ],
+        "data_offset": 0,
+    }
+    return {
+        "header": header(time_ns, "map"),
+        "info": {"resolution": cell, "length_x": cell * columns, "length_y": cell * rows, "pose": pose(centre)},
+        "layers": ["elevation"],
+        "basic_layers": ["elevation"],
+        "data": [{"layout": layout, "data": level[::-1, ::-1].astype(np.float32).ravel().tolist()}],
+        "outer_start_index": 0,
+        "inner_start_index": 0,
+    }
+
+
+def pose(parent_from_child: Pose) -> Message:
+    return {
+        "position": vector(parent_from_child.translation),
+        "orientation": quaternion(parent_from_child.rotation),
+    }
+
+
+def vector(values: np.ndarray) -> Message:
+    return dict(zip("xyz", (float(value) for value in values), strict=True))
+
+
+def quaternion(rotation: np.ndarray) -> Message:
+    values = Rotation.from_matrix(rotation).as_quat(canonical=True)
+    return dict(zip("xyzw", (float(value) for value in values), strict=True))
+
+
+def _box(row: Mapping[str, Any]) -> Message:
+    x0, y0, x1, y1 = (float(row[name]) for name in ("x0", "y0", "x1", "y1"))
+    place = {"x": (x0 + x1) / 2 - HALF_PIXEL, "y": (y0 + y1) / 2 - HALF_PIXEL}
+    return {"center": {"position": place, "theta": 0.0}, "size_x": x1 - x0, "size_y": y1 - y0}

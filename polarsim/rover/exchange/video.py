@@ -1,0 +1,187 @@
+"""Videos of a drive, `[view]_[Sun]_[BRDF]_[exposure].webm` as in the paper, in AV1, an open codec.
+
+The encoder is SVT-AV1 on one thread a video, so that the same pictures make the same bytes. It comes with PyAV, which
+only this module imports.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.detect.parts import digest
+from polarsim.digest import code_digest
+from polarsim.errors import RoverError
+from polarsim.formats import png, tables
+from polarsim.formats.files import write_text, writing
+from polarsim.formats.tone import to_8bit
+from polarsim.photo import BLACK_LEVEL, ROCK, WHITE_LEVEL
+from polarsim.progress import track
+from polarsim.render.options import Model
+from polarsim.rover.drive.trace import read_trace
+from polarsim.rover.sight.cameras import Sight
+from polarsim.rover.sight.layout import BOX, DETECTION_COLUMNS, picture_folder
+from polarsim.rover.sight.options import SightOptions
+from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.table import Vehicle
+
+_PRESET, _QUALITY = "10", "32"  # of SVT-AV1: fast; constant quality, 0 best to 63
+_COLOURS = {ROCK: (255, 150, 40)}  # of boxes, RGB; shadows are blue
+_BLUE = (90, 170, 255)
+_BRDF = {"principled": "default"}  # the paper's word for it
+
+
+def video_name(view: str, sun: str, model: Model, exposure_ms: float) -> str:
+    """File name of a video, as the paper names them but for the container."""
+    return f"{view}_{sun}_{_BRDF.get(model, model)}_{exposure_ms:04g}.webm"
+
+
+def make_videos(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int, threads: int = 1) -> int:
+    """Write the videos of a drive's pictures into `videos/`, but for those that are there already; how many.
+
+    `threads`: so many are made at once; they change no byte.
+
+    Raises
+    ------
+    RoverError
+        PyAV is not installed.
+    PolarsimError
+        A picture is missing or broken.
+    """
+    sight = Sight(read_trace(folder), vehicle, options, seed=seed)
+    times = np.asarray(sight.trace.tracks.time)[sight.frames]
+    rate = frame_rate(times, options.video_speed)
+    wanted = [
+        (view, sun, model, exposure)
+        for view in options.views
+        for sun in sight.suns
+        for model in options.models
+        for exposure in options.exposures_ms
+    ]
+
+    def make(what: tuple[str, str, Model, float]) -> int:
+        pictures, video = picture_folder(folder, *what), folder / "videos" / video_name(*what)
+        return _make(video, pictures, sight.frames, _detections(pictures, what[0]), rate, options.onboard.confidence)
+
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        jobs = [pool.submit(make, what) for what in wanted]
+        try:
+            return sum(job.result() for job in track(jobs, f"videos in {folder}"))
+        finally:
+            for job in jobs:
+                job.cancel()
+
+
+def _make(
+    video: Path, pictures: Path, frames: list[int], boxes: pd.DataFrame | None, rate: Fraction, confidence: float
+) -> int:
+    """Write one video, unless the same one is there; how many were written."""
+    paths = [pictures / f"{frame:05d}.png" for frame in frames]
+    for path in paths:
+        if not path.is_file():
+            raise RoverError("the picture is missing", path=path)
+    note = video.with_suffix(".txt")
+    told = "" if boxes is None else boxes.to_csv()
+    identity = digest(paths, code_digest(__name__), str(rate), told, str(confidence))
+    if video.is_file() and note.is_file() and note.read_text(encoding="utf-8") == identity:
+        return 0
+    write_video(video, _shown(paths, frames, boxes, confidence), rate)
+    write_text(note, identity)
+    return 1
+
+
+def frame_rate(times: np.ndarray, speed: float) -> Fraction:
+    """Pictures a second at which pictures of moments (n,) are played at a speed."""
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
+    return Fraction(speed / step).limit_denominator(1000)
+
+
+def write_video(path: Path, pictures: Iterable[np.ndarray], rate: Fraction) -> None:
+    """Encode pictures (h, w, 3) uint8, RGB, all of one size; sides that are odd lose a pixel.
+
+    Raises
+    ------
+    RoverError
+        PyAV is not installed, or there is no picture.
+    """
+    try:
+        import av
+    except ImportError as error:
+        raise RoverError(f"videos: PyAV cannot be loaded ({error}); install av") from error
+    os.environ.setdefault("SVT_LOG", "1")  # errors alone: the encoder would tell its settings on the terminal
+    with writing(path) as temporary, av.open(str(temporary), "w", options={"fflags": "+bitexact"}) as container:
+        stream: Any = None
+        for picture in pictures:
+            height, width = (side // 2 * 2 for side in picture.shape[:2])
+            if stream is None:
+                stream = container.add_stream("libsvtav1", rate=rate)
+                stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+                stream.codec_context.flags |= 1 << 23  # AV_CODEC_FLAG_BITEXACT: no names of programs
+                stream.options = {"preset": _PRESET, "crf": _QUALITY, "svtav1-params": "lp=1"}
+                with _priority_kept():
+                    stream.codec_context.open()
+            image = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:height, :width]), format="rgb24")
+            container.mux(stream.encode(image))
+        if stream is None:
+            raise RoverError("a video without a picture", path=path)
+        container.mux(stream.encode())
+
+
+@contextmanager
+def _priority_kept() -> Iterator[None]:
+    """All threads as this one was before: as root, SVT-AV1 makes its own and its caller's real-time ones.
+
+    They, and every process that the caller starts afterwards, would push all else on the machine aside.
+    """
+    if not hasattr(os, "sched_setscheduler"):  # Linux alone has it
+        yield
+        return
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        yield
+    finally:
+        for thread in Path("/proc/self/task").iterdir():
+            with suppress(ProcessLookupError):  # it has ended
+                os.sched_setscheduler(int(thread.name), policy, parameters)
+
+
+def shown(pixels: np.ndarray) -> np.ndarray:
+    """(h, w, 3) uint8 of a 12-bit picture (h, w): the whole range, gamma 2.2, the same for all frames."""
+    return to_8bit(pixels, WHITE_LEVEL - BLACK_LEVEL)
+
+
+def drawn(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:
+    """The picture (h, w, 3) with boxes, columns kind, confidence and corners: rocks orange, shadows blue."""
+    import cv2
+
+    picture = picture.copy()
+    width = max(1, round(picture.shape[1] / 640))
+    for row in boxes.to_dict("records"):
+        colour = _COLOURS.get(str(row["kind"]), _BLUE)
+        x0, y0, x1, y1 = (round(float(row[corner])) for corner in BOX)
+        cv2.rectangle(picture, (x0, y0), (x1, y1), colour, width)
+        told = f"{row['confidence']:.2f}"
+        cv2.putText(picture, told, (x0, max(y0 - 2 * width, 8)), cv2.FONT_HERSHEY_SIMPLEX, 0.25 * width, colour, 1)
+    return picture
+
+
+def _shown(paths: list[Path], frames: list[int], boxes: pd.DataFrame | None, confidence: float) -> Iterator[np.ndarray]:
+    for path, frame in zip(paths, frames, strict=True):
+        picture = shown(png.read(path))
+        if boxes is not None:
+            own = boxes[(boxes["frame"] == frame) & (boxes["confidence"] >= confidence)]
+            picture = drawn(picture, own[["kind", "confidence", *BOX]])
+        yield picture
+
+
+def _detections(pictures: Path, view: str) -> pd.DataFrame | None:
+    path = pictures / "detections.parquet"
+    return tables.read_parquet(path, DETECTION_COLUMNS) if view == FRONT and path.is_file() else None

@@ -1,0 +1,124 @@
+"""What a judge on board finds in the front camera's pictures of a drive.
+
+Below a drive's folder: `front_end_cam/<Sun>_<model>_<exposure>/detections.parquet`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from polarsim.detect import judges, tone
+from polarsim.detect.parts import digest, write_in_parts
+from polarsim.detect.predict import detect
+from polarsim.digest import code_digest
+from polarsim.errors import RoverError, about
+from polarsim.formats import png
+from polarsim.formats.files import write_text
+from polarsim.photo import BOX_CLASSES, WIDTH
+from polarsim.render.options import Model
+from polarsim.rover.drive.trace import read_trace
+from polarsim.rover.sight.cameras import Sight
+from polarsim.rover.sight.layout import BOX, DETECTION_COLUMNS, picture_folder
+from polarsim.rover.sight.options import OnboardOptions, SightOptions
+from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.table import Vehicle
+
+_BATCH = 8
+_PART = 25 * _BATCH
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One set of the front camera's pictures."""
+
+    sun: str
+    model: Model
+    exposure_ms: float
+
+
+def settings_of(sight: Sight) -> list[Setting]:
+    """All sets of pictures."""
+    options = sight.options
+    return [
+        Setting(sun, model, exposure)
+        for sun in sight.suns
+        for model in options.models
+        for exposure in options.exposures_ms
+    ]
+
+
+def detect_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int, threads: int = 1) -> None:
+    """Write what the judge finds in the front camera's pictures, set by set; sets that are there stay.
+
+    Raises
+    ------
+    PolarsimError
+        No judge is named, or it cannot be read; a picture is missing.
+    """
+    weights = options.onboard.weights
+    if weights is None:
+        raise RoverError("onboard: no weights of a judge are named")
+    sight = Sight(read_trace(folder), vehicle, options, seed=seed)
+    judge = judges.read_judge(weights)
+    detector: judges.Detector | None = None
+    for setting in settings_of(sight):
+        pictures = picture_folder(folder, FRONT, setting.sun, setting.model, setting.exposure_ms)
+        paths = {f"{frame:05d}": pictures / f"{frame:05d}.png" for frame in sight.frames}
+        _require(paths.values())
+        identity = digest([weights, *paths.values()], code_digest(__name__), options.onboard.detect.model_dump_json())
+        note = pictures / "detections.txt"
+        if (pictures / "detections.parquet").is_file() and _said(note) == identity:
+            continue
+        if detector is None:
+            with about(weights):
+                detector = judges.family(judge.model).load(judge, pictures, options.onboard.detect, threads)
+        _write_detections(pictures, paths, detector, judge.imgsz, setting.exposure_ms, options.onboard, identity)
+        write_text(note, identity)
+
+
+def _write_detections(
+    pictures: Path,
+    paths: dict[str, Path],
+    detector: judges.Detector,
+    imgsz: int,
+    exposure_ms: float,
+    options: OnboardOptions,
+    identity: str,
+) -> None:
+    def see(names: Sequence[str]) -> pd.DataFrame:
+        rows: list[tuple[Any, ...]] = []
+        for group in (names[n : n + _BATCH] for n in range(0, len(names), _BATCH)):
+            grey = [png.read(paths[name]) for name in group]
+            eights = [tone.to_8_bits(tone.shrink(each, imgsz), options.detect, exposure_ms) for each in grey]
+            scale = grey[0].shape[1] / WIDTH  # judges tell boxes in pixels of a full photo
+            for name, result in zip(group, detect(detector, eights, imgsz), strict=True):
+                rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *(scale * r[:4])) for r in result]
+        return detection_table(rows)
+
+    write_in_parts(pictures / "detections.parquet", list(paths), see, _PART, identity)
+
+
+def detection_table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
+    """Typed, rounded and in order: by frame and kind, the surest first."""
+    table = pd.DataFrame(rows, columns=list(DETECTION_COLUMNS))
+    table["frame"], table["kind"] = table["frame"].astype("int64"), table["kind"].astype("str")
+    table["confidence"] = table["confidence"].astype("float64").round(5)
+    for name in BOX:
+        table[name] = table[name].astype("float64").round(2)
+    order = [True, True, False, *[True] * 4]
+    return table.sort_values(list(DETECTION_COLUMNS), ascending=order, kind="stable", ignore_index=True)
+
+
+def _require(paths: Any) -> None:
+    for path in paths:
+        if not path.is_file():
+            raise RoverError("the picture is missing", path=path)
+
+
+def _said(note: Path) -> str:
+    return note.read_text(encoding="utf-8") if note.is_file() else ""

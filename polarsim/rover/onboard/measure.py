@@ -1,0 +1,103 @@
+"""What a judge's detections on a drive are worth, as tables.
+
+Below a drive's folder, in `onboard/`: `sightings`, `stable`, `map` and `stops`. Their column `source` is `judge`, or
+`truth`: the labels in the place of detections, the most that any judge could reach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats import tables
+from polarsim.photo import ROCK
+from polarsim.rover.drive.trace import read_trace
+from polarsim.rover.onboard import hazard_map, hazards
+from polarsim.rover.onboard.hazards import Ride
+from polarsim.rover.sight.cameras import Sight
+from polarsim.rover.sight.layout import DETECTION_COLUMNS, TRUTH_COLUMNS, picture_folder
+from polarsim.rover.sight.options import SightOptions
+from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.table import Vehicle
+
+TABLES = ("sightings", "stable", "map", "stops")
+SETTING = ["seed", "sun", "model", "exposure_ms", "source"]  # what a figure is of
+JUDGE, TRUTH = "judge", "truth"
+
+
+def measure_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int) -> dict[str, pd.DataFrame]:
+    """Write the tables of a drive and return them by name.
+
+    Raises
+    ------
+    PolarsimError
+        The pictures' labels, or a judge's detections that are asked for, are missing.
+    """
+    sight = Sight(read_trace(folder), vehicle, options, seed=seed)
+    ride = ride_of(sight)
+    world, own = sight.trace.world, options.onboard
+    grid = hazard_map.grid_over(world, own)
+    true = hazard_map.true_map(world, grid)
+    found: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
+    for row, truth, boxes in _cases(folder, sight):
+        seen = hazards.sightings(truth, boxes, own)
+        stable = hazards.first_stable(seen, ride.frames, own)
+        gaps = {
+            f"miss_{round(100 * height)}_cm_m": hazards.miss_distance(stable, world.rocks, ride, height)
+            for height in own.heights_m
+        }
+        stops = {"stops": hazards.false_stops(truth, boxes, ride, own), "length_m": ride.length_m, **gaps}
+        seen_map = hazard_map.mapped(boxes, ride, grid, own)
+        for name, table in (
+            ("sightings", seen),
+            ("stable", stable.assign(stopping_m=ride.stopping_m(own))),
+            ("map", hazard_map.compared(seen_map, true)),
+            ("stops", pd.DataFrame([stops])),
+        ):
+            found[name].append(table.assign(seed=seed, **row)[[*SETTING, *table.columns]])
+    joined = {name: pd.concat(parts, ignore_index=True) for name, parts in found.items()}
+    for name, table in joined.items():
+        tables.write_parquet(folder / "onboard" / f"{name}.parquet", table)
+    return joined
+
+
+def ride_of(sight: Sight) -> Ride:
+    """What the figures need to know of a drive."""
+    mount, vehicle, table = sight.mounts[FRONT], sight.vehicle, sight.trace.table
+    wheels = vehicle.wheels
+    paths = [table[[f"{wheel.code}_x_m", f"{wheel.code}_y_m"]].to_numpy() for wheel in wheels]
+    way = table[["x_m", "y_m"]].to_numpy()
+    front = max(wheel.position_m[0] + wheel.radius_m + wheel.grouser_height_m for wheel in wheels)
+    return Ride(
+        frames=sight.frames,
+        cameras={frame: sight.camera(FRONT, frame)[0] for frame in sight.frames},
+        base_from_camera=mount.base_from_camera,
+        lens=mount.lens,
+        ground_m=float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in wheels])),
+        front_m=front - float(mount.base_from_camera.translation[0]),
+        half_width_m=max(abs(wheel.position_m[1]) + wheel.width_m / 2 for wheel in wheels),
+        wheel_paths=np.concatenate(paths),
+        wheel_half_m=max(wheel.width_m for wheel in wheels) / 2,
+        length_m=float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum()),
+        speed_m_s=float(np.abs(table["command_speed_m_s"]).max()),
+        surveyed=sight.trace.world.height_at if sight.options.onboard.ground == "surveyed" else None,
+    )
+
+
+def _cases(folder: Path, sight: Sight) -> Iterator[tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]]:
+    """Setting, truth and boxes: of each Sun the truth itself, then what the judge found in each set of pictures."""
+    for sun in sight.suns:
+        truth = tables.read_parquet(folder / FRONT / f"{sun}_truth.parquet", TRUTH_COLUMNS)
+        labels = truth[truth["kind"] == ROCK].assign(confidence=1.0)[list(DETECTION_COLUMNS)]
+        yield {"sun": sun, "model": "", "exposure_ms": 0.0, "source": TRUTH}, truth, labels
+        if sight.options.onboard.weights is None:
+            continue
+        for model in sight.options.models:
+            for exposure in sight.options.exposures_ms:
+                path = picture_folder(folder, FRONT, sun, model, exposure) / "detections.parquet"
+                row = {"sun": sun, "model": model, "exposure_ms": float(exposure), "source": JUDGE}
+                yield row, truth, tables.read_parquet(path, DETECTION_COLUMNS)

@@ -1,0 +1,150 @@
+"""The rover's body as simple shapes: enough for its shadow, and to be known in pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from polarsim.geometry.poses import Pose
+from polarsim.render.surfaces import box
+from polarsim.rover.vehicle.mounts import link_from_part
+from polarsim.rover.vehicle.table import ShapePart, Vehicle, WheelPart
+
+_SIDES = 48  # of a cylinder
+_METAL = 0.4  # albedo of grousers without a rim
+_ROOT = 0.5  # of a grouser's height, how deep it reaches into the rim: no light beneath it
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Triangles that move with a link: vertices (v, 3) in the link's frame, metres, faces (f, 3), normals (v, 3)."""
+
+    link: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray
+
+
+def body_of(vehicle: Vehicle) -> Body:
+    """The shapes of a vehicle's table, and grousers on its wheels."""
+    solids = [_shape(shape) for shape in vehicle.shapes]
+    treads = [grousers(f"{wheel.code}_wheel", wheel) for wheel in vehicle.wheels if wheel.grousers]
+    rims = {shape.link: shape.albedo for shape in vehicle.shapes}
+    return Body(
+        (*solids, *treads),
+        (*(shape.albedo for shape in vehicle.shapes), *(rims.get(tread.link, _METAL) for tread in treads)),
+    )
+
+
+def upright_box(link: str, size: np.ndarray, link_from_box: Pose) -> Solid:
+    """A box of sides `size` (3,), metres, about its own origin."""
+    half = np.asarray(size, float) / 2
+    return _placed(link, *box(-half, half), link_from_box)
+
+
+def cylinder(link: str, radius: float, length: float, link_from_cylinder: Pose) -> Solid:
+    """A closed cylinder about its own y axis and origin, metres."""
+    return _placed(link, *_cylinder(radius, length, _SIDES), link_from_cylinder)
+
+
+def grousers(link: str, wheel: WheelPart) -> Solid:
+    """Straight bars across a wheel's rim, about the link's y axis."""
+    half = wheel.grouser_thickness_m / 2, wheel.width_m / 2
+    foot, crest = wheel.radius_m - _ROOT * wheel.grouser_height_m, wheel.radius_m + wheel.grouser_height_m
+    bar = box(np.array([-half[0], -half[1], foot]), np.array([half[0], half[1], crest]))
+    parts = []
+    for number in range(wheel.grousers):
+        turn = Pose.from_rotvec(np.array([0, 2 * np.pi * number / wheel.grousers, 0]), np.zeros(3))
+        parts.append((turn.apply(bar[0]), bar[1], turn.rotate(bar[2])))
+    return Solid(link, *_joined(parts))
+
+
+@dataclass(frozen=True)
+class Body:
+    """All solids of a rover, as one mesh whose vertices know their link."""
+
+    solids: tuple[Solid, ...]
+    albedo: tuple[float, ...]  # of each
+
+    @cached_property
+    def links(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(solid.link for solid in self.solids))
+
+    @cached_property
+    def faces(self) -> np.ndarray:
+        """(f, 3) that stay the same however the rover moves."""
+        return _joined([(solid.vertices, solid.faces, solid.normals) for solid in self.solids])[1]
+
+    @cached_property
+    def solid_of_face(self) -> np.ndarray:
+        """(f,) numbers of the solids."""
+        return np.repeat(np.arange(len(self.solids)), [len(solid.faces) for solid in self.solids])
+
+    def posed(self, world_from_link: Mapping[str, Pose]) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices and normals (v, 3) with every link at its pose."""
+        vertices = [world_from_link[solid.link].apply(solid.vertices) for solid in self.solids]
+        normals = [world_from_link[solid.link].rotate(solid.normals) for solid in self.solids]
+        return np.concatenate(vertices), np.concatenate(normals)
+
+
+def links_at(
+    vehicle: Vehicle,
+    world_from_base: Pose,
+    world_from_wheel: Mapping[str, Pose],
+    lift: Mapping[str, float],
+    steer: Mapping[str, float],
+) -> dict[str, Pose]:
+    """Poses of all links: arms slide along the rover's z, uprights steer on them, wheels are where they are."""
+    poses = {"base_link": world_from_base}
+    for wheel in vehicle.wheels:
+        code = wheel.code
+        arm = world_from_base @ Pose(np.eye(3), np.add(wheel.position_m, (0, 0, lift[code])))
+        poses[f"{code}_arm"] = arm
+        poses[f"{code}_upright"] = arm @ Pose.from_rotvec(np.array([0, 0, steer[code]]), np.zeros(3))
+        poses[f"{code}_wheel"] = world_from_wheel[code]
+    return poses
+
+
+Mesh = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def _shape(shape: ShapePart) -> Solid:
+    pose = link_from_part(shape.position_m, shape.yaw_deg, shape.pitch_deg, shape.roll_deg)
+    if shape.kind == "box":
+        return upright_box(shape.link, np.array(shape.size_m), pose)
+    return cylinder(shape.link, shape.size_m[0] / 2, shape.size_m[1], pose)
+
+
+def _placed(link: str, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, pose: Pose) -> Solid:
+    return Solid(link, pose.apply(vertices), faces, pose.rotate(normals))
+
+
+def _joined(parts: Sequence[Mesh]) -> Mesh:
+    starts = np.cumsum([0, *(len(part[0]) for part in parts)])
+    faces = [part[1] + start for part, start in zip(parts, starts, strict=False)]
+    return np.concatenate([part[0] for part in parts]), np.concatenate(faces), np.concatenate([p[2] for p in parts])
+
+
+def _cylinder(radius: float, length: float, sides: int) -> Mesh:
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.sin(angle), np.zeros(sides), np.cos(angle)], axis=1)
+    offset = np.array([0, length / 2, 0])
+    around, onward = np.arange(sides), (np.arange(sides) + 1) % sides
+    mantle = np.concatenate(
+        [
+            np.stack([around, sides + around, onward], axis=1),
+            np.stack([onward, sides + around, sides + onward], axis=1),
+        ]
+    )
+    parts: list[Mesh] = [
+        (np.concatenate([radius * ring - offset, radius * ring + offset]), mantle, np.tile(ring, (2, 1)))
+    ]
+    for sign in (-1.0, 1.0):
+        corners = np.concatenate([radius * ring, np.zeros((1, 3))]) + sign * offset
+        fan = np.stack([around, onward, np.full(sides, sides)], axis=1)
+        faces = fan if sign < 0 else fan[:, ::-1]
+        parts.append((corners, faces, np.tile([0, sign, 0], (sides + 1, 1))))
+    return _joined(parts)

@@ -1,0 +1,168 @@
+"""What the rover's cameras see at the picture times of a drive: light by model and Sun, and whose pixel is whose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from polarsim.errors import RoverError
+from polarsim.formats.instances import BACKGROUND
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+from polarsim.render.gain import default_gain
+from polarsim.render.layers import NO_LAMP, Rendering, render_view
+from polarsim.render.optics import imaged, through_lens
+from polarsim.render.options import Model
+from polarsim.render.sensor import expose, noise_of
+from polarsim.render.views.sections import StarField
+from polarsim.render.views.stars import Sky, sky_of, star_radiance
+from polarsim.rover.drive.trace import Trace
+from polarsim.rover.sight import prints
+from polarsim.rover.sight.bodywork import body_of, links_at
+from polarsim.rover.sight.headlights import headlights
+from polarsim.rover.sight.options import SightOptions
+from polarsim.rover.sight.prints import Print, Tread
+from polarsim.rover.sight.stage import Stage, options_of, rocks_of
+from polarsim.rover.sight.suns import suns_of
+from polarsim.rover.sight.tracks import Lattice, Tracks
+from polarsim.rover.vehicle.mounts import mount_of
+from polarsim.rover.vehicle.table import Vehicle
+
+
+class Sight:
+    """A drive's pictures. Frames are the drive's picture times; `show` moves on to one, from the one before or not."""
+
+    def __init__(self, trace: Trace, vehicle: Vehicle, options: SightOptions, *, seed: int = 0) -> None:
+        """
+        Raises
+        ------
+        RoverError, ConfigError
+            No Sun, an unknown camera or light, too many rocks.
+        """
+        self.trace, self.vehicle, self.options, self.seed = trace, vehicle, options, seed
+        self.mounts = {name: mount_of(vehicle.camera(name), options.scale) for name in options.views}
+        for name in options.views:
+            if vehicle.camera(name).link != "base_link":
+                raise RoverError(f"camera {name}: on link {vehicle.camera(name).link}, base_link was expected")
+        self.suns = suns_of(options)
+        self.lights = [vehicle.light(name) for name in options.lights]
+        self.body = body_of(vehicle)
+        self.render_options = options_of(options, self.body)
+        self._events = _events(trace, vehicle)
+        self._tread = _tread(vehicle, options)
+        self._frame = -1
+
+    @property
+    def frames(self) -> list[int]:
+        """Numbers of the frames that are asked for."""
+        return list(range(0, len(self.trace.tracks.time), self.options.every))
+
+    def show(self, frame: int) -> None:
+        """Bring ground, prints and rover to a frame."""
+        if frame < self._frame:
+            self.__dict__.pop("stage", None)  # prints cannot be taken back
+            self._frame = -1
+        if self._frame < 0:
+            self._level = self.trace.world.level.copy()
+        before = -np.inf if self._frame < 0 else float(self.trace.tracks.time[self._frame])
+        for number in range(self._frame + 1, frame + 1):
+            self.trace.tracks.apply(number, self._level)
+        now = float(self.trace.tracks.time[frame])
+        self._links = self.links_at(now)
+        if self.options.print_depth_m:
+            new = [event for event in self._events if before < event.time_s <= now]
+            prints.stamp(self.stage.tracks, new, self._tread)
+        self.stage.show(self._level, self._links)
+        self._frame = frame
+
+    def links_at(self, time_s: float) -> dict[str, Pose]:
+        """Poses of all links."""
+        codes = [wheel.code for wheel in self.vehicle.wheels]
+        return links_at(
+            self.vehicle,
+            self.trace.pose_at(time_s),
+            {code: self.trace.pose_at(time_s, code) for code in codes},
+            {code: self.trace.value_at(time_s, f"{code}_lift_m") for code in codes},
+            {code: self.trace.value_at(time_s, f"{code}_steer_rad") for code in codes},
+        )
+
+    def camera(self, view: str, frame: int) -> tuple[Pose, Lens]:
+        """`world_from_camera` and lens of a view at a frame."""
+        mount = self.mounts[view]
+        return mount.world_from_camera(self.trace.pose_at(float(self.trace.tracks.time[frame]))), mount.lens
+
+    def render(self, view: str, suns: Sequence[str], threads: int = 1) -> Rendering:
+        """Layers and ids of a view of the frame that is shown, by Sun; with the rover's lights, stars and lens.
+
+        Shadows among the ids are those that the Sun throws: at night there are none.
+        """
+        pose, lens = self.camera(view, self._frame)
+        shining = {name: lamp for name in suns if (lamp := self.suns[name].lamp) is not None}
+        spots = headlights(self.lights, self._links)
+        own = {f"light {name}": spot for name, spot in spots.items()}  # no Sun is named so
+        options, models = self.render_options, self.options.models
+        found = render_view(self.stage.surfaces, pose, lens, shining | own, models, list(shining), options, threads)
+        light = {(model, name): _sum(found.whole, model, name, own) for model in models for name in suns}
+        layers = through_lens(light, shining, self.stage.surfaces, pose, lens, options, threads)
+        ids = {name: found.ids[name if name in shining else NO_LAMP] for name in (NO_LAMP, *suns)}
+        if self._sky is not None:
+            empty = ids[NO_LAMP] == BACKGROUND
+            for name in suns:
+                stars = empty * star_radiance(self._sky, self.suns[name].world_from_celestial, pose, lens)
+                stars = imaged(stars, lens, options)
+                layers |= {(model, name): layers[model, name] + stars for model in models}
+        return Rendering(layers, ids)
+
+    def exposed(self, rendering: Rendering, view: str, sun: str, model: Model, exposure_ms: float) -> np.ndarray:
+        """(h, w) uint16 picture of the frame that is shown, 12-bit grey values."""
+        options = self.render_options
+        gain = options.gain.get(model, default_gain(model, options))
+        noise = noise_of(options, "rover", self.seed, self._frame, view, sun, model, exposure_ms)
+        return expose(rendering.layers[model, sun], exposure_ms * gain, options, noise)
+
+    @cached_property
+    def stage(self) -> Stage:
+        """The scene; built on first use."""
+        world, options = self.trace.world, self.options
+        changed = np.zeros(world.level.size, bool)
+        changed[self.trace.tracks.cell] = True
+        lattice = Lattice(world.x0, world.y0, world.cell, world.level)
+        tracks = Tracks(lattice, changed.reshape(world.level.shape), options.finer, options.settle_deg)
+        return Stage(tracks, rocks_of(world), self.body, seat_m=self.render_options.seat_m, far_m=options.far_m)
+
+    @cached_property
+    def _sky(self) -> Sky | None:
+        if self.options.stars == "none":
+            return None
+        return sky_of(StarField(intensity=self.options.bright_stars if self.options.stars == "bright" else 1.0))
+
+
+def _sum(layers: Mapping[tuple[Model, str], np.ndarray], model: Model, sun: str, lights: Iterable[str]) -> np.ndarray:
+    """(h, w) radiance under a Sun, where it shines, and the rover's lights."""
+    parts = [layers[model, name] for name in (sun, *lights) if (model, name) in layers]
+    return np.sum(parts, axis=0) if len(parts) > 1 else parts[0]
+
+
+def _events(trace: Trace, vehicle: Vehicle) -> list[Print]:
+    """Prints of all wheels in the order of time."""
+    table = trace.table
+    found = []
+    for wheel in vehicle.wheels:
+        if wheel.grousers:
+            code = wheel.code
+            found += prints.prints_of(
+                table["time_s"].to_numpy(),
+                table[f"{code}_spin_rad"].to_numpy(),
+                table[[f"{code}_{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy(),
+                table[[f"{code}_{name}" for name in ("qw", "qx", "qy", "qz")]].to_numpy(),
+                table[f"{code}_contact"].isin(["soil", "both"]).to_numpy(),
+                wheel.grousers,
+            )
+    return sorted(found, key=lambda event: event.time_s)
+
+
+def _tread(vehicle: Vehicle, options: SightOptions) -> Tread:
+    wheel = vehicle.wheels[0]
+    return Tread(max(wheel.grousers, 1), wheel.radius_m, wheel.width_m, options.print_depth_m, options.print_sd_m)

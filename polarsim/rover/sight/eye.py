@@ -1,0 +1,91 @@
+"""One camera of a rover that drives now: what it sees of the world as it is at this moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.detect.options import DetectOptions
+from polarsim.detect.tone import to_8_bits
+from polarsim.geometry.poses import Pose
+from polarsim.render.gain import default_gain
+from polarsim.render.lamps import Lamp
+from polarsim.render.layers import render_view
+from polarsim.render.options import Model
+from polarsim.render.sensor import expose
+from polarsim.rover.drive.control import Path
+from polarsim.rover.drive.state import State
+from polarsim.rover.sight.bodywork import body_of, links_at
+from polarsim.rover.sight.options import SightOptions
+from polarsim.rover.sight.stage import Stage, options_of, rocks_of
+from polarsim.rover.sight.tracks import Lattice, Tracks
+from polarsim.rover.vehicle.mounts import FRONT, mount_of, pose_of
+from polarsim.rover.vehicle.table import WHEELS, Vehicle
+from polarsim.rover.world.surface import World
+
+SUN = "sun"
+BESIDE_M = 1.5  # from the path: farther away the ground is drawn as it was before the drive
+
+
+@dataclass(frozen=True)
+class EyeOptions:
+    """Which camera, how large its pictures are, and in what light."""
+
+    camera: str = FRONT
+    scale: float = 1 / 16
+    sun_azimuth_deg: float = 225.0  # from east to north
+    sun_elevation_deg: float = 8.0
+    model: Model = "hapke"
+    exposure_ms: float = 256.0
+
+    def size(self, vehicle: Vehicle) -> tuple[int, int]:
+        """Width and height of its pictures, px."""
+        lens = mount_of(vehicle.camera(self.camera), self.scale).lens
+        return lens.width, lens.height
+
+
+class Eye:
+    """A camera; the ground is followed within `BESIDE_M` of a path."""
+
+    def __init__(self, world: World, vehicle: Vehicle, path: Path, options: EyeOptions) -> None:
+        self._vehicle, self._options = vehicle, options
+        self._mount = mount_of(vehicle.camera(options.camera), options.scale)
+        sight = SightOptions(models=(options.model,), finer=1)
+        body = body_of(vehicle)
+        self._render = options_of(sight, body)
+        lattice = Lattice(world.x0, world.y0, world.cell, world.level)
+        tracks = Tracks(lattice, _near(world, path), sight.finer, sight.settle_deg)
+        self._stage = Stage(tracks, rocks_of(world), body, seat_m=self._render.seat_m, far_m=sight.far_m)
+        self._lamps = {SUN: Lamp.sun(options.sun_azimuth_deg, options.sun_elevation_deg)}
+
+    def picture(self, state: State, level: np.ndarray) -> np.ndarray:
+        """(h, w, 1) uint8 of the rover's state and the ground's levels; by the judges' tone curve `gamma`."""
+        base = pose_of(state.position, state.rotation)
+        self._stage.show(level, self._links(state, base))
+        mount, options, render = self._mount, self._options, self._render
+        pose = mount.world_from_camera(base)
+        models: tuple[Model, ...] = (options.model,)
+        found = render_view(self._stage.surfaces, pose, mount.lens, self._lamps, models, [SUN], render, 1)
+        gain = render.gain.get(options.model, default_gain(options.model, render))
+        grey = expose(found.layers[options.model, SUN], options.exposure_ms * gain, render, None)
+        return to_8_bits(grey, DetectOptions(tone="gamma"))[..., None]
+
+    def _links(self, state: State, base: Pose) -> dict[str, Pose]:
+        places = np.stack([state.wheel(name) for name in ("x_m", "y_m", "z_m")], axis=1)
+        turns = np.stack([state.wheel(name) for name in ("qw", "qx", "qy", "qz")], axis=1)
+        wheels = {code: pose_of(place, turn) for code, place, turn in zip(WHEELS, places, turns, strict=True)}
+        lift = dict(zip(WHEELS, state.wheel("lift_m"), strict=True))
+        return links_at(self._vehicle, base, wheels, lift, dict(zip(WHEELS, state.wheel("steer_rad"), strict=True)))
+
+
+def _near(world: World, path: Path) -> np.ndarray:
+    """(rows, columns) bool: nodes within `BESIDE_M` of the path."""
+    x, y = np.meshgrid(world.x, world.y)
+    places = np.stack([x, y], axis=-1)
+    near = np.zeros(x.shape, bool)
+    for start, end in zip(path.points, path.points[1:], strict=False):
+        along = end - start
+        share = np.clip((places - start) @ along / (along @ along), 0, 1)
+        near |= np.linalg.norm(places - start - share[..., None] * along, axis=-1) < BESIDE_M
+    return near

@@ -1,0 +1,191 @@
+"""The ground as pictures show it: a fine mesh between the nodes of the drive's coarse ground, with ruts in it.
+
+Untouched ground is a cubic spline through the nodes: on flat cells of centimetres a low Sun shows squares, each lit or
+black as it looks towards it or away. Where the rover drives, levels are settled first, for a wheel's own sweeps leave a
+saw of single nodes along the ruts. A cubic B-spline then leads from their changes to the fine mesh: its weights are
+positive, so it cannot overshoot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import ndimage
+from scipy.interpolate import RectBivariateSpline
+
+from polarsim.rover.soil.bulldozing_numba import settle
+from polarsim.rover.soil.nodes import LEVEL, ROCK, make_ground
+
+TILE = 16  # cells along a side of a tile, the unit that is built anew
+_MARGIN = 8  # cells that soil may slide beyond what wheels changed
+_STEP = 1e-5  # metres to which changes are rounded: less needs no new mesh, and pictures know no history
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Nodes of ground before the drive: level (rows, columns) at x0 + column cell, y0 + row cell; metres."""
+
+    x0: float
+    y0: float
+    cell: float
+    level: np.ndarray
+
+    @cached_property
+    def slopes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Along y and along x, at the nodes."""
+        along_y, along_x = np.gradient(self.level, self.cell)
+        return along_y, along_x
+
+    def refined(self, finer: int) -> Lattice:
+        """One with so many cells along a side of each, on a cubic spline through the nodes."""
+        if finer == 1:
+            return self
+        rows, columns = (np.arange((size - 1) * finer + 1) / finer for size in self.level.shape)
+        spline = RectBivariateSpline(rows[::finer], columns[::finer], self.level)
+        return Lattice(self.x0, self.y0, self.cell / finer, spline(rows, columns))
+
+
+class Tracks:
+    """The tiles that a drive changes, and their mesh at the moment of the last `show`."""
+
+    def __init__(self, lattice: Lattice, changed: np.ndarray, finer: int, angle_deg: float) -> None:
+        """
+        Parameters
+        ----------
+        changed : (rows, columns) bool
+            Nodes whose level changes at any time of the drive.
+        finer : int
+            Fine cells along a side of a coarse one.
+        angle_deg : float
+            Soil steeper than this slides; degrees.
+        """
+        self.lattice, self.finer, self._angle_deg = lattice, finer, angle_deg
+        self.fine = lattice.refined(finer)
+        rows, columns = lattice.level.shape
+        near = ndimage.binary_dilation(changed, np.ones((3, 3), bool), iterations=_MARGIN) if changed.any() else changed
+        self._whole = ((rows - 1) // TILE, (columns - 1) // TILE)
+        self.tiles = _touched(near, self._whole)
+        # Where nothing may change; settling takes it for rock.
+        self._bound = ~_inside(self.tiles, lattice.level.shape)
+        self._change = np.zeros((rows + 2, columns + 2))  # with a rim, which splines reach into
+        self.prints = np.zeros(((rows - 1) * finer + 3, (columns - 1) * finer + 3), np.float32)  # with a rim of one
+        self._printed = np.zeros(self._whole, bool)
+        side = TILE * finer + 1
+        self.side = side
+        self._weights, self._derivative = spline_weights(TILE, finer)
+
+    @property
+    def covered(self) -> np.ndarray:
+        """Cells of `fine` (rows - 1, columns - 1) bool that lie in tiles: the still mesh must leave them out."""
+        cells = np.zeros([size - 1 for size in self.fine.level.shape], bool)
+        for tile in self.tiles:
+            row, column = (first * self.finer for first in tile)
+            cells[row : row + self.side - 1, column : column + self.side - 1] = True
+        return cells
+
+    def show(self, level: np.ndarray) -> list[int]:
+        """Take in the levels (rows, columns) of a moment; numbers of the tiles whose mesh changes."""
+        change = np.zeros_like(self._change)
+        change[1:-1, 1:-1] = np.round((self._settled(level) - self.lattice.level) / _STEP) * _STEP
+        differs = change != self._change
+        found = []
+        for number, (row, column) in enumerate(self.tiles):
+            window = differs[row : row + TILE + 3, column : column + TILE + 3]
+            if window.any() or self._printed[row // TILE, column // TILE]:
+                found.append(number)
+        self._change = change
+        self._printed[:] = False
+        return found
+
+    def stamp(self, rows: slice, columns: slice, depth: np.ndarray, where: np.ndarray) -> None:
+        """Write prints, metres above the ground, into a window of fine nodes (rows, columns) where `where` is true."""
+        window = self.prints[1 + rows.start : 1 + rows.stop, 1 + columns.start : 1 + columns.stop]
+        window[where] = depth[where]
+        side = TILE * self.finer
+        top, bottom = max(rows.start - 1, 0) // side, rows.stop // side + 1
+        left, right = max(columns.start - 1, 0) // side, columns.stop // side + 1
+        self._printed[top:bottom, left:right] = True
+
+    def mesh(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices and unit normals (v, 3) of a tile, row by row."""
+        row, column = self.tiles[number]
+        nodes = self._change[row : row + TILE + 3, column : column + TILE + 3]
+        w, d, cell = self._weights, self._derivative, self.lattice.cell
+        top, left, fine = row * self.finer, column * self.finer, cell / self.finer
+        window = (slice(top, top + self.side), slice(left, left + self.side))
+        level, along_y, along_x = (field[window] for field in (self.fine.level, *self.fine.slopes))
+        prints = self.prints[top : top + self.side + 2, left : left + self.side + 2].astype(float)
+        z = level + w @ nodes @ w.T + prints[1:-1, 1:-1]
+        slope_y = along_y + d @ nodes @ w.T / cell + (prints[2:, 1:-1] - prints[:-2, 1:-1]) / (2 * fine)
+        slope_x = along_x + w @ nodes @ d.T / cell + (prints[1:-1, 2:] - prints[1:-1, :-2]) / (2 * fine)
+        y, x = np.meshgrid(
+            self.lattice.y0 + cell * (row + np.arange(self.side) / self.finer),
+            self.lattice.x0 + cell * (column + np.arange(self.side) / self.finer),
+            indexing="ij",
+        )
+        normals = np.stack([-slope_x, -slope_y, np.ones_like(z)], axis=-1).reshape(-1, 3)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return np.stack([x, y, z], axis=-1).reshape(-1, 3), normals
+
+    def _settled(self, level: np.ndarray) -> np.ndarray:
+        """Levels after all soil has slid to rest inside the tiles; what the drive itself left steep elsewhere stays."""
+        moved = np.abs(level - self.lattice.level) > 0
+        if not moved.any():
+            return level
+        rows, columns = np.flatnonzero(moved.any(axis=1)), np.flatnonzero(moved.any(axis=0))
+        part = (
+            slice(max(rows[0] - _MARGIN, 0), rows[-1] + _MARGIN + 1),
+            slice(max(columns[0] - _MARGIN, 0), columns[-1] + _MARGIN + 1),
+        )
+        ground = make_ground(self.lattice.level[part], self.lattice.cell)
+        ground.owner[self._bound[part]] = ROCK
+        ground.state[..., LEVEL] = level[part]
+        settle(ground, self._angle_deg)
+        settled = level.copy()
+        settled[part] = ground.level
+        settled[self._bound] = self.lattice.level[self._bound]
+        return settled
+
+
+def spline_weights(cells: int, finer: int) -> tuple[np.ndarray, np.ndarray]:
+    """Uniform cubic B-spline from nodes -1 ... cells + 1 to fine nodes 0, 1/finer ... cells: values and derivatives.
+
+    Returns two arrays (cells finer + 1, cells + 3); derivatives are in units of 1 / cell.
+    """
+    place = np.arange(cells * finer + 1) / finer
+    first = np.minimum(np.floor(place).astype(int), cells - 1)
+    u = place - first
+    values = np.stack([(1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3], axis=1) / 6
+    slopes = np.stack([-((1 - u) ** 2), 3 * u**2 - 4 * u, -3 * u**2 + 2 * u + 1, u**2], axis=1) / 2
+    weights, derivative = np.zeros((len(place), cells + 3)), np.zeros((len(place), cells + 3))
+    for k in range(4):
+        np.put_along_axis(weights, (first + k)[:, None], values[:, k : k + 1], axis=1)
+        np.put_along_axis(derivative, (first + k)[:, None], slopes[:, k : k + 1], axis=1)
+    return weights, derivative
+
+
+def tile_faces(side: int) -> np.ndarray:
+    """(2 (side - 1)^2, 3) faces of a tile of side^2 vertices, facing up."""
+    number = np.arange(side * side).reshape(side, side)
+    a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def _touched(near: np.ndarray, whole: tuple[int, int]) -> list[tuple[int, int]]:
+    """First node (row, column) of each whole tile that has a node near a change."""
+    return [
+        (row * TILE, column * TILE)
+        for row in range(whole[0])
+        for column in range(whole[1])
+        if near[row * TILE : (row + 1) * TILE + 1, column * TILE : (column + 1) * TILE + 1].any()
+    ]
+
+
+def _inside(tiles: list[tuple[int, int]], shape: tuple[int, ...]) -> np.ndarray:
+    """(rows, columns) bool: nodes two cells or more inside the area of tiles: at its rim nothing may change."""
+    covered = np.zeros(shape, bool)
+    for row, column in tiles:
+        covered[row : row + TILE + 1, column : column + TILE + 1] = True
+    return np.asarray(ndimage.binary_erosion(covered, np.ones((3, 3), bool), iterations=2, border_value=False))

@@ -1,0 +1,112 @@
+"""Ground that gives way: a grid of nodes with their levels and what the soil under each remembers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.errors import RoverError
+
+# What a node remembers. Levels and depths in metres, stress in Pa, shear displacement as a vector of the world.
+ORIGINAL, START, LEVEL, PLASTIC, YIELD, FLOW, SHEAR_X, SHEAR_Y, SHEAR_Z = range(9)
+FIELDS = 9
+FREE, ROCK = -1, -2  # owner of a node that no wheel shears, and of one that lies under a rock
+
+
+@dataclass
+class Ground:
+    """Nodes at (x0 + column cell, y0 + row cell); the arrays are changed in place by the contact.
+
+    `original` is the level before any wheel, `start` that from which sinkage counts (soil that was pushed there raises
+    it), `level` the surface now, `plastic` the depth that stays, `yield` the pressure that was borne so far, `flow` the
+    depth pressed since soil was last moved aside.
+    """
+
+    x0: float
+    y0: float
+    cell: float
+    state: np.ndarray  # (rows, columns, 9)
+    normals: np.ndarray  # (rows, columns, 3) of the ground before any wheel
+    owner: np.ndarray  # (rows, columns) int32: the wheel that shears a node, FREE or ROCK
+
+    @property
+    def level(self) -> np.ndarray:
+        return self.state[..., LEVEL]
+
+    @property
+    def rut(self) -> np.ndarray:
+        """How far the surface lies below where it was; negative in a berm."""
+        return self.state[..., ORIGINAL] - self.state[..., LEVEL]
+
+    @property
+    def x(self) -> np.ndarray:
+        return self.x0 + self.cell * np.arange(self.state.shape[1])
+
+    @property
+    def y(self) -> np.ndarray:
+        return self.y0 + self.cell * np.arange(self.state.shape[0])
+
+    def copy(self) -> Ground:
+        return Ground(self.x0, self.y0, self.cell, self.state.copy(), self.normals.copy(), self.owner.copy())
+
+    def volume(self) -> float:
+        """Soil above where the surface was, less what is missing below it, m3."""
+        return -float(self.rut.sum()) * self.cell**2
+
+    def window(self, centre: np.ndarray, half: np.ndarray) -> tuple[slice, slice]:
+        """Rows and columns of the nodes within `half` (2,), metres along x and y, of a place (3,)."""
+        first = np.floor((centre[:2] - half - (self.x0, self.y0)) / self.cell).astype(int)
+        last = np.ceil((centre[:2] + half - (self.x0, self.y0)) / self.cell).astype(int) + 1
+        rows, columns = self.owner.shape
+        return slice(max(first[1], 0), min(max(last[1], 0), rows)), slice(
+            max(first[0], 0), min(max(last[0], 0), columns)
+        )
+
+    def require_inside(self, centres: np.ndarray, reach: float) -> None:
+        """Refuse bodies that reach beyond the grid, where nothing would bear them."""
+        low = np.array([self.x0, self.y0]) + reach
+        high = np.array([self.x[-1], self.y[-1]]) - reach
+        outside = ~((centres[:, :2] >= low) & (centres[:, :2] <= high)).all(axis=1)
+        if outside.any():
+            x, y = centres[np.argmax(outside), :2]
+            raise RoverError(
+                f"a wheel at ({x:.2f}, {y:.2f}) m leaves the ground, x {self.x[0]:.2f} to {self.x[-1]:.2f} m, "
+                f"y {self.y[0]:.2f} to {self.y[-1]:.2f} m"
+            )
+
+
+def make_ground(
+    heights: np.ndarray, cell: float, x0: float = 0.0, y0: float = 0.0, rock: np.ndarray | None = None
+) -> Ground:
+    """Fresh ground.
+
+    Parameters
+    ----------
+    heights : (rows, columns) float
+        Levels, metres; rows run along +y, columns along +x.
+    cell : float
+        Distance of nodes, metres.
+    rock : (rows, columns) bool, optional
+        Nodes below a rock's surface: the rock bears there, the soil does not.
+    """
+    if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all():
+        raise RoverError(f"heights of shape {heights.shape}, a grid of 2 x 2 or more finite ones was expected")
+    if not cell > 0:
+        raise RoverError(f"cells of {cell:g} m")
+    state = np.zeros((*heights.shape, FIELDS))
+    for field in (ORIGINAL, START, LEVEL):
+        state[..., field] = heights
+    along_y, along_x = np.gradient(heights, cell)
+    normals = np.stack([-along_x, -along_y, np.ones_like(along_x)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    owner = np.full(heights.shape, FREE, np.int32)
+    if rock is not None:
+        owner[rock] = ROCK
+    return Ground(float(x0), float(y0), float(cell), state, normals, owner)
+
+
+def flat_ground(length: float, width: float, cell: float) -> Ground:
+    """Level ground from x = 0 to `length`, y = 0 centred between two rows, so that widths of whole cells are met."""
+    columns, rows = round(length / cell) + 1, 2 * round(width / (2 * cell))
+    return make_ground(np.zeros((rows, columns)), cell, y0=-(rows - 1) / 2 * cell)

@@ -1,0 +1,76 @@
+"""Cameras on the rover: from where the rover stands to where each of its cameras looks from.
+
+`base_link` has x forward, y left, z up; a camera's own frame x right, y down, z forward.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose, looking
+from polarsim.rover.vehicle.table import CameraPart
+
+FRONT = "front_end_cam"
+FOLLOWING = ("CamBirdViewLeft", "CamBirdViewRight")  # they do not roll with the rover
+
+
+@dataclass(frozen=True)
+class Mount:
+    """A camera fixed to the rover, or, where it is `level`, one that follows its place and heading without rolling."""
+
+    name: str
+    base_from_camera: Pose
+    lens: Lens
+    level: bool = False
+
+    def world_from_camera(self, world_from_base: Pose) -> Pose:
+        """Where the camera is while the rover stands at a pose."""
+        return (levelled(world_from_base) if self.level else world_from_base) @ self.base_from_camera
+
+
+def mount_of(camera: CameraPart, scale: float = 1.0) -> Mount:
+    """A camera of the vehicle's table."""
+    lens = Lens(
+        camera.focal, camera.focal, camera.width_px / 2, camera.height_px / 2,
+        width=camera.width_px, height=camera.height_px,
+    ).scaled(scale)  # fmt: skip
+    pose = base_from_camera(np.array(camera.position_m), camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
+    return Mount(camera.name, pose, lens, level=camera.name in FOLLOWING)
+
+
+def base_from_camera(position: np.ndarray, yaw_deg: float, pitch_deg: float, roll_deg: float) -> Pose:
+    """Of a camera at `position` (3,) in base_link, metres.
+
+    Angles as ROS has them (REP 103): yaw from forward to the left, pitch downwards, roll of the right side downwards.
+    """
+    yaw, pitch, roll = np.radians([yaw_deg, pitch_deg, roll_deg])
+    return looking(np.asarray(position, float), float(yaw), float(pitch), float(roll))
+
+
+def link_from_part(position: Sequence[float], yaw_deg: float, pitch_deg: float, roll_deg: float = 0.0) -> Pose:
+    """Of a shape or light at `position` (3,) in its link, metres; turned about z, the new y, then the new x."""
+    turn = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True)
+    return Pose(turn.as_matrix(), np.array(position))
+
+
+def levelled(world_from_base: Pose) -> Pose:
+    """The same place and heading, upright."""
+    yaw = heading(world_from_base)
+    return Pose.from_rotvec(np.array([0.0, 0, yaw]), world_from_base.translation)
+
+
+def heading(world_from_base: Pose) -> float:
+    """Of the rover's forward axis, radians from east to north."""
+    forward = world_from_base.rotation[:, 0]
+    return float(np.arctan2(forward[1], forward[0]))
+
+
+def pose_of(place: np.ndarray, quaternion: np.ndarray) -> Pose:
+    """From a place (3,) and a quaternion (4,) w, x, y, z, as a trace has them."""
+    w, x, y, z = quaternion
+    return Pose(Rotation.from_quat([x, y, z, w]).as_matrix(), np.asarray(place, float))

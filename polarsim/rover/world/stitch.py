@@ -1,0 +1,230 @@
+"""Terrains side by side: one grid of heights from their ground meshes, their rocks on it, filler ground around.
+
+The first terrain is the eastern one. Each keeps its middle `length_m`; neighbours pass into each other over `blend_m`
+about their seam, for which each ground reaches beyond its own length. Heights count from each terrain's sand level, so
+that published meshes that stand decimetres off meet too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import spsolve
+
+from polarsim.errors import RoverError, about
+from polarsim.formats import obj
+from polarsim.geometry.vectors import cross
+from polarsim.randomness import generator
+from polarsim.rover.world.hulls import require_volume, top_at
+from polarsim.rover.world.options import WorldOptions
+from polarsim.rover.world.surface import ROCK_COLUMNS, World, no_rocks
+
+FILLER_GRAIN = 0.08  # m, over which filler ground's heights are alike
+FADE = 0.3  # m, over which a terrain's edge passes into filler ground
+RIM = 0.05  # m beyond a rock's outline, where the ground round it is measured
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """Meshes of one terrain in its sandbox frame: x towards azimuth 0, east."""
+
+    number: int
+    ground: obj.Mesh
+    rocks: Mapping[int, obj.Mesh]
+
+    @property
+    def sand_level(self) -> float:
+        return float(np.median(self.ground.vertices[:, 2]))
+
+
+def read_terrain(folder: str | Path, number: int) -> Terrain:
+    """Ground and rocks of a folder, the decimated rocks where they are there.
+
+    Raises
+    ------
+    FormatError
+        The ground is missing, or a mesh is broken.
+    RoverError
+        A rock has no volume.
+    """
+    folder = Path(folder)
+    rocks = {}
+    for rock, path in obj.rock_files(folder).items():
+        decimated = folder / obj.rock_name(number, rock, decimated=True)
+        chosen = decimated if decimated.exists() else path
+        rocks[rock] = obj.read(chosen)
+        with about(chosen):
+            require_volume(rocks[rock].vertices)
+    return Terrain(number, obj.read(folder / obj.ground_name(number)), rocks)
+
+
+def stitch(terrains: list[Terrain], options: WorldOptions, seed: int = 0) -> World:
+    """The strip, its middle at x = y = 0.
+
+    Parameters
+    ----------
+    terrains : list of Terrain
+        From east to west.
+    seed : int
+        Of the filler ground.
+
+    Raises
+    ------
+    RoverError
+        A ground mesh covers nothing of its part of the strip.
+    """
+    length, cell = options.length_m * len(terrains), options.cell_m
+    columns = 2 * round((length / 2 + options.margin_m) / cell) + 1
+    rows = 2 * round(options.width_m / 2 / cell) + 1
+    x0, y0 = -(columns - 1) / 2 * cell, -(rows - 1) / 2 * cell
+    x, y = x0 + cell * np.arange(columns), y0 + cell * np.arange(rows)
+    total, weights = np.zeros((rows, columns)), np.zeros((rows, columns))
+    for terrain, centre in zip(terrains, centres(options), strict=True):
+        reach = (options.length_m + options.blend_m) / 2
+        part = slice(*np.searchsorted(x, [centre - reach, centre + reach]))
+        heights = _heights(terrain, x[part] - centre, y)
+        # Each side's share falls from 1 to 0 across the seam, and the shares of two neighbours add up to 1.
+        share = _ramp((options.length_m / 2 - np.abs(x[part] - centre)) / options.blend_m + 0.5)
+        covered = np.isfinite(heights)
+        total[:, part] += np.where(covered, heights, 0.0) * share
+        weights[:, part] += covered * share
+    level = _with_filler(total, weights, cell, options.filler_roughness_m, seed)
+    return _with_rocks(
+        World(x0, y0, cell, level, no_rocks(), np.zeros((0, 3)), np.zeros((0, 3), int)), terrains, options
+    )
+
+
+def centres(options: WorldOptions) -> np.ndarray:
+    """(n,) x of the terrains' middles, the first in the east."""
+    count = len(options.terrains)
+    return options.length_m * ((count - 1) / 2 - np.arange(count))
+
+
+def rough_world(world: World, deviation: float, seed: int) -> World:
+    """The same world with a little noise on every node: what differs between seeds."""
+    noise = generator(seed, "rover", "ground").normal(0.0, 1.0, world.level.shape) * deviation
+    return World(world.x0, world.y0, world.cell, world.level + noise, world.rocks, world.vertices, world.triangles)
+
+
+def _ramp(value: np.ndarray) -> np.ndarray:
+    """0 to 1 without a kink."""
+    t = np.clip(value, 0.0, 1.0)
+    return np.asarray(t * t * (3 - 2 * t))
+
+
+def _heights(terrain: Terrain, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(rows, columns) above the sand level; holes inside the ground are filled, NaN beyond its edges."""
+    across, along = np.meshgrid(x, y)
+    top = top_at(terrain.ground.vertices, terrain.ground.faces, across.ravel(), along.ravel()).reshape(across.shape)
+    low, high = terrain.ground.vertices[:, :2].min(axis=0), terrain.ground.vertices[:, :2].max(axis=0)
+    inside = (across >= low[0]) & (across <= high[0]) & (along >= low[1]) & (along <= high[1])
+    if not np.isfinite(top[inside]).any():
+        raise RoverError(f"terrain {terrain.number}: its ground mesh covers nothing of its part of the strip")
+    level = np.where(np.isfinite(top), top, np.nan) - terrain.sand_level
+    return np.where(inside, fill_holes(level, inside), np.nan)
+
+
+def fill_holes(level: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """NaN nodes among `inside` as a membrane between their neighbours: each the mean of those next to it."""
+    holes = inside & np.isnan(level)
+    number = np.full(level.shape, -1)
+    number[holes] = np.arange(holes.sum())
+    if not holes.any():
+        return level
+    here, there, known, count = [], [], np.zeros(int(holes.sum())), np.zeros(int(holes.sum()))
+    rows, columns = np.nonzero(holes)
+    own = number[rows, columns]
+    for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+        r, c = rows + down, columns + right
+        on = (r >= 0) & (r < level.shape[0]) & (c >= 0) & (c < level.shape[1])
+        on[on] &= inside[r[on], c[on]]
+        hole = on.copy()
+        hole[on] = number[r[on], c[on]] >= 0
+        here.append(own[hole])
+        there.append(number[r[hole], c[hole]])
+        border = on & ~hole
+        known[border] += level[r[border], c[border]]
+        count[on] += 1
+    one, other = np.concatenate(here), np.concatenate(there)
+    matrix = coo_array(
+        (
+            np.concatenate([np.maximum(count, 1), -np.ones(len(one))]),
+            (np.concatenate([own, one]), np.concatenate([own, other])),
+        ),
+        shape=(len(own), len(own)),
+    ).tocsc()
+    filled = level.copy()
+    filled[holes] = spsolve(matrix, known)
+    return filled
+
+
+def _with_filler(total: np.ndarray, weights: np.ndarray, cell: float, roughness: float, seed: int) -> np.ndarray:
+    """Where no terrain is: the nearest one's height, fading into level ground with a little relief."""
+    covered = weights > 0.5
+    level = np.where(covered, total / np.where(covered, weights, 1.0), 0.0)
+    distance, nearest = distance_transform_edt(~covered, return_indices=True)
+    edge = level[tuple(nearest)]
+    grain = gaussian_filter(generator(seed, "rover", "filler").normal(size=level.shape), FILLER_GRAIN / cell)
+    relief = roughness * grain / grain.std()
+    kept = _ramp(1 - distance * cell / FADE)
+    return np.where(covered, level, kept * edge + (1 - kept) * relief)
+
+
+def _with_rocks(world: World, terrains: list[Terrain], options: WorldOptions) -> World:
+    rows: list[dict[str, float | int]] = []
+    vertices: list[np.ndarray] = []
+    triangles: list[np.ndarray] = []
+    corner, first = 0, 0
+    for terrain, centre in zip(terrains, centres(options), strict=True):
+        for number, rock in sorted(terrain.rocks.items()):
+            _, numbers = np.unique(rock.faces, return_inverse=True)
+            points = rock.vertices[np.unique(rock.faces)] + (centre, 0.0, -terrain.sand_level)
+            row = _row(world, points)
+            if abs(row["x_m"] - centre) > options.length_m / 2 or not world.y[0] < row["y_m"] < world.y[-1]:
+                continue
+            faces = _outward(points, numbers.reshape(rock.faces.shape))
+            rows.append(
+                {"rock": len(rows), "terrain": terrain.number, "rock_in_terrain": number, **row}
+                | {"first_face": first, "faces": len(faces)}
+            )
+            vertices.append(points)
+            triangles.append(faces + corner)
+            corner, first = corner + len(points), first + len(faces)
+    if not rows:
+        return world
+    table = pd.DataFrame(rows, columns=list(ROCK_COLUMNS))
+    corners = np.concatenate(vertices).astype(np.float32)
+    return World(
+        world.x0, world.y0, world.cell, world.level, table, corners, np.concatenate(triangles).astype(np.int32)
+    )
+
+
+def _row(world: World, points: np.ndarray) -> dict[str, float]:
+    """Place, height above the ground round it and width, the largest extent seen from above."""
+    centre = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
+    arms = points[:, :2] - centre
+    angles = np.linspace(0, np.pi, 36, endpoint=False)
+    extents = arms @ np.stack([np.cos(angles), np.sin(angles)])
+    radius = float(np.hypot(*arms.T).max())
+    ring = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+    around = world.height_at(centre[0] + (radius + RIM) * np.cos(ring), centre[1] + (radius + RIM) * np.sin(ring))
+    return {
+        "x_m": float(centre[0]),
+        "y_m": float(centre[1]),
+        "height_m": float(points[:, 2].max() - np.median(around)),
+        "width_m": float((extents.max(axis=0) - extents.min(axis=0)).max()),
+        "radius_m": radius,
+    }
+
+
+def _outward(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Faces turned so that on the whole they look away from the rock's middle, as some published ones do not."""
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    away = (a + b + c) / 3 - (points.min(axis=0) + points.max(axis=0)) / 2
+    return faces if float((cross(b - a, c - a) * away).sum()) >= 0 else faces[:, ::-1]

@@ -1,0 +1,122 @@
+"""The world that a rover drives over: a grid of heights, and rocks as triangles on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.errors import FormatError
+from polarsim.formats import tables
+from polarsim.formats.npz import read_arrays, write_arrays
+
+ROCK_COLUMNS = (
+    "rock", "terrain", "rock_in_terrain", "x_m", "y_m", "height_m", "width_m", "radius_m", "first_face", "faces",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class World:
+    """World frame: x east, y north, z up, metres; node [row, column] lies at (x0 + column cell, y0 + row cell).
+
+    rocks : one row a rock with `ROCK_COLUMNS`, by `rock`; its triangles are `first_face` to `first_face + faces`.
+    vertices : (V, 3) float32.
+    triangles : (T, 3) int32.
+    """
+
+    x0: float
+    y0: float
+    cell: float
+    level: np.ndarray  # (rows, columns), the ground before the drive
+    rocks: pd.DataFrame
+    vertices: np.ndarray
+    triangles: np.ndarray
+
+    @property
+    def x(self) -> np.ndarray:
+        return self.x0 + self.cell * np.arange(self.level.shape[1])
+
+    @property
+    def y(self) -> np.ndarray:
+        return self.y0 + self.cell * np.arange(self.level.shape[0])
+
+    def height_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Heights of the ground, bilinear; the edge's beyond it."""
+        return bilinear(self.level, self.x0, self.y0, self.cell, x, y)
+
+    def rock_mesh(self, rock: int) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (v, 3) float64 and triangles (t, 3) of one rock."""
+        row = self.rocks[self.rocks["rock"] == rock].iloc[0]
+        faces = self.triangles[int(row["first_face"]) : int(row["first_face"]) + int(row["faces"])]
+        used, numbers = np.unique(faces, return_inverse=True)
+        return self.vertices[used].astype(float), numbers.reshape(faces.shape)
+
+
+def bilinear(level: np.ndarray, x0: float, y0: float, cell: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Values of a grid between its nodes; beyond the grid those of its edge."""
+    column = np.clip((np.asarray(x, float) - x0) / cell, 0, level.shape[1] - 1)
+    row = np.clip((np.asarray(y, float) - y0) / cell, 0, level.shape[0] - 1)
+    left, below = np.minimum(column.astype(int), level.shape[1] - 2), np.minimum(row.astype(int), level.shape[0] - 2)
+    u, v = column - left, row - below
+    lower = level[below, left] * (1 - u) + level[below, left + 1] * u
+    upper = level[below + 1, left] * (1 - u) + level[below + 1, left + 1] * u
+    return np.asarray(lower * (1 - v) + upper * v)
+
+
+def no_rocks() -> pd.DataFrame:
+    """The table of a world without rocks."""
+    whole = ("rock", "terrain", "rock_in_terrain", "first_face", "faces")
+    return pd.DataFrame({name: np.zeros(0, np.int64 if name in whole else float) for name in ROCK_COLUMNS})
+
+
+def bare_world(level: np.ndarray, cell: float, x0: float, y0: float) -> World:
+    """Heights alone."""
+    empty = np.zeros((0, 3))
+    return World(x0, y0, cell, level, no_rocks(), empty.astype(np.float32), empty.astype(np.int32))
+
+
+def write_world(folder: str | Path, world: World) -> None:
+    """`ground.npz`, `rocks.parquet`, `rocks.npz`: same world, same bytes."""
+    folder = Path(folder)
+    write_arrays(
+        folder / "ground.npz",
+        x0_m=np.float64(world.x0),
+        y0_m=np.float64(world.y0),
+        cell_m=np.float64(world.cell),
+        level_m=world.level.astype(np.float64),
+    )
+    tables.write_parquet(folder / "rocks.parquet", world.rocks[list(ROCK_COLUMNS)])
+    write_arrays(
+        folder / "rocks.npz",
+        vertices_m=world.vertices.astype(np.float32),
+        triangles=world.triangles.astype(np.int32),
+    )
+
+
+def read_world(folder: str | Path) -> World:
+    """Read what `write_world` wrote.
+
+    Raises
+    ------
+    FormatError
+        A file is missing or is not what it should be.
+    """
+    folder = Path(folder)
+    ground = read_arrays(folder / "ground.npz", ("x0_m", "y0_m", "cell_m", "level_m"))
+    rocks = tables.read_parquet(folder / "rocks.parquet", ROCK_COLUMNS)
+    mesh = read_arrays(folder / "rocks.npz", ("vertices_m", "triangles"))
+    if ground["level_m"].ndim != 2:
+        raise FormatError(
+            f"level_m of shape {ground['level_m'].shape}, a grid was expected", path=folder / "ground.npz"
+        )
+    return World(
+        float(ground["x0_m"]),
+        float(ground["y0_m"]),
+        float(ground["cell_m"]),
+        ground["level_m"],
+        rocks,
+        mesh["vertices_m"],
+        mesh["triangles"],
+    )

@@ -1,0 +1,153 @@
+"""Steering: from a place beside a path to four wheels."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.rover.drive.control import Command, Driver, Law, wheel_commands
+from polarsim.rover.drive.control import Path as Route
+from polarsim.rover.vehicle.table import read_vehicle
+
+VIPER = read_vehicle(Path(__file__).parents[3] / "config" / "viper.yaml")
+PLACES = VIPER.wheel_centres[:, :2]
+LAW = Law(0.2, 5.0, 3.0, math.radians(30))
+
+
+def wheel_speeds(command: Command) -> np.ndarray:
+    """(4, 2) m/s along base_link's x and y that rolling wheels would have."""
+    angles, rims = wheel_commands(command, VIPER)
+    return np.stack([rims * np.cos(angles), rims * np.sin(angles)], axis=1)
+
+
+def body_motion(velocities: np.ndarray) -> tuple[np.ndarray, float]:
+    """Speed x, y, turn rate of the rigid motion nearest to the wheels', and how far the worst wheel is off it."""
+    rows = np.concatenate(
+        [
+            np.column_stack([np.ones(4), np.zeros(4), -PLACES[:, 1]]),
+            np.column_stack([np.zeros(4), np.ones(4), PLACES[:, 0]]),
+        ]
+    )
+    wanted = np.concatenate([velocities[:, 0], velocities[:, 1]])
+    found = np.linalg.lstsq(rows, wanted, rcond=None)[0]
+    return found, float(np.abs(rows @ found - wanted).max())
+
+
+@given(speed=st.floats(-0.5, 0.5), steer=st.floats(-0.5, 0.5))
+def test_no_wheel_slides_sideways_in_a_bend(speed, steer):
+    (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(speed, steer)))
+    assert slide < 1e-9
+    assert forward == pytest.approx(speed, abs=1e-6)
+    assert sideways == pytest.approx(0, abs=1e-9)
+    # Front and rear steer against each other: the curvature is twice a car's.
+    assert turn == pytest.approx(speed * 2 * math.tan(steer) / VIPER.wheelbase, abs=1e-6)
+
+
+@given(speed=st.floats(-0.5, 0.5), steer=st.floats(-1.5, 1.5))
+def test_a_crab_does_not_turn(speed, steer):
+    (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(speed, steer, "crab")))
+    assert slide < 1e-9
+    assert turn == pytest.approx(0, abs=1e-9)
+    assert (forward, sideways) == pytest.approx((speed * math.cos(steer), speed * math.sin(steer)), abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [0.1, -0.1])
+def test_a_turn_on_the_spot_stays_on_it(speed):
+    (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(speed, 0.0, "turn")))
+    assert slide < 1e-9
+    assert (forward, sideways) == pytest.approx((0, 0), abs=1e-9)
+    assert turn == pytest.approx(speed / math.hypot(*PLACES[0]))  # leftwards where positive
+    assert np.abs(wheel_commands(Command(speed, 0.0, "turn"), VIPER)[0]).max() < math.pi / 2
+
+
+def kinematic_drive(
+    law: Law, route: Route, x: float, y: float, heading: float, seconds: float, slide: float = 0.0
+) -> tuple[list, Driver]:
+    """A rover whose wheels do as they are told, but for a slide to its left, m/s."""
+    driver, places = Driver(route, law), []
+    for _ in range(round(seconds / 0.05)):
+        if driver.finished:
+            break
+        command = driver.command(x, y, heading)
+        (forward, sideways, turn), _ = body_motion(wheel_speeds(command))
+        sideways += slide
+        x += 0.05 * (forward * math.cos(heading) - sideways * math.sin(heading))
+        y += 0.05 * (forward * math.sin(heading) + sideways * math.cos(heading))
+        heading += 0.05 * turn
+        places.append((x, y, heading, driver.offset))
+    return places, driver
+
+
+@given(speed=st.floats(0.05, 0.5), steer=st.floats(-0.4, 0.4), crab=st.floats(-0.4, 0.4))
+def test_a_rover_crabs_while_it_turns(speed, steer, crab):
+    (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(speed, steer, "drive", crab)))
+    assert slide < 1e-9
+    assert (forward, sideways) == pytest.approx((speed * math.cos(crab), speed * math.sin(crab)), abs=1e-6)
+    assert turn == pytest.approx(speed * 2 * math.tan(steer) / VIPER.wheelbase, abs=1e-6)
+
+
+WEST = Route(np.array([[10.0, 0.0], [0.0, 0.0]]))
+
+
+def test_with_the_heading_term_a_rover_comes_back_to_its_line_and_stays():
+    places, _ = kinematic_drive(LAW, WEST, 10, 0.3, math.pi, 40)
+    offsets = np.abs([place[3] for place in places])
+    assert offsets[len(offsets) // 2 :].max() < 0.005
+
+
+def test_crab_and_bend_together_come_back_without_a_swing():
+    places, _ = kinematic_drive(Law(0.2, 4.0, 2.0, math.radians(30), "combined"), WEST, 10, 0.1, math.pi, 40)
+    offsets = np.array([place[3] for place in places])
+    assert np.abs(offsets[len(offsets) // 4 :]).max() < 0.001
+    assert offsets.max() < 0.001  # it starts to the right of a westward line
+    assert max(abs(place[2] - math.pi) for place in places) < 1e-9
+
+
+@pytest.mark.parametrize("steering", ["ackermann", "combined"])
+def test_the_integral_holds_the_line_where_the_ground_slides_aside(steering):
+    """As on a slope across the path: 1 cm/s is an angle of 3 degrees."""
+    worst = []
+    for integral in (0.0, 4.0):
+        law = Law(0.2, 4.0, 3.0, math.radians(30), steering, integral)
+        places, _ = kinematic_drive(law, WEST, 10, 0.0, math.pi, 45, slide=0.01)
+        worst.append(max(abs(place[3]) for place in places[600:]))
+    assert worst[0] > 0.01
+    assert worst[1] < 0.002
+
+
+def test_the_integral_is_bounded():
+    law = Law(0.2, 4.0, 3.0, math.radians(30), "combined", 4.0, drift_limit=math.radians(10))
+    _, driver = kinematic_drive(law, WEST, 10, 0.0, math.pi, 20, slide=0.2)
+    assert abs(driver.drift) == pytest.approx(math.radians(10))
+
+
+def test_steering_by_the_offset_alone_swings():
+    """An undamped swing: with nothing that damps it in soil, its size stays."""
+    places, _ = kinematic_drive(Law(0.2, 1.0472, 0.0, math.radians(30)), WEST, 10, 0.3, math.pi, 45)
+    offsets = np.array([place[3] for place in places])
+    assert offsets.min() < -0.25
+    assert offsets[len(offsets) // 2 :].max() > 0.25
+
+
+def test_a_place_to_the_left_of_a_westward_line_lies_south():
+    _, left = WEST.beside(5.0, -0.2, 0)
+    assert left == pytest.approx(0.2)
+
+
+def test_a_sharp_corner_is_taken_by_a_turn_on_the_spot():
+    corner = Route(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]))
+    places, driver = kinematic_drive(LAW, corner, 0.0, 0.0, 0.0, 60)
+    assert driver.finished
+    assert max(place[0] for place in places) < 2.05
+    assert places[-1][2] == pytest.approx(math.pi / 2, abs=0.05)
+
+
+def test_a_crab_keeps_its_heading_round_a_corner():
+    corner = Route(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]))
+    places, driver = kinematic_drive(Law(0.2, 2.0, 0.0, 0.5, "crab"), corner, 0.0, 0.0, 0.0, 60)
+    assert driver.finished
+    assert max(abs(place[2]) for place in places) < 1e-9
+    assert abs(places[-1][3]) < 0.01

@@ -1,0 +1,195 @@
+"""A rover on soft ground: what statics and energy demand."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
+
+from polarsim.errors import FormatError, RoverError
+from polarsim.rover.drive.control import Command
+from polarsim.rover.drive.energy import EnergyError, largest_step
+from polarsim.rover.drive.simulation import Simulation
+from polarsim.rover.drive.state import OffGridError, Start
+from polarsim.rover.soil.law import read_soil
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.vehicle.table import read_vehicle
+from polarsim.rover.world.stitch import _with_rocks
+from polarsim.rover.world.surface import bare_world
+
+CONFIG = Path(__file__).parents[3] / "config"
+VIPER = read_vehicle(CONFIG / "viper.yaml")
+
+
+@pytest.fixture
+def soil():
+    return read_soil(CONFIG / "soils.csv", "lunar")
+
+
+def flat(length: float = 4.0, slope_deg: float = 0.0):
+    """Ground that rises along x, the middle at x = y = 0."""
+    columns, rows = round(length / 0.02) + 1, 121
+    x = -length / 2 + 0.02 * np.arange(columns)
+    return bare_world(np.tile(math.tan(math.radians(slope_deg)) * x, (rows, 1)), 0.02, -length / 2, -1.2)
+
+
+def run(simulation: Simulation, seconds: float, command: Command | None = None) -> list:
+    """States every 10 ms."""
+    if command:
+        simulation.apply(command)
+    states = []
+    for _ in range(round(seconds / 0.01)):
+        simulation.advance(0.01)
+        states.append(simulation.state())
+    return states
+
+
+def test_at_rest_the_soil_bears_the_weight_and_an_accelerometer_reads_gravity(soil):
+    last = run(Simulation(flat(), VIPER, soil), 2.5)[-1]
+    np.testing.assert_allclose(last.wheel("load_n"), 430 * 1.62 / 4, rtol=2e-3)
+    np.testing.assert_allclose(last.acceleration, [0, 0, 1.62], atol=2e-3)
+    assert np.abs(last.velocity).max() < 1e-4
+    assert set(last.wheel("contact")) == {1}
+    # Bekker's wheel at rest, theta_1 = theta_2: half the soil of one that rolled in, so less deep than its 17 mm.
+    assert (last.wheel("sinkage_first_m") > 0.008).all()
+    assert (last.wheel("sinkage_first_m") < 0.017).all()
+
+
+def test_a_rover_let_down_on_rough_ground_sinks_as_on_level_ground(soil):
+    """Braked wheels that touch one after the other turn by hundredths of a millimetre: no slip that digs."""
+    rng = np.random.default_rng(0)
+    bumps = gaussian_filter(rng.normal(size=flat().level.shape), 5.0)
+    world = replace(flat(), level=bumps * (0.008 / bumps.std()))
+    last = run(Simulation(world, VIPER, soil, start=Start(0.0, 0.0, math.pi)), 2.0)[-1]
+    assert (last.wheel("sinkage_first_m") > 0.008).all()
+    assert (last.wheel("sinkage_first_m") < 0.025).all()
+
+
+def test_a_flat_drive_ripples_little_and_closes_its_energy(soil):
+    simulation = Simulation(flat(5.0), VIPER, soil, start=Start(-1.2))
+    run(simulation, 2.0)
+    simulation.zero()
+    states = run(simulation, 7.0, Command(0.2))
+    loads = np.array([state.wheel("load_n") for state in states[300:]])
+    assert loads.sum(axis=1).mean() == pytest.approx(430 * 1.62, rel=5e-3)
+    assert loads.sum(axis=1).std() / loads.sum(axis=1).mean() <= 0.04
+    assert all((state.wheel("contact") == 1).all() for state in states)
+    assert abs(simulation.account.open) < 0.003
+    assert abs(states[-1].position[1]) < 0.002
+    slips = np.mean([state.wheel("slip") for state in states[400:]], axis=0)
+    assert (slips > 0).all()
+    assert (slips < 0.12).all()
+
+
+def test_rovers_with_locked_wheels_do_not_creep_down_a_slope(soil):
+    """10 s after settling are 5 s here; the benchmark takes them all."""
+    simulation = Simulation(flat(slope_deg=15), VIPER, soil)
+    run(simulation, 2.0)
+    before = simulation.state().position
+    after = run(simulation, 5.0)[-1].position
+    assert np.linalg.norm(after - before) < 0.0005
+
+
+def test_the_same_commands_give_the_same_bytes(soil):
+    ends = []
+    for _ in range(2):
+        simulation = Simulation(flat(), VIPER, soil, start=Start(0.0, 0.013, 0.02))
+        run(simulation, 0.3)
+        run(simulation, 0.7, Command(0.2, 0.1))
+        ends.append(
+            (simulation.data.qpos.tobytes(), simulation.ground.state.tobytes(), simulation.state().wheels.tobytes())
+        )
+    assert ends[0] == ends[1]
+
+
+def test_a_saved_state_goes_on_to_the_same_bytes(soil, tmp_path):
+    whole = Simulation(flat(), VIPER, soil)
+    run(whole, 0.5, Command(0.2, 0.2))
+    whole.save(tmp_path / "state.npz")
+    other = Simulation.load(tmp_path / "state.npz", flat(), VIPER, soil)
+    assert other.state().row(0, 0).tobytes() == whole.state().row(0, 0).tobytes()
+    one, two = (run(simulation, 0.5)[-1].row(0, 0) for simulation in (whole, other))
+    assert one.tobytes() == two.tobytes()
+    assert whole.ground.state.tobytes() == other.ground.state.tobytes()
+
+
+def test_a_state_of_another_world_is_refused(soil, tmp_path):
+    Simulation(flat(), VIPER, soil).save(tmp_path / "state.npz")
+    with pytest.raises(FormatError, match=r"state\.npz: the state of another world"):
+        Simulation.load(tmp_path / "state.npz", flat(5.0), VIPER, soil)
+
+
+def test_a_bend_has_the_radius_that_was_commanded(soil):
+    simulation = Simulation(flat(5.0), VIPER, soil)
+    run(simulation, 1.0)
+    states = run(simulation, 4.0, Command(0.2, 0.3))
+    turned = states[-1].heading - states[-150].heading
+    path = sum(
+        np.linalg.norm(two.position - one.position) for one, two in zip(states[-150:], states[-149:], strict=False)
+    )
+    # Slip angles on soft soil open or close a bend by some per cent.
+    assert turned / path == pytest.approx(2 * math.tan(0.3) / VIPER.wheelbase, rel=0.12)
+
+
+def test_a_point_turn_turns_left_and_stays(soil):
+    simulation = Simulation(flat(), VIPER, soil)
+    run(simulation, 1.0)
+    states = run(simulation, 5.0, Command(0.15, 0.0, "turn"))
+    assert states[-1].heading > 0.2
+    assert np.hypot(*states[-1].position[:2]) < 0.05
+
+
+def test_a_step_too_large_for_the_stiffness_is_refused(soil):
+    with pytest.raises(RoverError, match=r"step of 4 ms is too large for an elastic stiffness of 2e\+08 Pa/m"):
+        Simulation(flat(), VIPER, soil, SoilOptions(step_s=0.004))
+    softer = replace(soil, K_e=2e7)
+    assert largest_step(VIPER, softer.law(), 1.62) > 0.004
+
+
+def test_energy_from_nowhere_ends_a_run(soil):
+    simulation = Simulation(flat(), VIPER, soil, SoilOptions(energy_bound=0.01))
+    run(simulation, 0.5)
+    simulation.zero()
+    run(simulation, 2.0, Command(0.2))
+    simulation.data.qvel[0] += 1.0  # a push that no motor gave
+    simulation._mujoco.mj_step1(simulation.model, simulation.data)
+    with pytest.raises(EnergyError, match=r"% of the energy is missing, 1 % may be"):
+        run(simulation, 0.1)
+
+
+def test_a_rover_that_would_leave_the_ground_is_stopped_before(soil):
+    with pytest.raises(OffGridError, match=r"leaves the ground"):
+        Simulation(flat(), VIPER, soil, start=Start(1.9))
+    simulation = Simulation(flat(2.6), VIPER, soil)
+    with pytest.raises(OffGridError, match=r"leaves the ground"):
+        run(simulation, 9.0, Command(0.3))
+
+
+def test_a_wheel_stands_on_rock_where_there_is_rock(soil):
+    import trimesh
+
+    from polarsim.formats import obj
+    from polarsim.rover.world.options import WorldOptions
+    from polarsim.rover.world.stitch import Terrain
+
+    box = trimesh.creation.box((0.5, 0.5, 0.2)).subdivide()
+    rock = obj.Mesh(np.asarray(box.vertices) + np.array([0.642, 0.61, -0.08]), np.asarray(box.faces))
+    ground = obj.Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
+    world = _with_rocks(flat(), [Terrain(4, ground, {1: rock})], WorldOptions(terrains=(4,)))
+    last = run(Simulation(world, VIPER, soil), 3.0)[-1]
+    assert list(last.wheel("contact")) == [2, 1, 1, 1]
+    assert last.wheel("load_n").sum() == pytest.approx(430 * 1.62, rel=0.01)
+    # The wheel stands on the box's top, 2 cm above the ground.
+    assert last.wheel("z_m")[0] == pytest.approx(0.27, abs=0.003)
+
+
+def test_without_mujoco_one_line_names_what_to_install(monkeypatch, soil):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(RoverError, match=r"pip install 'polarsim\[rover\]'"):
+        Simulation(flat(), VIPER, soil)

@@ -1,0 +1,61 @@
+"""Figures of drives, with intervals over seeds."""
+
+import numpy as np
+import pytest
+
+from polarsim.rover.drive.table import TABLE_COLUMNS, drive_figures, drive_table, interval
+from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks, trace_table
+from polarsim.rover.world.surface import bare_world
+
+
+def trace(seed: int, offset: float, control: str = "heading") -> Trace:
+    """Four rows in motion: the left front wheel on a rock in one of them, at slip 0.1 on soil, 0.9 on rock."""
+    rows = np.zeros((4, len(COLUMNS)))
+    rows[:, COLUMNS.index("command_speed_m_s")] = 0.2
+    rows[:, COLUMNS.index("offset_m")] = offset
+    rows[:, [COLUMNS.index(f"{wheel}_contact") for wheel in ("lf", "rf", "lr", "rr")]] = 1
+    rows[2, COLUMNS.index("lf_contact")] = 2
+    rows[:, COLUMNS.index("lf_slip")] = [0.1, 0.1, 0.9, 0.1]
+    rows[:, COLUMNS.index("rr_torque_n_m")] = [4, 6, 4, 6]
+    drive = {
+        "seed": seed, "ended": "finished", "seconds": 5.0, "along_m": 2.0, "energy_open": -0.001,
+        "options": {"drive": {"control": control}},
+        "energy_j": {"motor": 40.0, "motor_of": {"lf": 10.0, "rf": 10.0, "lr": 10.0, "rr": 10.0}},
+    }  # fmt: skip
+    tracks = Tracks(np.zeros(0), np.zeros(1, int), np.zeros(0, np.int32), np.zeros(0, np.float32))
+    return Trace(trace_table(rows), bare_world(np.zeros((2, 2)), 1.0, 0.0, 0.0), tracks, drive)
+
+
+def value(table, figure: str, wheel: str = "all", column: str = "value") -> float:
+    return float(table[(table["figure"] == figure) & (table["wheel"] == wheel)][column].iloc[0])
+
+
+def test_slip_counts_on_soil_and_time_on_rocks_where_any_wheel_is():
+    figures = drive_figures(trace(0, 0.01))
+    assert value(figures, "slip", "lf") == pytest.approx(0.1)
+    assert value(figures, "time on a rock", "lf") == 25
+    assert value(figures, "time on a rock", "rr") == 0
+    assert value(figures, "time on a rock") == 25
+    assert value(figures, "torque", "rr") == 5
+    assert value(figures, "energy") == 20
+    assert value(figures, "energy", "lr") == 5
+    assert value(figures, "offset, RMS") == pytest.approx(10)
+
+
+def test_an_interval_is_students():
+    # t(0.975, 2) = 4.3027; s = 1, n = 3.
+    assert interval(np.array([1.0, 2.0, 3.0])) == pytest.approx((2 - 4.3027 / 3**0.5, 2 + 4.3027 / 3**0.5), abs=1e-4)
+    assert np.isnan(interval(np.array([1.0]))).all()
+
+
+def test_control_laws_stand_beside_each_other():
+    table = drive_table([trace(0, 0.01), trace(1, 0.03), trace(0, 0.08, "P-only")])
+    assert tuple(table.columns) == TABLE_COLUMNS
+    for control, mean, seeds in (("heading", 20, 2), ("P-only", 80, 1)):
+        part = table[table["control"] == control]
+        assert value(part, "offset, RMS", column="mean") == pytest.approx(mean)
+        assert value(part, "offset, RMS", column="seeds") == seeds
+
+
+def test_no_drive_makes_an_empty_table():
+    assert tuple(drive_table([]).columns) == TABLE_COLUMNS

@@ -1,0 +1,206 @@
+"""Bags: they read back with the library's own reader, and the same drive has the same bytes."""
+
+import tracemalloc
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.errors import FormatError
+from polarsim.rover.drive.trace import write_trace
+from polarsim.rover.exchange import messages
+from polarsim.rover.exchange.bag import picked, write_bag
+from polarsim.rover.exchange.options import BagOptions
+from polarsim.rover.exchange.ros2 import DEFINITIONS, definition
+from polarsim.rover.vehicle.table import read_vehicle
+from tests.rover.drives import SPEED, straight_drive, write_drive
+
+pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
+
+VEHICLE = read_vehicle(Path(__file__).parents[3] / "config/viper.yaml")
+VIEWS = ("front_end_cam", "CamBirdViewLeft")
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("drive")
+    write_drive(folder, VEHICLE, VIEWS)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bag(drive) -> Path:
+    write_bag(drive, drive / "drive.mcap", VEHICLE, BagOptions())
+    return drive / "drive.mcap"
+
+
+def read(path: Path) -> dict[str, list]:
+    """Messages by topic, as the library's reader gives them."""
+    from mcap_ros2.reader import read_ros2_messages
+
+    found: dict[str, list] = {}
+    for message in read_ros2_messages(str(path)):
+        found.setdefault(message.channel.topic, []).append(message)
+    return found
+
+
+def test_every_topic_reads_back(bag):
+    counts = {topic: len(found) for topic, found in read(bag).items()}
+    seconds, pictures = 2.0, 6  # every second of eleven picture times
+    states = round(seconds * 50) + 1
+    assert counts == {
+        "/tf_static": 1,
+        "/tf": states + pictures,  # the bird's view follows the rover on its own
+        "/odom": states,
+        "/joint_states": states,
+        "/wheels/state": states,
+        "/imu": 201,
+        "/imu/truth": 201,
+        "/terrain/height": 2,
+        **{
+            f"/{view}/{topic}": pictures
+            for view in VIEWS
+            for topic in ("image/compressed", "camera_info", "truth", "detections")
+        },
+    }
+
+
+def test_the_same_drive_has_the_same_bytes(bag, drive, tmp_path):
+    write_bag(drive, tmp_path / "again.mcap", VEHICLE, BagOptions())
+    assert (tmp_path / "again.mcap").read_bytes() == bag.read_bytes()
+
+
+def test_messages_lie_in_the_order_of_their_stamps(bag):
+    from mcap.reader import NonSeekingReader
+
+    with bag.open("rb") as file:
+        times = [message.log_time for _, _, message in NonSeekingReader(file).iter_messages(log_time_order=False)]
+    assert times == sorted(times)
+    assert times[0] == 1_000_000_000
+
+
+def test_pictures_are_the_files_byte_for_byte(bag, drive):
+    for number, message in enumerate(read(bag)["/front_end_cam/image/compressed"]):
+        assert bytes(message.ros_msg.data) == (drive / f"front_end_cam/1_hapke_0256/{2 * number:05d}.png").read_bytes()
+        assert message.ros_msg.header.frame_id == "front_end_cam_optical"
+
+
+def test_a_camera_of_a_sixteenth_has_a_sixteenth_of_the_focal_length(bag):
+    info = read(bag)["/front_end_cam/camera_info"][0].ros_msg
+    assert (info.width, info.height) == (121, 76)
+    assert info.k[0] == pytest.approx(2066 / 16)
+    assert info.k[2] == pytest.approx(121 / 2 - 0.5)  # ROS counts from the first pixel's centre
+
+
+def test_the_rover_drives_forward_in_its_own_frame(bag):
+    odometry = read(bag)["/odom"][-1].ros_msg
+    assert odometry.pose.pose.position.x == pytest.approx(1 - 2 * SPEED)
+    assert odometry.twist.twist.linear.x == pytest.approx(SPEED)
+    assert odometry.header.stamp.sec == 3
+
+
+def test_frames_chain_from_the_map_to_each_wheel(bag):
+    found = read(bag)
+    parents = {
+        frame.child_frame_id: frame.header.frame_id
+        for topic in ("/tf_static", "/tf")
+        for message in found[topic]
+        for frame in message.ros_msg.transforms
+    }
+    for last in ("lf_wheel", "rr_wheel", "ncl_optical", "CamBirdViewLeft_optical"):
+        frame, steps = last, 0
+        while frame != "map":
+            frame, steps = parents[frame], steps + 1
+            assert steps < 10
+    assert parents["lf_wheel"] == "lf_upright"
+
+
+def test_detections_are_what_a_judge_saw_and_truth_what_is_there(bag):
+    found = read(bag)
+    truth = found["/front_end_cam/truth"]
+    assert [len(message.ros_msg.detections) for message in truth] == [1] * 6
+    one = truth[0].ros_msg.detections[0]
+    assert (one.id, one.results[0].hypothesis.class_id) == ("7", "rock")
+    assert (one.bbox.center.position.x, one.bbox.center.position.y) == (19.5, 34.5)
+    assert (one.bbox.size_x, one.bbox.size_y) == (20, 30)
+    seen = [len(message.ros_msg.detections) for message in found["/front_end_cam/detections"]]
+    assert seen == [1, 0, 1, 0, 1, 0]
+    assert found["/front_end_cam/detections"][0].ros_msg.detections[0].results[0].hypothesis.score == 0.75
+
+
+def test_noise_is_on_one_topic_of_the_imu_alone(bag):
+    found = read(bag)
+    true = np.array([m.ros_msg.linear_acceleration.z for m in found["/imu/truth"]])
+    read_by_sensor = np.array([m.ros_msg.linear_acceleration.z for m in found["/imu"]])
+    assert (true == 1.62).all()
+    assert np.std(read_by_sensor - true) == pytest.approx(0.01, rel=0.25)  # 201 readings
+    assert found["/imu"][0].ros_msg.orientation_covariance[0] == -1
+
+
+def test_wheels_tell_what_they_stand_on(bag):
+    wheels = read(bag)["/wheels/state"][0].ros_msg.wheels
+    assert [wheel.name for wheel in wheels] == ["lf", "rf", "lr", "rr"]
+    assert [wheel.contact for wheel in wheels] == [0, 1, 2, 3]
+    assert wheels[2].slip == pytest.approx(0.03)
+
+
+def test_joints_have_the_rates_of_their_positions(bag):
+    joints = read(bag)["/joint_states"][10].ros_msg
+    assert list(joints.name[:3]) == ["lf_lift", "lf_steer", "lf_spin"]
+    assert joints.velocity[:3] == pytest.approx([0.01, 0.0, SPEED / 0.25])
+
+
+def test_a_height_lies_where_the_grid_map_says():
+    level = np.arange(12.0).reshape(3, 4)  # rows along y, columns along x
+    found = messages.grid_map(0, level, 0.5, x0=10.0, y0=-2.0)
+    position, data = found["info"]["pose"]["position"], found["data"][0]["data"]
+    rows = found["data"][0]["layout"]["dim"][1]["size"]
+    for i in range(4):  # grid_map: row i towards -x, column j towards -y, from the corner of greatest x and y
+        for j in range(3):
+            x = position["x"] + found["info"]["length_x"] / 2 - 0.5 * (i + 0.5)
+            y = position["y"] + found["info"]["length_y"] / 2 - 0.5 * (j + 0.5)
+            assert data[j * rows + i] == level[round((y + 2) / 0.5), round((x - 10) / 0.5)]
+
+
+def test_pictures_of_another_shape_are_refused_by_name(tmp_path):
+    from polarsim.formats import png
+
+    write_drive(tmp_path, VEHICLE)
+    png.write(tmp_path / "front_end_cam/1_hapke_0256/00004.png", np.zeros((50, 121), np.uint16))
+    png.write(tmp_path / "front_end_cam/1_hapke_0256/00000.png", np.zeros((50, 121), np.uint16))
+    with pytest.raises(FormatError, match=r"00000\.png: 121 x 50 px, camera front_end_cam has 1936 x 1216"):
+        write_bag(tmp_path, tmp_path / "drive.mcap", VEHICLE, BagOptions())
+    assert not list(tmp_path.glob("*.mcap"))
+
+
+def test_memory_does_not_grow_with_the_drive(tmp_path):
+    peaks = []
+    for seconds in (4.0, 16.0):
+        folder = tmp_path / str(seconds)
+        write_trace(folder, straight_drive(seconds, log_hz=25))
+        tracemalloc.start()
+        write_bag(folder, folder / "drive.mcap", VEHICLE, BagOptions(state_hz=5, imu_hz=25, height_hz=5))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < peaks[0] + 2e6  # bytes; the messages' own are 4 times as many
+
+
+@given(st.floats(1, 200), st.floats(1, 200), st.integers(2, 400))
+def test_a_rate_is_met_or_all_there_is_is_taken(log_hz, hz, count):
+    times = np.arange(count) / log_hz
+    chosen = picked(times, hz)
+    assert chosen[0] == 0
+    assert abs(len(chosen) - min(count, times[-1] * hz + 1)) <= 1 + 1e-6 * count
+
+
+@pytest.mark.parametrize("name", sorted(DEFINITIONS))
+def test_every_definition_carries_all_that_it_is_made_of(name):
+    from mcap_ros2._dynamic import generate_dynamic, serialize_dynamic
+
+    text = definition(name)
+    zero = serialize_dynamic(name, text)[name]({})
+    generate_dynamic(name, text)[name](zero)  # an unknown part would raise
+    assert Counter(text.splitlines())["=" * 80] == text.count("MSG: ")

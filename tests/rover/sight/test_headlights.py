@@ -1,0 +1,136 @@
+"""The rover's own lights: how much they send where, and what is seen by them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.errors import ConfigError
+from polarsim.formats.instances import GROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.vectors import length
+from polarsim.render.lamps import Lamp, Spot
+from polarsim.render.layers import NO_LAMP, made_by_device
+from polarsim.render.options import RenderOptions
+from polarsim.rover.sight.bodywork import body_of
+from polarsim.rover.sight.cameras import Sight
+from polarsim.rover.sight.headlights import SUN_IN_BAND_W_M2, headlights
+from polarsim.rover.sight.options import SightOptions
+from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.table import LightPart
+from tests.rover import driven
+
+FORE = ("hazlight_fore_port", "hazlight_fore_starboard")
+SMALL = {"views": (FRONT,), "scale": 0.1, "finer": 2, "far_m": 10.0, "models": ("hapke",), "stars": "none"}
+
+
+def light(**changes):
+    return LightPart(**{"name": "lamp", "position_m": (0, 0, 0), "beam_deg": 90, "power_w": 12, **changes})
+
+
+@given(beam_deg=st.floats(5, 170), power_w=st.floats(0.1, 500))
+def test_all_that_a_light_radiates_goes_through_a_sphere_around_it(beam_deg, power_w):
+    here = {"base_link": Pose.identity()}
+    lamp = headlights([light(beam_deg=beam_deg, power_w=power_w, yaw_deg=90)], here)["lamp"]
+    off = np.radians(np.linspace(0, 90, 200_001))
+    points = 2.5 * np.stack([np.zeros_like(off), np.cos(off), np.sin(off)], axis=1)  # about +y
+    _, irradiance = lamp.light_at(points, falloff=True)
+    through = np.trapezoid(irradiance * 2 * np.pi * 2.5**2 * np.sin(off), off) * SUN_IN_BAND_W_M2
+    assert through == pytest.approx(power_w, rel=1e-4)
+
+
+@given(beam_deg=st.floats(5, 170), yaw_deg=st.floats(-180, 180), pitch_deg=st.floats(-90, 90))
+def test_half_the_beam_off_the_axis_there_is_half_the_light_and_behind_there_is_none(beam_deg, yaw_deg, pitch_deg):
+    own = light(beam_deg=beam_deg, yaw_deg=yaw_deg, pitch_deg=pitch_deg, position_m=(0.5, -0.2, 1.0))
+    lamp = headlights([own], {"base_link": Pose.identity()})["lamp"]
+    yaw, pitch = np.radians([yaw_deg, pitch_deg])  # down is positive
+    axis = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)])
+    np.testing.assert_allclose(lamp.axis, axis, atol=1e-12)
+    across = np.cross(axis, [0.3, 0.5, 0.8])
+    across /= np.linalg.norm(across)
+    half = np.radians(beam_deg / 2)
+    towards = np.stack([axis, np.cos(half) * axis + np.sin(half) * across, -axis])
+    to_lamp, irradiance = lamp.light_at(np.add(own.position_m, 3 * towards), falloff=True)
+    np.testing.assert_allclose(to_lamp, -3 * towards, atol=1e-12)
+    np.testing.assert_allclose(irradiance / irradiance[0], [1, 0.5, 0], atol=1e-9)
+
+
+def test_a_spot_falls_off_with_the_square_of_the_distance():
+    lamp = Spot(np.zeros(3), axis=np.array([0.0, 0, -1]), beam_deg=60)
+    points = np.array([[0.1, 0, -1], [0.2, 0, -2]], np.float32)
+    to_lamp, irradiance = lamp.light_at(points, falloff=True)
+    assert irradiance.dtype == np.float32
+    np.testing.assert_allclose(length(to_lamp)[1] / length(to_lamp)[0], 2, rtol=1e-6)
+    np.testing.assert_allclose(irradiance[0] / irradiance[1], 4, rtol=1e-5)
+
+
+def test_beams_are_not_left_to_the_device_whose_lamps_shine_everywhere():
+    options = RenderOptions(engine="taichi", rays="taichi")
+    assert made_by_device(options, {"lamp": Lamp(np.zeros(3))})
+    assert not made_by_device(options, {"lamp": Spot(np.zeros(3))})
+
+
+def test_no_light_of_the_table_stands_inside_the_body():
+    vehicle = driven.vehicle()
+    body = body_of(vehicle)
+    for part in vehicle.lights:
+        place = np.array(part.position_m)
+        for solid in body.solids:
+            if solid.link == part.link:
+                low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
+                assert not ((low < place) & (place < high)).all(), part.name
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return driven.trace(seconds=1.0)
+
+
+def seen(drive, vehicle=None, **changes):
+    """What the front camera sees under Sun 1, behind the rover, unless changed."""
+    options = SightOptions(**{**SMALL, "suns": ("1",), **changes})
+    own = Sight(drive, vehicle or driven.vehicle(), options)
+    own.show(3)
+    return own.render(FRONT, options.suns)
+
+
+def test_light_of_sun_and_rover_adds_up(drive):
+    sun, both = seen(drive), seen(drive, suns=("1", "night"), lights=FORE)
+    np.testing.assert_allclose(
+        both.layers["hapke", "1"], sun.layers["hapke", "1"] + both.layers["hapke", "night"], atol=1e-6
+    )
+    np.testing.assert_array_equal(both.ids["1"], sun.ids["1"])
+
+
+def test_a_light_may_have_a_suns_name(drive):
+    vehicle = driven.vehicle()
+    lights = tuple(part.model_copy(update={"name": "1"}) if part.name == FORE[0] else part for part in vehicle.lights)
+    named = seen(drive, vehicle.model_copy(update={"lights": lights}), lights=("1",))
+    as_before = seen(drive, lights=FORE[:1])
+    np.testing.assert_array_equal(named.layers["hapke", "1"], as_before.layers["hapke", "1"])
+    np.testing.assert_array_equal(named.ids["1"], as_before.ids["1"])
+
+
+def test_lights_reach_into_the_rovers_own_shadow(drive):
+    sun, both = seen(drive), seen(drive, lights=FORE)
+    dark = (sun.ids[NO_LAMP] == GROUND) & (sun.layers["hapke", "1"] == 0)
+    assert dark.mean() > 0.1
+    assert (both.layers["hapke", "1"][dark] > 0).mean() > 0.5
+
+
+def test_at_night_rocks_are_known_and_no_shadows(drive):
+    night = seen(drive, suns=("night",), lights=FORE)
+    ids = night.ids["night"]
+    assert (ids >= ROCK_IDS).any()
+    assert not (ids >= SHADOW_IDS).any()
+    assert (night.layers["hapke", "night"][ids == GROUND] > 0).mean() > 0.5
+
+
+def test_a_night_without_lights_is_refused():
+    with pytest.raises(ValueError, match=r"at night the rover sees by `lights` alone, and none is named"):
+        SightOptions(suns=("night",))
+
+
+def test_an_unknown_light_is_refused(drive):
+    with pytest.raises(ConfigError, match="no light 'torch' on viper, there are navlight_left"):
+        Sight(drive, driven.vehicle(), SightOptions(lights=("torch",)))

@@ -1,0 +1,49 @@
+"""The ground that a drive does not change, and how it goes on beyond the grid."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from polarsim.rover.sight.stage import still_ground
+from polarsim.rover.sight.tracks import Lattice
+
+CELL = 0.02
+SHAPE = (120, 150)
+
+
+@pytest.fixture
+def lattice(rng):
+    rough = ndimage.gaussian_filter(rng.normal(0, 1, SHAPE), 1.5)
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]] * CELL
+    return Lattice(0.3, -0.7, CELL, 0.01 * rough / rough.std() + 0.02 * x - 0.03 * y)
+
+
+def grid(vertices, axis):
+    """Vertices by place: (rows, columns)."""
+    columns = len(np.unique(vertices[:, 0]))
+    return vertices.reshape(-1, columns, 3)[..., axis]
+
+
+def test_inside_the_grid_it_is_the_grid_and_covered_cells_are_left_out(lattice):
+    covered = np.zeros((SHAPE[0] - 1, SHAPE[1] - 1), bool)
+    vertices, faces, _ = still_ground(lattice, covered, 0.0)
+    np.testing.assert_allclose(grid(vertices, 2), lattice.level)
+    np.testing.assert_allclose(vertices[0, :2], [0.3, -0.7])
+    assert len(faces) == 2 * covered.size
+    covered[3:5, 7:10] = True
+    assert len(still_ground(lattice, covered, 0.0)[1]) == 2 * (covered.size - 6)
+
+
+def test_beyond_it_the_rims_heights_fade_and_show_no_rays(lattice):
+    vertices, _, _ = still_ground(lattice, np.zeros((SHAPE[0] - 1, SHAPE[1] - 1), bool), 20.0)
+    y, z = grid(vertices, 1), grid(vertices, 2)
+    count = (z.shape[0] - SHAPE[0]) // 2
+    inner = slice(count, count + SHAPE[1])
+    np.testing.assert_allclose(z[count, inner], lattice.level[0])
+    rim = np.abs(np.diff(z[count, inner])).mean()
+    away = lattice.y0 - y[:count, 0]
+    steps = np.abs(np.diff(z[:count, inner], axis=1)).mean(axis=1)
+    assert steps[-1] > 0.7 * rim  # close by it goes on as it was
+    assert (steps[away > 0.3] < 0.1 * rim).all()
+    assert np.abs(z[0] - np.median(z[0])).max() < 1e-6  # flat in the distance
+    assert np.abs(np.diff(z, axis=0)[:count]).max() < 0.05

@@ -1,0 +1,44 @@
+"""The Suns of a drive: the paper's four, and the real one."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from polarsim.errors import RoverError
+from polarsim.render.views.moon import sun_over
+from polarsim.rover.sight.options import RealSun, SightOptions
+from polarsim.rover.sight.suns import suns_of
+
+
+def test_the_paper_names_four_suns_from_east_over_south_to_west():
+    found = suns_of(SightOptions())
+    assert [round(sun.azimuth_deg) for sun in found.values()] == [0, 315, 225, 180]
+    east, southeast = (found[name].lamp.position for name in "12")
+    assert east[0] > 0
+    assert abs(east[1]) < 1e-9 * east[0]
+    assert southeast[0] > 0 > southeast[1]
+    np.testing.assert_allclose(np.degrees(np.arcsin(east[2] / np.linalg.norm(east))), 8)
+
+
+def real_sun(day):
+    return RealSun(latitude_deg=-85.4, longitude_deg=31, moment_utc=datetime(2026, 12, day, tzinfo=UTC))
+
+
+def test_the_real_sun_near_the_pole_is_low_and_stands_where_it_does_that_day():
+    sun = suns_of(SightOptions(suns=(), real_sun=real_sun(21)))["real"]
+    assert 5 < sun.elevation_deg < 6.3  # never above 6.2 at that latitude
+    compass, elevation = sun_over(-85.4, 31, datetime(2026, 12, 21, tzinfo=UTC))
+    towards = sun.lamp.position / np.linalg.norm(sun.lamp.position)
+    np.testing.assert_allclose(np.degrees(np.arctan2(towards[0], towards[1])) % 360, compass, atol=1e-6)  # from north
+    np.testing.assert_allclose(np.degrees(np.arcsin(towards[2])), elevation, atol=1e-6)
+
+
+def test_the_real_sun_by_night_is_refused():
+    with pytest.raises(RoverError, match=r"3\.1 degrees below the horizon at 2026-12-06"):
+        suns_of(SightOptions(suns=(), real_sun=real_sun(6)))
+
+
+def test_no_sun_is_refused():
+    with pytest.raises(RoverError, match="no Sun"):
+        suns_of(SightOptions(suns=()))

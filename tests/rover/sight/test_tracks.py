@@ -1,0 +1,179 @@
+"""Ruts in pictures: smooth between nodes, still where nothing changed, the same whatever was shown before."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from polarsim.rover.sight.tracks import TILE, Lattice, Tracks, spline_weights, tile_faces
+from polarsim.rover.soil import bulldozing
+from polarsim.rover.soil.bulldozing_numba import settle as fast_settle
+from polarsim.rover.soil.nodes import LEVEL, make_ground
+
+CELL = 0.02
+
+
+def hills(rows=97, columns=129):
+    y, x = np.mgrid[:rows, :columns] * CELL
+    return Lattice(-0.5, 0.3, CELL, 0.03 * np.sin(2 * x) * np.cos(3 * y))
+
+
+def rutted(lattice, columns=slice(30, 90)):
+    level = lattice.level.copy()
+    level[40:50, columns] -= 0.016
+    return level
+
+
+def tracks(lattice, finer=3):
+    return Tracks(lattice, rutted(lattice) != lattice.level, finer, 36)
+
+
+def heights(own, number):
+    return own.mesh(number)[0][:, 2].reshape(own.side, own.side)
+
+
+@settings(max_examples=15, deadline=None)
+@given(place=st.floats(0, 5), finer=st.integers(1, 5))
+def test_splines_give_back_straight_lines(place, finer):
+    weights, derivative = spline_weights(6, finer)
+    nodes = place + 0.3 * np.arange(-1, 8)
+    fine = np.arange(6 * finer + 1) / finer
+    np.testing.assert_allclose(weights @ nodes, place + 0.3 * fine, atol=1e-9)
+    np.testing.assert_allclose(derivative @ nodes, 0.3, atol=1e-9)
+    assert weights.min() >= 0  # so that they cannot overshoot
+
+
+@settings(max_examples=15, deadline=None)
+@given(finer=st.integers(1, 5), seed=st.integers(0, 99))
+def test_fine_ground_goes_through_the_nodes_and_continues_slopes(finer, seed):
+    y, x = np.mgrid[:20, :30] * CELL
+    hill = 0.02 * np.sin(8 * x + seed) * np.cos(7 * y)
+    lattice = Lattice(0.0, 0.0, CELL, hill + 0.1 * x - 0.05 * y)
+    fine = lattice.refined(finer)
+    np.testing.assert_allclose(fine.level[::finer, ::finer], lattice.level, atol=1e-12)
+    y, x = np.mgrid[: fine.level.shape[0], : fine.level.shape[1]] * fine.cell
+    true = 0.02 * np.sin(8 * x + seed) * np.cos(7 * y) + 0.1 * x - 0.05 * y
+    assert np.abs(fine.level - true).max() < 2e-6  # flat cells are off by 1e-4 in their middle
+
+
+def test_flat_cells_do_not_show_under_a_low_sun(rng):
+    nodes = ndimage.gaussian_filter(rng.normal(0, 1, (60, 60)), 1.5)
+    lattice = Lattice(0.0, 0.0, CELL, 0.0025 * nodes / nodes.std())
+    towards_sun = np.array([np.cos(np.radians(8)), 0, np.sin(np.radians(8))])
+
+    def leap(finer):
+        """How bright smooth shading would have the faces that just look away: what shows as an edge."""
+        own = Tracks(lattice, np.ones(lattice.level.shape, bool), finer, 36)
+        light = []
+        for number in range(len(own.tiles)):
+            vertices, normals = own.mesh(number)
+            corners = vertices[tile_faces(own.side)]
+            planes = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            away = planes @ towards_sun < 0
+            light.append((normals[tile_faces(own.side)].mean(axis=1) @ towards_sun)[away])
+        return np.maximum(np.concatenate(light), 0).mean()
+
+    assert leap(4) < 0.2 * leap(1)
+
+
+def test_untouched_tiles_continue_the_still_ground():
+    lattice = hills()
+    own = tracks(lattice)
+    for number, (row, column) in enumerate(own.tiles):
+        window = (slice(3 * row, 3 * row + own.side), slice(3 * column, 3 * column + own.side))
+        np.testing.assert_allclose(heights(own, number), own.fine.level[window], atol=1e-12)
+
+
+def test_tiles_meet_without_a_gap_while_the_rut_runs_through_them():
+    lattice = hills()
+    own = tracks(lattice)
+    own.show(rutted(lattice))
+    of_place = {}
+    for number in range(len(own.tiles)):
+        vertices, normals = own.mesh(number)
+        for vertex, normal in zip(np.round(vertices, 6), normals, strict=True):
+            key = tuple(vertex[:2])
+            before = of_place.setdefault(key, (vertex[2], normal))
+            np.testing.assert_allclose(vertex[2], before[0], atol=1e-9)
+            np.testing.assert_allclose(normal, before[1], atol=1e-6)
+
+
+def test_at_the_rim_of_the_tiles_nothing_changes():
+    lattice = hills()
+    own = tracks(lattice)
+    own.show(rutted(lattice))
+    covered = own.covered
+    assert covered.sum() == len(own.tiles) * (own.side - 1) ** 2
+    rim = [n for n, (r, c) in enumerate(own.tiles) if not covered[own.finer * r - 1, own.finer * c]]
+    assert rim
+    for number in rim:
+        row, column = (own.finer * first for first in own.tiles[number])
+        before = own.fine.level[row, column : column + own.side]
+        np.testing.assert_allclose(heights(own, number)[0], before, atol=1e-12)
+
+
+def test_normals_are_those_of_the_surface_that_is_shown():
+    lattice = hills()
+    own = tracks(lattice, finer=8)
+    own.show(rutted(lattice))
+    number = len(own.tiles) // 2
+    z, fine = heights(own, number), CELL / 8
+    along_y, along_x = np.gradient(z, fine)
+    normals = own.mesh(number)[1].reshape(own.side, own.side, 3)
+    inner = (slice(2, -2), slice(2, -2))
+    np.testing.assert_allclose((-normals[..., 0] / normals[..., 2])[inner], along_x[inner], atol=0.05)
+    np.testing.assert_allclose((-normals[..., 1] / normals[..., 2])[inner], along_y[inner], atol=0.05)
+
+
+def test_only_tiles_near_a_change_are_built_anew():
+    lattice = hills()
+    own = tracks(lattice)
+    own.show(rutted(lattice))
+    assert own.show(rutted(lattice)) == []
+    moved = rutted(lattice)
+    moved[45, 80] -= 0.001
+    again = own.show(moved)
+    assert 0 < len(again) <= 4
+    assert any(r <= 45 <= r + TILE and c <= 80 <= c + TILE for r, c in (own.tiles[n] for n in again))
+
+
+def test_a_moment_looks_the_same_whatever_was_shown_before():
+    lattice = hills()
+    one, other = tracks(lattice), tracks(lattice)
+    for end in (50, 60, 75):
+        one.show(rutted(lattice, slice(30, end)))
+    one.show(rutted(lattice))
+    other.show(rutted(lattice))
+    for number in range(len(one.tiles)):
+        np.testing.assert_array_equal(one.mesh(number)[0], other.mesh(number)[0])
+
+
+def test_no_wall_of_a_rut_is_steeper_than_sand_lies():
+    lattice = Lattice(0, 0, CELL, np.zeros((97, 129)))
+    level = lattice.level.copy()
+    level[40:50, 30:90] -= 0.05
+    own = Tracks(lattice, level != 0, 4, 36)
+    own.show(level)
+    up = min(own.mesh(number)[1][:, 2].min() for number in range(len(own.tiles)))
+    assert (
+        np.degrees(np.arccos(up)) < 46
+    )  # the angle along one axis; sliding along both leaves corners 1.4 times so steep
+
+
+def test_compiled_settling_obeys_the_reference(rng):
+    level = np.cumsum(rng.normal(0, 0.01, (40, 50)), axis=1)
+    grounds = [make_ground(np.zeros((40, 50)), CELL) for _ in range(2)]
+    for ground in grounds:
+        ground.state[..., LEVEL] = level
+    bulldozing.settle(grounds[0])
+    fast_settle(grounds[1])
+    np.testing.assert_allclose(grounds[1].level, grounds[0].level, atol=1e-12)
+
+
+def test_tiles_face_up():
+    side = 5
+    y, x = np.mgrid[:side, :side]
+    corners = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)[tile_faces(side)].astype(float)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert len(normals) == 2 * (side - 1) ** 2
+    assert (normals[:, 2] > 0).all()

@@ -1,0 +1,76 @@
+"""Soils by name, and what gravity makes of them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.errors import FormatError, RoverError
+from polarsim.rover.soil.law import read_soil, read_soils
+from polarsim.rover.soil.limit import steady_wheel
+from polarsim.rover.soil.shapes import Wheel
+
+SOILS = Path(__file__).parents[3] / "config" / "soils.csv"
+
+
+WHEEL_A, WHEEL_B = Wheel(0.25, 0.20), Wheel(0.15735, 0.165)
+
+
+def table_with(tmp_path: Path, line: str) -> Path:
+    path = tmp_path / "soils.csv"
+    path.write_text(SOILS.read_text().splitlines()[0] + "\n" + line + "\n")
+    return path
+
+
+def test_every_soil_has_a_source_and_a_gravity():
+    soils = read_soils(SOILS)
+    assert {"lunar", "chrono-demo", "trec-grc3", "mgru3-tilt-bed"} <= set(soils)
+    assert all(soil.source and soil.gravity in (1.62, 9.81) for soil in soils.values())
+
+
+def test_an_unnamed_set_is_refused():
+    with pytest.raises(RoverError, match=r"soils\.csv: no soil 'mud', there are "):
+        read_soil(SOILS, "mud")
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        (",1e6,0,1,0,0,30,0.01,2e8,0,9.81,somebody", "without a name"),
+        ("mud,1e6,0,1,0,0,30,0.01,2e8,0,9.81,", "has no source"),
+        ("mud,1e6,0,1,0,0,30,0.01,2e8,0,,somebody", "gravity is nan, a number was expected"),
+        ("mud,-1e6,0,1,0,0,30,0.01,2e8,0,9.81,somebody", "K_phi is -1e\\+06"),
+        ("mud,1e6,0,1,0,0,95,0.01,2e8,0,9.81,somebody", "phi_deg is 95"),
+        ("mud,1e6,0,1,0,0,30,0,2e8,0,9.81,somebody", "K is 0"),
+    ],
+)
+def test_a_set_that_is_no_soil_is_refused_with_its_reason(tmp_path, line, reason):
+    with pytest.raises(RoverError, match=reason):
+        read_soils(table_with(tmp_path, line))
+
+
+def test_a_table_without_sources_is_no_table_of_soils(tmp_path):
+    path = tmp_path / "soils.csv"
+    path.write_text("name,K_phi\nmud,1e6\n")
+    with pytest.raises(FormatError, match="K_c"):
+        read_soils(path)
+
+
+@settings(max_examples=20, deadline=None)
+@given(gravity=st.floats(0.5, 20), slip=st.floats(0, 0.7))
+def test_a_wheel_of_equal_mass_sinks_equally_deep_at_any_gravity(gravity, slip):
+    soil, mass = replace(read_soil(SOILS, "lunar"), K_e=4e9), 107.5
+    on_moon = steady_wheel(WHEEL_A, soil.law(), mass * 1.62, slip)
+    there = steady_wheel(WHEEL_A, soil.at_gravity(gravity).law(), mass * gravity, slip)
+    assert there.sinkage == pytest.approx(on_moon.sinkage, rel=1e-6)
+    assert there.pull / gravity == pytest.approx(on_moon.pull / 1.62, rel=1e-5, abs=1e-4)
+
+
+def test_constants_left_alone_let_a_wheel_sink_three_times_as_deep_on_earth():
+    law = read_soil(SOILS, "lunar").law(slip_sinkage=False)
+    ratio = (
+        steady_wheel(WHEEL_A, law, 107.5 * 9.81, 0.03).sinkage / steady_wheel(WHEEL_A, law, 107.5 * 1.62, 0.03).sinkage
+    )
+    assert 2.9 < ratio < 3.5

@@ -1,0 +1,76 @@
+"""Cameras on the rover: frames that follow each other as the contract says."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+
+from polarsim.geometry.poses import Pose
+from polarsim.render.views.cameras import pinhole
+from polarsim.rover.vehicle.mounts import FRONT, Mount, base_from_camera, heading, levelled, mount_of, pose_of
+from tests.rover import driven
+
+LENS = pinhole(44, 1936, 1216)
+places = arrays(float, 3, elements=st.floats(-20, 20))
+turns = arrays(float, 3, elements=st.floats(-1.5, 1.5))
+angles = st.floats(-80, 80)
+
+
+def poses():
+    return st.builds(Pose.from_rotvec, turns, places)
+
+
+def front(level=False):
+    return Mount("front", base_from_camera(np.array([0.6, 0, 1.3]), 0, 30, 0), LENS, level)
+
+
+def test_a_camera_that_looks_ahead_has_its_axes_along_the_rovers():
+    rotation = base_from_camera(np.zeros(3), 0, 0, 0).rotation
+    np.testing.assert_allclose(rotation, np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]), atol=1e-12)
+
+
+def test_a_camera_pitched_by_30_degrees_meets_level_ground_where_the_tangent_says():
+    camera = front().world_from_camera(Pose(np.diag([-1.0, -1, 1]), np.array([5.0, 0, 0.25])))  # the rover faces -x
+    axis = camera.rotation[:, 2]
+    reach = camera.translation[2] / -axis[2]
+    np.testing.assert_allclose(camera.translation + reach * axis, [5 - 0.6 - 1.55 / np.tan(np.pi / 6), 0, 0], atol=1e-9)
+
+
+def test_a_camera_yawed_to_the_left_looks_to_the_rovers_left():
+    np.testing.assert_allclose(base_from_camera(np.zeros(3), 90, 0, 0).rotation[:, 2], [0, 1, 0], atol=1e-12)
+
+
+def test_a_rolled_camera_has_its_right_side_down():
+    assert base_from_camera(np.zeros(3), 0, 0, 20).rotation[2, 0] < -0.3
+
+
+@given(world_from_base=poses(), point=places)
+def test_what_is_fixed_to_the_rover_is_seen_at_the_same_pixel_wherever_it_stands(world_from_base, point):
+    mount = front()
+    seen = mount.world_from_camera(world_from_base).inverse().apply(world_from_base.apply(point))
+    np.testing.assert_allclose(seen, mount.base_from_camera.inverse().apply(point), atol=1e-9)
+
+
+@given(world_from_base=poses())
+def test_a_camera_that_follows_stays_upright_over_the_same_place(world_from_base):
+    upright = levelled(world_from_base)
+    np.testing.assert_allclose(upright.rotation[:, 2], [0, 0, 1], atol=1e-12)
+    np.testing.assert_array_equal(upright.translation, world_from_base.translation)
+    np.testing.assert_allclose(heading(upright), heading(world_from_base), atol=1e-9)
+    right = front(level=True).world_from_camera(world_from_base).rotation[:, 0]
+    np.testing.assert_allclose(right[2], 0, atol=1e-12)
+
+
+def test_a_scaled_camera_sees_the_same():
+    whole, half = (mount_of(driven.vehicle().camera(FRONT), scale) for scale in (1, 0.5))
+    point = np.array([0.1, 0.2, 2.0])
+    np.testing.assert_allclose(half.lens.project(point), whole.lens.project(point) / 2)
+    assert whole.lens.width == 1936
+
+
+@given(turn=turns, place=places)
+def test_a_traces_quaternion_is_the_rotation_it_was_made_of(turn, place):
+    rotation = Rotation.from_rotvec(turn)
+    x, y, z, w = rotation.as_quat()
+    np.testing.assert_allclose(pose_of(place, np.array([w, x, y, z])).rotation, rotation.as_matrix(), atol=1e-12)

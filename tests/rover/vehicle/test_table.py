@@ -1,0 +1,71 @@
+"""The rover's table."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from polarsim.errors import ConfigError
+from polarsim.rover.vehicle.table import WHEELS, read_vehicle
+
+VIPER = Path(__file__).parents[3] / "config" / "viper.yaml"
+
+
+def test_viper_has_the_mass_the_base_and_the_eight_cameras_of_the_real_one():
+    viper = read_vehicle(VIPER)
+    assert viper.mass == pytest.approx(430)
+    assert viper.wheelbase == pytest.approx(1.284)
+    assert {"ncl", "ncr", "acl", "acr", "hfp", "hfs", "hap", "has"} <= {camera.name for camera in viper.cameras}
+    assert len(viper.lights) == 8
+    # Chrono's wheels stand at +-0.6418, +-0.6098 m.
+    np.testing.assert_allclose(np.abs(viper.wheel_centres[:, :2]), [[0.6418, 0.6098]] * 4, atol=5e-4)
+
+
+def test_left_wheels_and_cameras_are_left():
+    viper = read_vehicle(VIPER)
+    assert [wheel.position_m[1] > 0 for wheel in viper.wheels] == [code[0] == "l" for code in WHEELS]
+    assert [wheel.position_m[0] > 0 for wheel in viper.wheels] == [code[1] == "f" for code in WHEELS]
+    assert viper.camera("ncl").position_m[1] > viper.camera("ncr").position_m[1]
+    assert viper.camera("acl").position_m[1] < viper.camera("acr").position_m[1]  # seen backwards
+
+
+def test_a_field_of_view_becomes_a_focal_length():
+    assert read_vehicle(VIPER).camera("CamBirdViewLeft").focal == pytest.approx(960)  # 1920 px, 90 degrees
+    half = math.radians(35)
+    assert read_vehicle(VIPER).camera("ncl").focal == pytest.approx(1024 / math.tan(half))
+
+
+def changed(tmp_path, change):
+    content = yaml.safe_load(VIPER.read_text())
+    change(content)
+    path = tmp_path / "rover.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda c: c["wheels"].pop(), "wheels lf, rf, lr, rr in this order"),
+        (lambda c: c["chassis"].update(mass_kg=-1), "chassis.mass_kg"),
+        (lambda c: c.update(wings=2), "wings"),
+        (lambda c: c["cameras"][0].update(link="tail"), "camera ncl: no link 'tail'"),
+        (lambda c: c["cameras"][0].update(focal_px=1000), "one of hfov_deg and focal_px"),
+        (lambda c: c["lights"].append(c["lights"][0]), "light navlight_left comes twice"),
+    ],
+)
+def test_a_table_that_is_no_rover_is_refused_with_file_and_key(tmp_path, change, reason):
+    with pytest.raises(ConfigError, match=rf"rover\.yaml: .*{reason}"):
+        read_vehicle(changed(tmp_path, change))
+
+
+def test_a_missing_table_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"none\.yaml: no readable YAML"):
+        read_vehicle(tmp_path / "none.yaml")
+
+
+def test_an_unknown_camera_is_refused():
+    with pytest.raises(ConfigError, match="no camera 'tail' on viper"):
+        read_vehicle(VIPER).camera("tail")

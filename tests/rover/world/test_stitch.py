@@ -1,0 +1,94 @@
+"""Terrains side by side."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from polarsim.errors import FormatError, RoverError
+from polarsim.formats import obj
+from polarsim.rover.world.options import WorldOptions
+from polarsim.rover.world.stitch import Terrain, centres, fill_holes, read_terrain, rough_world, stitch
+
+SMALL = WorldOptions(
+    terrains=(4, 1), length_m=1.0, width_m=1.6, margin_m=0.4, cell_m=0.05, blend_m=0.2, filler_roughness_m=0.0
+)
+
+
+def plane(height: float, slope: float = 0.0, half: float = 0.7) -> obj.Mesh:
+    """A square of ground that rises along y."""
+    corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
+    return obj.Mesh(np.column_stack([corners, height + slope * corners[:, 1]]), np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def ball(x: float, y: float, z: float, radius: float = 0.1) -> obj.Mesh:
+    mesh = trimesh.creation.icosphere(2, radius)
+    return obj.Mesh(np.asarray(mesh.vertices) + np.array([x, y, z]), np.asarray(mesh.faces))
+
+
+def test_the_first_terrain_lies_in_the_east():
+    np.testing.assert_allclose(centres(SMALL), [0.5, -0.5])
+    world = stitch([Terrain(4, plane(0.0), {7: ball(0.1, 0.2, 0)}), Terrain(1, plane(0.0), {3: ball(0, 0, 0)})], SMALL)
+    assert list(world.rocks["terrain"]) == [4, 1]
+    assert list(world.rocks["rock_in_terrain"]) == [7, 3]
+    np.testing.assert_allclose(world.rocks[["x_m", "y_m"]], [[0.6, 0.2], [-0.5, 0.0]], atol=1e-3)
+    np.testing.assert_allclose(world.rocks["height_m"], 0.1, atol=1e-3)
+    np.testing.assert_allclose(world.rocks["width_m"], 0.2, atol=5e-3)
+
+
+def test_grounds_of_one_slope_meet_without_a_seam_whatever_their_level():
+    world = stitch([Terrain(4, plane(-0.2, 0.1), {}), Terrain(1, plane(0.05, 0.1), {})], SMALL)
+    middle = np.abs(world.y) < 0.6
+    inside = np.abs(world.x) < 0.9
+    wanted = np.broadcast_to(0.1 * world.y[:, None], world.level.shape)
+    np.testing.assert_allclose(world.level[np.ix_(middle, inside)], wanted[np.ix_(middle, inside)], atol=1e-6)
+
+
+def test_filler_ground_is_level_far_from_the_terrains():
+    world = stitch([Terrain(4, plane(0, 0.1), {}), Terrain(1, plane(0, 0.1), {})], SMALL)
+    assert np.abs(world.level[:, [0, -1]]).max() < 1e-9
+    assert np.isfinite(world.level).all()
+
+
+def test_a_hole_under_a_rock_is_filled_from_its_rim():
+    y, x = np.meshgrid(np.arange(12.0), np.arange(15.0), indexing="ij")
+    level = 0.1 * x - 0.2 * y
+    holed = level.copy()
+    holed[3:7, 4:9] = np.nan
+    # A plane is what a membrane over a hole in a plane is.
+    np.testing.assert_allclose(fill_holes(holed, np.ones(level.shape, bool)), level, atol=1e-9)
+
+
+def test_a_world_differs_between_seeds_and_not_within_one():
+    flat = stitch([Terrain(4, plane(0.0), {}), Terrain(1, plane(0.0), {})], SMALL)
+    one, again, two = (rough_world(flat, 0.001, seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one.level, again.level)
+    assert (one.level != two.level).any()
+    assert one.level.std() == pytest.approx(0.001, rel=0.1)
+
+
+def test_decimated_rocks_are_taken_where_they_are_there(tmp_path):
+    obj.write(tmp_path / "terrain04_ground.obj", plane(0.0), "ground")
+    obj.write(tmp_path / "terrain04_rock1.obj", ball(0, 0, 0, 0.2), "rock")
+    obj.write(tmp_path / "terrain04_rock1_decimate-005.obj", ball(0, 0, 0, 0.1), "rock")
+    obj.write(tmp_path / "terrain04_rock2.obj", ball(0.3, 0, 0, 0.05), "rock")
+    rocks = read_terrain(tmp_path, 4).rocks
+    assert rocks[1].vertices.max() == pytest.approx(0.1, abs=2e-3)
+    assert sorted(rocks) == [1, 2]
+
+
+def test_a_rock_without_volume_is_refused_with_its_file(tmp_path):
+    obj.write(tmp_path / "terrain04_ground.obj", plane(0.0), "ground")
+    obj.write(tmp_path / "terrain04_rock1.obj", plane(0.1, half=0.1), "rock")
+    with pytest.raises(RoverError, match=r"terrain04_rock1\.obj: a rock's mesh .* has no volume"):
+        read_terrain(tmp_path, 4)
+
+
+def test_a_missing_ground_is_refused(tmp_path):
+    with pytest.raises(FormatError, match=r"terrain04_ground\.obj"):
+        read_terrain(tmp_path, 4)
+
+
+def test_a_ground_that_covers_nothing_is_refused():
+    far = obj.Mesh(plane(0.0).vertices + np.array([9.0, 0.0, 0.0]), plane(0.0).faces)
+    with pytest.raises(RoverError, match="terrain 4: its ground mesh covers nothing"):
+        stitch([Terrain(4, far, {}), Terrain(1, plane(0.0), {})], SMALL)

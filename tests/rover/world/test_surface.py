@@ -1,0 +1,33 @@
+"""Heights between nodes, and rocks of a world."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.rover.world.surface import World, bare_world, bilinear, read_world, write_world
+
+
+@settings(max_examples=25, deadline=None)
+@given(a=st.floats(-2, 2), b=st.floats(-2, 2), x=st.floats(-1, -0.7), y=st.floats(2, 2.2))
+def test_heights_between_nodes_of_a_plane_lie_on_it(a, b, x, y):
+    columns, rows = np.meshgrid(-1 + 0.1 * np.arange(4), 2 + 0.1 * np.arange(3))
+    assert bilinear(a * columns + b * rows, -1.0, 2.0, 0.1, x, y) == pytest.approx(a * x + b * y, abs=1e-9)
+
+
+def test_one_rock_is_taken_out_of_a_world(tmp_path):
+    import pandas as pd
+
+    bare = bare_world(np.zeros((2, 2)), 1.0, 0.0, 0.0)
+    vertices = np.arange(24, dtype=np.float32).reshape(8, 3)
+    triangles = np.array([[0, 1, 2], [1, 2, 3], [4, 5, 6], [5, 6, 7]], np.int32)
+    rocks = pd.DataFrame(
+        {
+            "rock": [0, 1], "terrain": 1, "rock_in_terrain": [3, 9], "x_m": 0.0, "y_m": 0.0, "height_m": 0.1,
+            "width_m": 0.1, "radius_m": 0.1, "first_face": [0, 2], "faces": 2,
+        }
+    )  # fmt: skip
+    write_world(tmp_path, World(bare.x0, bare.y0, bare.cell, bare.level, rocks, vertices, triangles))
+    found, faces = read_world(tmp_path).rock_mesh(1)
+    np.testing.assert_array_equal(found, vertices[4:])
+    np.testing.assert_array_equal(faces, [[0, 1, 2], [1, 2, 3]])
