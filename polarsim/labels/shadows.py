@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.boxes import of_mask
-from polarsim.labels.parts import Window, without_crumbs, without_thin_parts
+from polarsim.geometry.thin_parts import without_thin_parts
+from polarsim.labels.parts import Window, without_crumbs
 from polarsim.labels.view import View
 from polarsim.labels.wall_shade import passing_heights
 from polarsim.labels.world import World
