@@ -104,6 +104,13 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     )
 
     # Outlines.
+    outline_mesh_share: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="Share of the projected mesh's own box in the box that a rock's outline fills; the rest is the "
+        "label's.",
+    )
     outline_cast_share: float = Field(
         0.35,
         ge=0,
