@@ -11,11 +11,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from polarsim.labels.lamps import MOST_SD, SURVEY_SD
 from polarsim.labels.world import World
 from polarsim.photo import Azimuth
 
-FARTHEST = MOST_SD * np.diag(SURVEY_SD)  # metres, along each axis
+FARTHEST = np.diag([0.6, 0.6, 0.3])  # metres, x y z: twice the survey's standard deviations
 PLACES = np.concatenate([np.zeros((1, 3)), FARTHEST, -FARTHEST])  # of a lamp about the surveyed one
 POINTS = 150  # of a rock's surface, about, to which rays are cast
 LIFT = 0.003  # metres from the surface towards the lamp: where a ray starts, clear of the rock's own faces

@@ -1,8 +1,8 @@
 """Visible shape of every labelled rock and shadow, ground and background: YOLO polygons, grey maps and COCO masks.
 
 A box says where a person saw a thing, the meshes say which shape it has: the visible shape of the rock's mesh, or of
-the shadow that it casts, is stretched from its own box to the label's. People draw shadows without dents and their
-boxes loosely: shadows are convex and keep a share of their own box. A view and lamp is drawn once for all exposures.
+the shadow that it casts, is stretched from its own box towards the label's. People outline without dents and box
+loosely: shapes are convex and keep a share of their own box. A view and lamp is drawn once for all exposures.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class ViewOutlines:
         self.ids = Ids(self.world, view, np.arange(height) + 0.5, np.arange(width) + 0.5)
         rings = backdrop(self.ids, options.simplify_px)
         self._backdrop = Backdrop([(POLYGON_CLASSES.index(name), ring) for name, ring in rings])
-        self._rocks = shapes_of(self.ids.rock)
+        self._rocks = _convex_shapes(self.ids.rock)
         self._shadows: dict[bytes, dict[int, Shape]] = {}  # by lamp
         self._drawn: dict[tuple[bytes, frozenset[Thing]], Drawing] = {}
 
@@ -111,7 +111,7 @@ class ViewOutlines:
     def _shape(self, thing: Thing, box: np.ndarray, place: np.ndarray | None) -> Shape:
         """All of a label's rock or shadow, whatever hides it."""
         kind, rock, _ = thing
-        own_share = 0.0 if kind == ROCK else self.options.outline_cast_share
+        own_share = self.options.outline_mesh_share if kind == ROCK else self.options.outline_cast_share
         return fitted(self._own_shapes(kind, place).get(rock), box, own_share)
 
     def _own_shapes(self, kind: str, place: np.ndarray | None) -> dict[int, Shape]:
@@ -121,9 +121,12 @@ class ViewOutlines:
         if place is None:
             return {}
         if place.tobytes() not in self._shadows:
-            cast = shapes_of(self.ids.shadow_of(self.world, place))
-            self._shadows[place.tobytes()] = {rock: convex(shape) for rock, shape in cast.items()}
+            self._shadows[place.tobytes()] = _convex_shapes(self.ids.shadow_of(self.world, place))
         return self._shadows[place.tobytes()]
+
+
+def _convex_shapes(ids: np.ndarray) -> dict[int, Shape]:
+    return {rock: convex(shape) for rock, shape in shapes_of(ids).items()}
 
 
 def things_of(labels: pd.DataFrame) -> list[Thing]:

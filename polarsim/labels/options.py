@@ -94,16 +94,14 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         0.3, ge=0, description="Weight of a cast shadow in a box fused with one drawn in the other camera, which has 1."
     )
 
-    refine_lamps: bool = Field(
-        False,
-        description="Sun lamps that no photo places are refined from the shadows of the seeds; else they stand where "
-        "the survey has them. On the release that helps no other view than those drawn.",
-    )
-    min_lamp_shadows: int = Field(
-        10, ge=1, description="Fewest drawn shadows of a lamp, all positions together, that tell where it stands."
-    )
-
     # Outlines.
+    outline_mesh_share: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="Share of the projected mesh's own box in the box that a rock's outline fills; the rest is the "
+        "label's.",
+    )
     outline_cast_share: float = Field(
         0.35,
         ge=0,

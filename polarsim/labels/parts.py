@@ -1,4 +1,4 @@
-"""Parts of pictures: where each rock lies, and what people do not see as belonging to a mask, crumbs and thin parts."""
+"""Parts of pictures: where each rock lies, and crumbs that people do not see as belonging to a mask."""
 
 from __future__ import annotations
 
@@ -28,17 +28,3 @@ def without_crumbs(mask: np.ndarray, connectivity: int = 4) -> np.ndarray:
     areas = figures[:, cv2.CC_STAT_AREA] * (np.arange(len(figures)) > 0)  # number 0 is what lies around
     kept = areas >= SMALL_PART * max(1, areas.max())
     return np.asarray(kept[parts])
-
-
-def without_thin_parts(mask: np.ndarray, size: int) -> np.ndarray:
-    """(h, w) bool: a mask opened by squares of `size` samples, with the tips that this cuts off; never empty."""
-    import cv2
-
-    if size < 2:
-        return mask
-    whole = np.zeros((mask.shape[0] + 2 * size, mask.shape[1] + 2 * size), np.uint8)
-    whole[size:-size, size:-size] = mask
-    opened = cv2.morphologyEx(whole, cv2.MORPH_OPEN, np.ones((size, size), np.uint8))
-    grown = cv2.dilate(opened, np.ones((2 * size + 1, 2 * size + 1), np.uint8)) & whole
-    found = grown[size:-size, size:-size] > 0
-    return found if found.any() else mask

@@ -13,7 +13,7 @@ from polarsim.labels.habits import as_people_draw
 from polarsim.labels.identity import match_boxes
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.parts import Window, windows_of, without_crumbs
+from polarsim.labels.parts import Window, windows_of
 from polarsim.labels.photos import Brightness
 from polarsim.labels.position_rocks import PositionRocks
 from polarsim.labels.shadows import Ids, lamp, shadow_box
@@ -163,25 +163,6 @@ class PositionShadows:
             if area(box) > 0:
                 found[rock] = CastShadow(box if dark is None else dark, dark is not None)
         return found
-
-    def ends(
-        self, camera: Camera, azimuth: Azimuth, rock: int, outward: np.ndarray, count: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """What ends the shadow that a rock throws under a Sun lamp, towards some directions (n, 2) of the photo.
-
-        Returns the ground (n, count, 3) at the shadow's outermost pixels, and the rock's points (n, count, 3) that take
-        the light from it.
-        """
-        ids, shadow, windows = self._shadows_seen(camera, self.world.suns[azimuth])
-        rows, columns = windows[rock]
-        row, column = np.nonzero(without_crumbs(shadow[windows[rock]] == rock, connectivity=8))
-        row, column = row + rows.start, column + columns.start
-        farthest = np.argsort(-outward @ np.stack([column, row]), axis=1, kind="stable")
-        chosen = farthest[:, np.minimum(np.arange(count), len(row) - 1)]
-        ground, blockers = ids.blockers(
-            self.world, self.world.suns[azimuth], row[chosen].ravel(), column[chosen].ravel()
-        )
-        return ground.reshape(*chosen.shape, 3), blockers.reshape(*chosen.shape, 3)
 
     def _shaded_by_walls(self, ids: Ids, place: np.ndarray, shadow: np.ndarray, brightness: Brightness) -> np.ndarray:
         """(rows, columns) bool: walls, as high as the photo shows them to be, take a lamp's light from the ground."""

@@ -18,7 +18,6 @@ from polarsim.formats.scene import read_terrain
 from polarsim.labels.corrections import as_drawn, read_corrections
 from polarsim.labels.known import Known, gather
 from polarsim.labels.label import Label
-from polarsim.labels.lamps import with_refined_lamps
 from polarsim.labels.light import LightLayers
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Brightness, Photos, PhotoSet
@@ -27,7 +26,7 @@ from polarsim.labels.seeds import Drawings, choose_seeds, read_drawings, shadow_
 from polarsim.labels.shadow_starts import ShadowStarts
 from polarsim.labels.unlit import UnlitStarts, is_unlit
 from polarsim.labels.visibility import contrast
-from polarsim.photo import BOX_CLASSES, SHADOW, SUNS, PhotoKey
+from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
 
 log = logging.getLogger(__name__)
 
@@ -104,9 +103,6 @@ def propagate_labels(
     starts = Starts(shadow_starts(by_people, options.shadow_start(terrain)), UnlitStarts.of(by_people))
     chosen = choose_seeds(drawings, corrections, starts.shadows)
     known = gather(read_terrain(meshes, terrain), placed, suns, chosen, options)
-    if options.refine_lamps:
-        in_photos = lamps.read_found_suns(cameras)
-        known = with_refined_lamps(known, [azimuth for azimuth in SUNS if azimuth not in in_photos], options)
     labels = grid_labels(known, keys, options, starts, Photos(photos, terrain), drawings, corrections)
     with writing_folder(boxes) as folder:
         for key in keys:

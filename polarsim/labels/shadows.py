@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.boxes import of_mask
-from polarsim.labels.parts import Window, without_crumbs, without_thin_parts
+from polarsim.geometry.thin_parts import without_thin_parts
+from polarsim.labels.parts import Window, without_crumbs
 from polarsim.labels.view import View
 from polarsim.labels.wall_shade import passing_heights
 from polarsim.labels.world import World
@@ -91,16 +92,6 @@ class Ids:
         shadow[(self.rock != NO_ROCK) & (self.rock != shadow)] = NO_ROCK
         return shadow
 
-    def blockers(
-        self, world: World, lamp_place: np.ndarray, rows: np.ndarray, columns: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Ground (n, 3) at pixels of the grid, all of it in rocks' shadows, and where (n, 3) these take the light."""
-        number = np.cumsum(self.ground.ravel()).reshape(self.shape)[rows, columns] - 1
-        ground = self.places[number]
-        to_lamp = lamp_place - ground
-        share = world.rocks.nearest(ground, to_lamp)[0]
-        return ground, ground + share[:, None] * to_lamp
-
     def over_walls(self, world: World, lamp_place: np.ndarray) -> np.ndarray:
         """(rows, columns) metres above the sand at which a lamp's light passes the walls on its way to the ground.
 
@@ -110,12 +101,6 @@ class Ids:
         passing = passing_heights(self.places, lamp_place, world.ground_bounds)
         heights[self.ground] = passing - world.ground_level
         return heights
-
-
-def thrown(blockers: np.ndarray, level: np.ndarray, lamp_place: np.ndarray) -> np.ndarray:
-    """(..., 3) where the shadows of points (..., 3) meet level ground as high as `level` (...)."""
-    share = (blockers[..., 2] - level) / (lamp_place[2] - blockers[..., 2])
-    return np.asarray(blockers + share[..., None] * (blockers - lamp_place))
 
 
 def shadow_box(

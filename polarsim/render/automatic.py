@@ -11,6 +11,7 @@ from scipy import ndimage
 from polarsim.formats import coco, png, rle, tables, yolo
 from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.boxes import of_mask
+from polarsim.geometry.thin_parts import without_thin_parts
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
 from polarsim.render.lamps import lit_by
 from polarsim.render.layers import NO_LAMP
@@ -21,14 +22,20 @@ _TOUCHING = np.ones((3, 3), bool)  # pixels that meet at a corner belong togethe
 
 
 def boxes_of(ids: np.ndarray, options: RenderOptions) -> list[tuple[str, int, np.ndarray]]:
-    """(kind, rock, box) of every rock and shadow that is large enough in a picture of ids (h, w), rocks first."""
+    """(kind, rock, box) of every rock and shadow that is large enough in a picture of ids (h, w), rocks first.
+
+    Parts of a shadow thinner than `min_shadow_width_px` neither count nor widen its box.
+    """
     found = []
     for number, window in enumerate(ndimage.find_objects(ids.astype(np.int32)), 1):
         if window is None or number < ROCK_IDS:
             continue
         kind, rock = (ROCK, number - ROCK_IDS) if number < SHADOW_IDS else (SHADOW, number - SHADOW_IDS)
         least = options.min_rock_px if kind == ROCK else options.min_shadow_px
-        box = box_of_parts(ids[window] == number, least, options.min_part_px)
+        mask = ids[window] == number
+        if kind == SHADOW:  # nobody takes a line of dark pixels along a rock's foot for its shadow
+            mask = without_thin_parts(mask, options.min_shadow_width_px)
+        box = box_of_parts(mask, least, options.min_part_px)
         if box is not None:
             corner = [window[1].start, window[0].start]
             found.append((kind, rock, box + np.tile(corner, 2)))

@@ -277,6 +277,11 @@ class RenderOptions(SensorOptions):
     )
     min_rock_px: int = Field(30, ge=1, description="Rocks with fewer visible pixels get no box.")
     min_shadow_px: int = Field(60, ge=1, description="Shadows with fewer visible pixels get no box.")
+    min_shadow_width_px: int = Field(
+        3,
+        ge=1,
+        description="Parts of a shadow thinner than this, lines along a rock's foot, do not widen its box. 1: all do.",
+    )
     min_part_px: int = Field(20, ge=1, description="Connected parts of a shadow below this do not widen its box.")
     min_visible_share: float = Field(
         0, ge=0, le=1, description="Rocks of which others leave less than this share to be seen get no box."

@@ -134,6 +134,7 @@ def _draw_options(model: Model, options: VariantOptions, random: np.random.Gener
         electrons_per_grey_value=draw(options.electrons_per_grey_value),
         min_rock_px=max(1, round(60 * options.scale**2)),
         min_shadow_px=max(1, round(120 * options.scale**2)),
+        min_shadow_width_px=max(1, round(3 * options.scale)),
         min_part_px=max(1, round(20 * options.scale**2)),
     )
 

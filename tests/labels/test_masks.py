@@ -8,7 +8,7 @@ from polarsim.formats.coco import read_coco
 from polarsim.geometry.polygons import paint, rasterised, signed_area
 from polarsim.labels.masks import BOX_COLUMNS, draw_masks
 from polarsim.labels.options import LabelsOptions
-from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey, photo_grid
+from polarsim.photo import BOX_CLASSES, GREY_VALUES, SHADOW, PhotoKey, photo_grid
 
 from .conftest import BLOCKS, TERRAIN, block, placed
 from .test_propagate import propagate
@@ -181,12 +181,13 @@ def test_rocks_that_a_photo_is_too_dark_to_show_still_hide_what_is_behind(untouc
     assert not (near.mask.mask() & far.mask.mask()).any()
 
 
-def test_a_shadow_whose_box_the_pen_missed_keeps_near_what_the_mesh_casts(untouched_scene, tmp_path):
+@pytest.mark.parametrize("kind", BOX_CLASSES)
+def test_an_outline_whose_box_the_pen_missed_keeps_near_what_the_mesh_shows(untouched_scene, tmp_path, kind):
     pen = [np.array(off) for off in ([7.0, -5, -6, 4], [-6.0, 5, 7, 6], [5.0, 6, 6, -5])]
-    rings = {rock: true_shadow(rock) for rock in BLOCKS}
+    rings = {rock: true_outline(kind, rock) for rock in BLOCKS}
     for number, off in enumerate(pen):
         boxes = {rock: np.concatenate([ring.min(axis=0), ring.max(axis=0)]) + off for rock, ring in rings.items()}
-        labels = [(LIT, "shadow", rock, box) for rock, box in boxes.items()]
+        labels = [(LIT, kind, rock, box) for rock, box in boxes.items()]
         for own in relabelled(untouched_scene, tmp_path / str(number), labels, [LIT])[LIT]:
             true, box = rings[own.rock], boxes[own.rock]
             low, extent = true.min(axis=0), np.ptp(true, axis=0)
@@ -196,13 +197,19 @@ def test_a_shadow_whose_box_the_pen_missed_keeps_near_what_the_mesh_casts(untouc
             np.testing.assert_allclose(own.box, box, atol=0.01)  # the label's box stays
 
 
-def true_shadow(rock: int) -> np.ndarray:
-    """(n, 2) px: what a block, a convex body, shades of the flat sand, the sand under it included."""
+def true_outline(kind: str, rock: int) -> np.ndarray:
+    """(n, 2) px: a block, a convex body, or what it shades of the flat sand, the sand under it included."""
     corners = block(*BLOCKS[rock]).vertices
-    lamp = lamps.surveyed_suns({position: placed(position) for position in "AC"})[LIT.azimuth]
-    share = corners[:, 2:] / (lamp[2] - corners[:, 2:])
-    pixels = placed("A").project("L", corners + share * (corners - lamp))
+    if kind == SHADOW:
+        corners = on_the_sand(corners)
+    pixels = placed("A").project("L", corners)
     return pixels[ConvexHull(pixels).vertices]
+
+
+def on_the_sand(points: np.ndarray) -> np.ndarray:
+    """(n, 3) where the lamp's rays through points (n, 3) meet the ground."""
+    lamp = lamps.surveyed_suns({position: placed(position) for position in "AC"})[LIT.azimuth]
+    return points + points[:, 2:] / (lamp[2] - points[:, 2:]) * (points - lamp)
 
 
 def mask_iou(first: np.ndarray, second: np.ndarray) -> float:

@@ -7,7 +7,7 @@ import pytest
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import inventory, obj, png, rigs, tables, yolo
 from polarsim.formats.coco import Annotation, write_coco
-from polarsim.formats.lamps import surveyed_suns, write_suns
+from polarsim.formats.lamps import surveyed_suns
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.poses import Pose
@@ -345,24 +345,6 @@ def test_a_broken_seed_line_leaves_nothing_behind(scene, tmp_path):
     with pytest.raises(FormatError, match=r"03_A_off_30_L_0256\.txt:1"):
         propagate(scene, tmp_path / "broken")
     assert not list(tmp_path.glob("broken/*"))
-
-
-def test_lamps_are_refined_by_seeds_only_where_photos_do_not_place_them(scene, tmp_path):
-    rigs_here = {position: placed(position) for position in "AC"}
-    known = gather(read_terrain(scene.meshes, TERRAIN), rigs_here, surveyed_suns(rigs_here), {}, LabelsOptions())
-    cast = PositionLabels(known, "A", LabelsOptions()).shadows.cast("L", "off", "30", dict.fromkeys(BLOCKS))
-    boxes = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS] + [one.box + 9 for one in cast.values()])
-    yolo.write_boxes(scene.seeds / "03_A_off_30_L_0256.txt", np.repeat([0, 1], len(BLOCKS)), boxes)
-
-    def labels(name, refine):
-        return propagate(scene, tmp_path / name, refine_lamps=refine, min_lamp_shadows=2)
-
-    sight = "C_off_30_L_1024"  # cast there, for nobody drew it
-    moved = np.abs(shadows(labels("by seeds", True), sight) - shadows(labels("by survey", False), sight))
-    assert moved.max() > 1
-    write_suns(scene.cameras, surveyed_suns(rigs_here))
-    photo = [labels(name, refine) for name, refine in (("refined", True), ("as found", False))]
-    np.testing.assert_array_equal(shadows(photo[0], sight), shadows(photo[1], sight))
 
 
 def lose_pose(scene, position, off):

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import coco, png, tables, yolo
-from polarsim.formats.instances import RELIEF_SHADOW
+from polarsim.formats.instances import RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.boxes import of_mask
 from polarsim.photo import PhotoKey
 from polarsim.render.automatic import box_of_parts, boxes_of
@@ -49,6 +49,19 @@ def test_the_shadow_of_a_block_is_its_projection_from_the_lamp(surfaces, above, 
     np.testing.assert_allclose(shadow[[0, 1, 2]], expected[[0, 1, 2]], atol=1.0)
     middle = ids[:, 100]  # through block and shadow: one begins where the other ends
     assert np.flatnonzero(middle == 2001)[-1] + 1 == np.flatnonzero(middle == 1001)[0]
+
+
+def test_a_thin_line_of_dark_pixels_does_not_widen_a_shadows_box(plain):
+    ids = np.zeros((60, 120), np.uint16)
+    ids[20:40, 50:80] = SHADOW_IDS + 1
+    ids[38:40, 10:50] = SHADOW_IDS + 1  # two pixels wide, along the foot of the rock
+    ids[5:7, 10:100] = ROCK_IDS + 1  # a rock that is seen so is one all the same
+    boxes = {kind: box.tolist() for kind, _, box in boxes_of(ids, plain)}
+    assert boxes["shadow"][2:] == [80, 40]
+    assert boxes["shadow"][0] >= 50 - 3  # where it broadens
+    assert boxes["rock"] == [10, 5, 100, 7]
+    every = {kind: box.tolist() for kind, _, box in boxes_of(ids, plain.model_copy(update={"min_shadow_width_px": 1}))}
+    assert every["shadow"] == [10, 20, 80, 40]
 
 
 def test_each_rock_has_the_shadow_that_it_throws(blocks, above, lens, plain, ids_of):
