@@ -38,7 +38,7 @@ from polarsim.labels.view import View, move_flat
 from polarsim.labels.wall_shade import passing_heights
 from polarsim.labels.world import World, build_world
 from polarsim.photo import NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, Camera, PhotoKey
-from polarsim.tables.score import Counts, count_boxes
+from polarsim.scoring.score import Counts, count_boxes
 
 STEP = 2  # px between the rays
 LEAST_PX, LEAST_PART_PX, WIDTH_PX = 60, 20, 3  # of automatic shadows, as `render` has them
