@@ -73,11 +73,22 @@ def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Windo
     found = find(np.maximum(left - BLACK_LEVEL, 0).astype(np.float32), laid, usable & shown, window)
     column, row = found.pixel.astype(int).T
     expected = seen.in_right[row, column].astype(float)
+    place = _between_pixels(seen.in_right, found.seen)
+    moved = np.where(np.isfinite(place), place, expected + found.seen - found.pixel)  # beside what both see: as it is
     return Ties(
         seen.points_left[row, column],
         found.pixel,
         expected,
-        expected + found.seen - found.pixel,
+        moved,
         found.whitening,
         found.tried,
     )
+
+
+def _between_pixels(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """(n, k) values of an image (h, w, k) at pixels (n, 2), bilinear between four that are inside of it."""
+    at = np.clip(pixels - 0.5, 0, np.array(image.shape[1::-1]) - 1.001)
+    (x, y), (a, b) = at.astype(int).T, (at % 1).T[:, :, None]
+    upper = image[y, x] * (1 - a) + image[y, x + 1] * a
+    lower = image[y + 1, x] * (1 - a) + image[y + 1, x + 1] * a
+    return np.asarray(upper * (1 - b) + lower * b)
