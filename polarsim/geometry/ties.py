@@ -13,6 +13,7 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BLACK_LEVEL
 
 SHOWN_SHARE = 0.9  # of a window that both cameras must see
+CONTRAST_DN = 40  # between the brightest and the darkest pixel of a window, for it to be looked for: more than noise
 NEARER = 0.998  # of the way to a point: what stands before that hides it
 
 
@@ -33,7 +34,7 @@ class Ties:
     expected: np.ndarray  # (n, 2) where the right photo should show them
     right: np.ndarray  # (n, 2) and where it does
     whitening: np.ndarray  # (n, 2, 2) turns an offset in the right photo, px, into two of standard deviation 1
-    tried: int  # windows that both photos should show
+    tried: int  # windows with some contrast that both photos should show
 
 
 def look_with_both(rays: Caster, sandbox_from_left: Pose, rig: StereoRig) -> BothSeen:
@@ -69,8 +70,11 @@ def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Windo
     x, y = (np.where(shown, seen.in_right[..., k] - 0.5, -1).astype(np.float32) for k in (0, 1))  # OpenCV's centres
     laid = cv2.remap(right.astype(np.float32), x, y, cv2.INTER_LINEAR, borderValue=BLACK_LEVEL)
     size = 2 * window.half + 1
-    usable = cv2.blur(shown.astype(np.float32), (size, size)) > SHOWN_SHARE
-    found = find(np.maximum(left - BLACK_LEVEL, 0).astype(np.float32), laid, usable & shown, window)
+    around = np.ones((size, size), np.uint8)
+    smooth = cv2.GaussianBlur(left.astype(np.float32), (0, 0), 1.0)
+    usable = cv2.dilate(smooth, around) - cv2.erode(smooth, around) > CONTRAST_DN
+    usable &= shown & (cv2.blur(shown.astype(np.float32), (size, size)) > SHOWN_SHARE)
+    found = find(np.maximum(left - BLACK_LEVEL, 0).astype(np.float32), laid, usable, window)
     column, row = found.pixel.astype(int).T
     expected = seen.in_right[row, column].astype(float)
     place = _between_pixels(seen.in_right, found.seen)

@@ -89,3 +89,10 @@ def test_what_the_right_camera_does_not_see_is_not_asked_for(ground):
     assert (seen.in_right[known] < [RIG.right.width, RIG.right.height]).all()
     assert np.isfinite(seen.points_left[known]).all()
     assert 0 < known.mean() < np.isfinite(seen.points_left[..., 0]).mean()
+
+
+def test_windows_that_show_noise_alone_are_not_asked_for(ground):
+    rays, left, _ = ground
+    rng = np.random.default_rng(5)
+    dark = [(BLACK_LEVEL + rng.normal(20, 3, left.shape)).astype(np.float32) for _ in "LR"]
+    assert find_ties(look_with_both(rays, POSE, RIG), *dark, WINDOW).tried == 0
