@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from polarsim.formats.best_photos import View
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
@@ -15,7 +16,6 @@ _STEPS = 30
 _STILL = 1e-4  # of a prior's standard deviation: steps smaller than this end the adjustment
 _NUDGE = 1e-4  # of the same, for numeric derivatives
 _OF_POSE, _OF_RIG, _OF_LENS = 6, 6, 4
-View = tuple[str, str]  # position and camera
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.cameras.adjust import View, outlier_weights, whitened
-from polarsim.cameras.patches import Found, Window, find
-from polarsim.cameras.pictures import Photos
+from polarsim.cameras.adjust import outlier_weights, whitened
 from polarsim.cameras.shading import Seen, Surface, look
+from polarsim.formats.best_photos import Photos, View
 from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.patches import Found, Window, find
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 _NUDGE = 0.04  # metres: about a pixel of a coarse view

@@ -14,17 +14,17 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.cameras.adjust import Adjusted, Priors, Sightings, View, adjust, offsets_px
+from polarsim.cameras.adjust import Adjusted, Priors, Sightings, adjust, offsets_px
 from polarsim.cameras.lamps import Prior, Shot, refine_lamp, shots_of
 from polarsim.cameras.options import CamerasOptions
-from polarsim.cameras.patches import Window, find
-from polarsim.cameras.pictures import Photos, Pictures, best_pictures, read_all_shrunk
 from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
 from polarsim.cameras.shading import Surface, look, surface_of
 from polarsim.formats import colmap, lamps
+from polarsim.formats.best_photos import Photos, Pictures, View, best_pictures, read_all_shrunk
 from polarsim.formats.files import writing_folder
 from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
 from polarsim.formats.scene import read_terrain
+from polarsim.geometry.patches import Window, find
 from polarsim.geometry.poses import angle_between
 from polarsim.progress import track
 

@@ -24,6 +24,7 @@ from polarsim.labels.photos import Brightness, Photos, PhotoSet
 from polarsim.labels.position import PositionLabels
 from polarsim.labels.seeds import Drawings, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.shadow_starts import ShadowStarts
+from polarsim.labels.strangers import without_strangers
 from polarsim.labels.unlit import UnlitStarts, is_unlit
 from polarsim.labels.visibility import contrast
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
@@ -85,6 +86,8 @@ def propagate_labels(
 ) -> None:
     """Write `boxes`/KEY.txt for every key and the label table; photos with nothing to see get an empty file.
 
+    Seeds that lie under another position's name are left out with a warning.
+
     Raises
     ------
     LabelError
@@ -98,11 +101,12 @@ def propagate_labels(
     placed = rigs.read_all_placed(cameras)
     suns = lamps.read_suns(cameras, placed)
     corrections = read_corrections(options.corrections, terrain)
-    drawings = read_drawings(seeds, terrain)
+    scene = read_terrain(meshes, terrain)
+    drawings = without_strangers(read_drawings(seeds, terrain), scene, placed)
     by_people = {**drawings, **corrections}
     starts = Starts(shadow_starts(by_people, options.shadow_start(terrain)), UnlitStarts.of(by_people))
     chosen = choose_seeds(drawings, corrections, starts.shadows)
-    known = gather(read_terrain(meshes, terrain), placed, suns, chosen, options)
+    known = gather(scene, placed, suns, chosen, options)
     labels = grid_labels(known, keys, options, starts, Photos(photos, terrain), drawings, corrections)
     with writing_folder(boxes) as folder:
         for key in keys:

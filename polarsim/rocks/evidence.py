@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +12,9 @@ import numpy as np
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.boxes import around, iou
 from polarsim.geometry.consensus import consensus_boxes
+from polarsim.geometry.strangers import find_strangers
+
+log = logging.getLogger("polarsim")
 
 PEN_IOU = 0.05  # of IoU a position: smaller differences between two explanations of a box are the pen's
 
@@ -28,6 +32,22 @@ class Evidence:
         """(n, 4) one box a rock by position, where there are any."""
         boxes = {position: consensus_boxes(drawn) for position, drawn in sorted(self.drawn.items())}
         return {position: found for position, found in boxes.items() if position in self.placed and len(found)}
+
+    def of_their_place(self, rocks: Sequence[np.ndarray]) -> Evidence:
+        """The same without positions whose boxes are another one's, by rocks (n, 3) that shape alone tells; warns."""
+        nothing = np.full(4, np.nan)
+        projected = {
+            position: np.array(
+                [nothing if (box := self._box(position, points)) is None else box for points in rocks]
+            ).reshape(-1, 4)
+            for position, rig in self.placed.items()
+            if not rig.surveyed
+        }
+        strangers = find_strangers(self.agreed, projected)
+        for stranger in strangers:
+            log.warning("%s", stranger)
+        names = {stranger.position for stranger in strangers}
+        return replace(self, drawn={position: boxes for position, boxes in self.drawn.items() if position not in names})
 
     def confirming(self, points: np.ndarray) -> list[str]:
         """Positions of which some seed shows a rock, by its points (n, 3) in the sandbox, metres."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ from polarsim.rocks.ground import Sand, find_ground, sand_extent
 from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_places
-from polarsim.rocks.regions import Limits, find_regions
+from polarsim.rocks.regions import Limits, find_regions, surface_points
 from polarsim.rocks.scans import Extent, ScanPoints, merged, place_scan
 from polarsim.rocks.settling import settling_shifts
 
@@ -53,7 +54,7 @@ def find_rocks(
     """Read a terrain's scans, tell rocks from ground, write the table, the cuboids, the ids' places and the clouds.
 
     A position without a scan, or with a scan but no pose, is a warning. A terrain without any scan has no rock and an
-    empty ground cloud.
+    empty ground cloud. Seeds that lie under another position's name are left out with a warning.
     """
     placed = rigs.read_all_placed(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()
@@ -72,6 +73,7 @@ def find_rocks(
         confirmed_height=options.confirmed_height_mm / 1000,
         size=options.min_size_mm / 1000,
     )
+    evidence = _of_their_place(sand, limits, evidence)
     bumps = Bumps(options.bump_height_mm / 1000, options.bump_size_mm / 1000)
     sand, regions = with_drawn(sand, find_regions(sand, limits, evidence), limits, evidence)
     sand, regions = carved(sand, regions, limits, evidence)
@@ -88,6 +90,14 @@ def find_rocks(
         for rock in found
     }
     _write(rocks, cuboids, ids, clouds, rows, found, rock_clouds, ground_cloud(sand), placed)
+
+
+def _of_their_place(sand: Sand, limits: Limits, evidence: Evidence) -> Evidence:
+    """Evidence without seeds under another position's name; what stands out by shape alone tells."""
+    if not evidence.agreed or len(evidence.placed) < 2:
+        return evidence
+    by_shape = find_regions(sand, limits, replace(evidence, drawn={}))
+    return evidence.of_their_place([surface_points(sand, region.seen) for region in by_shape])
 
 
 def ground_cloud(sand: Sand) -> Cloud:

@@ -140,7 +140,7 @@ def against_drawn(
     for camera in CAMERAS:
         pairs = [np.zeros((0, 2, 4))]  # projected and drawn
         for position, rig in placed.items():
-            boxes = _agreed_boxes(drawn, position, camera, rule)
+            boxes = agreed_boxes(drawn, position, camera, rule)
             projected = outlines.seen(rig.rig.lens(camera), rig.sandbox_from(camera))
             rows, columns = assign(projected, boxes, rule.gate_px)
             pairs.append(np.stack([projected[rows], boxes[columns]], axis=1))
@@ -150,7 +150,7 @@ def against_drawn(
     return figures
 
 
-def _agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str, rule: MatchRule) -> np.ndarray:
+def agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str, rule: MatchRule) -> np.ndarray:
     """(m, 4) rock boxes of one view that its photo sets agree on."""
     sets: dict[tuple[str, str], list[np.ndarray]] = {}
     for key, labels in drawn.items():

@@ -29,6 +29,13 @@ LIMITS = {
     "shift_between": _Limit(1.0, "on the meshes the two scans lie {value:.1f} mm otherwise than written"),
     "cameras_turn": _Limit(0.1, "cameras turned together by {value:.3f} degrees after the meshes were made"),
     "boxes_iou": _Limit(0.55, "projected meshes meet the boxes with a mean IoU of {value:.2f} only", above=False),
+    "windows_found": _Limit(
+        0.25, "{value:.0%} of the left photos' windows are found in the right ones: are these one rig's?", above=False
+    ),
+    "across_rows": _Limit(1.5, "the right photos lie {value:.1f} px beside the rows of the left ones"),
+    "across_rows_spread": _Limit(1.5, "the right photos' rows stray by {value:.1f} px from those of the left ones"),
+    "iou_lost": _Limit(0.25, "meshes meet the right camera's boxes by {value:.2f} of IoU worse than the left one's"),
+    "boxes_across_rows": _Limit(2.5, "boxes of the right camera lie {value:.1f} px otherwise up or down on the meshes"),
     "surveyed": _Limit(0.5, "nothing but the survey places the camera: decimetres and degrees off"),
 }
 

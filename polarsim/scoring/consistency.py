@@ -15,14 +15,21 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from polarsim.formats import obj
+from polarsim.formats.best_photos import best_pictures
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scans import read_scan
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tables import read_parquet
+from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
+from polarsim.geometry.rays import caster
 from polarsim.scoring.complaints import STAGE, complaint
 from polarsim.scoring.gauge import fit_gauge, refine_gauge
+from polarsim.scoring.labels import read_drawn
+from polarsim.scoring.left_right import boxes_of_both, photos_of_both
+from polarsim.scoring.match_rule import MatchRule
 from polarsim.scoring.quality import Figure, write_quality
 from polarsim.scoring.surface import Surface
 from polarsim.survey import SANDBOX_HALF_WIDTH
@@ -35,7 +42,16 @@ MATCH_COLUMNS = ("position", "iou")
 
 
 def check_consistency(
-    *, terrain: int, inventory: Path, located: Path, cameras: Path, meshes: Path, quality: Path
+    *,
+    terrain: int,
+    inventory: Path,
+    located: Path,
+    cameras: Path,
+    meshes: Path,
+    photos: Path | None,
+    drawn: Path | None,
+    quality: Path,
+    rule: MatchRule,
 ) -> None:
     """Write how far a terrain's scans, cameras, meshes and boxes agree, and warn where they do not.
 
@@ -45,6 +61,10 @@ def check_consistency(
         Folders with the poses that the meshes were made with, and with the last ones.
     meshes
         Folder of the terrain's meshes.
+    photos
+        `photos.parquet`; None where a source has no photos.
+    drawn
+        Folder of all label files that people drew, which stand in where no photos show both cameras; may be None.
     """
     known, placed = read_inventory(inventory), read_all_placed(located)
     scans = {
@@ -53,11 +73,19 @@ def check_consistency(
         if position in placed and not placed[position].surveyed
     }
     figures = []
+    scene, last = read_terrain(meshes, terrain), read_all_placed(cameras)
     if scans:
-        figures += scans_on_meshes(scans, read_terrain(meshes, terrain))
-    figures += cameras_together(placed, read_all_placed(cameras))
+        figures += scans_on_meshes(scans, scene)
+    figures += cameras_together(placed, last)
     if (located / "matches.parquet").exists():
         figures += boxes_met(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
+    both = photos_of_both(last, caster(scene.vertices, scene.faces), best_pictures(terrain, photos)) if photos else []
+    if not both and drawn is not None:
+        outlines = outlines_of(
+            {rock: obj.read(path) for rock, path in obj.rock_files(meshes).items()}, rule.trim, rule.trim_share
+        )
+        both = boxes_of_both(last, outlines, read_drawn(drawn, terrain), rule)
+    figures += both
     for figure in figures:
         for sentence in complaint(figure.subject, figure.figure, figure.value):
             log.warning("terrain %02d: %s", terrain, sentence)

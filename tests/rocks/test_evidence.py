@@ -51,6 +51,17 @@ def test_boxes_that_no_rock_fills_are_unexplained(placed):
     np.testing.assert_allclose(evidence(placed, A=boxes).unexplained([])["A"], boxes)
 
 
+def test_boxes_that_belong_to_another_position_are_no_evidence(placed, caplog):
+    rocks = [ball(x, y) for x, y in [(0.2, 0.1), (-0.5, 0.4), (0.6, -0.3), (-0.2, -0.7), (0.8, 0.5)]]
+    own = {name: [box(placed, name, rock) for rock in rocks] for name in "AC"}
+    assert sorted(evidence(placed, **own).of_their_place(rocks).agreed) == ["A", "C"]
+    assert not caplog.records
+    kept = evidence(placed, A=own["A"], C=own["A"]).of_their_place(rocks)
+    assert list(kept.agreed) == ["A"]
+    assert kept.confirming(rocks[0]) == ["A"]
+    assert "the seeds of position C show another place" in caplog.text
+
+
 def mound(x, y):
     return 0.014 * np.exp(-((x - MOUND[0]) ** 2 + (y - MOUND[1]) ** 2) / 0.025**2)
 

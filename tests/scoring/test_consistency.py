@@ -1,17 +1,26 @@
 """Faults that runs have had, put back in: the run itself must notice, without any truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
 
+from polarsim.formats import png
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.outlines import Outlines
+from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.rays import caster
 from polarsim.geometry.stereo import stated_rig
-from polarsim.photo import NO_ROCK
+from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
 from polarsim.scoring.complaints import complaints
 from polarsim.scoring.consistency import boxes_met, cameras_together, scans_on_meshes
+from polarsim.scoring.left_right import boxes_of_both, photos_of_both
+from polarsim.scoring.match_rule import MatchRule
 from polarsim.scoring.quality import quality_table
+from polarsim.scoring.score import Labels
 from polarsim.scoring.surface import Surface
 
 
@@ -89,3 +98,120 @@ def test_meshes_that_miss_their_boxes_are_noticed():
     (sentence,) = said(boxes_met(matches))
     assert "position C" in sentence
     assert "0.40" in sentence
+
+
+@pytest.fixture(scope="module")
+def wavy():
+    """A ground with hills, ready for rays, and the pattern that is painted on it."""
+    rng = np.random.default_rng(4)
+    axis = np.linspace(-2, 2, 161)
+    x, y = np.meshgrid(axis, axis)
+    height = 0.3 * gaussian_filter(rng.normal(size=x.shape), 6)
+    corner = (np.arange(160)[:, None] * 161 + np.arange(160)).ravel()
+    faces = np.concatenate([corner[:, None] + [0, 1, 162], corner[:, None] + [0, 162, 161]])
+    return caster(np.stack([x, y, height], -1).reshape(-1, 3), faces), gaussian_filter(rng.normal(size=(1200, 1200)), 3)
+
+
+@pytest.fixture(scope="module")
+def stereo(wavy, tmp_path_factory):
+    """A placed rig and its best photos, left and right, under two Sun lamps."""
+    rays, pattern = wavy
+    folder, pictures = tmp_path_factory.mktemp("stereo"), {}
+    for camera in "LR":
+        pose, lens = STANDING.sandbox_from(camera), STANDING.rig.lens(camera)
+        directions = pose.rotate(lens.pixel_directions()).reshape(-1, 3).astype(np.float32)
+        distance, _ = rays.nearest(np.broadcast_to(pose.translation, directions.shape), directions)
+        met = np.isfinite(distance)
+        place = (pose.translation + distance[met, None] * directions[met])[:, :2]
+        grey = np.zeros(len(directions))
+        grey[met] = 1000 + 15000 * map_coordinates(pattern, ((place[:, ::-1] + 2) / 4 * 1199).T, order=1)
+        photo = (BLACK_LEVEL + np.clip(grey, 0, 3000)).reshape(lens.height, lens.width).astype(np.uint16)
+        for azimuth in ("30", "270"):
+            path = folder / f"03_A_off_{azimuth}_{camera}_0256.png"
+            png.write(path, photo)
+            pictures.setdefault(("A", camera), {})[azimuth] = path
+    return rays, pictures
+
+
+STANDING = PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans, photos", {})
+
+
+def turned_right(rig, degrees):
+    turn = Pose.from_rotvec(np.radians(degrees), np.zeros(3))
+    return replace(rig, rig=replace(rig.rig, left_from_right=rig.rig.left_from_right @ turn))
+
+
+def test_photos_of_one_rig_have_nothing_to_say(stereo):
+    figures = photos_of_both({"A": STANDING}, *stereo)
+    assert said(figures) == []
+    known = {figure.figure: figure.value for figure in figures}
+    assert known["windows_found"] > 0.8
+    assert known["across_rows"] < 0.1
+    assert known["across_rows_spread"] < 0.3
+
+
+def test_a_right_camera_that_is_turned_about_x_is_noticed(stereo):
+    (sentence,) = said(photos_of_both({"A": turned_right(STANDING, [0.1, 0, 0])}, *stereo))
+    assert "left and right photos, position A: the right photos lie 3.6 px beside the rows" in sentence
+
+
+def test_a_right_camera_that_is_turned_about_its_view_is_noticed(stereo):
+    (sentence,) = said(photos_of_both({"A": turned_right(STANDING, [0, 0, 0.3])}, *stereo))
+    assert "the right photos' rows stray by" in sentence
+
+
+def test_exchanged_photos_are_noticed(stereo):
+    rays, pictures = stereo
+    swapped = {("A", camera): pictures["A", other] for camera, other in ("LR", "RL")}
+    sentences = said(photos_of_both({"A": STANDING}, rays, swapped))
+    assert any("are these one rig's?" in sentence for sentence in sentences)
+
+
+def test_positions_without_photos_of_both_cameras_say_nothing(stereo):
+    rays, pictures = stereo
+    assert photos_of_both({"A": STANDING}, rays, {("A", "L"): pictures["A", "L"]}) == []
+    assert photos_of_both({"A": replace(STANDING, method="survey")}, rays, pictures) == []
+
+
+RULE = MatchRule(trim=0.004, trim_share=0.35, consensus_share=0.3, same_iou=0.5, gate_px=40)
+
+
+@pytest.fixture
+def rocky(rng):
+    """Outlines of a dozen rocks, and boxes that people drew of them in both cameras, edges 2 px off."""
+    points = [
+        np.array([x, y, 0.06]) + rng.uniform(-0.5, 0.5, (80, 3)) * [size, size, 0.12]
+        for x, y, size in rng.uniform((-1.2, -1.2, 0.12), (1.2, 1.2, 0.3), (12, 3))
+    ]
+    outlines = Outlines(np.arange(1, 13), np.array(points), np.array(points))
+    drawn = {}
+    for camera in "LR":
+        boxes = outlines.seen(STANDING.rig.lens(camera), STANDING.sandbox_from(camera))
+        for azimuth in ("30", "180", "270"):
+            shown = np.round(boxes + rng.normal(0, 2, boxes.shape))
+            drawn[PhotoKey(3, "A", "off", azimuth, camera, 256)] = Labels(np.zeros(len(boxes), int), shown)
+    return outlines, drawn
+
+
+def test_boxes_of_both_cameras_on_their_meshes_have_nothing_to_say(rocky):
+    figures = boxes_of_both({"A": STANDING}, *rocky, RULE)
+    assert {figure.figure for figure in figures} == {"iou_lost", "boxes_across_rows"}
+    assert said(figures) == []
+
+
+def test_boxes_tell_of_a_right_camera_that_is_turned(rocky):
+    (sentence,) = said(boxes_of_both({"A": turned_right(STANDING, [0.1, 0, 0])}, *rocky, RULE))
+    assert "left and right boxes, position A: boxes of the right camera lie" in sentence
+
+
+def test_boxes_tell_of_cameras_that_were_exchanged(rocky):
+    outlines, drawn = rocky
+    swapped = {replace(key, camera={"L": "R", "R": "L"}[key.camera]): boxes for key, boxes in drawn.items()}
+    seen_left = replace(STANDING, sandbox_from_left=STANDING.sandbox_from("R"))  # as placed by what is called left
+    (sentence, *_) = said(boxes_of_both({"A": seen_left}, outlines, swapped, RULE))
+    assert "of IoU worse than the left one's" in sentence
+
+
+def test_few_boxes_of_a_camera_say_nothing(rocky):
+    outlines, drawn = rocky
+    assert boxes_of_both({"A": STANDING}, outlines, {k: v for k, v in drawn.items() if k.camera == "L"}, RULE) == []

@@ -56,13 +56,14 @@ rule score_rocks:
 
 
 rule check_consistency:
-    """Scans, cameras, meshes and boxes held against each other, without any truth."""
+    """Scans, cameras, meshes, photos and boxes held against each other, without any truth."""
     input:
         raw=raw_data,
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         located="results/{run}/cameras/located/Terrain{terrain}",
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
+        photos=photos_of_terrain,
     output:
         quality="results/{run}/quality/consistency_Terrain{terrain}.csv",
     log:
@@ -74,6 +75,8 @@ rule check_consistency:
         mem_mb=2500,
         runtime=10,
     params:
+        drawn=drawn_labels_of,
+        rule=match_rule(),
         code=code_of("check_consistency"),
     script:
         "../scripts/check_consistency.py"

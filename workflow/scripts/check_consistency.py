@@ -4,6 +4,7 @@ from pathlib import Path
 
 from polarsim.reporting import reporting
 from polarsim.scoring.consistency import check_consistency
+from polarsim.scoring.match_rule import MatchRule
 
 with reporting(log=snakemake.log[0]):
     check_consistency(
@@ -12,5 +13,8 @@ with reporting(log=snakemake.log[0]):
         located=Path(snakemake.input.located),
         cameras=Path(snakemake.input.cameras),
         meshes=Path(snakemake.input.meshes),
+        photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
+        drawn=Path(snakemake.params.drawn) if snakemake.params.drawn else None,
         quality=Path(snakemake.output.quality),
+        rule=MatchRule(**snakemake.params.rule),
     )

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.cameras.adjust import View
 from polarsim.errors import PolarsimError
 from polarsim.formats import png, tables
 from polarsim.formats.rigs import PlacedRig
@@ -21,6 +20,7 @@ log = logging.getLogger("polarsim")
 _USABLE = (60, WHITE_LEVEL - 200)  # grey values that neither noise nor clipping moves
 _SPARSE = 8  # every so many rows and columns tell how well a photo is exposed
 _LEAST_USABLE = 0.03  # share of such pixels in a photo that is worth a look
+View = tuple[str, str]  # position and camera
 Pictures = Mapping[View, Mapping[str, Path]]  # by view, then by the azimuth of the Sun lamp
 Photos = Mapping[str, np.ndarray]  # of one view, by that azimuth: (h, w) float32 grey values
 

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter, shift
 
-from polarsim.cameras.patches import Window, find
+from polarsim.geometry.patches import Window, find
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 WINDOW = Window(half=10, search=5, step=12, likeness=0.6, noise=0.4)

@@ -38,6 +38,7 @@ class Found:
     pixel: np.ndarray  # (n, 2) middles in the shaded view
     seen: np.ndarray  # (n, 2) and in the photo
     whitening: np.ndarray  # (n, 2, 2) turns an offset, px, into two of standard deviation 1
+    tried: int  # windows that were looked for
 
 
 def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Window) -> Found:
@@ -76,7 +77,7 @@ def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Wind
         peaks.append(likeness[down - 1 : down + 2, across - 1 : across + 2].astype(float))
     pixel = np.array(middles).reshape(-1, 2)
     move, whitening = _peaks_of(np.array(peaks).reshape(-1, 3, 3), window.noise)
-    return Found(pixel, pixel + np.array(corners, float).reshape(-1, 2) + move, whitening)
+    return Found(pixel, pixel + np.array(corners, float).reshape(-1, 2) + move, whitening, int(free.sum()))
 
 
 def _inside(row: int, column: int, shape: tuple[int, ...]) -> bool:

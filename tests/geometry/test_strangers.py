@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from polarsim.geometry.boxes import around
+from polarsim.geometry.poses import looking
+from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.strangers import find_strangers
+
+POSES = {  # as far apart as NASA's A and C
+    "A": looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)),
+    "C": looking(np.array([0.8, -3.7, 1.5]), np.radians(104), np.radians(25)),
+}
+
+
+@pytest.fixture
+def projected(rng):
+    """Boxes of twenty rocks in the left photos of both positions; NaN for those out of sight."""
+    lens, seen = stated_rig().left, {name: [] for name in POSES}
+    for x, y, size in rng.uniform((-1.4, -1.4, 0.08), (1.4, 1.4, 0.3), (20, 3)):
+        rock = np.array([x, y, size / 3]) + size / 2 * rng.uniform(-1, 1, (60, 3))
+        for name, pose in POSES.items():
+            box = around(lens.project(pose.inverse().apply(rock)))
+            inside = (box[0] > 0) & (box[1] > 0) & (box[2] < lens.width) & (box[3] < lens.height)
+            seen[name].append(box if inside else np.full(4, np.nan))
+    return {name: np.array(boxes) for name, boxes in seen.items()}
+
+
+@pytest.fixture
+def drawn(projected, rng):
+    """What people draw of them: edges 2 px off."""
+    shown = {name: boxes[np.isfinite(boxes).all(axis=1)] for name, boxes in projected.items()}
+    return {name: boxes + rng.normal(0, 2, boxes.shape) for name, boxes in shown.items()}
+
+
+def test_boxes_at_their_own_position_are_no_strangers(drawn, projected):
+    assert find_strangers(drawn, projected) == []
+
+
+def test_boxes_of_another_position_are_named_with_both_shares(drawn, projected):
+    (stranger,) = find_strangers({"A": drawn["A"], "C": drawn["A"]}, projected)
+    assert (stranger.position, stranger.other) == ("C", "A")
+    assert stranger.met < 0.2
+    assert stranger.met_from_other > 0.9
+    assert str(stranger).startswith("the seeds of position C show another place: rocks meet ")
+    assert "% from that of position A; they are left out" in str(stranger)
+
+
+def test_exchanged_positions_are_both_named(drawn, projected):
+    exchanged = {"A": drawn["C"], "C": drawn["A"]}
+    assert [stranger.position for stranger in find_strangers(exchanged, projected)] == ["A", "C"]
+
+
+@pytest.mark.parametrize("name", sorted(POSES))
+def test_half_of_the_boxes_missing_makes_no_stranger(name, drawn, projected):
+    assert find_strangers({**drawn, name: drawn[name][::2]}, projected) == []
+
+
+@pytest.mark.parametrize("name", sorted(POSES))
+def test_half_of_the_rocks_unknown_makes_no_stranger(name, drawn, projected):
+    known = {pose: boxes[::2] for pose, boxes in projected.items()}
+    assert find_strangers(drawn, known) == []
+    assert [one.position for one in find_strangers({name: drawn["A" if name == "C" else "C"]}, known)] == [name]
+
+
+def test_few_boxes_and_a_lone_pose_tell_nothing(drawn, projected):
+    assert find_strangers({"C": drawn["A"][:3]}, projected) == []
+    assert find_strangers({"C": drawn["A"]}, {"C": projected["C"]}) == []
+    assert find_strangers({"B": drawn["A"]}, projected) == []

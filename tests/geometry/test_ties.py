@@ -1,0 +1,98 @@
+"""Left and right photos of a rough ground: what is left between the rows is the rig's fault."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from polarsim.geometry.patches import Window
+from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.rays import caster
+from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.ties import find_ties, look_with_both
+from polarsim.photo import BLACK_LEVEL
+
+SCALE = 0.25
+FULL = stated_rig()
+RIG = StereoRig(FULL.left.scaled(SCALE), FULL.right.scaled(SCALE), FULL.left_from_right)
+POSE = looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27))
+WINDOW = Window(half=10, search=5, step=12, likeness=0.7, noise=0.4)
+CELLS = 161
+
+
+@pytest.fixture(scope="module")
+def ground():
+    """Bumps with a pattern painted on them: rays, and the photo of a camera."""
+    rng = np.random.default_rng(4)
+    axis = np.linspace(-2, 2, CELLS)
+    x, y = np.meshgrid(axis, axis)
+    height = 0.3 * gaussian_filter(rng.normal(size=x.shape), 6)
+    pattern = gaussian_filter(rng.normal(size=(1200, 1200)), 3)
+    corner = (np.arange(CELLS - 1)[:, None] * CELLS + np.arange(CELLS - 1)).ravel()
+    faces = [[corner, corner + 1, corner + CELLS], [corner + 1, corner + CELLS + 1, corner + CELLS]]
+    rays = caster(
+        np.stack([x, y, height], -1).reshape(-1, 3), np.concatenate([np.stack(three, axis=1) for three in faces])
+    )
+
+    def photo(lens, pose):
+        directions = pose.rotate(lens.pixel_directions()).reshape(-1, 3)
+        distance, _ = rays.nearest(np.broadcast_to(pose.translation, directions.shape), directions)
+        met = np.isfinite(distance)
+        place = (pose.translation + distance[met, None] * directions[met])[:, :2]
+        grey = np.zeros(len(directions))
+        grey[met] = 1000 + 15000 * map_coordinates(pattern, ((place[:, ::-1] + 2) / 4 * 1199).T, order=1)
+        return (BLACK_LEVEL + np.clip(grey, 0, 3000)).reshape(lens.height, lens.width).astype(np.float32)
+
+    return rays, photo(RIG.left, POSE), photo(RIG.right, POSE @ RIG.left_from_right)
+
+
+def ties_under(ground, rig):
+    rays, left, right = ground
+    return find_ties(look_with_both(rays, POSE, rig), left, right, WINDOW)
+
+
+def test_under_the_true_rig_windows_lie_where_they_should(ground):
+    ties = ties_under(ground, RIG)
+    off = ties.right - ties.expected
+    assert len(off) > 300
+    assert len(off) > 0.8 * ties.tried
+    np.testing.assert_allclose(np.median(off, axis=0), 0, atol=0.03)  # px of the shrunk photos
+    assert np.median(np.abs(off)) < 0.1
+
+
+def test_expected_pixels_are_those_of_the_points(ground):
+    ties = ties_under(ground, RIG)
+    np.testing.assert_allclose(RIG.left.project(ties.points_left), ties.left, atol=1e-3)
+    seen = RIG.right.project(RIG.left_from_right.inverse().apply(ties.points_left))
+    np.testing.assert_allclose(seen, ties.expected, atol=1e-3)
+
+
+def test_a_right_camera_turned_about_x_lies_beside_the_rows(ground):
+    turned = replace(RIG, left_from_right=RIG.left_from_right @ Pose.from_rotvec(np.radians([0.2, 0, 0]), np.zeros(3)))
+    off = np.median((ties := ties_under(ground, turned)).right - ties.expected, axis=0)
+    assert abs(off[1]) == pytest.approx(np.radians(0.2) * RIG.right.fy, abs=0.1)
+    assert abs(off[0]) < 0.1
+
+
+def test_exchanged_photos_are_not_found_in_each_other(ground):
+    rays, left, right = ground
+    ties = find_ties(look_with_both(rays, POSE, RIG), right, left, WINDOW)
+    assert len(ties.right) < 0.15 * ties.tried
+
+
+def test_what_the_right_camera_does_not_see_is_not_asked_for(ground):
+    rays, _, _ = ground
+    seen = look_with_both(rays, POSE, RIG)
+    known = np.isfinite(seen.in_right[..., 0])
+    assert (seen.in_right[known] > 0).all()
+    assert (seen.in_right[known] < [RIG.right.width, RIG.right.height]).all()
+    assert np.isfinite(seen.points_left[known]).all()
+    assert 0 < known.mean() < np.isfinite(seen.points_left[..., 0]).mean()
+
+
+def test_windows_that_show_noise_alone_are_not_asked_for(ground):
+    rays, left, _ = ground
+    rng = np.random.default_rng(5)
+    dark = [(BLACK_LEVEL + rng.normal(20, 3, left.shape)).astype(np.float32) for _ in "LR"]
+    assert find_ties(look_with_both(rays, POSE, RIG), *dark, WINDOW).tried == 0
