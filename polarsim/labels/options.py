@@ -54,7 +54,17 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         0.3, gt=0, lt=1, description="Boxes of two azimuths that overlap this much (IoU) are the same rock."
     )
     presence: float = Field(
-        0.5, ge=0, le=1, description="Share of the seeds that must show a rock for it to be labelled at other azimuths."
+        0.5,
+        ge=0,
+        le=1,
+        description="Share of the azimuths with seeds whose lamps light a rock that must show it, for its label at other "
+        "azimuths.",
+    )
+    same_lamp_weight: float = Field(
+        2.0,
+        gt=0,
+        description="Weight in a rock's fused box of what was drawn in the other camera under the same lamp; a drawing "
+        "under another lamp weighs 1.",
     )
     mesh_weight: float = Field(
         1.0,
