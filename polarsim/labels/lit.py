@@ -12,7 +12,7 @@ LIFT = 0.003  # metres from the surface towards the lamp: where a ray starts, cl
 
 
 def lit_share(world: World, rock: int, azimuth: Azimuth) -> float:
-    """Share of a rock's body above the ground that a Sun lamp reaches from its surveyed place; 1 without body or lamp."""
+    """Share of a rock's body above the ground that a Sun lamp reaches; 1 without body or lamp."""
     body = world.bodies.get(rock)
     if body is None or azimuth not in world.suns:
         return 1.0

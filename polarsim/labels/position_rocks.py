@@ -5,9 +5,12 @@ What a drawing lacks tells something only of rocks that its photo could show: ne
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from polarsim.geometry.boxes import area, clip, iou
+from polarsim.labels import rover_light
 from polarsim.labels.fusion import mesh_weights
 from polarsim.labels.known import Known
 from polarsim.labels.label import Label, label_of
@@ -49,16 +52,38 @@ class PositionRocks:
             boxes, shown = self.drawn[camera, azimuth].rocks, [(camera, azimuth) in track.rows for track in self.tracks]
             own = [(row, boxes[self.tracks[row].rows[camera, azimuth]]) for row in np.flatnonzero(shown)]
             return [label_of(ROCK, self.ids[row], "seed", box) for row, box in own]
+        boxes, source = self.fused(camera, azimuth), self.moved_source(camera)
         if azimuth in self.azimuths:
-            chosen = [row for row, track in enumerate(self.tracks) if azimuth in track.azimuths and not self._lone(row)]
-            share = np.ones(len(self.tracks))
-        else:
-            share = np.array([self._share(row) for row in range(len(self.tracks))])
-            chosen = np.flatnonzero(share >= self.options.presence).tolist()
-        boxes = self._fused(camera, azimuth)
-        source = self.moved_source(camera)
-        labels = [label_of(ROCK, self.ids[row], source, boxes[row], float(share[row])) for row in chosen]
+            drawn = [row for row, track in enumerate(self.tracks) if azimuth in track.azimuths and not self._lone(row)]
+            return [label_of(ROCK, self.ids[row], source, boxes[row]) for row in drawn] + self._unshown(
+                camera, azimuth, boxes
+            )
+        if azimuth not in SUNS:
+            return self._by_rover_light(camera, boxes)
+        share = [self._share(row) for row in range(len(self.tracks))]
+        chosen = [row for row in range(len(self.tracks)) if share[row] >= self.options.presence]
+        labels = [label_of(ROCK, self.ids[row], source, boxes[row], share[row]) for row in chosen]
         return labels + self._unshown(camera, azimuth, boxes)
+
+    def rover_light_terms(self, camera: Camera, row: int) -> np.ndarray:
+        """(t,) terms of `rover_light` of a track in a camera's photos without a Sun lamp."""
+        rock, suns = int(self.ids[row]), self.azimuths & set(SUNS)
+        share = len(self.tracks[row].azimuths & suns) / max(len(suns), 1)
+        elsewhere = self._elsewhere(rock)
+        size = float(np.sqrt(area(clip(self.fused(camera)[row]))))
+        distance = self.view(camera).focal_px / self.px_per_m(camera, rock)
+        return rover_light.terms(share, share if elsewhere is None else elsewhere, size, distance)
+
+    def _by_rover_light(self, camera: Camera, boxes: np.ndarray) -> list[Label]:
+        """Rocks that people draw without a Sun lamp."""
+        habits = np.array(self.options.rover_light_habits)
+        labels = []
+        for row, box in enumerate(boxes):
+            sure = rover_light.probability(self.rover_light_terms(camera, row), habits)
+            if sure >= self.options.rover_light_presence:
+                label = label_of(ROCK, self.ids[row], self.moved_source(camera), box)
+                labels.append(replace(label, confidence=round(sure, 3)))
+        return labels
 
     def _share(self, row: int) -> float:
         """Of the azimuths whose drawings could show a track's rock, those that do."""
@@ -79,12 +104,19 @@ class PositionRocks:
     def _lone(self, row: int) -> bool:
         """A rock of one azimuth's drawings alone, here and at other positions, though other photos could show it."""
         drawn, rock = self.tracks[row].azimuths, int(self.ids[row])
-        if len(drawn) > 1 or len(drawn | self._lighting(rock)) < LONE_OF:
-            return False
-        others = [position for position in self._known.rocks if position != self._position]
-        if any(rock in self._known.rocks[position] for position in others):
-            return False
-        return any(self._in_view(position, rock) for position in others)
+        return len(drawn) == 1 and len(drawn | self._lighting(rock)) >= LONE_OF and self._elsewhere(rock) == 0
+
+    def _elsewhere(self, rock: int) -> float | None:
+        """Share of the Sun azimuths at which other positions' drawings show a rock; None where their photos cannot."""
+        shares = []
+        for position, ids in self._known.rocks.items():
+            if position != self._position:
+                tracks = self._known.tracks[position]
+                drawn = {azimuth for row in np.flatnonzero(ids == rock) for azimuth in tracks[row].azimuths}
+                if drawn or self._in_view(position, rock):
+                    suns = {azimuth for _, azimuth in self._known.seeds[position]} & set(SUNS)
+                    shares.append(len(drawn & suns) / max(len(suns), 1))
+        return float(np.mean(shares)) if shares else None
 
     def _in_view(self, position: str, rock: int) -> bool:
         """Whether the drawn photos of another position show a rock."""
@@ -120,7 +152,7 @@ class PositionRocks:
     def undrawn(self, camera: Camera, rocks: list[Label]) -> list[Label]:
         """Rocks that other azimuths, other positions or scans know, as far as no label shows them yet."""
         known = {label.rock for label in rocks}
-        fused = self._fused(camera, None) if self.tracks else np.zeros((0, 4))
+        fused = self.fused(camera) if self.tracks else np.zeros((0, 4))
         elsewhere = {int(rock): box for rock, box in zip(self.ids, fused, strict=True) if rock not in known}
         taken = np.array([*(label.box for label in rocks), *elsewhere.values()]).reshape(-1, 4)
         share = {int(rock): len(track.azimuths) for rock, track in zip(self.ids, self.tracks, strict=True)}
@@ -148,7 +180,7 @@ class PositionRocks:
         place = body.centre if body is not None else np.zeros(3)
         return view.focal_px / float(np.linalg.norm(place - view.centre))
 
-    def _fused(self, camera: Camera, azimuth: Azimuth | None) -> np.ndarray:
+    def fused(self, camera: Camera, azimuth: Azimuth | None = None) -> np.ndarray:
         """(tracks, 4) mean of each track's boxes, moved into a camera, and of its mesh there as far as that fits.
 
         Drawings under the same lamp weigh more: light makes edges plain, or hides them.
