@@ -52,17 +52,17 @@ class PositionRocks:
             boxes, shown = self.drawn[camera, azimuth].rocks, [(camera, azimuth) in track.rows for track in self.tracks]
             own = [(row, boxes[self.tracks[row].rows[camera, azimuth]]) for row in np.flatnonzero(shown)]
             return [label_of(ROCK, self.ids[row], "seed", box) for row, box in own]
-        boxes, source = self.fused(camera, azimuth), self.moved_source(camera)
+        boxes = self.fused(camera, azimuth)
         if azimuth in self.azimuths:
-            drawn = [row for row, track in enumerate(self.tracks) if azimuth in track.azimuths and not self._lone(row)]
-            return [label_of(ROCK, self.ids[row], source, boxes[row]) for row in drawn] + self._unshown(
-                camera, azimuth, boxes
-            )
-        if azimuth not in SUNS:
+            chosen = [row for row, track in enumerate(self.tracks) if azimuth in track.azimuths and not self._lone(row)]
+            share = np.ones(len(self.tracks))
+        elif azimuth in SUNS:
+            share = np.array([self._share(row) for row in range(len(self.tracks))])
+            chosen = np.flatnonzero(share >= self.options.presence).tolist()
+        else:
             return self._by_rover_light(camera, boxes)
-        share = [self._share(row) for row in range(len(self.tracks))]
-        chosen = [row for row in range(len(self.tracks)) if share[row] >= self.options.presence]
-        labels = [label_of(ROCK, self.ids[row], source, boxes[row], share[row]) for row in chosen]
+        source = self.moved_source(camera)
+        labels = [label_of(ROCK, self.ids[row], source, boxes[row], float(share[row])) for row in chosen]
         return labels + self._unshown(camera, azimuth, boxes)
 
     def rover_light_terms(self, camera: Camera, row: int) -> np.ndarray:
@@ -76,10 +76,9 @@ class PositionRocks:
 
     def _by_rover_light(self, camera: Camera, boxes: np.ndarray) -> list[Label]:
         """Rocks that people draw without a Sun lamp."""
-        habits = np.array(self.options.rover_light_habits)
         labels = []
         for row, box in enumerate(boxes):
-            sure = rover_light.probability(self.rover_light_terms(camera, row), habits)
+            sure = rover_light.probability(self.rover_light_terms(camera, row), self.options.rover_light_habits)
             if sure >= self.options.rover_light_presence:
                 label = label_of(ROCK, self.ids[row], self.moved_source(camera), box)
                 labels.append(replace(label, confidence=round(sure, 3)))
