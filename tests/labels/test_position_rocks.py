@@ -88,6 +88,7 @@ def test_a_rock_that_lay_in_the_dark_of_all_drawn_lamps_is_projected_where_one_l
     drawn = {"A": {("L", "180"): [box_of(BARRIER, blocks=SHADED)]}}
     shown = {label.rock: label.source for label in rocks_at("A", drawn, SHADED).labels("L", "350")}
     assert shown == {BARRIER: "fused", BEHIND: "projected"}
+    assert {label.rock for label in rocks_at("A", drawn, SHADED).labels("R", "180")} == {BARRIER}  # where it is dark
     drawn = {"A": {("L", "30"): [box_of(BARRIER, blocks=SHADED)]}}
     assert {label.rock for label in rocks_at("A", drawn, SHADED).labels("L", "350")} == {BARRIER}
 
