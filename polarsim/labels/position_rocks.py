@@ -63,7 +63,7 @@ class PositionRocks:
             return self._by_rover_light(camera, boxes)
         source = self.moved_source(camera)
         labels = [label_of(ROCK, self.ids[row], source, boxes[row], float(share[row])) for row in chosen]
-        return labels + self._unshown(camera, azimuth, boxes)
+        return labels + self._beyond_border(camera, azimuth, boxes)
 
     def rover_light_terms(self, camera: Camera, row: int) -> np.ndarray:
         """(t,) terms of `rover_light` of a track in a camera's photos without a Sun lamp."""
@@ -123,19 +123,14 @@ class PositionRocks:
         shown = project_rock(self.world, view, rock) if rock in self.world.bodies else None
         return shown is not None and shown.seen >= IN_VIEW
 
-    def _unshown(self, camera: Camera, azimuth: Azimuth, fused: np.ndarray) -> list[Label]:
-        """Projected rocks that a Sun lamp lights and no drawing of this position could show.
-
-        They lie beyond the border of the drawn photos, or in the dark of the drawn lamps. Of what lies there people at
-        other positions drew much that is hidden from here, so of rocks in the dark only those with a mesh count.
-        """
+    def _beyond_border(self, camera: Camera, azimuth: Azimuth, fused: np.ndarray) -> list[Label]:
+        """Projected rocks that a Sun lamp lights, beyond the border of all drawn photos of this position."""
         found = []
         for label in self._projected_rocks(camera) if azimuth in SUNS else []:
             rock = label.rock
             beyond = all(self.projected(own, rock) is None for own, _ in self.drawn)
-            dark = self.world.bodies[rock].meshed and not self._lighting(rock)
             drawn_as_another = iou(label.box[None], fused).max(initial=0.0) >= self.options.same_rock_iou
-            if rock not in self.ids and (beyond or dark) and self._is_lit(rock, azimuth) and not drawn_as_another:
+            if rock not in self.ids and beyond and self._is_lit(rock, azimuth) and not drawn_as_another:
                 found.append(label)
         return found
 

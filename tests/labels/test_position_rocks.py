@@ -72,6 +72,13 @@ def test_a_rock_beyond_the_border_of_the_drawn_photos_is_projected_into_the_othe
     assert iou(labels[9].box[None], box_of(9, camera="R", blocks=blocks)[None])[0, 0] > 0.8
 
 
+def test_a_rock_beyond_the_border_is_left_out_under_a_lamp_that_does_not_reach_it(monkeypatch):
+    blocks = beyond_the_left_border()
+    drawn = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
+    monkeypatch.setattr("polarsim.labels.position_rocks.lit_share", lambda *_: 0.05)
+    assert {label.rock for label in rocks_at("A", drawn, blocks).labels("R", "30")} == {NEAR, FAR}
+
+
 def test_a_rock_in_view_that_nobody_drew_is_not_labelled():
     drawn = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
     assert {label.rock for label in rocks_at("A", drawn).labels("R", "30")} == {NEAR}
@@ -82,15 +89,6 @@ SHADED = {  # BARRIER stands between BEHIND and lamp 180, at x = -3.5 m
     BEHIND: (np.array([0.6, -0.6, 0.0]), np.array([0.2, 0.2, 0.1])),
     BARRIER: (np.array([0.1, -0.6, 0.0]), np.array([0.2, 1.2, 0.8])),
 }
-
-
-def test_a_rock_that_lay_in_the_dark_of_all_drawn_lamps_is_projected_where_one_lights_it():
-    drawn = {"A": {("L", "180"): [box_of(BARRIER, blocks=SHADED)]}}
-    shown = {label.rock: label.source for label in rocks_at("A", drawn, SHADED).labels("L", "350")}
-    assert shown == {BARRIER: "fused", BEHIND: "projected"}
-    assert {label.rock for label in rocks_at("A", drawn, SHADED).labels("R", "180")} == {BARRIER}  # where it is dark
-    drawn = {"A": {("L", "30"): [box_of(BARRIER, blocks=SHADED)]}}
-    assert {label.rock for label in rocks_at("A", drawn, SHADED).labels("L", "350")} == {BARRIER}
 
 
 def test_a_drawing_in_the_dark_does_not_speak_against_a_rock():
