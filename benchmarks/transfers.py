@@ -7,8 +7,12 @@ raw files taken in, cameras located, meshes adopted, labels carried over, all wi
 folders below WORK, which a second call takes up again. Seeds are the configuration's: Left, rover light off, of each
 azimuth the exposure with most boxes. Truth is every published file that can be read; the others are named.
 
-`--fit` prints the coefficients of `polarsim/labels/habits.py` and of `polarsim/labels/confidence.py`, fitted to all
-terrains given, and scores each terrain with the habits that the others taught.
+`--fit` prints the coefficients of `polarsim/labels/habits.py`, `polarsim/labels/rover_light.py` and
+`polarsim/labels/confidence.py`, fitted to all terrains given, and scores each terrain with the habits that the others
+taught.
+
+`--ceilings` scores what no method can beat instead: boxes at the mean of infinitely many drawings of a rock, present
+as other people's drawings have it, or as the truth has it.
 """
 
 from __future__ import annotations
@@ -32,19 +36,23 @@ from polarsim.errors import FormatError
 from polarsim.formats import lamps, release, rigs, yolo
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import read_parquet
-from polarsim.geometry.boxes import area, iou, match
-from polarsim.labels import confidence, habits
-from polarsim.labels.known import gather
+from polarsim.geometry.boxes import area, clip, iou, match
+from polarsim.labels import confidence, habits, rover_light
+from polarsim.labels.known import Known, gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position import PositionLabels
+from polarsim.labels.position_rocks import PositionRocks
 from polarsim.labels.propagate import propagate_labels
-from polarsim.labels.seeds import choose_seeds, read_drawings, shadow_starts
-from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, PhotoKey
+from polarsim.labels.seeds import Drawn, Seeds, Sight, choose_seeds, read_drawings, shadow_starts
+from polarsim.labels.tracks import Track
+from polarsim.labels.view import move_rocks
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, Camera, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.scoring.score import Counts, count_boxes
 
 POSITIONS = "ABC"
 EDGES = ["x0", "y0", "x1", "y1"]
+SAME_ROCK = 0.1  # least IoU of a drawn box with the mean of a rock's other drawings
 
 Truth = dict[PhotoKey, dict[str, np.ndarray]]  # boxes (n, 4) by kind
 
@@ -270,21 +278,151 @@ def fitted(pairs: Iterable[CastPairs], rounds: int = 20, scale: float = 1.5) -> 
     return tuple(found.round(4).tolist())
 
 
+@dataclass(frozen=True)
+class Drawing:
+    """One position's rocks for one file: boxes (n, 4) as endless drawings would have them, and which ones it shows."""
+
+    boxes: np.ndarray
+    tracks: list[Track]
+    shown: np.ndarray  # (n,) bool
+
+    def under(self, sights: Iterable[Sight]) -> np.ndarray:
+        """(n,) in how many of some drawings each rock is."""
+        asked = set(sights)
+        return np.array([len(asked & set(track.rows)) for track in self.tracks], int)
+
+
+def both_cameras(run: Run, truth: Truth, options: LabelsOptions) -> Known:
+    """What the drawings of both cameras under Sun lamps tell together: of each the file with most rocks."""
+    run.place()
+    placed = rigs.read_all_placed(run.folder / "cameras")
+    seeds: Seeds = {}
+    fullest = sorted(truth, key=lambda key: (len(truth[key][ROCK]), -abs(np.log2(key.exposure_ms / 256)), key))
+    for key in fullest:
+        if key.light == "off" and key.azimuth in SUNS:
+            seeds.setdefault(key.position, {})[key.camera, key.azimuth] = Drawn(truth[key][ROCK], None)
+    suns = lamps.read_suns(run.folder / "cameras", placed)
+    return gather(read_terrain(run.folder / "meshes", run.terrain), placed, suns, seeds, options)
+
+
+def best_boxes(known: Known, key: PhotoKey, drawn: np.ndarray, options: LabelsOptions) -> Drawing:
+    """The rocks that any drawing of a position shows, for a file with boxes `drawn` (m, 4).
+
+    The mean of n other drawings lies off a drawn box by sqrt((n + 1) / n) times the noise of one drawing; the mean of
+    infinitely many would by the noise alone. So the mean is moved towards the drawn box until its distance is that.
+    """
+    rocks = PositionRocks(known, key.position, options)
+    means, counts, tracks = [], [], []
+    for row, track in enumerate(known.tracks[key.position]):
+        same = [sight for sight in track.rows if sight[0] == key.camera and sight[1] != key.azimuth]
+        sights = same or [sight for sight in track.rows if sight[0] != key.camera] or list(track.rows)
+        source = sights[0][0]
+        mean = np.mean([known.seeds[key.position][sight].rocks[track.rows[sight]] for sight in sights], axis=0)
+        if source != key.camera:
+            views = rocks.view(source), rocks.view(key.camera)
+            mean = move_rocks(known.world, *views, mean[None], rocks.ids[[row]])[0]
+        means.append(mean)
+        counts.append(len(sights))
+        tracks.append(track)
+    boxes, others = np.array(means).reshape(-1, 4), np.array(counts, float)[:, None]
+    rows, columns = match(iou(drawn, boxes), SAME_ROCK)
+    boxes[columns] = drawn[rows] + np.sqrt(others / (others + 1))[columns] * (boxes[columns] - drawn[rows])
+    return Drawing(clip(boxes), tracks, np.isin(np.arange(len(boxes)), columns))
+
+
+def score_ceilings(run: Run, truth: Truth, options: LabelsOptions, scores: Scores) -> None:
+    """Perfect boxes of every drawn file, chosen in several ways."""
+    known = both_cameras(run, truth, options)
+    for key, drawn in truth.items():
+        if key.position not in known.tracks:
+            continue
+        best = best_boxes(known, key, drawn[ROCK], options)
+        others = [azimuth for azimuth in SUNS if azimuth != key.azimuth]
+        chosen = {"presence known": best.shown}
+        if key.azimuth == "no":
+            task = task_of(key)
+            seen = best.shown & (key.light == "off" or key.exposure_ms >= options.no_sun_start_ms)
+            chosen["presence known from the usual exposure on"] = seen
+            chosen["in half of the Left drawings"] = best.under(("L", azimuth) for azimuth in SUNS) >= 2
+        elif key.camera == "R":
+            task = task_of(key)
+            chosen["as Left has it"] = best.under([("L", key.azimuth)]) == 1
+        elif key.light == "off":
+            task = "other azimuths"
+            chosen["as Right has it"] = best.under([("R", key.azimuth)]) == 1
+            chosen["in two of the three others"] = best.under(("L", azimuth) for azimuth in others) >= 2
+            for azimuth in others:
+                in_one = best.under([("L", azimuth)]) == 1
+                scores.add(f"{task}, as one other has it", key, {ROCK: drawn[ROCK]}, as_labels(best.boxes[in_one]))
+        else:
+            continue
+        for name, rows in chosen.items():
+            scores.add(f"{task}, {name}", key, {ROCK: drawn[ROCK]}, as_labels(best.boxes[rows]))
+
+
+def as_labels(boxes: np.ndarray) -> pd.DataFrame:
+    """The columns of a label table that scoring looks at."""
+    return pd.DataFrame(boxes, columns=EDGES).assign(kind=ROCK)
+
+
+@dataclass(frozen=True)
+class RoverLit:
+    """Rocks in photos without a Sun lamp: terms (n, t) of `rover_light`, and in which share (n,) of the files."""
+
+    terms: np.ndarray
+    hit: np.ndarray
+
+
+def rover_lit(run: Run, truth: Truth, options: LabelsOptions) -> RoverLit:
+    """Every rock that people drew under Sun lamps, in every photo set that only the rover light shines on."""
+    run.place()
+    drawings = read_drawings(run.folder / "seeds", run.terrain)
+    placed = rigs.read_all_placed(run.folder / "cameras")
+    suns = lamps.read_suns(run.folder / "cameras", placed)
+    seeds = choose_seeds(drawings, {}, shadow_starts(drawings, options.shadow_start(run.terrain)))
+    known = gather(read_terrain(run.folder / "meshes", run.terrain), placed, suns, seeds, options)
+    photo_sets: dict[tuple[str, Camera], list[np.ndarray]] = {}
+    for key, drawn in truth.items():
+        if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= options.no_sun_start_ms:
+            photo_sets.setdefault((key.position, key.camera), []).append(drawn[ROCK])
+    terms, hit = [np.zeros((0, len(rover_light.TERMS)))], [np.zeros(0)]
+    for (position, camera), files in photo_sets.items():
+        rocks = PositionRocks(known, position, options)
+        boxes = rocks.fused(camera)
+        found = [np.isin(np.arange(len(boxes)), match(iou(drawn, boxes))[1]) for drawn in files]
+        terms.append(np.array([rocks.rover_light_terms(camera, row) for row in range(len(boxes))]))
+        hit.append(np.mean(found, axis=0))
+    return RoverLit(np.concatenate(terms), np.concatenate(hit))
+
+
+def fitted_rover_light(parts: Iterable[RoverLit]) -> tuple[float, ...]:
+    """Coefficients of `rover_light`."""
+    known = list(parts)
+    terms, hit = np.concatenate([one.terms for one in known]), np.concatenate([one.hit for one in known])
+    return logistic(terms, hit)
+
+
+def logistic(terms: np.ndarray, hit: np.ndarray) -> tuple[float, ...]:
+    """Coefficients of terms (n, t) for shares of hits (n,): logistic regression, held near 0 by a unit Gaussian."""
+
+    def loss(x: np.ndarray) -> float:
+        score = terms @ x
+        return float(np.logaddexp(0, score).sum() - score @ hit + 0.5 * (x**2).sum())
+
+    return tuple(minimize(loss, np.zeros(terms.shape[1])).x.round(2).tolist())
+
+
 def fit_confidence(labels: pd.DataFrame) -> None:
     """Print logistic regressions of hits on share and size, by kind and source."""
+    labels = labels[~(labels["no_lamp"] & (labels["kind"] == ROCK) & (labels["source"] == "fused"))]  # `rover_light`
     rover = labels["no_lamp"] & (labels["kind"] == SHADOW)
     for (kind, source, by_rover), own in labels.groupby(["kind", "source", rover]):
         share = shares_told(own, kind, source) if not by_rover else np.ones(len(own))
         hit = own["hit"].to_numpy(float)
         terms = np.stack([np.ones(len(own)), share - 1, np.log(own["size"] / confidence.USUAL_PX)], axis=1)
-
-        def loss(x: np.ndarray, terms: np.ndarray = terms, hit: np.ndarray = hit) -> float:
-            score = terms @ x
-            return float(np.logaddexp(0, score).sum() - score @ hit + 0.5 * (x**2).sum())
-
-        found = minimize(loss, np.zeros(3)).x.round(2).tolist()
+        found = logistic(terms, hit)
         name = f"{kind!r}, {source!r}{', rover light' if by_rover else ''}"
-        print(f"    ({name}): {tuple(found)},  # {len(own)} labels, {hit.mean():.3f} right")
+        print(f"    ({name}): {found},  # {len(own)} labels, {hit.mean():.3f} right")
 
 
 def shares_told(labels: pd.DataFrame, kind: str, source: str) -> np.ndarray:
@@ -304,19 +442,27 @@ def main() -> None:
     asked.add_argument("--config", type=Path, default=Path("config/release.yaml"), help="whose options are used")
     asked.add_argument("--terrains", type=int, nargs="+", default=[1, 3, 4, 8, 11, 12])
     asked.add_argument("--fit", action="store_true")
+    asked.add_argument("--ceilings", action="store_true", help="what no method can beat, instead of what ours does")
     asked.add_argument("--quick", action="store_true", help="only what needs seeds of all azimuths")
     args = asked.parse_args()
     config = read_config(args.config)
     options = LabelsOptions(**config.labels.stage_options())
     seeded = config.labels.seeds.azimuths
     runs = {terrain: Run(args.release, args.work, terrain, config, seeded) for terrain in args.terrains}
-    pairs = {terrain: cast_pairs(run, options) for terrain, run in runs.items()} if args.fit else {}
     scores = Scores()
+    if args.ceilings:
+        for terrain, run in runs.items():
+            score_ceilings(run, read_truth(args.release, terrain), options, scores)
+        scores.show()
+        return
+    pairs = {terrain: cast_pairs(run, options) for terrain, run in runs.items()} if args.fit else {}
+    lit = {terrain: rover_lit(runs[terrain], read_truth(args.release, terrain), options) for terrain in pairs}
     for terrain, run in runs.items():
         own = options
         if args.fit:  # what the others taught
             habit = fitted(pairs[other] for other in pairs if other != terrain)
-            own = options.model_copy(update={"shadow_habits": habit})
+            by_rover = fitted_rover_light(lit[other] for other in lit if other != terrain)
+            own = options.model_copy(update={"shadow_habits": habit, "rover_light_habits": by_rover})
         truth = read_truth(args.release, terrain)
         print(f"terrain {terrain:02d}: {len(truth)} files", flush=True)
         score_run(run, truth, None, own, scores)
@@ -325,6 +471,7 @@ def main() -> None:
     scores.show()
     if args.fit:
         print("COEFFICIENTS", dict(zip(habits.TERMS, fitted(pairs.values()), strict=True)))
+        print("COEFFICIENTS", dict(zip(rover_light.TERMS, fitted_rover_light(lit.values()), strict=True)))
         fit_confidence(pd.concat(scores.labels, ignore_index=True))
 
 

@@ -1,8 +1,9 @@
 """How likely a label and the box that a person draws there overlap by IoU >= 0.5.
 
-Logistic in the share of the drawn azimuths at which the rock was seen and in the logarithm of the label's size. The
-coefficients were fitted by `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published labels,
-where one person's drawing is the truth; those of `shifted` to 12 too, the pose of each position in turn forgotten.
+Logistic in the share of the drawn azimuths that show the rock, of those that could, and in the logarithm of the label's
+size. The coefficients were fitted by `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published
+labels, where one person's drawing is the truth; those of fused rocks (under Sun lamps; without one `rover_light` tells)
+and of `shifted` to 12 too, for the latter the pose of each position in turn forgotten.
 `figures/reliability.png` of a run shows how well they hold there.
 """
 
@@ -13,7 +14,7 @@ import math
 USUAL_PX = 50.0  # sqrt(area) of a common label
 COEFFICIENTS = {  # by kind and source: at full share and usual size; for every share missed; for size
     ("rock", "seed"): (5.06, 0.0, 0.89),
-    ("rock", "fused"): (2.13, 2.30, 1.22),
+    ("rock", "fused"): (2.18, 3.30, 1.08),
     ("rock", "shifted"): (0.96, 0.0, 3.33),
     ("rock", "projected"): (0.81, 0.0, 0.56),
     ("shadow", "seed"): (4.27, 0.0, 0.31),
@@ -30,7 +31,8 @@ def confidence(kind: str, source: str, share: float, size_px: float, *, by_rover
     Parameters
     ----------
     share
-        Of the azimuths drawn at the label's position, those at which the rock was seen; 1 where that says nothing.
+        Of the azimuths drawn at the label's position whose lamps light the rock, those that show it; 1 where that says
+        nothing.
     size_px
         sqrt(width * height) of the label.
     by_rover_light

@@ -11,13 +11,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from polarsim.labels.lit import shaded, surface
 from polarsim.labels.world import World
 from polarsim.photo import Azimuth
 
 FARTHEST = np.diag([0.6, 0.6, 0.3])  # metres, x y z: twice the survey's standard deviations
 PLACES = np.concatenate([np.zeros((1, 3)), FARTHEST, -FARTHEST])  # of a lamp about the surveyed one
-POINTS = 150  # of a rock's surface, about, to which rays are cast
-LIFT = 0.003  # metres from the surface towards the lamp: where a ray starts, clear of the rock's own faces
 
 
 def hidden_by_dark(world: World, rock: int, azimuth: Azimuth, drawn: Iterable[Azimuth]) -> bool:
@@ -27,18 +26,7 @@ def hidden_by_dark(world: World, rock: int, azimuth: Azimuth, drawn: Iterable[Az
 
 def in_the_dark(world: World, rock: int, azimuth: Azimuth) -> bool:
     """No point of a rock's body above the ground is lit, wherever within the survey's error the lamp stands."""
-    body = world.bodies.get(rock)
-    if body is None or azimuth not in world.suns:
+    if rock not in world.bodies or azimuth not in world.suns:
         return False
-    points = body.vertices[body.above]
-    points = points[:: max(1, len(points) // POINTS)]
-    return not any(_lit(world, points, world.suns[azimuth] + off) for off in PLACES)
-
-
-def _lit(world: World, points: np.ndarray, lamp: np.ndarray) -> bool:
-    to_lamp = lamp - points
-    starts = points + LIFT * to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
-    dark = world.everything.blocked(starts, to_lamp, 1.0)
-    if world.walls is not None and not dark.all():
-        dark |= world.walls.blocked(starts, to_lamp, 1.0)
-    return not dark.all()
+    points = surface(world, rock)
+    return all(shaded(world, points, world.suns[azimuth] + off).all() for off in PLACES)

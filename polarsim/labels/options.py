@@ -7,6 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
+from polarsim.labels import rover_light
 from polarsim.labels.habits import COEFFICIENTS
 
 
@@ -49,12 +50,37 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         2048, gt=0, description="Shortest exposure with labels where only the rover light shines, ms."
     )
 
+    rover_light_habits: tuple[float, ...] = Field(
+        rover_light.COEFFICIENTS,
+        min_length=len(rover_light.COEFFICIENTS),
+        max_length=len(rover_light.COEFFICIENTS),
+        description="Which rocks people draw without a Sun lamp, one coefficient a term of polarsim/labels/"
+        "rover_light.py.",
+    )
+    rover_light_presence: float = Field(
+        0.45,
+        ge=0,
+        le=1,
+        description="Least probability by these habits of a label without a Sun lamp. F1 is highest where labels that "
+        "are right less often than half of it are left out.",
+    )
+
     # Seeds of several azimuths.
     same_rock_iou: float = Field(
         0.3, gt=0, lt=1, description="Boxes of two azimuths that overlap this much (IoU) are the same rock."
     )
     presence: float = Field(
-        0.5, ge=0, le=1, description="Share of the seeds that must show a rock for it to be labelled at other azimuths."
+        0.6,
+        ge=0,
+        le=1,
+        description="Share of the azimuths with seeds whose lamps light a rock that must show it, for its label at "
+        "other azimuths.",
+    )
+    same_lamp_weight: float = Field(
+        2.0,
+        gt=0,
+        description="Weight in a rock's fused box of what was drawn in the other camera under the same lamp; a drawing "
+        "under another lamp weighs 1.",
     )
     mesh_weight: float = Field(
         1.0,

@@ -1,16 +1,28 @@
-"""Rocks of one position of the tripod in any camera's photos: as drawn, fused of several drawings, or projected."""
+"""Rocks of one position of the tripod in any camera's photos: as drawn, fused of several drawings, or projected.
+
+What a drawing lacks tells something only of rocks that its photo could show: neither beyond the border nor in the dark.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from polarsim.geometry.boxes import area, clip, iou
+from polarsim.labels import rover_light
 from polarsim.labels.fusion import mesh_weights
 from polarsim.labels.known import Known
 from polarsim.labels.label import Label, label_of
+from polarsim.labels.lit import lit_share
 from polarsim.labels.options import LabelsOptions
+from polarsim.labels.seeds import cameras_first
 from polarsim.labels.view import ProjectedRock, View, at_border, move_rocks, project_rock
-from polarsim.photo import ROCK, Azimuth, Camera
+from polarsim.photo import ROCK, SUNS, Azimuth, Camera
+
+LIT = 0.1  # least share of a rock that a lamp must light for people to see it
+LONE_OF = 3  # lamps at least that must have lit a rock which people drew under one of them alone, to doubt it
+IN_VIEW = 0.5  # least share of a rock that a photo shows, to expect a drawing of it there
 
 
 class PositionRocks:
@@ -18,13 +30,15 @@ class PositionRocks:
 
     def __init__(self, known: Known, position: str, options: LabelsOptions) -> None:
         self.in_image = position in known.apart  # nobody knows where its cameras stood
-        known = known.of(position)
+        self._known, self._position = known.of(position), position
+        known = self._known
         self.world, self.options = known.world, options
         self.placed = known.placed[position]
         self.drawn = known.seeds.get(position, {})
         self.azimuths = {azimuth for _, azimuth in self.drawn}
         self.tracks, self.ids = known.tracks.get(position, []), known.rocks.get(position, np.zeros(0, int))
-        self._fused_boxes: dict[Camera, np.ndarray] = {}
+        self._fused_boxes: dict[tuple[Camera, Azimuth | None], np.ndarray] = {}
+        self._lit: dict[tuple[int, Azimuth], bool] = {}
         self._projections: dict[tuple[Camera, int], ProjectedRock | None] = {}
 
     def view(self, camera: Camera) -> View:
@@ -38,14 +52,87 @@ class PositionRocks:
             boxes, shown = self.drawn[camera, azimuth].rocks, [(camera, azimuth) in track.rows for track in self.tracks]
             own = [(row, boxes[self.tracks[row].rows[camera, azimuth]]) for row in np.flatnonzero(shown)]
             return [label_of(ROCK, self.ids[row], "seed", box) for row, box in own]
+        boxes = self.fused(camera, azimuth)
         if azimuth in self.azimuths:
-            share = np.array([float(azimuth in track.azimuths) for track in self.tracks])
+            chosen = [row for row, track in enumerate(self.tracks) if azimuth in track.azimuths and not self._lone(row)]
+            share = np.ones(len(self.tracks))
+        elif azimuth in SUNS:
+            share = np.array([self._share(row) for row in range(len(self.tracks))])
+            chosen = np.flatnonzero(share >= self.options.presence).tolist()
         else:
-            share = np.array([len(track.azimuths) for track in self.tracks]) / len(self.azimuths)
-        boxes = self._fused(camera)
-        chosen = [row for row in range(len(self.tracks)) if share[row] >= self.options.presence]
+            return self._by_rover_light(camera, boxes)
         source = self.moved_source(camera)
-        return [label_of(ROCK, self.ids[row], source, boxes[row], float(share[row])) for row in chosen]
+        labels = [label_of(ROCK, self.ids[row], source, boxes[row], float(share[row])) for row in chosen]
+        return labels + self._beyond_border(camera, azimuth, boxes)
+
+    def rover_light_terms(self, camera: Camera, row: int) -> np.ndarray:
+        """(t,) terms of `rover_light` of a track in a camera's photos without a Sun lamp."""
+        rock, suns = int(self.ids[row]), self.azimuths & set(SUNS)
+        share = len(self.tracks[row].azimuths & suns) / max(len(suns), 1)
+        elsewhere = self._elsewhere(rock)
+        size = float(np.sqrt(area(clip(self.fused(camera)[row]))))
+        distance = self.view(camera).focal_px / self.px_per_m(camera, rock)
+        return rover_light.terms(share, share if elsewhere is None else elsewhere, size, distance)
+
+    def _by_rover_light(self, camera: Camera, boxes: np.ndarray) -> list[Label]:
+        """Rocks that people draw without a Sun lamp."""
+        labels = []
+        for row, box in enumerate(boxes):
+            sure = rover_light.probability(self.rover_light_terms(camera, row), self.options.rover_light_habits)
+            if sure >= self.options.rover_light_presence:
+                label = label_of(ROCK, self.ids[row], self.moved_source(camera), box)
+                labels.append(replace(label, confidence=round(sure, 3)))
+        return labels
+
+    def _share(self, row: int) -> float:
+        """Of the azimuths whose drawings could show a track's rock, those that do."""
+        drawn = self.tracks[row].azimuths
+        return len(drawn) / len(drawn | self._lighting(int(self.ids[row])))
+
+    def _lighting(self, rock: int) -> set[Azimuth]:
+        """Drawn azimuths whose lamp lights a rock."""
+        return {azimuth for azimuth in self.azimuths if self._is_lit(rock, azimuth)}
+
+    def _is_lit(self, rock: int, azimuth: Azimuth) -> bool:
+        if azimuth not in SUNS or self.in_image:  # nobody knows what shades the rocks of an unplaced position
+            return azimuth in SUNS
+        if (rock, azimuth) not in self._lit:
+            self._lit[rock, azimuth] = lit_share(self.world, rock, azimuth) > LIT
+        return self._lit[rock, azimuth]
+
+    def _lone(self, row: int) -> bool:
+        """A rock of one azimuth's drawings alone, here and at other positions, though other photos could show it."""
+        drawn, rock = self.tracks[row].azimuths, int(self.ids[row])
+        return len(drawn) == 1 and len(drawn | self._lighting(rock)) >= LONE_OF and self._elsewhere(rock) == 0
+
+    def _elsewhere(self, rock: int) -> float | None:
+        """Share of the Sun azimuths at which other positions' drawings show a rock; None where their photos cannot."""
+        shares = []
+        for position, ids in self._known.rocks.items():
+            if position != self._position:
+                tracks = self._known.tracks[position]
+                drawn = {azimuth for row in np.flatnonzero(ids == rock) for azimuth in tracks[row].azimuths}
+                if drawn or self._in_view(position, rock):
+                    suns = {azimuth for _, azimuth in self._known.seeds[position]} & set(SUNS)
+                    shares.append(len(drawn & suns) / max(len(suns), 1))
+        return float(np.mean(shares)) if shares else None
+
+    def _in_view(self, position: str, rock: int) -> bool:
+        """Whether the drawn photos of another position show a rock."""
+        view = View(self._known.placed[position], cameras_first(list(self._known.seeds[position]))[0][0])
+        shown = project_rock(self.world, view, rock) if rock in self.world.bodies else None
+        return shown is not None and shown.seen >= IN_VIEW
+
+    def _beyond_border(self, camera: Camera, azimuth: Azimuth, fused: np.ndarray) -> list[Label]:
+        """Projected rocks that a Sun lamp lights, beyond the border of all drawn photos of this position."""
+        found = []
+        for label in self._projected_rocks(camera) if azimuth in SUNS else []:
+            rock = label.rock
+            beyond = all(self.projected(own, rock) is None for own, _ in self.drawn)
+            drawn_as_another = iou(label.box[None], fused).max(initial=0.0) >= self.options.same_rock_iou
+            if rock not in self.ids and beyond and self._is_lit(rock, azimuth) and not drawn_as_another:
+                found.append(label)
+        return found
 
     def moved_source(self, camera: Camera) -> str:
         """Source of labels that other drawings tell: `shifted` where no pose says how far things move to a camera."""
@@ -59,7 +146,7 @@ class PositionRocks:
     def undrawn(self, camera: Camera, rocks: list[Label]) -> list[Label]:
         """Rocks that other azimuths, other positions or scans know, as far as no label shows them yet."""
         known = {label.rock for label in rocks}
-        fused = self._fused(camera) if self.tracks else np.zeros((0, 4))
+        fused = self.fused(camera) if self.tracks else np.zeros((0, 4))
         elsewhere = {int(rock): box for rock, box in zip(self.ids, fused, strict=True) if rock not in known}
         taken = np.array([*(label.box for label in rocks), *elsewhere.values()]).reshape(-1, 4)
         share = {int(rock): len(track.azimuths) for rock, track in zip(self.ids, self.tracks, strict=True)}
@@ -87,13 +174,17 @@ class PositionRocks:
         place = body.centre if body is not None else np.zeros(3)
         return view.focal_px / float(np.linalg.norm(place - view.centre))
 
-    def _fused(self, camera: Camera) -> np.ndarray:
-        """(tracks, 4) mean of each track's boxes, moved into a camera, and of its mesh there as far as that fits."""
-        if camera not in self._fused_boxes:
+    def fused(self, camera: Camera, azimuth: Azimuth | None = None) -> np.ndarray:
+        """(tracks, 4) mean of each track's boxes, moved into a camera, and of its mesh there as far as that fits.
+
+        Drawings under the same lamp weigh more: light makes edges plain, or hides them.
+        """
+        name = camera, azimuth if azimuth in self.azimuths else None
+        if name not in self._fused_boxes:
             total, weight = np.zeros((len(self.tracks), 4)), np.zeros((len(self.tracks), 4))
             shown = [self._mesh_box(camera, int(rock)) for rock in self.ids]
             for source in sorted({own for own, _ in self.drawn}):
-                rows, count, boxes = self._drawn_means(source)
+                rows, count, boxes = self._drawn_means(source, name[1])
                 moved = self._moved(boxes, self.ids[rows], source, camera)
                 # The border of one photo is none of the other's, where a mesh tells how things go on.
                 has_mesh = np.array([shown[row] is not None for row in rows], bool)[:, None]
@@ -106,18 +197,21 @@ class PositionRocks:
             own = mesh_weights(drawn, count, mesh, self.options.mesh_weight)
             total[meshed] += own * mesh
             weight[meshed] += own
-            self._fused_boxes[camera] = total / weight
-        return self._fused_boxes[camera]
+            self._fused_boxes[name] = total / weight
+        return self._fused_boxes[name]
 
-    def _drawn_means(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Tracks (n,) that a camera's drawings show, in how many of them each (n, 1), and its mean box there (n, 4)."""
-        boxes = [
-            [self.drawn[sight].rocks[row] for sight, row in track.rows.items() if sight[0] == camera]
-            for track in self.tracks
-        ]
-        rows = np.flatnonzero([bool(own) for own in boxes])
-        count = np.array([len(boxes[row]) for row in rows], int)[:, None]
-        return rows, count, np.array([np.mean(boxes[row], axis=0) for row in rows]).reshape(-1, 4)
+    def _drawn_means(self, camera: Camera, azimuth: Azimuth | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Tracks (n,) that a camera's drawings show, the weight of these (n, 1), and the mean box there (n, 4)."""
+        rows, weights, boxes = [], [], []
+        for row, track in enumerate(self.tracks):
+            sights = [sight for sight in track.rows if sight[0] == camera]
+            if sights:
+                own = [self.options.same_lamp_weight if sight[1] == azimuth else 1.0 for sight in sights]
+                drawn = [self.drawn[sight].rocks[track.rows[sight]] for sight in sights]
+                rows.append(row)
+                weights.append(sum(own))
+                boxes.append(np.average(drawn, axis=0, weights=own))
+        return np.array(rows, int), np.array(weights)[:, None], np.array(boxes).reshape(-1, 4)
 
     def _cut(self, boxes: np.ndarray, rocks: np.ndarray, camera: Camera) -> np.ndarray:
         """(n, 4) bool: edges that a photo's border cuts, of boxes (n, 4) or of the meshes of their rocks (n,)."""

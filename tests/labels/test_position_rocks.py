@@ -1,0 +1,124 @@
+"""What drawings tell of rocks in other photos of a position: two blocks on flat sand, seen from A and C."""
+
+import numpy as np
+import pytest
+
+from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.boxes import iou
+from polarsim.labels.known import gather
+from polarsim.labels.options import LabelsOptions
+from polarsim.labels.position_rocks import PositionRocks
+from polarsim.labels.seeds import Drawn
+from polarsim.labels.view import View, project_rock
+from polarsim.labels.world import build_world
+from polarsim.photo import NO_ROCK, SUNS
+from polarsim.survey import SUN_LAMPS
+
+from .conftest import BLOCKS, block, flat_ground, placed
+
+NEAR, FAR = BLOCKS
+OPTIONS = LabelsOptions(visibility="annotator", wall_height_m=0, mesh_weight=0)
+
+
+def terrain_of(blocks):
+    parts = [(NO_ROCK, flat_ground()), *((rock, block(*shape)) for rock, shape in blocks.items())]
+    starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
+    return TerrainMesh(
+        np.concatenate([mesh.vertices for _, mesh in parts]),
+        np.concatenate([mesh.faces + start for (_, mesh), start in zip(parts, starts, strict=False)]),
+        np.concatenate([np.full(len(mesh.faces), rock) for rock, mesh in parts]),
+    )
+
+
+def box_of(rock, position="A", camera="L", blocks=BLOCKS):
+    world = build_world(terrain_of(blocks), OPTIONS.trim_mm / 1000)
+    return project_rock(world, View(placed(position), camera), rock).box
+
+
+def rocks_at(position, drawn, blocks=BLOCKS, options=OPTIONS):
+    """The rocks of a position; `drawn`: position -> (camera, azimuth) -> boxes."""
+    seeds = {
+        name: {sight: Drawn(np.array(boxes).reshape(-1, 4), None) for sight, boxes in sights.items()}
+        for name, sights in drawn.items()
+    }
+    rigs = {name: placed(name) for name in "AC"}
+    return PositionRocks(gather(terrain_of(blocks), rigs, SUN_LAMPS, seeds, options), position, options)
+
+
+def test_a_drawing_under_the_same_lamp_weighs_double():
+    early, late = box_of(FAR), box_of(FAR) + np.array([0.0, 0.0, 12.0, 0.0])
+    drawn = {"A": {("L", "30"): [early], ("L", "180"): [late]}}
+    width = {}
+    for azimuth in ("30", "180"):
+        (label,) = rocks_at("A", drawn).labels("R", azimuth)
+        width[azimuth] = label.box[2] - label.box[0]
+    assert width["180"] - width["30"] == pytest.approx(12 / 3)  # a third of 12 px, and two thirds
+
+
+def beyond_the_left_border():
+    """A block that the right camera of A shows and the left one does not, beside the usual ones."""
+    rig = placed("A")
+    ray = rig.sandbox_from("R").rotate(rig.rig.right.directions(np.array([[1860.0, 650.0]])))[0]
+    eye = rig.sandbox_from("R").translation
+    return {**BLOCKS, 9: (eye - ray * eye[2] / ray[2], np.array([0.1, 0.1, 0.1]))}
+
+
+def test_a_rock_beyond_the_border_of_the_drawn_photos_is_projected_into_the_other_camera():
+    blocks = beyond_the_left_border()
+    drawn = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
+    labels = {label.rock: label for label in rocks_at("A", drawn, blocks).labels("R", "30")}
+    assert set(labels) == {NEAR, FAR, 9}
+    assert labels[9].source == "projected"
+    assert iou(labels[9].box[None], box_of(9, camera="R", blocks=blocks)[None])[0, 0] > 0.8
+
+
+def test_a_rock_beyond_the_border_is_left_out_under_a_lamp_that_does_not_reach_it(monkeypatch):
+    blocks = beyond_the_left_border()
+    drawn = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
+    monkeypatch.setattr("polarsim.labels.position_rocks.lit_share", lambda *_: 0.05)
+    assert {label.rock for label in rocks_at("A", drawn, blocks).labels("R", "30")} == {NEAR, FAR}
+
+
+def test_a_rock_in_view_that_nobody_drew_is_not_labelled():
+    drawn = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
+    assert {label.rock for label in rocks_at("A", drawn).labels("R", "30")} == {NEAR}
+
+
+BEHIND, BARRIER = 1, 3
+SHADED = {  # BARRIER stands between BEHIND and lamp 180, at x = -3.5 m
+    BEHIND: (np.array([0.6, -0.6, 0.0]), np.array([0.2, 0.2, 0.1])),
+    BARRIER: (np.array([0.1, -0.6, 0.0]), np.array([0.2, 1.2, 0.8])),
+}
+
+
+def test_a_drawing_in_the_dark_does_not_speak_against_a_rock():
+    both = [box_of(rock, blocks=SHADED) for rock in (BEHIND, BARRIER)]
+    drawn = {"A": {("L", "180"): both[1:], ("L", "30"): both}}
+    assert {label.rock for label in rocks_at("A", drawn, SHADED).labels("L", "350")} == {BEHIND, BARRIER}
+    drawn = {"A": {("L", "270"): both[1:], ("L", "30"): both}}
+    assert {label.rock for label in rocks_at("A", drawn, SHADED).labels("L", "350")} == {BARRIER}
+
+
+@pytest.mark.parametrize(("elsewhere", "carried"), [(False, False), (True, True), (None, True)])
+def test_a_box_of_one_drawing_alone_is_carried_over_only_if_another_position_knows_it(elsewhere, carried):
+    """`elsewhere`: whether C drew the rock; None: nobody drew anything at C."""
+    drawn = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
+    drawn["A"]["L", "30"].append(box_of(FAR))
+    if elsewhere is not None:
+        drawn["C"] = {("L", "30"): [box_of(rock, "C") for rock in ((NEAR, FAR) if elsewhere else (NEAR,))]}
+    shown = {label.rock for label in rocks_at("A", drawn).labels("R", "30")}
+    assert shown == ({NEAR, FAR} if carried else {NEAR})
+
+
+def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_the_habits_say():
+    blocks = {
+        1: (np.array([0.9, -0.5, 0.0]), np.array([0.1, 0.1, 0.05])),
+        2: (np.array([-1.9, -0.5, 0.0]), np.array([0.05, 0.05, 0.03])),
+        3: (np.array([-1.9, 0.6, 0.0]), np.array([0.3, 0.3, 0.2])),
+    }
+    drawn = {"A": {("L", azimuth): [box_of(rock, blocks=blocks) for rock in blocks] for azimuth in SUNS}}
+    labels = {label.rock: label.confidence for label in rocks_at("A", drawn, blocks).labels("L", "no")}
+    assert set(labels) == {1, 3}
+    assert labels[1] > labels[3] > OPTIONS.rover_light_presence
+    everything = OPTIONS.model_copy(update={"rover_light_presence": 0.0})
+    assert {label.rock for label in rocks_at("A", drawn, blocks, everything).labels("L", "no")} == set(blocks)
