@@ -24,7 +24,9 @@ import os
 import sys
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from pathlib import Path
+from types import ModuleType
 from unittest import mock
 
 import numpy as np
@@ -40,7 +42,7 @@ from polarsim.formats.inventory import Inventory, read_inventory, write_inventor
 from polarsim.formats.rigs import read_all_placed, read_placed, write_rig
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import splitting
-from polarsim.rocks.creases import COEFFICIENTS, TERMS, Joining, Relief, chance_of_two, cut_along_creases
+from polarsim.rocks.creases import COEFFICIENTS, TERMS, Joining, chance_of_two, cut_along_creases
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.find import read_scans
 from polarsim.rocks.ground import Sand, find_ground, sand_extent
@@ -91,7 +93,7 @@ def make(folder: Path, name: str) -> None:
     )  # fmt: skip
 
 
-def _foreign():  # type: ignore[no-untyped-def] # noqa: ANN202
+def _foreign() -> ModuleType:
     spec = importlib.util.spec_from_file_location("foreign", Path(__file__).with_name("foreign.py"))
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -198,10 +200,10 @@ def fit(scenes: list[Scene]) -> None:
     coefficients, pairs = COEFFICIENTS, {}
     for _ in range(ROUNDS):
         pairs = {scene.name: taught(scene, _joining(scene), coefficients) for scene in scenes}
-        coefficients = fitted(sum(pairs.values(), []))
+        coefficients = fitted(list(chain(*pairs.values())))
     print("pairs:", sum(map(len, pairs.values())))
     print({name: round(value, 4) for name, value in zip(("constant", *TERMS), coefficients, strict=True)})
-    others = {name: sum((pairs[other] for other in pairs if other != name), []) for name in pairs}
+    others = {name: list(chain(*(pairs[other] for other in pairs if other != name))) for name in pairs}
     report(pd.concat([told(scene, fitted(others[scene.name])) for scene in scenes]))
 
 
@@ -214,7 +216,7 @@ def report(rows: pd.DataFrame) -> None:
     """Print counts by kind of scene and size of rock, and the rocks that were not found."""
     rows = rows.assign(kind=rows["scene"].str.split("_").str[0], large=rows["size"] >= LARGE)
     rocks = rows[rows["rock"] > 0]
-    counts = rocks.groupby(["kind", "large"])["what"].value_counts().unstack(fill_value=0)
+    counts = rocks.pivot_table(index=["kind", "large"], columns="what", aggfunc="size", fill_value=0)
     counts["cut"] = rocks.groupby(["kind", "large"])["cut"].sum()
     print(counts.to_string())
     print("false finds:", rows[rows["rock"] == 0].groupby("kind").size().to_dict())

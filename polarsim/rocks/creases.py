@@ -202,9 +202,7 @@ class Joining:
             ]
         )
 
-    def _fold(
-        self, window: tuple[slice, slice], one: np.ndarray, other: np.ndarray, border: np.ndarray
-    ) -> np.ndarray:
+    def _fold(self, window: tuple[slice, slice], one: np.ndarray, other: np.ndarray, border: np.ndarray) -> np.ndarray:
         """(n,) angles between the normals of two parts about each cell of their border; negative for a convex edge."""
         normals, points = self.relief.normals[window], self.relief.points[window]
         sides = []

@@ -18,7 +18,7 @@ def relief_of(above):
 
 def halves(above):
     """The terms of the two pieces left and right of the middle of what stands."""
-    parts = np.where(above > 0.006, np.where(X < X.mean(), 1, 2), 0)
+    parts = np.where(above > 0.006, np.where(X.mean() > X, 1, 2), 0)
     return dict(zip(TERM_NAMES, Joining(relief_of(above), parts).pairs[1, 2], strict=True))
 
 
