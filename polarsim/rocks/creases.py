@@ -83,7 +83,7 @@ def cut_along_creases(relief: Relief, labels: np.ndarray) -> np.ndarray:
         moved = False
         for number in sorted(np.flatnonzero((sizes > 0) & (sizes < SMALLEST)), key=lambda n: (sizes[n], n)):
             window, own = _window(np.flatnonzero(pieces == number), pieces.shape, 1)
-            beside = ndimage.binary_dilation(own, np.ones((3, 3))) & ~own & (pieces[window] > 0)
+            beside = ndimage.binary_dilation(own, np.ones((3, 3), bool)) & ~own & (pieces[window] > 0)
             if own.any() and beside.any():
                 others, which = np.unique(pieces[window][beside], return_inverse=True)
                 bend = np.bincount(which, relief.bend[window][beside]) / np.bincount(which)
