@@ -1,6 +1,6 @@
 """Scans that the analog did not make, and what becomes of them.
 
-`python benchmarks/foreign.py FOLDER [seed] [meshes] [--hard] [--bare] [--without-boxes]`
+`python benchmarks/foreign.py FOLDER [seed] [meshes] [--hard] [--bare] [--touching] [--without-boxes]`
 
 Another sandbox, another scanner: real scanned rocks (OBJ files of the published release, turned and scaled; lumpy
 ellipsoids where there are none) on waves, craters and ripples, in a box of thick boards that loose cloth hangs over
@@ -12,6 +12,7 @@ none that is smaller than 12 px; `--without-boxes` leaves this out.
 
 `--hard` adds what can pass for small rocks: a slope, asymmetric ripples, tracks of wheels with cleats, heaps of sand,
 and pebbles of 1 to 2.5 cm that are no rocks. `--bare` leaves out the rocks: whatever is found then is wrong.
+`--touching` pushes half of the rocks against a larger one and lays a fifth on one.
 
 Nothing here is shared with the analog; poses, lenses and file formats are the library's.
 
@@ -35,6 +36,7 @@ import numpy as np
 import open3d as o3d
 import pandas as pd
 from scipy import ndimage
+from scipy.spatial import ConvexHull, KDTree
 
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import CamerasOptions
@@ -65,6 +67,8 @@ BEAM_PX = 0.7  # half the width of the scanner's beam
 SMALL = (0.035, 0.095)  # metres: sizes of the rocks that have figures of their own, from the smallest that is wanted on
 COUNT = 26  # rocks of a scene
 PEBBLES, HEAPS = 80, 8  # on hard ground
+PUSHED, LAID = 0.5, 0.2  # shares of the rocks of a touching scene that lean against a larger one, or lie on it
+TOUCH = 0.004  # metres between vertices of surfaces that touch
 
 
 def ground_heights(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -171,6 +175,63 @@ def strewn(axis: np.ndarray, height: np.ndarray, count: int, given: list[Mesh], 
     return placed
 
 
+def gathered(rocks: list[Mesh], axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
+    """The same rocks, large ones first, many of them beside or on one that came before them."""
+    placed = rocks[:1]
+    for rock in rocks[1:]:
+        chance, moved = rng.random(), None
+        for _ in range(20 if chance < PUSHED + LAID else 0):
+            parent = placed[rng.integers(len(placed))]
+            moved = _pushed(rock, parent, axis, height, rng) if chance < PUSHED else _laid(rock, parent, placed, rng)
+            if moved is not None and all(other is parent or _apart(moved, other) for other in placed):
+                break
+            moved = None
+        if moved is None and all(_apart(rock, other) for other in placed):
+            moved = rock
+        if moved is not None:
+            placed.append(moved)
+    return placed
+
+
+def _pushed(rock: Mesh, parent: Mesh, axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> Mesh | None:
+    """A rock slid over the ground, out of a random direction, until it touches its parent; None at the walls."""
+    middles = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))[:2] / 2 for mesh in (rock, parent)]
+    angle, tree = rng.uniform(0, 2 * np.pi), KDTree(parent.vertices)
+    near, far = 0.0, sum(np.ptp(mesh.vertices[:, :2], axis=0).max() for mesh in (rock, parent))
+    foot = rock.vertices[rock.vertices[:, 2] < np.quantile(rock.vertices[:, 2], 0.1)]
+    for _ in range(10):
+        apart = (near + far) / 2
+        place = middles[1] + apart * np.array([np.cos(angle), np.sin(angle)])
+        shift = np.append(place - middles[0], 0.0)
+        shift[2] = np.median(at(axis, height, foot + shift) - at(axis, height, foot))
+        vertices = rock.vertices + shift
+        meets = np.isfinite(tree.query(vertices, distance_upper_bound=TOUCH)[0]).any()
+        near, far = (apart, far) if meets or apart < 0.02 else (near, apart)
+    return Mesh(vertices, rock.faces) if (np.abs(place) < 1.75).all() else None
+
+
+def _laid(rock: Mesh, parent: Mesh, placed: list[Mesh], rng: np.random.Generator) -> Mesh | None:
+    """A rock, closed from below by its hull, dropped onto its parent; None on one that is hardly larger."""
+    size, larger = (np.ptp(mesh.vertices[:, :2], axis=0).max() for mesh in (rock, parent))
+    if size > 0.8 * larger:
+        return None
+    hull = ConvexHull(rock.vertices)
+    middles = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2 for mesh in (rock, parent)]
+    above = np.append((middles[1] - middles[0])[:2] + rng.normal(0, 0.2 * larger, 2), 1.0)
+    start = rock.vertices + above
+    down = np.broadcast_to([0.0, 0.0, -1.0], start.shape)
+    rays = np.concatenate([start, down], axis=1).astype(np.float32)
+    fall = _scene(placed).cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy().min()
+    if not np.isfinite(fall):
+        return None
+    below = hull.simplices[hull.equations[:, 2] < 0]
+    return Mesh(start - [0, 0, fall + 0.003], np.concatenate([rock.faces, below]))
+
+
+def _apart(one: Mesh, other: Mesh) -> bool:
+    return not np.isfinite(KDTree(other.vertices).query(one.vertices, distance_upper_bound=TOUCH)[0]).any()
+
+
 def box(cloth: float, rng: np.random.Generator) -> Mesh:
     """Boards around the sand, cloth over them that bulges by up to `cloth` metres, another way in every scan."""
     parts, faces, start = [], [], 0
@@ -240,7 +301,9 @@ def _hits(scene: o3d.t.geometry.RaycastingScene, pose: Pose, rays: np.ndarray) -
     return np.where(distance < 10, distance, np.nan), np.abs((normals * turned).sum(axis=-1))
 
 
-def make(folder: Path, seed: int, meshes: Path | None, count: int = COUNT, *, hard: bool = False) -> None:
+def make(
+    folder: Path, seed: int, meshes: Path | None, count: int = COUNT, *, hard: bool = False, touching: bool = False
+) -> None:
     """Write range maps and calibration as NASA would, and the truth beside them."""
     rng, of_hard = np.random.default_rng(seed), np.random.default_rng([seed, 2])
     axis, height = ground_heights(rng)
@@ -249,6 +312,8 @@ def make(folder: Path, seed: int, meshes: Path | None, count: int = COUNT, *, ha
     x, y = np.meshgrid(axis, axis)
     ground = Mesh(np.stack([x, y, height], -1).reshape(-1, 3), _grid_faces(len(axis), len(axis)))
     rocks = strewn(axis, height, count, shapes(meshes, rng), rng)
+    if touching:
+        rocks = gathered(rocks, axis, height, np.random.default_rng([seed, 3]))
     rig, grid = stated_rig(), rectified_left(stated_rig())
     maps = {}
     for position, (place, yaw, pitch) in TRIPODS.items():
@@ -383,12 +448,13 @@ def small_finds(folder: Path) -> dict[str, float]:
 
 
 def main() -> None:
-    flags = {"--without-boxes", "--hard", "--bare"}
+    flags = {"--without-boxes", "--hard", "--bare", "--touching"}
     given = [argument for argument in sys.argv[1:] if argument not in flags]
     folder, seed = Path(given[0]), int(given[1]) if len(given) > 1 else 1
     meshes = Path(given[2]) if len(given) > 2 else None
     if not (folder / "truth").exists():
-        make(folder, seed, meshes, 0 if "--bare" in sys.argv else COUNT, hard="--hard" in sys.argv)
+        count = 0 if "--bare" in sys.argv else COUNT
+        make(folder, seed, meshes, count, hard="--hard" in sys.argv, touching="--touching" in sys.argv)
     shutil.rmtree(folder / "seeds", ignore_errors=True)
     if "--without-boxes" not in sys.argv:
         draw(folder, seed)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from polarsim.rocks.creases import neighbours
 from polarsim.rocks.drawn import raised
 from polarsim.rocks.evidence import PEN_IOU, Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.grouping import grouped
 from polarsim.rocks.regions import Limits, Region, in_order, largest_piece, region_of, surface_points
-from polarsim.rocks.splitting import neighbours
 
 FILLED = 0.65  # least IoU of what is cut out with its box: no second position speaks for it
 BIN_PX = 8  # side of the squares of the photo in which only what is nearest counts as seen

@@ -59,7 +59,7 @@ def find_rocks(
     placed = rigs.read_all_placed(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()
     evidence = Evidence(placed, read_rock_boxes(seeds, terrain), options.confirming_iou)
-    scans = _read_scans(read_inventory(inventory), placed)
+    scans = read_scans(read_inventory(inventory), placed)
     if not len(scans):
         log.warning("%s: no scan of terrain %02d, so no rock and no ground", inventory, terrain)
         _write(rocks, cuboids, ids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), {})
@@ -107,7 +107,7 @@ def ground_cloud(sand: Sand) -> Cloud:
     return Cloud(points[sand.is_ground], normals[sand.is_ground])
 
 
-def _read_scans(inventory: Inventory, placed: Mapping[str, PlacedRig]) -> ScanPoints:
+def read_scans(inventory: Inventory, placed: Mapping[str, PlacedRig]) -> ScanPoints:
     """All scans of a terrain in the sandbox, as the cameras stage placed them."""
     scans = []
     for position in inventory.scanned:

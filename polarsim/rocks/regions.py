@@ -9,11 +9,12 @@ from itertools import chain, count
 import numpy as np
 from scipy import ndimage
 
+from polarsim.rocks.creases import neighbours
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.grouping import grouped
 from polarsim.rocks.heights import hull_mask
-from polarsim.rocks.splitting import is_upright, neighbours, slivers_joined, told_apart
+from polarsim.rocks.splitting import is_upright, slivers_joined, told_apart
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
@@ -55,15 +56,12 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence) -> list[Region]
     rock; where seed boxes confirm it a lower height is enough, and any shape. Touching rocks are told apart by shape,
     and by boxes where these say otherwise.
     """
-    above = np.where(sand.is_ground, 0.0, sand.above)
-    standing = ndimage.binary_opening((above > limits.foot) & (sand.standing > limits.foot), np.ones((2, 2), bool))
-    labels, _ = ndimage.label(standing, np.ones((3, 3)))
-    seen = np.isfinite(sand.surface)
+    above, labels, seen = standing(sand, limits.foot)
 
     def points_of(mask: np.ndarray) -> np.ndarray:
         return surface_points(sand, np.flatnonzero(mask & seen))
 
-    pieces = told_apart(above, labels, seen, limits.height)
+    pieces = told_apart(above, labels, seen, sand.grid.cell)
     boxes = evidence.boxes([points_of(pieces.numbers == number) for number in range(1, len(pieces.rock) + 1)])
     touching = [(one - 1, other - 1) for one, other in neighbours(pieces.numbers)]
     rock = grouped(pieces.rock, touching, boxes, evidence.agreed, evidence.min_iou)
@@ -80,6 +78,13 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence) -> list[Region]
         if confirmed or (_looks_like_rock(region, limits) and not _at_wall(sand, box)):
             regions.append(replace(region, confirmed=confirmed))
     return in_order(regions)
+
+
+def standing(sand: Sand, foot: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Heights above the ground, numbers from 1 of what hangs together above the foot, and cells that were seen."""
+    above = np.where(sand.is_ground, 0.0, sand.above)
+    stands = ndimage.binary_opening((above > foot) & (sand.standing > foot), np.ones((2, 2), bool))
+    return above, ndimage.label(stands, np.ones((3, 3)))[0], np.isfinite(sand.surface)
 
 
 def _looks_like_rock(region: Region, limits: Limits) -> bool:

@@ -13,20 +13,29 @@ from tests.rocks.conftest import Scene, angular_rock
 
 LIMITS = Limits(foot=0.006, height=0.015, confirmed_height=0.010, size=0.035)
 SAND = Extent(-1.9, -1.9, 1.9, 1.9)
-LARGE, SMALL = (0.2, -0.1, 0.03), (0.36, -0.1, 0.01)
+LARGE, SMALL = (0.2, -0.1, 0.03), (0.33, -0.1, 0.0)
+LEANING = (0.36, -0.1, 0.01)  # not as deep in the large one, so that a crease shows
+
+
+def two_rocks(small):
+    """The visible part of a rock of 28 cm, and of one of 12 cm that leans on it towards tripod A."""
+    rng = np.random.default_rng(8)
+    return [angular_rock(rng, LARGE, 0.28), angular_rock(rng, small, 0.12)]
+
+
+def scanned(rocks):
+    scans = Scene(rocks=rocks).scanned(np.random.default_rng(3))
+    return find_ground(scans.select(SAND.contains(scans.points)), SAND, 0.006, np.radians(40))
 
 
 @pytest.fixture(scope="module")
 def rocks():
-    """The visible part of a rock of 28 cm, and of one of 12 cm that leans on it towards tripod A."""
-    rng = np.random.default_rng(8)
-    return [angular_rock(rng, LARGE, 0.28), angular_rock(rng, SMALL, 0.12)]
+    return two_rocks(SMALL)
 
 
 @pytest.fixture(scope="module")
 def sand(rocks):
-    scans = Scene(rocks=rocks).scanned(np.random.default_rng(3))
-    return find_ground(scans.select(SAND.contains(scans.points)), SAND, 0.006, np.radians(40))
+    return scanned(rocks)
 
 
 def box(placed, position, rock):
@@ -46,7 +55,15 @@ def sizes(regions):
     return sorted(round(region.size, 2) for region in regions)
 
 
-def test_without_a_box_of_its_own_a_leaning_rock_is_part_of_the_other(sand, placed, rocks):
+def test_a_rock_that_leans_on_another_is_found_without_any_box():
+    large, small = sorted(
+        find_regions(scanned(two_rocks(LEANING)), LIMITS, Evidence({}, {}, 0.3)), key=lambda r: -r.size
+    )
+    np.testing.assert_allclose(small.centre, LEANING[:2], atol=0.03)
+    np.testing.assert_allclose(large.centre, LARGE[:2], atol=0.03)
+
+
+def test_without_a_box_of_its_own_a_rock_deep_in_another_is_part_of_it(sand, placed, rocks):
     assert len(found(sand, placed)) == 1
     assert len(found(sand, placed, A=[box(placed, "A", rocks[0])], C=[box(placed, "C", rocks[0])])) == 1
 

@@ -166,7 +166,7 @@ def test_a_terrain_without_scans_is_level_ground_without_rocks(tmp_path, caplog)
 def test_a_scan_without_a_pose_is_a_warning_and_a_gap(worked, tmp_path, caplog):
     inventory = find.read_inventory(worked / "inventory.json")
     placed = rigs.read_all_placed(worked / "cameras")
-    both = find._read_scans(inventory, placed)
-    one = find._read_scans(inventory, {"A": placed["A"]})
+    both = find.read_scans(inventory, placed)
+    one = find.read_scans(inventory, {"A": placed["A"]})
     assert "the scan at C has no pose" in caplog.text
     assert 0 < len(one) < len(both)

@@ -3,7 +3,9 @@
 import importlib.util
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from polarsim.rocks.options import RocksOptions
 
@@ -32,11 +34,30 @@ AT_LEAST = {
 }
 
 
-@pytest.mark.slow
-def test_foreign_scans_become_true_cameras_rocks_and_meshes(tmp_path):
+@pytest.fixture(scope="module")
+def foreign():
     spec = importlib.util.spec_from_file_location("foreign", SCRIPT)
-    foreign = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(foreign)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_rocks_of_a_touching_scene_touch(foreign):
+    rng = np.random.default_rng(4)
+    axis, height = foreign.ground_heights(rng)
+    strewn = foreign.strewn(axis, height, 8, foreign.shapes(None, rng)[:3], rng)
+    gathered = foreign.gathered(strewn, axis, height, rng)
+
+    def apart(rocks):
+        trees = [KDTree(rock.vertices) for rock in rocks]
+        return [min(tree.query(other.data)[0].min() for other in trees if other is not tree) for tree in trees]
+
+    assert min(apart(strewn)) > 0.01
+    assert sum(distance < 0.006 for distance in apart(gathered)) >= 4
+
+
+@pytest.mark.slow
+def test_foreign_scans_become_true_cameras_rocks_and_meshes(foreign, tmp_path):
     foreign.make(tmp_path, seed=5, meshes=None, count=10)
     foreign.reconstruct(tmp_path, RocksOptions(rock_cell_mm=3, ground_mesh_cell_mm=12))
     found = foreign.scored(tmp_path).set_index(["subject", "figure"])["value"]

@@ -4,6 +4,7 @@ from scipy import ndimage
 from polarsim.rocks.splitting import is_upright, slivers_joined, told_apart
 
 Y, X = np.mgrid[0:80, 0:120]
+CELL = 0.005  # metres
 
 
 def dome(x, y, radius, height):
@@ -13,7 +14,7 @@ def dome(x, y, radius, height):
 def pieces_of(above, seen=None):
     seen = np.ones_like(above, bool) if seen is None else seen
     labels, _ = ndimage.label((above > 0.006) & seen)
-    return told_apart(above, labels, seen, 0.015), labels
+    return told_apart(above, labels, seen, CELL), labels
 
 
 def count(above):

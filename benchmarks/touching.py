@@ -1,0 +1,240 @@
+"""Rocks that touch or lie on each other, told apart by scans alone: how many are, and what the rule for it is made of.
+
+`python benchmarks/touching.py FOLDER [--fit] SCENE...`
+
+A scene is `analog_SEED_TERRAIN`, `foreign_SEED` (`foreign.py --touching` with the real rocks below `$POLAR_SIM_ROOT`)
+or `strewn_SEED` (the same rocks, none touching). Scenes that FOLDER lacks are made: scans and cameras, no photo and no
+box. Each rock of which 20 cells of the floor grid were seen is one of
+
+    found   one find and the rock have more than half of their cells in common
+    lost    most of it was taken for standing out of the ground, but as a part of something else
+    missed  all others
+
+and is cut where two finds that are mostly of it hold 15 % of it each. A false find is mostly of no rock.
+
+`--fit` fits `polarsim.rocks.creases.COEFFICIENTS`: logistic regression (ridge) on all pairs that are met while pieces
+are joined as the truth has it, likeliest first. It prints the coefficients of all scenes, and what those of the others
+do on each.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from types import ModuleType
+from unittest import mock
+
+import numpy as np
+import open3d as o3d
+import pandas as pd
+
+from polarsim.analog.generate import generate_terrain
+from polarsim.analog.options import AnalogOptions
+from polarsim.cameras.locate import locate_cameras
+from polarsim.cameras.options import CamerasOptions
+from polarsim.formats import nasa, obj
+from polarsim.formats.inventory import Inventory, read_inventory, write_inventory
+from polarsim.formats.rigs import read_all_placed, read_placed, write_rig
+from polarsim.geometry.poses import Pose
+from polarsim.rocks import splitting
+from polarsim.rocks.creases import COEFFICIENTS, TERMS, Joining, chance_of_two, cut_along_creases
+from polarsim.rocks.evidence import Evidence
+from polarsim.rocks.find import read_scans
+from polarsim.rocks.ground import Sand, find_ground, sand_extent
+from polarsim.rocks.options import RocksOptions
+from polarsim.rocks.regions import Limits, find_regions, standing, surface_points
+
+OPTIONS = RocksOptions()
+LIMITS = Limits(*(value / 1000 for value in (OPTIONS.foot_height_mm, OPTIONS.min_height_mm, 10, OPTIONS.min_size_mm)))
+OWN = 0.03  # metres from a rock's true surface within which what stands out of the ground is its own
+SEEN_CELLS, LARGE = 20, 0.08  # cells of a rock that counts; metres of a large one
+PURE = 0.75  # of a piece that one rock must have before the piece teaches anything
+RIDGE, ROUNDS = 1.0, 2
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What the scans of a scene show; arrays are (rows, columns)."""
+
+    name: str
+    sand: Sand
+    true: np.ndarray  # number of the rock that each cell's surface is of, 0 for none
+    size: dict[int, float]  # metres, of each rock
+
+
+def make(folder: Path, name: str) -> None:
+    """Write scans, cameras and truth of a scene."""
+    kind, seed, *terrain = name.split("_")
+    number, positions = (int(terrain[0]), ["A", "C"]) if kind == "analog" else (2, ["A", "B", "C"])
+    if kind == "analog":
+        paths = {part: folder / part for part in ("raw", "labels", "truth")}
+        options = AnalogOptions(seed=int(seed), photos=False)
+        maps = folder / f"Terrain{number:02d}"
+        generate_terrain(
+            terrain=number, keys=[], raw=paths["raw"], ranges=maps, seeds=paths["labels"], truth=paths["truth"],
+            options=options, threads=1,
+        )  # fmt: skip
+        files = {position: str(nasa.range_map_path(maps, position)) for position in positions}
+        write_inventory(folder / "inventory.json", Inventory(number, "polar", range_maps=files))
+        write_rig(folder / "calibration.json", nasa.read_calibration(paths["raw"] / nasa.CALIBRATION_NAME), "file")
+    else:
+        meshes = Path(os.environ["POLAR_SIM_ROOT"]) / "TerrainMeshes"
+        _foreign().make(folder, int(seed), meshes, touching=kind == "foreign")
+    (folder / "seeds").mkdir(exist_ok=True)
+    locate_cameras(
+        terrain=number, positions=positions, inventory=folder / "inventory.json",
+        calibration=folder / "calibration.json", seeds=folder / "seeds", cameras=folder / "cameras",
+        options=CamerasOptions(), threads=1,
+    )  # fmt: skip
+
+
+def _foreign() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("foreign", Path(__file__).with_name("foreign.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def read(folder: Path) -> Scene:
+    """A scene's sand, and whose each cell is."""
+    placed = read_all_placed(folder / "cameras")
+    scans = read_scans(read_inventory(folder / "inventory.json"), placed)
+    extent = sand_extent(scans)
+    scans = scans.select(extent.contains(scans.points))
+    slope = np.radians(OPTIONS.max_sand_slope_deg)
+    sand = find_ground(scans, extent, OPTIONS.ground_cell_mm / 1000, slope)
+    true = read_placed(folder / "truth/cameras/PosA.json").sandbox_from_left
+    cells = np.flatnonzero(np.isfinite(sand.surface) & (sand.above > LIMITS.foot))
+    owner = np.zeros(sand.surface.size, np.int64)
+    true_from_sandbox = true @ placed["A"].sandbox_from_left.inverse()
+    owner[cells] = _owners(folder / "truth/meshes", true_from_sandbox, surface_points(sand, cells))
+    rocks = pd.read_parquet(folder / "truth/rocks.parquet")
+    sizes = dict(zip(rocks["rock"].tolist(), rocks["size_m"].tolist(), strict=True))
+    return Scene(folder.name, sand, owner.reshape(sand.surface.shape), sizes)
+
+
+def _owners(meshes: Path, true_from_sandbox: Pose, points: np.ndarray) -> np.ndarray:
+    """(n,) number of the rock that is next to each of points (n, 3); 0 where none is near."""
+    world, numbers = o3d.t.geometry.RaycastingScene(), []
+    for number, path in obj.rock_files(meshes).items():
+        mesh = obj.read(path)
+        world.add_triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
+        numbers.append(number)
+    if not numbers:
+        return np.zeros(len(points), np.int64)
+    places = true_from_sandbox.apply(points).astype(np.float32)
+    nearest = world.compute_closest_points(o3d.core.Tensor(places))
+    near = np.linalg.norm(nearest["points"].numpy() - places, axis=1) < OWN
+    return np.where(near, np.array(numbers)[np.where(near, nearest["geometry_ids"].numpy(), 0)], 0)
+
+
+def told(scene: Scene, coefficients: tuple[float, ...]) -> pd.DataFrame:
+    """A row a rock: its size, whether it was found, lost or missed, whether it was cut; rock 0 for a false find."""
+    with mock.patch.object(splitting, "chance_of_two", partial(chance_of_two, coefficients=coefficients)):
+        found = find_regions(scene.sand, LIMITS, Evidence({}, {}, OPTIONS.confirming_iou))
+    shared = np.zeros((len(found), max(scene.size, default=0) + 1), np.int64)
+    for number, region in enumerate(found):
+        shared[number] = np.bincount(scene.true.ravel()[region.seen], minlength=shared.shape[1])
+    sizes, owner = shared.sum(axis=1), shared.argmax(axis=1)
+    rows = [(scene.name, 0, region.size, "false", False) for n, region in enumerate(found) if owner[n] == 0]
+    for rock, size in scene.size.items():
+        cells, own = int((scene.true == rock).sum()), shared[:, rock]
+        if cells < SEEN_CELLS:
+            continue
+        overlap = (own / (sizes + cells - own)).max(initial=0)
+        what = "found" if overlap > 0.5 else "lost" if own.sum() > 0.4 * cells else "missed"
+        rows.append((scene.name, rock, size, what, int(((owner == rock) & (own > 0.15 * cells)).sum()) > 1))
+    return pd.DataFrame(rows, columns=["scene", "rock", "size", "what", "cut"])
+
+
+def taught(scene: Scene, joining: Joining, coefficients: tuple[float, ...]) -> list[tuple[np.ndarray, bool, float]]:
+    """Terms, whether these are two rocks, and weight of all pairs met while pieces of one rock are joined."""
+    met: dict[tuple[int, int, int, int], tuple[np.ndarray, bool, float]] = {}
+    apart: set[tuple[int, int, int, int]] = set()
+    while True:
+        keys = {(*pair, *(len(joining.bodies[n].cells) for n in pair)): pair for pair in joining.pairs}
+        for key, pair in keys.items():
+            (one, pure), (other, also_pure) = (_owner(scene, joining.bodies[n].cells) for n in pair)
+            if key not in met and min(pure, also_pure) > PURE and (one or other):
+                met[key] = joining.pairs[pair], one != other, np.sqrt(min(key[2:]) / 100)
+        open_keys = [key for key in keys if key not in apart]
+        if not open_keys:
+            return list(met.values())
+        chances = chance_of_two(np.array([joining.pairs[keys[key]] for key in open_keys]), coefficients)
+        key = open_keys[int(chances.argmin())]
+        if met[key][1] if key in met else chances.min() > 0.3:
+            apart.add(key)
+        else:
+            joining.join(*keys[key])
+
+
+def _owner(scene: Scene, cells: np.ndarray) -> tuple[int, float]:
+    """The rock that has most of flat cells (n,), and its share of those that were seen."""
+    counts = np.bincount(scene.true.ravel()[cells][np.isfinite(scene.sand.surface.ravel()[cells])], minlength=1)
+    return int(counts.argmax()), float(counts.max() / max(1, counts.sum()))
+
+
+def fitted(pairs: list[tuple[np.ndarray, bool, float]]) -> tuple[float, ...]:
+    """Coefficients of a constant and of each term: ridge on standardised terms, by Newton's method."""
+    terms, two, weights = (np.array(column, float) for column in zip(*pairs, strict=True))
+    mean = np.average(terms, axis=0, weights=weights)
+    spread = np.sqrt(np.average((terms - mean) ** 2, axis=0, weights=weights))
+    design = np.column_stack([np.ones(len(terms)), (terms - mean) / spread])
+    ridge = RIDGE * np.diag([0.0, *np.ones(terms.shape[1])])
+    factors = np.zeros(design.shape[1])
+    for _ in range(30):
+        chance = 1 / (1 + np.exp(-design @ factors))
+        slope = design.T @ (weights * (two - chance)) - ridge @ factors
+        factors += np.linalg.solve((design.T * (weights * chance * (1 - chance))) @ design + ridge, slope)
+    scaled = factors[1:] / spread
+    return (float(factors[0] - scaled @ mean), *scaled.tolist())
+
+
+def fit(scenes: list[Scene]) -> None:
+    """Print the coefficients of all scenes, and what becomes of each scene by those of the others."""
+    coefficients, pairs = COEFFICIENTS, {}
+    for _ in range(ROUNDS):
+        pairs = {scene.name: taught(scene, _joining(scene), coefficients) for scene in scenes}
+        coefficients = fitted(list(chain(*pairs.values())))
+    print("pairs:", sum(map(len, pairs.values())))
+    print({name: round(value, 4) for name, value in zip(("constant", *TERMS), coefficients, strict=True)})
+    others = {name: list(chain(*(pairs[other] for other in pairs if other != name))) for name in pairs}
+    report(pd.concat([told(scene, fitted(others[scene.name])) for scene in scenes]))
+
+
+def _joining(scene: Scene) -> Joining:
+    relief, labels = splitting.relief_and_regions(*standing(scene.sand, LIMITS.foot), scene.sand.grid.cell)
+    return Joining(relief, cut_along_creases(relief, labels))
+
+
+def report(rows: pd.DataFrame) -> None:
+    """Print counts by kind of scene and size of rock, and the rocks that were not found."""
+    rows = rows.assign(kind=rows["scene"].str.split("_").str[0], large=rows["size"] >= LARGE)
+    rocks = rows[rows["rock"] > 0]
+    counts = rocks.pivot_table(index=["kind", "large"], columns="what", aggfunc="size", fill_value=0)
+    counts["cut"] = rocks.groupby(["kind", "large"])["cut"].sum()
+    print(counts.to_string())
+    print("false finds:", rows[rows["rock"] == 0].groupby("kind").size().to_dict())
+    for name, left in rocks[rocks["what"] != "found"].groupby("scene"):
+        print(name, [(row.rock, round(row.size, 2), row.what) for row in left.itertuples(index=False)])
+
+
+def main() -> None:
+    folder, *names = [Path(argument) for argument in sys.argv[1:] if argument != "--fit"]
+    for name in names:
+        if not (folder / name / "cameras").exists():
+            make(folder / name, str(name))
+    scenes = [read(folder / name) for name in names]
+    if "--fit" in sys.argv:
+        fit(scenes)
+    else:
+        report(pd.concat([told(scene, COEFFICIENTS) for scene in scenes]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,255 @@
+"""Touching rocks told apart: a surface cut along its creases, and pieces joined as long as they look like one body.
+
+Two bodies that touch meet in a concave crease, and together fill no convex hull; the facets of one rock meet in shallow
+or short creases. So pieces are joined two by two, first those most surely of one rock (supervoxels joined by convexity:
+Stein et al., CVPR 2014; learned agglomeration: Nunez-Iglesias et al., PLoS ONE 8 (2013) e71715).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import ConvexHull, QhullError
+
+from polarsim.rocks.heights import hull_mask
+
+SMOOTHING = 0.0075  # metres, sigma of heights whose curvature is taken
+NORMAL_SMOOTHING = 0.005  # metres, sigma of heights whose normals are taken
+BESIDE = 0.0125  # metres, sigma about a border's cell within which a piece's normal counts
+DEPTH = 15.0  # 1 / m of curvature that a crease must lie above the middle of both pieces that it parts
+CURVATURES = (-60.0, 120.0)  # 1 / m between which curvatures differ
+SMALLEST = 12  # cells of a piece that is looked at on its own
+FOLD = 0.25  # radians from which a border counts as folded
+BASE = 0.02  # metres below the lowest point down to which a body is continued
+
+TERMS = (
+    "fold",  # mean angle of the two pieces along their border, radians; negative for an edge
+    "folded",  # share of the border that is folded
+    "hidden",  # share of the border that no scan saw
+    "border",  # length over the square root of the smaller piece's area, both in cells
+    "solidity",  # share of the plan's hull that both fill
+    "hollow",  # mean depth of the surface below the hull of both, over their height
+    "area",  # logarithm of the smaller one's, of 25 cm^2
+    "ratio",  # logarithm of the larger one's area over it
+)
+# Of the logarithm of the odds of two rocks: a constant, and one a term. Fitted by `benchmarks/touching.py --fit`.
+COEFFICIENTS = (-7.6423, -0.8246, 2.7905, 2.6649, -1.1763, 2.2868, 31.8179, 0.9108, 1.0216)
+
+
+@dataclass(frozen=True)
+class Relief:
+    """What stands out of the ground; arrays are (rows, columns)."""
+
+    above: np.ndarray  # heights above the ground, metres, hidden cells filled
+    seen: np.ndarray  # cells with a measured surface
+    cell: float  # side of a cell, metres
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """(rows, columns, 3) metres."""
+        rows, columns = np.indices(self.above.shape) * self.cell
+        return np.stack([columns, rows, self.above], axis=-1)
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """(rows, columns, 3) unit normals, upwards."""
+        along_y, along_x = np.gradient(ndimage.gaussian_filter(self.above, NORMAL_SMOOTHING / self.cell), self.cell)
+        normals = np.stack([-along_x, -along_y, np.ones_like(along_x)], axis=-1)
+        return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
+
+    @cached_property
+    def bend(self) -> np.ndarray:
+        """Larger principal curvature of the surface, 1 / m: positive where it is concave in some direction."""
+
+        def slope(*order: int) -> np.ndarray:
+            return ndimage.gaussian_filter(self.above, SMOOTHING / self.cell, order=order) / self.cell ** sum(order)
+
+        p, q, r, s, t = slope(0, 1), slope(1, 0), slope(0, 2), slope(1, 1), slope(2, 0)
+        squared = 1 + p**2 + q**2
+        mean = ((1 + q**2) * r - 2 * p * q * s + (1 + p**2) * t) / (2 * squared**1.5)
+        gauss = (r * t - s**2) / squared**2
+        return np.asarray(np.clip(mean + np.sqrt(np.maximum(mean**2 - gauss, 0)), *CURVATURES))
+
+
+def cut_along_creases(relief: Relief, labels: np.ndarray) -> np.ndarray:
+    """Numbers (rows, columns) from 1 of pieces between creases, 0 outside of connected regions `labels`."""
+    pieces = basins(relief.bend, labels, DEPTH)
+    while True:
+        sizes = np.bincount(pieces.ravel())
+        moved = False
+        for number in sorted(np.flatnonzero((sizes > 0) & (sizes < SMALLEST)), key=lambda n: (sizes[n], n)):
+            window, own = _window(np.flatnonzero(pieces == number), pieces.shape, 1)
+            beside = ndimage.binary_dilation(own, np.ones((3, 3), bool)) & ~own & (pieces[window] > 0)
+            if own.any() and beside.any():
+                others, which = np.unique(pieces[window][beside], return_inverse=True)
+                bend = np.bincount(which, relief.bend[window][beside]) / np.bincount(which)
+                pieces[window][own] = others[bend.argmin()]
+                moved = True
+        if not moved:
+            return np.unique(np.append(0, pieces), return_inverse=True)[1][1:].reshape(pieces.shape)
+
+
+def basins(values: np.ndarray, labels: np.ndarray, depth: float) -> np.ndarray:
+    """Numbers (rows, columns) from 1 of the basins of `values` inside `labels`, 0 outside.
+
+    Cells are visited from the lowest up; a cell joins the basins that it touches. Where it touches two, it is the pass
+    between them: both become one if either is less than `depth` deep below it (the merge tree of a field).
+    """
+    padded = np.pad(values, 1)  # so that no cell's neighbour is out of the grid
+    cells = np.flatnonzero(np.pad(labels, 1))
+    cells = cells[np.argsort(padded.ravel()[cells], kind="stable")]
+    levels, width = padded.ravel().tolist(), padded.shape[1]
+    steps = [-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1]
+    owner: dict[int, int] = {}
+    parent: dict[int, int] = {}
+    for cell in cells.tolist():
+        touched = {_root(parent, owner[cell + step]) for step in steps if cell + step in owner}
+        lowest = min(touched, key=lambda c: (levels[c], c), default=cell)
+        parent.setdefault(lowest, lowest)
+        owner[cell] = lowest
+        for basin in touched - {lowest}:
+            if levels[cell] - levels[basin] < depth:
+                parent[basin] = lowest
+    result = np.zeros(padded.size, np.int64)
+    roots = [_root(parent, owner[cell]) for cell in cells.tolist()]
+    result[cells] = np.unique(roots, return_inverse=True)[1] + 1 if roots else 0
+    return result.reshape(padded.shape)[1:-1, 1:-1]
+
+
+def _root(parent: dict[int, int], basin: int) -> int:
+    while parent[basin] != basin:
+        basin = parent[basin]
+    return basin
+
+
+def neighbours(parts: np.ndarray) -> set[tuple[int, int]]:
+    """Pairs of parts (lower number first) with cells side by side."""
+    sides = [(parts[:, :-1], parts[:, 1:]), (parts[:-1], parts[1:])]
+    pairs = np.concatenate(
+        [np.stack([a[meet], b[meet]], axis=1) for a, b in sides for meet in [(a != b) & (a * b > 0)]]
+    )
+    return {(int(low), int(high)) for low, high in np.unique(np.sort(pairs, axis=1), axis=0)}
+
+
+@dataclass(frozen=True)
+class _Body:
+    cells: np.ndarray  # (n,) flat
+    peak: float  # metres
+
+
+class Joining:
+    """Pieces that become fewer and larger, two by two."""
+
+    def __init__(self, relief: Relief, pieces: np.ndarray):
+        self.relief, self.parts = relief, pieces.copy()
+        order = np.argsort(pieces.ravel(), kind="stable")
+        numbers, starts = np.unique(pieces.ravel()[order], return_index=True)
+        self.bodies = {
+            int(number): self._body(cells)
+            for number, cells in zip(numbers, np.split(order, starts[1:]), strict=True)
+            if number > 0
+        }
+        self.pairs = {pair: self._terms(*pair) for pair in sorted(neighbours(pieces))}
+
+    def join(self, one: int, other: int) -> None:
+        """Make two neighbours one, by the lower number."""
+        one, other = min(one, other), max(one, other)
+        cells = np.concatenate([self.bodies[one].cells, self.bodies.pop(other).cells])
+        self.bodies[one] = self._body(cells)
+        self.parts.ravel()[cells] = one
+        about = {number for pair in self.pairs if {one, other} & set(pair) for number in pair} - {one, other}
+        self.pairs = {pair: terms for pair, terms in self.pairs.items() if not {one, other} & set(pair)}
+        self.pairs |= {(min(one, n), max(one, n)): self._terms(one, n) for n in sorted(about)}
+
+    def join_below(self, chance: float, of_two: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """Join the likeliest first while some pair's chance of being two rocks is below `chance`; the parts then."""
+        while self.pairs:
+            chances = of_two(np.array(list(self.pairs.values())))
+            if chances.min() >= chance:
+                break
+            self.join(*list(self.pairs)[int(chances.argmin())])
+        return self.parts.copy()
+
+    def _body(self, cells: np.ndarray) -> _Body:
+        return _Body(cells, float(self.relief.above.ravel()[cells].max()))
+
+    def _terms(self, one: int, other: int) -> np.ndarray:
+        """(len(TERMS),) what tells whether two neighbours are two rocks."""
+        large, small = sorted((one, other), key=lambda number: (-len(self.bodies[number].cells), number))
+        body, smaller = self.bodies[large], self.bodies[small]
+        window, of_small = _window(smaller.cells, self.parts.shape, 5)
+        of_large = self.parts[window] == large
+        border = (ndimage.binary_dilation(of_large) & of_small) | (ndimage.binary_dilation(of_small) & of_large)
+        fold = self._fold(window, of_large, of_small, border)
+        cells = np.concatenate([body.cells, smaller.cells])
+        plan = _window(cells, self.parts.shape, 0)[1]
+        hollow = depths_below_hull(self.relief.points.reshape(-1, 3)[cells]).mean()
+        n = len(smaller.cells)
+        return np.array(
+            [
+                fold.mean(),
+                (fold > FOLD).mean(),
+                (~self.relief.seen[window][border]).mean(),
+                border.sum() / 2 / np.sqrt(n),
+                plan.sum() / hull_mask(plan).sum(),
+                hollow / max(body.peak, smaller.peak),
+                np.log(n * self.relief.cell**2 / 0.0025),
+                np.log(len(body.cells) / n),
+            ]
+        )
+
+    def _fold(self, window: tuple[slice, slice], one: np.ndarray, other: np.ndarray, border: np.ndarray) -> np.ndarray:
+        """(n,) angles between the normals of two parts about each cell of their border; negative for a convex edge."""
+        normals, points = self.relief.normals[window], self.relief.points[window]
+        sides = []
+        for mask in (one, other):
+            weights = mask / normals[..., 2]
+            values = np.concatenate([normals, points, np.ones((*mask.shape, 1))], axis=-1) * weights[..., None]
+            sigma = BESIDE / self.relief.cell
+            sides.append(ndimage.gaussian_filter(values, (sigma, sigma, 0), truncate=2, mode="constant")[border])
+        (a, b), (p, q) = (
+            [side[:, :3] / np.linalg.norm(side[:, :3], axis=1, keepdims=True) for side in sides],
+            [side[:, 3:6] / side[:, 6:] for side in sides],
+        )
+        angle = np.arccos(np.clip((a * b).sum(axis=1), -1, 1))
+        return np.where(((a - b) * (p - q)).sum(axis=1) < 0, angle, -angle)
+
+
+def chance_of_two(terms: np.ndarray, coefficients: tuple[float, ...] = COEFFICIENTS) -> np.ndarray:
+    """(n,) chances that neighbours of terms (n, len(TERMS)) are two rocks."""
+    return np.asarray(1 / (1 + np.exp(-(coefficients[0] + terms @ np.array(coefficients[1:])))))
+
+
+def depths_below_hull(points: np.ndarray) -> np.ndarray:
+    """(n,) how far points (n, 3) of a surface lie below the convex hull of the body under it, metres."""
+    base = points.copy()
+    base[:, 2] = points[:, 2].min() - BASE
+    try:
+        planes = ConvexHull(np.concatenate([points, base])).equations
+    except QhullError:  # one line of cells
+        return np.zeros(len(points))
+    planes = np.unique(np.round(planes[planes[:, 2] > 1e-3], 9), axis=0)
+    top = np.full(len(points), np.inf)
+    for block in _blocks(planes):
+        heights = -(points[:, :2] @ block[:, :2].T + block[:, 3]) / block[:, 2]
+        top = np.minimum(top, heights.min(axis=1))
+    return np.maximum(top - points[:, 2], 0)
+
+
+def _blocks(planes: np.ndarray, size: int = 400) -> Iterator[np.ndarray]:
+    for start in range(0, len(planes), size):
+        yield planes[start : start + size]
+
+
+def _window(cells: np.ndarray, shape: tuple[int, ...], margin: int) -> tuple[tuple[slice, slice], np.ndarray]:
+    """The window of a grid about flat cells (n,), as far as it reaches, and the mask of these in it."""
+    rows, columns = np.unravel_index(cells, shape)
+    top, left = max(0, rows.min() - margin), max(0, columns.min() - margin)
+    window = slice(top, min(shape[0], rows.max() + margin + 1)), slice(left, min(shape[1], columns.max() + margin + 1))
+    mask = np.zeros((window[0].stop - top, window[1].stop - left), bool)
+    mask[rows - top, columns - left] = True
+    return window, mask
