@@ -74,14 +74,15 @@ def draw_finds_of_run(
     options: TablesOptions,
 ) -> None:
     """What one detector of a run finds in photo and twins, and its page of rocks; least confidence as of its IPD."""
+    picture_of, confidence = _pictures(run, photo_domain), _confidence(ipd)
     for draw, figure in ((draw_seen, seen), (draw_gap_rocks, gap_rocks)):
         draw(
             trained=trained,
             instances=instances,
             predictions=predictions,
             labels=labels,
-            picture_of=_pictures(run, photo_domain),
-            confidence=_confidence(ipd),
+            picture_of=picture_of,
+            confidence=confidence,
             figure=figure,
             origin=origin,
             options=options,

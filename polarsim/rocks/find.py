@@ -30,7 +30,7 @@ from polarsim.rocks.ground import Sand, find_ground, sand_extent
 from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_places
-from polarsim.rocks.regions import Limits, find_regions, surface_points
+from polarsim.rocks.regions import Cut, Limits, cut_by_shape, find_regions, surface_points
 from polarsim.rocks.scans import Extent, ScanPoints, merged, place_scan
 from polarsim.rocks.settling import settling_shifts
 
@@ -73,9 +73,10 @@ def find_rocks(
         confirmed_height=options.confirmed_height_mm / 1000,
         size=options.min_size_mm / 1000,
     )
-    evidence = _of_their_place(sand, limits, evidence)
+    cut = cut_by_shape(sand, limits)
+    evidence = _of_their_place(sand, limits, evidence, cut)
     bumps = Bumps(options.bump_height_mm / 1000, options.bump_size_mm / 1000)
-    sand, regions = with_drawn(sand, find_regions(sand, limits, evidence), limits, evidence)
+    sand, regions = with_drawn(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
     sand, regions = carved(sand, regions, limits, evidence)
     sand, regions = with_bumps(sand, regions, limits, evidence, bumps)
     sand, found = crop_rocks(sand, regions, typed, limits.foot)
@@ -92,11 +93,11 @@ def find_rocks(
     _write(rocks, cuboids, ids, clouds, rows, found, rock_clouds, ground_cloud(sand), placed)
 
 
-def _of_their_place(sand: Sand, limits: Limits, evidence: Evidence) -> Evidence:
+def _of_their_place(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
     """Evidence without seeds under another position's name; what stands out by shape alone tells."""
     if not evidence.agreed or len(evidence.placed) < 2:
         return evidence
-    by_shape = find_regions(sand, limits, replace(evidence, drawn={}))
+    by_shape = find_regions(sand, limits, replace(evidence, drawn={}), cut)
     return evidence.of_their_place([surface_points(sand, region.seen) for region in by_shape])
 
 

@@ -14,7 +14,7 @@ from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.grouping import grouped
 from polarsim.rocks.heights import hull_mask
-from polarsim.rocks.splitting import is_upright, slivers_joined, told_apart
+from polarsim.rocks.splitting import Pieces, is_upright, slivers_joined, told_apart
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
@@ -49,19 +49,34 @@ class Region:
     confirmed: tuple[str, ...] = ()  # positions whose seed boxes show it
 
 
-def find_regions(sand: Sand, limits: Limits, evidence: Evidence) -> list[Region]:
-    """Every rock of a sand box.
+@dataclass(frozen=True)
+class Cut:
+    """What stands out of a sand box, cut into pieces by shape alone; arrays are (rows, columns)."""
+
+    above: np.ndarray  # heights above the ground, metres
+    seen: np.ndarray  # cells with a measured surface
+    pieces: Pieces
+
+
+def cut_by_shape(sand: Sand, limits: Limits) -> Cut:
+    """The pieces of which `find_regions` makes rocks; boxes have no part in it."""
+    above, labels, seen = standing(sand, limits.foot)
+    return Cut(above, seen, told_apart(above, labels, seen, sand.grid.cell))
+
+
+def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None = None) -> list[Region]:
+    """Every rock of a sand box; `cut` is its `cut_by_shape`, for those who look more than once.
 
     A region is what stands higher than the foot height and somewhere higher than the rock height, and is shaped like a
     rock; where seed boxes confirm it a lower height is enough, and any shape. Touching rocks are told apart by shape,
     and by boxes where these say otherwise.
     """
-    above, labels, seen = standing(sand, limits.foot)
+    cut = cut or cut_by_shape(sand, limits)
+    above, seen, pieces = cut.above, cut.seen, cut.pieces
 
     def points_of(mask: np.ndarray) -> np.ndarray:
         return surface_points(sand, np.flatnonzero(mask & seen))
 
-    pieces = told_apart(above, labels, seen, sand.grid.cell)
     boxes = evidence.boxes([points_of(pieces.numbers == number) for number in range(1, len(pieces.rock) + 1)])
     touching = [(one - 1, other - 1) for one, other in neighbours(pieces.numbers)]
     rock = grouped(pieces.rock, touching, boxes, evidence.agreed, evidence.min_iou)

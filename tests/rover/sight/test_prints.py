@@ -4,27 +4,9 @@ import numpy as np
 import pytest
 
 from polarsim.rover.sight.prints import Print, Tread, prints_of, stamp
-from polarsim.rover.sight.tracks import Lattice, Tracks
-
-CELL = 0.02
-
+from tests.rover.ruts import CELL, hills, tracks
 
 TREAD = Tread(24, 0.25, 0.2, 0.006, 0.006)
-
-
-def hills(rows=97, columns=129):
-    y, x = np.mgrid[:rows, :columns] * CELL
-    return Lattice(-0.5, 0.3, CELL, 0.03 * np.sin(2 * x) * np.cos(3 * y))
-
-
-def rutted(lattice, columns=slice(30, 90)):
-    level = lattice.level.copy()
-    level[40:50, columns] -= 0.016
-    return level
-
-
-def tracks(lattice, finer=3):
-    return Tracks(lattice, rutted(lattice) != lattice.level, finer, 36)
 
 
 @pytest.mark.parametrize("slip", [0.0, 0.3])

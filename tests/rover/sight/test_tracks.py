@@ -9,23 +9,7 @@ from polarsim.rover.sight.tracks import TILE, Lattice, Tracks, spline_weights, t
 from polarsim.rover.soil import bulldozing
 from polarsim.rover.soil.bulldozing_numba import settle as fast_settle
 from polarsim.rover.soil.nodes import LEVEL, make_ground
-
-CELL = 0.02
-
-
-def hills(rows=97, columns=129):
-    y, x = np.mgrid[:rows, :columns] * CELL
-    return Lattice(-0.5, 0.3, CELL, 0.03 * np.sin(2 * x) * np.cos(3 * y))
-
-
-def rutted(lattice, columns=slice(30, 90)):
-    level = lattice.level.copy()
-    level[40:50, columns] -= 0.016
-    return level
-
-
-def tracks(lattice, finer=3):
-    return Tracks(lattice, rutted(lattice) != lattice.level, finer, 36)
+from tests.rover.ruts import CELL, hills, rutted, tracks
 
 
 def heights(own, number):

@@ -3,25 +3,9 @@
 import numpy as np
 import trimesh
 
-from polarsim.formats import obj
 from polarsim.rover.world.hulls import convex_parts, rock_hulls, under_rocks
-from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.stitch import Terrain, stitch
-
-SMALL = WorldOptions(
-    terrains=(4, 1), length_m=1.0, width_m=1.6, margin_m=0.4, cell_m=0.05, blend_m=0.2, filler_roughness_m=0.0
-)
-
-
-def plane(height: float, slope: float = 0.0, half: float = 0.7) -> obj.Mesh:
-    """A square of ground that rises along y."""
-    corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
-    return obj.Mesh(np.column_stack([corners, height + slope * corners[:, 1]]), np.array([[0, 1, 2], [0, 2, 3]]))
-
-
-def ball(x: float, y: float, z: float, radius: float = 0.1) -> obj.Mesh:
-    mesh = trimesh.creation.icosphere(2, radius)
-    return obj.Mesh(np.asarray(mesh.vertices) + np.array([x, y, z]), np.asarray(mesh.faces))
+from tests.rover.made_world import SMALL, ball, plane
 
 
 def test_soil_under_a_rock_is_the_rocks():

@@ -1,0 +1,22 @@
+"""A hilly lattice with two ruts, and its tracks."""
+
+import numpy as np
+
+from polarsim.rover.sight.tracks import Lattice, Tracks
+
+CELL = 0.02
+
+
+def hills(rows=97, columns=129):
+    y, x = np.mgrid[:rows, :columns] * CELL
+    return Lattice(-0.5, 0.3, CELL, 0.03 * np.sin(2 * x) * np.cos(3 * y))
+
+
+def rutted(lattice, columns=slice(30, 90)):
+    level = lattice.level.copy()
+    level[40:50, columns] -= 0.016
+    return level
+
+
+def tracks(lattice, finer=3):
+    return Tracks(lattice, rutted(lattice) != lattice.level, finer, 36)
