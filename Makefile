@@ -6,7 +6,7 @@ POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --rerun-incomplete
 
-.PHONY: help setup demo release accuracy test lint clean lock schema
+.PHONY: help setup demo release accuracy test lint docs clean lock schema
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -42,14 +42,19 @@ lint: setup
 	$(BIN)/snakefmt --check Snakefile workflow/rules
 	$(BIN)/mypy
 
-clean: ## remove results and what the analog generated
-	rm -rf results/demo results/release results/accuracy* data/analog* .snakemake .pytest
+docs: setup ## the manual as a site, build/site/index.html
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/site
+
+clean: ## remove results, the site, and what the analog generated
+	rm -rf results/demo results/release results/accuracy* data/analog* build/site .snakemake .pytest
 
 schema: setup ## write config/schema.json and config/views.schema.json anew
 	$(BIN)/polarsim schema > config/schema.json
 	$(BIN)/polarsim schema --views > config/views.schema.json
 
-# Needs uv (pip install uv). The local version of a CPU build of torch is cut off, so that one lock serves all machines.
+# Needs uv (pip install uv), and a CPU build of torch where uv looks for packages (UV_FIND_LINKS): with another one the
+# lock would pin CUDA's packages. The local version of that build is cut off again, so that one lock serves all machines.
 lock: ## make requirements.lock anew from pyproject.toml
+	sed -i 's/^torch==[0-9.]*$$/&+cpu/' requirements.lock
 	uv pip compile pyproject.toml --extra detect --extra rover --extra dev --no-annotate --no-header -o requirements.lock
 	sed -i 's/^\(torch==[0-9.]*\)+.*$$/\1/' requirements.lock
