@@ -1,0 +1,301 @@
+"""What the documents say holds: commands run or parse, configurations are accepted, keys, links and paths exist."""
+
+import argparse
+import os
+import re
+import runpy
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from string import Template
+from typing import get_args
+
+import pytest
+import typer
+import yaml
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+from pydantic import BaseModel
+from snakemake.cli import get_argument_parser, parse_config
+from snakemake.utils import update_config
+from typer.testing import CliRunner
+
+from polarsim import config
+from polarsim.cli import app
+from polarsim.errors import PolarsimError
+
+CHECKOUT = Path(__file__).parent.parent
+DOCUMENTS = [
+    *(CHECKOUT / name for name in ("README.md", "CONTRIBUTING.md", "config/README.md", "config/rocks/README.md")),
+    *(CHECKOUT / name for name in ("data/README.md", "results/README.md")),
+    *sorted((CHECKOUT / "docs").rglob("*.md")),
+]
+SHELL = {"sh", "bash", "console", "shell"}
+QUICK = {"brdf", "rules", "schema"}  # commands of polarsim that need no files and take a second
+ELSEWHERE = {"pip", "source", "cd"}  # programs that are not ours
+PATH = re.compile(r"(docs|config|benchmarks|polarsim|workflow|tests)/[\w./*-]+")
+
+
+def tokens_of(path: Path) -> list[Token]:
+    return MarkdownIt("commonmark").enable("table").parse(path.read_text())
+
+
+def inline_tokens(path: Path) -> list[Token]:
+    return [child for token in tokens_of(path) for child in token.children or ()]
+
+
+def code_of(path: Path) -> list[str]:
+    """Code within the lines of a document."""
+    return [token.content for token in inline_tokens(path) if token.type == "code_inline"]
+
+
+def commands_of(path: Path) -> list[str]:
+    """Command lines of a document's shell blocks, variables that a block sets put in."""
+    found = []
+    for token in tokens_of(path):
+        fenced = token.type == "fence" and token.info.strip() in SHELL
+        if not fenced and token.type != "code_block" and not (token.type == "fence" and not token.info):
+            continue
+        variables: dict[str, str] = {}
+        for line in token.content.replace("\\\n", " ").splitlines():
+            told = Template(line.strip().removeprefix("$ ")).safe_substitute(variables)
+            words = shlex.split(told, comments=True)
+            if len(words) == 1 and re.fullmatch(r"\w+=.*", words[0]):
+                name, _, variables[name] = words[0].partition("=")
+            elif words:
+                assert fenced or program(told) in CHECKS, f"{path}: a block without a language holds {line!r}"
+                found.append(told)
+    return found
+
+
+def program(command: str) -> str:
+    words = [word for word in shlex.split(command, comments=True) if not re.match(r"[A-Z_]+=", word)]
+    return words[0].removeprefix(".venv/bin/")
+
+
+def arguments_of(command: str) -> list[str]:
+    """What follows the program, braces spread out as a shell does."""
+    words = [word for word in shlex.split(command, comments=True) if not re.match(r"[A-Z_]+=", word)][1:]
+    spread = []
+    for word in words:
+        braces = re.fullmatch(r"([^{]*)\{([\w,]+)\}(.*)", word)
+        spread += [braces[1] + one + braces[3] for one in braces[2].split(",")] if braces else [word]
+    return spread
+
+
+def check_make(arguments: list[str]) -> None:
+    targets = set(re.findall(r"^([a-z]+):", (CHECKOUT / "Makefile").read_text(), re.MULTILINE))
+    for target in arguments:
+        assert "=" in target or target in targets
+
+
+def check_polarsim(arguments: list[str]) -> None:
+    name, *rest = arguments
+    if name == "--help" or name in QUICK or "--help" in rest:
+        done = CliRunner().invoke(app, arguments)
+        assert done.exit_code == 0, done.output
+        return
+    group = typer.main.get_command(app)
+    group.commands[name].make_context(name, rest)
+
+
+def check_snakemake(arguments: list[str]) -> None:
+    """Options parse, the configuration is accepted, targets are rules or files that a rule makes."""
+    given = get_argument_parser().parse_args(arguments)
+    merged: dict = {}
+    for file in given.configfile or ["config/config.yaml"]:
+        if str(file).startswith("config/") or (CHECKOUT / file).exists():  # others are the reader's own
+            update_config(merged, yaml.safe_load((CHECKOUT / file).read_text()))
+    update_config(merged, parse_config(given.config))
+    run = config.parse_config(merged).run
+    for profile in given.profile or []:
+        assert (CHECKOUT / profile / "config.yaml").exists()
+    for target in given.targets:
+        assert target in rules() or any(made.fullmatch(target) for made in outputs(run)), target
+
+
+@cache
+def rules() -> set[str]:
+    texts = [path.read_text() for path in (CHECKOUT / "Snakefile", *(CHECKOUT / "workflow/rules").glob("*.smk"))]
+    return {name for text in texts for name in re.findall(r"^\s*rule (\w+):", text, re.MULTILINE)}
+
+
+@cache
+def outputs(run: str) -> list[re.Pattern]:
+    """Patterns of the files that rules name below `results/`; `run` is this run or one of the reader's own."""
+    texts = [path.read_text() for path in (CHECKOUT / "workflow/rules").glob("*.smk")]
+    names = {name for text in texts for name in re.findall(r'"(results/\{+run\}+/[^"]+)"', text)}
+    return [re.compile(re.sub(r"\\\{+\w+\\\}+", "[^/]+", re.escape(name))) for name in sorted(names)]
+
+
+def check_python(arguments: list[str]) -> None:
+    if arguments[0] == "-m":
+        assert arguments[1] == "pytest"
+        assert (CHECKOUT / arguments[2]).exists()
+        return
+    script, *rest = arguments
+    text = (CHECKOUT / script).read_text()
+    if "argparse" in text:
+        read_by_its_parser(script, rest)
+    for word in rest:
+        if word.startswith("--"):
+            assert f'"{word.partition("=")[0]}"' in text, word
+
+
+def read_by_its_parser(script: str, arguments: list[str]) -> None:
+    """Let a script read its arguments, and end it there."""
+
+    class ReadError(Exception):
+        pass
+
+    reads = argparse.ArgumentParser.parse_args
+
+    def parse_args(self, *given, **named):
+        reads(self, *given, **named)
+        raise ReadError
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", [script, *arguments])
+        patch.setattr(sys, "path", [str(CHECKOUT / "benchmarks"), str(CHECKOUT), *sys.path])
+        patch.setattr(argparse.ArgumentParser, "parse_args", parse_args)
+        with pytest.raises(ReadError):
+            runpy.run_path(str(CHECKOUT / script), run_name="__main__")
+
+
+CHECKS = {"make": check_make, "polarsim": check_polarsim, "snakemake": check_snakemake, "python": check_python}
+COMMANDS = sorted({command for path in DOCUMENTS for command in commands_of(path)})
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_of_a_block_runs_or_parses(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    if program(command) not in ELSEWHERE:
+        CHECKS[program(command)](arguments_of(command))
+
+
+def test_commands_are_found_in_blocks(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("```sh\nopts='--configfile config/release.yaml'\nsnakemake -n labels $opts  # why\n```\n")
+    assert commands_of(page) == ["snakemake -n labels --configfile config/release.yaml  # why"]
+    check_snakemake(arguments_of(commands_of(page)[0]))
+
+
+@pytest.mark.parametrize(
+    ("command", "error"),
+    [
+        ("snakemake nothing", AssertionError),
+        ("snakemake results/demo/nothing.csv", AssertionError),
+        ("snakemake --no-such-option", SystemExit),
+        ("snakemake --configfile config/nothing.yaml", FileNotFoundError),
+        ("snakemake labels --config 'labels={speed: 3}'", PolarsimError),
+        ("make nothing", AssertionError),
+        ("polarsim nothing", KeyError),
+        ("polarsim score ONE", Exception),  # typer's own, of a place that moved between its versions
+        ("polarsim show KEY --speed 3", Exception),
+        ("python benchmarks/nothing.py", FileNotFoundError),
+        ("python benchmarks/labels.py", SystemExit),
+        ("python -m pytest tests/nothing", AssertionError),
+    ],
+)
+def test_a_wrong_command_is_not_let_through(command, error):
+    with pytest.raises(error):
+        CHECKS[program(command)](arguments_of(command))
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(CHECKOUT)))
+def test_commands_named_in_passing_are_there(path):
+    group = typer.main.get_command(app)
+    for code in code_of(path):
+        words = code.split()
+        if words[0] == "polarsim" and len(words) > 1 and not words[1].isupper() and not words[1].startswith("-"):
+            command = group.commands[words[1]]
+            known = {name for one in command.params for name in (*one.opts, *one.secondary_opts)} | {"--help"}
+            assert {word for word in words if word.startswith("--")} <= known, code
+        if words[0] in ("make", "python", "snakemake") and len(words) > 1:
+            CHECKS[words[0]](arguments_of(code))
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(CHECKOUT)))
+def test_links_anchors_and_paths_lead_somewhere(path):
+    for token in inline_tokens(path):
+        target = token.attrGet("href") if token.type == "link_open" else token.attrGet("src")
+        if target and not re.match(r"\w+:", str(target)):
+            file, _, anchor = str(target).partition("#")
+            found = (path.parent / file).resolve() if file else path
+            assert found.exists(), target
+            assert not anchor or anchor in anchors(found), target
+    for code in code_of(path):
+        if PATH.fullmatch(code) and not re.search(r"NN|TT|/$", code):
+            assert list(CHECKOUT.glob(code)), code
+
+
+def anchors(path: Path) -> set[str]:
+    """Anchors of a page's headings, by the rule of those who show Markdown."""
+    tokens = tokens_of(path)
+    titles = [tokens[at + 1] for at, token in enumerate(tokens) if token.type == "heading_open"]
+    texts = ["".join(child.content for child in title.children or ()) for title in titles]
+    own = {re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-") for text in texts}
+    parts = [token.info.split()[1] for token in tokens if token.info.startswith("{include}")]
+    return own.union(*(anchors(path.parent / part) for part in parts))
+
+
+def test_configurations_shown_are_accepted():
+    shown = 0
+    for path in DOCUMENTS:
+        for token in tokens_of(path):
+            content = yaml.safe_load(token.content) if token.type == "fence" and token.info.strip() == "yaml" else None
+            if isinstance(content, dict) and set(content) <= set(config.Config.model_fields):
+                whole = yaml.safe_load((CHECKOUT / "config/polar.yaml").read_text())
+                update_config(whole, content)
+                config.parse_config(whole)
+                shown += 1
+    assert shown >= 5
+
+
+def keyed(model: type[BaseModel], names: list[str]) -> bool:
+    """Whether a path of names leads to a key of a configuration, through lists and names that the reader gives."""
+    if not names or names[0] not in model.model_fields:
+        return not names
+    below = list(models_in(model.model_fields[names[0]].annotation))
+    return len(names) == 1 or any(keyed(one, names[start:]) for one in below for start in (1, 2)) or not below
+
+
+def models_in(annotation: object) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from models_in(part)
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(CHECKOUT)))
+def test_keys_named_are_keys_of_the_configuration(path):
+    for code in code_of(path):
+        key = re.match(r"([a-z_]+(?:\.[A-Za-z_0-9]+)+)(?:[:=].*)?$", code)
+        if not key or key[1].split(".")[0] not in config.Config.model_fields:
+            continue
+        module, _, name = f"polarsim.{key[1]}".rpartition(".")
+        if not keyed(config.Config, key[1].split(".")):
+            assert hasattr(import_module(module), name), code
+
+
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning(tmp_path):
+    """Every page, generated ones and the gallery's code too; `make docs` makes the same call."""
+    build = ("-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html")
+    done = subprocess.run(
+        [sys.executable, *build, CHECKOUT / "docs", tmp_path / "site"],
+        env=os.environ | {"PYTHONPATH": str(CHECKOUT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    site = tmp_path / "site"
+    assert "--incidence" in (site / "reference/cli.html").read_text()
+    assert "min_contrast_dn" in (site / "reference/configuration.html").read_text()
+    assert "sandbox_from_left" in (site / "reference/api-geometry.html").read_text()
+    pictures = {path.stem for path in (site / "_images").glob("*.png")}
+    assert pictures >= {"lobes", "rock", "bracket", "sum", "outline"}
