@@ -272,8 +272,11 @@ def models_in(annotation: object) -> Iterator[type[BaseModel]]:
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(CHECKOUT)))
-def test_keys_named_are_keys_of_the_configuration(path):
+def test_keys_and_modules_named_are_there(path):
     for code in code_of(path):
+        if re.fullmatch(r"polarsim(\.\w+)+", code):
+            module, _, name = code.rpartition(".")
+            assert hasattr(import_module(module), name) or import_module(code), code
         key = re.match(r"([a-z_]+(?:\.[A-Za-z_0-9]+)+)(?:[:=].*)?$", code)
         if not key or key[1].split(".")[0] not in config.Config.model_fields:
             continue
