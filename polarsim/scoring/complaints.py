@@ -21,7 +21,7 @@ class _Limit:
         return value > self.value if self.above else value < self.value
 
 
-# Several times what sound runs show (docs/results.md), and well below what spoils meshes and labels.
+# Several times what sound runs show (docs/notes/cameras.md), and well below what spoils meshes and labels.
 LIMITS = {
     "common_turn": _Limit(0.03, "all scans together would have to turn by {value:.3f} degrees to lie on the meshes"),
     "common_shift": _Limit(0.6, "all scans together would have to shift by {value:.1f} mm to lie on the meshes"),
