@@ -15,6 +15,8 @@ exclude_patterns = ["generated.py"]
 
 html_theme = "furo"
 html_title = "polarsim"
+html_static_path = ["static"]
+html_css_files = ["tables.css"]
 html_show_sourcelink = False
 html_copy_source = False
 html_show_copyright = False
