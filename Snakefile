@@ -54,9 +54,10 @@ rule all:
 
 
 onstart:
-    # On one machine no limit of jobs a second: for it Snakemake sets off a timer at every look for jobs, each timer
-    # brings another look, and after a hundred jobs the looks take a core for themselves.
-    if workflow.local_exec:
+    # On one machine no limit of jobs a second. Snakemake 9.27 (JobScheduler._schedule_reevalutation) sets off a timer for
+    # it at every look for jobs, each timer brings another look, and after a hundred jobs the looks take a core for
+    # themselves. The limiter is no public interface: a version without it needs nothing of this.
+    if workflow.local_exec and hasattr(workflow.scheduler, "job_rate_limiter"):
         workflow.scheduler.job_rate_limiter = None
 
 
