@@ -79,6 +79,24 @@ def test_an_impossible_ledger_is_told(ingredient, gap, told):
 
 
 @pytest.mark.parametrize(
+    ("setting", "named"),
+    [
+        ({"terains": [1]}, "terains: unknown key"),
+        ({"terrains": [14]}, "terrains: terrain 14, expected 1 to 13"),
+        ({"positions": ["H"]}, "positions: position 'H', expected A to G"),
+        ({"detect": {"splits": ["rock"]}}, "detect.splits"),
+        ({"grid": {"lights": [True]}}, "grid.lights"),
+        ({"source": {"kind": "moon"}}, "source.kind"),
+        ({"run": "../elsewhere"}, "run"),
+    ],
+)
+def test_an_impossible_setting_is_named(setting, named):
+    with pytest.raises(ConfigError, match=named) as error:
+        parse_config({"source": {"kind": "analog", "root": "data"}, **setting})
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
     ("mixes", "told"),
     [
         ({"mixed": {"real": 1}}, "detect.mixes.mixed: domain 'real', expected analog, hapke, principled"),
