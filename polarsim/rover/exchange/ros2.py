@@ -1,51 +1,17 @@
-"""ROS 2's message definitions, carried as text, so that bags are written and read where no ROS is installed.
+"""ROS 2's message definitions as text, so that bags are written and read where no ROS is installed.
 
-As in the packages of ROS 2 Humble and later (common_interfaces, geometry2, vision_msgs 4, grid_map 2) without their
-comments. The order of fields is the order of bytes. `polarsim_msgs` is our own.
+Those of ROS 2 Humble's common packages are rosbags' own; here stand those of vision_msgs 4, grid_map 2 and our own
+`polarsim_msgs`, without their comments. The order of fields is the order of bytes.
 """
 
 from __future__ import annotations
 
-import re
+from functools import cache
 
-DEFINITIONS = {
-    "builtin_interfaces/msg/Time": "int32 sec\nuint32 nanosec",
-    "std_msgs/msg/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-    "std_msgs/msg/MultiArrayDimension": "string label\nuint32 size\nuint32 stride",
-    "std_msgs/msg/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset",
-    "std_msgs/msg/Float32MultiArray": "std_msgs/MultiArrayLayout layout\nfloat32[] data",
-    "geometry_msgs/msg/Point": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/msg/Vector3": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/msg/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1",
-    "geometry_msgs/msg/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
-    "geometry_msgs/msg/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
-    "geometry_msgs/msg/PoseWithCovariance": "geometry_msgs/Pose pose\nfloat64[36] covariance",
-    "geometry_msgs/msg/TwistWithCovariance": "geometry_msgs/Twist twist\nfloat64[36] covariance",
-    "geometry_msgs/msg/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
-    "geometry_msgs/msg/TransformStamped": (
-        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform"
-    ),
-    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
-    "nav_msgs/msg/Odometry": (
-        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
-        "geometry_msgs/TwistWithCovariance twist"
-    ),
-    "sensor_msgs/msg/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data",
-    "sensor_msgs/msg/RegionOfInterest": (
-        "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify"
-    ),
-    "sensor_msgs/msg/CameraInfo": (
-        "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n"
-        "float64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi"
-    ),
-    "sensor_msgs/msg/JointState": (
-        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
-    ),
-    "sensor_msgs/msg/Imu": (
-        "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
-        "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
-        "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance"
-    ),
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+OTHERS = {
     "vision_msgs/msg/Point2D": "float64 x\nfloat64 y",
     "vision_msgs/msg/Pose2D": "vision_msgs/Point2D position\nfloat64 theta",
     "vision_msgs/msg/BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y",
@@ -73,30 +39,17 @@ DEFINITIONS = {
     ),
     "polarsim_msgs/msg/WheelStates": "std_msgs/Header header\npolarsim_msgs/WheelState[] wheels",
 }
-_RULE = "=" * 80
 
 
 def definition(name: str) -> str:
     """The text of a message, such as `nav_msgs/msg/Odometry`, and of all messages in it, as bags carry it."""
-    parts = [DEFINITIONS[name]]
-    for inner in _inside(name):
-        parts += [_RULE, f"MSG: {_short(inner)}", DEFINITIONS[inner]]
-    return "\n".join(parts) + "\n"
+    return _store().generate_msgdef(name, ros_version=2)[0]
 
 
-def _inside(name: str) -> list[str]:
-    """Messages that a message is made of, at any depth, each once, in the order in which they are met."""
-    found: list[str] = []
-    waiting = [name]
-    while waiting:
-        for line in DEFINITIONS[waiting.pop(0)].splitlines():
-            kind = re.match(r"(\w+)/(\w+)", line)
-            inner = f"{kind[1]}/msg/{kind[2]}" if kind else None
-            if inner and inner not in found:
-                found.append(inner)
-                waiting.append(inner)
-    return found
-
-
-def _short(name: str) -> str:
-    return name.replace("/msg/", "/")
+@cache
+def _store() -> Typestore:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(
+        {kind: fields for name, text in OTHERS.items() for kind, fields in get_types_from_msg(text, name).items()}
+    )
+    return store

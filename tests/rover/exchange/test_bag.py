@@ -14,7 +14,7 @@ from polarsim.rover.drive.trace import write_trace
 from polarsim.rover.exchange import messages
 from polarsim.rover.exchange.bag import picked, write_bag
 from polarsim.rover.exchange.options import BagOptions
-from polarsim.rover.exchange.ros2 import DEFINITIONS, definition
+from polarsim.rover.exchange.ros2 import OTHERS, definition
 from polarsim.rover.vehicle.table import read_vehicle
 from tests.rover.drives import SPEED, straight_drive, write_drive
 
@@ -196,7 +196,7 @@ def test_a_rate_is_met_or_all_there_is_is_taken(log_hz, hz, count):
     assert abs(len(chosen) - min(count, times[-1] * hz + 1)) <= 1 + 1e-6 * count
 
 
-@pytest.mark.parametrize("name", sorted(DEFINITIONS))
+@pytest.mark.parametrize("name", ["nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", *sorted(OTHERS)])
 def test_every_definition_carries_all_that_it_is_made_of(name):
     from mcap_ros2._dynamic import generate_dynamic, serialize_dynamic
 
