@@ -159,6 +159,16 @@ def reached_by_text(script: Path) -> set[str]:
     return reached
 
 
+def test_every_module_is_reached():
+    """By a script or rule, by the command line, or by who imports the environment for learners."""
+    package = Path(digest.__file__).parent
+    starts = {"polarsim.cli", "polarsim.rover.environment"}
+    for path in [*SCRIPTS.glob("*.py"), *RULES.glob("*.smk"), SCRIPTS.parents[1] / "Snakefile"]:
+        starts |= imports_by_text(path.read_text())
+    paths = [path.relative_to(package.parent).with_suffix("") for path in package.rglob("*.py")]
+    assert {".".join(path.parts) for path in paths if path.name != "__init__"} - digest._reached(starts) == set()
+
+
 def rules_with_scripts() -> dict[str, tuple[str, str]]:
     """By rule: its script, and whose code stands in its params."""
     found = {}

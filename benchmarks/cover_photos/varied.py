@@ -21,13 +21,14 @@ from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, ROCK, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.automatic import boxes_of
-from polarsim.render.hall import furnish
 from polarsim.render.lamps import Lamp, lamps_of
 from polarsim.render.layers import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import surfaces_of
-from polarsim.render.variants import Variant, VariantOptions, draw_variant
+
+from .hall import furnish
+from .variants import Variant, VariantOptions, draw_variant
 
 _BRIGHT_SAND = 90  # percentile of the sand's light that an exposure is told by: walls and lamps would mislead it
 _SEAM_PX = 2
