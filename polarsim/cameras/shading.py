@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.casters import caster
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.rays import Caster, caster
+from polarsim.geometry.rays import Caster
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from polarsim.formats.obj import Mesh
 from polarsim.geometry.boxes import clip
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.planes import robust_plane
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.topology import part_of_vertex

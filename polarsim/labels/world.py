@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.rays import Caster, Joined, caster
+from polarsim.geometry.casters import caster
+from polarsim.geometry.rays import Caster, Joined
 from polarsim.photo import NO_ROCK
 from polarsim.survey import SUN_LAMPS
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from polarsim.formats.obj import Mesh
 from polarsim.geometry.boxes import around
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import largest_island, outline, outlines_of, spread_directions
 from polarsim.geometry.planes import level_from, robust_plane, tracked_plane
 from polarsim.geometry.poses import looking

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from polarsim.geometry.casters import caster
 from polarsim.geometry.patches import Window
 from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.rays import caster
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.geometry.ties import find_ties, look_with_both
 from polarsim.photo import BLACK_LEVEL

@@ -7,6 +7,7 @@ import pandas as pd
 import yaml
 
 from polarsim.formats import obj, png, tables
+from polarsim.geometry.meshes import Mesh
 from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks, trace_table, write_trace
 from polarsim.rover.sight.layout import TRUTH_COLUMNS
 from polarsim.rover.sight.truth import pose_table
@@ -102,8 +103,8 @@ def write_meshes(folder: Path, terrain: int) -> None:
     a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
     nodes = np.stack([x, y, world.level], axis=-1).reshape(-1, 3)
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    obj.write(folder / obj.ground_name(terrain), obj.Mesh(nodes - middle, faces), "ground")
+    obj.write(folder / obj.ground_name(terrain), Mesh(nodes - middle, faces), "ground")
     for rock in world.rocks["rock"]:
         vertices, triangles = world.rock_mesh(int(rock))
         name = obj.rock_name(terrain, int(rock) + 1)
-        obj.write(folder / name, obj.Mesh(vertices - middle, triangles), f"rock{rock + 1}")
+        obj.write(folder / name, Mesh(vertices - middle, triangles), f"rock{rock + 1}")

@@ -10,9 +10,9 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from polarsim.formats import png
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.casters import caster
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.rays import caster
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
 from polarsim.scoring.complaints import complaints

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.formats.obj import Mesh
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.run_files import cover_photo_of, photo_of
 from polarsim.formats.scene import TerrainMesh, read_terrain
@@ -18,6 +17,7 @@ from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import centres, iou
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.matching import assign
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.photo import HEIGHT, NO_ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import SERIES, note, page, picture

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from polarsim.geometry.casters import caster
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.rays import caster
 from polarsim.photo import ROCK
 from polarsim.rover.onboard.ground_view import Estimate, estimate
 from polarsim.rover.onboard.hazards import Ride, of_frames
