@@ -11,13 +11,14 @@ from polarsim.errors import LabelError
 
 Light = Literal["on", "off"]
 Azimuth = Literal["no", "30", "180", "270", "350"]
-Camera = Literal["L", "R"]
+CameraSide = Literal["L", "R"]
+View = tuple[str, str]  # position and camera of one terrain
 
 TERRAINS = tuple(range(1, 14))
 LIGHTS: tuple[Light, ...] = ("off", "on")
 AZIMUTHS: tuple[Azimuth, ...] = ("no", "30", "180", "270", "350")
 SUNS: tuple[Azimuth, ...] = ("30", "180", "270", "350")
-CAMERAS: tuple[Camera, ...] = ("L", "R")
+CAMERAS: tuple[CameraSide, ...] = ("L", "R")
 
 WIDTH, HEIGHT = 1936, 1216  # pixels of every photo
 BLACK_LEVEL = 16  # DN of a pixel that saw no light
@@ -42,7 +43,7 @@ class PhotoKey:
     position: str
     light: Light
     azimuth: Azimuth
-    camera: Camera
+    camera: CameraSide
     exposure_ms: int
 
     def __str__(self) -> str:
@@ -73,12 +74,12 @@ class PhotoKey:
         return self.terrain, self.position
 
     @property
-    def view(self) -> tuple[int, str, Camera]:
+    def view(self) -> tuple[int, str, CameraSide]:
         """Terrain, position and camera: one fixed camera looking at one fixed scene."""
         return self.terrain, self.position, self.camera
 
     @property
-    def photo_set(self) -> tuple[int, str, Light, Azimuth, Camera]:
+    def photo_set(self) -> tuple[int, str, Light, Azimuth, CameraSide]:
         """All but the exposure."""
         return self.terrain, self.position, self.light, self.azimuth, self.camera
 

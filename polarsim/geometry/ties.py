@@ -53,7 +53,7 @@ def look_with_both(rays: Caster, sandbox_from_left: Pose, rig: StereoRig) -> Bot
     all_points = np.full((lens.height * lens.width, 3), np.nan)
     in_right = np.full((lens.height * lens.width, 2), np.nan, np.float32)
     all_points[met], in_right[met[shown]] = points_left, pixels[shown]
-    return BothSeen(all_points.reshape(lens.height, lens.width, 3), in_right.reshape(lens.height, lens.width, 2))
+    return BothSeen(all_points.reshape(*lens.shape, 3), in_right.reshape(*lens.shape, 2))
 
 
 def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Window) -> Ties:

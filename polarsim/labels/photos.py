@@ -11,11 +11,11 @@ import numpy as np
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import png, tables
-from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, Azimuth, Camera, Light, PhotoKey
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, Azimuth, CameraSide, Light, PhotoKey
 
 log = logging.getLogger("polarsim")
 
-PhotoSet = tuple[str, Camera, Light, Azimuth]  # of one terrain: position, camera, light, azimuth
+PhotoSet = tuple[str, CameraSide, Light, Azimuth]  # of one terrain: position, camera, light, azimuth
 
 ELECTRONS_PER_DN = 8.0  # POLAR's cameras: 33,000 electrons fill 12 bits
 READ_NOISE_DN = 7.0 / ELECTRONS_PER_DN

@@ -14,7 +14,7 @@ from polarsim.formats.lamps import read_suns
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.geometry.poses import Pose
 from polarsim.photo import PhotoKey
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT, SANDBOX_HALF_WIDTH
+from polarsim.survey import SANDBOX_HALF_WIDTH
 
 STEP_PX = 16  # between the pixels that are asked
 WALL_MARGIN = 0.8  # metres of sand before the walls that are not asked: crops shall show ground
@@ -54,7 +54,7 @@ def extreme_places(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[P
         if key.position not in rigs or not lit_by_one_lamp(key) or key.photo_set in found:
             continue
         rig = rigs[key.position]
-        lamp = lamps.get(key.azimuth) if key.light == "off" else _rover_light(rig)
+        lamp = lamps.get(key.azimuth) if key.light == "off" else rig.rover_light
         angles = None if lamp is None else _angles(rig, key, lamp, half_px)
         if angles is not None:
             found[key.photo_set] = angles
@@ -94,7 +94,3 @@ def _angles(rig: PlacedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) -> tu
         for at in (np.nanargmin(angles), np.nanargmax(angles))
     )
     return near, far
-
-
-def _rover_light(rig: PlacedRig) -> np.ndarray:
-    return rig.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)

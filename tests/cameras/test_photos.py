@@ -47,8 +47,7 @@ def photographed(tmp_path_factory):
     rows = []
     rng = np.random.default_rng(2)
     for camera in "LR":
-        pose, lens = TRUE.sandbox_from(camera), TRUE.rig.lens(camera)
-        seen = look(surface, pose, lens)
+        seen = look(surface, TRUE.camera(camera))
         for azimuth, off in SUNS.items():
             image = seen.under(lamp_position(azimuth) + off)
             for ms, share in EXPOSURES.items():

@@ -63,7 +63,7 @@ def picture(mesh: TerrainMesh, camera: str) -> np.ndarray:
     distance, _ = caster(mesh.vertices, mesh.faces).nearest(origins, directions)
     distance = np.where(np.isfinite(distance), distance, 50)
     value = grey(origins + distance[:, None] * directions)
-    return np.clip(128 + 18 * value, 1, 255).astype(np.uint8).reshape(lens.height, lens.width)
+    return np.clip(128 + 18 * value, 1, 255).astype(np.uint8).reshape(lens.shape)
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import pytest
 
 from polarsim.formats import obj, rigs
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, looking
@@ -73,7 +74,7 @@ def ids_of():
     """`ids_of(surfaces, pose, lens, lamps)`: pictures of ids under lamps by name, all of which throw shadows."""
 
     def ids(surfaces, pose, lens, lamps, threads=1, options=PLAIN):
-        return render_view(surfaces, pose, lens, lamps, [], sorted(lamps), options, threads).ids
+        return render_view(surfaces, Camera(pose, lens), lamps, [], sorted(lamps), options, threads).ids
 
     return ids
 

@@ -76,7 +76,7 @@ def write_drive(
         mount = mount_of(vehicle.camera(view), scale)
         cameras = {}
         for frame in frames:
-            cameras[frame] = mount.world_from_camera(trace.pose_at(float(trace.tracks.time[frame])))
+            cameras[frame] = mount.at(trace.pose_at(float(trace.tracks.time[frame]))).world_from_camera
             pixels = np.full((mount.lens.height, mount.lens.width), 16 + frame, np.uint16)
             png.write(folder / view / "1_hapke_0256" / f"{frame:05d}.png", pixels)
         tables.write_parquet(folder / view / "poses.parquet", pose_table(cameras, trace.tracks.time))

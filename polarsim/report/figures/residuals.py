@@ -100,7 +100,7 @@ def _draw_position(
     axes: Any, name: str, rig: PlacedRig, outlines: Outlines, boxes: np.ndarray, photo: Path | None, rule: MatchRule
 ) -> None:
     pixels = to_8bit(png.read(photo)) if photo is not None and photo.exists() else GREY
-    projected = outlines.seen(rig.rig.left, rig.sandbox_from("L"))
+    projected = outlines.seen(rig.camera("L"))
     rows, columns = assign(projected, boxes, rule.gate_px)
     ours, theirs = projected[rows], boxes[columns]
     start, end = centres(theirs), centres(ours)

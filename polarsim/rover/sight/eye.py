@@ -63,10 +63,9 @@ class Eye:
         """(h, w, 1) uint8 of the rover's state and the ground's levels; by the judges' tone curve `gamma`."""
         base = pose_of(state.position, state.rotation)
         self._stage.show(level, self._links(state, base))
-        mount, options, render = self._mount, self._options, self._render
-        pose = mount.world_from_camera(base)
+        options, render = self._options, self._render
         models: tuple[Model, ...] = (options.model,)
-        found = render_view(self._stage.surfaces, pose, mount.lens, self._lamps, models, [SUN], render, 1)
+        found = render_view(self._stage.surfaces, self._mount.at(base), self._lamps, models, [SUN], render, 1)
         gain = render.gain.get(options.model, default_gain(options.model, render))
         grey = expose(found.layers[options.model, SUN], options.exposure_ms * gain, render, None)
         return to_8_bits(grey, DetectOptions(tone="gamma"))[..., None]
