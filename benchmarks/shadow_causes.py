@@ -44,7 +44,7 @@ from polarsim.scoring.score import Counts, count_boxes
 STEP = 2  # px between the rays
 LEAST_PX, LEAST_PART_PX, WIDTH_PX = 60, 20, 3  # of automatic shadows, as `render` has them
 DISC_M, DISC_RAYS = 0.05, 12
-WALL_M = 0.30  # height of the walls that shade the ground
+WALL_M = LabelsOptions().wall_height_m
 
 Boxes = dict[int, np.ndarray]  # rock -> (4,)
 

@@ -13,10 +13,9 @@ import numpy as np
 from polarsim.labels.known import Known
 from polarsim.labels.photos import Brightness, PhotoSet
 from polarsim.labels.shadows import sightlines
-from polarsim.photo import Azimuth, CameraSide
+from polarsim.photo import CENTRE_GREY_PER_MS, Azimuth, CameraSide
 from polarsim.survey import ROVER_LIGHT_SHARE, SUN_LAMPS
 
-GREY_PER_MS = 3.0  # of level sand at the centre under the Sun lamp 30: then 256 ms serves best, as at NASA
 LEVEL_COSINE = float(SUN_LAMPS["30"][2] / np.linalg.norm(SUN_LAMPS["30"]))  # of that lamp's incidence there
 STRAY = 0.01  # of a lamp's light that comes from all of the sky
 STEP_PX = 2  # layers have every second pixel along rows and columns: contrast is that of whole boxes
@@ -78,7 +77,7 @@ class LightLayers:
         light = STRAY / 2 * (1 + seen.normals[:, 2])
         light[lit] += cosine[lit]
         layer = np.zeros(seen.met.shape, np.float32)
-        layer[seen.met] = GREY_PER_MS / LEVEL_COSINE * light
+        layer[seen.met] = CENTRE_GREY_PER_MS / LEVEL_COSINE * light
         return layer
 
     @cached_property

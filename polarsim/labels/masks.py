@@ -22,6 +22,7 @@ from polarsim.formats.files import writing_folder
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
+from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import paint
 from polarsim.labels.backdrop import backdrop
 from polarsim.labels.identity import dome_behind
@@ -88,7 +89,7 @@ class ViewOutlines:
         self._size = view.size
         self.world = with_domes(world, _domes(world, view, labels))
         width, height = self._size
-        self.ids = Ids(self.world, view, np.arange(height) + 0.5, np.arange(width) + 0.5)
+        self.ids = Ids(self.world, view, np.arange(height) + HALF_PIXEL, np.arange(width) + HALF_PIXEL)
         rings = backdrop(self.ids, options.simplify_px)
         self._backdrop = Backdrop([(POLYGON_CLASSES.index(name), ring) for name, ring in rings])
         self._rocks = _convex_shapes(self.ids.rock)

@@ -12,6 +12,7 @@ import numpy as np
 
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.poses import Pose
 from polarsim.photo import PhotoKey
 from polarsim.survey import SANDBOX_HALF_WIDTH
@@ -83,8 +84,8 @@ def phase_angles(sandbox_from_camera: Pose, directions: np.ndarray, lamp_sandbox
 
 def _angles(rig: PlacedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) -> tuple[Place, Place] | None:
     lens = rig.rig.lens(key.camera)
-    u = np.arange(half_px, lens.width - half_px, STEP_PX) + 0.5
-    v = np.arange(half_px, lens.height - half_px, STEP_PX) + 0.5
+    u = np.arange(half_px, lens.width - half_px, STEP_PX) + HALF_PIXEL
+    v = np.arange(half_px, lens.height - half_px, STEP_PX) + HALF_PIXEL
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     angles = np.degrees(phase_angles(rig.sandbox_from(key.camera), lens.directions(pixels), lamp))
     if np.isnan(angles).all():

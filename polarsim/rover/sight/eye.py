@@ -9,6 +9,7 @@ import numpy as np
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.tone import to_8_bits
 from polarsim.geometry.poses import Pose
+from polarsim.photo import USUAL_EXPOSURE_MS
 from polarsim.render.gain import default_gain
 from polarsim.render.lamps import Lamp
 from polarsim.render.layers import render_view
@@ -37,7 +38,7 @@ class EyeOptions:
     sun_azimuth_deg: float = 225.0  # from east to north
     sun_elevation_deg: float = 8.0
     model: Model = "hapke"
-    exposure_ms: float = 256.0
+    exposure_ms: float = USUAL_EXPOSURE_MS
 
     def size(self, vehicle: Vehicle) -> tuple[int, int]:
         """Width and height of its pictures, px."""
