@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polarsim.geometry.boxes import around
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 
@@ -43,6 +44,13 @@ class Camera:
         """(...) bool: pixels (..., 2) of the photo; NaN is outside."""
         with np.errstate(invalid="ignore"):
             return np.all((pixels > 0) & (pixels < self.size), axis=-1)
+
+    def box_around(self, points: np.ndarray) -> np.ndarray:
+        """(4,) box around points (n, 3), cut at the photo's border; NaN where the photo shows none of them."""
+        pixels = self.project(points)
+        if not self.inside(pixels).any():
+            return np.full(4, np.nan)
+        return around(np.clip(pixels[np.isfinite(pixels).all(axis=1)], 0, self.size))
 
     def scaled(self, factor: float) -> Camera:
         """The same camera taking photos that are `factor` times as large."""

@@ -14,7 +14,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import Drawn, Seeds, Sight, cameras_first
 from polarsim.labels.tracks import Track, find_tracks
 from polarsim.labels.view import move_rocks, project_rock
-from polarsim.labels.world import Dome, World, build_world, with_domes
+from polarsim.labels.world import Dome, World, build_worlds, with_domes
 from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK, CameraSide
 
 
@@ -48,13 +48,12 @@ def gather(
     Meshes projected through a surveyed pose meet other rocks. A position that nothing else places keeps to its image:
     its rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
     """
-    world = build_world(terrain, options.trim_mm / 1000, suns, options.wall_height_m)
+    world, bare = build_worlds(terrain, placed, suns, options)
     located = {position: rig for position, rig in placed.items() if not rig.surveyed}
     known = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK, options)
     apart: dict[str, Known] = {}
     if len(located) < len(placed):
         ground = terrain.ground()
-        bare = build_world(ground, options.trim_mm / 1000, suns, options.wall_height_m)
         following = max([FIRST_UNMESHED_ROCK - 1, *(int(rock) for ids in known.rocks.values() for rock in ids)]) + 1
         for position in sorted(set(placed) - set(located)):
             apart[position] = _gathered(ground, bare, {position: placed[position]}, seeds, following, options)

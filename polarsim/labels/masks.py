@@ -29,7 +29,7 @@ from polarsim.labels.identity import dome_behind
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shadows import Ids, lamp
 from polarsim.labels.shapes import Shape, convex, fitted, shapes_of, visible
-from polarsim.labels.world import Dome, World, build_world, with_domes
+from polarsim.labels.world import Dome, World, build_worlds, with_domes
 from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey
 
 log = logging.getLogger(__name__)
@@ -176,16 +176,13 @@ def draw_masks(
     for position in sorted({key.position for key in keys} - set(placed)):
         log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
     suns = lamps.read_suns(cameras, placed)
-    content = read_terrain(meshes, terrain)
-    world = build_world(content, options.trim_mm / 1000, suns, options.wall_height_m)
-    surveyed = [position for position, rig in placed.items() if rig.surveyed]  # there the meshes are seen elsewhere
-    bare = build_world(content.ground(), options.trim_mm / 1000, suns, options.wall_height_m) if surveyed else world
+    world, bare = build_worlds(read_terrain(meshes, terrain), placed, suns, options)
     photos: dict[PhotoKey, list[coco.Annotation]] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
         for members in _by_view([key for key in keys if key.position in placed]):
             in_view = _of_view(labels, members[0])
             position, camera = members[0].position, members[0].camera
-            shown = bare if position in surveyed else world
+            shown = bare if placed[position].surveyed else world
             outlines = ViewOutlines(shown, placed[position], camera, in_view, options)
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
             for own in _photo_sets(members):

@@ -33,3 +33,13 @@ def test_all_pixels_are_looked_through_in_their_middles():
     directions = small.pixel_directions()
     assert directions.shape == (76, 121, 3)
     np.testing.assert_allclose(directions[3, 5], small.directions(np.array([5.5, 3.5])), atol=1e-12)
+
+
+def test_a_box_goes_around_what_the_photo_shows_of_points():
+    shown = np.array([[200.0, 300], [260, 340], [230, 320]])
+    beyond = np.array([[-40.0, 310]])  # px, left of the border
+    points = CAMERA.centre + 3 * CAMERA.directions(np.concatenate([shown, beyond]))
+    behind = CAMERA.centre - CAMERA.directions(shown[:1])
+    np.testing.assert_allclose(CAMERA.box_around(np.concatenate([points[:3], behind])), [200, 300, 260, 340], atol=1e-6)
+    np.testing.assert_allclose(CAMERA.box_around(points), [0, 300, 260, 340], atol=1e-6)
+    assert np.isnan(CAMERA.box_around(points[3:])).all()
