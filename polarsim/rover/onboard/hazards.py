@@ -140,22 +140,13 @@ def _false_alarm(
         return False
     own = predicted[BOX].to_numpy(float)
     if labels is not None:
-        own = own[covered_share(own, labels[BOX].to_numpy(float)).max(axis=1) < options.false_overlap]
+        own = own[boxes.largest_covered_share(own, labels[BOX].to_numpy(float)) < options.false_overlap]
     rock = estimate(own, ride.cameras[frame], ride.ground(frame))
     level = np.column_stack([rock.near, np.zeros(len(own))])
     ahead, left, _ = levelled(ride.base(frame)).inverse().apply(level).T
     in_the_way = np.abs(left) - rock.width / 2 < ride.half_width_m + _SIDE_M
     near = ahead - ride.base_from_camera.translation[0] <= options.map_farthest_m
     return bool((in_the_way & near & (rock.height >= options.stop_height_m)).any())
-
-
-def covered_share(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n, m) intersection of boxes over the smaller one of each pair."""
-    low = np.maximum(first[:, None, :2], second[None, :, :2])
-    high = np.minimum(first[:, None, 2:], second[None, :, 2:])
-    shared = np.prod(np.clip(high - low, 0, None), axis=-1)
-    smaller = np.minimum(boxes.area(first)[:, None], boxes.area(second)[None])
-    return np.asarray(np.divide(shared, smaller, out=np.zeros_like(shared), where=smaller > 0))
 
 
 def of_frames(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
