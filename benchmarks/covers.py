@@ -30,9 +30,13 @@ import cv2
 import numpy as np
 import pandas as pd
 import yaml
+from cover_photos.dataset import CoverOptions, make_cover_dataset
+from cover_photos.photos import pair_covers, read_covers
+from cover_photos.scores import cover_figures
+from cover_photos.variants import VariantOptions
+from cover_photos.varied import render_varied
 from pydantic import BaseModel
 
-from polarsim.detect.covers import CoverOptions, cover_figures, make_cover_dataset, pair_covers, read_covers
 from polarsim.detect.judges import judge_name
 from polarsim.detect.metrics import rank
 from polarsim.detect.options import DetectOptions
@@ -43,8 +47,6 @@ from polarsim.formats import png, tables
 from polarsim.formats.files import write_text
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.photo import ROCK, PhotoKey
-from polarsim.render.variants import VariantOptions
-from polarsim.render.varied import render_varied
 
 CORNERS = ["x0", "y0", "x1", "y1"]
 GREEN, ORANGE = (60, 220, 60), (0, 150, 255)  # BGR

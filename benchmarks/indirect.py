@@ -48,14 +48,13 @@ def main() -> None:
     surfaces = surfaces_of(read_terrain(given.run / "meshes" / name, given.terrain), options)
     surfaces.prepare(shadows=False)
     rig = next(iter(rigs.values()))
-    pose, lamps = rig.sandbox_from("L"), lamps_of(suns, rig)
-    lens = rig.rig.left.scaled(SMALL)
-    hits = cast_strip(surfaces, pose, lens, slice(0, lens.height))
-    ground = np.zeros((lens.height, lens.width), bool)
+    lamps, camera = lamps_of(suns, rig), rig.camera("L").scaled(SMALL)
+    hits = cast_strip(surfaces, camera, slice(0, camera.lens.height))
+    ground = np.zeros(camera.lens.shape, bool)
     ground.reshape(-1)[hits.pixel] = surfaces.id_of_face[hits.face] == GROUND
     for bounces in (1, 2, 3):
         changed = options.model_copy(update={"bounces": bounces, "bounce_scale": 1})
-        view = render_view(surfaces, pose, lens, lamps, MODELS, None, changed)
+        view = render_view(surfaces, camera, lamps, MODELS, None, changed)
         for key, whole in view.whole.items():
             lit, dark = (ground & chosen for chosen in (view.layers[key] > 0, view.layers[key] == 0))
             share, level = view.indirect[key][lit].sum() / whole[lit].sum(), whole[dark].mean() / whole[lit].mean()
@@ -63,7 +62,7 @@ def main() -> None:
     for bounces in (0, 1, 2, 3) if given.full else ():
         start = time.process_time()
         changed = options.model_copy(update={"bounces": bounces})
-        render_view(surfaces, pose, rig.rig.left, lamps, MODELS, None, changed)
+        render_view(surfaces, rig.camera("L"), lamps, MODELS, None, changed)
         print(f"a view with {bounces} bounces: {time.process_time() - start:.1f} s CPU")
 
 

@@ -27,7 +27,7 @@ import pandas as pd
 from polarsim.analog.albedo import AlbedoMap
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.terrain import build_terrain
-from polarsim.analog.view import lens_directions, look, make_textures
+from polarsim.analog.view import look, make_textures
 from polarsim.formats.materials import read_materials
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import read_parquet
@@ -49,9 +49,7 @@ def true_albedo(terrain: int, truth: Path, positions: list[str], options: Analog
     textures = make_textures(generator(options.seed, "textures", terrain))
     for position in positions:
         for camera in CAMERAS:
-            lens = made.set_up.rig.lens(camera)
-            pose = made.set_up.sandbox_from(position, camera)
-            found.add(look(made.scene, made.caster, textures, lens, lens_directions(lens), pose, 1))
+            found.add(look(made.scene, made.caster, textures, made.set_up.camera(position, camera), 1))
     return found.table()
 
 

@@ -25,6 +25,7 @@ from polarsim.formats.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.render.amodal import hidden_parts
@@ -66,10 +67,10 @@ def spread(name: str, values: Sequence[float]) -> str:
 def cast_shadows(surfaces: Surfaces, pose: Pose, lens: Lens, name: str, lamp: Lamp, least: int) -> None:
     """Print the figures of one lamp."""
     rocks = sorted(surfaces.rock_corners)
-    hits = cast_strip(surfaces, pose, lens, slice(0, lens.height))
+    hits = cast_strip(surfaces, Camera(pose, lens), slice(0, lens.height))
     ground = surfaces.id_of_face[hits.face] == GROUND
-    ids = render_view(surfaces, pose, lens, {name: lamp}, [], [name], OPTIONS).ids[name].reshape(-1)[hits.pixel]
-    shading = maps_of(surfaces, pose, lens, {name: lamp}, OPTIONS).by_lamp[name].shading.reshape(-1)[hits.pixel]
+    ids = render_view(surfaces, Camera(pose, lens), {name: lamp}, [], [name], OPTIONS).ids[name].reshape(-1)[hits.pixel]
+    shading = maps_of(surfaces, Camera(pose, lens), {name: lamp}, OPTIONS).by_lamp[name].shading.reshape(-1)[hits.pixel]
     without_any = lit(without(surfaces, rocks), hits, lamp)
     by_any = ground & without_any & ~lit(surfaces, hits, lamp)
     by_one = {rock: by_any & lit(without(surfaces, [rock]), hits, lamp) for rock in rocks}
@@ -87,11 +88,11 @@ def cast_shadows(surfaces: Surfaces, pose: Pose, lens: Lens, name: str, lamp: La
 
 def amodal(surfaces: Surfaces, pose: Pose, lens: Lens, least: int) -> None:
     """Print the figures of one view."""
-    ids = render_view(surfaces, pose, lens, {}, [], [], OPTIONS).ids[NO_LAMP].ravel()
+    ids = render_view(surfaces, Camera(pose, lens), {}, [], [], OPTIONS).ids[NO_LAMP].ravel()
     found, shares = [], []
-    for rock, hidden in hidden_parts(surfaces, pose, lens, ids.reshape(lens.height, lens.width)).items():
+    for rock, hidden in hidden_parts(surfaces, Camera(pose, lens), ids.reshape(lens.shape)).items():
         alone = of(surfaces, np.isin(surfaces.id_of_face, [GROUND, ROCK_IDS + rock]))
-        hits = cast_strip(alone, pose, lens, slice(0, lens.height), smooth=False)
+        hits = cast_strip(alone, Camera(pose, lens), slice(0, lens.height), smooth=False)
         expected, mask = np.zeros(ids.size, bool), ids == ROCK_IDS + rock
         expected[hits.pixel[alone.id_of_face[hits.face] == ROCK_IDS + rock]] = True
         visible = mask.sum()

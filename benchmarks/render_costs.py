@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 from made_terrain import made_terrain, surveyed_rig
 
+from polarsim.geometry.camera import Camera
 from polarsim.photo import PhotoKey
 from polarsim.render.automatic import boxes_of
 from polarsim.render.gain import default_gain
@@ -56,18 +57,21 @@ def main() -> None:
     for models in (["lambert"], ["principled"], ["hapke"]):
         layers = timed(
             f"five layers of a view, {models[0]}",
-            lambda models=models: render_view(surfaces, pose, lens, lamps, models, None, options, threads).layers,
+            lambda models=models: (
+                render_view(surfaces, Camera(pose, lens), lamps, models, None, options, threads).layers
+            ),
         )
     models = ["principled", "hapke"]
-    timed("both models", lambda: render_view(surfaces, pose, lens, lamps, models, None, options, threads))
+    timed("both models", lambda: render_view(surfaces, Camera(pose, lens), lamps, models, None, options, threads))
     view = timed(
-        "both, with ids", lambda: render_view(surfaces, pose, lens, lamps, models, list(lamps), options, threads)
+        "both, with ids",
+        lambda: render_view(surfaces, Camera(pose, lens), lamps, models, list(lamps), options, threads),
     )
     for faults in ({"blur_px": 0.6, "bloom": 0.01, "veiling_glare": 0.01}, {"vignetting": True}, {"flare": 0.001}):
         faulty = options.model_copy(update=faults)
         timed(
             f"ten layers through a lens: {', '.join(faults)}",
-            lambda faulty=faulty: through_lens(view.layers, lamps, surfaces, pose, lens, faulty, threads),
+            lambda faulty=faulty: through_lens(view.layers, lamps, surfaces, Camera(pose, lens), faulty, threads),
         )
     pictures = view.ids
     timed("boxes of five pictures of ids", lambda: [boxes_of(picture, options) for picture in pictures.values()])

@@ -66,9 +66,8 @@ class Grid:
         self.ready_s = time.perf_counter() - start
 
     def layers(self, camera: str) -> Layers:
-        lens = self.rig.rig.lens(camera).scaled(self.scale)
-        pose = self.rig.sandbox_from(camera)
-        return render_view(self.surfaces, pose, lens, self.lamps, MODELS, None, self.options, self.threads).layers
+        view = self.rig.camera(camera).scaled(self.scale)
+        return render_view(self.surfaces, view, self.lamps, MODELS, None, self.options, self.threads).layers
 
     def photos(self, layers: Layers, keys: Sequence[PhotoKey]) -> list[np.ndarray]:
         """Photos of one camera in both models."""

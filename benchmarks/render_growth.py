@@ -23,6 +23,7 @@ from multiprocessing import get_context
 import numpy as np
 from made_terrain import made_terrain, surveyed_rig
 
+from polarsim.geometry.camera import Camera
 from polarsim.render.lamps import Lamp
 from polarsim.render.layers import render_view
 from polarsim.render.options import RenderOptions
@@ -59,7 +60,7 @@ def cost(task: Task) -> Cost:
     lens = rig.rig.left.scaled(task.scale)
     lamps = {f"{turn:.2f}": Lamp(np.array([4 * np.cos(turn), 4 * np.sin(turn), 1.0])) for turn in range(task.lamps)}
     view = render_view(
-        surfaces, rig.sandbox_from_left, lens, lamps, ["principled"], None, RenderOptions(), task.threads
+        surfaces, Camera(rig.sandbox_from_left, lens), lamps, ["principled"], None, RenderOptions(), task.threads
     )
     digest = hashlib.sha256(b"".join(layer.tobytes() for layer in view.layers.values())).hexdigest()
     seconds = (ready - start, time.process_time() - ready)

@@ -25,6 +25,7 @@ from polarsim.config import read_config
 from polarsim.formats import lamps, rigs
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import area, centres, clip, iou, match_sum, of_mask
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.thin_parts import without_thin_parts
 from polarsim.labels.known import Known, gather
 from polarsim.labels.options import LabelsOptions
@@ -34,16 +35,16 @@ from polarsim.labels.position_shadows import PositionShadows
 from polarsim.labels.seeds import choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.shadow_starts import ShadowStarts
 from polarsim.labels.shadows import Ids, sightlines
-from polarsim.labels.view import View, move_flat
+from polarsim.labels.view import move_flat
 from polarsim.labels.wall_shade import passing_heights
 from polarsim.labels.world import World, build_world
-from polarsim.photo import NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, Camera, PhotoKey
+from polarsim.photo import NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
 from polarsim.scoring.score import Counts, count_boxes
 
 STEP = 2  # px between the rays
 LEAST_PX, LEAST_PART_PX, WIDTH_PX = 60, 20, 3  # of automatic shadows, as `render` has them
 DISC_M, DISC_RAYS = 0.05, 12
-WALL_M = 0.30  # height of the walls that shade the ground
+WALL_M = LabelsOptions().wall_height_m
 
 Boxes = dict[int, np.ndarray]  # rock -> (4,)
 
@@ -51,7 +52,7 @@ Boxes = dict[int, np.ndarray]  # rock -> (4,)
 class Seen:
     """What a camera sees at every `STEP`-th pixel: ground, rocks, and where rays meet the rocks."""
 
-    def __init__(self, world: World, view: View) -> None:
+    def __init__(self, world: World, view: Camera) -> None:
         width, height = view.size
         rows, columns = np.arange(STEP / 2, height, STEP), np.arange(STEP / 2, width, STEP)
         self.world, self.view, self.ids = world, view, Ids(world, view, rows, columns)
@@ -124,7 +125,7 @@ def touching(picture: np.ndarray) -> np.ndarray:
 
 
 def causes(
-    seen: Seen, lamp: np.ndarray, labels: Boxes, shadows: PositionShadows, sight: tuple[Camera, Azimuth]
+    seen: Seen, lamp: np.ndarray, labels: Boxes, shadows: PositionShadows, sight: tuple[CameraSide, Azimuth]
 ) -> Iterator[tuple[str, Boxes]]:
     """(name, boxes) of every ingredient."""
     camera, azimuth = sight
@@ -164,9 +165,9 @@ def carried(run: Run, options: LabelsOptions) -> Carried:
     return Carried(gather(terrain, placed, suns, choose_seeds(drawings, {}, starts), options), starts)
 
 
-def fullest(truth: Truth) -> dict[tuple[str, Camera, Azimuth], np.ndarray]:
+def fullest(truth: Truth) -> dict[tuple[str, CameraSide, Azimuth], np.ndarray]:
     """Shadows (n, 4) of the fullest file of each photo set under a Sun lamp, rover light off."""
-    found: dict[tuple[str, Camera, Azimuth], np.ndarray] = {}
+    found: dict[tuple[str, CameraSide, Azimuth], np.ndarray] = {}
     for key, drawn in sorted(truth.items(), key=lambda item: len(item[1][ROCK]) + len(item[1][SHADOW])):
         if key.light == "off" and key.azimuth in SUNS and len(drawn[SHADOW]):
             found[key.position, key.camera, key.azimuth] = drawn[SHADOW]

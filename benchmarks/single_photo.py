@@ -24,6 +24,7 @@ from made_terrain import made_terrain, surveyed_rig
 
 from polarsim.formats.files import write_json
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.render.lamps import lamps_of
 from polarsim.render.layers import render_view
@@ -66,7 +67,7 @@ def ours(mesh: TerrainMesh, lens: Lens, clock: Clock, threads: int) -> None:
     lamps = {SUN: lamps_of(SUN_LAMPS, rig)[SUN]}
 
     def photo() -> np.ndarray:
-        view = render_view(surfaces, rig.sandbox_from_left, lens, lamps, ["principled"], None, OPTIONS, threads)
+        view = render_view(surfaces, Camera(rig.sandbox_from_left, lens), lamps, ["principled"], None, OPTIONS, threads)
         return expose(view.layers["principled", SUN], 1.0, OPTIONS)
 
     clock.photos("our", photo)

@@ -46,7 +46,7 @@ from polarsim.labels.propagate import propagate_labels
 from polarsim.labels.seeds import Drawn, Seeds, Sight, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.tracks import Track
 from polarsim.labels.view import move_rocks
-from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, Camera, PhotoKey
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.scoring.score import Counts, count_boxes
 
@@ -381,7 +381,7 @@ def rover_lit(run: Run, truth: Truth, options: LabelsOptions) -> RoverLit:
     suns = lamps.read_suns(run.folder / "cameras", placed)
     seeds = choose_seeds(drawings, {}, shadow_starts(drawings, options.shadow_start(run.terrain)))
     known = gather(read_terrain(run.folder / "meshes", run.terrain), placed, suns, seeds, options)
-    photo_sets: dict[tuple[str, Camera], list[np.ndarray]] = {}
+    photo_sets: dict[tuple[str, CameraSide], list[np.ndarray]] = {}
     for key, drawn in truth.items():
         if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= options.no_sun_start_ms:
             photo_sets.setdefault((key.position, key.camera), []).append(drawn[ROCK])

@@ -366,6 +366,7 @@ def render(
     from polarsim.formats import png
     from polarsim.formats.rigs import read_placed
     from polarsim.formats.tone import to_8bit
+    from polarsim.geometry.camera import Camera
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
     from polarsim.render.lamps import Lamp
@@ -373,9 +374,9 @@ def render(
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
 
+    rig = read_placed(cameras).rig if cameras else stated_rig()
     shot = Shot(
-        sandbox_from_camera=looking(np.array(camera), *np.radians([yaw, pitch, roll])),
-        lens=read_placed(cameras).rig.left if cameras else stated_rig().left,
+        camera=Camera(looking(np.array(camera), *np.radians([yaw, pitch, roll])), rig.left),
         lamps={"sun": Lamp.sun(*sun, intensity) if sun else Lamp(np.array(lamp), intensity, lamp_radius)},
         exposure_ms=exposure,
         model=model.value,

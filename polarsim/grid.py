@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pydantic import BaseModel, Field, field_validator
 
-from polarsim.photo import AZIMUTHS, CAMERAS, LIGHTS, Azimuth, Camera, Light, PhotoKey, is_exposure, photo_grid
+from polarsim.photo import AZIMUTHS, CAMERAS, LIGHTS, Azimuth, CameraSide, Light, PhotoKey, is_exposure, photo_grid
 
 
 def words(value: object) -> object:
@@ -27,7 +27,7 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
     azimuths: tuple[Azimuth, ...] = Field(
         default=AZIMUTHS, description="Sun lamps: 'no', '30', '180', '270', '350' (quoted)."
     )
-    cameras: tuple[Camera, ...] = Field(default=CAMERAS, description="'L', 'R'.")
+    cameras: tuple[CameraSide, ...] = Field(default=CAMERAS, description="'L', 'R'.")
     exposures_ms: tuple[int, ...] | None = Field(
         default=None, description="Exposures under a Sun lamp, ms; null takes all."
     )

@@ -5,23 +5,29 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import log2
 from typing import Literal
 
 from polarsim.errors import LabelError
 
 Light = Literal["on", "off"]
 Azimuth = Literal["no", "30", "180", "270", "350"]
-Camera = Literal["L", "R"]
+CameraSide = Literal["L", "R"]
+View = tuple[str, str]  # position and camera of one terrain
 
 TERRAINS = tuple(range(1, 14))
 LIGHTS: tuple[Light, ...] = ("off", "on")
 AZIMUTHS: tuple[Azimuth, ...] = ("no", "30", "180", "270", "350")
 SUNS: tuple[Azimuth, ...] = ("30", "180", "270", "350")
-CAMERAS: tuple[Camera, ...] = ("L", "R")
+CAMERAS: tuple[CameraSide, ...] = ("L", "R")
 
 WIDTH, HEIGHT = 1936, 1216  # pixels of every photo
 BLACK_LEVEL = 16  # DN of a pixel that saw no light
 WHITE_LEVEL = 4095  # DN, 12 bits in a 16-bit file
+ELECTRONS_PER_DN = 8  # nobody published it: that of a sensor like Sony's IMX249, whose 33,000 electrons fill 12 bits
+READ_NOISE_ELECTRONS = 7  # standard deviation, of such a sensor
+USUAL_EXPOSURE_MS = 256  # the middle of NASA's exposures under a Sun lamp, at which most labels were drawn
+CENTRE_GREY_PER_MS = 3.0  # of level sand at the centre under the Sun lamp 30: then the usual exposure serves best
 
 ROCK, SHADOW = "rock", "shadow"
 BOX_CLASSES = (ROCK, SHADOW)  # the class number of a box is its place here
@@ -42,7 +48,7 @@ class PhotoKey:
     position: str
     light: Light
     azimuth: Azimuth
-    camera: Camera
+    camera: CameraSide
     exposure_ms: int
 
     def __str__(self) -> str:
@@ -73,14 +79,19 @@ class PhotoKey:
         return self.terrain, self.position
 
     @property
-    def view(self) -> tuple[int, str, Camera]:
+    def view(self) -> tuple[int, str, CameraSide]:
         """Terrain, position and camera: one fixed camera looking at one fixed scene."""
         return self.terrain, self.position, self.camera
 
     @property
-    def photo_set(self) -> tuple[int, str, Light, Azimuth, Camera]:
+    def photo_set(self) -> tuple[int, str, Light, Azimuth, CameraSide]:
         """All but the exposure."""
         return self.terrain, self.position, self.light, self.azimuth, self.camera
+
+    @property
+    def stops_off_usual(self) -> float:
+        """How often the exposure time was doubled or halved from the usual one."""
+        return abs(log2(self.exposure_ms / USUAL_EXPOSURE_MS))
 
     def with_exposure(self, exposure_ms: int) -> PhotoKey:
         return replace(self, exposure_ms=exposure_ms)

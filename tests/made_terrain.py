@@ -12,6 +12,7 @@ from polarsim.formats import obj
 from polarsim.formats.files import write_json
 from polarsim.formats.rigs import PlacedRig, write_placed
 from polarsim.formats.tables import write_parquet
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import stated_rig
 
@@ -68,32 +69,32 @@ def sun_lamps() -> dict[str, tuple[float, float, float]]:
 
 
 @pytest.fixture
-def sand() -> obj.Mesh:
+def sand() -> Mesh:
     return make_sand()
 
 
 @pytest.fixture
-def cube() -> Callable[[tuple[float, float, float], float], obj.Mesh]:
+def cube() -> Callable[[tuple[float, float, float], float], Mesh]:
     return make_cube
 
 
-def write_mesh(folder: Path, name: str, mesh: obj.Mesh, other_from_truth: Pose) -> None:
-    obj.write(folder / "meshes" / name, obj.Mesh(other_from_truth.apply(mesh.vertices), mesh.faces), name)
+def write_mesh(folder: Path, name: str, mesh: Mesh, other_from_truth: Pose) -> None:
+    obj.write(folder / "meshes" / name, Mesh(other_from_truth.apply(mesh.vertices), mesh.faces), name)
 
 
-def make_sand(n: int = 81) -> obj.Mesh:
+def make_sand(n: int = 81) -> Mesh:
     """A square of 4 m with waves of 3 cm that determine every direction."""
     x, y = np.meshgrid(np.linspace(-2, 2, n), np.linspace(-2, 2, n), indexing="ij")
     z = 0.03 * np.sin(4 * x + 1) * np.cos(3 * y)
     number = np.arange(n * n).reshape(n, n)
     a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    return obj.Mesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces)
+    return Mesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces)
 
 
-def make_cube(centre: tuple[float, float, float], side: float) -> obj.Mesh:
+def make_cube(centre: tuple[float, float, float], side: float) -> Mesh:
     """Closed, outward, twelve triangles."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * side / 2
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     faces = [triangle for a, b, c, d in quads for triangle in ([a, b, c], [a, c, d])]
-    return obj.Mesh(corners + np.array(centre), np.array(faces))
+    return Mesh(corners + np.array(centre), np.array(faces))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from polarsim.formats import coco, obj, png, rle, yolo
+from polarsim.geometry.meshes import Mesh
 from polarsim.photo import GREY_VALUES, PhotoKey
 
 ROCK_POLYGON = (2, np.array([[100.0, 100], [300, 100], [300, 250], [100, 250]]))
@@ -69,7 +70,7 @@ def test_outline_turns_masks_into_polygons(tmp_path):
 
 def test_render_writes_a_12_bit_picture_of_a_lit_plane(tmp_path):
     corners = np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]])
-    obj.write(tmp_path / obj.ground_name(1), obj.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
+    obj.write(tmp_path / obj.ground_name(1), Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
     done = polarsim("render", tmp_path, tmp_path / "twin.png", "--exposure", 128, "--model", "lambert")
     assert done.returncode == 0, done.stderr
     assert png.read_photo(tmp_path / "twin.png").max() > 100
@@ -91,7 +92,7 @@ render: {{models: [lambert], rim: false}}
 
 def test_render_takes_a_file_of_views(tmp_path):
     corners = np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]])
-    obj.write(tmp_path / obj.ground_name(1), obj.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
+    obj.write(tmp_path / obj.ground_name(1), Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
     (tmp_path / "views.yaml").write_text(VIEWS.format(meshes=tmp_path))
     done = polarsim("render", tmp_path / "views.yaml", tmp_path / "out", "--limit", 3, "--preview", "--threads", 2)
     assert done.returncode == 0, done.stderr

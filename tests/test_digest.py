@@ -12,7 +12,7 @@ from polarsim import digest
 
 
 def test_the_digest_reaches_what_is_imported_inside_functions():
-    assert "polarsim.geometry.rays_embree" in digest.imported_modules("polarsim.geometry.rays")
+    assert "polarsim.geometry.rays_taichi" in digest.imported_modules("polarsim.geometry.casters")
 
 
 def test_docstrings_and_comments_do_not_count():
@@ -26,28 +26,67 @@ def test_the_renderer_is_no_part_of_the_meshes():
     assert digest.code_digest("polarsim.rocks.mesh") != digest.code_digest("polarsim.render.twins")
 
 
-def test_imports_run_one_way():
-    """Stages see the floors below and themselves, never one another; the floors below see no stage."""
+FLOORS = (  # from the bottom up: a package or module sees the floors below and itself, never one beside it
+    {"errors", "digest", "progress", "randomness", "survey"},
+    {"kernels", "photo"},
+    {"geometry", "grid"},
+    {"formats"},
+    {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
+    {"rover", "report"},
+    {"config", "pages", "reporting"},
+    {"cli"},
+)
+TALLER = {  # of the stages these see only these: a drive renders and judges itself, a report shows what scoring found
+    "rover": {"render", "detect"},
+    "report": {"scoring", "annotate"},
+}
+
+
+def all_imports(folder: str = "") -> dict[str, tuple[str, ...]]:
+    """Modules of polarsim, or of a folder of it, and what of polarsim each imports."""
     package = Path(digest.__file__).parent
-    stages = {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "rover"}
-    stages |= {"scoring", "annotate", "report"}
-    below = {
-        "rover": {"render", "detect"},  # its ground changes while it drives, so it renders and judges itself
-        "report": {"scoring", "annotate"},  # it shows what scoring found, and pictures with labels drawn in
-    }
-    floors = ["digest", "errors", "photo", "survey", "randomness", "grid", "progress", "geometry", "formats"]
-    for path in sorted(package.rglob("*.py")):
-        parts = path.relative_to(package).with_suffix("").parts
-        place = parts[0]
-        if place not in stages and place not in floors:
-            continue  # cli, config and their like stand above all
-        name = ".".join(("polarsim", *(part for part in parts if part != "__init__")))
-        seen = {module.split(".")[1] for module in digest.imported_modules(name) if module != "polarsim"}
-        forbidden = (stages - {place}) if place in stages else stages
-        forbidden = forbidden - below.get(place, set())
-        assert not seen & forbidden, f"{name} imports {sorted(seen & forbidden)}"
-        above = {"cli", "config", "reporting", "pages"}
-        assert not seen & above, f"{name} imports {sorted(seen & above)}"
+    paths = [path.relative_to(package.parent) for path in sorted((package / folder).rglob("*.py"))]
+    names = [".".join(path.with_suffix("").parts).removesuffix(".__init__") for path in paths]
+    return {name: digest.imported_modules(name) for name in names}
+
+
+def upwards(imports: dict[str, Iterable[str]]) -> list[str]:
+    """The imports, module by module, that go up or sideways in `FLOORS`."""
+    floor = {place: number for number, places in enumerate(FLOORS) for place in places}
+    found = []
+    for module, seen in imports.items():
+        for other in seen:
+            own, place = (name.split(".")[1] if "." in name else "" for name in (module, other))
+            if place and own != place:  # polarsim itself holds the version
+                stage = floor[place] == floor["lint"] and place not in TALLER.get(own, FLOORS[floor["lint"]])
+                found += [f"{module} imports {other}"] if floor[place] >= floor[own] or stage else []
+    return found
+
+
+def test_imports_run_one_way_and_in_no_circle():
+    imports = all_imports()
+    assert {name.split(".")[1] for name in imports if "." in name} == set().union(*FLOORS)
+    assert upwards(imports) == []
+    TopologicalSorter(imports).prepare()  # raises where modules import each other in a circle
+
+
+@pytest.mark.parametrize(
+    ("module", "imported"),
+    [
+        ("geometry.outlines", "formats.obj"),
+        ("kernels", "geometry.rays"),
+        ("formats.obj", "rocks.mesh"),
+        ("lint.boxes", "labels.view"),  # sideways
+        ("labels.view", "lint.rules"),
+        ("rover.run", "rocks.mesh"),
+        ("report.compare", "render.twins"),
+        ("scoring.score", "reporting"),
+    ],
+)
+def test_an_import_against_the_floors_is_found(module, imported):
+    allowed = ("polarsim", "polarsim.errors", f"polarsim.{module.split('.')[0]}.other")
+    expected = [f"polarsim.{module} imports polarsim.{imported}"]
+    assert upwards({f"polarsim.{module}": (*allowed, f"polarsim.{imported}")}) == expected
 
 
 def test_only_scoring_reads_truth():
@@ -99,18 +138,10 @@ def against_the_floors(imports: dict[str, Iterable[str]]) -> list[str]:
     return found
 
 
-def rover_imports() -> dict[str, tuple[str, ...]]:
-    package = Path(digest.__file__).parent
-    paths = [path.relative_to(package.parent) for path in sorted((package / "rover").rglob("*.py"))]
-    names = [".".join(path.with_suffix("").parts).removesuffix(".__init__") for path in paths]
-    return {name: digest.imported_modules(name) for name in names}
-
-
 def test_the_rovers_rooms_stand_on_each_other():
-    imports = rover_imports()
+    imports = all_imports("rover")
     assert {room_of(name) for name in imports} - {None} == set().union(*ROVER_FLOORS)
     assert against_the_floors(imports) == []
-    TopologicalSorter(imports).prepare()  # raises where modules import each other in a circle
 
 
 @pytest.mark.parametrize(
@@ -157,6 +188,14 @@ def reached_by_text(script: Path) -> set[str]:
             reached.add(name)
             waiting += imports_by_text(file_of(name).read_text())
     return reached
+
+
+def test_every_module_is_reached():
+    """By a script or rule, by the command line, or by who imports the environment for learners."""
+    starts = {"polarsim.cli", "polarsim.rover.environment"}
+    for path in [*SCRIPTS.glob("*.py"), *RULES.glob("*.smk"), SCRIPTS.parents[1] / "Snakefile"]:
+        starts |= imports_by_text(path.read_text())
+    assert {name for name in all_imports() if file_of(name).name != "__init__.py"} - digest._reached(starts) == set()
 
 
 def rules_with_scripts() -> dict[str, tuple[str, str]]:

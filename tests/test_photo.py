@@ -73,3 +73,8 @@ def test_parts_of_a_key_name_set_up_view_and_photo_set():
     key = PhotoKey.parse("11_C_on_350_R_0064")
     assert (key.set_up, key.view, key.photo_set) == ((11, "C"), (11, "C", "R"), (11, "C", "on", "350", "R"))
     assert str(key.with_exposure(2048)) == "11_C_on_350_R_2048"
+
+
+@pytest.mark.parametrize(("exposure_ms", "stops"), [(64, 2), (256, 0), (2048, 3)])
+def test_stops_count_doublings_from_the_usual_exposure(exposure_ms, stops):
+    assert PhotoKey.parse(f"01_A_off_180_L_{exposure_ms:04d}").stops_off_usual == stops

@@ -8,7 +8,8 @@ from typing import Literal
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from polarsim.grid import words
-from polarsim.photo import SUNS, Azimuth, Camera, Light, is_exposure
+from polarsim.photo import SUNS, Azimuth, Light, is_exposure
+from polarsim.photo import CameraSide as Camera
 
 NO_SEEDS = "none"  # in the place of seed options: labels come from geometry and light alone
 Kind = Literal["analog", "release", "polar"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -17,14 +16,12 @@ from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
 
 log = logging.getLogger("polarsim")
 
-USUAL_EXPOSURE_MS = 256  # most labels were drawn at it
-
 
 def best_exposure(boxes: Mapping[PhotoKey, int]) -> PhotoKey:
-    """The photo of a photo set with most boxes; then that nearest 256 ms on a log scale, then the longer."""
+    """The photo of a photo set with most boxes; then that nearest the usual one, then the longer."""
 
     def rank(key: PhotoKey) -> tuple[int, float, int]:
-        return boxes[key], -abs(math.log2(key.exposure_ms / USUAL_EXPOSURE_MS)), key.exposure_ms
+        return boxes[key], -key.stops_off_usual, key.exposure_ms
 
     return max(boxes, key=rank)
 

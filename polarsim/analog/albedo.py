@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.analog.sandbox import HALL_OBJECT
-from polarsim.analog.view import View, strips
+from polarsim.analog.view import GBuffer, strips
 
 CUBE = 0.01  # metres
 _REACH = 512  # cubes from the origin, along every axis
@@ -20,7 +20,7 @@ class AlbedoMap:
         self._cubes = np.zeros(0, np.int64)
         self._sums = np.zeros((0, len(_COLUMNS)))
 
-    def add(self, view: View) -> None:
+    def add(self, view: GBuffer) -> None:
         """Count the pixels of a view."""
         cubes, sums = [self._cubes], [self._sums]
         for rows in strips(len(view.objects)):

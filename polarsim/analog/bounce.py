@@ -14,7 +14,7 @@ from polarsim.analog.light import SURFACE_OFFSET, Lamp, towards
 from polarsim.analog.rays import Caster, rays_from
 from polarsim.analog.rocks import icosphere
 from polarsim.analog.sandbox import HALL_OBJECT, Scene
-from polarsim.analog.view import View, strips
+from polarsim.analog.view import GBuffer, strips
 
 AMBIENT = "ambient"  # the hall's own weak light, beside the lamps
 _CACHE_GRID = 0.06  # step of the places where the bounce is gathered, metres
@@ -28,7 +28,7 @@ class Bounce:
 
     vectors: dict[str, np.ndarray]  # lamp -> (v, 3) float32
 
-    def at(self, scene: Scene, view: View, lamps: Sequence[str]) -> dict[str, np.ndarray]:
+    def at(self, scene: Scene, view: GBuffer, lamps: Sequence[str]) -> dict[str, np.ndarray]:
         """Radiance (h, w) that the bounce of each lamp adds to a view."""
         vectors = np.stack([self.vectors[lamp] for lamp in lamps], axis=1)  # (v, n, 3): one look-up a corner serves all
         out = {lamp: np.zeros(view.shape, np.float32) for lamp in lamps}

@@ -9,7 +9,7 @@ import numpy as np
 from polarsim.analog.rays import Caster, lengths, rays_from
 from polarsim.analog.reflectance import reflect
 from polarsim.analog.sandbox import Material
-from polarsim.analog.view import View, strips
+from polarsim.analog.view import GBuffer, strips
 
 SURFACE_OFFSET = np.float32(0.0015)  # rays start this far above a surface, metres
 _BEAM_HALF_WIDTH = np.radians(42.0)
@@ -51,7 +51,7 @@ def towards(lamp: Lamp, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return to_lamp / distance[..., None], distance
 
 
-def direct(view: View, lamp: Lamp, visible: np.ndarray) -> np.ndarray:
+def direct(view: GBuffer, lamp: Lamp, visible: np.ndarray) -> np.ndarray:
     """(h, w) radiance of what the lamp lights directly; `visible` (h, w) is the share of it that each pixel sees."""
     out = np.zeros(view.shape, np.float32)
     for rows in strips(len(out)):
@@ -68,7 +68,7 @@ def direct(view: View, lamp: Lamp, visible: np.ndarray) -> np.ndarray:
     return out
 
 
-def visibility(view: View, caster: Caster, lamp: Lamp, rng: np.random.Generator, threads: int) -> np.ndarray:
+def visibility(view: GBuffer, caster: Caster, lamp: Lamp, rng: np.random.Generator, threads: int) -> np.ndarray:
     """(h, w) share of the lamp's disc that each pixel sees.
 
     One ray a pixel to a place of its own on the disc; neighbours are averaged over as many pixels as the penumbra is

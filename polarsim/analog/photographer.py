@@ -21,9 +21,8 @@ from polarsim.analog.sandbox import GROUND_OBJECT
 from polarsim.analog.sensor import expose, fixed_pattern, lamp_glare, through_lens
 from polarsim.analog.setup import ROVER, SetUp
 from polarsim.analog.terrain import Terrain
-from polarsim.analog.view import Textures, lens_directions, look, make_textures
+from polarsim.analog.view import Textures, look, make_textures
 from polarsim.formats import nasa, png, tables, yolo
-from polarsim.geometry.lens import Lens
 from polarsim.photo import BLACK_LEVEL, CAMERAS, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.randomness import generator
@@ -110,11 +109,6 @@ def _textures(seed: int, terrain: int) -> Textures:
     return make_textures(generator(seed, "textures", terrain))
 
 
-@lru_cache(maxsize=2)
-def _directions(lens: Lens) -> np.ndarray:
-    return lens_directions(lens)
-
-
 def _bounce_name(lamp: str, position: str) -> str:
     return f"{lamp}_{position}" if lamp == ROVER else lamp
 
@@ -128,9 +122,8 @@ def _layers(
     made: Terrain, position: str, camera: str, lamps: Mapping[str, Lamp], bounces: Bounce, albedo: AlbedoMap,
     options: AnalogOptions, threads: int,
 ) -> Layers:  # fmt: skip
-    scene, lens = made.scene, made.set_up.rig.lens(camera)
-    pose = made.set_up.sandbox_from(position, camera)
-    view = look(scene, made.caster, _textures(options.seed, made.terrain), lens, _directions(lens), pose, threads)
+    scene, placed = made.scene, made.set_up.camera(position, camera)
+    view = look(scene, made.caster, _textures(options.seed, made.terrain), placed, threads)
     albedo.add(view)
     rock_caster = scene.rock_caster() if scene.rocks else None
     images, shadows = {}, {}
@@ -142,7 +135,7 @@ def _layers(
         seen = visibility(view, made.caster, lamp, rng, threads)
         lit = direct(view, lamp, seen)
         lit += indirect.pop(_bounce_name(name, position))
-        glare = lamp_glare(lamp, lens, pose, _GLARE * lamp.intensity, rng)
+        glare = lamp_glare(lamp, placed, _GLARE * lamp.intensity, rng)
         images[name] = through_lens(lit) + glare
         shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, seen, threads)
     return Layers(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)

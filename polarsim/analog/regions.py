@@ -10,7 +10,7 @@ from scipy import ndimage
 from polarsim.analog.light import SURFACE_OFFSET, Lamp
 from polarsim.analog.rays import Caster, rays_from
 from polarsim.analog.sandbox import GROUND_OBJECT, Scene
-from polarsim.analog.view import View
+from polarsim.analog.view import GBuffer
 from polarsim.photo import HEIGHT, WIDTH
 
 LEAST_PIXELS = 12  # smaller regions are not labelled
@@ -38,7 +38,7 @@ class Region:
         return picture[y0:y1, x0:x1][self.mask]
 
 
-def rock_regions(view: View) -> list[Region]:
+def rock_regions(view: GBuffer) -> list[Region]:
     """The rocks of a view with at least `LEAST_PIXELS` visible pixels, lit or not."""
     rows, columns = np.nonzero(view.objects > 0)
     rock = view.objects[rows, columns]
@@ -46,7 +46,7 @@ def rock_regions(view: View) -> list[Region]:
 
 
 def shadow_regions(
-    scene: Scene, caster: Caster, rock_caster: Caster | None, view: View, lamp: Lamp, seen: np.ndarray, threads: int
+    scene: Scene, caster: Caster, rock_caster: Caster | None, view: GBuffer, lamp: Lamp, seen: np.ndarray, threads: int
 ) -> list[Region]:
     """Cast shadows on the ground by rock: visible sand whose light a rock blocks, and nothing but rocks.
 

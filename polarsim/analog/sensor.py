@@ -6,8 +6,7 @@ import numpy as np
 
 from polarsim.analog.light import Lamp
 from polarsim.analog.options import AnalogOptions
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 _BLUR_PX = 0.6  # sd of the lens's point spread
@@ -32,9 +31,7 @@ def through_lens(image: np.ndarray) -> np.ndarray:
     return (((1 - _HALO) * sharp + glare) * (1 - _VIGNETTING * radius2)).astype(np.float32)
 
 
-def lamp_glare(
-    lamp: Lamp, lens: Lens, sandbox_from_camera: Pose, brightness: float, rng: np.random.Generator
-) -> np.ndarray:
+def lamp_glare(lamp: Lamp, camera: Camera, brightness: float, rng: np.random.Generator) -> np.ndarray:
     """(h, w) light that a lamp in or beside the picture scatters in the lens, for unit intensity.
 
     Parameters
@@ -42,8 +39,9 @@ def lamp_glare(
     brightness : float
         Radiance that the ghosts have at their centres, for a lamp 4 m away.
     """
-    height, width = lens.height, lens.width
-    place = sandbox_from_camera.inverse().apply(lamp.place)
+    lens = camera.lens
+    height, width = lens.shape
+    place = camera.world_from_camera.inverse().apply(lamp.place)
     distance = float(np.linalg.norm(place))
     off_axis = np.arccos(place[2] / distance)
     out = np.zeros((height, width), np.float32)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from polarsim.analog.options import AnalogOptions
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
@@ -29,8 +30,9 @@ class SetUp:
     sandbox_from_left: dict[str, Pose]  # by position
     lamps: dict[str, np.ndarray]  # azimuth, or `rover_A`; (3,) sandbox frame
 
-    def sandbox_from(self, position: str, camera: str) -> Pose:
-        return self.sandbox_from_left[position] @ self.rig.left_from(camera)
+    def camera(self, position: str, side: str) -> Camera:
+        """Camera L or R in the sandbox."""
+        return Camera(self.sandbox_from_left[position] @ self.rig.left_from(side), self.rig.lens(side))
 
     def lamps_at(self, position: str) -> dict[str, np.ndarray]:
         """Sun lamps by azimuth, and `rover`, the light of this position."""

@@ -15,6 +15,7 @@ from polarsim.analog.terrain import Terrain
 from polarsim.formats import obj, tables
 from polarsim.formats.files import write_json
 from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.geometry.meshes import Mesh
 
 _COLUMN_STEP = 0.002  # metres
 
@@ -31,13 +32,13 @@ def write_truth(made: Terrain, folder: Path, options: AnalogOptions) -> None:
         seen = exposed(rock, scene.ground, faces)
         used, index = np.unique(seen, return_inverse=True)
         name = obj.rock_name(terrain, rock.rock)
-        obj.write(folder / "meshes" / name, obj.Mesh(rock.vertices[used], index.reshape(seen.shape)), Path(name).stem)
+        obj.write(folder / "meshes" / name, Mesh(rock.vertices[used], index.reshape(seen.shape)), Path(name).stem)
         rows.append(rock_row(rock, scene.ground, faces))
     columns = ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3"]
     tables.write_parquet(folder / "rocks.parquet", pd.DataFrame(rows, columns=columns).astype({"rock": "int64"}))
     ground: Ground = scene.ground.coarser(options.truth_ground_step_mm / 1000)
     name = obj.ground_name(terrain)
-    obj.write(folder / "meshes" / name, obj.Mesh(*ground.mesh()), Path(name).stem)
+    obj.write(folder / "meshes" / name, Mesh(*ground.mesh()), Path(name).stem)
 
 
 def rock_row(rock: Rock, ground: Ground, faces: np.ndarray) -> dict[str, float]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from polarsim.analog.rays import Caster, lengths, rays_from
 from polarsim.analog.sandbox import HALL_OBJECT, Material, Scene
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL, Lens
-from polarsim.geometry.poses import Pose
 
 _TILE = 1024  # texels of the repeating textures
 _NODE_STEP = 8  # px between the nodes at which the lens is solved; bilinear between them errs by under 0.002 px
@@ -32,8 +33,8 @@ class Textures:
 
 
 @dataclass(frozen=True)
-class View:
-    """Pixels (h, w) of one camera."""
+class GBuffer:
+    """What the pixels (h, w) of one camera see."""
 
     centre: np.ndarray  # (3,) of the camera, sandbox frame
     places: np.ndarray  # (h, w, 3) float32, sandbox frame, metres
@@ -61,6 +62,7 @@ def make_textures(rng: np.random.Generator) -> Textures:
     return Textures(tile(0.6), tile(6), tile(1.2), tile(1.2))
 
 
+@lru_cache(maxsize=2)
 def lens_directions(lens: Lens) -> np.ndarray:
     """(h, w, 3) float32 directions with z = 1 through pixel centres: solved on a net of nodes, bilinear between."""
     nodes = [np.append(np.arange(0, size, _NODE_STEP), size).astype(float) for size in (lens.width, lens.height)]
@@ -84,24 +86,24 @@ def strips(height: int, rows: int = 152) -> Iterator[slice]:
         yield slice(start, min(start + rows, height))
 
 
-def look(
-    scene: Scene, caster: Caster, textures: Textures, lens: Lens, directions: np.ndarray, pose: Pose, threads: int
-) -> View:
-    """Cast a ray through every pixel of a camera at `pose` (`sandbox_from_camera`)."""
-    height, width = directions.shape[:2]
+def look(scene: Scene, caster: Caster, textures: Textures, camera: Camera, threads: int) -> GBuffer:
+    """Cast a ray through every pixel of a camera in the sandbox."""
+    directions = lens_directions(camera.lens)
+    height, width = camera.lens.shape
     empty = {
         "places": ((3,), np.float32), "normals": ((3,), np.float32), "albedo": ((), np.float32),
         "gloss": ((), np.float32), "material": ((), np.uint8), "objects": ((), np.int16), "faces": ((), np.int32),
         "weights": ((2,), np.float32), "footprint": ((), np.float32),
     }  # fmt: skip
     parts = {name: np.zeros((height, width, *shape), dtype) for name, (shape, dtype) in empty.items()}
-    rotation, centre = pose.rotation.astype(np.float32), pose.translation.astype(np.float32)
+    rotation = camera.world_from_camera.rotation.astype(np.float32)
+    centre = camera.centre.astype(np.float32)
     for rows in strips(height):
         turned = directions[rows] @ rotation.T
         hit = caster.first_hits(rays_from(centre, turned), threads)
-        for name, values in _surface(scene, textures, hit, turned, centre, lens.fx).items():
+        for name, values in _surface(scene, textures, hit, turned, centre, camera.lens.fx).items():
             parts[name][rows] = values
-    return View(pose.translation, **parts)
+    return GBuffer(camera.centre, **parts)
 
 
 def _surface(

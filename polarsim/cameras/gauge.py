@@ -25,7 +25,7 @@ GROUND_STEP = 0.04  # metres: cells that weigh alike in the ground's plane
 GROUND_SCALES = [0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.05, 0.04, 0.04, 0.04]
 GROUND_SHARE = 0.9  # of the half width: beyond it sand piles up at the walls
 
-WALL_HEIGHT = (0.06, 0.28)  # metres above the sand in which a wall is looked for
+WALL_BAND = (0.06, 0.28)  # metres above the sand in which a wall is looked for: the lowest top lies at 0.29
 WALL_SLACK = 0.6  # metres that a wall may be off its place before the frame is known
 WALL_UPRIGHT = 0.3  # |z| of the normal of a wall, at most
 WALL_FACING = 0.95  # cosine between a wall's normal and the axis
@@ -88,8 +88,8 @@ def _walls(points: np.ndarray, normals: np.ndarray) -> list[_Wall]:
     """Inner walls of a box that is turned by at most half a right angle."""
     outer = np.abs(points[:, :2]).max(axis=1)
     likely = (
-        (points[:, 2] > WALL_HEIGHT[0])
-        & (points[:, 2] < WALL_HEIGHT[1])
+        (points[:, 2] > WALL_BAND[0])
+        & (points[:, 2] < WALL_BAND[1])
         & (np.abs(normals[:, 2]) < WALL_UPRIGHT)
         & (np.abs(outer - SANDBOX_HALF_WIDTH) < WALL_SLACK)
     )

@@ -13,10 +13,10 @@ import numpy as np
 
 from polarsim.cameras.adjust import outlier_weights, whitened
 from polarsim.cameras.shading import Seen, Surface, look
-from polarsim.formats.best_photos import Photos, View
+from polarsim.formats.best_photos import Photos
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.patches import Found, Window, find
-from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, View
 
 _NUDGE = 0.04  # metres: about a pixel of a coarse view
 _WEIGHTS = 20  # steps of a robust fit
@@ -48,8 +48,7 @@ def shots_of(
     for (position, camera), shown in sorted(photos.items()):
         if camera != "L" or position not in placed:
             continue
-        lens = placed[position].rig.lens(camera).scaled(scale)
-        seen = look(surface, placed[position].sandbox_from(camera), lens)
+        seen = look(surface, placed[position].camera(camera).scaled(scale))
         for azimuth, photo in shown.items():
             shots.setdefault(azimuth, []).append(Shot(seen, photo))
     return shots

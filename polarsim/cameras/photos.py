@@ -20,12 +20,13 @@ from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
 from polarsim.cameras.shading import Surface, look, surface_of
 from polarsim.formats import colmap, lamps
-from polarsim.formats.best_photos import Photos, Pictures, View, best_pictures, read_all_shrunk
+from polarsim.formats.best_photos import Photos, Pictures, best_pictures, read_all_shrunk
 from polarsim.formats.files import writing_folder
 from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.patches import Window, find
 from polarsim.geometry.poses import angle_between
+from polarsim.photo import View
 from polarsim.progress import track
 
 log = logging.getLogger("polarsim")
@@ -118,8 +119,7 @@ def _sightings(
     options: CamerasOptions,
 ) -> Sightings:
     """Where the photos of a view, shrunk by a scale, show points of the meshes, in pixels of the full photo."""
-    lens = rig.rig.lens(camera).scaled(scale)
-    seen = look(surface, rig.sandbox_from(camera), lens)
+    seen = look(surface, rig.camera(camera).scaled(scale))
     window = _window(options)
     points, pixels, whitening = [], [], []
     for azimuth, photo in photos.items():

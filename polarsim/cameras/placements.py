@@ -15,7 +15,7 @@ import numpy as np
 from polarsim.cameras.labels import LabelPlacement, checked, final_noise, place_by_labels
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.refine import BoxFit, judge_pose, pose_of
-from polarsim.cameras.shifts import Shifts, View, fit_shifts, no_shifts, shifted
+from polarsim.cameras.shifts import FittedPosition, Shifts, fit_shifts, no_shifts, shifted
 from polarsim.cameras.surveyed import pose_beside
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
@@ -104,8 +104,8 @@ def _fitted(
     if not options.rock_shift_sd_mm:
         return Placements(dict(placed), start, {})
     noise, gate = final_noise(options), options.match_gate_px
-    views = {position: View(one.boxes, one.fit, one.prior) for position, one in placed.items()}
-    unknowns, shifts = fit_shifts(views, outlines, lens, options.rock_shift_sd_mm / 1000, gate, noise, start.metres)
+    positions = {position: FittedPosition(one.boxes, one.fit, one.prior) for position, one in placed.items()}
+    unknowns, shifts = fit_shifts(positions, outlines, lens, options.rock_shift_sd_mm / 1000, gate, noise, start.metres)
     moved = shifted(outlines, shifts.metres)
     fits = {
         position: judge_pose(pose_of(unknowns[position]), moved, one.boxes, lens, one.prior, gate, noise)

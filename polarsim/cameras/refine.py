@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from polarsim.geometry import boxes as box_geometry
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import EDGES, Outlines
@@ -74,7 +75,7 @@ def refine_pose(
     """Pose after one least-squares fit a gate, each to the pairs that the fit before it suggests."""
     pose = start
     for gate in gates_px:
-        rows, columns = assign(outlines.seen(lens, pose), boxes, gate)
+        rows, columns = assign(outlines.seen(Camera(pose, lens)), boxes, gate)
         if not len(rows):
             return pose
         pose = _solve(pose, EdgeProblem(outlines.part(rows), boxes[columns], lens, prior, noise))
@@ -91,7 +92,7 @@ def judge_pose(
     noise: EdgeNoise,
 ) -> BoxFit:
     """Pairs, overlap and covariance at a pose."""
-    whole = outlines.project(lens, pose)
+    whole = outlines.project(Camera(pose, lens))
     projected = box_geometry.clip(whole, lens.width, lens.height)
     rows, columns = assign(projected, boxes, gate_px)
     overlap = box_geometry.iou(np.nan_to_num(projected[rows]), boxes[columns])[
@@ -119,7 +120,7 @@ class EdgeProblem:
         return (self.boxes > self.noise.border_px) & (self.boxes < far - self.noise.border_px)
 
     def residuals(self, unknowns: np.ndarray) -> np.ndarray:
-        projected = self.outlines.project(self.lens, pose_of(unknowns))
+        projected = self.outlines.project(Camera(pose_of(unknowns), self.lens))
         edges = np.where(self.measured(), projected - self.boxes, 0.0)
         edges = np.nan_to_num(edges, nan=1e3, posinf=1e3, neginf=-1e3)
         return np.concatenate([edges.ravel() / self.noise.edge_px, self.prior.residuals(unknowns)])
@@ -127,7 +128,7 @@ class EdgeProblem:
     def jacobian(self, unknowns: np.ndarray) -> np.ndarray:
         """(4 n + 6, 6): the edges move with the points that make them."""
         pose = pose_of(unknowns)
-        _, points = self.outlines.edges(self.lens, pose)
+        _, points = self.outlines.edges(Camera(pose, self.lens))
         camera_from_sandbox = pose.inverse()
         in_camera = camera_from_sandbox.apply(points)
         moved = _moved(points - pose.translation, pose, unknowns[3])  # (n, 4, 3, 6) sandbox axes

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
-from polarsim.geometry.rays import Caster, caster
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.casters import caster
+from polarsim.geometry.rays import Caster
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,14 @@ def surface_of(mesh: TerrainMesh) -> Surface:
     return Surface(caster(mesh.vertices, mesh.faces), mesh.normals[mesh.faces].mean(axis=1).astype(np.float32))
 
 
-def look(surface: Surface, sandbox_from_camera: Pose, lens: Lens) -> Seen:
+def look(surface: Surface, camera: Camera) -> Seen:
     """Cast a ray through every pixel of a view."""
-    origin = sandbox_from_camera.translation
-    directions = sandbox_from_camera.rotate(lens.pixel_directions()).reshape(-1, 3).astype(np.float32)
-    distance, face = surface.rays.nearest(np.broadcast_to(origin, directions.shape), directions)
+    pixels = camera.pixel_directions().astype(np.float32)
+    directions = pixels.reshape(-1, 3)
+    distance, face = surface.rays.nearest(np.broadcast_to(camera.centre, directions.shape), directions)
     met = np.flatnonzero(np.isfinite(distance))
     points = np.full(directions.shape, np.nan, np.float32)
-    points[met] = origin + distance[met, None] * directions[met]
+    points[met] = camera.centre + distance[met, None] * directions[met]
     normal = surface.normals[face[met]]
     normal = normal * -np.sign(np.einsum("nk,nk->n", normal, directions[met]))[:, None]
-    return Seen(surface, points.reshape(lens.height, lens.width, 3), points[met], normal)
+    return Seen(surface, points.reshape(pixels.shape), points[met], normal)

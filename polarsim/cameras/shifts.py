@@ -10,6 +10,7 @@ import pandas as pd
 
 from polarsim.cameras.refine import BoxFit, EdgeNoise, EdgeProblem, PosePrior, pose_of, unknowns_of
 from polarsim.formats.rock_shifts import SHIFT_COLUMNS
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import Outlines
@@ -22,7 +23,7 @@ SETTLED = 1e-6  # metres and radians: a fit whose unknowns move less has ended
 
 
 @dataclass(frozen=True)
-class View:
+class FittedPosition:
     """What is known of a position: the boxes of its left photo, the pose found so far, and its prior."""
 
     boxes: np.ndarray  # (b, 4) pixels
@@ -51,7 +52,7 @@ def shifted(outlines: Outlines, metres: np.ndarray) -> Outlines:
 
 
 def fit_shifts(
-    views: Mapping[str, View],
+    positions: Mapping[str, FittedPosition],
     outlines: Outlines,
     lens: Lens,
     sd: float,
@@ -76,34 +77,34 @@ def fit_shifts(
         Centre (metres), yaw, pitch and roll (radians) of the left cameras.
     shifts : Shifts
     """
-    unknowns = {position: unknowns_of(view.fit.sandbox_from_left) for position, view in views.items()}
+    unknowns = {position: unknowns_of(one.fit.sandbox_from_left) for position, one in positions.items()}
     metres = start
     strangers = np.zeros(len(outlines), bool)  # rocks whose boxes are somebody else's
     pairs: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for _ in range(ROUNDS):
         moved = shifted(outlines, metres)
-        for position, view in views.items():
-            rows, columns = assign(moved.seen(lens, pose_of(unknowns[position])), view.boxes, gate_px)
+        for position, one in positions.items():
+            rows, columns = assign(moved.seen(Camera(pose_of(unknowns[position]), lens)), one.boxes, gate_px)
             known = ~strangers[rows]
             pairs[position] = rows[known], columns[known]
         for _ in range(STEPS):
-            normal_matrix, right_side = _normal_equations(views, pairs, unknowns, outlines, metres, lens, sd, noise)
+            normal_matrix, right_side = _normal_equations(positions, pairs, unknowns, outlines, metres, lens, sd, noise)
             step = np.linalg.solve(normal_matrix, right_side)
             for number, position in enumerate(unknowns):
                 unknowns[position] = unknowns[position] + step[6 * number : 6 * number + 6]
-            metres = metres + step[6 * len(views) :].reshape(-1, 3)
+            metres = metres + step[6 * len(positions) :].reshape(-1, 3)
             if np.abs(step).max() < SETTLED:
                 break
         strangers |= np.linalg.norm(metres, axis=1) > FARTHEST
         metres = np.where(strangers[:, None], 0.0, metres)
-    normal_matrix, _ = _normal_equations(views, pairs, unknowns, outlines, metres, lens, sd, noise)
-    variance = np.diag(np.linalg.inv(normal_matrix))[6 * len(views) :].reshape(-1, 3)
+    normal_matrix, _ = _normal_equations(positions, pairs, unknowns, outlines, metres, lens, sd, noise)
+    variance = np.diag(np.linalg.inv(normal_matrix))[6 * len(positions) :].reshape(-1, 3)
     seen = np.concatenate([rows for rows, _ in pairs.values()])
     return unknowns, Shifts(metres, np.sqrt(variance), np.bincount(seen, minlength=len(outlines)))
 
 
 def _normal_equations(
-    views: Mapping[str, View],
+    positions: Mapping[str, FittedPosition],
     pairs: Mapping[str, tuple[np.ndarray, np.ndarray]],
     unknowns: Mapping[str, np.ndarray],
     outlines: Outlines,
@@ -112,14 +113,14 @@ def _normal_equations(
     sd: float,
     noise: EdgeNoise,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Matrix and right side for the poses' unknowns (6 a view), then the shifts (3 a rock)."""
-    poses = 6 * len(views)
+    """Matrix and right side for the poses' unknowns (6 a position), then the shifts (3 a rock)."""
+    poses = 6 * len(positions)
     size = poses + 3 * len(outlines)
     moved = shifted(outlines, metres)
     matrix, side = np.zeros((size, size)), np.zeros(size)
-    for number, (position, view) in enumerate(views.items()):
+    for number, (position, one) in enumerate(positions.items()):
         rows, columns = pairs[position]
-        problem = EdgeProblem(moved.part(rows), view.boxes[columns], lens, view.prior, noise)
+        problem = EdgeProblem(moved.part(rows), one.boxes[columns], lens, one.prior, noise)
         residuals, slopes = problem.residuals(unknowns[position]), problem.jacobian(unknowns[position])
         weights = 1 / (1 + (residuals / noise.loss_scale) ** 2)
         weights[-6:] = 1  # the prior is no outlier

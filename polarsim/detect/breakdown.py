@@ -59,21 +59,32 @@ def judge(
         The row of `ipd.instance_performance` of each label.
     """
     place = {key: n for n, key in enumerate(keys)}
-    ranked, own = {}, {}
-    for kind in BOX_CLASSES:
-        labelled = boxes_by_photo(labels[labels["kind"] == kind], BOX_COLUMNS, keys)
-        predicted = boxes_by_photo(predictions[predictions["kind"] == kind], (*BOX_COLUMNS, "confidence"), keys)
-        corners, sure = [found[:, :4] for found in predicted], [found[:, 4] for found in predicted]
-        ranked[kind] = metrics.rank(labelled, corners, sure, areas=[*metrics.ANY_AREA, *SIZES.values()])
-        own[kind] = performance[performance["kind"] == kind]
+    own = {kind: performance[performance["kind"] == kind] for kind in BOX_CLASSES}
     return Judged(
         [PhotoKey.parse(key) for key in keys],
-        ranked,
+        rank_by_kind(keys, labels, predictions, areas=[*metrics.ANY_AREA, *SIZES.values()]),
         {kind: rows["iou"].to_numpy(float) for kind, rows in own.items()},
         {kind: rows["area_px"].to_numpy(float) for kind, rows in own.items()},
         {kind: rows["key"].map(place).to_numpy(int) for kind, rows in own.items()},
         unit,
     )
+
+
+def rank_by_kind(
+    keys: Sequence[str],
+    labels: pd.DataFrame,
+    predictions: pd.DataFrame,
+    thresholds: np.ndarray = metrics.IOU_THRESHOLDS,
+    areas: Sequence[tuple[float, float]] = metrics.ANY_AREA,
+) -> dict[str, metrics.Ranked]:
+    """`metrics.rank` of each class; arguments as of `judge` and of `rank`."""
+    ranked = {}
+    for kind in BOX_CLASSES:
+        labelled = _boxes_by_photo(labels[labels["kind"] == kind], BOX_COLUMNS, keys)
+        predicted = _boxes_by_photo(predictions[predictions["kind"] == kind], (*BOX_COLUMNS, "confidence"), keys)
+        corners, sure = [found[:, :4] for found in predicted], [found[:, 4] for found in predicted]
+        ranked[kind] = metrics.rank(labelled, corners, sure, thresholds, areas)
+    return ranked
 
 
 def breakdown(judged: Judged, *, seed: int = 0, resamples: int = 1000, group_resamples: int = 200) -> pd.DataFrame:
@@ -154,7 +165,7 @@ def _in_size(area: np.ndarray, number: int) -> np.ndarray:
     return (area >= low) & (area <= high)
 
 
-def boxes_by_photo(table: pd.DataFrame, columns: Sequence[str], keys: Sequence[str]) -> list[np.ndarray]:
+def _boxes_by_photo(table: pd.DataFrame, columns: Sequence[str], keys: Sequence[str]) -> list[np.ndarray]:
     """(n, columns) values of each photo, in the order of the keys."""
     found = values_by(table, ["key"], columns)
     return [found.get(key, np.zeros((0, len(columns)))) for key in keys]

@@ -79,22 +79,11 @@ def alarms_of_photos(
     for key in keys:
         label, predicted = rocks.get(key, nothing), found.get(key, nothing)
         free = _free_tiles(label)
-        alarms = predicted[covered_share(predicted, label) < overlap]
+        alarms = predicted[boxes.largest_covered_share(predicted, label) < overlap]
         place = TILES if PhotoKey.parse(key).terrain in with_rocks else TERRAIN
         area = _area_on(alarms, free) / (WIDTH * HEIGHT)
         rows.append((key, place, float(free.mean()), _on(alarms, free), area))
     return pd.DataFrame(rows, columns=["key", "place", "free", "alarms", "area"])
-
-
-def covered_share(predicted: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """(n,) largest intersection of each box (n, 4) with a label (m, 4), over the smaller area of both; 0 without."""
-    if not len(labels) or not len(predicted):
-        return np.zeros(len(predicted))
-    low = np.maximum(predicted[:, None, :2], labels[None, :, :2])
-    high = np.minimum(predicted[:, None, 2:], labels[None, :, 2:])
-    smaller = np.minimum(boxes.area(predicted)[:, None], boxes.area(labels)[None])
-    common = boxes.area(np.concatenate([low, high], axis=2))
-    return np.divide(common, smaller, out=np.zeros_like(common), where=smaller > 0).max(axis=1)
 
 
 def _rates(place: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, resamples: int) -> dict[str, object]:

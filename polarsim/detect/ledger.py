@@ -18,15 +18,14 @@ from polarsim.detect.evaluate import read_labels
 from polarsim.detect.judges import judge_name
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
-from polarsim.detect.seen import ENDS, Seen, change, ipd_change
+from polarsim.detect.seen import Seen, change, ipd_change
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError
 from polarsim.formats import tables
+from polarsim.formats.gap_ledger import FIGURE_COLUMNS
 from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.progress import track
 
-FIGURES = ("ipd", "ipd_abs", "map50", "alarms", "alarm_area")  # each: of the twin, with the ingredient, and the change
-FIGURE_COLUMNS = tuple(f"{figure}{end}" for figure in FIGURES for end in ENDS)
 LEDGER_COLUMNS = (
     "ingredient", "replaced", "model", "trained", "kind", "judge", "epochs", "imgsz", "images", "units", "unit",
     "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "alarms_photo", "alarm_area_photo", *FIGURE_COLUMNS,

@@ -10,14 +10,12 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import bootstrap, metrics
-from polarsim.detect.breakdown import boxes_by_photo
-from polarsim.detect.dataset import BOX_COLUMNS
+from polarsim.detect.breakdown import rank_by_kind
 from polarsim.detect.false_alarms import alarms_of_photos
 from polarsim.detect.ipd import Rules, instance_performance, pair
 from polarsim.detect.options import DetectOptions
-from polarsim.photo import BOX_CLASSES
+from polarsim.formats.gap_ledger import ENDS
 
-ENDS = ("_twin", "", "_change", "_change_low", "_change_high")  # of a column: of one, of the other, what changes
 _AT_HALF = np.array([0.5])
 _PLACE = ["key", "kind", "rock"]
 
@@ -63,12 +61,7 @@ class Seen:
 
         unit, drawn = self.draws
         found = {}
-        for kind in BOX_CLASSES:
-            labels = boxes_by_photo(self.labels[self.labels["kind"] == kind], BOX_COLUMNS, self.keys)
-            rows = self.predictions[self.predictions["kind"] == kind]
-            predicted = boxes_by_photo(rows, (*BOX_COLUMNS, "confidence"), self.keys)
-            corners, sure = [found[:, :4] for found in predicted], [found[:, 4] for found in predicted]
-            ranked = metrics.rank(labels, corners, sure, _AT_HALF)
+        for kind, ranked in rank_by_kind(self.keys, self.labels, self.predictions, _AT_HALF).items():
             again = resampled_precision(ranked, 0, unit, drawn)[:, 0]
             found[kind] = np.concatenate([metrics.precision_at_recalls(ranked).mean(axis=1), again])
         return found

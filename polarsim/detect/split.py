@@ -12,7 +12,7 @@ from polarsim.detect.options import DetectOptions
 from polarsim.errors import DetectError, about
 from polarsim.formats import tables
 from polarsim.formats.files import write_json
-from polarsim.photo import Camera, PhotoKey
+from polarsim.photo import CameraSide, PhotoKey
 from polarsim.randomness import generator
 
 TRAIN, VAL, TEST = PARTS = ("train", "val", "test")
@@ -80,7 +80,7 @@ def draw_val(groups: Iterable[str], options: DetectOptions) -> dict[str, str]:
     return {group: VAL if group in val else TRAIN for group in ordered}
 
 
-def leaks(parts: Mapping[PhotoKey, str]) -> list[tuple[int, str, Camera]]:
+def leaks(parts: Mapping[PhotoKey, str]) -> list[tuple[int, str, CameraSide]]:
     """Views (terrain, position, camera) with photos in the test part and outside it: their scenes are no news."""
     test = {key.view for key, part in parts.items() if part == TEST}
     return sorted(test & {key.view for key, part in parts.items() if part != TEST})

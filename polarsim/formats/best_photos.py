@@ -12,7 +12,7 @@ from polarsim.errors import PolarsimError
 from polarsim.formats import png, tables
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.lens import Lens
-from polarsim.photo import SUNS, WHITE_LEVEL, PhotoKey
+from polarsim.photo import SUNS, WHITE_LEVEL, PhotoKey, View
 from polarsim.progress import track
 
 log = logging.getLogger("polarsim")
@@ -20,7 +20,6 @@ log = logging.getLogger("polarsim")
 _USABLE = (60, WHITE_LEVEL - 200)  # grey values that neither noise nor clipping moves
 _SPARSE = 8  # every so many rows and columns tell how well a photo is exposed
 _LEAST_USABLE = 0.03  # share of such pixels in a photo that is worth a look
-View = tuple[str, str]  # position and camera
 Pictures = Mapping[View, Mapping[str, Path]]  # by view, then by the azimuth of the Sun lamp
 Photos = Mapping[str, np.ndarray]  # of one view, by that azimuth: (h, w) float32 grey values
 

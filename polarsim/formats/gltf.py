@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats.files import writing
-from polarsim.formats.obj import Mesh
+from polarsim.geometry.meshes import Mesh
 
 GROUND = "ground"  # name of the ground's node; all others are rocks
 SAND, ROCK, UNSEEN = np.array([176, 168, 152]), np.array([110, 106, 100]), np.array([168, 92, 72])  # sRGB

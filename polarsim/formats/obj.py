@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,27 +12,9 @@ from pyarrow import csv
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
-from polarsim.geometry.vectors import cross
+from polarsim.geometry.meshes import Mesh
 
 _ROCK_NAME = re.compile(r"terrain(\d\d)_rock(\d+)(_decimate-005)?\.obj")
-
-
-@dataclass(frozen=True)
-class Mesh:
-    """Triangles: vertices (v, 3) in metres, faces (f, 3) vertex numbers, counter-clockwise seen from outside."""
-
-    vertices: np.ndarray
-    faces: np.ndarray
-
-    def normals(self) -> np.ndarray:
-        """(v, 3) unit vertex normals, weighted by area; zero where a vertex has no face."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        face_normals = cross(b - a, c - a)
-        corners = self.faces.T.ravel()
-        sums = [np.bincount(corners, np.tile(part, 3), len(self.vertices)) for part in face_normals.T]
-        normals = np.stack(sums, axis=1)
-        length = np.linalg.norm(normals, axis=1, keepdims=True)
-        return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
 
 def rock_name(terrain: int, rock: int, *, decimated: bool = False) -> str:

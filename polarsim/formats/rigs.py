@@ -11,10 +11,11 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import read_json, write_json
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
-from polarsim.survey import survey_lift
+from polarsim.survey import ROVER_LIGHT_FROM_LEFT, survey_lift
 
 SURVEYED = "survey"  # method of a rig that nothing else places
 
@@ -37,9 +38,18 @@ class PlacedRig:
         """Pose of camera L or R in the sandbox."""
         return self.sandbox_from_left @ self.rig.left_from(camera)
 
+    @property
+    def rover_light(self) -> np.ndarray:
+        """(3,) place of the rover light in the sandbox."""
+        return self.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)
+
+    def camera(self, side: str) -> Camera:
+        """Camera L or R in the sandbox."""
+        return Camera(self.sandbox_from(side), self.rig.lens(side))
+
     def project(self, camera: str, points_sandbox: np.ndarray) -> np.ndarray:
         """Pixels (..., 2) of sandbox points (..., 3) in camera L or R; NaN behind the camera."""
-        return self.rig.lens(camera).project(self.sandbox_from(camera).inverse().apply(points_sandbox))
+        return self.camera(camera).project(points_sandbox)
 
 
 def write_rig(path: str | Path, rig: StereoRig, source: str) -> None:

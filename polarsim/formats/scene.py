@@ -10,6 +10,7 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj, tables
+from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 
 MESH_TABLE = "meshes.csv"  # beside the meshes: a row a mesh
@@ -30,7 +31,7 @@ class TerrainMesh:
         """(v, 3) unit, per vertex."""
         if self.given_normals is not None:
             return self.given_normals
-        return obj.Mesh(self.vertices, self.faces).normals()
+        return Mesh(self.vertices, self.faces).normals()
 
     @property
     def rocks(self) -> list[int]:
@@ -42,11 +43,11 @@ class TerrainMesh:
         corners = self.faces[self.rock_of_face == NO_ROCK, 0]
         return float(np.median(self.vertices[corners, 2])) if len(corners) else 0.0
 
-    def part(self, rock: int) -> obj.Mesh:
+    def part(self, rock: int) -> Mesh:
         """The mesh of one rock, or of the ground (`NO_ROCK`)."""
         faces = self.faces[self.rock_of_face == rock]
         used, numbers = np.unique(faces, return_inverse=True)
-        return obj.Mesh(self.vertices[used], numbers.reshape(faces.shape))
+        return Mesh(self.vertices[used], numbers.reshape(faces.shape))
 
     def ground(self) -> TerrainMesh:
         """The same terrain without its rocks."""

@@ -28,9 +28,7 @@ def window(box: np.ndarray, margin: np.ndarray, width: int, height: int) -> tupl
 def iou(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """(n, m) intersection over union of every box of `first` (n, 4) with every one of `second` (m, 4)."""
     first, second = np.asarray(first, float).reshape(-1, 4), np.asarray(second, float).reshape(-1, 4)
-    low = np.maximum(first[:, None, :2], second[None, :, :2])
-    high = np.minimum(first[:, None, 2:], second[None, :, 2:])
-    inter = np.prod(np.clip(high - low, 0, None), axis=-1)
+    inter = _intersection(first, second)
     union = area(first)[:, None] + area(second)[None] - inter
     return np.divide(inter, union, out=np.zeros_like(inter), where=union > 0)
 
@@ -38,6 +36,20 @@ def iou(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 def largest_iou(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
     """(n,) IoU of each box (n, 4) with that of the others (m, 4) which it overlaps most; 0 where there is none."""
     return np.asarray(iou(boxes, others).max(axis=1, initial=0.0))
+
+
+def largest_covered_share(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(n,) largest intersection of each box (n, 4) with one of the others (m, 4), over the smaller area of both."""
+    inter, smaller = _intersection(boxes, others), np.minimum(area(boxes)[:, None], area(others)[None])
+    share = np.divide(inter, smaller, out=np.zeros_like(inter), where=smaller > 0)
+    return np.asarray(share.max(axis=1, initial=0.0))
+
+
+def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(n, m) areas that boxes (n, 4) and (m, 4) share, px^2."""
+    low = np.maximum(first[:, None, :2], second[None, :, :2])
+    high = np.minimum(first[:, None, 2:], second[None, :, 2:])
+    return np.asarray(np.prod(np.clip(high - low, 0, None), axis=-1))
 
 
 def match(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ class Tree:
     boxes : (m, 4, 3) float32
         Low and high corner of the first child's box, low and high corner of the second's.
     children : (m, 2) int32
-        Number of an inner node, or code of a leaf, below 0: see `leaf_of`.
+        Number of an inner node, or code of a leaf, below 0: see `_code`.
     order : (f,) int32
         Numbers of the triangles, those of a leaf side by side.
     """
@@ -35,12 +35,8 @@ class Tree:
     order: np.ndarray
 
 
-def leaf_of(code: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of leaves' codes: place of the first triangle in the tree's order, number of triangles."""
-    return ~code >> COUNT_BITS, ~code & ((1 << COUNT_BITS) - 1)
-
-
 def _code(first: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Of leaves, by the place of their first triangle in the tree's order and their number of triangles."""
     return ~((first << COUNT_BITS) | count)
 
 

@@ -27,6 +27,11 @@ class Lens:
     width: int = 1936
     height: int = 1216
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the photo."""
+        return self.height, self.width
+
     @classmethod
     def from_opencv(cls, matrix: np.ndarray, distortion: np.ndarray, size: tuple[int, int] = (1936, 1216)) -> Lens:
         """Camera matrix (3, 3), 4 or 5 distortion terms (k1 k2 p1 p2 [k3]), size (width, height)."""

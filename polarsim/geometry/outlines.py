@@ -8,11 +8,10 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from polarsim.formats.obj import Mesh
 from polarsim.geometry.boxes import clip
-from polarsim.geometry.lens import Lens
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.planes import robust_plane
-from polarsim.geometry.poses import Pose
 from polarsim.geometry.topology import part_of_vertex
 
 RIM_SECTORS = 24  # the rim is the lowest outer vertex in each of these
@@ -48,19 +47,17 @@ class Outlines:
         spread = spread_directions(directions)
         return Outlines(self.rocks, _furthest(self.whole, spread), _furthest(self.upper, spread))
 
-    def project(self, lens: Lens, sandbox_from_camera: Pose) -> np.ndarray:
+    def project(self, camera: Camera) -> np.ndarray:
         """(m, 4) boxes in pixels, not cut at the photo's border; NaN for rocks that reach behind the camera."""
-        return self.edges(lens, sandbox_from_camera)[0]
+        return self.edges(camera)[0]
 
-    def seen(self, lens: Lens, sandbox_from_camera: Pose) -> np.ndarray:
+    def seen(self, camera: Camera) -> np.ndarray:
         """(m, 4) the same boxes cut at the photo's border."""
-        return clip(self.project(lens, sandbox_from_camera), lens.width, lens.height)
+        return clip(self.project(camera), *camera.size)
 
-    def edges(self, lens: Lens, sandbox_from_camera: Pose) -> tuple[np.ndarray, np.ndarray]:
+    def edges(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         """The boxes (m, 4), and the points (m, 4, 3) that make their left, top, right and bottom edges."""
-        camera_from_sandbox = sandbox_from_camera.inverse()
-        u = lens.project(camera_from_sandbox.apply(self.upper))[..., 0]
-        v = lens.project(camera_from_sandbox.apply(self.whole))[..., 1]
+        u, v = camera.project(self.upper)[..., 0], camera.project(self.whole)[..., 1]
         row = np.arange(len(self))
         makers = (u.argmin(axis=1), v.argmin(axis=1), u.argmax(axis=1), v.argmax(axis=1))
         boxes = np.stack([u[row, makers[0]], v[row, makers[1]], u[row, makers[2]], v[row, makers[3]]], axis=1)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 _BLUR_PX = 1.0  # sd: photon noise and the edges of triangles are smaller than what is matched
@@ -72,7 +73,7 @@ def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Wind
         down, across = divmod(int(likeness.argmax()), likeness.shape[1])
         if likeness[down, across] < window.likeness or not _inside(down, across, likeness.shape):
             continue
-        middles.append((column + 0.5, row + 0.5))
+        middles.append((column + HALF_PIXEL, row + HALF_PIXEL))
         corners.append((across - window.search, down - window.search))
         peaks.append(likeness[down - 1 : down + 2, across - 1 : across + 2].astype(float))
     pixel = np.array(middles).reshape(-1, 2)

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import GREY_VALUES, HEIGHT, POLYGON_CLASSES, WIDTH
 
 MOST_LOST = 0.01  # of a region's pixels, by simpler outlines
@@ -48,7 +49,8 @@ def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
     for points, offsets in zip(*lines, strict=True):
         parts = [points[a : b - 1] for a, b in pairwise(offsets)]
         rings += _without_holes(parts[0], parts[1:])
-    shift = np.array([left - 0.5, top - 0.5])  # index 0 is the padding's centre, half a pixel before the first corner
+    # Index 0 is the padding's centre, half a pixel before the first corner.
+    shift = np.array([left - HALF_PIXEL, top - HALF_PIXEL])
     fewer = [_simplified(ring, simplify_px) for ring in rings]
     found = [_clockwise(ring + shift) for ring in fewer if ring is not None]
     return sorted(found, key=lambda ring: (-signed_area(ring), ring[0, 0], ring[0, 1]))
@@ -86,14 +88,16 @@ def _fill(ring: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice, np.nd
     width, height = np.maximum(high - low, 0)
     start, end = ring - low, np.roll(ring, -1, axis=0) - low
     upper, lower = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
-    first = np.clip(np.ceil(upper - 0.5).astype(int), 0, height)  # rows whose centre an edge crosses: [first, last)
-    last = np.clip(np.ceil(lower - 0.5).astype(int), 0, height)
+    # Rows whose centre an edge crosses: [first, last).
+    first = np.clip(np.ceil(upper - HALF_PIXEL).astype(int), 0, height)
+    last = np.clip(np.ceil(lower - HALF_PIXEL).astype(int), 0, height)
     count = np.maximum(last - first, 0)
     edge = np.repeat(np.arange(len(ring)), count)
     row = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + first[edge]
-    along = (row + 0.5 - start[edge, 1]) / (end[edge, 1] - start[edge, 1])
+    along = (row + HALF_PIXEL - start[edge, 1]) / (end[edge, 1] - start[edge, 1])
     crossing = start[edge, 0] + along * (end[edge, 0] - start[edge, 0])
-    column = np.clip(np.ceil(crossing - 0.5).astype(int), 0, width)  # first pixel centre at or beyond the crossing
+    # The first pixel centre at or beyond the crossing.
+    column = np.clip(np.ceil(crossing - HALF_PIXEL).astype(int), 0, width)
     turns = np.zeros((height, width + 1), np.int32)
     np.add.at(turns, (row, column), 1)
     inside = np.cumsum(turns, axis=1)[:, :width] % 2 == 1
@@ -127,7 +131,7 @@ def _simplified(ring: np.ndarray, tolerance: float) -> np.ndarray | None:
     """
     from shapely import Polygon
 
-    origin = np.floor(ring.min(axis=0)) - 0.5  # makes points of the grid centres of pixels
+    origin = np.floor(ring.min(axis=0)) - HALF_PIXEL  # makes points of the grid centres of pixels
     local = ring - origin
     width, height = np.ceil(local.max(axis=0)).astype(int)
     inside = rasterised(local, (height, width))

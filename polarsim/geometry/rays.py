@@ -1,7 +1,7 @@
 """Rays against triangles: where a ray first meets a surface, and whether anything stands between two points.
 
-`caster` builds an engine once for a set of triangles. The NumPy engine here defines the result (Moeller and Trumbore,
-J. Graphics Tools 2 (1997) 21), both sides of a triangle count; `rays_embree` and `rays_taichi` obey it in float32.
+The NumPy engine here defines the result (Moeller and Trumbore, J. Graphics Tools 2 (1997) 21), both sides of a
+triangle count; `rays_embree` and `rays_taichi` obey it in float32. `casters.caster` chooses among them.
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-
-from polarsim.errors import PolarsimError
 
 NO_FACE = -1  # face number of a ray that meets nothing
 START_OFFSET = 1e-4  # metres: `blocked` passes over surfaces nearer than this, so that no surface shades itself
@@ -66,37 +64,6 @@ class Surveyor(Caster, Protocol):
     def meet(self, origins: np.ndarray, directions: np.ndarray) -> Met:
         """`nearest`, with the place on the triangle."""
         ...
-
-
-def caster(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    engine: RayEngine = "embree",
-    threads: int | None = None,
-    device: Device = "cpu",
-) -> Surveyor:
-    """An engine for triangles `faces` (f, 3) of `vertices` (v, 3), metres.
-
-    Embree casts float32 rays on `threads` threads, None: one. So does Taichi on its device, None: on as many as it runs
-    with. Results do not depend on the number. NumPy needs time in proportion to rays times
-    triangles and is there to define the result.
-
-    Raises
-    ------
-    PolarsimError
-        The engine cannot be loaded, or the device is not there.
-    """
-    if engine == "numpy":
-        return NumpyCaster(vertices, faces)
-    if engine == "taichi":
-        try:
-            from polarsim.geometry.rays_taichi import TaichiCaster
-        except ImportError as error:
-            raise PolarsimError(f"rays: engine 'taichi' cannot be loaded ({error}); install taichi") from error
-        return TaichiCaster(vertices, faces, threads, device)
-    from polarsim.geometry.rays_embree import EmbreeCaster
-
-    return EmbreeCaster(vertices, faces, threads or 1)
 
 
 class Joined:

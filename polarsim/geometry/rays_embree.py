@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
-from typing import TYPE_CHECKING, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from polarsim.geometry.embree_library import Scene
 from polarsim.geometry.rays import NO_FACE, START_OFFSET, Met
 
-if TYPE_CHECKING:
-    from polarsim.geometry.rays_parts import Parts
-
 T = TypeVar("T")
 ALL = np.uint32(0xFFFFFFFF)  # mask of rays that meet every shape
 _STRIP = 1 << 18  # rays handed to Embree at once: bounds the memory, and is what threads share
+
+
+class Castable(Protocol):
+    """What holds a scene of Embree's; `address` is its RTCScene."""
+
+    address: int
 
 
 class EmbreeCaster:
@@ -27,7 +30,7 @@ class EmbreeCaster:
         self._threads = max(1, threads)
         self._first_face, self._mask = np.zeros(1, np.int64), ALL
         faces = np.asarray(faces).reshape(-1, 3)
-        self._scene: Scene | Parts | None = Scene(np.asarray(vertices).reshape(-1, 3), faces) if len(faces) else None
+        self._scene: Castable | None = Scene(np.asarray(vertices).reshape(-1, 3), faces) if len(faces) else None
 
     def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         met = self.meet(origins, directions)

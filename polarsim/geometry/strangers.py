@@ -6,17 +6,22 @@ view are met by chance alone.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from polarsim.geometry.boxes import largest_iou
+from polarsim.geometry.camera import Camera
 
 MET = 0.3  # IoU of a box and a projected rock
 LEAST_BOXES = 4  # fewer tell nothing
 LEAD = 0.3  # of the share of boxes by which another pose must be better
 FEW = 0.5  # ... and the share that is met from their own pose is less than that of what the other pose meets
+
+
+log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,20 @@ def find_strangers(drawn: Mapping[str, np.ndarray], projected: Mapping[str, np.n
         if best is not None and met[best] - own >= LEAD and own < FEW * met[best]:
             found.append(Stranger(position, own, best, met[best]))
     return found
+
+
+def positions_of_strangers(
+    drawn: Mapping[str, np.ndarray], cameras: Mapping[str, Camera], rocks: Sequence[np.ndarray]
+) -> set[str]:
+    """The positions that `find_strangers` names, by rocks' points (n, 3) and the left cameras; warns of each."""
+    projected = {
+        position: np.array([camera.box_around(points) for points in rocks]).reshape(-1, 4)
+        for position, camera in cameras.items()
+    }
+    strangers = find_strangers(drawn, projected)
+    for stranger in strangers:
+        log.warning("%s", stranger)
+    return {stranger.position for stranger in strangers}
 
 
 def _seen(boxes: np.ndarray) -> np.ndarray:

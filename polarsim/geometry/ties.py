@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.patches import Window, find
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster
@@ -53,7 +54,7 @@ def look_with_both(rays: Caster, sandbox_from_left: Pose, rig: StereoRig) -> Bot
     all_points = np.full((lens.height * lens.width, 3), np.nan)
     in_right = np.full((lens.height * lens.width, 2), np.nan, np.float32)
     all_points[met], in_right[met[shown]] = points_left, pixels[shown]
-    return BothSeen(all_points.reshape(lens.height, lens.width, 3), in_right.reshape(lens.height, lens.width, 2))
+    return BothSeen(all_points.reshape(*lens.shape, 3), in_right.reshape(*lens.shape, 2))
 
 
 def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Window) -> Ties:
@@ -67,7 +68,8 @@ def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Windo
     import cv2
 
     shown = np.isfinite(seen.in_right[..., 0])
-    x, y = (np.where(shown, seen.in_right[..., k] - 0.5, -1).astype(np.float32) for k in (0, 1))  # OpenCV's centres
+    in_opencv = seen.in_right - HALF_PIXEL
+    x, y = (np.where(shown, in_opencv[..., k], -1).astype(np.float32) for k in (0, 1))
     laid = cv2.remap(right.astype(np.float32), x, y, cv2.INTER_LINEAR, borderValue=BLACK_LEVEL)
     size = 2 * window.half + 1
     around = np.ones((size, size), np.uint8)
@@ -91,7 +93,7 @@ def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Windo
 
 def _between_pixels(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """(n, k) values of an image (h, w, k) at pixels (n, 2), bilinear between four that are inside of it."""
-    at = np.clip(pixels - 0.5, 0, np.array(image.shape[1::-1]) - 1.001)
+    at = np.clip(pixels - HALF_PIXEL, 0, np.array(image.shape[1::-1]) - 1.001)
     (x, y), (a, b) = at.astype(int).T, (at % 1).T[:, :, None]
     upper = image[y, x] * (1 - a) + image[y, x + 1] * a
     lower = image[y + 1, x] * (1 - a) + image[y + 1, x + 1] * a

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from polarsim.geometry.boxes import centres, iou
-from polarsim.labels.view import View
+from polarsim.geometry.camera import Camera
+from polarsim.labels.view import ground_depth
 from polarsim.labels.world import Dome, World
 from polarsim.photo import FIRST_UNMESHED_ROCK
 
@@ -33,18 +34,18 @@ def match_boxes(drawn: np.ndarray, expected: np.ndarray, gate_px: float, smalles
     return found
 
 
-def dome_behind(world: World, view: View, box: np.ndarray) -> Dome | None:
+def dome_behind(world: World, view: Camera, box: np.ndarray) -> Dome | None:
     """The dome whose outline a box (4,) frames; None where the box's foot is not on the ground.
 
     From a camera that looks down by p, a dome of radius a and height h spans a sin p + sqrt((h cos p)^2 + (a sin p)^2).
     """
     foot = np.array([[(box[0] + box[2]) / 2, box[3]]])
-    depth = float(view.ground_depth(world, foot)[0])
+    depth = float(ground_depth(world, view, foot)[0])
     if not np.isfinite(depth):
         return None
     direction = view.directions(foot)[0]
     unit = direction / np.linalg.norm(direction)
-    metres_per_px = depth * np.linalg.norm(direction) / view.focal_px
+    metres_per_px = depth * np.linalg.norm(direction) / view.lens.fx
     radius = (box[2] - box[0]) / 2 * metres_per_px
     span = (box[3] - box[1]) * metres_per_px
     down, level = -unit[2], float(np.hypot(unit[0], unit[1]))

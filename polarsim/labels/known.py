@@ -13,9 +13,9 @@ from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import Drawn, Seeds, Sight, cameras_first
 from polarsim.labels.tracks import Track, find_tracks
-from polarsim.labels.view import View, move_rocks, project_rock
-from polarsim.labels.world import Dome, World, build_world, with_domes
-from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK
+from polarsim.labels.view import move_rocks, project_rock
+from polarsim.labels.world import Dome, World, build_worlds, with_domes
+from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK, CameraSide
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,12 @@ def gather(
     Meshes projected through a surveyed pose meet other rocks. A position that nothing else places keeps to its image:
     its rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
     """
-    world = build_world(terrain, options.trim_mm / 1000, suns, options.wall_height_m)
+    world, bare = build_worlds(terrain, placed, suns, options)
     located = {position: rig for position, rig in placed.items() if not rig.surveyed}
     known = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK, options)
     apart: dict[str, Known] = {}
     if len(located) < len(placed):
         ground = terrain.ground()
-        bare = build_world(ground, options.trim_mm / 1000, suns, options.wall_height_m)
         following = max([FIRST_UNMESHED_ROCK - 1, *(int(rock) for ids in known.rocks.values() for rock in ids)]) + 1
         for position in sorted(set(placed) - set(located)):
             apart[position] = _gathered(ground, bare, {position: placed[position]}, seeds, following, options)
@@ -75,8 +74,10 @@ def _gathered(
     matched: dict[str, np.ndarray] = {}
     domes = []
     for position in sorted(set(placed) & set(seeds)):
-        view = View(placed[position], cameras_first(list(seeds[position]))[0][0])
-        tracks[position] = find_tracks(_in_one_view(world, view, seeds[position]), options.same_rock_iou)
+        side = cameras_first(list(seeds[position]))[0][0]
+        view = placed[position].camera(side)
+        boxes = _in_one_camera(world, placed[position], side, seeds[position])
+        tracks[position] = find_tracks(boxes, options.same_rock_iou)
         drawn = np.array([track.mean for track in tracks[position]]).reshape(-1, 4)
         shown = {rock: found for rock in world.bodies if (found := project_rock(world, view, rock))}
         rows = match_boxes(
@@ -90,14 +91,14 @@ def _gathered(
     return Known(terrain, stand_ins, with_domes(world, stand_ins), placed, seeds, tracks, matched)
 
 
-def _in_one_view(world: World, view: View, drawings: Mapping[Sight, Drawn]) -> dict[Sight, np.ndarray]:
+def _in_one_camera(
+    world: World, placed: PlacedRig, side: CameraSide, drawings: Mapping[Sight, Drawn]
+) -> dict[Sight, np.ndarray]:
     """Rock boxes (n, 4) of drawings of both cameras as one camera sees them, moved with the ground at their feet."""
     moved = {}
-    for (camera, azimuth), drawn in drawings.items():
-        nameless = np.full(len(drawn.rocks), NO_ROCK)
-        moved[camera, azimuth] = (
-            drawn.rocks
-            if camera == view.camera
-            else move_rocks(world, View(view.placed, camera), view, drawn.rocks, nameless)
-        )
+    for (own, azimuth), drawn in drawings.items():
+        boxes, nameless = drawn.rocks, np.full(len(drawn.rocks), NO_ROCK)
+        if own != side:
+            boxes = move_rocks(world, placed.camera(own), placed.camera(side), boxes, nameless)
+        moved[own, azimuth] = boxes
     return moved

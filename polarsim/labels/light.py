@@ -13,11 +13,9 @@ import numpy as np
 from polarsim.labels.known import Known
 from polarsim.labels.photos import Brightness, PhotoSet
 from polarsim.labels.shadows import sightlines
-from polarsim.labels.view import View
-from polarsim.photo import Azimuth, Camera
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE, SUN_LAMPS
+from polarsim.photo import CENTRE_GREY_PER_MS, Azimuth, CameraSide
+from polarsim.survey import ROVER_LIGHT_SHARE, SUN_LAMPS
 
-GREY_PER_MS = 3.0  # of level sand at the centre under the Sun lamp 30: then 256 ms serves best, as at NASA
 LEVEL_COSINE = float(SUN_LAMPS["30"][2] / np.linalg.norm(SUN_LAMPS["30"]))  # of that lamp's incidence there
 STRAY = 0.01  # of a lamp's light that comes from all of the sky
 STEP_PX = 2  # layers have every second pixel along rows and columns: contrast is that of whole boxes
@@ -55,8 +53,8 @@ class LightLayers:
         rate = sum(layers, np.zeros(self._seen(position, camera).met.shape, np.float32))
         return Brightness(rate.repeat(STEP_PX, axis=0).repeat(STEP_PX, axis=1), ())
 
-    def _look(self, position: str, camera: Camera) -> Seen:
-        world, view = self.known.world, View(self.known.placed[position], camera)
+    def _look(self, position: str, camera: CameraSide) -> Seen:
+        world, view = self.known.world, self.known.placed[position].camera(camera)
         width, height = view.size
         columns, rows = (np.arange(STEP_PX / 2, length, STEP_PX) for length in (width, height))
         seen = sightlines(world, view, rows, columns)
@@ -66,10 +64,10 @@ class LightLayers:
         places = view.centre + seen.distance[met, None] * directions
         return Seen(met.reshape(len(rows), len(columns)), places, np.where(away[:, None], -normals, normals))
 
-    def _lit(self, position: str, camera: Camera, azimuth: Azimuth) -> np.ndarray:
+    def _lit(self, position: str, camera: CameraSide, azimuth: Azimuth) -> np.ndarray:
         """(h, w) float32 grey values a millisecond under a Sun lamp, or under a rover light as strong as one."""
         world, seen = self.known.world, self._seen(position, camera)
-        rover = self.known.placed[position].sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)
+        rover = self.known.placed[position].rover_light
         to_lamp = (rover if azimuth == "no" else world.suns[azimuth]) - seen.places
         cosine = np.einsum("nk,nk->n", seen.normals, to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True))
         facing = np.flatnonzero(cosine > 0)
@@ -79,7 +77,7 @@ class LightLayers:
         light = STRAY / 2 * (1 + seen.normals[:, 2])
         light[lit] += cosine[lit]
         layer = np.zeros(seen.met.shape, np.float32)
-        layer[seen.met] = GREY_PER_MS / LEVEL_COSINE * light
+        layer[seen.met] = CENTRE_GREY_PER_MS / LEVEL_COSINE * light
         return layer
 
     @cached_property

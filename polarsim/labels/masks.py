@@ -19,15 +19,17 @@ import pandas as pd
 
 from polarsim.formats import coco, lamps, png, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
+from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import read_terrain
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import paint
 from polarsim.labels.backdrop import backdrop
 from polarsim.labels.identity import dome_behind
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shadows import Ids, lamp
 from polarsim.labels.shapes import Shape, convex, fitted, shapes_of, visible
-from polarsim.labels.view import View
-from polarsim.labels.world import Dome, World, build_world, with_domes
+from polarsim.labels.world import Dome, World, build_worlds, with_domes
 from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey
 
 log = logging.getLogger(__name__)
@@ -79,11 +81,15 @@ class Drawing:
 class ViewOutlines:
     """Outlines in one view under any lamp. Rays are cast once; labels are rows of the label table."""
 
-    def __init__(self, world: World, view: View, labels: pd.DataFrame, options: LabelsOptions) -> None:
-        self.options, self.view = options, view
+    def __init__(
+        self, world: World, placed: PlacedRig, side: str, labels: pd.DataFrame, options: LabelsOptions
+    ) -> None:
+        self.options, self._placed = options, placed
+        view = placed.camera(side)
+        self._size = view.size
         self.world = with_domes(world, _domes(world, view, labels))
-        width, height = view.size
-        self.ids = Ids(self.world, view, np.arange(height) + 0.5, np.arange(width) + 0.5)
+        width, height = self._size
+        self.ids = Ids(self.world, view, np.arange(height) + HALF_PIXEL, np.arange(width) + HALF_PIXEL)
         rings = backdrop(self.ids, options.simplify_px)
         self._backdrop = Backdrop([(POLYGON_CLASSES.index(name), ring) for name, ring in rings])
         self._rocks = _convex_shapes(self.ids.rock)
@@ -95,14 +101,14 @@ class ViewOutlines:
 
         Shadows come first; far things come before near ones, which are lower in the photo.
         """
-        place = lamp(self.world, self.view, light, azimuth)
+        place = lamp(self.world, self._placed, light, azimuth)
         if place is None and labels.empty:
             return Drawing({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]), self.options.simplify_px)
         things = dict(zip(things_of(labels), _boxes(labels), strict=True))
         content = (b"" if place is None else place.tobytes(), frozenset(things))
         if content not in self._drawn:
             order = sorted(things, key=lambda thing: (thing[0] == ROCK, things[thing][3], thing))
-            parts = visible([self._shape(thing, things[thing], place) for thing in order], *self.view.size)
+            parts = visible([self._shape(thing, things[thing], place) for thing in order], *self._size)
             self._drawn[content] = Drawing(
                 dict(zip(order, parts, strict=True)), self._backdrop, self.options.simplify_px
             )
@@ -141,7 +147,7 @@ def _boxes(labels: pd.DataFrame) -> np.ndarray:
     return np.ascontiguousarray(labels[BOX_COLUMNS].to_numpy(float).reshape(-1, 4))
 
 
-def _domes(world: World, view: View, labels: pd.DataFrame) -> dict[int, Dome]:
+def _domes(world: World, view: Camera, labels: pd.DataFrame) -> dict[int, Dome]:
     """Stand-ins of the labelled rocks of a view that have no mesh, from their mean boxes."""
     stones = labels[(labels["kind"] == ROCK) & ~labels["rock"].isin([NO_ROCK, *world.bodies])]
     boxes = stones.groupby("rock", as_index=False)[BOX_COLUMNS].mean().to_numpy(float)
@@ -170,17 +176,14 @@ def draw_masks(
     for position in sorted({key.position for key in keys} - set(placed)):
         log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
     suns = lamps.read_suns(cameras, placed)
-    content = read_terrain(meshes, terrain)
-    world = build_world(content, options.trim_mm / 1000, suns, options.wall_height_m)
-    surveyed = [position for position, rig in placed.items() if rig.surveyed]  # there the meshes are seen elsewhere
-    bare = build_world(content.ground(), options.trim_mm / 1000, suns, options.wall_height_m) if surveyed else world
+    world, bare = build_worlds(read_terrain(meshes, terrain), placed, suns, options)
     photos: dict[PhotoKey, list[coco.Annotation]] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
         for members in _by_view([key for key in keys if key.position in placed]):
             in_view = _of_view(labels, members[0])
             position, camera = members[0].position, members[0].camera
-            shown = bare if position in surveyed else world
-            outlines = ViewOutlines(shown, View(placed[position], camera), in_view, options)
+            shown = bare if placed[position].surveyed else world
+            outlines = ViewOutlines(shown, placed[position], camera, in_view, options)
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
             for own in _photo_sets(members):
                 rows_of = {key: of_photo.get(str(key), in_view[:0]) for key in own}

@@ -11,14 +11,22 @@ import numpy as np
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import png, tables
-from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, Azimuth, Camera, Light, PhotoKey
+from polarsim.photo import (
+    BLACK_LEVEL,
+    ELECTRONS_PER_DN,
+    READ_NOISE_ELECTRONS,
+    WHITE_LEVEL,
+    Azimuth,
+    CameraSide,
+    Light,
+    PhotoKey,
+)
 
 log = logging.getLogger("polarsim")
 
-PhotoSet = tuple[str, Camera, Light, Azimuth]  # of one terrain: position, camera, light, azimuth
+PhotoSet = tuple[str, CameraSide, Light, Azimuth]  # of one terrain: position, camera, light, azimuth
 
-ELECTRONS_PER_DN = 8.0  # POLAR's cameras: 33,000 electrons fill 12 bits
-READ_NOISE_DN = 7.0 / ELECTRONS_PER_DN
+READ_NOISE_DN = READ_NOISE_ELECTRONS / ELECTRONS_PER_DN
 KEPT = 4  # pictures in memory: 10 MB each
 FULL = WHITE_LEVEL - BLACK_LEVEL - 100.0  # above this a pixel may be clipped
 

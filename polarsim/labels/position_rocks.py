@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from polarsim.geometry.boxes import area, clip, iou
+from polarsim.geometry.camera import Camera
 from polarsim.labels import rover_light
 from polarsim.labels.fusion import mesh_weights
 from polarsim.labels.known import Known
@@ -17,8 +18,8 @@ from polarsim.labels.label import Label, label_of
 from polarsim.labels.lit import lit_share
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import cameras_first
-from polarsim.labels.view import ProjectedRock, View, at_border, move_rocks, project_rock
-from polarsim.photo import ROCK, SUNS, Azimuth, Camera
+from polarsim.labels.view import ProjectedRock, at_border, move_rocks, project_rock
+from polarsim.photo import ROCK, SUNS, Azimuth, CameraSide
 
 LIT = 0.1  # least share of a rock that a lamp must light for people to see it
 LONE_OF = 3  # lamps at least that must have lit a rock which people drew under one of them alone, to doubt it
@@ -37,14 +38,14 @@ class PositionRocks:
         self.drawn = known.seeds.get(position, {})
         self.azimuths = {azimuth for _, azimuth in self.drawn}
         self.tracks, self.ids = known.tracks.get(position, []), known.rocks.get(position, np.zeros(0, int))
-        self._fused_boxes: dict[tuple[Camera, Azimuth | None], np.ndarray] = {}
+        self._fused_boxes: dict[tuple[CameraSide, Azimuth | None], np.ndarray] = {}
         self._lit: dict[tuple[int, Azimuth], bool] = {}
-        self._projections: dict[tuple[Camera, int], ProjectedRock | None] = {}
+        self._projections: dict[tuple[CameraSide, int], ProjectedRock | None] = {}
 
-    def view(self, camera: Camera) -> View:
-        return View(self.placed, camera)
+    def view(self, camera: CameraSide) -> Camera:
+        return self.placed.camera(camera)
 
-    def labels(self, camera: Camera, azimuth: Azimuth) -> list[Label]:
+    def labels(self, camera: CameraSide, azimuth: Azimuth) -> list[Label]:
         """Rocks that people drew, or would have drawn, under a lamp."""
         if not self.drawn:
             return self._projected_rocks(camera)
@@ -65,16 +66,16 @@ class PositionRocks:
         labels = [label_of(ROCK, self.ids[row], source, boxes[row], float(share[row])) for row in chosen]
         return labels + self._beyond_border(camera, azimuth, boxes)
 
-    def rover_light_terms(self, camera: Camera, row: int) -> np.ndarray:
+    def rover_light_terms(self, camera: CameraSide, row: int) -> np.ndarray:
         """(t,) terms of `rover_light` of a track in a camera's photos without a Sun lamp."""
         rock, suns = int(self.ids[row]), self.azimuths & set(SUNS)
         share = len(self.tracks[row].azimuths & suns) / max(len(suns), 1)
         elsewhere = self._elsewhere(rock)
         size = float(np.sqrt(area(clip(self.fused(camera)[row]))))
-        distance = self.view(camera).focal_px / self.px_per_m(camera, rock)
+        distance = self.view(camera).lens.fx / self.px_per_m(camera, rock)
         return rover_light.terms(share, share if elsewhere is None else elsewhere, size, distance)
 
-    def _by_rover_light(self, camera: Camera, boxes: np.ndarray) -> list[Label]:
+    def _by_rover_light(self, camera: CameraSide, boxes: np.ndarray) -> list[Label]:
         """Rocks that people draw without a Sun lamp."""
         labels = []
         for row, box in enumerate(boxes):
@@ -119,11 +120,11 @@ class PositionRocks:
 
     def _in_view(self, position: str, rock: int) -> bool:
         """Whether the drawn photos of another position show a rock."""
-        view = View(self._known.placed[position], cameras_first(list(self._known.seeds[position]))[0][0])
+        view = self._known.placed[position].camera(cameras_first(list(self._known.seeds[position]))[0][0])
         shown = project_rock(self.world, view, rock) if rock in self.world.bodies else None
         return shown is not None and shown.seen >= IN_VIEW
 
-    def _beyond_border(self, camera: Camera, azimuth: Azimuth, fused: np.ndarray) -> list[Label]:
+    def _beyond_border(self, camera: CameraSide, azimuth: Azimuth, fused: np.ndarray) -> list[Label]:
         """Projected rocks that a Sun lamp lights, beyond the border of all drawn photos of this position."""
         found = []
         for label in self._projected_rocks(camera) if azimuth in SUNS else []:
@@ -134,7 +135,7 @@ class PositionRocks:
                 found.append(label)
         return found
 
-    def moved_source(self, camera: Camera) -> str:
+    def moved_source(self, camera: CameraSide) -> str:
         """Source of labels that other drawings tell: `shifted` where no pose says how far things move to a camera."""
         drawn_here = any(own == camera for own, _ in self.drawn)
         return "shifted" if self.in_image and not drawn_here else "fused"
@@ -143,7 +144,7 @@ class PositionRocks:
         """Under which lamps people drew a rock here."""
         return {azimuth for row in np.flatnonzero(self.ids == rock) for azimuth in self.tracks[row].azimuths}
 
-    def undrawn(self, camera: Camera, rocks: list[Label]) -> list[Label]:
+    def undrawn(self, camera: CameraSide, rocks: list[Label]) -> list[Label]:
         """Rocks that other azimuths, other positions or scans know, as far as no label shows them yet."""
         known = {label.rock for label in rocks}
         fused = self.fused(camera) if self.tracks else np.zeros((0, 4))
@@ -158,7 +159,7 @@ class PositionRocks:
                 found.append(label)
         return found
 
-    def projected(self, camera: Camera, rock: int) -> ProjectedRock | None:
+    def projected(self, camera: CameraSide, rock: int) -> ProjectedRock | None:
         """A body as a person would draw it."""
         if (camera, rock) not in self._projections:
             shown = project_rock(self.world, self.view(camera), rock)
@@ -168,13 +169,13 @@ class PositionRocks:
             )
         return self._projections[camera, rock]
 
-    def px_per_m(self, camera: Camera, rock: int) -> float:
+    def px_per_m(self, camera: CameraSide, rock: int) -> float:
         """Scale of a camera's photo at a rock."""
         view, body = self.view(camera), self.world.bodies.get(rock)
         place = body.centre if body is not None else np.zeros(3)
-        return view.focal_px / float(np.linalg.norm(place - view.centre))
+        return view.lens.fx / float(np.linalg.norm(place - view.centre))
 
-    def fused(self, camera: Camera, azimuth: Azimuth | None = None) -> np.ndarray:
+    def fused(self, camera: CameraSide, azimuth: Azimuth | None = None) -> np.ndarray:
         """(tracks, 4) mean of each track's boxes, moved into a camera, and of its mesh there as far as that fits.
 
         Drawings under the same lamp weigh more: light makes edges plain, or hides them.
@@ -200,7 +201,7 @@ class PositionRocks:
             self._fused_boxes[name] = total / weight
         return self._fused_boxes[name]
 
-    def _drawn_means(self, camera: Camera, azimuth: Azimuth | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _drawn_means(self, camera: CameraSide, azimuth: Azimuth | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Tracks (n,) that a camera's drawings show, the weight of these (n, 1), and the mean box there (n, 4)."""
         rows, weights, boxes = [], [], []
         for row, track in enumerate(self.tracks):
@@ -213,25 +214,25 @@ class PositionRocks:
                 boxes.append(np.average(drawn, axis=0, weights=own))
         return np.array(rows, int), np.array(weights)[:, None], np.array(boxes).reshape(-1, 4)
 
-    def _cut(self, boxes: np.ndarray, rocks: np.ndarray, camera: Camera) -> np.ndarray:
+    def _cut(self, boxes: np.ndarray, rocks: np.ndarray, camera: CameraSide) -> np.ndarray:
         """(n, 4) bool: edges that a photo's border cuts, of boxes (n, 4) or of the meshes of their rocks (n,)."""
         meshes = [self._mesh_box(camera, int(rock)) for rock in rocks]
         seen = np.array([box if mesh is None else mesh for box, mesh in zip(boxes, meshes, strict=True)])
         size = self.view(camera).size
         return at_border(boxes, size) | at_border(seen.reshape(-1, 4), size)
 
-    def _mesh_box(self, camera: Camera, rock: int) -> np.ndarray | None:
+    def _mesh_box(self, camera: CameraSide, rock: int) -> np.ndarray | None:
         """(4,) of a rock's mesh in a camera that sees enough of it."""
         body = self.world.bodies.get(rock)
         shown = self.projected(camera, rock) if body is not None and body.meshed else None
         return shown.box if shown is not None and shown.seen >= self.options.min_seen else None
 
-    def _moved(self, boxes: np.ndarray, rocks: np.ndarray, source: Camera, target: Camera) -> np.ndarray:
+    def _moved(self, boxes: np.ndarray, rocks: np.ndarray, source: CameraSide, target: CameraSide) -> np.ndarray:
         if source == target:
             return boxes
         return move_rocks(self.world, self.view(source), self.view(target), boxes, rocks)
 
-    def _projected_rocks(self, camera: Camera) -> list[Label]:
+    def _projected_rocks(self, camera: CameraSide) -> list[Label]:
         labels = []
         for rock in sorted(self.world.bodies):
             shown = self.projected(camera, rock)

@@ -19,7 +19,7 @@ from polarsim.labels.position_rocks import PositionRocks
 from polarsim.labels.shadows import Ids, lamp, shadow_box
 from polarsim.labels.view import at_border, move_flat
 from polarsim.labels.wall_shade import shading_height
-from polarsim.photo import NO_ROCK, SHADOW, Azimuth, Camera, Light
+from polarsim.photo import NO_ROCK, SHADOW, Azimuth, CameraSide, Light
 
 SHADOW_GATE = 2.0  # shadows are long: they are matched within this many times the gate of rocks
 FAR_APART, FAR_APART_PX = 0.3, 6.0  # of a box's sides, and at least pixels: so far apart edges are not the same one
@@ -61,11 +61,11 @@ class PositionShadows:
 
     def __init__(self, rocks: PositionRocks, options: LabelsOptions) -> None:
         self.rocks, self.world, self.options = rocks, rocks.world, options
-        self._seen: dict[Camera, Ids] = {}
-        self._shadow_ids: dict[tuple[Camera, bytes], tuple[np.ndarray, dict[int, Window]]] = {}
+        self._seen: dict[CameraSide, Ids] = {}
+        self._shadow_ids: dict[tuple[CameraSide, bytes], tuple[np.ndarray, dict[int, Window]]] = {}
 
     def labels(
-        self, camera: Camera, light: Light, azimuth: Azimuth, rocks: list[Label], brightness: Brightness | None
+        self, camera: CameraSide, light: Light, azimuth: Azimuth, rocks: list[Label], brightness: Brightness | None
     ) -> list[Label]:
         """Shadows of labelled rocks under a lamp; with a photo also those that it shows and nobody drew."""
         boxes = {} if self.rocks.in_image else {label.rock: label.box for label in rocks}  # nobody knows where they end
@@ -73,7 +73,7 @@ class PositionShadows:
         shadows = self._known(camera, light, azimuth, cast)
         return shadows if brightness is None else shadows + self._undrawn(azimuth, shadows, cast)
 
-    def _known(self, camera: Camera, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
+    def _known(self, camera: CameraSide, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
         """Shadows as drawn in this camera, edges in its photo averaged in; or in the other, averaged with cast ones; or
         cast.
         """
@@ -87,7 +87,7 @@ class PositionShadows:
                 for rock, box in zip(throwers, own, strict=True)
             ]
             return [label_of(SHADOW, rock, "seed", box) for rock, box in zip(throwers, boxes, strict=True)]
-        other: Camera = "R" if camera == "L" else "L"
+        other: CameraSide = "R" if camera == "L" else "L"
         drawn = self.drawn(other, azimuth)
         if drawn is None:
             return self._cast_labels(azimuth, cast)
@@ -117,11 +117,11 @@ class PositionShadows:
         large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= least}
         return [label_of(SHADOW, rock, "cast", box, by_rover_light=rover) for rock, box in large.items()]
 
-    def drawn(self, camera: Camera, azimuth: Azimuth) -> np.ndarray | None:
+    def drawn(self, camera: CameraSide, azimuth: Azimuth) -> np.ndarray | None:
         drawn = self.rocks.drawn.get((camera, azimuth))
         return drawn.shadows if drawn is not None else None
 
-    def throwers(self, camera: Camera, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
+    def throwers(self, camera: CameraSide, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
         """(n,) rock that throws each shadow drawn in a camera's photo, by the shadows that the bodies cast there."""
         cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
         expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
@@ -130,7 +130,7 @@ class PositionShadows:
 
     def cast(
         self,
-        camera: Camera,
+        camera: CameraSide,
         light: Light,
         azimuth: Azimuth,
         rock_boxes: Mapping[int, np.ndarray | None],
@@ -141,8 +141,7 @@ class PositionShadows:
         In a photo nothing is seen of a shadow that lies in a wall's, whose end the photo shows. Without one nobody
         knows where walls stand well enough to say so.
         """
-        view, step = self.rocks.view(camera), self.options.ray_step_px
-        place = lamp(self.world, view, light, azimuth)
+        step, place = self.options.ray_step_px, lamp(self.world, self.rocks.placed, light, azimuth)
         assert place is not None
         ids, shadow, windows = self._shadows_seen(camera, place)
         if brightness is not None:
@@ -174,7 +173,7 @@ class PositionShadows:
         rate = brightness.rate[step // 2 :: step, step // 2 :: step]
         return passing < shading_height(passing[bare], rate[bare], height)
 
-    def _shadows_seen(self, camera: Camera, place: np.ndarray) -> tuple[Ids, np.ndarray, dict[int, Window]]:
+    def _shadows_seen(self, camera: CameraSide, place: np.ndarray) -> tuple[Ids, np.ndarray, dict[int, Window]]:
         """What a camera sees, whose shadow a lamp (3,) throws on the ground there, and the `windows_of` of that."""
         view, step = self.rocks.view(camera), self.options.ray_step_px
         if camera not in self._seen:

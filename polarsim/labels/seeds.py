@@ -12,11 +12,11 @@ import numpy as np
 from polarsim.formats import yolo
 from polarsim.labels.photos import PhotoSet
 from polarsim.labels.shadow_starts import ShadowStarts
-from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, Camera, PhotoKey
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
 
 log = logging.getLogger(__name__)
 
-Sight = tuple[Camera, Azimuth]  # what one drawing of a position shows
+Sight = tuple[CameraSide, Azimuth]  # what one drawing of a position shows
 Ranked = tuple[tuple[bool, bool, int], "Drawn"]  # a correction, light off, number of boxes: the highest wins
 
 

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
+from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.boxes import of_mask
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.lens import Lens
 from polarsim.geometry.thin_parts import without_thin_parts
 from polarsim.labels.parts import Window, without_crumbs
-from polarsim.labels.view import View
 from polarsim.labels.wall_shade import passing_heights
 from polarsim.labels.world import World
 from polarsim.photo import NO_ROCK, Azimuth, Light
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT
 
 THIN_PX = 4.0  # parts of a shadow thinner than this do not widen its box: rims under rocks, where meshes meet the sand
 ROCK_ELLIPSE = 0.8  # of a rock's label box: the ellipse in which people see rock, never shadow
 
 
-def lamp(world: World, view: View, light: Light, azimuth: Azimuth) -> np.ndarray | None:
+def lamp(world: World, placed: PlacedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
     """(3,) place of the lamp that throws the shadows, sandbox frame; None in the dark.
 
     A Sun lamp outshines the rover light.
@@ -28,7 +30,7 @@ def lamp(world: World, view: View, light: Light, azimuth: Azimuth) -> np.ndarray
     if azimuth != "no":
         return world.suns[azimuth]
     if light == "on":
-        return view.placed.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)
+        return placed.rover_light
     return None
 
 
@@ -48,9 +50,10 @@ class Sightlines:
         return np.asarray(np.isfinite(self.distance) & (self.distance < self.wall))
 
 
-def sightlines(world: World, view: View, rows: np.ndarray, columns: np.ndarray) -> Sightlines:
+def sightlines(world: World, view: Camera, rows: np.ndarray, columns: np.ndarray) -> Sightlines:
     """Cast a ray through every pixel (row, column)."""
-    directions = view.grid_directions(rows, columns).reshape(-1, 3)
+    grid = (np.ascontiguousarray(side, float).tobytes() for side in (rows, columns))
+    directions = view.world_from_camera.rotate(_grid_directions(view.lens, *grid)).reshape(-1, 3)
     origins = np.broadcast_to(view.centre, directions.shape)
     ground, ground_face = world.ground.nearest(origins, directions)
     distance, face = world.everything.nearer(ground, ground_face, origins, directions)
@@ -61,13 +64,19 @@ def sightlines(world: World, view: View, rows: np.ndarray, columns: np.ndarray) 
     return Sightlines(directions, distance, face, ground, wall)
 
 
+@lru_cache(maxsize=2)  # both cameras of a rig: all its places have the same lenses
+def _grid_directions(lens: Lens, rows: bytes, columns: bytes) -> np.ndarray:
+    """In the camera's frame; rows and columns are the bytes of float arrays, for arrays are no keys."""
+    return lens.directions(np.stack(np.meshgrid(np.frombuffer(columns), np.frombuffer(rows)), axis=-1))
+
+
 class Ids:
     """What a view sees at a grid of pixels (rows, columns): the rock there, and the ground there or behind the rock.
 
     The near wall of the sandbox hides both.
     """
 
-    def __init__(self, world: World, view: View, rows: np.ndarray, columns: np.ndarray) -> None:
+    def __init__(self, world: World, view: Camera, rows: np.ndarray, columns: np.ndarray) -> None:
         seen = sightlines(world, view, rows, columns)
         self.shape = (len(rows), len(columns))
         self.hit = seen.met.reshape(self.shape)

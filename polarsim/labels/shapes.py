@@ -10,6 +10,7 @@ import numpy as np
 
 from polarsim.formats import rle
 from polarsim.geometry.boxes import iou, of_mask
+from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import outlines
 from polarsim.labels.parts import windows_of, without_crumbs
 
@@ -90,7 +91,7 @@ def stretched(shape: Shape, box: np.ndarray) -> Shape:
     column = np.clip(np.floor(column).astype(int), 0, shape.mask.shape[1] - 1)
     row = np.clip(np.floor(row).astype(int), 0, shape.mask.shape[0] - 1)
     inside = ((y > box[1]) & (y < box[3]))[:, None] & ((x > box[0]) & (x < box[2]))
-    return Shape(shape.mask[np.ix_(row, column)] & inside, int(x[0] - 0.5), int(y[0] - 0.5))
+    return Shape(shape.mask[np.ix_(row, column)] & inside, int(x[0] - HALF_PIXEL), int(y[0] - HALF_PIXEL))
 
 
 def rounded(box: np.ndarray, power: float = 2.5) -> Shape:
@@ -98,7 +99,7 @@ def rounded(box: np.ndarray, power: float = 2.5) -> Shape:
     x, y = _pixel_centres(box)
     across = np.abs((2 * x - box[0] - box[2]) / (box[2] - box[0])) ** power
     down = np.abs((2 * y - box[1] - box[3]) / (box[3] - box[1])) ** power
-    return Shape(down[:, None] + across <= 1, int(x[0] - 0.5), int(y[0] - 0.5))
+    return Shape(down[:, None] + across <= 1, int(x[0] - HALF_PIXEL), int(y[0] - HALF_PIXEL))
 
 
 def visible(shapes: Sequence[Shape], width: int, height: int) -> list[Shape | None]:
@@ -126,4 +127,4 @@ def _trimmed(shape: Shape) -> Shape:
 def _pixel_centres(box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     left, top = np.floor(box[:2]).astype(int)
     right, bottom = np.maximum(np.ceil(box[2:]).astype(int), [left + 1, top + 1])
-    return np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5
+    return np.arange(left, right) + HALF_PIXEL, np.arange(top, bottom) + HALF_PIXEL

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.boxes import window
+from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.labels.photos import Brightness, noise_dn
 
 SURROUND = 0.35  # of a box's sides: the width of the frame around it with which it is compared
@@ -32,7 +33,7 @@ def contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) -> Con
     """
     height, width = brightness.rate.shape
     part = window(box, np.maximum((box[2:] - box[:2]) * SURROUND, 3.0), width, height)
-    y, x = (np.arange(side.start, side.stop) + 0.5 for side in part)
+    y, x = (np.arange(side.start, side.stop) + HALF_PIXEL for side in part)
     if min(len(x), len(y)) < 2:
         return NONE
     values = brightness.at(exposure_ms, part)

@@ -8,8 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
+from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.rays import Caster, Joined, caster
+from polarsim.geometry.casters import caster
+from polarsim.geometry.rays import Caster, Joined
+from polarsim.labels.options import LabelsOptions
 from polarsim.photo import NO_ROCK
 from polarsim.survey import SUN_LAMPS
 
@@ -103,6 +106,21 @@ class World:
         other = self.rock_of_rocks_face[face]
         hidden = (distance < 1) & (other != rock) & (other != NO_ROCK)
         return hidden if self.walls is None else hidden | self.walls.blocked(eyes, directions, 1.0)
+
+
+def build_worlds(
+    terrain: TerrainMesh, placed: Mapping[str, PlacedRig], suns: Mapping[str, np.ndarray], options: LabelsOptions
+) -> tuple[World, World]:
+    """The terrain, and its bare ground for positions that only the survey places: their photos show rocks elsewhere.
+
+    Without such positions the second is the first.
+    """
+
+    def built(terrain: TerrainMesh) -> World:
+        return build_world(terrain, options.trim_mm / 1000, suns, options.wall_height_m)
+
+    world = built(terrain)
+    return world, built(terrain.ground()) if any(rig.surveyed for rig in placed.values()) else world
 
 
 def build_world(

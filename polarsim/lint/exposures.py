@@ -11,10 +11,10 @@ import numpy as np
 from polarsim.geometry.boxes import iou, match_sum
 from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
-from polarsim.photo import BOX_CLASSES, Azimuth, Camera, Light, PhotoKey, exposures
+from polarsim.photo import BOX_CLASSES, Azimuth, CameraSide, Light, PhotoKey, exposures
 
 FOUND, UNMOVED = 0.1, 0.9  # IoU of a box with its like in another exposure, and of one that did not move
-PhotoSet = tuple[int, str, Light, Azimuth, Camera]  # see `PhotoKey.photo_set`
+PhotoSet = tuple[int, str, Light, Azimuth, CameraSide]  # see `PhotoKey.photo_set`
 Found = Iterator[tuple[PhotoKey, Defect]]
 
 

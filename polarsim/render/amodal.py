@@ -9,8 +9,8 @@ import numpy as np
 
 from polarsim.formats.instances import BACKGROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.boxes import around, window
-from polarsim.geometry.lens import HALF_PIXEL, Lens
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.rays import NO_FACE, START_OFFSET
 from polarsim.geometry.vectors import length, moved
 from polarsim.render.surfaces import Surfaces
@@ -18,7 +18,7 @@ from polarsim.render.surfaces import Surfaces
 _MARGIN_PX = 2  # by which a lens bends the edges of a box out of the box around its corners
 
 
-def hidden_parts(surfaces: Surfaces, sandbox_from_camera: Pose, lens: Lens, ids: np.ndarray) -> dict[int, np.ndarray]:
+def hidden_parts(surfaces: Surfaces, camera: Camera, ids: np.ndarray) -> dict[int, np.ndarray]:
     """Pixels of each rock in the picture that other rocks and walls hide: (n,) flat numbers, sorted, by rock.
 
     What the ground hides of a rock, buried or behind a mound, is none of them. Rays are cast only where the picture
@@ -29,17 +29,16 @@ def hidden_parts(surfaces: Surfaces, sandbox_from_camera: Pose, lens: Lens, ids:
     ids : (h, w) uint16
         Of the view, without shadows or with them.
     """
-    origin = sandbox_from_camera.translation
-    windows = {rock: _window(surfaces.rock_corners[rock], sandbox_from_camera, lens) for rock in _rocks_in(ids)}
+    windows = {rock: _window(surfaces.rock_corners[rock], camera) for rock in _rocks_in(ids)}
     in_front = (ids == BACKGROUND) | ((ids >= ROCK_IDS) & (ids < SHADOW_IDS))
     asked = np.zeros(ids.shape, bool)
     for rock, near in windows.items():
         asked[near] |= in_front[near] & (ids[near] != ROCK_IDS + rock)
     pixels = np.flatnonzero(asked)
-    centres = np.stack([pixels % lens.width, pixels // lens.width], axis=1) + HALF_PIXEL
-    directions = sandbox_from_camera.rotate(lens.directions(centres))
+    row, column = np.divmod(pixels, camera.lens.width)
+    directions = camera.directions(np.stack([column, row], axis=1) + HALF_PIXEL)
     hidden: dict[int, list[np.ndarray]] = {rock: [] for rock in windows}
-    for rays, met in _rocks_along(surfaces, origin, directions):
+    for rays, met in _rocks_along(surfaces, camera.centre, directions):
         for rock in np.intersect1d(met, list(windows)):
             behind = pixels[rays[met == rock]]
             hidden[rock].append(behind[ids.reshape(-1)[behind] != ROCK_IDS + rock])
@@ -53,14 +52,14 @@ def _rocks_in(ids: np.ndarray) -> list[int]:
     return [int(rock) for rock in shown]
 
 
-def _window(corners: np.ndarray, sandbox_from_camera: Pose, lens: Lens) -> tuple[slice, slice]:
+def _window(corners: np.ndarray, camera: Camera) -> tuple[slice, slice]:
     """Rows and columns of the pixels that may show what lies between corners (n, 3)."""
-    points = sandbox_from_camera.inverse().apply(corners)
     # Far outside the photo a lens may bend points back into it; without distortion they stay outside.
-    pixels = np.concatenate([lens.project(points), replace(lens, distortion=(0.0,) * 5).project(points)])
+    straight = replace(camera, lens=replace(camera.lens, distortion=(0.0,) * 5))
+    pixels = np.concatenate([camera.project(corners), straight.project(corners)])
     if np.isnan(pixels).any():  # a corner behind the camera
-        return slice(0, lens.height), slice(0, lens.width)
-    return window(around(pixels), np.full(2, _MARGIN_PX), lens.width, lens.height)
+        return slice(0, camera.lens.height), slice(0, camera.lens.width)
+    return window(around(pixels), np.full(2, _MARGIN_PX), *camera.size)
 
 
 def _rocks_along(

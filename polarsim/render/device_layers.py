@@ -64,7 +64,7 @@ class _Model:
 
 
 @on_its_thread
-def add_layers(layers, samples_lit, surroundings, surfaces, sandbox_from_camera, lens, lamps, offsets, options) -> None:
+def add_layers(layers, samples_lit, surroundings, surfaces, camera, lamps, offsets, options) -> None:
     """Fill layers (h, w) by model and lamp, and (h, w) counts of lit samples by lamp; tell `surroundings` what is seen.
 
     Arguments are those of `layers.render_view`, which calls this; its surfaces are cast at by Taichi.
@@ -72,7 +72,8 @@ def add_layers(layers, samples_lit, surroundings, surfaces, sandbox_from_camera,
     caster = surfaces.all
     if caster.empty:
         return
-    there, count = caster.on_device(), lens.height * lens.width
+    lens, there = camera.lens, caster.on_device()
+    count = lens.height * lens.width
     face = caster.order
     id_of_slot = laid(surfaces.id_of_face[face].astype(np.int32))
     corner_normals = laid_vectors(surfaces.corner_normals.take(face, axis=0))
@@ -85,8 +86,8 @@ def add_layers(layers, samples_lit, surroundings, surfaces, sandbox_from_camera,
     for array in (*sums.values(), *lit.values(), upward, seen):
         array.fill(0)
     directions = ti.Vector.ndarray(3, ti.f32, count)
-    rotation = ti.Matrix(sandbox_from_camera.rotation.tolist(), ti.f32)
-    origin = ti.Vector(sandbox_from_camera.translation.tolist(), ti.f32)
+    rotation = ti.Matrix(camera.world_from_camera.rotation.tolist(), ti.f32)
+    origin = ti.Vector(camera.centre.tolist(), ti.f32)
     plain_id = _NO_ID if options.rim_albedo is None else BACKGROUND
     plain = (options.rim_albedo or 0.0) / math.pi
     for offset in offsets:
@@ -118,8 +119,9 @@ def add_layers(layers, samples_lit, surroundings, surfaces, sandbox_from_camera,
     for name, picture in samples_lit.items():
         picture += lit[name].to_numpy().reshape(picture.shape).astype(picture.dtype)
     if surroundings.even:
-        shape = (lens.height, lens.width)
-        surroundings.take_in({"bounce": upward.to_numpy().reshape(shape), "ambient": seen.to_numpy().reshape(shape)})
+        surroundings.take_in(
+            {"bounce": upward.to_numpy().reshape(lens.shape), "ambient": seen.to_numpy().reshape(lens.shape)}
+        )
 
 
 def _aim_at(directions, lens, offset) -> None:

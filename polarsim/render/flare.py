@@ -7,9 +7,8 @@ from functools import cache
 import numpy as np
 from scipy.integrate import quad
 
-from polarsim.geometry.lens import Lens
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.pixel_rays import pixel_directions
-from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import RenderOptions
 from polarsim.render.penumbra import visible_share
@@ -18,22 +17,20 @@ from polarsim.render.surfaces import Surfaces
 CORE = float(np.radians(1))  # angle within which the veil flattens: the law was measured down to here
 
 
-def flare_of(
-    surfaces: Surfaces, sandbox_from_camera: Pose, lens: Lens, lamp: Lamp, options: RenderOptions
-) -> np.ndarray:
+def flare_of(surfaces: Surfaces, camera: Camera, lamp: Lamp, options: RenderOptions) -> np.ndarray:
     """(h, w) float32 radiance of the veil that a lamp of the scene draws over the picture; 1 as in layers.
 
     The lamp's irradiance on the lens, in so far as nothing hides the lamp, times the share `options.flare`, times
     `scattering`. The lamp's own image is the veil's core, which most exposures clip.
     """
-    place = sandbox_from_camera.translation[None]
+    place, lens = camera.centre[None], camera.lens
     to_lamp, irradiance = lamp.light_at(place, falloff=options.falloff)
-    towards = sandbox_from_camera.rotation.T @ (to_lamp[0] / np.linalg.norm(to_lamp))
+    towards = camera.world_from_camera.rotation.T @ (to_lamp[0] / np.linalg.norm(to_lamp))
     if towards[2] <= 0:  # it stands beside or behind the lens
-        return np.zeros((lens.height, lens.width), np.float32)
+        return np.zeros(lens.shape, np.float32)
     light = irradiance[0] * towards[2] * _seen_share(surfaces, place, to_lamp, lamp, options.lamp_samples)
     if not light:
-        return np.zeros((lens.height, lens.width), np.float32)
+        return np.zeros(lens.shape, np.float32)
     directions = pixel_directions(lens, slice(None))
     cosine = directions @ towards / np.sqrt((directions**2).sum(axis=-1))
     return (options.flare * light * scattering(np.arccos(np.clip(cosine, -1, 1)))).astype(np.float32)

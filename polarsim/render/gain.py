@@ -10,7 +10,7 @@ import numpy as np
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import png, tables
-from polarsim.photo import BLACK_LEVEL, SUNS, PhotoKey
+from polarsim.photo import BLACK_LEVEL, CENTRE_GREY_PER_MS, SUNS, PhotoKey
 from polarsim.render import brdf
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import Model, RenderOptions
@@ -18,8 +18,6 @@ from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 log = logging.getLogger("polarsim.render")
 
-CENTRE_GREY_PER_MS = 3.0  # level ground at the centre, Sun 30, from A: then 256 ms serves best, as at NASA
-_MIDDLE_EXPOSURE_MS = 256
 _USABLE = (40, 3500)  # grey values above black that neither noise nor clipping moves
 _LIT = 0.25  # of the median radiance under the lamp: darker pixels lie in shadow or half-shadow
 _FRAME = (0.1, 0.7, 0.1, 0.9)  # top, bottom, left, right: NASA's advice against the box's rim
@@ -59,7 +57,7 @@ def gain_ratios(photo: np.ndarray, radiance: np.ndarray, exposure_ms: float) -> 
 def calibration_photos(index: Path | None, keys: Iterable[PhotoKey], most: int) -> dict[PhotoKey, Path]:
     """Photos of one view that gains are calibrated on: Sun alone, one exposure an azimuth; none without an index.
 
-    The view is the first of the keys that has such photos; the exposure is the one nearest to 256 ms.
+    The view is the first of the keys that has such photos; the exposure is the one nearest to the usual.
     """
     if index is None or most == 0:
         return {}
@@ -75,7 +73,7 @@ def calibration_photos(index: Path | None, keys: Iterable[PhotoKey], most: int) 
         rival = next((other for other in found if other.azimuth == key.azimuth), None)
         if rival is None and len(found) < most:
             found[key] = Path(path)
-        elif rival is not None and _from_middle(key) < _from_middle(rival):
+        elif rival is not None and key.stops_off_usual < rival.stops_off_usual:
             del found[rival]
             found[key] = Path(path)
     return found
@@ -96,7 +94,3 @@ def calibrate(
         ratios.append(gain_ratios(photo, radiance, key.exposure_ms))
     pooled = np.concatenate(ratios)
     return float(f"{np.median(pooled):.6g}") if len(pooled) else None
-
-
-def _from_middle(key: PhotoKey) -> float:
-    return abs(np.log2(key.exposure_ms / _MIDDLE_EXPOSURE_MS))

@@ -10,9 +10,8 @@ from functools import cache
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from polarsim.geometry.lens import Lens
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.pixel_rays import pixel_directions
-from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Met
 from polarsim.geometry.vectors import dot, moved, rotated, scaled, unit
 from polarsim.render.surfaces import Surfaces
@@ -43,17 +42,16 @@ class Hits:
 
 def cast_strip(
     surfaces: Surfaces,
-    sandbox_from_camera: Pose,
-    lens: Lens,
+    camera: Camera,
     rows: slice,
     offset: tuple[float, float] = (0.0, 0.0),
     *,
     smooth: bool = True,
 ) -> Hits:
     """Cast a ray through every pixel of the rows, `offset` pixels off its centre; normals are flat unless `smooth`."""
-    origin = sandbox_from_camera.translation
-    directions = rotated(sandbox_from_camera.rotation, pixel_directions(lens, rows, offset).reshape(-1, 3))
-    return meet(surfaces, rows, origin, directions, smooth=smooth)
+    directions = pixel_directions(camera.lens, rows, offset).reshape(-1, 3)
+    directions = rotated(camera.world_from_camera.rotation, directions)
+    return meet(surfaces, rows, camera.centre, directions, smooth=smooth)
 
 
 def meet(surfaces: Surfaces, rows: slice, origins: np.ndarray, directions: np.ndarray, *, smooth: bool = True) -> Hits:

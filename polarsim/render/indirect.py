@@ -15,8 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.rays import START_OFFSET
 from polarsim.geometry.vectors import dot, unit
 from polarsim.randomness import generator
@@ -160,8 +159,7 @@ def scattered(hits: Hits, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def indirect_layers(
     surfaces: Surfaces,
-    sandbox_from_camera: Pose,
-    lens: Lens,
+    camera: Camera,
     lamps: Mapping[str, Lamp],
     models: Sequence[Model],
     materials: Materials,
@@ -169,7 +167,8 @@ def indirect_layers(
     threads: int = 1,
 ) -> Layers:
     """(h, w) float32 indirect light of a view by model and lamp, in the units of `Rendering.layers`."""
-    layers = {(model, name): np.zeros((lens.height, lens.width), np.float32) for model in models for name in lamps}
+    height, width = camera.lens.shape
+    layers = {(model, name): np.zeros((height, width), np.float32) for model in models for name in lamps}
     if not layers:
         return layers
     surfaces.prepare(shadows=False)
@@ -177,50 +176,49 @@ def indirect_layers(
     offsets = sample_offsets(options)
     rays = -(-options.bounce_rays // len(offsets))
     # Two cameras must not share their grain: stereo would see a picture on the screen.
-    purpose = ("indirect", np.round(sandbox_from_camera.matrix, 6).tolist())
+    purpose = ("indirect", np.round(camera.world_from_camera.matrix, 6).tolist())
     grid = None
     if options.bounce_scale > 1:
-        grid = _gathered(surfaces, sandbox_from_camera, lens, paths, options, purpose, threads)
+        grid = _gathered(surfaces, camera, paths, options, purpose, threads)
 
     def work(rows: slice) -> None:
         rng = generator(options.seed, *purpose, rows.start)
         for offset in offsets:
-            hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, offset)
+            hits = cast_strip(surfaces, camera, rows, offset)
             if grid is None:
                 light, _ = paths.radiance(hits, rays, rng)
             else:
-                light, unknown = grid.at(hits, lens.width, offset)
+                light, unknown = grid.at(hits, width, offset)
                 light[:, unknown], _ = paths.radiance(hits.part(unknown), rays, rng)
             for layer, kind in zip(layers.values(), light, strict=True):
                 layer[rows].reshape(-1)[hits.pixel] += kind / np.float32(len(offsets))
 
-    for_strips(lens.height, threads, work)
+    for_strips(height, threads, work)
     return layers
 
 
 def _gathered(
     surfaces: Surfaces,
-    sandbox_from_camera: Pose,
-    lens: Lens,
+    camera: Camera,
     paths: Paths,
     options: RenderOptions,
     purpose: tuple[object, ...],
     threads: int,
 ) -> Grid:
     """Light at every `bounce_scale`-th pixel, smoothed."""
-    coarse = lens.scaled(1 / options.bounce_scale)
-    size = (coarse.height, coarse.width)
+    coarse = camera.scaled(1 / options.bounce_scale)
+    size = height, width = coarse.lens.shape
     point, normal = np.zeros((*size, 3), np.float32), np.zeros((*size, 3), np.float32)
     seen, thickness = np.zeros(size, bool), np.zeros(size, np.float32)
     light, vector = np.zeros((paths.kinds, *size), np.float32), np.zeros((paths.kinds, 3, *size), np.float32)
-    pixel_size = _PIXELS_THICK / coarse.fx  # at a distance of 1
+    pixel_size = _PIXELS_THICK / coarse.lens.fx  # at a distance of 1
 
     def work(rows: slice) -> None:
-        hits = cast_strip(surfaces, sandbox_from_camera, coarse, rows)
+        hits = cast_strip(surfaces, coarse, rows)
         sent, arriving = paths.radiance(
             hits, options.bounce_rays, generator(options.seed, *purpose, "coarse", rows.start)
         )
-        from_camera = hits.point - sandbox_from_camera.translation.astype(np.float32)
+        from_camera = hits.point - camera.centre.astype(np.float32)
         for picture, values in (
             (point, hits.point),
             (normal, hits.normal),
@@ -229,10 +227,10 @@ def _gathered(
         ):
             picture[rows].reshape(-1, *picture.shape[2:])[hits.pixel] = values
         high = rows.stop - rows.start
-        filled = np.zeros((paths.kinds, 4, high * coarse.width), np.float32)
+        filled = np.zeros((paths.kinds, 4, high * width), np.float32)
         filled[:, 0, hits.pixel], filled[:, 1:, hits.pixel] = sent, arriving
-        filled = filled.reshape(paths.kinds, 4, high, coarse.width)
+        filled = filled.reshape(paths.kinds, 4, high, width)
         light[:, rows], vector[:, :, rows] = filled[:, 0], filled[:, 1:]
 
-    for_strips(coarse.height, threads, work)
+    for_strips(height, threads, work)
     return Grid.smoothed(options.bounce_scale, seen, point, normal, thickness, light, vector)

@@ -10,7 +10,7 @@ import numpy as np
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.vectors import dot, length
 from polarsim.photo import PhotoKey
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
+from polarsim.survey import ROVER_LIGHT_SHARE
 
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
 REFERENCE_DISTANCE = 4.0  # metres at which a lamp of intensity 1 makes irradiance 1, with falloff and without
@@ -72,7 +72,7 @@ def beam_power(beam_deg: float) -> float:
 
 def lamps_of(suns: Mapping[str, np.ndarray], rig: PlacedRig, radius_m: float = 0.0) -> dict[str, Lamp]:
     """Sun lamps by azimuth, discs of a radius at their places (3,), and the rover light of a rig, a point."""
-    rover = Lamp(rig.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)
+    rover = Lamp(rig.rover_light, ROVER_LIGHT_SHARE)
     return {**{azimuth: Lamp(place, radius_m=radius_m) for azimuth, place in suns.items()}, ROVER: rover}
 
 

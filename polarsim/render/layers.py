@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from polarsim.errors import RenderError
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.camera import Camera
 from polarsim.render import brdf
 from polarsim.render.hits import Hits, cast_strip, for_strips
 from polarsim.render.indirect import indirect_layers
@@ -54,8 +53,7 @@ class Rendering:
 
 def render_view(
     surfaces: Surfaces,
-    sandbox_from_camera: Pose,
-    lens: Lens,
+    camera: Camera,
     lamps: Mapping[str, Lamp],
     models: Sequence[Model],
     throwing: Collection[str] | None,
@@ -72,7 +70,7 @@ def render_view(
     reflectance = reflectance_engine(options, threads)
     offsets = sample_offsets(options)
     surfaces.prepare(shadows=bool(throwing), threads=threads)
-    size = (lens.height, lens.width)
+    size = camera.lens.shape
     layers = {(model, name): np.zeros(size, np.float32) for model in models for name in lamps}
     ids = {} if throwing is None else {name: np.zeros(size, np.uint16) for name in (NO_LAMP, *throwing)}
     materials = Materials(surfaces, options, reflectance)
@@ -82,13 +80,13 @@ def render_view(
     if by_device:
         from polarsim.render.device_layers import add_layers
 
-        add_layers(layers, samples_lit, surroundings, surfaces, sandbox_from_camera, lens, lamps, offsets, options)
+        add_layers(layers, samples_lit, surroundings, surfaces, camera, lamps, offsets, options)
 
     def work(rows: slice) -> None:
         offset = None
         shares: dict[str, np.ndarray] = {}  # of discs, that pixels' centres see
         for offset in () if by_device else offsets:
-            hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, offset)
+            hits = cast_strip(surfaces, camera, rows, offset)
             surroundings.add(hits, len(offsets))
             for name, lamp in lamps.items():
                 if lamp.radius_m and offset == _CENTRE:
@@ -109,18 +107,18 @@ def render_view(
             return
         if offset != _CENTRE:
             shares = {}
-            hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, _CENTRE, smooth=False)
+            hits = cast_strip(surfaces, camera, rows, _CENTRE, smooth=False)
         pictures = {name: picture[rows].reshape(-1) for name, picture in ids.items()}
         lit_pixels = {name: lit[rows].reshape(-1) == len(offsets) for name, lit in samples_lit.items()}
         identify(pictures, surfaces, hits, lamps, lit_pixels, options, shares)
 
     if ids or not by_device:
-        for_strips(lens.height, threads, work)
+        for_strips(camera.lens.height, threads, work)
     surroundings.into(layers, lamps)
     indirect = {}
     if options.bounces:
         bouncing = [model for model in models if model not in CHRONO]
-        indirect = indirect_layers(surfaces, sandbox_from_camera, lens, lamps, bouncing, materials, options, threads)
+        indirect = indirect_layers(surfaces, camera, lamps, bouncing, materials, options, threads)
     return Rendering(layers, ids, indirect)
 
 

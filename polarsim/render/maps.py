@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.vectors import unit
 from polarsim.render.hits import Hits, between_deg, cast_strip, for_strips
 from polarsim.render.lamps import Lamp
@@ -61,30 +60,29 @@ class Maps:
 
 def maps_of(
     surfaces: Surfaces,
-    sandbox_from_camera: Pose,
-    lens: Lens,
+    camera: Camera,
     lamps: Mapping[str, Lamp],
     options: RenderOptions,
     threads: int = 1,
 ) -> Maps:
     """Cast a ray through every pixel's centre, and from there rays to every lamp."""
     surfaces.prepare(shadows=bool(lamps))
-    size = (lens.height, lens.width)
+    size = camera.lens.shape
 
     def empty() -> np.ndarray:
         return np.full(size, np.nan, np.float32)
 
     by_lamp = {name: LampMaps(empty(), empty(), empty(), np.zeros(size, np.uint16)) for name in lamps}
     maps = Maps(empty(), np.full((*size, 3), np.nan, np.float32), empty(), np.zeros(size, np.uint16), by_lamp)
-    axis = sandbox_from_camera.rotation[:, 2]
+    axis = camera.world_from_camera.rotation[:, 2]
 
     def work(rows: slice) -> None:
-        hits = cast_strip(surfaces, sandbox_from_camera, lens, rows)
+        hits = cast_strip(surfaces, camera, rows)
 
         def put(picture: np.ndarray, values: np.ndarray) -> None:
             picture[rows].reshape(-1, *picture.shape[2:])[hits.pixel] = values
 
-        put(maps.depth_m, (hits.point - sandbox_from_camera.translation) @ axis)
+        put(maps.depth_m, (hits.point - camera.centre) @ axis)
         put(maps.normal, hits.normal)
         put(maps.emergence_deg, between_deg(hits.normal, hits.to_viewer))
         put(maps.ids, surfaces.id_of_face[hits.face])
@@ -93,7 +91,7 @@ def maps_of(
             for field, values in under.items():
                 put(getattr(by_lamp[name], field), values)
 
-    for_strips(lens.height, threads, work)
+    for_strips(camera.lens.height, threads, work)
     return maps
 
 

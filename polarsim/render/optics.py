@@ -9,9 +9,9 @@ from functools import cache, lru_cache
 import numpy as np
 from scipy import fft
 
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.pixel_rays import pixel_directions
-from polarsim.geometry.poses import Pose
 from polarsim.render.flare import flare_of
 from polarsim.render.indirect import Layers
 from polarsim.render.lamps import Lamp
@@ -24,8 +24,7 @@ def through_lens(
     layers: Mapping[tuple[Model, str], np.ndarray],
     lamps: Mapping[str, Lamp],
     surfaces: Surfaces,
-    sandbox_from_camera: Pose,
-    lens: Lens,
+    camera: Camera,
     options: RenderOptions,
     threads: int = 1,
 ) -> Layers:
@@ -36,12 +35,10 @@ def through_lens(
     flares = {}
     if options.flare:
         names = dict.fromkeys(name for _, name in layers)
-        flares = {
-            name: flare_of(surfaces, sandbox_from_camera, lens, lamps[name], options) for name in names if name in lamps
-        }
+        flares = {name: flare_of(surfaces, camera, lamps[name], options) for name in names if name in lamps}
 
     def seen(layer: np.ndarray, lamp: str) -> np.ndarray:
-        image = imaged(layer, lens, options)
+        image = imaged(layer, camera.lens, options)
         return image + flares[lamp] if lamp in flares else image
 
     with ThreadPoolExecutor(max(1, threads)) as pool:

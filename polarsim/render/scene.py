@@ -55,16 +55,16 @@ class Scene:
         RenderError
             The engine cannot be loaded.
         """
-        pose, lens, lamps, options = shot.sandbox_from_camera, shot.lens, shot.lamps, self.options
-        view = render_view(self.surfaces, pose, lens, lamps, [shot.model], None, options, threads)
-        layers = through_lens(view.whole, lamps, self.surfaces, pose, lens, options, threads)
-        radiance = sum(layers.values(), np.zeros((lens.height, lens.width), np.float32))
+        camera, lamps, options = shot.camera, shot.lamps, self.options
+        view = render_view(self.surfaces, camera, lamps, [shot.model], None, options, threads)
+        layers = through_lens(view.whole, lamps, self.surfaces, camera, options, threads)
+        radiance = sum(layers.values(), np.zeros(camera.lens.shape, np.float32))
         noise = noise_of(options, "scene", self.terrain, shot.exposure_ms)
         return expose(radiance, shot.exposure_ms * self.gain(shot.model), options, noise)
 
     def maps(self, shot: Shot, threads: int = 1) -> Maps:
         """Depth, normals and ids of what a shot shows, its angles to each of its lamps, and shadows under it."""
-        return maps_of(self.surfaces, shot.sandbox_from_camera, shot.lens, shot.lamps, self.options, threads)
+        return maps_of(self.surfaces, shot.camera, shot.lamps, self.options, threads)
 
     def gain(self, model: Model) -> float:
         """Grey values per ms and unit radiance."""

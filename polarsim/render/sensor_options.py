@@ -6,6 +6,8 @@ from typing import Literal
 
 from pydantic import BaseModel, Field, model_validator
 
+from polarsim.photo import ELECTRONS_PER_DN, READ_NOISE_ELECTRONS
+
 
 class SensorOptions(BaseModel, extra="forbid", frozen=True):
     """From the scene's light to grey values. Black level (16) and clipping (12 bits) are those of the data set."""
@@ -34,9 +36,11 @@ class SensorOptions(BaseModel, extra="forbid", frozen=True):
 
     noise: bool = Field(False, description="Shot and read noise; noisy twins take 1.5 times the space.")
     electrons_per_grey_value: float = Field(
-        8, gt=0, description="Photo-electrons that make a grey value: the more, the less shot noise."
+        ELECTRONS_PER_DN, gt=0, description="Photo-electrons that make a grey value: the more, the less shot noise."
     )
-    read_noise_electrons: float = Field(7, ge=0, description="Standard deviation of the read noise, electrons.")
+    read_noise_electrons: float = Field(
+        READ_NOISE_ELECTRONS, ge=0, description="Standard deviation of the read noise, electrons."
+    )
 
     @model_validator(mode="after")
     def _samples_for_a_filter(self) -> SensorOptions:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.camera import Camera
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import Model
 
@@ -17,10 +16,9 @@ class Shot:
 
     Parameters
     ----------
-    sandbox_from_camera : Pose
-        `geometry.poses.looking` makes one from a place and angles.
-    lens : Lens
-        `lens.scaled(0.25)` renders a small picture.
+    camera : Camera
+        In the sandbox; `geometry.poses.looking` makes a pose from a place and angles, `camera.scaled(0.25)` renders a
+        small picture.
     lamps : name -> Lamp
         Near points or discs of light, or `Lamp.sun`; any names. None: black.
     exposure_ms : float
@@ -29,8 +27,7 @@ class Shot:
         One of `render.options.MODELS`; its parameters and gain are those of the scene's options.
     """
 
-    sandbox_from_camera: Pose
-    lens: Lens
+    camera: Camera
     lamps: Mapping[str, Lamp]
     exposure_ms: float
     model: Model

@@ -15,6 +15,7 @@ import polarsim
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import read_json, write_text
 from polarsim.formats.rigs import lens_content, lens_of
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
@@ -51,8 +52,8 @@ class Sidecar:
         shot = self.shot
         return {
             "terrain": self.terrain,
-            "lens": lens_content(shot.lens),
-            "sandbox_from_camera": shot.sandbox_from_camera.matrix.tolist(),
+            "lens": lens_content(shot.camera.lens),
+            "sandbox_from_camera": shot.camera.world_from_camera.matrix.tolist(),
             "lamps": {name: _lamp_content(lamp) for name, lamp in shot.lamps.items()},
             "exposure_ms": shot.exposure_ms,
             "model": shot.model,
@@ -85,8 +86,7 @@ def read_sidecar(path: str | Path) -> Sidecar:
         try:
             model, gain = content["model"], float(content["gain_per_ms"])
             shot = Shot(
-                Pose.from_matrix(np.array(content["sandbox_from_camera"], float)),
-                lens_of(content["lens"]),
+                Camera(Pose.from_matrix(np.array(content["sandbox_from_camera"], float)), lens_of(content["lens"])),
                 {name: _lamp(lamp) for name, lamp in content["lamps"].items()},
                 float(content["exposure_ms"]),
                 model,

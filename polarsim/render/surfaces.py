@@ -11,7 +11,8 @@ import numpy as np
 
 from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.rays import Caster, Device, RayEngine, Surveyor, caster
+from polarsim.geometry.casters import caster
+from polarsim.geometry.rays import Caster, Device, RayEngine, Surveyor
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.seats import seated

@@ -11,8 +11,8 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.formats.materials import FittedMaterials
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
 from polarsim.photo import PhotoKey
 from polarsim.render.fitted import as_bright_as_fitted
 from polarsim.render.gain import calibrate, default_gain
@@ -52,9 +52,7 @@ class TwinWriter:
         self._options, self._threads = options, threads
         self._gains = {model: options.gain[model] for model in twins if options.gain.get(model)}
 
-    def write(
-        self, keys: Sequence[PhotoKey], layers: Layers, lamps: Mapping[str, Lamp], sandbox_from_camera: Pose, lens: Lens
-    ) -> None:
+    def write(self, keys: Sequence[PhotoKey], layers: Layers, lamps: Mapping[str, Lamp], camera: Camera) -> None:
         """Write `KEY.png` and `KEY.json` of one view into the folder of every model."""
         for model, folder in self._twins.items():
             gain = self._gain(model, layers)
@@ -62,8 +60,8 @@ class TwinWriter:
             own = {name: layer for (of, name), layer in layers.items() if of == model}
             if shining is not lamps:
                 own = {name: layer * (shining[name].intensity / lamps[name].intensity) for name, layer in own.items()}
-            write_photos(folder, keys, own, lens, gain, self._options, self._threads)
-            self._sidecars.write(folder, keys, Shot(sandbox_from_camera, lens, shining, 0, model), gain)
+            write_photos(folder, keys, own, camera.lens, gain, self._options, self._threads)
+            self._sidecars.write(folder, keys, Shot(camera, shining, 0, model), gain)
 
     def _gain(self, model: Model, layers: Layers) -> float:
         """Of the options, else as bright as the photos, else built in."""
@@ -87,7 +85,7 @@ def write_photos(
     threads: int,
 ) -> None:
     """Write the photos of one view, `folder/KEY.png`, from its layers by lamp."""
-    dark = np.zeros((lens.height, lens.width), np.float32)
+    dark = np.zeros(lens.shape, np.float32)
     photo_sets: dict[tuple[object, ...], list[PhotoKey]] = {}
     for key in keys:
         photo_sets.setdefault(key.photo_set, []).append(key)

@@ -15,7 +15,7 @@ from polarsim.formats.lamps import read_suns
 from polarsim.formats.materials import read_materials
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import read_terrain
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey, View
 from polarsim.progress import track
 from polarsim.render.amodal import hidden_parts
 from polarsim.render.automatic import label_row, label_view
@@ -32,7 +32,6 @@ from polarsim.render.twin_sidecars import TwinSidecars
 from polarsim.render.twin_writer import TwinWriter
 
 log = logging.getLogger("polarsim.render")
-View = tuple[str, str]  # position and camera
 
 
 @dataclass(frozen=True)
@@ -125,17 +124,17 @@ def render_twins(
         rig, own = rigs[view[0]], [key for key in views[view] if only is None or key in only]
         if not own and view not in first:
             continue
-        pose, lens = rig.sandbox_from(view[1]), rig.rig.lens(view[1])
+        camera = rig.camera(view[1])
         shining = _lamps(suns, rig, [*own, *(key for key in references if view in first)], options)
         throwing = sorted({lit_by(key)[0] for key in own if lit_by(key)})
-        rendering = render_view(surfaces, pose, lens, shining, list(twins), throwing, options, threads)
-        whole = through_lens(rendering.whole, shining, surfaces, pose, lens, options, threads)
-        writer.write(own, whole, shining, pose, lens)
-        hidden = hidden_parts(surfaces, pose, lens, rendering.ids[NO_LAMP])
+        rendering = render_view(surfaces, camera, shining, list(twins), throwing, options, threads)
+        whole = through_lens(rendering.whole, shining, surfaces, camera, options, threads)
+        writer.write(own, whole, shining, camera)
+        hidden = hidden_parts(surfaces, camera, rendering.ids[NO_LAMP])
         found_labels |= label_view(own, rendering.ids, hidden, labels.boxes, labels.instances, options)
         if options.maps and labels.maps:
             mapped = {name: shining[name] for name in lamps_of_maps(options.maps, throwing)}
-            write_view_maps(labels.maps, own, maps_of(surfaces, pose, lens, mapped, options, threads), options.maps)
+            write_view_maps(labels.maps, own, maps_of(surfaces, camera, mapped, options, threads), options.maps)
     _write_labels(labels, found_labels, rigs)
 
 

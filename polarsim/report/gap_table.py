@@ -6,18 +6,17 @@ from pathlib import Path
 
 import pandas as pd
 
+from polarsim.formats.gap_ledger import FIGURE_COLUMNS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
 from polarsim.report.seeds import by_splits, over_seeds, seed_notes
 
-FIGURES = ("ipd", "ipd_abs", "map50", "alarms", "alarm_area")
-ENDS = ("_twin", "", "_change", "_change_low", "_change_high")
 COLUMNS = (
     "split", "seed", "ingredient", "replaced", "model", "trained", "kind", "judge", "epochs", "imgsz", "images",
     "units", "unit", "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "alarms_photo", "alarm_area_photo",
-    *(f"{figure}{end}" for figure in FIGURES for end in ENDS),
+    *FIGURE_COLUMNS,
 )  # fmt: skip
 CAPTION = (
     "Gap ledger, {kind}s: one ingredient of the {model} twin is replaced at a time (T: judge trained on). Changes are "

@@ -12,9 +12,10 @@ import numpy as np
 
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.poses import Pose
 from polarsim.photo import PhotoKey
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT, SANDBOX_HALF_WIDTH
+from polarsim.survey import SANDBOX_HALF_WIDTH
 
 STEP_PX = 16  # between the pixels that are asked
 WALL_MARGIN = 0.8  # metres of sand before the walls that are not asked: crops shall show ground
@@ -54,7 +55,7 @@ def extreme_places(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[P
         if key.position not in rigs or not lit_by_one_lamp(key) or key.photo_set in found:
             continue
         rig = rigs[key.position]
-        lamp = lamps.get(key.azimuth) if key.light == "off" else _rover_light(rig)
+        lamp = lamps.get(key.azimuth) if key.light == "off" else rig.rover_light
         angles = None if lamp is None else _angles(rig, key, lamp, half_px)
         if angles is not None:
             found[key.photo_set] = angles
@@ -83,8 +84,8 @@ def phase_angles(sandbox_from_camera: Pose, directions: np.ndarray, lamp_sandbox
 
 def _angles(rig: PlacedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) -> tuple[Place, Place] | None:
     lens = rig.rig.lens(key.camera)
-    u = np.arange(half_px, lens.width - half_px, STEP_PX) + 0.5
-    v = np.arange(half_px, lens.height - half_px, STEP_PX) + 0.5
+    u = np.arange(half_px, lens.width - half_px, STEP_PX) + HALF_PIXEL
+    v = np.arange(half_px, lens.height - half_px, STEP_PX) + HALF_PIXEL
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     angles = np.degrees(phase_angles(rig.sandbox_from(key.camera), lens.directions(pixels), lamp))
     if np.isnan(angles).all():
@@ -94,7 +95,3 @@ def _angles(rig: PlacedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) -> tu
         for at in (np.nanargmin(angles), np.nanargmax(angles))
     )
     return near, far
-
-
-def _rover_light(rig: PlacedRig) -> np.ndarray:
-    return rig.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)

@@ -10,8 +10,8 @@ import numpy as np
 from polarsim.errors import about
 from polarsim.formats import obj, scene, tables
 from polarsim.formats.inventory import read_inventory
-from polarsim.formats.obj import Mesh
 from polarsim.formats.rock_shifts import read_shifts
+from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.rocks import table
 from polarsim.rocks.folder import height_mesh, write_meshes

@@ -30,7 +30,7 @@ class _Cut:
 
 
 @dataclass(frozen=True)
-class _View:
+class _SeenCells:
     """All seen cells in the photo of one position."""
 
     cells: np.ndarray  # (n,) flat
@@ -61,11 +61,11 @@ def carved(sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evid
     for position, boxes in evidence.unexplained(_surfaces(sand, regions)).items():
         if not len(boxes):
             continue
-        view = _view(sand, evidence, position)
+        cells = _seen_cells(sand, evidence, position)
         for box in boxes:
             if any(evidence.fit(position, one, box[None]) >= evidence.min_iou for one in _surfaces(sand, regions)):
                 continue  # a box before this one cut out what it shows
-            shown = view.shown(box)
+            shown = cells.shown(box)
             cuts = (
                 _cut(sand, regions, number, position, box, shown, limits, evidence)
                 for number in (None, *range(len(regions)))
@@ -94,11 +94,11 @@ def _union(sand: Sand, regions: Sequence[Region], evidence: Evidence) -> Region:
     return region_of(sand, cells, evidence)
 
 
-def _view(sand: Sand, evidence: Evidence, position: str) -> _View:
+def _seen_cells(sand: Sand, evidence: Evidence, position: str) -> _SeenCells:
     cells = np.flatnonzero(np.isfinite(sand.surface))
     points, rig = surface_points(sand, cells), evidence.placed[position]
     away = np.linalg.norm(points - rig.sandbox_from_left.translation, axis=1)
-    return _View(cells, rig.project("L", points), away)
+    return _SeenCells(cells, rig.project("L", points), away)
 
 
 def _cut(

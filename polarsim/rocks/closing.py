@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from polarsim.errors import ReconstructionError
-from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
+from polarsim.geometry.meshes import Mesh
 from polarsim.rocks.heights import FloorGrid
 
 SINK = 0.015  # metres that a rock's closed underside lies below the ground

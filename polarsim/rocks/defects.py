@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.planes import robust_plane
 from polarsim.geometry.topology import is_watertight, open_edges, part_of_vertex
 from polarsim.rocks.heights import FloorGrid

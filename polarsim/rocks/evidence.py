@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,11 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
-from polarsim.geometry.boxes import around, iou
+from polarsim.geometry.boxes import iou
 from polarsim.geometry.consensus import consensus_boxes
-from polarsim.geometry.strangers import find_strangers
-
-log = logging.getLogger("polarsim")
+from polarsim.geometry.strangers import positions_of_strangers
 
 PEN_IOU = 0.05  # of IoU a position: smaller differences between two explanations of a box are the pen's
 
@@ -35,18 +32,8 @@ class Evidence:
 
     def of_their_place(self, rocks: Sequence[np.ndarray]) -> Evidence:
         """The same without positions whose boxes are another one's, by rocks (n, 3) that shape alone tells; warns."""
-        nothing = np.full(4, np.nan)
-        projected = {
-            position: np.array(
-                [nothing if (box := self._box(position, points)) is None else box for points in rocks]
-            ).reshape(-1, 4)
-            for position, rig in self.placed.items()
-            if not rig.surveyed
-        }
-        strangers = find_strangers(self.agreed, projected)
-        for stranger in strangers:
-            log.warning("%s", stranger)
-        names = {stranger.position for stranger in strangers}
+        cameras = {position: rig.camera("L") for position, rig in self.placed.items() if not rig.surveyed}
+        names = positions_of_strangers(self.agreed, cameras, rocks)
         return replace(self, drawn={position: boxes for position, boxes in self.drawn.items() if position not in names})
 
     def confirming(self, points: np.ndarray) -> list[str]:
@@ -62,11 +49,10 @@ class Evidence:
 
     def boxes(self, parts: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
         """(p, 4) around parts, given by points (n, 3), in every photo with agreed boxes; NaN where it shows none."""
-        nothing = np.full(4, np.nan)
-        found = {position: [self._box(position, points) for points in parts] for position in self.agreed}
+        cameras = {position: self.placed[position].camera("L") for position in self.agreed}
         return {
-            position: np.array([nothing if box is None else box for box in boxes]).reshape(-1, 4)
-            for position, boxes in found.items()
+            position: np.array([camera.box_around(points) for points in parts]).reshape(-1, 4)
+            for position, camera in cameras.items()
         }
 
     def fit(self, position: str, points: np.ndarray, boxes: np.ndarray) -> float:
@@ -85,10 +71,5 @@ class Evidence:
 
     def _box(self, position: str, points: np.ndarray) -> np.ndarray | None:
         """(4,) around points in a position's left photo, as far as the photo shows them; None where it shows none."""
-        rig = self.placed[position]
-        size = np.array([rig.rig.left.width, rig.rig.left.height])
-        pixels = rig.project("L", points)
-        pixels = pixels[np.isfinite(pixels).all(axis=1)]
-        if not ((pixels > 0) & (pixels < size)).all(axis=1).any():
-            return None
-        return around(np.clip(pixels, 0, size))
+        box = self.placed[position].camera("L").box_around(points)
+        return None if np.isnan(box).any() else box

@@ -10,8 +10,8 @@ import pandas as pd
 
 from polarsim.formats import gltf, obj, tables
 from polarsim.formats.files import writing_folder
-from polarsim.formats.obj import Mesh
 from polarsim.formats.scene import MESH_TABLE
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.rocks.heights import FloorGrid

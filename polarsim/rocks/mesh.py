@@ -9,9 +9,9 @@ import numpy as np
 
 from polarsim.errors import ReconstructionError
 from polarsim.formats import ply, tables
-from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
 from polarsim.formats.scene import SCANNED
+from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.rocks.folder import height_mesh, write_meshes
 from polarsim.rocks.heights import FloorGrid, filled, mean_heights

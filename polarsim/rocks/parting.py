@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from polarsim.formats.obj import Mesh
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import numbered_edges
 
 FLAT = 1e-6  # radians: sheets that lie on each other have nothing between them, not a full turn

@@ -9,8 +9,8 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats import obj
-from polarsim.formats.obj import Mesh
-from polarsim.geometry.rays import caster
+from polarsim.geometry.casters import caster
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.vectors import cross
 from polarsim.rocks.heights import FloorGrid, filled
 

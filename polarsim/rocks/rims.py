@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
-from polarsim.formats.obj import Mesh
+from polarsim.geometry.meshes import Mesh
 from polarsim.rocks.heights import FloorGrid
 
 SECTORS = 24

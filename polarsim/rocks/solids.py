@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.formats.obj import Mesh
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight, part_of_vertex
 from polarsim.rocks.parting import parted
 

@@ -7,8 +7,8 @@ import logging
 import numpy as np
 from scipy.spatial import KDTree
 
-from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks.closing import closing_points, hull_mesh, hull_points
 from polarsim.rocks.clouds import tangents

@@ -141,7 +141,7 @@ def against_drawn(
         pairs = [np.zeros((0, 2, 4))]  # projected and drawn
         for position, rig in placed.items():
             boxes = agreed_boxes(drawn, position, camera, rule)
-            projected = outlines.seen(rig.rig.lens(camera), rig.sandbox_from(camera))
+            projected = outlines.seen(rig.camera(camera))
             rows, columns = assign(projected, boxes, rule.gate_px)
             pairs.append(np.stack([projected[rows], boxes[columns]], axis=1))
         first, second = np.concatenate(pairs).swapaxes(0, 1)

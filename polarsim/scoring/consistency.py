@@ -22,9 +22,9 @@ from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scans import read_scan
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tables import read_parquet
+from polarsim.geometry.casters import caster
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.geometry.rays import caster
 from polarsim.scoring.complaints import STAGE, complaint
 from polarsim.scoring.gauge import fit_gauge, refine_gauge
 from polarsim.scoring.labels import read_drawn

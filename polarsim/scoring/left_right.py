@@ -94,7 +94,7 @@ def boxes_of_both(
             continue
         down, share = {}, {}
         for camera, own in boxes.items():
-            projected = outlines.seen(rig.rig.lens(camera), rig.sandbox_from(camera))
+            projected = outlines.seen(rig.camera(camera))
             rocks, rows = assign(projected, own, rule.gate_px)
             off = (projected[rocks][:, [1, 3]] - own[rows][:, [1, 3]]).mean(axis=1)
             down[camera] = dict(zip(rocks.tolist(), off.tolist(), strict=True))

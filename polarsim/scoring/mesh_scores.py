@@ -10,6 +10,7 @@ import pandas as pd
 
 from polarsim.formats import obj
 from polarsim.formats.scene import TerrainMesh, made_from
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.scoring.surface import Surface, islands
@@ -94,7 +95,7 @@ def f_score(there: np.ndarray, back: np.ndarray) -> float:
     return float(2 * recall * precision / (recall + precision)) if recall + precision else 0.0
 
 
-def contact_share(rock: obj.Mesh, ground: Surface) -> float:
+def contact_share(rock: Mesh, ground: Surface) -> float:
     """Share of the directions about a rock in which its mesh comes to within 2 mm of the ground, or below it."""
     above = ground.height_below(rock.vertices)
     offset = rock.vertices[:, :2] - (rock.vertices[:, :2].min(axis=0) + rock.vertices[:, :2].max(axis=0)) / 2
@@ -105,11 +106,11 @@ def contact_share(rock: obj.Mesh, ground: Surface) -> float:
     return float((lowest[np.unique(sector)] < CONTACT).mean())
 
 
-def _named(name: str, rock: int, mesh: obj.Mesh, sources: Mapping[str, str]) -> dict[str, object]:
+def _named(name: str, rock: int, mesh: Mesh, sources: Mapping[str, str]) -> dict[str, object]:
     return {"mesh": name, "rock": rock, "made_from": sources.get(name, ""), **_counts(mesh)}
 
 
-def _counts(mesh: obj.Mesh) -> dict[str, object]:
+def _counts(mesh: Mesh) -> dict[str, object]:
     corners = mesh.vertices[mesh.faces]
     edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=-1)
     return {
@@ -121,7 +122,7 @@ def _counts(mesh: obj.Mesh) -> dict[str, object]:
     }
 
 
-def _copy_figures(mesh: obj.Mesh, copy: obj.Mesh, rng: np.random.Generator, samples: int) -> dict[str, float]:
+def _copy_figures(mesh: Mesh, copy: Mesh, rng: np.random.Generator, samples: int) -> dict[str, float]:
     """Size, closedness and Hausdorff distance of a thinned copy, from all vertices and points on both surfaces."""
     full, thin = Surface(mesh.vertices, mesh.faces), Surface(copy.vertices, copy.faces)
     there = thin.distance(np.concatenate([mesh.vertices, full.sample(samples, rng)[0]]))

@@ -15,13 +15,13 @@ from polarsim.formats import release, yolo
 from polarsim.formats.coco import Annotation, read_coco
 from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.polygons import rasterised
-from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, Camera, PhotoKey
+from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, CameraSide, PhotoKey
 from polarsim.scoring.labels import box_figures, read_drawn
 from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.quality import write_quality
 from polarsim.scoring.score import Counts, Labels, count_boxes, count_overlaps
 
-TASKS: dict[Camera, str] = {"L": "seeds' camera", "R": "Left to Right"}
+TASKS: dict[CameraSide, str] = {"L": "seeds' camera", "R": "Left to Right"}
 
 Polygons = list[tuple[int, np.ndarray]]  # class number, ring (n, 2) in pixels
 

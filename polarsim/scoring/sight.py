@@ -11,8 +11,8 @@ import numpy as np
 from polarsim.formats import nasa
 from polarsim.formats.inventory import Inventory
 from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import rectified_left
 from polarsim.scoring.surface import Surface
 
@@ -24,16 +24,13 @@ SAME_RANGE = 0.015  # metres between a point's distance and the return's
 class Sight:
     """One position's view of the true scene."""
 
-    truth_from_rectified: Pose
-    lens: Lens
+    camera: Camera  # rectified, in the true frame
     ranges: np.ndarray | None  # (h, w) metres, NaN without a return
 
     def sees(self, surface: Surface, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """(n,) whether points (n, 3) of a surface with normals (n, 3), all in the true frame, are seen."""
-        eye = self.truth_from_rectified.translation
-        pixels = self.lens.project(self.truth_from_rectified.inverse().apply(points))
-        with np.errstate(invalid="ignore"):
-            seen = np.asarray(((pixels > 0) & (pixels < [self.lens.width, self.lens.height])).all(axis=1))
+        eye, pixels = self.camera.centre, self.camera.project(points)
+        seen = self.camera.inside(pixels)
         seen[seen] = surface.seen_from(eye, points[seen], normals[seen])
         if self.ranges is not None:
             seen[seen] = _returned(self.ranges, pixels[seen], np.linalg.norm(points[seen] - eye, axis=1))
@@ -53,7 +50,8 @@ def sights(true: Mapping[str, PlacedRig], positions: set[str], known: Inventory 
         grid = rectified_left(true[position].rig)
         path = known.range_maps.get(position) if known is not None else None
         ranges = _read_ranges(Path(path), grid.lens) if path else None
-        found.append(Sight(true[position].sandbox_from_left @ grid.left_from_rectified, grid.lens, ranges))
+        camera = Camera(true[position].sandbox_from_left @ grid.left_from_rectified, grid.lens)
+        found.append(Sight(camera, ranges))
     return found
 
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.formats.obj import Mesh
-from polarsim.geometry.rays import Caster, caster
+from polarsim.geometry.casters import caster
+from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.rays import Caster
 from polarsim.geometry.topology import part_of_vertex
 
 _LIFT = 2e-3  # metres: sampled points are looked at from here above their own surface

@@ -16,6 +16,7 @@ from polarsim.formats.lamps import write_suns
 from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
 from polarsim.formats.scene import mesh_files, read_terrain
 from polarsim.formats.tables import read_parquet
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
 from polarsim.photo import NO_ROCK, SUNS
 from polarsim.scoring.options import TablesOptions
@@ -69,7 +70,7 @@ def lay_truth(
         for rock, path in mesh_files(truth / "meshes", terrain).items():
             name = obj.ground_name(terrain) if rock == NO_ROCK else obj.rock_name(terrain, int(number[rock]))
             mesh = obj.read(path)
-            moved = obj.Mesh(sandbox_from_truth.apply(mesh.vertices), mesh.faces)
+            moved = Mesh(sandbox_from_truth.apply(mesh.vertices), mesh.faces)
             obj.write(folder / name, moved, Path(name).stem)
 
 

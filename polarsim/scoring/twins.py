@@ -26,7 +26,6 @@ PAIR_COLUMNS = {
     "exposure_ms": "int64", "model": "str", "lit_px": "int64", "log2_twin_over_photo": "float64",
     "log2_difference": "float64", "ssim": "float64",
 }  # fmt: skip
-TYPICAL_MS = 256  # of all exposures of a photo set the nearest to this one is compared
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:
         if key.azimuth == "no":
             continue
         best = middle.get(key.photo_set)
-        if best is None or _off_typical(key) < _off_typical(best):
+        if best is None or key.stops_off_usual < best.stops_off_usual:
             middle[key.photo_set] = key
     found = sorted(middle.values())
     if len(found) <= n:
@@ -159,10 +158,6 @@ def similarity(photo: np.ndarray, twin: np.ndarray) -> float:
         (2 * mean1 * mean2 + c1) * (2 * covariance + c2) / ((mean1**2 + mean2**2 + c1) * (variance1 + variance2 + c2))
     )
     return float(value.mean())
-
-
-def _off_typical(key: PhotoKey) -> float:
-    return abs(float(np.log2(key.exposure_ms / TYPICAL_MS)))
 
 
 def _renamed(figure: Figure) -> Figure:

@@ -8,7 +8,8 @@ from polarsim.analog.options import AnalogOptions
 from polarsim.analog.presets import PRESETS
 from polarsim.analog.rocks import Rock, icosphere
 from polarsim.analog.sandbox import build_scene
-from polarsim.analog.view import lens_directions, look, make_textures
+from polarsim.analog.view import look, make_textures
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 
@@ -45,4 +46,4 @@ def ball_view(ball_scene, ball_caster, small_lens):
     """The ball seen from A by a small camera."""
     pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
     textures = make_textures(np.random.default_rng(2))
-    return look(ball_scene, ball_caster, textures, small_lens, lens_directions(small_lens), pose, 1)
+    return look(ball_scene, ball_caster, textures, Camera(pose, small_lens), 1)

@@ -6,6 +6,7 @@ from polarsim.analog.light import Lamp, direct, visibility
 from polarsim.analog.reflectance import reflect
 from polarsim.analog.sandbox import GROUND_OBJECT
 from polarsim.analog.view import lens_directions, look, make_textures
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 
@@ -113,6 +114,6 @@ def test_the_same_generator_lights_the_same_picture(ball_view, ball_caster):
 def test_looking_twice_sees_the_same(ball_scene, ball_caster, ball_view, small_lens):
     pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
     textures = make_textures(np.random.default_rng(2))
-    again = look(ball_scene, ball_caster, textures, small_lens, lens_directions(small_lens), pose, 2)
+    again = look(ball_scene, ball_caster, textures, Camera(pose, small_lens), 2)
     np.testing.assert_array_equal(again.places, ball_view.places)
     np.testing.assert_array_equal(again.albedo, ball_view.albedo)

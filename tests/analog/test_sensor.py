@@ -4,6 +4,7 @@ import pytest
 from polarsim.analog.light import Lamp
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.sensor import expose, lamp_glare, through_lens
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 
@@ -47,7 +48,7 @@ def test_a_lamp_in_the_picture_glares_most_at_its_own_place():
     lens = stated_rig().left
     pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(20))
     lamp = Lamp(np.array([-3.5, 0.5, 0.75]), np.zeros(3), 0.045)
-    glare = lamp_glare(lamp, lens, pose, 0.002, np.random.default_rng(1))
+    glare = lamp_glare(lamp, Camera(pose, lens), 0.002, np.random.default_rng(1))
     row, column = np.unravel_index(np.argmax(glare), glare.shape)
     expected = lens.project(pose.inverse().apply(lamp.place))
     assert np.hypot(column - expected[0], row - expected[1]) < 20
@@ -56,4 +57,4 @@ def test_a_lamp_in_the_picture_glares_most_at_its_own_place():
 def test_a_lamp_behind_the_camera_leaves_no_glare():
     pose = looking(np.array([0.0, 0.0, 1.5]), np.pi, np.radians(20))
     lamp = Lamp(np.array([5.0, 0.5, 1.5]), np.zeros(3), 0.045)
-    assert not lamp_glare(lamp, stated_rig().left, pose, 0.002, np.random.default_rng(1)).any()
+    assert not lamp_glare(lamp, Camera(pose, stated_rig().left), 0.002, np.random.default_rng(1)).any()

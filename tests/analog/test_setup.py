@@ -45,6 +45,6 @@ def test_the_calibration_is_near_the_rig_but_not_the_rig():
 
 def test_the_rover_light_stands_between_the_cameras():
     set_up = make_set_up(3, AnalogOptions())
-    left, right = (set_up.sandbox_from("A", camera).translation for camera in "LR")
+    left, right = (set_up.camera("A", camera).centre for camera in "LR")
     lamp = set_up.lamps_at("A")["rover"]
     assert np.linalg.norm(lamp - (left + right) / 2) < 0.03

@@ -7,8 +7,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import ConvexHull
 
-from polarsim.formats.obj import Mesh
 from polarsim.geometry import boxes
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig, rectified_left, stated_rig
 

@@ -51,7 +51,7 @@ def test_real_seeds_place_the_rig(release_root, terrain, position, place, least_
     assert placement.fit.iou.mean() >= least_left
     # The right camera's boxes took no part.
     rig = PlacedRig(stated_rig(), pose)
-    right = clip(outlines.project(rig.rig.right, rig.sandbox_from("R")))
+    right = clip(outlines.project(rig.camera("R")))
     drawn = consensus_boxes(best_boxes(release_root, terrain, position, "R"))
     rows, columns = assign(right, drawn, OPTIONS.match_gate_px)
     assert len(rows) >= len(placement.fit.iou) - 1

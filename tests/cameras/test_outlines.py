@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from polarsim.formats.obj import Mesh
 from polarsim.geometry.boxes import around
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import largest_island, outline, outlines_of, spread_directions
 from polarsim.geometry.planes import level_from, robust_plane, tracked_plane
 from polarsim.geometry.poses import looking
@@ -35,7 +36,7 @@ def test_a_skirt_of_sand_does_not_widen_a_rock():
     whole = around(lens.project(camera.inverse().apply(skirted_cube(0.03).vertices)))
     cube = around(lens.project(camera.inverse().apply(CUBE)))
     cube_above_rim = around(lens.project(camera.inverse().apply(CUBE[CUBE[:, 2] > 0.005])))
-    projected = outlines.project(lens, camera)[0]
+    projected = outlines.project(Camera(camera, lens))[0]
     np.testing.assert_allclose(projected[[0, 2]], cube_above_rim[[0, 2]], atol=1e-9)  # left and right: the cube's top
     np.testing.assert_allclose(projected[[1, 3]], whole[[1, 3]], atol=1e-9)  # top and bottom: everything
     assert whole[2] - whole[0] > 1.4 * (cube[2] - cube[0])
@@ -54,15 +55,16 @@ def test_outlines_give_the_box_of_all_vertices(rng):
     camera = looking(np.array([3.0, 0.2, 1.0]), 3.1, 0.3, 0.1)
     lens = Lens(2000, 2000, 968, 608, (-0.1, 0.15, 0.0005, -0.001, 0))
     everything = around(lens.project(camera.inverse().apply(points)))
-    np.testing.assert_allclose(outlines.project(lens, camera)[0, [1, 3]], everything[[1, 3]], atol=1e-9)
-    edges, makers = outlines.edges(lens, camera)
+    np.testing.assert_allclose(outlines.project(Camera(camera, lens))[0, [1, 3]], everything[[1, 3]], atol=1e-9)
+    edges, makers = outlines.edges(Camera(camera, lens))
     pixels = lens.project(camera.inverse().apply(makers[0]))
     np.testing.assert_allclose(pixels[[0, 1, 2, 3], [0, 1, 0, 1]], edges[0], atol=1e-9)
 
 
 def test_rocks_behind_the_camera_have_no_box():
     outlines = outlines_of({1: Mesh(CUBE, FACES)}, 0.004, 0.35)
-    assert np.isnan(outlines.project(Lens(2000, 2000, 968, 608), looking(np.array([3.0, 0, 1]), 0.0, 0.3))).all()
+    away = looking(np.array([3.0, 0, 1]), 0.0, 0.3)
+    assert np.isnan(outlines.project(Camera(away, Lens(2000, 2000, 968, 608)))).all()
 
 
 def test_directions_spread_evenly_over_the_sphere():

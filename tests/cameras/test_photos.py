@@ -15,6 +15,7 @@ from polarsim.formats import obj, png
 from polarsim.formats.lamps import FILE, read_suns, surveyed_suns
 from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
 from polarsim.formats.scene import read_terrain
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, angle_between, looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
@@ -35,9 +36,7 @@ def rough_ground(cells=260):
         height = np.maximum(height, 0.2 - 1.5 * np.maximum(np.hypot(x - cx, y - cy) - 0.12, 0) ** 0.7)
     corner = (np.arange(cells - 1)[:, None] * cells + np.arange(cells - 1)).ravel()
     faces = [[corner, corner + 1, corner + cells], [corner + 1, corner + cells + 1, corner + cells]]
-    return obj.Mesh(
-        np.stack([x, y, height], axis=-1).reshape(-1, 3), np.concatenate([np.stack(f, axis=1) for f in faces])
-    )
+    return Mesh(np.stack([x, y, height], axis=-1).reshape(-1, 3), np.concatenate([np.stack(f, axis=1) for f in faces]))
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +47,7 @@ def photographed(tmp_path_factory):
     rows = []
     rng = np.random.default_rng(2)
     for camera in "LR":
-        pose, lens = TRUE.sandbox_from(camera), TRUE.rig.lens(camera)
-        seen = look(surface, pose, lens)
+        seen = look(surface, TRUE.camera(camera))
         for azimuth, off in SUNS.items():
             image = seen.under(lamp_position(azimuth) + off)
             for ms, share in EXPOSURES.items():

@@ -64,12 +64,10 @@ def iou_in_right_photos(labelled, outlines, placements):
     rig, true = stated_rig(), outlines_of(labelled.meshes, 0.0, 0.0)
     found = []
     for position, placement in placements.items():
-        cameras = [
-            PlacedRig(rig, left).sandbox_from("R") for left in (TRUE_POSES[position], placement.fit.sandbox_from_left)
-        ]
+        poses = TRUE_POSES[position], placement.fit.sandbox_from_left
+        cameras = [PlacedRig(rig, left).camera("R") for left in poses]
         wanted, projected = (
-            box_geometry.clip(rocks.project(rig.right, camera))
-            for rocks, camera in zip((true, outlines), cameras, strict=True)
+            box_geometry.clip(rocks.project(camera)) for rocks, camera in zip((true, outlines), cameras, strict=True)
         )
         seen = box_geometry.area(wanted) > 100
         found += np.diag(box_geometry.iou(projected[seen], wanted[seen])).tolist()

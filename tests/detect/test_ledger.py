@@ -7,9 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect.gap_options import GapOptions, Ingredient
-from polarsim.detect.ledger import ENDS, FIGURES, LEDGER_COLUMNS, Seen, weigh, write_ledger
+from polarsim.detect.ledger import LEDGER_COLUMNS, Seen, weigh, write_ledger
 from polarsim.detect.options import DetectOptions
 from polarsim.formats import tables
+from polarsim.formats.gap_ledger import ENDS, FIGURES
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 
 ONE, OTHER = "01_A_off_180_L_0256", "01_A_off_180_R_0256"  # two views

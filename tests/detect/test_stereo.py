@@ -19,8 +19,9 @@ from polarsim.errors import DetectError
 from polarsim.formats import obj, png, tables
 from polarsim.formats.rigs import PlacedRig, write_placed
 from polarsim.formats.scene import TerrainMesh, read_terrain
+from polarsim.geometry.casters import caster
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
-from polarsim.geometry.rays import caster
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.report.stereo_table import tabulate_stereo
@@ -29,8 +30,8 @@ SCALE = 0.25
 OPTIONS = StereoOptions(scale=SCALE, farthest_m=12)
 RIG = stated_rig()
 PLACED = PlacedRig(RIG, looking(np.array([-3.2, 0.0, 1.5]), 0.0, np.radians(26)))
-GROUND = obj.Mesh(np.array([[-9.0, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
-BOX = obj.Mesh(
+GROUND = Mesh(np.array([[-9.0, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+BOX = Mesh(
     np.array([[x, y, z] for x in (0.0, 0.5) for y in (-0.3, 0.3) for z in (-0.1, 0.4)]),
     np.array(
         [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [1, 5, 7], [1, 7, 3]]
@@ -62,7 +63,7 @@ def picture(mesh: TerrainMesh, camera: str) -> np.ndarray:
     distance, _ = caster(mesh.vertices, mesh.faces).nearest(origins, directions)
     distance = np.where(np.isfinite(distance), distance, 50)
     value = grey(origins + distance[:, None] * directions)
-    return np.clip(128 + 18 * value, 1, 255).astype(np.uint8).reshape(lens.height, lens.width)
+    return np.clip(128 + 18 * value, 1, 255).astype(np.uint8).reshape(lens.shape)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@ import numpy as np
 import trimesh
 
 from polarsim.formats import gltf
-from polarsim.formats.obj import Mesh
+from polarsim.geometry.meshes import Mesh
 
 GROUND = Mesh(np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
 BODY = trimesh.creation.icosphere(1, 0.1)

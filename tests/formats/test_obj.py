@@ -7,7 +7,7 @@ from hypothesis.extra import numpy as arrays
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj
-from polarsim.formats.obj import Mesh
+from polarsim.geometry.meshes import Mesh
 
 TETRAHEDRON = Mesh(
     np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),

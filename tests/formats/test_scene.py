@@ -3,8 +3,8 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj
-from polarsim.formats.obj import Mesh
 from polarsim.formats.scene import TerrainMesh, read_terrain
+from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)

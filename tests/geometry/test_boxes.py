@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from polarsim.geometry.boxes import area, around, clip, iou, match, match_sum, of_mask, window
+from polarsim.geometry.boxes import area, around, clip, iou, largest_covered_share, match, match_sum, of_mask, window
 
 SQUARE = np.array([[0.0, 0, 10, 10]])
 
@@ -25,6 +25,13 @@ SQUARE = np.array([[0.0, 0, 10, 10]])
 )
 def test_overlap_is_the_shared_area_over_the_whole(other, expected):
     assert iou(SQUARE, np.array([other], float))[0, 0] == pytest.approx(expected)
+
+
+def test_a_box_inside_another_one_is_covered_whichever_is_the_smaller():
+    label = np.array([[300.0, 350, 400, 450]])
+    boxes = np.array([[310.0, 360, 330, 380], [0, 0, 1900, 1200], [395, 350, 495, 450], [500, 350, 600, 450]])
+    np.testing.assert_allclose(largest_covered_share(boxes, label), [1, 1, 0.05, 0])
+    assert largest_covered_share(boxes, label[:0]).tolist() == [0, 0, 0, 0]
 
 
 def test_no_boxes_give_an_empty_table():

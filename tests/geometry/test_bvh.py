@@ -31,8 +31,8 @@ def walked(tree):
 
 
 def places(code):
-    first, count = bvh.leaf_of(np.array([code]))
-    return np.arange(first[0], first[0] + count[0])
+    first, count = ~code >> bvh.COUNT_BITS, ~code & ((1 << bvh.COUNT_BITS) - 1)
+    return np.arange(first, first + count)
 
 
 @settings(max_examples=60, deadline=None)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from polarsim.errors import PolarsimError
-from polarsim.geometry.rays import NO_FACE, START_OFFSET, Joined, caster
+from polarsim.geometry.casters import caster
+from polarsim.geometry.rays import NO_FACE, START_OFFSET, Joined
 
 GROUND = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float), np.array([[0, 1, 2]])
 DOWN, UP = [0, 0, -1], [0, 0, 1]

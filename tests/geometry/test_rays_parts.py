@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.geometry.rays import caster
+from polarsim.geometry.casters import caster
 from polarsim.geometry.rays_parts import Part, Parts
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from polarsim.geometry.casters import caster
 from polarsim.geometry.patches import Window
 from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.rays import caster
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.geometry.ties import find_ties, look_with_both
 from polarsim.photo import BLACK_LEVEL
@@ -42,7 +42,7 @@ def ground():
         place = (pose.translation + distance[met, None] * directions[met])[:, :2]
         grey = np.zeros(len(directions))
         grey[met] = 1000 + 15000 * map_coordinates(pattern, ((place[:, ::-1] + 2) / 4 * 1199).T, order=1)
-        return (BLACK_LEVEL + np.clip(grey, 0, 3000)).reshape(lens.height, lens.width).astype(np.float32)
+        return (BLACK_LEVEL + np.clip(grey, 0, 3000)).reshape(lens.shape).astype(np.float32)
 
     return rays, photo(RIG.left, POSE), photo(RIG.right, POSE @ RIG.left_from_right)
 

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import inventory, obj, rigs, tables, yolo
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 
@@ -18,7 +19,7 @@ BLOCKS = {  # rock id -> centre of the base, and full extents, metres
 }
 
 
-def block(centre: np.ndarray, size: np.ndarray, cells: int = 6) -> obj.Mesh:
+def block(centre: np.ndarray, size: np.ndarray, cells: int = 6) -> Mesh:
     """A box with a grid of vertices on its top and sides, so that vertices fill its outline; open below."""
     t = np.linspace(-0.5, 0.5, cells + 1)
     u, v = np.meshgrid(t, t, indexing="ij")
@@ -33,16 +34,16 @@ def block(centre: np.ndarray, size: np.ndarray, cells: int = 6) -> obj.Mesh:
         a, b, c, d = corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]
         for three in ((a, b, c), (a, c, d)):
             faces.append(np.stack([k.ravel() for k in three], axis=-1) + number * (cells + 1) ** 2)
-    return obj.Mesh(np.concatenate(vertices), np.concatenate(faces))
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
-def flat_ground(half: float = 2.1, step: float = 0.1, level: float = 0.0) -> obj.Mesh:
+def flat_ground(half: float = 2.1, step: float = 0.1, level: float = 0.0) -> Mesh:
     axis = np.arange(-half, half + step / 2, step)
     x, y = np.meshgrid(axis, axis)
     corner = np.arange(x.size).reshape(x.shape)
     a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
     faces = [np.stack([k.ravel() for k in three], axis=-1) for three in ((a, b, c), (a, c, d))]
-    return obj.Mesh(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, level)]), np.concatenate(faces))
+    return Mesh(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, level)]), np.concatenate(faces))
 
 
 def placed(position: str) -> rigs.PlacedRig:

@@ -9,7 +9,7 @@ from polarsim.labels.known import gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position import PositionLabels
 from polarsim.labels.seeds import Drawn
-from polarsim.labels.view import View, project_rock
+from polarsim.labels.view import project_rock
 from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK, ROCK
 from polarsim.survey import SUN_LAMPS
@@ -43,12 +43,12 @@ def world(terrain):
 
 def labelled(terrain, drawn_at, options, azimuth="180"):
     """Rocks labelled under a lamp where the same boxes were drawn under others."""
-    view = View(placed("A"), "L")
+    rig = placed("A")
     world = build_world(terrain, options.trim_mm / 1000)
-    boxes = np.array([project_rock(world, view, rock).box for rock in ROCKS])
+    boxes = np.array([project_rock(world, rig.camera("L"), rock).box for rock in ROCKS])
     drawings = {("L", other): Drawn(boxes, None) for other in drawn_at}
     seeds = {"A": drawings} if drawings else {}
-    known = gather(terrain, {"A": view.placed}, SUN_LAMPS, seeds, options)
+    known = gather(terrain, {"A": rig}, SUN_LAMPS, seeds, options)
     labels = PositionLabels(known, "A", options).labels("L", "off", azimuth)
     return {label.rock for label in labels if label.kind == ROCK}
 

@@ -9,7 +9,7 @@ from polarsim.labels.known import gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position_rocks import PositionRocks
 from polarsim.labels.seeds import Drawn
-from polarsim.labels.view import View, project_rock
+from polarsim.labels.view import project_rock
 from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK, SUNS
 from polarsim.survey import SUN_LAMPS
@@ -32,7 +32,7 @@ def terrain_of(blocks):
 
 def box_of(rock, position="A", camera="L", blocks=BLOCKS):
     world = build_world(terrain_of(blocks), OPTIONS.trim_mm / 1000)
-    return project_rock(world, View(placed(position), camera), rock).box
+    return project_rock(world, placed(position).camera(camera), rock).box
 
 
 def rocks_at(position, drawn, blocks=BLOCKS, options=OPTIONS):

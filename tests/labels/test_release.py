@@ -6,6 +6,7 @@ import pytest
 
 from polarsim.formats import inventory, obj, rigs, tables, yolo
 from polarsim.geometry.boxes import iou, match
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.labels.options import LabelsOptions
@@ -22,7 +23,7 @@ POSES = {  # left cameras fitted to left boxes with the stated rig: x, y, z in m
 }
 
 
-def sloping_ground(meshes: dict[int, obj.Mesh]) -> obj.Mesh:
+def sloping_ground(meshes: dict[int, Mesh]) -> Mesh:
     """A plane through the feet of the rocks."""
     feet = np.array(
         [[*mesh.vertices[:, :2].mean(axis=0), np.percentile(mesh.vertices[:, 2], 3)] for mesh in meshes.values()]
@@ -30,7 +31,7 @@ def sloping_ground(meshes: dict[int, obj.Mesh]) -> obj.Mesh:
     slope = np.linalg.lstsq(np.column_stack([feet[:, :2], np.ones(len(feet))]), feet[:, 2], rcond=None)[0]
     level = flat_ground()
     xy = level.vertices[:, :2]
-    return obj.Mesh(np.column_stack([xy, xy @ slope[:2] + slope[2]]), level.faces)
+    return Mesh(np.column_stack([xy, xy @ slope[:2] + slope[2]]), level.faces)
 
 
 def f1(truth: dict, found: dict, number: int) -> float:

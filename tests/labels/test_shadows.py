@@ -4,6 +4,7 @@ import pytest
 import trimesh
 
 from polarsim.formats.scene import read_terrain
+from polarsim.geometry.camera import Camera
 from polarsim.labels.known import gather
 from polarsim.labels.light import LightLayers
 from polarsim.labels.options import LabelsOptions
@@ -11,7 +12,6 @@ from polarsim.labels.parts import windows_of
 from polarsim.labels.position_rocks import PositionRocks
 from polarsim.labels.position_shadows import CastShadow, PositionShadows, mean_shadow
 from polarsim.labels.shadows import Ids, lamp, shadow_box
-from polarsim.labels.view import View
 from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK
 from polarsim.survey import lamp_position
@@ -26,7 +26,7 @@ def world(untouched_scene):
 
 @pytest.fixture(scope="module")
 def ids(world):
-    return Ids(world, View(placed("A"), "L"), np.arange(1, 1216, 2), np.arange(1, 1936, 2))
+    return Ids(world, placed("A").camera("L"), np.arange(1, 1216, 2), np.arange(1, 1936, 2))
 
 
 def box_of_shadow(shadow, rock, rock_box, step):
@@ -49,7 +49,7 @@ def test_a_block_throws_its_shadow_where_its_top_corners_are_projected_from_the_
     np.testing.assert_allclose(found, [*pixels.min(axis=0), *pixels.max(axis=0)], atol=4)
 
 
-def rendered(rocks: list[int], view: View, pixels: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def rendered(rocks: list[int], view: Camera, pixels: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n,) bool each: pixels that show ground, and those where a lamp lights it; by another ray caster."""
     ground = flat_ground()
     meshes = [ground, *(block(*BLOCKS[rock]) for rock in rocks)]
@@ -67,7 +67,7 @@ def rendered(rocks: list[int], view: View, pixels: np.ndarray, place: np.ndarray
 @pytest.mark.parametrize("azimuth", ["30", "180", "270", "350"])
 @pytest.mark.parametrize("rock", list(BLOCKS))
 def test_the_shadow_of_a_rock_is_what_grows_light_when_the_rock_is_taken_away(world, ids, azimuth, rock):
-    view, place = View(placed("A"), "L"), lamp_position(azimuth)
+    view, place = placed("A").camera("L"), lamp_position(azimuth)
     pixels = np.stack(np.meshgrid(np.arange(1, 1936, 2), np.arange(1, 1216, 2)), axis=-1).reshape(-1, 2).astype(float)
     found = (ids.shadow_of(world, place) == rock) & (ids.rock == NO_ROCK)
     near = np.flatnonzero(cv2.dilate(found.astype(np.uint8), np.ones((15, 15), np.uint8)))
@@ -106,17 +106,17 @@ def test_a_rock_whose_shadow_is_not_seen_has_no_box(world, ids):
 
 
 def test_there_is_no_lamp_in_the_dark_and_the_rover_light_is_between_the_cameras(world):
-    view = View(placed("A"), "L")
-    assert lamp(world, view, "off", "no") is None
-    cameras = [placed("A").sandbox_from(camera).translation for camera in "LR"]
-    assert np.linalg.norm(lamp(world, view, "on", "no") - np.mean(cameras, axis=0)) < 0.15
-    np.testing.assert_allclose(lamp(world, view, "on", "30"), lamp(world, view, "off", "30"))
+    rig = placed("A")
+    assert lamp(world, rig, "off", "no") is None
+    cameras = [rig.camera(side).centre for side in "LR"]
+    assert np.linalg.norm(lamp(world, rig, "on", "no") - np.mean(cameras, axis=0)) < 0.15
+    np.testing.assert_allclose(lamp(world, rig, "on", "30"), lamp(world, rig, "off", "30"))
 
 
 def test_lamps_stand_where_they_were_found(untouched_scene):
     found = {"180": np.array([-3.5, 0.4, 0.8])}
     world = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004, found)
-    np.testing.assert_array_equal(lamp(world, View(placed("A"), "L"), "off", "180"), found["180"])
+    np.testing.assert_array_equal(lamp(world, placed("A"), "off", "180"), found["180"])
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +126,7 @@ def walled(untouched_scene):
 
 def seen_at(world, place):
     """What position A's left camera sees at a place of the ground."""
-    view = View(placed("A"), "L")
+    view = placed("A").camera("L")
     u, v = view.project(np.array(place))
     return Ids(world, view, np.array([v]), np.array([u]))
 
@@ -146,7 +146,7 @@ def test_a_wall_shades_the_ground_beside_it(walled):
 
 
 def test_the_near_wall_hides_a_rocks_foot_and_all_of_a_low_one(world, walled):
-    eye = View(placed("A"), "L").centre
+    eye = placed("A").camera("L").centre
     behind = np.array([[1.9, -0.4, 0.0], [1.9, -0.4, 0.25]])  # 20 cm behind the wall: it hides what is below 0.2 m
     assert walled.hidden(eye, behind, 4).tolist() == [True, False]
     assert not world.hidden(eye, behind, 4).any()

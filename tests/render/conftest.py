@@ -5,7 +5,9 @@ import pytest
 
 from polarsim.formats import obj, rigs
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import NO_ROCK
@@ -72,7 +74,7 @@ def ids_of():
     """`ids_of(surfaces, pose, lens, lamps)`: pictures of ids under lamps by name, all of which throw shadows."""
 
     def ids(surfaces, pose, lens, lamps, threads=1, options=PLAIN):
-        return render_view(surfaces, pose, lens, lamps, [], sorted(lamps), options, threads).ids
+        return render_view(surfaces, Camera(pose, lens), lamps, [], sorted(lamps), options, threads).ids
 
     return ids
 
@@ -84,7 +86,7 @@ def folders(tmp_path, camera, lens):
     for rock, name in ((NO_ROCK, obj.ground_name(1)), (1, obj.rock_name(1, 1))):
         faces = mesh.faces[mesh.rock_of_face == rock]
         used, numbers = np.unique(faces, return_inverse=True)
-        obj.write(tmp_path / "meshes" / name, obj.Mesh(mesh.vertices[used], numbers.reshape(-1, 3)), "part")
+        obj.write(tmp_path / "meshes" / name, Mesh(mesh.vertices[used], numbers.reshape(-1, 3)), "part")
     rig = StereoRig(lens, lens, Pose(np.eye(3), np.array([0.3, 0, 0])))
     rigs.write_placed(tmp_path / "cameras" / "PosA.json", rigs.PlacedRig(rig, camera, "test"))
     return tmp_path

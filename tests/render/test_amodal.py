@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.photo import NO_ROCK
 from polarsim.render.amodal import hidden_parts
@@ -36,7 +37,7 @@ def whole(surfaces, pose, ids_of):
     """The same by rock, from `hidden_parts`."""
     ids = ids_of(surfaces, pose, SMALL, {})[NO_LAMP]
     found = {}
-    for rock, behind in hidden_parts(surfaces, pose, SMALL, ids).items():
+    for rock, behind in hidden_parts(surfaces, Camera(pose, SMALL), ids).items():
         found[rock] = ids == 1000 + rock
         assert not found[rock].flat[behind].any()
         found[rock].flat[behind] = True
@@ -84,7 +85,7 @@ def test_they_are_so_wherever_rocks_and_camera_stand(rocks_mm, heading, height):
     pose = looking(centre, heading + np.pi, np.arctan(height / 2))
 
     def ids_of(surfaces, pose, lens, lamps):
-        return render_view(surfaces, pose, lens, lamps, [], [], PLAIN).ids
+        return render_view(surfaces, Camera(pose, lens), lamps, [], [], PLAIN).ids
 
     for rock, mask in whole(surfaces_of(mesh, PLAIN), pose, ids_of).items():
         expected = whole_by_brute_force(mesh, rock, pose, ids_of)
@@ -94,7 +95,7 @@ def test_they_are_so_wherever_rocks_and_camera_stand(rocks_mm, heading, height):
 def test_annotations_say_how_much_is_seen(ids_of):
     surfaces = surfaces_of(block(ROCKS, PLACES), PLAIN)
     ids = ids_of(surfaces, LOW, SMALL, {})[NO_LAMP]
-    hidden = hidden_parts(surfaces, LOW, SMALL, ids)
+    hidden = hidden_parts(surfaces, Camera(LOW, SMALL), ids)
     labels = {label.rock: label for label in annotations_of(ids, PLAIN, whole_rocks(ids, hidden, PLAIN))}
     expected = whole(surfaces, LOW, ids_of)
     assert labels[4].visible_share == 1
@@ -114,7 +115,7 @@ def test_rocks_that_are_hidden_too_far_get_no_label_but_keep_their_shadow(ids_of
 
     surfaces = surfaces_of(block(ROCKS, PLACES), PLAIN)
     pictures = ids_of(surfaces, LOW, SMALL, {"sun": Lamp(np.array([0.5, 3.0, 1.0]))})
-    occluded = whole_rocks(pictures[NO_LAMP], hidden_parts(surfaces, LOW, SMALL, pictures[NO_LAMP]), PLAIN)
+    occluded = whole_rocks(pictures[NO_LAMP], hidden_parts(surfaces, Camera(LOW, SMALL), pictures[NO_LAMP]), PLAIN)
     every = annotations_of(pictures["sun"], PLAIN, occluded)
     for least in (0.0, 0.3, 0.9):
         few = annotations_of(pictures["sun"], PLAIN.model_copy(update={"min_visible_share": least}), occluded)

@@ -5,6 +5,7 @@ import pytest
 from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.instances import RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.boxes import of_mask
+from polarsim.geometry.camera import Camera
 from polarsim.photo import PhotoKey
 from polarsim.render.automatic import box_of_parts, boxes_of
 from polarsim.render.hits import cast_strip
@@ -97,7 +98,7 @@ def test_threads_do_not_change_an_id(surfaces, camera, lens, ids_of):
 
 def test_rays_that_lit_the_twin_need_not_be_cast_again_for_its_shadows(blocks, camera, lens, plain):
     surfaces = surfaces_of(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
-    hits = cast_strip(surfaces, camera, lens, slice(0, lens.height))
+    hits = cast_strip(surfaces, Camera(camera, lens), slice(0, lens.height))
     met = surfaces.id_of_face[hits.face]
     lit = lighting(surfaces, hits, SUN, falloff=True)[0]
     assert 0 < len(lit) < len(met)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.render.lamps import Lamp
 from polarsim.render.layers import made_by_device, render_view
@@ -17,7 +18,7 @@ LAMPS = {"sun": Lamp(np.array([1.2, 0.9, 1.1])), "rover": Lamp(np.array([2.4, -0
 def both(mesh, pose, lens, options, models, albedo=None, throwing=("sun",)):
     """Renderings of a view by NumPy and Embree, and by the device."""
     return [
-        render_view(surfaces_of(mesh, each, albedo), pose, lens, LAMPS, models, throwing, each)
+        render_view(surfaces_of(mesh, each, albedo), Camera(pose, lens), LAMPS, models, throwing, each)
         for each in (options, options.model_copy(update=DEVICE))
     ]
 
@@ -53,14 +54,14 @@ def test_the_device_knows_materials_paint_and_plain_walls(blocks, camera, lens):
 def test_the_device_sees_nothing_in_the_sky(blocks, camera, lens, plain):
     options = plain.model_copy(update=DEVICE)
     upwards = looking(camera.translation, 0.0, np.radians(-60))
-    view = render_view(surfaces_of(blocks(), options), upwards, lens, LAMPS, ["lambert"], None, options)
+    view = render_view(surfaces_of(blocks(), options), Camera(upwards, lens), LAMPS, ["lambert"], None, options)
     assert not any(layer.any() for layer in view.layers.values())
 
 
 def test_threads_do_not_change_a_bit_on_the_device(blocks, camera, lens, plain):
     options = plain.model_copy(update=DEVICE)
     one, two = (
-        render_view(surfaces_of(blocks(), options), camera, lens, LAMPS, ["hapke"], ["sun"], options, threads)
+        render_view(surfaces_of(blocks(), options), Camera(camera, lens), LAMPS, ["hapke"], ["sun"], options, threads)
         for threads in (1, 2)
     )
     for key, layer in one.layers.items():

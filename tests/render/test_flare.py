@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.render.flare import flare_of, scattering
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
@@ -28,14 +29,14 @@ def test_the_veil_thins_out_as_stiles_and_holladay_measured():
 
 
 def test_the_veil_is_brightest_where_the_lamp_is_seen(surfaces, camera, lens, options):
-    veil = flare_of(surfaces, camera, lens, SEEN, options)
+    veil = flare_of(surfaces, Camera(camera, lens), SEEN, options)
     column, row = np.floor(lens.project(camera.inverse().apply(SEEN.position)))
     assert np.unravel_index(veil.argmax(), veil.shape) == (row, column)
 
 
 def test_a_lamp_outside_the_picture_veils_the_side_towards_it(surfaces, camera, lens, options):
     place = camera.apply(np.array([2.0, 0.0, 2.0]))  # 45 degrees to the right, the picture ends at 25
-    veil = flare_of(surfaces, camera, lens, Lamp(place), options)
+    veil = flare_of(surfaces, Camera(camera, lens), Lamp(place), options)
     assert (veil.argmax(axis=1) == lens.width - 1).all()
     assert veil.min() > 0
 
@@ -43,12 +44,12 @@ def test_a_lamp_outside_the_picture_veils_the_side_towards_it(surfaces, camera, 
 def test_the_veil_is_the_share_of_the_light_that_enters_the_lens(surfaces, lens, options):
     pose = looking(np.array([2.0, 0.0, 1.0]), np.pi, 0.0)
     lamp = Lamp(np.array([-1.0, 0.0, 1.0]), intensity=2.0)  # straight ahead, 3 m away
-    middle = flare_of(surfaces, pose, lens, lamp, options)[70, 100]
+    middle = flare_of(surfaces, Camera(pose, lens), lamp, options)[70, 100]
     angle = np.arctan(np.hypot(0.5, 0.5) / 220)
     light = 2.0 * (REFERENCE_DISTANCE / 3) ** 2
     assert middle == pytest.approx(0.01 * light * scattering(np.array(angle)), rel=1e-3)
     even = options.model_copy(update={"falloff": False})
-    assert flare_of(surfaces, pose, lens, lamp, even)[70, 100] == pytest.approx(middle / (4 / 3) ** 2, rel=1e-5)
+    assert flare_of(surfaces, Camera(pose, lens), lamp, even)[70, 100] == pytest.approx(middle / (4 / 3) ** 2, rel=1e-5)
 
 
 @pytest.mark.parametrize("radius_m", [0.0, 0.02])
@@ -56,15 +57,15 @@ def test_no_veil_of_a_lamp_that_is_hidden_or_behind(surfaces, lens, options, rad
     pose = looking(np.array([1.5, 0.0, 0.1]), np.pi, 0.0)  # level, towards the block, which is 0.2 m high
     hidden, behind = Lamp(np.array([-1.0, 0, 0.1]), 1.0, radius_m), Lamp(np.array([2.0, 0, 0.1]), 1.0, radius_m)
     for lamp in (hidden, behind):
-        assert not flare_of(surfaces, pose, lens, lamp, options).any()
-    assert flare_of(surfaces, pose, lens, Lamp(np.array([-1.0, 0, 0.4]), 1.0, radius_m), options).all()
+        assert not flare_of(surfaces, Camera(pose, lens), lamp, options).any()
+    assert flare_of(surfaces, Camera(pose, lens), Lamp(np.array([-1.0, 0, 0.4]), 1.0, radius_m), options).all()
 
 
 def test_a_lamp_that_is_half_hidden_makes_half_the_veil(surfaces, lens, options):
     pose = looking(np.array([1.5, 0.0, 0.2]), np.pi, 0.0)  # level with the block's top
     options = options.model_copy(update={"lamp_samples": 2000, "falloff": False})
     half, whole = (
-        flare_of(surfaces, pose, lens, Lamp(np.array([-1.0, 0, height]), 1.0, 0.05), options).max()
+        flare_of(surfaces, Camera(pose, lens), Lamp(np.array([-1.0, 0, height]), 1.0, 0.05), options).max()
         for height in (0.2, 0.27)
     )
     assert half / whole == pytest.approx(0.5, abs=0.03)

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.formats.instances import BACKGROUND, GROUND
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.hits import Hits, cast_strip
@@ -31,7 +32,7 @@ def sphere():
 
 
 def traced(surfaces, pose, lens, options, model="lambert", lamp=LAMP, threads=1):
-    return render_view(surfaces, pose, lens, {"lamp": lamp}, [model], None, options, threads)
+    return render_view(surfaces, Camera(pose, lens), {"lamp": lamp}, [model], None, options, threads)
 
 
 def shadow(above, lens):
@@ -87,7 +88,7 @@ def test_the_shadow_of_a_lit_block_side_gets_light_from_walls(blocks, above, len
 def test_walls_of_their_own_albedo_are_lit_by_it_and_the_sand_is_as_before(blocks, camera, lens):
     options = RenderOptions(bounce=0, ambient=0.01, rim_half_width_m=1.3)
     walled = surfaces_of(blocks(), options)
-    hits = cast_strip(walled, camera, lens, slice(0, lens.height))
+    hits = cast_strip(walled, Camera(camera, lens), slice(0, lens.height))
     wall = hits.pixel[walled.id_of_face[hits.face] == BACKGROUND]
     sand = hits.pixel[walled.id_of_face[hits.face] != BACKGROUND]
     own, plain, as_lambert = (
@@ -149,7 +150,7 @@ def test_light_depends_on_the_seed_and_not_on_threads(surfaces, camera, lens, sc
 
 def test_models_and_lamps_together_are_as_each_alone(surfaces, camera, lens):
     lamps = {"one": LAMP, "half": replace(LAMP, intensity=0.5)}
-    both = render_view(surfaces, camera, lens, lamps, ["hapke", "lambert"], None, TRACED).indirect
+    both = render_view(surfaces, Camera(camera, lens), lamps, ["hapke", "lambert"], None, TRACED).indirect
     alone = traced(surfaces, camera, lens, TRACED).indirect["lambert", "lamp"]
     np.testing.assert_allclose(both["lambert", "one"], alone, rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(both["hapke", "half"], both["hapke", "one"] / 2, rtol=1e-5, atol=1e-9)
@@ -164,7 +165,7 @@ def test_chrono_s_models_stay_with_direct_light(surfaces, camera, lens, model):
 
 
 def test_pictures_show_traced_light_in_shadows_and_not_the_constant(folders, above, lens):
-    shot = Shot(above, lens, {"mine": LAMP}, 4000.0, "lambert")
+    shot = Shot(Camera(above, lens), {"mine": LAMP}, 4000.0, "lambert")
     place = shadow(above, lens)
     options = RenderOptions(rim_half_width_m=1.3, rim_albedo=0.6, bounce_scale=1)
     constant, traced_light, off = (

@@ -5,6 +5,7 @@ import pytest
 
 from polarsim.errors import RenderError
 from polarsim.formats.rigs import PlacedRig
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
 from polarsim.render.hits import cast_strip
@@ -19,11 +20,13 @@ LAMP = Lamp(np.array([1.2, 0.9, 1.1]))
 
 
 def layer(surfaces, pose, lens, lamp, options, model="lambert", threads=1):
-    return render_view(surfaces, pose, lens, {"lamp": lamp}, [model], None, options, threads).layers[model, "lamp"]
+    return render_view(surfaces, Camera(pose, lens), {"lamp": lamp}, [model], None, options, threads).layers[
+        model, "lamp"
+    ]
 
 
 def ground_points(surfaces, pose, lens):
-    hits = cast_strip(surfaces, pose, lens, slice(0, lens.height))
+    hits = cast_strip(surfaces, Camera(pose, lens), slice(0, lens.height))
     return hits, surfaces.id_of_face[hits.face] == 1
 
 

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
+from polarsim.geometry.camera import Camera
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
 from polarsim.render.layers import render_view
@@ -25,8 +26,8 @@ def mesh(blocks):
 
 def layer(mesh, pose, lens, options, model="lambert", albedo=None):
     surfaces = surfaces_of(mesh, options, albedo)
-    image = render_view(surfaces, pose, lens, {"lamp": LAMP}, [model], None, options).layers[model, "lamp"]
-    hits = cast_strip(surfaces, pose, lens, slice(0, lens.height))
+    image = render_view(surfaces, Camera(pose, lens), {"lamp": LAMP}, [model], None, options).layers[model, "lamp"]
+    hits = cast_strip(surfaces, Camera(pose, lens), slice(0, lens.height))
     ids = np.zeros(image.size, int)
     ids[hits.pixel] = surfaces.id_of_face[hits.face]
     return image.ravel(), ids
@@ -106,7 +107,7 @@ def test_albedo_of_vertices_is_linear_between_them(mesh, camera, lens, plain, en
     plainly, ids = layer(mesh, camera, lens, options)
     factor = 1 + 0.2 * mesh.vertices[:, 0] - 0.1 * mesh.vertices[:, 1] + 0.3 * mesh.vertices[:, 2]
     painted, _ = layer(mesh, camera, lens, options, albedo={"lambert": factor})
-    hits = cast_strip(surfaces_of(mesh, options), camera, lens, slice(0, lens.height))
+    hits = cast_strip(surfaces_of(mesh, options), Camera(camera, lens), slice(0, lens.height))
     expected = np.ones(len(ids))
     expected[hits.pixel] = 1 + hits.point @ [0.2, -0.1, 0.3]
     np.testing.assert_allclose(painted, plainly * expected, rtol=2e-5)
@@ -117,7 +118,7 @@ def test_light_off_a_painted_wall_is_as_bright_as_off_a_grey_one(mesh, camera, l
     grey = with_(options, lambert=LambertParameters(albedo=0.1))
     factor = {"lambert": np.full(len(mesh.vertices), 0.5)}
     one, other = (
-        render_view(surfaces_of(mesh, own, paint), camera, lens, {"lamp": LAMP}, ["lambert"], None, own).whole
+        render_view(surfaces_of(mesh, own, paint), Camera(camera, lens), {"lamp": LAMP}, ["lambert"], None, own).whole
         for own, paint in ((grey, None), (options, factor))
     )
     np.testing.assert_allclose(other["lambert", "lamp"], one["lambert", "lamp"], rtol=1e-5)

@@ -5,6 +5,7 @@ import pytest
 
 from benchmarks.mitsuba_scene import bsdf, mitsuba_scene, render, variant
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
 from polarsim.photo import NO_ROCK
@@ -113,7 +114,9 @@ def scalar():
 @pytest.mark.parametrize("model", ["principled", "lambert"])
 def test_direct_light_is_mitsubas_in_every_block(model):
     surfaces = surfaces_of(sandbox(), OPTIONS)
-    ours = blocks(render_view(surfaces, CAMERA, LENS, {"lamp": LAMP}, [model], None, OPTIONS).layers[model, "lamp"])
+    ours = blocks(
+        render_view(surfaces, Camera(CAMERA, LENS), {"lamp": LAMP}, [model], None, OPTIONS).layers[model, "lamp"]
+    )
     scene = mitsuba_scene(surfaces, CAMERA, LENS, LAMP, OPTIONS.parameters(model))
     theirs = blocks(render(scene, samples=256))
     bright = theirs > 0.3 * np.median(theirs)  # else a shadow's edge through a dark block, 4 rays a pixel, decides
@@ -134,7 +137,7 @@ def test_direct_light_is_mitsubas_in_every_block(model):
 def test_light_over_bounces_is_that_of_mitsubas_path_tracer(model, bounces, changes):
     options = OPTIONS.model_copy(update={"bounces": bounces, **changes})
     surfaces = surfaces_of(sandbox(), options)
-    view = render_view(surfaces, CAMERA, LENS, {"lamp": LAMP}, [model], None, options)
+    view = render_view(surfaces, Camera(CAMERA, LENS), {"lamp": LAMP}, [model], None, options)
     look = (surfaces, CAMERA, LENS, LAMP, options.parameters(model))
     path = render(mitsuba_scene(*look, rim_albedo=options.rim_albedo, integrator="path", bounces=bounces), samples=256)
     direct = render(mitsuba_scene(*look, rim_albedo=options.rim_albedo), samples=256)

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy import ndimage
 
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.render.flare import flare_of
 from polarsim.render.lamps import Lamp
@@ -24,8 +25,8 @@ def second_moment(image):
 
 
 def test_a_lens_without_faults_leaves_layers_as_they_are(surfaces, camera, lens, plain):
-    layers = render_view(surfaces, camera, lens, LAMPS, ["lambert"], None, plain).layers
-    seen = through_lens(layers, LAMPS, surfaces, camera, lens, plain)
+    layers = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert"], None, plain).layers
+    seen = through_lens(layers, LAMPS, surfaces, Camera(camera, lens), plain)
     assert all(seen[key] is layer for key, layer in layers.items())
     assert list(seen) == list(layers)
 
@@ -74,10 +75,10 @@ def test_more_than_all_light_cannot_be_spread():
 def test_a_lens_sees_the_sum_of_two_lamps_as_the_sum_of_what_it_sees_of_each(surfaces, camera, lens, plain):
     faults = {"blur_px": 0.7, "bloom": 0.02, "veiling_glare": 0.01, "flare": 0.01, "vignetting": True}
     options = plain.model_copy(update=faults)
-    layers = render_view(surfaces, camera, lens, LAMPS, ["lambert"], None, plain).layers
-    seen = through_lens(layers, LAMPS, surfaces, camera, lens, options)
+    layers = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert"], None, plain).layers
+    seen = through_lens(layers, LAMPS, surfaces, Camera(camera, lens), options)
     both = layers["lambert", "front"] + layers["lambert", "seen"]
-    flares = [flare_of(surfaces, camera, lens, lamp, options) for lamp in LAMPS.values()]
+    flares = [flare_of(surfaces, Camera(camera, lens), lamp, options) for lamp in LAMPS.values()]
     expected = spread(both, options) * vignette(lens) + sum(flares)
     assert all(flare.any() for flare in flares)
     np.testing.assert_allclose(sum(seen.values()), expected, rtol=1e-5, atol=1e-6 * both.max())
@@ -85,8 +86,8 @@ def test_a_lens_sees_the_sum_of_two_lamps_as_the_sum_of_what_it_sees_of_each(sur
 
 def test_threads_do_not_change_a_bit(surfaces, camera, lens, plain):
     options = plain.model_copy(update={"blur_px": 0.7, "bloom": 0.02, "flare": 0.01})
-    layers = render_view(surfaces, camera, lens, LAMPS, ["lambert", "hapke"], None, plain).layers
-    one, two = (through_lens(layers, LAMPS, surfaces, camera, lens, options, threads) for threads in (1, 2))
+    layers = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert", "hapke"], None, plain).layers
+    one, two = (through_lens(layers, LAMPS, surfaces, Camera(camera, lens), options, threads) for threads in (1, 2))
     for key, layer in one.items():
         np.testing.assert_array_equal(two[key], layer)
 

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.formats.instances import GROUND, SHADOW_IDS
+from polarsim.geometry.camera import Camera
 from polarsim.render.lamps import SUN_RADIUS_DEG, Lamp
 from polarsim.render.layers import render_view
 from polarsim.render.maps import maps_of
@@ -49,7 +50,9 @@ def test_a_quarter_of_the_way_shows_the_circle_s_segment(surfaces):
 
 def test_light_without_anything_in_its_way_is_that_of_a_point(surfaces, above, lens, plain):
     point, disc = (
-        render_view(surfaces, above, lens, {"lamp": Lamp(LAMP.position, radius_m=r)}, ["lambert"], None, plain).layers
+        render_view(
+            surfaces, Camera(above, lens), {"lamp": Lamp(LAMP.position, radius_m=r)}, ["lambert"], None, plain
+        ).layers
         for r in (0.0, 0.2)
     )
     one, other = point["lambert", "lamp"], disc["lambert", "lamp"]
@@ -61,14 +64,16 @@ def test_light_without_anything_in_its_way_is_that_of_a_point(surfaces, above, l
 
 def test_threads_do_not_change_a_penumbra(surfaces, camera, lens, plain):
     images = [
-        render_view(surfaces, camera, lens, {"lamp": LAMP}, ["lambert"], None, plain, threads).layers["lambert", "lamp"]
+        render_view(surfaces, Camera(camera, lens), {"lamp": LAMP}, ["lambert"], None, plain, threads).layers[
+            "lambert", "lamp"
+        ]
         for threads in (1, 2)
     ]
     np.testing.assert_array_equal(*images)
 
 
 def test_ground_that_sees_too_little_of_a_disc_is_shadow(surfaces, above, lens, plain, ids_of):
-    maps = maps_of(surfaces, above, lens, {"lamp": LAMP}, plain)
+    maps = maps_of(surfaces, Camera(above, lens), {"lamp": LAMP}, plain)
     ground, share = maps.ids == GROUND, maps.by_lamp["lamp"].lit
     sizes = []
     for below in (0.05, 0.5, 1.0):
@@ -123,7 +128,7 @@ def test_sparse_probes_of_few_points(surfaces, count):
 def test_a_picture_with_sparse_probes_differs_in_few_pixels(surfaces, above, lens, plain):
     def picture(every):
         options = plain.model_copy(update={"lamp_probe_px": every})
-        return render_view(surfaces, above, lens, {"lamp": LAMP}, ["lambert"], ["lamp"], options)
+        return render_view(surfaces, Camera(above, lens), {"lamp": LAMP}, ["lambert"], ["lamp"], options)
 
     full, sparse = picture(1), picture(8)
     one, other = full.layers["lambert", "lamp"], sparse.layers["lambert", "lamp"]

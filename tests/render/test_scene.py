@@ -5,6 +5,7 @@ import pytest
 
 from polarsim.formats import obj, png
 from polarsim.formats.instances import GROUND, ROCK_IDS
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
@@ -25,12 +26,12 @@ def scene(folders):
 @pytest.fixture
 def shot(lens):
     pose = looking(np.array([1.5, 1.5, 1.5]), -2.4, 0.6)
-    return Shot(pose, lens, {"mine": Lamp(np.array([0.0, 3.0, 1.0]))}, 100.0, "principled")
+    return Shot(Camera(pose, lens), {"mine": Lamp(np.array([0.0, 3.0, 1.0]))}, 100.0, "principled")
 
 
 @pytest.fixture
 def from_above(shot, above):
-    return replace(shot, sandbox_from_camera=above)
+    return replace(shot, camera=replace(shot.camera, world_from_camera=above))
 
 
 def test_one_picture_of_any_pose_and_lamp(scene, shot):
@@ -57,9 +58,8 @@ def test_depth_and_normals_are_those_of_the_block_and_the_ground(scene, from_abo
 def test_angles_are_those_of_lamp_and_viewer(scene, from_above):
     maps = scene.maps(from_above)
     row, column = np.argwhere(maps.ids == GROUND)[100]
-    place = from_above.sandbox_from_camera.apply(
-        from_above.lens.directions(np.array([column + 0.5, row + 0.5])) * maps.depth_m[row, column]
-    )
+    camera = from_above.camera
+    place = camera.centre + camera.directions(np.array([column + 0.5, row + 0.5])) * maps.depth_m[row, column]
     to_lamp, to_viewer = np.array([0.0, 3, 1]) - place, np.array([0, 0, ABOVE]) - place
     to_lamp, to_viewer = (v / np.linalg.norm(v) for v in (to_lamp, to_viewer))
     expected = np.degrees(np.arccos([to_lamp[2], to_viewer[2], to_lamp @ to_viewer]))
@@ -84,7 +84,7 @@ def test_maps_in_files_keep_millimetres_and_hundredths_of_degrees(tmp_path, scen
 def test_the_sidecar_alone_tells_where_mesh_points_are_seen(tmp_path, scene, shot, folders):
     write_sidecar(tmp_path / "shot.json", scene.sidecar(shot))
     told = read_sidecar(tmp_path / "shot.json")
-    lens, pose = told.shot.lens, told.shot.sandbox_from_camera
+    lens, pose = told.shot.camera.lens, told.shot.camera.world_from_camera
     rock = obj.read(folders / "meshes" / obj.rock_name(1, 1))
     top = rock.vertices[rock.vertices[:, 2] > HEIGHT - 1e-6]
     inside = 0.9 * top + 0.1 * top.mean(axis=0)

@@ -8,6 +8,7 @@ import pytest
 from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.formats.scene import TerrainMesh
 from polarsim.formats.shading import BY_RELIEF, BY_WALL, FACES_AWAY, LIT, NOTHING, cast_shadow, self_shadow
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
 from polarsim.photo import NO_ROCK
@@ -67,7 +68,7 @@ def surfaces(mesh):
 
 @pytest.fixture(scope="module")
 def hits(surfaces):
-    return cast_strip(surfaces, CAMERA, LENS, slice(0, LENS.height))
+    return cast_strip(surfaces, Camera(CAMERA, LENS), slice(0, LENS.height))
 
 
 def of(surfaces, ids):
@@ -129,7 +130,11 @@ def named(shading):
 def test_every_dark_pixel_names_what_hides_the_lamp_from_it(surfaces, hits):
     own, found = surfaces.id_of_face[hits.face], dict.fromkeys(("itself", "rock", "relief", "wall", "sand"), 0)
     for lamp in (LOW, BEHIND):
-        shading = maps_of(surfaces, CAMERA, LENS, {"sun": lamp}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
+        shading = (
+            maps_of(surfaces, Camera(CAMERA, LENS), {"sun": lamp}, OPTIONS)
+            .by_lamp["sun"]
+            .shading.reshape(-1)[hits.pixel]
+        )
         towards = lamp.light_at(hits.point, falloff=False)[0]
         np.testing.assert_array_equal(shading == LIT, lit(surfaces, hits, lamp))
         away = (np.sum(hits.plane * towards, axis=1) <= 0) | (np.sum(hits.normal * towards, axis=1) <= 0)
@@ -148,7 +153,7 @@ def test_every_dark_pixel_names_what_hides_the_lamp_from_it(surfaces, hits):
 
 
 def test_self_and_cast_shadow_are_apart_and_all_that_is_dark(surfaces, hits):
-    maps = maps_of(surfaces, CAMERA, LENS, {"sun": LOW}, OPTIONS).by_lamp["sun"]
+    maps = maps_of(surfaces, Camera(CAMERA, LENS), {"sun": LOW}, OPTIONS).by_lamp["sun"]
     own, cast = self_shadow(maps.shading), cast_shadow(maps.shading)
     assert not (own & cast).any()
     np.testing.assert_array_equal(own | cast, (maps.shading != LIT) & (maps.shading != NOTHING))
@@ -160,7 +165,9 @@ def test_self_and_cast_shadow_are_apart_and_all_that_is_dark(surfaces, hits):
 
 @pytest.mark.parametrize("lamp", [LOW, BEHIND])
 def test_rocks_shade_exactly_the_ground_and_walls_that_are_lit_without_them(surfaces, hits, lamp):
-    shading = maps_of(surfaces, CAMERA, LENS, {"sun": lamp}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
+    shading = (
+        maps_of(surfaces, Camera(CAMERA, LENS), {"sun": lamp}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
+    )
     dark = (surfaces.id_of_face[hits.face] < ROCK_IDS) & ~lit(surfaces, hits, lamp)
     by_any = dark & lit(without(surfaces, *ROCKS), hits, lamp)
     by_one = {rock: dark & lit(without(surfaces, rock), hits, lamp) for rock in ROCKS}
@@ -172,7 +179,9 @@ def test_rocks_shade_exactly_the_ground_and_walls_that_are_lit_without_them(surf
 
 
 def test_rocks_shade_no_other_ground_than_pictures_of_ids_say(surfaces, hits, ids_of):
-    shading = maps_of(surfaces, CAMERA, LENS, {"sun": LOW}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
+    shading = (
+        maps_of(surfaces, Camera(CAMERA, LENS), {"sun": LOW}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
+    )
     ids = ids_of(surfaces, CAMERA, LENS, {"sun": LOW})["sun"].reshape(-1)[hits.pixel]
     by_rock = (surfaces.id_of_face[hits.face] == GROUND) & (shading >= SHADOW_IDS)
     np.testing.assert_array_equal(shading[by_rock], ids[by_rock])
@@ -193,7 +202,7 @@ def test_under_a_disc_dark_is_what_sees_too_little_of_it(surfaces, hits):
     sizes = []
     for below in (0.2, 0.5, 1.0):
         options = OPTIONS.model_copy(update={"shadow_below": below})
-        maps = maps_of(surfaces, CAMERA, LENS, {"sun": disc}, options).by_lamp["sun"]
+        maps = maps_of(surfaces, Camera(CAMERA, LENS), {"sun": disc}, options).by_lamp["sun"]
         share, shading = (picture.reshape(-1)[hits.pixel] for picture in (maps.lit, maps.shading))
         np.testing.assert_array_equal(shading == LIT, share >= below)
         thing = named(shading)
@@ -204,6 +213,8 @@ def test_under_a_disc_dark_is_what_sees_too_little_of_it(surfaces, hits):
 
 
 def test_threads_do_not_change_them(surfaces):
-    one, two = (maps_of(surfaces, CAMERA, LENS, {"sun": LOW}, OPTIONS, threads).by_lamp["sun"] for threads in (1, 2))
+    one, two = (
+        maps_of(surfaces, Camera(CAMERA, LENS), {"sun": LOW}, OPTIONS, threads).by_lamp["sun"] for threads in (1, 2)
+    )
     np.testing.assert_array_equal(one.shading, two.shading)
     np.testing.assert_array_equal(one.lit, two.lit)

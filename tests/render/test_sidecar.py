@@ -65,7 +65,7 @@ def test_it_alone_tells_where_mesh_points_are_seen(folders):
     inside = 0.9 * top + 0.1 * top.mean(axis=0)
     for key in KEYS:
         shot = read_sidecar(twins / f"{key}.json").shot
-        pixels = shot.lens.project(shot.sandbox_from_camera.inverse().apply(inside))
+        pixels = shot.camera.project(inside)
         column, row = np.floor(pixels).astype(int).T
         ids = png.read(folders / "labels" / "instances" / f"{str(key).rpartition('_')[0]}.png")
         assert (ids[row, column] == ROCK_IDS + 1).all()
@@ -145,8 +145,8 @@ def test_a_scene_s_sidecar_reads_back(folders, lens, camera):
     write_sidecar(folders / "shot.json", scene.sidecar(replace(shot, exposure_ms=12.5)))
     told = read_sidecar(folders / "shot.json")
     assert told.shot.exposure_ms == 12.5
-    assert told.shot.lens == lens
+    assert told.shot.camera.lens == lens
     assert told.options.parameters("hapke") == OPTIONS.parameters("hapke")
     assert told.gain_per_ms == 40
-    np.testing.assert_allclose(told.shot.sandbox_from_camera.matrix, camera.matrix, atol=1e-12)
+    np.testing.assert_allclose(told.shot.camera.world_from_camera.matrix, camera.matrix, atol=1e-12)
     assert set(told.sources) == {obj.ground_name(1), obj.rock_name(1, 1)}

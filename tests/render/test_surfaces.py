@@ -1,6 +1,7 @@
 import numpy as np
 
 from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
+from polarsim.geometry.camera import Camera
 from polarsim.render.hits import cast_strip
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import Surfaces, box, surfaces_of
@@ -31,7 +32,7 @@ def test_ids_tell_ground_from_rock(surfaces):
 
 
 def test_pixels_see_the_point_that_projects_back_to_them(surfaces, camera, lens):
-    hits = cast_strip(surfaces, camera, lens, slice(64, 128))
+    hits = cast_strip(surfaces, Camera(camera, lens), slice(64, 128))
     assert len(hits.pixel) > 5000
     back = lens.project(camera.inverse().apply(hits.point.astype(float)))
     rows, columns = np.divmod(hits.pixel, lens.width)
@@ -42,7 +43,7 @@ def test_smooth_normals_are_blended_between_the_corners(lens, above):
     vertices = np.array([[-2, -2, 0], [2, -2, 0], [0, 2, 0]], float)
     tilted = np.array([[-0.6, 0, 0.8], [0.6, 0, 0.8], [0, 0.6, 0.8]])
     surfaces = Surfaces(vertices, np.array([[0, 1, 2]]), tilted, np.array([GROUND], np.int32))
-    hits = cast_strip(surfaces, above, lens, slice(0, 64))
+    hits = cast_strip(surfaces, Camera(above, lens), slice(0, 64))
     matrix = np.concatenate([vertices[:, :2].T, np.ones((1, 3))])  # barycentric coordinates from scratch
     weights = np.linalg.solve(matrix, np.concatenate([hits.point[:, :2].T, np.ones((1, len(hits.pixel)))]))
     expected = weights.T @ tilted
@@ -54,6 +55,6 @@ def test_smooth_normals_are_blended_between_the_corners(lens, above):
 def test_normals_look_at_the_viewer_when_a_surface_is_seen_from_inside(blocks, plain, lens, camera):
     mesh = blocks()
     inside_out = surfaces_of(type(mesh)(mesh.vertices, mesh.faces[:, ::-1], mesh.rock_of_face, -mesh.normals), plain)
-    hits = cast_strip(inside_out, camera, lens, slice(0, lens.height))
+    hits = cast_strip(inside_out, Camera(camera, lens), slice(0, lens.height))
     assert (np.einsum("nk,nk->n", hits.normal, hits.to_viewer) > 0).all()
     assert (np.einsum("nk,nk->n", hits.plane, hits.to_viewer) > 0).all()

@@ -33,7 +33,7 @@ def test_every_key_gets_a_twin_of_12_bits(folders, lens):
     twins = render(folders, "twins")
     assert sorted(twins) == sorted(map(str, KEYS))
     for twin in twins.values():
-        assert twin.shape == (lens.height, lens.width)
+        assert twin.shape == lens.shape
         assert twin.min() == BLACK_LEVEL
         assert twin.max() <= WHITE_LEVEL
         assert twin.max() > 100
@@ -162,6 +162,6 @@ def test_lamps_may_stand_where_another_folder_says(folders):
 
 
 def test_unusable_photos_leave_the_gain_as_it_is(folders, lens):
-    dark = np.full((lens.height, lens.width), BLACK_LEVEL, np.uint16)
+    dark = np.full(lens.shape, BLACK_LEVEL, np.uint16)
     assert not len(gain_ratios(dark, np.ones(dark.shape, np.float32), 256))
     assert not len(gain_ratios(dark + 500, np.zeros(dark.shape, np.float32), 256))

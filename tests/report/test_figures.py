@@ -9,7 +9,7 @@ from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import key_columns, label_table, write_csv, write_parquet
 from polarsim.geometry.boxes import around
-from polarsim.geometry.rays import caster
+from polarsim.geometry.casters import caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.report import detection_table, ipd_table
 from polarsim.report.figures import (

@@ -3,9 +3,10 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png
+from polarsim.formats.gap_ledger import ENDS, FIGURES
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
 from polarsim.report.figures.gap import draw_gap
-from polarsim.report.gap_table import COLUMNS, ENDS, FIGURES, tabulate_gap
+from polarsim.report.gap_table import COLUMNS, tabulate_gap
 from polarsim.scoring.options import TablesOptions
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}

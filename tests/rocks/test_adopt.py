@@ -6,8 +6,8 @@ import trimesh
 from polarsim.errors import FormatError
 from polarsim.formats import obj
 from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.obj import Mesh
 from polarsim.formats.scene import made_from
+from polarsim.geometry.meshes import Mesh
 from polarsim.rocks.adopt import adopt_rocks, volume_above
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.options import RocksOptions

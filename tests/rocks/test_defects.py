@@ -6,7 +6,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from polarsim.formats import obj
-from polarsim.formats.obj import Mesh
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight, open_edges
 from polarsim.rocks.adopt import cleaned, volume_above
 from polarsim.rocks.defects import COLUMNS, defect_table, defects, repaired

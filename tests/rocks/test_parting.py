@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from polarsim.formats.obj import Mesh
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks.parting import PARTING, parted
 from polarsim.rocks.solids import islands, volume

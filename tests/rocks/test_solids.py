@@ -4,8 +4,8 @@ import trimesh
 from scipy.spatial import KDTree
 
 from polarsim.errors import ReconstructionError
-from polarsim.formats.obj import Mesh
 from polarsim.formats.ply import Cloud
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks import surfaces
 from polarsim.rocks.adopt import volume_above

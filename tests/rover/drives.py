@@ -7,6 +7,7 @@ import pandas as pd
 import yaml
 
 from polarsim.formats import obj, png, tables
+from polarsim.geometry.meshes import Mesh
 from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks, trace_table, write_trace
 from polarsim.rover.sight.layout import TRUTH_COLUMNS
 from polarsim.rover.sight.truth import pose_table
@@ -75,7 +76,7 @@ def write_drive(
         mount = mount_of(vehicle.camera(view), scale)
         cameras = {}
         for frame in frames:
-            cameras[frame] = mount.world_from_camera(trace.pose_at(float(trace.tracks.time[frame])))
+            cameras[frame] = mount.at(trace.pose_at(float(trace.tracks.time[frame]))).world_from_camera
             pixels = np.full((mount.lens.height, mount.lens.width), 16 + frame, np.uint16)
             png.write(folder / view / "1_hapke_0256" / f"{frame:05d}.png", pixels)
         tables.write_parquet(folder / view / "poses.parquet", pose_table(cameras, trace.tracks.time))
@@ -102,8 +103,8 @@ def write_meshes(folder: Path, terrain: int) -> None:
     a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
     nodes = np.stack([x, y, world.level], axis=-1).reshape(-1, 3)
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    obj.write(folder / obj.ground_name(terrain), obj.Mesh(nodes - middle, faces), "ground")
+    obj.write(folder / obj.ground_name(terrain), Mesh(nodes - middle, faces), "ground")
     for rock in world.rocks["rock"]:
         vertices, triangles = world.rock_mesh(int(rock))
         name = obj.rock_name(terrain, int(rock) + 1)
-        obj.write(folder / name, obj.Mesh(vertices - middle, triangles), f"rock{rock + 1}")
+        obj.write(folder / name, Mesh(vertices - middle, triangles), f"rock{rock + 1}")

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from polarsim.formats import obj
+from polarsim.geometry.meshes import Mesh
 from polarsim.rover.world.options import WorldOptions
 
 SMALL = WorldOptions(
@@ -11,12 +11,12 @@ SMALL = WorldOptions(
 )
 
 
-def plane(height: float, slope: float = 0.0, half: float = 0.7) -> obj.Mesh:
+def plane(height: float, slope: float = 0.0, half: float = 0.7) -> Mesh:
     """A square of ground that rises along y."""
     corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
-    return obj.Mesh(np.column_stack([corners, height + slope * corners[:, 1]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    return Mesh(np.column_stack([corners, height + slope * corners[:, 1]]), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def ball(x: float, y: float, z: float, radius: float = 0.1) -> obj.Mesh:
+def ball(x: float, y: float, z: float, radius: float = 0.1) -> Mesh:
     mesh = trimesh.creation.icosphere(2, radius)
-    return obj.Mesh(np.asarray(mesh.vertices) + np.array([x, y, z]), np.asarray(mesh.faces))
+    return Mesh(np.asarray(mesh.vertices) + np.array([x, y, z]), np.asarray(mesh.faces))

@@ -10,9 +10,9 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from polarsim.formats import png
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.casters import caster
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.rays import caster
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
 from polarsim.scoring.complaints import complaints
@@ -125,7 +125,7 @@ def stereo(wavy, tmp_path_factory):
         place = (pose.translation + distance[met, None] * directions[met])[:, :2]
         grey = np.zeros(len(directions))
         grey[met] = 1000 + 15000 * map_coordinates(pattern, ((place[:, ::-1] + 2) / 4 * 1199).T, order=1)
-        photo = (BLACK_LEVEL + np.clip(grey, 0, 3000)).reshape(lens.height, lens.width).astype(np.uint16)
+        photo = (BLACK_LEVEL + np.clip(grey, 0, 3000)).reshape(lens.shape).astype(np.uint16)
         for azimuth in ("30", "270"):
             path = folder / f"03_A_off_{azimuth}_{camera}_0256.png"
             png.write(path, photo)
@@ -186,7 +186,7 @@ def rocky(rng):
     outlines = Outlines(np.arange(1, 13), np.array(points), np.array(points))
     drawn = {}
     for camera in "LR":
-        boxes = outlines.seen(STANDING.rig.lens(camera), STANDING.sandbox_from(camera))
+        boxes = outlines.seen(STANDING.camera(camera))
         for azimuth in ("30", "180", "270"):
             shown = np.round(boxes + rng.normal(0, 2, boxes.shape))
             drawn[PhotoKey(3, "A", "off", azimuth, camera, 256)] = Labels(np.zeros(len(boxes), int), shown)

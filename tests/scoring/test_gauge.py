@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.errors import RegistrationError
-from polarsim.formats.obj import Mesh
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, angle_between, looking
 from polarsim.scoring.gauge import fit_gauge, refine_gauge
 from polarsim.scoring.surface import Surface, islands

@@ -6,6 +6,7 @@ from polarsim.formats import obj
 from polarsim.formats.materials import Fitted, FittedMaterials, write_materials
 from polarsim.formats.rigs import PlacedRig, write_placed
 from polarsim.formats.scene import read_terrain
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.scoring.materials import held_out_figures, score_materials
@@ -24,7 +25,7 @@ def grid(low, high, z):
     faces = np.concatenate(
         [np.stack([k, k + len(axis), k + 1], 1), np.stack([k + 1, k + len(axis), k + len(axis) + 1], 1)]
     )
-    return obj.Mesh(np.stack([x, y, np.full_like(x, z)], axis=1), faces)
+    return Mesh(np.stack([x, y, np.full_like(x, z)], axis=1), faces)
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import trimesh
 from polarsim.formats import obj
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import write_csv
+from polarsim.geometry.meshes import Mesh
 from polarsim.scoring.mesh_scores import (
     COLUMNS,
     accuracy,
@@ -18,7 +19,7 @@ from polarsim.scoring.mesh_scores import (
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.true_surface import Samples
 
-LEVEL = obj.Mesh(
+LEVEL = Mesh(
     np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
     np.array([[0, 1, 2], [0, 2, 3]]),
 )
@@ -27,7 +28,7 @@ GROUND = Surface(LEVEL.vertices, LEVEL.faces)
 
 def ball(height, radius=0.05, detail=4):
     made = trimesh.creation.icosphere(detail, radius)
-    return obj.Mesh(np.asarray(made.vertices) + np.array([0.2, 0.1, height]), np.asarray(made.faces, np.int64))
+    return Mesh(np.asarray(made.vertices) + np.array([0.2, 0.1, height]), np.asarray(made.faces, np.int64))
 
 
 def test_a_rock_that_stands_in_the_ground_meets_it_all_around_and_one_that_hovers_nowhere():
@@ -38,7 +39,7 @@ def test_a_rock_that_stands_in_the_ground_meets_it_all_around_and_one_that_hover
 
 def test_a_rock_half_beyond_the_ground_is_judged_by_the_half_above_it():
     beside = ball(0.03)
-    beside = obj.Mesh(beside.vertices + np.array([0.8, 0, 0]), beside.faces)
+    beside = Mesh(beside.vertices + np.array([0.8, 0, 0]), beside.faces)
     assert 0.3 < contact_share(beside, GROUND) < 0.7
 
 

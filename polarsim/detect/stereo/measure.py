@@ -20,7 +20,7 @@ from polarsim.errors import DetectError, about
 from polarsim.formats import png, tables
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
-from polarsim.geometry.rays import caster
+from polarsim.geometry.casters import caster
 from polarsim.photo import PhotoKey
 from polarsim.progress import track
 

@@ -25,7 +25,7 @@ class DepthTruth:
 def depth_truth(mesh: TerrainMesh, caster: Caster, placed: PlacedRig, rig: Rectification) -> DepthTruth:
     """Cast a ray through every pixel, and one back to the right camera."""
     sandbox_from_rectified = placed.sandbox_from_left @ rig.left_from_rectified
-    shape = (rig.lens.height, rig.lens.width)
+    shape = rig.lens.shape
     directions = sandbox_from_rectified.rotate(rig.lens.pixel_directions().reshape(-1, 3))
     origins = np.broadcast_to(sandbox_from_rectified.translation, directions.shape)
     depth, face = caster.nearest(origins, directions)  # in units of directions, whose z is 1

@@ -15,7 +15,7 @@ from polarsim.formats.lamps import read_suns
 from polarsim.formats.materials import Fitted, FittedMaterials, rock_of_vertex, write_materials
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import TerrainMesh, read_terrain
-from polarsim.photo import CAMERAS, SUNS, PhotoKey
+from polarsim.photo import CAMERAS, SUNS, PhotoKey, View
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.fitting.check import compared
@@ -168,22 +168,19 @@ def _samples_of_terrain(
     parts: list[Samples] = []
     for number, view in enumerate(track(views, f"photos of terrain {terrain:02d}")):
         rig = rigs[view[0]]
-        lens = rig.rig.lens(view[1])
-        lamps = lamps_of(suns, rig)
-        parts += samples_of_view(
-            surfaces, number, rig.sandbox_from(view[1]), lens, lamps, single_lamps(paths[view], lens), LAMPS, options,
-            threads,
-        )  # fmt: skip
+        camera, lamps = rig.camera(view[1]), lamps_of(suns, rig)
+        photos_of_lamp = single_lamps(paths[view], camera.lens)
+        parts += samples_of_view(surfaces, number, camera, lamps, photos_of_lamp, LAMPS, options, threads)
     parts = [part.part(part.face < len(mesh.faces)) for part in parts]  # without feet that are drawn out
     samples = Samples.joined(parts) if parts else None
     return samples if samples is not None and len(samples) else None
 
 
-def _paths_by_view(terrain: int, photos: Path | None) -> Mapping[tuple[str, str], Mapping[PhotoKey, Path]]:
+def _paths_by_view(terrain: int, photos: Path | None) -> Mapping[View, Mapping[PhotoKey, Path]]:
     if photos is None:
         return {}
     table = tables.read_parquet(photos, ["key", "path"])
-    found: dict[tuple[str, str], dict[PhotoKey, Path]] = {}
+    found: dict[View, dict[PhotoKey, Path]] = {}
     for text, path in zip(table["key"], table["path"], strict=True):
         key = PhotoKey.parse(str(text))
         if key.terrain == terrain and Path(str(path)).is_file():

@@ -9,8 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.vectors import dot, length
 from polarsim.render.fitting.exposures import Linear
 from polarsim.render.hits import Hits, cast_strip, for_strips
@@ -86,8 +85,7 @@ def radiance(
 def samples_of_view(
     surfaces: Surfaces,
     number: int,
-    sandbox_from_camera: Pose,
-    lens: Lens,
+    camera: Camera,
     lamps: Mapping[str, Lamp],
     photos: Mapping[str, Linear],
     names: Sequence[str],
@@ -105,7 +103,7 @@ def samples_of_view(
     names : sequence of str
         All lamps; samples number them.
     """
-    size, fit = (lens.height, lens.width), options.fitting
+    lens, size, fit = camera.lens, camera.lens.shape, options.fitting
     surfaces.prepare(shadows=False)
     met = np.zeros(size, np.int32)
     lit = {name: np.zeros(size, bool) for name in photos}
@@ -113,13 +111,13 @@ def samples_of_view(
     found: dict[tuple[str, int], tuple[np.ndarray, Samples]] = {}
 
     def work(rows: slice) -> None:
-        hits = cast_strip(surfaces, sandbox_from_camera, lens, rows)
+        hits = cast_strip(surfaces, camera, rows)
         met[rows].reshape(-1)[hits.pixel] = surfaces.id_of_face.take(hits.face)
         pixel = hits.pixel + rows.start * lens.width
         row, column = np.divmod(pixel, lens.width)
         on_grid = (row % fit.step_px == 0) & (column % fit.step_px == 0)
         on_grid |= met[rows].reshape(-1)[hits.pixel] >= ROCK_IDS  # rocks are small
-        on_grid &= clear_of_rim(hits.point, sandbox_from_camera.translation, surfaces, options)
+        on_grid &= clear_of_rim(hits.point, camera.centre, surfaces, options)
         for name in photos:
             lamp = lamps[name]
             shining = Lamp(lamp.position)

@@ -9,6 +9,7 @@ import numpy as np
 
 from polarsim.errors import ConfigError, RenderError
 from polarsim.formats.rigs import read_placed
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
@@ -22,16 +23,14 @@ _STEPS = 200  # of a curve between two waypoints, on which its length is measure
 
 
 @dataclass(frozen=True)
-class Camera:
+class NamedCamera(Camera):
     """One camera of one view."""
 
     name: str
-    sandbox_from_camera: Pose
-    lens: Lens
     left_from_camera: Pose  # identity for all but the right ones of pairs
 
 
-def cameras_of(views: Views, heights: Heights, scale: float = 1.0) -> list[Camera]:
+def cameras_of(views: Views, heights: Heights, scale: float = 1.0) -> list[NamedCamera]:
     """All cameras of a scene in the order of the file, names numbered on within each name.
 
     Parameters
@@ -55,7 +54,7 @@ def cameras_of(views: Views, heights: Heights, scale: float = 1.0) -> list[Camer
             for side in "LR" if views.stereo else "L":
                 name = f"{section.name}-{number:03d}{side if views.stereo else ''}"
                 own = rig.left_from(side)
-                found.append(Camera(name, pose @ own, rig.lens(side).scaled(scale), own))
+                found.append(NamedCamera(pose @ own, rig.lens(side).scaled(scale), name, own))
     return found
 
 

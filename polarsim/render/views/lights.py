@@ -13,7 +13,7 @@ import numpy as np
 from polarsim.errors import ConfigError
 from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import ROVER, SUN_RADIUS_DEG, Lamp
-from polarsim.render.views.cameras import Camera
+from polarsim.render.views.cameras import NamedCamera
 from polarsim.render.views.moon import local_from_celestial, sun_over
 from polarsim.render.views.options import Views
 from polarsim.render.views.sections import LunarSuns, NearLamps, RoverLight, Suns
@@ -55,9 +55,9 @@ def lights_of(views: Views) -> list[Light]:
     return found
 
 
-def rover_lamp(light: RoverLight, camera: Camera) -> Lamp:
+def rover_lamp(light: RoverLight, camera: NamedCamera) -> Lamp:
     """The rover's light beside a camera; both cameras of a pair share one."""
-    left_from_sandbox = camera.left_from_camera @ camera.sandbox_from_camera.inverse()
+    left_from_sandbox = camera.left_from_camera @ camera.world_from_camera.inverse()
     return Lamp(left_from_sandbox.inverse().apply(np.array(light.from_camera_m)), light.intensity)
 
 

@@ -44,7 +44,7 @@ def write_listing(out: Path, entries: Sequence[Entry]) -> None:
 
 
 def _index_row(picture: Picture, exposure_ms: float, labels: list[coco.Annotation]) -> dict[str, object]:
-    pose = picture.camera.sandbox_from_camera
+    pose = picture.camera.world_from_camera
     angles = zip(("yaw_deg", "pitch_deg", "roll_deg"), np.degrees(yaw_pitch_roll(pose)).tolist(), strict=True)
     return {
         "name": picture.name,

@@ -81,13 +81,6 @@ def sun_seen_from_moon(days: float) -> np.ndarray:
     return towards / np.linalg.norm(towards)
 
 
-def subsolar_point(moment: datetime) -> tuple[float, float]:
-    """Selenographic longitude (-180 to 180, east positive) and latitude where the Sun stands overhead, degrees."""
-    days = days_since_j2000(moment)
-    x, y, z = moon_from_celestial(days) @ sun_seen_from_moon(days)
-    return float(np.degrees(np.arctan2(y, x))), float(np.degrees(np.arcsin(z)))
-
-
 def local_from_celestial(latitude_deg: float, longitude_deg: float, moment: datetime) -> np.ndarray:
     """(3, 3) rotation from J2000's equator into the place's east, north and up."""
     latitude, longitude = np.radians([latitude_deg, longitude_deg])

@@ -11,7 +11,7 @@ from polarsim.errors import ConfigError
 from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.options import Model
 from polarsim.render.scene import Shot
-from polarsim.render.views.cameras import Camera, cameras_of
+from polarsim.render.views.cameras import NamedCamera, cameras_of
 from polarsim.render.views.lights import Light, lights_of, rover_lamp
 from polarsim.render.views.options import Views
 from polarsim.render.views.scenes import Ensemble
@@ -25,7 +25,7 @@ class Picture:
 
     number: int  # place in the grid, from 0
     scene: Ensemble
-    camera: Camera
+    camera: NamedCamera
     light: Light
     rover: bool
     model: Model
@@ -54,8 +54,7 @@ class Picture:
 
     def shot(self, views: Views, exposure_ms: float) -> Shot:
         """What makes the picture, at an exposure."""
-        camera = self.camera
-        return Shot(camera.sandbox_from_camera, camera.lens, self.lamps(views), exposure_ms, self.model)
+        return Shot(self.camera, self.lamps(views), exposure_ms, self.model)
 
     def columns(self) -> dict[str, Any]:
         """What the index and the COCO file say of it, besides its exposure."""
@@ -96,7 +95,9 @@ def plan(views: Views, scale: float = 1.0) -> list[Picture]:
     return pictures
 
 
-def _pairs(views: Views, cameras: Sequence[Camera], lights: Sequence[Light]) -> Iterator[tuple[Camera, Light]]:
+def _pairs(
+    views: Views, cameras: Sequence[NamedCamera], lights: Sequence[Light]
+) -> Iterator[tuple[NamedCamera, Light]]:
     if views.combine == "product":
         return product(cameras, lights)
     eyes = 2 if views.stereo else 1

@@ -110,18 +110,17 @@ def _render(
     The function that is returned writes a picture of the unit and tells its exposure in ms.
     """
     views, scene, camera = job.views, unit[0].scene, unit[0].camera
-    pose, lens = camera.sandbox_from_camera, camera.lens
     lights = {picture.light.name: picture for picture in unit}
     lamps = {name: lamp for picture in unit for name, lamp in picture.lamps(views).items()}
     models = [model for model in views.render.models if any(picture.model == model for picture in unit)]
-    rendering = render_view(scene.surfaces, pose, lens, lamps, models, list(lights), views.render, threads)
+    rendering = render_view(scene.surfaces, camera, lamps, models, list(lights), views.render, threads)
     for name, picture in lights.items():
         labels[picture.ground_truth] = _labels(picture, rendering.ids[name], views.render)
         job.write_instances(picture, rendering.ids[name])
-    layers = through_lens(rendering.whole, lamps, scene.surfaces, pose, lens, views.render, threads)
+    layers = through_lens(rendering.whole, lamps, scene.surfaces, camera, views.render, threads)
     skies = {name: picture.light.sandbox_from_celestial for name, picture in lights.items()}
-    stars = sky_layers(sky, skies, scene.surfaces, pose, lens, threads) if sky else {}
-    stars = {name: imaged(layer, lens, views.render) for name, layer in stars.items()}
+    stars = sky_layers(sky, skies, scene.surfaces, camera, threads) if sky else {}
+    stars = {name: imaged(layer, camera.lens, views.render) for name, layer in stars.items()}
 
     def write(picture: Picture) -> float:
         name, gain = picture.light.name, scene.parts[0].scene.gain(picture.model)
@@ -141,8 +140,7 @@ def _render(
 
 def _labels(picture: Picture, ids: np.ndarray, options: RenderOptions) -> list[coco.Annotation]:
     """Labels of an instance map (h, w), whole rocks among them: the same whether it was rendered now or found."""
-    camera = picture.camera
-    hidden = hidden_parts(picture.scene.surfaces, camera.sandbox_from_camera, camera.lens, ids)
+    hidden = hidden_parts(picture.scene.surfaces, picture.camera, ids)
     return annotations_of(ids, options, whole_rocks(ids, hidden, options))
 
 

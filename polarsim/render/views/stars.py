@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL, Lens
-from polarsim.geometry.poses import Pose
 from polarsim.render.hits import cast_strip, for_strips
 from polarsim.render.surfaces import Surfaces
 from polarsim.render.views.hipparcos import directions, stars
@@ -34,33 +34,34 @@ def sky_of(field: StarField) -> Sky:
     return Sky(places, field.intensity * 10 ** (-0.4 * (magnitudes - SUN_MAGNITUDE)))
 
 
-def sky_mask(surfaces: Surfaces, sandbox_from_camera: Pose, lens: Lens, threads: int) -> np.ndarray:
+def sky_mask(surfaces: Surfaces, camera: Camera, threads: int) -> np.ndarray:
     """(h, w) bool: pixels whose centre's ray meets no surface."""
     surfaces.prepare(shadows=False)
-    empty = np.ones((lens.height, lens.width), bool)
+    empty = np.ones(camera.lens.shape, bool)
 
     def work(rows: slice) -> None:
-        hits = cast_strip(surfaces, sandbox_from_camera, lens, rows, smooth=False)
+        hits = cast_strip(surfaces, camera, rows, smooth=False)
         empty[rows].reshape(-1)[hits.pixel] = False
 
-    for_strips(lens.height, threads, work)
+    for_strips(camera.lens.height, threads, work)
     return empty
 
 
-def star_radiance(sky: Sky, sandbox_from_celestial: np.ndarray, sandbox_from_camera: Pose, lens: Lens) -> np.ndarray:
+def star_radiance(sky: Sky, sandbox_from_celestial: np.ndarray, camera: Camera) -> np.ndarray:
     """(h, w) float32 radiance of the sky through a lens, on the scale of layers: the Sun's irradiance is 1.
 
     A star is a point: its light falls on the 2 x 2 pixels around its place, in bilinear shares, and a pixel's radiance
     is irradiance over the solid angle that it sees.
     """
-    celestial_from_camera = sandbox_from_celestial.T @ sandbox_from_camera.rotation
+    lens = camera.lens
+    celestial_from_camera = sandbox_from_celestial.T @ camera.world_from_camera.rotation
     in_camera = sky.directions @ celestial_from_camera
     seen = in_camera[:, 2] > _least_cosine(lens)  # beyond the corners the distortion's polynomial folds back
     place = lens.project(in_camera[seen]) - HALF_PIXEL
     corner = np.floor(place).astype(np.int64)
     share = place - corner
     solid_angle = in_camera[seen, 2] ** 3 / (lens.fx * lens.fy)  # of a pixel, without the lens's slight distortion
-    radiance = np.zeros((lens.height, lens.width))
+    radiance = np.zeros(lens.shape)
     for down in (0, 1):
         for right in (0, 1):
             weight = np.prod(np.where([right, down], share, 1 - share), axis=1)
@@ -75,16 +76,15 @@ def sky_layers(
     sky: Sky,
     turns: Mapping[str, np.ndarray],
     surfaces: Surfaces,
-    sandbox_from_camera: Pose,
-    lens: Lens,
+    camera: Camera,
     threads: int,
 ) -> dict[str, np.ndarray]:
     """(h, w) float32 radiance of the stars behind a scene, by name of each turn, `sandbox_from_celestial` (3, 3)."""
-    empty = sky_mask(surfaces, sandbox_from_camera, lens, threads)
+    empty = sky_mask(surfaces, camera, threads)
     layers: dict[bytes, np.ndarray] = {}  # lights without a date share one
     for turn in turns.values():
         if turn.tobytes() not in layers:
-            layers[turn.tobytes()] = empty * star_radiance(sky, turn, sandbox_from_camera, lens)
+            layers[turn.tobytes()] = empty * star_radiance(sky, turn, camera)
     return {name: layers[turn.tobytes()] for name, turn in turns.items()}
 
 

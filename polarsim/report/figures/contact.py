@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import groupby
-from math import log2
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,6 @@ from polarsim.formats.tone import to_8bit
 from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.scoring.options import TablesOptions
 
-USUAL_EXPOSURE_MS = 256
 ALWAYS_DOUBTFUL = 0.5  # confidence below which a label is marked, however sure the others are
 DOUBTFUL_SHARE = 0.1  # of a terrain's labels: the least sure ones are marked too
 MAX_BYTES = 1_500_000  # of a sheet: a report holds many
@@ -84,10 +82,7 @@ def draw_contact(
 def most_labelled(exposures: Sequence[PhotoKey], labels: pd.DataFrame) -> PhotoKey:
     """Of the exposures of a photo set the one with the most labels; of several the nearest to 256 ms."""
     counts = labels["key"].value_counts()
-    return min(
-        exposures,
-        key=lambda key: (-int(counts.get(str(key), 0)), abs(log2(key.exposure_ms / USUAL_EXPOSURE_MS)), key),
-    )
+    return min(exposures, key=lambda key: (-int(counts.get(str(key), 0)), key.stops_off_usual, key))
 
 
 def doubtful_confidence(confidences: pd.Series) -> float:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.formats.obj import Mesh
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.run_files import cover_photo_of, photo_of
 from polarsim.formats.scene import TerrainMesh, read_terrain
@@ -18,6 +17,7 @@ from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import centres, iou
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.matching import assign
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.photo import HEIGHT, NO_ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import SERIES, note, page, picture
@@ -100,7 +100,7 @@ def _draw_position(
     axes: Any, name: str, rig: PlacedRig, outlines: Outlines, boxes: np.ndarray, photo: Path | None, rule: MatchRule
 ) -> None:
     pixels = to_8bit(png.read(photo)) if photo is not None and photo.exists() else GREY
-    projected = outlines.seen(rig.rig.left, rig.sandbox_from("L"))
+    projected = outlines.seen(rig.camera("L"))
     rows, columns = assign(projected, boxes, rule.gate_px)
     ours, theirs = projected[rows], boxes[columns]
     start, end = centres(theirs), centres(ours)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import log2
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,6 @@ from polarsim.scoring.options import TablesOptions
 PHOTOS = 2  # side by side, of different terrains where there are
 FOUND = (0, 229, 255)  # of predicted boxes
 _TITLE_PX = 50
-_USUAL_MS = 256
 
 
 def draw_seen(
@@ -95,8 +93,7 @@ def shown_keys(instances: pd.DataFrame) -> list[PhotoKey]:
 
 
 def _place(key: PhotoKey, rocks: int) -> tuple[bool, bool, float, bool, int, PhotoKey]:
-    near = abs(log2(key.exposure_ms / _USUAL_MS))
-    return key.azimuth == "no", key.light == "on", near, key.camera == "R", -rocks, key
+    return key.azimuth == "no", key.light == "on", key.stops_off_usual, key.camera == "R", -rocks, key
 
 
 def _with_boxes(pixels: np.ndarray, labels: pd.DataFrame, found: pd.DataFrame, width: int) -> np.ndarray:

@@ -12,9 +12,10 @@ import pandas as pd
 from polarsim.formats import obj
 from polarsim.formats.scene import FITTED, PUBLISHED, SCANNED, TerrainMesh, made_from, read_terrain
 from polarsim.formats.tables import read_parquet
+from polarsim.geometry.casters import caster
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
-from polarsim.geometry.rays import Caster, caster
+from polarsim.geometry.rays import Caster
 from polarsim.photo import NO_ROCK
 from polarsim.report.figures.canvas import INK, note, page, picture
 from polarsim.scoring.options import TablesOptions

@@ -9,8 +9,6 @@ from typing import Literal
 
 import numpy as np
 
-from polarsim.rover.vehicle.table import Vehicle
-
 STRAIGHT = 1e-6  # rad: a smaller steering angle is none
 Mode = Literal["drive", "crab", "turn"]
 MODES: tuple[Mode, ...] = ("drive", "crab", "turn")
@@ -34,17 +32,13 @@ class Command:
     crab_rad: float = 0.0
 
 
-def wheel_commands(command: Command, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
-    """Steering angles (4,), rad, and speeds of the rims (4,), m/s, at which no wheel has to slide sideways."""
-    places = [(x, y) for x, y, _ in vehicle.wheel_centres.tolist()]
-    angles, speeds = steer(command, places, vehicle.wheelbase, math.radians(vehicle.steering.limit_deg))
-    return np.array(angles), np.array(speeds)
-
-
 def steer(
     command: Command, places: list[tuple[float, float]], wheelbase: float, limit: float
 ) -> tuple[list[float], list[float]]:
-    """`wheel_commands` of wheels at `places` x, y in base_link; plain numbers, for arrays of four cost more."""
+    """Steering angles, rad, and speeds of the rims, m/s, at which no wheel has to slide sideways.
+
+    Of wheels at `places` x, y in base_link; plain numbers, for arrays of four cost more.
+    """
     speed = command.speed_m_s
     if command.mode == "crab":
         return [_within(command.steer_rad, limit)] * len(places), [speed] * len(places)

@@ -60,13 +60,6 @@ class Trace:
     tracks: Tracks
     drive: dict[str, Any] = field(default_factory=dict)  # drive.json
 
-    def ground_at(self, frame: int) -> np.ndarray:
-        """(rows, columns) levels at a picture time."""
-        level = self.world.level.copy()
-        for number in range(frame + 1):
-            self.tracks.apply(number, level)
-        return level
-
     def pose_at(self, time_s: float, wheel: str | None = None) -> Pose:
         """`world_from_base` between logged instants, or that of a wheel by its code (its own frame spins)."""
         place, turn = self._paths[wheel or ""]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.lens import Lens
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 
 Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of the ground at world x and y, metres
@@ -40,29 +40,28 @@ def plane_under(world_from_base: Pose, ground_m: float) -> Heights:
     return heights
 
 
-def estimate(boxes: np.ndarray, lens: Lens, world_from_camera: Pose, ground: Heights) -> Estimate:
+def estimate(boxes: np.ndarray, camera: Camera, ground: Heights) -> Estimate:
     """What boxes (n, 4) tell; NaN where the lower side does not look down at the ground."""
     boxes = np.asarray(boxes, float).reshape(-1, 4)
     left, top, right, bottom = boxes.T
-    eye = world_from_camera.translation
+    eye = camera.centre
     lower = np.stack([(left + right) / 2, bottom], axis=1)
-    near = on_ground(lower, lens, world_from_camera, ground)
-    depth = world_from_camera.inverse().apply(near)[:, 2]
-    width = (right - left) / lens.fx * depth
+    near = on_ground(lower, camera, ground)
+    depth = camera.world_from_camera.inverse().apply(near)[:, 2]
+    width = (right - left) / camera.lens.fx * depth
     ahead = near[:, :2] - eye[:2]
     reach = np.hypot(*ahead.T)
     away = ahead / np.where(reach > 0, reach, 1.0)[:, None]
     middle = near[:, :2] + away * (width / 2)[:, None]
-    upper = world_from_camera.rotate(lens.directions(np.stack([(left + right) / 2, top], axis=1)))
+    upper = camera.directions(np.stack([(left + right) / 2, top], axis=1))
     rise = upper[:, 2] / np.maximum(np.hypot(upper[:, 0], upper[:, 1]), 1e-9)
     height = eye[2] + rise * (reach + width / 2) - near[:, 2]
     return Estimate(near[:, :2], middle, width, np.maximum(height, 0))
 
 
-def on_ground(pixels: np.ndarray, lens: Lens, world_from_camera: Pose, ground: Heights) -> np.ndarray:
+def on_ground(pixels: np.ndarray, camera: Camera, ground: Heights) -> np.ndarray:
     """(n, 3) where rays through pixels (n, 2) meet the ground; NaN where they do not."""
-    rays = world_from_camera.rotate(lens.directions(pixels))
-    eye = world_from_camera.translation
+    rays, eye = camera.directions(pixels), camera.centre
     falls = -rays[:, 2] > _LEAST_FALL * np.hypot(rays[:, 0], rays[:, 1])
     rays = np.where(falls[:, None], rays, np.nan)
     level = ground(*eye[:2, None]) + np.zeros(len(rays))

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from polarsim.geometry.poses import Pose
-from polarsim.geometry.rays import caster
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.casters import caster
 from polarsim.photo import ROCK
 from polarsim.rover.onboard.ground_view import Estimate, estimate
 from polarsim.rover.onboard.hazards import Ride, of_frames
@@ -85,14 +85,14 @@ def mapped(found: pd.DataFrame, ride: Ride, grid: Grid, options: OnboardOptions)
     for frame in ride.frames:
         window = _window(grid, ride.cameras[frame], options)
         places = np.stack([x[window], y[window], ride.ground(frame)(x[window], y[window])], axis=-1)
-        pixel, weight = _looked_at(places, ride, frame, options)
+        pixel, weight = _looked_at(places, ride.cameras[frame], options)
         own = by_frame.get(frame)
         corners = own[BOX].to_numpy(float) if own is not None else np.zeros((0, 4))
-        cut = _is_cut(corners, ride)
+        cut = _is_cut(corners, ride.cameras[frame].size)
         for box in corners[cut]:
             inside = ((pixel > box[:2]) & (pixel < box[2:])).all(axis=-1)
             weight[inside] = 0
-        rocks = estimate(corners[~cut], ride.lens, ride.cameras[frame], ride.ground(frame))
+        rocks = estimate(corners[~cut], ride.cameras[frame], ride.ground(frame))
         height = _shape(rocks, x[window], y[window])
         looks[window] += weight
         votes[window] += weight * (height > 0)
@@ -132,27 +132,24 @@ def _cells(grid: Grid, rock: np.ndarray, height: np.ndarray, looked: np.ndarray)
     return HazardMap(seen, flagged & seen, np.where(flagged & seen, mean, 0.0))
 
 
-def _window(grid: Grid, world_from_camera: Pose, options: OnboardOptions) -> tuple[slice, slice]:
+def _window(grid: Grid, camera: Camera, options: OnboardOptions) -> tuple[slice, slice]:
     reach = options.map_farthest_m
-    x, y = world_from_camera.translation[:2]
+    x, y = camera.centre[:2]
     columns = slice(*np.searchsorted(grid.x, [x - reach, x + reach]))
     rows = slice(*np.searchsorted(grid.y, [y - reach, y + reach]))
     return rows, columns
 
 
-def _looked_at(places: np.ndarray, ride: Ride, frame: int, options: OnboardOptions) -> tuple[np.ndarray, np.ndarray]:
+def _looked_at(places: np.ndarray, camera: Camera, options: OnboardOptions) -> tuple[np.ndarray, np.ndarray]:
     """Pixels (..., 2) that show places (..., 3) on the ground, and what a look at each counts; 0 out of sight."""
-    pose = ride.cameras[frame]
-    pixel = ride.lens.project(pose.inverse().apply(places))
-    distance = np.linalg.norm((places - pose.translation)[..., :2], axis=-1)
-    with np.errstate(invalid="ignore"):
-        inside = (pixel > 0).all(axis=-1) & (pixel < [ride.lens.width, ride.lens.height]).all(axis=-1)
+    pixel = camera.project(places)
+    distance = np.linalg.norm((places - camera.centre)[..., :2], axis=-1)
+    inside = camera.inside(pixel)
     inside &= (distance >= options.map_nearest_m) & (distance <= options.map_farthest_m)
     return pixel, np.where(inside, np.maximum(distance, 0.1) ** -_NEARNESS, 0.0)
 
 
-def _is_cut(corners: np.ndarray, ride: Ride) -> np.ndarray:
-    size = np.array([ride.lens.width, ride.lens.height])
+def _is_cut(corners: np.ndarray, size: np.ndarray) -> np.ndarray:
     return np.asarray((corners[:, :2] < _RIM_PX).any(axis=1) | (corners[:, 2:] > size - _RIM_PX).any(axis=1))
 
 

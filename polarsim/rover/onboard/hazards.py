@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.geometry import boxes
-from polarsim.geometry.lens import Lens
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import ROCK
 from polarsim.rover.onboard.ground_view import Heights, estimate, plane_under
@@ -26,9 +26,8 @@ class Ride:
     """The front camera on one drive."""
 
     frames: list[int]  # in order
-    cameras: Mapping[int, Pose]  # world_from_camera
+    cameras: Mapping[int, Camera]  # by frame, in the rover's world
     base_from_camera: Pose
-    lens: Lens
     ground_m: float  # height of the ground in base_link
     front_m: float  # how far the wheels reach beyond the camera
     half_width_m: float  # from the middle to the wheels' outer side
@@ -40,7 +39,7 @@ class Ride:
 
     def base(self, frame: int) -> Pose:
         """`world_from_base`."""
-        return self.cameras[frame] @ self.base_from_camera.inverse()
+        return self.cameras[frame].world_from_camera @ self.base_from_camera.inverse()
 
     def ground(self, frame: int) -> Heights:
         """What the rover takes for the ground."""
@@ -107,7 +106,7 @@ def miss_distance(stable: pd.DataFrame, rocks: pd.DataFrame, ride: Ride, height_
     Rocks that the rover had passed, or stood beside, in its first picture do not count. Below 0: it drove over one.
     """
     known = set(stable.loc[stable["first_stable_m"].notna(), "rock"])
-    start = ride.cameras[ride.frames[0]]
+    start = ride.cameras[ride.frames[0]].world_from_camera
     ahead = start.rotation[:2, 2] / np.linalg.norm(start.rotation[:2, 2])
     least = np.inf
     for row in rocks[rocks["height_m"] > height_m].to_dict("records"):
@@ -141,22 +140,13 @@ def _false_alarm(
         return False
     own = predicted[BOX].to_numpy(float)
     if labels is not None:
-        own = own[covered_share(own, labels[BOX].to_numpy(float)).max(axis=1) < options.false_overlap]
-    rock = estimate(own, ride.lens, ride.cameras[frame], ride.ground(frame))
+        own = own[boxes.largest_covered_share(own, labels[BOX].to_numpy(float)) < options.false_overlap]
+    rock = estimate(own, ride.cameras[frame], ride.ground(frame))
     level = np.column_stack([rock.near, np.zeros(len(own))])
     ahead, left, _ = levelled(ride.base(frame)).inverse().apply(level).T
     in_the_way = np.abs(left) - rock.width / 2 < ride.half_width_m + _SIDE_M
     near = ahead - ride.base_from_camera.translation[0] <= options.map_farthest_m
     return bool((in_the_way & near & (rock.height >= options.stop_height_m)).any())
-
-
-def covered_share(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n, m) intersection of boxes over the smaller one of each pair."""
-    low = np.maximum(first[:, None, :2], second[None, :, :2])
-    high = np.minimum(first[:, None, 2:], second[None, :, 2:])
-    shared = np.prod(np.clip(high - low, 0, None), axis=-1)
-    smaller = np.minimum(boxes.area(first)[:, None], boxes.area(second)[None])
-    return np.asarray(np.divide(shared, smaller, out=np.zeros_like(shared), where=smaller > 0))
 
 
 def of_frames(table: pd.DataFrame) -> dict[int, pd.DataFrame]:

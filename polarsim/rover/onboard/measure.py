@@ -74,9 +74,8 @@ def ride_of(sight: Sight) -> Ride:
     front = max(wheel.position_m[0] + wheel.radius_m + wheel.grouser_height_m for wheel in wheels)
     return Ride(
         frames=sight.frames,
-        cameras={frame: sight.camera(FRONT, frame)[0] for frame in sight.frames},
+        cameras={frame: sight.camera(FRONT, frame) for frame in sight.frames},
         base_from_camera=mount.base_from_camera,
-        lens=mount.lens,
         ground_m=float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in wheels])),
         front_m=front - float(mount.base_from_camera.translation[0]),
         half_width_m=max(abs(wheel.position_m[1]) + wheel.width_m / 2 for wheel in wheels),

@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.errors import RoverError
 from polarsim.formats.instances import BACKGROUND
-from polarsim.geometry.lens import Lens
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.render.gain import default_gain
 from polarsim.render.layers import NO_LAMP, Rendering, render_view
@@ -88,30 +88,29 @@ class Sight:
             {code: self.trace.value_at(time_s, f"{code}_steer_rad") for code in codes},
         )
 
-    def camera(self, view: str, frame: int) -> tuple[Pose, Lens]:
-        """`world_from_camera` and lens of a view at a frame."""
-        mount = self.mounts[view]
-        return mount.world_from_camera(self.trace.pose_at(float(self.trace.tracks.time[frame]))), mount.lens
+    def camera(self, view: str, frame: int) -> Camera:
+        """The camera of a view at a frame, in the rover's world."""
+        return self.mounts[view].at(self.trace.pose_at(float(self.trace.tracks.time[frame])))
 
     def render(self, view: str, suns: Sequence[str], threads: int = 1) -> Rendering:
         """Layers and ids of a view of the frame that is shown, by Sun; with the rover's lights, stars and lens.
 
         Shadows among the ids are those that the Sun throws: at night there are none.
         """
-        pose, lens = self.camera(view, self._frame)
+        camera = self.camera(view, self._frame)
         shining = {name: lamp for name in suns if (lamp := self.suns[name].lamp) is not None}
         spots = headlights(self.lights, self._links)
         own = {f"light {name}": spot for name, spot in spots.items()}  # no Sun is named so
         options, models = self.render_options, self.options.models
-        found = render_view(self.stage.surfaces, pose, lens, shining | own, models, list(shining), options, threads)
+        found = render_view(self.stage.surfaces, camera, shining | own, models, list(shining), options, threads)
         light = {(model, name): _sum(found.whole, model, name, own) for model in models for name in suns}
-        layers = through_lens(light, shining, self.stage.surfaces, pose, lens, options, threads)
+        layers = through_lens(light, shining, self.stage.surfaces, camera, options, threads)
         ids = {name: found.ids[name if name in shining else NO_LAMP] for name in (NO_LAMP, *suns)}
         if self._sky is not None:
             empty = ids[NO_LAMP] == BACKGROUND
             for name in suns:
-                stars = empty * star_radiance(self._sky, self.suns[name].world_from_celestial, pose, lens)
-                stars = imaged(stars, lens, options)
+                stars = empty * star_radiance(self._sky, self.suns[name].world_from_celestial, camera)
+                stars = imaged(stars, camera.lens, options)
                 layers |= {(model, name): layers[model, name] + stars for model in models}
         return Rendering(layers, ids)
 

@@ -9,6 +9,7 @@ import numpy as np
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.tone import to_8_bits
 from polarsim.geometry.poses import Pose
+from polarsim.photo import USUAL_EXPOSURE_MS
 from polarsim.render.gain import default_gain
 from polarsim.render.lamps import Lamp
 from polarsim.render.layers import render_view
@@ -37,7 +38,7 @@ class EyeOptions:
     sun_azimuth_deg: float = 225.0  # from east to north
     sun_elevation_deg: float = 8.0
     model: Model = "hapke"
-    exposure_ms: float = 256.0
+    exposure_ms: float = USUAL_EXPOSURE_MS
 
     def size(self, vehicle: Vehicle) -> tuple[int, int]:
         """Width and height of its pictures, px."""
@@ -63,10 +64,9 @@ class Eye:
         """(h, w, 1) uint8 of the rover's state and the ground's levels; by the judges' tone curve `gamma`."""
         base = pose_of(state.position, state.rotation)
         self._stage.show(level, self._links(state, base))
-        mount, options, render = self._mount, self._options, self._render
-        pose = mount.world_from_camera(base)
+        options, render = self._options, self._render
         models: tuple[Model, ...] = (options.model,)
-        found = render_view(self._stage.surfaces, pose, mount.lens, self._lamps, models, [SUN], render, 1)
+        found = render_view(self._stage.surfaces, self._mount.at(base), self._lamps, models, [SUN], render, 1)
         gain = render.gain.get(options.model, default_gain(options.model, render))
         grey = expose(found.layers[options.model, SUN], options.exposure_ms * gain, render, None)
         return to_8_bits(grey, DetectOptions(tone="gamma"))[..., None]

@@ -107,7 +107,7 @@ def truth_of(sight: Sight, rendering: Rendering, sun: str, frame: int) -> Truth:
 
 
 def _write_tables(folder: Path, sight: Sight, view: str) -> None:
-    cameras = {frame: sight.camera(view, frame)[0] for frame in sight.frames}
+    cameras = {frame: sight.camera(view, frame).world_from_camera for frame in sight.frames}
     tables.write_parquet(folder / view / "poses.parquet", pose_table(cameras, np.asarray(sight.trace.tracks.time)))
     for sun in sight.suns:
         truths = [read_truth(labels_folder(folder, view, sun), frame) for frame in sight.frames]

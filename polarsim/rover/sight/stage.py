@@ -14,8 +14,8 @@ from scipy import ndimage
 
 from polarsim.errors import RoverError
 from polarsim.formats.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
-from polarsim.formats.obj import Mesh
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster, Surveyor
 from polarsim.geometry.rays_parts import Part, Parts

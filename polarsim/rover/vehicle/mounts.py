@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.rover.vehicle.table import CameraPart
@@ -28,9 +29,10 @@ class Mount:
     lens: Lens
     level: bool = False
 
-    def world_from_camera(self, world_from_base: Pose) -> Pose:
-        """Where the camera is while the rover stands at a pose."""
-        return (levelled(world_from_base) if self.level else world_from_base) @ self.base_from_camera
+    def at(self, world_from_base: Pose) -> Camera:
+        """The camera while the rover stands at a pose."""
+        base = levelled(world_from_base) if self.level else world_from_base
+        return Camera(base @ self.base_from_camera, self.lens)
 
 
 def mount_of(camera: CameraPart, scale: float = 1.0) -> Mount:

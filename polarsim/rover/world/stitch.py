@@ -19,6 +19,7 @@ from scipy.sparse.linalg import spsolve
 
 from polarsim.errors import RoverError, about
 from polarsim.formats import obj
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.vectors import cross
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import require_volume, top_at
@@ -35,8 +36,8 @@ class Terrain:
     """Meshes of one terrain in its sandbox frame: x towards azimuth 0, east."""
 
     number: int
-    ground: obj.Mesh
-    rocks: Mapping[int, obj.Mesh]
+    ground: Mesh
+    rocks: Mapping[int, Mesh]
 
     @property
     def sand_level(self) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, WHITE_LEVEL
@@ -83,9 +84,9 @@ def shoot(mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, places:
     model = "hapke" if options.models == ("hapke",) else "lambert"
     parts = []
     for number, place in enumerate(places):
-        layers = render_view(painted, place, LENS, LIGHTS, [model], None, options).layers
+        layers = render_view(painted, Camera(place, LENS), LIGHTS, [model], None, options).layers
         photos = {name: merged(photographed(layers[model, name], GAINS[name], rng)) for name in LIGHTS}
-        parts += samples_of_view(plain, number, place, LENS, LIGHTS, photos, LAMPS, options)
+        parts += samples_of_view(plain, number, Camera(place, LENS), LIGHTS, photos, LAMPS, options)
     return Samples.joined(parts)
 
 

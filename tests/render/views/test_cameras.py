@@ -58,24 +58,24 @@ def test_doubled_waypoints_are_refused():
 def test_orbits_look_at_their_centre_from_their_radius(views_of):
     orbit = {"kind": "orbit", "centre_m": [0.5, 0, 0.1], "radius_m": 2, "height_m": 1, "number": 4, "from_deg": 90}
     cameras = cameras_of(views_of(cameras=[orbit]), LEVEL)
-    places = np.array([camera.sandbox_from_camera.translation for camera in cameras])
+    places = np.array([camera.centre for camera in cameras])
     np.testing.assert_allclose(places, [[0.5, 2, 1.1], [-1.5, 0, 1.1], [0.5, -2, 1.1], [2.5, 0, 1.1]], atol=1e-12)
     for camera in cameras:
-        pixel = camera.lens.project(camera.sandbox_from_camera.inverse().apply(np.array([0.5, 0, 0.1])))
+        pixel = camera.project(np.array([0.5, 0, 0.1]))
         np.testing.assert_allclose(pixel, [48, 32], atol=1e-9)
     assert [camera.name for camera in cameras] == ["orbit-000", "orbit-001", "orbit-002", "orbit-003"]
 
 
 def test_half_an_orbit_ends_at_its_end(views_of):
     orbit = {"kind": "orbit", "radius_m": 1, "height_m": 0, "number": 3, "over_deg": 180}
-    places = [c.sandbox_from_camera.translation for c in cameras_of(views_of(cameras=[orbit]), LEVEL)]
+    places = [c.centre for c in cameras_of(views_of(cameras=[orbit]), LEVEL)]
     np.testing.assert_allclose(places, [[1, 0, 0], [0, 1, 0], [-1, 0, 0]], atol=1e-12)
 
 
 def test_a_path_without_a_target_looks_ahead_and_down(views_of):
     path = {"kind": "path", "waypoints_m": [[0, 0, 1], [0, 3, 1]], "number": 3, "pitch_deg": 20}
     for camera in cameras_of(views_of(cameras=[path]), LEVEL):
-        ahead = camera.sandbox_from_camera.rotation[:, 2]
+        ahead = camera.world_from_camera.rotation[:, 2]
         np.testing.assert_allclose(ahead, [0, np.cos(np.radians(20)), -np.sin(np.radians(20))], atol=1e-12)
 
 
@@ -87,11 +87,11 @@ def test_random_cameras_keep_clear_of_the_ground_and_are_the_same_every_time(vie
 
     views = views_of(cameras=[box])
     first, second = (cameras_of(views, hill) for _ in range(2))
-    places = np.array([camera.sandbox_from_camera.translation for camera in first])
+    places = np.array([camera.centre for camera in first])
     assert (places[:, 2] >= hill(places[:, :2]) + 0.5).all()
     assert (np.abs(places) <= 2).all()
     assert len(places) == 30
-    np.testing.assert_array_equal(places, [camera.sandbox_from_camera.translation for camera in second])
+    np.testing.assert_array_equal(places, [camera.centre for camera in second])
     with pytest.raises(RenderError, match="cameras random: 0 of 30 places found"):
         cameras_of(views, lambda places: np.full(len(places), 5.0))
 
@@ -99,9 +99,9 @@ def test_random_cameras_keep_clear_of_the_ground_and_are_the_same_every_time(vie
 def test_pairs_are_as_far_apart_as_stated_and_parallel(views_of):
     left, right = cameras_of(views_of(stereo=True), LEVEL)
     assert (left.name, right.name) == ("point-000L", "point-000R")
-    apart = left.sandbox_from_camera.inverse().apply(right.sandbox_from_camera.translation)
+    apart = left.world_from_camera.inverse().apply(right.centre)
     np.testing.assert_allclose(apart, [0.3, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(left.sandbox_from_camera.rotation, right.sandbox_from_camera.rotation)
+    np.testing.assert_allclose(left.world_from_camera.rotation, right.world_from_camera.rotation)
 
 
 def test_a_pinhole_has_the_field_of_view_that_is_stated():

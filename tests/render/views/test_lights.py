@@ -57,6 +57,6 @@ def test_the_rover_light_moves_with_the_left_camera(views_of):
     views = views_of(stereo=True, rover_light={"states": [True], "from_camera_m": [0.1, -0.2, 0]})
     left, right = cameras_of(views, lambda places: np.zeros(len(places)))
     lamps = [rover_lamp(views.rover_light, camera) for camera in (left, right)]
-    expected = left.sandbox_from_camera.apply(np.array([0.1, -0.2, 0]))
+    expected = left.world_from_camera.apply(np.array([0.1, -0.2, 0]))
     for lamp in lamps:
         np.testing.assert_allclose(lamp.position, expected, atol=1e-12)

@@ -12,12 +12,18 @@ from polarsim.render.views.moon import (
     days_since_j2000,
     local_from_celestial,
     moon_from_celestial,
-    subsolar_point,
     sun_over,
     sun_seen_from_moon,
 )
 
 MOMENTS = st.datetimes(datetime(1950, 1, 1), datetime(2099, 1, 1)).map(lambda moment: moment.replace(tzinfo=UTC))
+
+
+def subsolar_point(moment):
+    """Selenographic longitude (-180 to 180, east positive) and latitude where the Sun stands overhead, degrees."""
+    days = days_since_j2000(moment)
+    x, y, z = moon_from_celestial(days) @ sun_seen_from_moon(days)
+    return np.degrees(np.arctan2(y, x)), np.degrees(np.arcsin(z))
 
 
 def test_the_subsolar_point_is_that_of_meeus_worked_example():

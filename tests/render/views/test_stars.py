@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose, looking
 from polarsim.render.views.cameras import pinhole
 from polarsim.render.views.hipparcos import cut, directions
@@ -96,7 +97,7 @@ def test_intensity_multiplies_the_light_of_all_stars():
 
 @pytest.mark.parametrize("pixel", [[80.0, 60.0], [80.5, 60.5], [20.25, 100.9], [150.1, 5.4]])
 def test_a_star_lights_the_pixels_around_its_place_and_keeps_its_light(pixel):
-    radiance = star_radiance(one_star(pixel), np.eye(3), UPWARDS, LENS)
+    radiance = star_radiance(one_star(pixel), np.eye(3), Camera(UPWARDS, LENS))
     rows, columns = np.nonzero(radiance)
     assert len(rows) <= 4
     weights = radiance[rows, columns] / radiance.sum()
@@ -108,7 +109,7 @@ def test_stars_turn_with_the_camera():
     """A turned camera sees a star where its direction says; a moved one sees it where it was."""
     star = one_star([80.5, 60.5])
     turned = Pose(Rotation.from_rotvec([0, 0, 0.1]).as_matrix() @ UPWARDS.rotation, np.array([5.0, 3, 2]))
-    radiance = star_radiance(star, np.eye(3), turned, LENS)
+    radiance = star_radiance(star, np.eye(3), Camera(turned, LENS))
     rows, columns = np.nonzero(radiance)
     weights = radiance[rows, columns] / radiance.sum()
     expected = LENS.project(star.directions[0] @ turned.rotation)
@@ -116,7 +117,7 @@ def test_stars_turn_with_the_camera():
     assert abs(expected[0] - 80.5) > 5
     moved = Pose(UPWARDS.rotation, np.array([100.0, 0, 0]))
     np.testing.assert_array_equal(
-        star_radiance(star, np.eye(3), moved, LENS), star_radiance(star, np.eye(3), UPWARDS, LENS)
+        star_radiance(star, np.eye(3), Camera(moved, LENS)), star_radiance(star, np.eye(3), Camera(UPWARDS, LENS))
     )
 
 
@@ -125,16 +126,18 @@ def test_the_sky_turns_with_time():
     sky = sky_of(StarField(faintest_mag=5))
     turned_camera = Pose(turn.T @ UPWARDS.rotation, UPWARDS.translation)
     np.testing.assert_allclose(
-        star_radiance(sky, turn, UPWARDS, LENS), star_radiance(sky, np.eye(3), turned_camera, LENS), rtol=1e-4
+        star_radiance(sky, turn, Camera(UPWARDS, LENS)),
+        star_radiance(sky, np.eye(3), Camera(turned_camera, LENS)),
+        rtol=1e-4,
     )
 
 
 def test_stars_stand_behind_the_scene(surfaces):
     pose = looking(np.array([2.5, -0.3, 1.0]), np.pi, 0.1)
-    empty = sky_mask(surfaces, pose, LENS, 1)
+    empty = sky_mask(surfaces, Camera(pose, LENS), 1)
     assert 0.2 < empty.mean() < 0.9
     sky = sky_of(StarField(faintest_mag=7))
-    layers = sky_layers(sky, {"one": np.eye(3), "two": np.eye(3)}, surfaces, pose, LENS, 2)
+    layers = sky_layers(sky, {"one": np.eye(3), "two": np.eye(3)}, surfaces, Camera(pose, LENS), 2)
     assert (layers["one"][empty] > 0).any()
     assert not layers["one"][~empty].any()
     assert layers["one"] is layers["two"]
@@ -142,4 +145,4 @@ def test_stars_stand_behind_the_scene(surfaces):
 
 def test_stars_behind_the_camera_are_not_seen():
     backwards = Sky(-one_star([80.0, 60.0]).directions, np.ones(1))
-    assert not star_radiance(backwards, np.eye(3), UPWARDS, LENS).any()
+    assert not star_radiance(backwards, np.eye(3), Camera(UPWARDS, LENS)).any()

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.rover.drive.control import Command, Driver, Law, wheel_commands
+from polarsim.rover.drive.control import Command, Driver, Law, steer
 from polarsim.rover.drive.control import Path as Route
 from polarsim.rover.vehicle.table import read_vehicle
 
@@ -17,9 +17,16 @@ PLACES = VIPER.wheel_centres[:, :2]
 LAW = Law(0.2, 5.0, 3.0, math.radians(30))
 
 
+def wheel_commands(command: Command) -> tuple[np.ndarray, np.ndarray]:
+    """(4,) steering angles, rad, and (4,) speeds of the rims, m/s, of the rover."""
+    limit = math.radians(VIPER.steering.limit_deg)
+    angles, speeds = steer(command, [tuple(place) for place in PLACES.tolist()], VIPER.wheelbase, limit)
+    return np.array(angles), np.array(speeds)
+
+
 def wheel_speeds(command: Command) -> np.ndarray:
     """(4, 2) m/s along base_link's x and y that rolling wheels would have."""
-    angles, rims = wheel_commands(command, VIPER)
+    angles, rims = wheel_commands(command)
     return np.stack([rims * np.cos(angles), rims * np.sin(angles)], axis=1)
 
 
@@ -60,7 +67,7 @@ def test_a_turn_on_the_spot_stays_on_it(speed):
     assert slide < 1e-9
     assert (forward, sideways) == pytest.approx((0, 0), abs=1e-9)
     assert turn == pytest.approx(speed / math.hypot(*PLACES[0]))  # leftwards where positive
-    assert np.abs(wheel_commands(Command(speed, 0.0, "turn"), VIPER)[0]).max() < math.pi / 2
+    assert np.abs(wheel_commands(Command(speed, 0.0, "turn"))[0]).max() < math.pi / 2
 
 
 def kinematic_drive(

@@ -172,13 +172,13 @@ def test_a_rover_that_would_leave_the_ground_is_stopped_before(soil):
 def test_a_wheel_stands_on_rock_where_there_is_rock(soil):
     import trimesh
 
-    from polarsim.formats import obj
+    from polarsim.geometry.meshes import Mesh
     from polarsim.rover.world.options import WorldOptions
     from polarsim.rover.world.stitch import Terrain
 
     box = trimesh.creation.box((0.5, 0.5, 0.2)).subdivide()
-    rock = obj.Mesh(np.asarray(box.vertices) + np.array([0.642, 0.61, -0.08]), np.asarray(box.faces))
-    ground = obj.Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
+    rock = Mesh(np.asarray(box.vertices) + np.array([0.642, 0.61, -0.08]), np.asarray(box.faces))
+    ground = Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
     world = _with_rocks(flat(), [Terrain(4, ground, {1: rock})], WorldOptions(terrains=(4,)))
     last = run(Simulation(world, VIPER, soil), 3.0)[-1]
     assert list(last.wheel("contact")) == [2, 1, 1, 1]

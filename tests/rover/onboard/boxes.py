@@ -19,7 +19,7 @@ MOUNT = mount_of(driven.vehicle().camera(FRONT))
 GROUND = -0.25
 
 
-WORLD_FROM_CAMERA = MOUNT.base_from_camera  # base_link is the world
+CAMERA = MOUNT.at(Pose.identity())  # base_link is the world
 
 
 def level(x, y):
@@ -28,10 +28,10 @@ def level(x, y):
 
 def ride(frames=10, step=0.2):
     """A ride along +x from x = 0."""
-    cameras = {n: Pose(np.eye(3), np.array([step * n, 0, 0.25])) @ MOUNT.base_from_camera for n in range(frames)}
+    cameras = {n: MOUNT.at(Pose(np.eye(3), np.array([step * n, 0, 0.25]))) for n in range(frames)}
     path = np.concatenate([np.stack([np.linspace(0, step * frames, 50), np.full(50, y)], 1) for y in (0.6, -0.6)])
     return Ride(
-        list(range(frames)), cameras, MOUNT.base_from_camera, MOUNT.lens, GROUND, 0.17, 0.71, path, 0.1,
+        list(range(frames)), cameras, MOUNT.base_from_camera, GROUND, 0.17, 0.71, path, 0.1,
         step * frames, 0.2,
     )  # fmt: skip
 

@@ -31,7 +31,7 @@ def test_a_camera_that_looks_ahead_has_its_axes_along_the_rovers():
 
 
 def test_a_camera_pitched_by_30_degrees_meets_level_ground_where_the_tangent_says():
-    camera = front().world_from_camera(Pose(np.diag([-1.0, -1, 1]), np.array([5.0, 0, 0.25])))  # the rover faces -x
+    camera = front().at(Pose(np.diag([-1.0, -1, 1]), np.array([5.0, 0, 0.25]))).world_from_camera  # the rover faces -x
     axis = camera.rotation[:, 2]
     reach = camera.translation[2] / -axis[2]
     np.testing.assert_allclose(camera.translation + reach * axis, [5 - 0.6 - 1.55 / np.tan(np.pi / 6), 0, 0], atol=1e-9)
@@ -48,7 +48,7 @@ def test_a_rolled_camera_has_its_right_side_down():
 @given(world_from_base=poses(), point=places)
 def test_what_is_fixed_to_the_rover_is_seen_at_the_same_pixel_wherever_it_stands(world_from_base, point):
     mount = front()
-    seen = mount.world_from_camera(world_from_base).inverse().apply(world_from_base.apply(point))
+    seen = mount.at(world_from_base).world_from_camera.inverse().apply(world_from_base.apply(point))
     np.testing.assert_allclose(seen, mount.base_from_camera.inverse().apply(point), atol=1e-9)
 
 
@@ -58,7 +58,7 @@ def test_a_camera_that_follows_stays_upright_over_the_same_place(world_from_base
     np.testing.assert_allclose(upright.rotation[:, 2], [0, 0, 1], atol=1e-12)
     np.testing.assert_array_equal(upright.translation, world_from_base.translation)
     np.testing.assert_allclose(heading(upright), heading(world_from_base), atol=1e-9)
-    right = front(level=True).world_from_camera(world_from_base).rotation[:, 0]
+    right = front(level=True).at(world_from_base).world_from_camera.rotation[:, 0]
     np.testing.assert_allclose(right[2], 0, atol=1e-12)
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from polarsim.errors import FormatError, RoverError
 from polarsim.formats import obj
+from polarsim.geometry.meshes import Mesh
 from polarsim.rover.world.stitch import Terrain, centres, fill_holes, read_terrain, rough_world, stitch
 from tests.rover.made_world import SMALL, ball, plane
 
@@ -73,6 +74,6 @@ def test_a_missing_ground_is_refused(tmp_path):
 
 
 def test_a_ground_that_covers_nothing_is_refused():
-    far = obj.Mesh(plane(0.0).vertices + np.array([9.0, 0.0, 0.0]), plane(0.0).faces)
+    far = Mesh(plane(0.0).vertices + np.array([9.0, 0.0, 0.0]), plane(0.0).faces)
     with pytest.raises(RoverError, match="terrain 4: its ground mesh covers nothing"):
         stitch([Terrain(4, far, {}), Terrain(1, plane(0.0), {})], SMALL)

@@ -12,6 +12,7 @@ from polarsim.detect.dataset import read_pictures
 from polarsim.detect.frame import PADDING, frame, read_picture
 from polarsim.errors import DetectError
 from polarsim.formats import yolo
+from polarsim.geometry.lens import HALF_PIXEL
 
 _CACHE_BYTES = 1 << 30  # pictures beyond are read again in every epoch
 _SHIFT, _SCALE, _BRIGHTNESS = 0.1, 0.3, 0.3  # largest random changes, as shares, as those of the other judges
@@ -82,7 +83,7 @@ def changed(picture: Picture, random: np.random.Generator) -> Picture:
     factor = np.array([mirror * scale, scale])
     offset = middle + shift - factor * middle  # in places counted from the picture's corner
     # OpenCV counts from the first pixel's centre.
-    matrix = np.column_stack([np.diag(factor), offset + 0.5 * factor - 0.5])
+    matrix = np.column_stack([np.diag(factor), offset + HALF_PIXEL * factor - HALF_PIXEL])
     pixels = np.asarray(
         cv2.warpAffine(
             picture.pixels, matrix, (width, height), flags=cv2.INTER_LINEAR, borderValue=(float(PADDING),) * 4

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from pydantic import BaseModel, Field
 
-from polarsim.render.relief import Range, smooth_noise
+from .relief import Range, smooth_noise
 
 _BEFORE_WALL_M = 0.03  # a card's distance from the wall that it leans on
 _SHIFT = 4  # bits of a pixel's fraction in OpenCV's polygons

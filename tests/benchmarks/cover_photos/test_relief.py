@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.render.relief import (
+from benchmarks.cover_photos.relief import (
     ReliefOptions,
     crater,
     draw_relief,

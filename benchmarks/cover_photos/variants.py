@@ -9,9 +9,10 @@ from pydantic import BaseModel, Field
 
 from polarsim.formats.scene import TerrainMesh
 from polarsim.photo import NO_ROCK
-from polarsim.render.hall import HallOptions
 from polarsim.render.options import HapkeParameters, Material, Model, PrincipledParameters, RenderOptions
-from polarsim.render.relief import Range, ReliefOptions, draw_relief, grid_mesh, sand_height, smooth_noise, smooth_sand
+
+from .hall import HallOptions
+from .relief import Range, ReliefOptions, draw_relief, grid_mesh, sand_height, smooth_noise, smooth_sand
 
 
 class VariantOptions(BaseModel, extra="forbid", frozen=True):

@@ -6,14 +6,17 @@ from pathlib import Path
 
 import pytest
 
-BENCHMARKS = sorted((Path(__file__).parent.parent / "benchmarks").glob("*.py"))
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+BENCHMARKS = sorted(FOLDER.rglob("*.py"))
 
 
 def imported(path):
-    """Module and name of each `from module import name` of a file."""
+    """Module and name of each `from module import name` of a file; modules of benchmarks/ by their path in it."""
+    package = path.relative_to(FOLDER).parts[:-1]
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and node.module:
-            yield from ((node.module, alias.name) for alias in node.names)
+            module = ".".join((*package, node.module)) if node.level else node.module
+            yield from ((module, alias.name) for alias in node.names)
 
 
 def defined(path):
@@ -26,9 +29,9 @@ def defined(path):
                 yield from (part.id for part in ast.walk(target) if isinstance(part, ast.Name))
 
 
-@pytest.mark.parametrize("path", BENCHMARKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", BENCHMARKS, ids=lambda path: ".".join(path.relative_to(FOLDER).with_suffix("").parts))
 def test_every_imported_name_of_ours_is_there(path):
-    beside = {one.stem: one for one in BENCHMARKS}
+    beside = {".".join(one.relative_to(FOLDER).with_suffix("").parts): one for one in BENCHMARKS}
     for module, name in imported(path):
         if module in beside:
             assert name in set(defined(beside[module])), f"{module}.{name}"

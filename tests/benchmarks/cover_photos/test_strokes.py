@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from polarsim.detect.strokes import REDS, draw_strokes, drawn_boxes, erase_strokes, find_strokes, practise
+from benchmarks.cover_photos.strokes import REDS, draw_strokes, drawn_boxes, erase_strokes, find_strokes, practise
 from polarsim.formats import png, release
 
 BOXES = np.array([[40.0, 30, 110, 90], [150, 60, 190, 120]])

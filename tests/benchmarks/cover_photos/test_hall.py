@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from benchmarks.cover_photos.hall import HallOptions, draw_hall, furnish
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
-from polarsim.render.hall import HallOptions, draw_hall, furnish
 
 SHAPE = (60, 90)
 POSE = looking(np.array([-2.5, 0.0, 1.5]), 0.0, np.deg2rad(20))

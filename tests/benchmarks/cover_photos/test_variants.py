@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from benchmarks.cover_photos.relief import ReliefOptions, sand_height, smooth_sand
+from benchmarks.cover_photos.variants import VariantOptions, draw_variant
+from benchmarks.cover_photos.varied import contrast_of_rock, render_varied
 from polarsim.formats import png, yolo
 from polarsim.formats.instances import GROUND, ROCK_IDS
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
-from polarsim.render.relief import ReliefOptions, sand_height, smooth_sand
-from polarsim.render.variants import VariantOptions, draw_variant
-from polarsim.render.varied import contrast_of_rock, render_varied
 
 COARSE = ReliefOptions(cell_m=0.1, most_craters=0)
 TWO = {"rock_ids": (1, 5), "places": ((0.0, 0.0), (1.0, 0.5))}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import BaseModel, Field
 
-from polarsim.formats.obj import Mesh
+from polarsim.geometry.meshes import Mesh
 
 Range = tuple[float, float]
 

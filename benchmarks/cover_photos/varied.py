@@ -15,19 +15,19 @@ from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, ROCK, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.automatic import boxes_of
-from polarsim.render.hall import furnish
 from polarsim.render.lamps import Lamp, lamps_of
 from polarsim.render.layers import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import surfaces_of
-from polarsim.render.variants import Variant, VariantOptions, draw_variant
+
+from .hall import furnish
+from .variants import Variant, VariantOptions, draw_variant
 
 _BRIGHT_SAND = 90  # percentile of the sand's light that an exposure is told by: walls and lamps would mislead it
 _SEAM_PX = 2
@@ -67,20 +67,20 @@ def render_varied(
                 random = generator(options.seed, "varied", terrain, position, camera, number)
                 variant, rig = draw_variant(mesh, options, random), rigs[position]
                 lamps = {name: lamp for name, lamp in sorted(lamps_of(suns, rig).items()) if name in suns}
-                lens = rig.rig.lens(camera).scaled(options.scale)
-                pictured = _pictures(variant, rig.sandbox_from(camera), lens, lamps, options, random, threads)
+                view = rig.camera(camera).scaled(options.scale)
+                size = view.lens.width, view.lens.height
+                pictured = _pictures(variant, view, lamps, options, random, threads)
                 for name, picture, labels in pictured:
                     stem = f"{terrain:02d}_{position}_{name}_{camera}_v{number:02d}"
                     png.write(folder / "images" / f"{stem}.png", picture)
                     classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in labels], int)
                     corners = np.array([box for _, _, box in labels], float).reshape(-1, 4)
-                    yolo.write_boxes(folder / "labels" / f"{stem}.txt", classes, corners, (lens.width, lens.height))
+                    yolo.write_boxes(folder / "labels" / f"{stem}.txt", classes, corners, size)
 
 
 def _pictures(
     variant: Variant,
-    pose: Pose,
-    lens: Lens,
+    camera: Camera,
     lamps: Mapping[str, Lamp],
     options: VariantOptions,
     random: np.random.Generator,
@@ -91,8 +91,8 @@ def _pictures(
     surfaces = surfaces_of(variant.mesh, chosen, {model: variant.albedo})
     shifts = {name: options.lamp_shift_m * random.standard_normal(3) * [1, 1, 0.3] for name in lamps}
     lamps = {name: replace(lamp, position=lamp.position + shifts[name]) for name, lamp in lamps.items()}
-    rendering = render_view(surfaces, pose, lens, lamps, [model], sorted(lamps), chosen, threads)
-    seen = through_lens(rendering.whole, lamps, surfaces, pose, lens, chosen, threads)
+    rendering = render_view(surfaces, camera, lamps, [model], sorted(lamps), chosen, threads)
+    seen = through_lens(rendering.whole, lamps, surfaces, camera, chosen, threads)
     sand, around = (rendering.ids[NO_LAMP] == kind for kind in (GROUND, BACKGROUND))
     bare = around & ~np.any([layer != 0 for layer in rendering.layers.values()], axis=0)  # or a wall that no lamp meets
     walls = (chosen.rim_half_width_m, variant.mesh.sand_level + chosen.rim_height_m)
@@ -106,9 +106,7 @@ def _pictures(
             if kind != ROCK or contrast_of_rock(ids, rock, box, radiance) >= options.least_contrast
         ]
         if options.hall is not None:
-            radiance = furnish(
-                radiance, around, bare, walls, lambda p: lens.project(pose.inverse().apply(p)), options.hall, random
-            )
+            radiance = furnish(radiance, around, bare, walls, camera.project, options.hall, random)
         light = random.uniform(*options.exposure) * (WHITE_LEVEL - BLACK_LEVEL)
         yield name, expose(radiance, light, chosen, random if chosen.noise else None), labels
 

@@ -1,0 +1,1 @@
+"""What `benchmarks/covers.py` needs and nothing else does: cover photos read, twins varied, judges of both scored."""

@@ -1,0 +1,13 @@
+"""Columns of `gap/ledger.parquet` that its writer and its table share."""
+
+from __future__ import annotations
+
+FIGURES = ("ipd", "ipd_abs", "map50", "alarms", "alarm_area")
+ENDS = (
+    "_twin",
+    "",
+    "_change",
+    "_change_low",
+    "_change_high",
+)  # of the twin, of the other one, what changes
+FIGURE_COLUMNS = tuple(f"{figure}{end}" for figure in FIGURES for end in ENDS)
