@@ -14,7 +14,7 @@ from polarsim.detect.breakdown import boxes_by_photo
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.false_alarms import alarms_of_photos
 from polarsim.detect.ipd import Rules, instance_performance, pair
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import ComparisonOptions
 from polarsim.photo import BOX_CLASSES
 
 ENDS = ("_twin", "", "_change", "_change_low", "_change_high")  # of a column: of one, of the other, what changes
@@ -39,7 +39,7 @@ class Seen:
     keys: Sequence[str]
     labels: pd.DataFrame
     predictions: pd.DataFrame
-    options: DetectOptions
+    options: ComparisonOptions
 
     @cached_property
     def performance(self) -> pd.DataFrame:

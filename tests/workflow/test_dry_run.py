@@ -178,7 +178,7 @@ def test_thirteen_terrains_plan_fewer_than_1000_jobs_in_ten_seconds(checkout, sn
         ({"terains": [1]}, "terains"),
         ({"terrains": [14]}, "terrains"),
         ({"positions": ["H"]}, "positions"),
-        ({"detect": {"epochs": 0}}, "detect.epochs"),
+        ({"detect": {"training": {"epochs": 0}}}, "detect.training.epochs"),
         ({"detect": {"splits": ["rock"]}}, "detect.splits"),
         ({"detect": {"mixes": {"mixed": {"real": 1}}}}, "detect.mixes.mixed: domain 'real'"),
         ({"grid": {"lights": [True]}}, "grid.lights"),

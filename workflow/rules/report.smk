@@ -261,7 +261,7 @@ rule tabulate_detectors:
         runtime=5,
     params:
         origin=ORIGIN,
-        min_mean_dn=CONFIG.detect.min_mean_dn,
+        min_mean_dn=CONFIG.detect.pictures.min_mean_dn,
         code=code_of("tabulate_detectors"),
     script:
         "../scripts/tabulate_detectors.py"
@@ -381,7 +381,7 @@ rule tabulate_stereo:
         runtime=5,
     params:
         origin=ORIGIN,
-        stereo=options("detect")["stereo"],
+        stereo=options("detect.stereo"),
         code=code_of("tabulate_stereo"),
     script:
         "../scripts/tabulate_stereo.py"
