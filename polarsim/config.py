@@ -25,7 +25,7 @@ from polarsim.photo import TERRAINS, positions
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
 from polarsim.rover.options import RoverOptions
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 
 RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy of the release
 
@@ -42,6 +42,7 @@ _DETECT_KEYS = {
 # Keys of older configurations that have a place elsewhere now.
 MOVED = {
     **{f"detect.{key}": f"detect.{part}.{key}" for part, keys in _DETECT_KEYS.items() for key in keys},
+    **{f"tables.{key}": f"scoring.{key}" for key in ScoringOptions.model_fields},
     "detect.seed": "detect.split.seed and detect.comparison.seed",
     "rover.sight.onboard.detect": "rover.sight.onboard.pictures and rover.sight.onboard.prediction",
 }
@@ -82,7 +83,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     detect: DetectOptions = Field(DetectOptions(), description="Judges, their training and comparison.")
     gap: GapOptions = Field(GapOptions(), description="Twins with one ingredient replaced: which one causes the gap.")
     rover: RoverOptions = Field(RoverOptions(), description="Drives over the digitised terrains.")
-    tables: TablesOptions = Field(TablesOptions(), description="How results are scored and drawn.")
+    scoring: ScoringOptions = Field(ScoringOptions(), description="How results are scored.")
 
     @field_validator("terrains")
     @classmethod
@@ -170,7 +171,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
         """Folder of the labels that people drew, which scores are measured against: the seeds' where there are some."""
         seeds = self.labels.seeds
         own = seeds.root if isinstance(seeds, SeedOptions) else None
-        return self.tables.drawn_root or own or self.source.root
+        return self.scoring.drawn_root or own or self.source.root
 
     @property
     def ledger_judges(self) -> tuple[str, ...]:

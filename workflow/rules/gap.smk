@@ -32,7 +32,6 @@ rule lay_truth:
         runtime=10,
     params:
         truth=truth_of,
-        options=options("tables"),
         code=code_of("lay_truth"),
     script:
         "../scripts/lay_truth.py"
@@ -272,7 +271,6 @@ rule draw_gap:
         runtime=5,
     params:
         origin=ORIGIN,
-        options=options("tables"),
         code=code_of("draw_gap"),
     script:
         "../scripts/draw_gap.py"
