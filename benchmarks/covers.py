@@ -2,8 +2,8 @@
 
     python benchmarks/covers.py config/covers.yaml [--set KEY=VALUE ...] [--stop-before train]
 
-`--set` changes a key of the file: `--set detect.epochs=10 variants.number=6 out=results/covers_small`. Steps whose
-output is there are not done again, so a run that was stopped goes on; another configuration needs another `out`.
+`--set` changes a key of the file: `--set detect.training.epochs=10 variants.number=6 out=results/covers_small`. Steps
+whose output is there are not done again, so a run that was stopped goes on; another configuration needs another `out`.
 
 Not a rule of the workflow: it needs cameras and meshes of another run, trains a judge a fold, which takes hours on a
 CPU, and tests on ten photos that no other rule knows. It calls the stages' functions in the workflow's order, and all
@@ -108,7 +108,7 @@ def train_and_predict(experiment: Experiment, fold: tuple[int, ...], threads: in
             covers=experiment.out / "photos",
             test=[key for key in experiment.keys if key.terrain in fold],
             dataset=folder / "dataset",
-            imgsz=experiment.detect.imgsz,
+            imgsz=experiment.detect.pictures.imgsz,
             options=experiment.dataset,
         )
     if not (folder / "judge.pt").exists():
@@ -116,7 +116,10 @@ def train_and_predict(experiment: Experiment, fold: tuple[int, ...], threads: in
             dataset=folder / "dataset",
             weights=folder / "judge.pt",
             curve=folder / "curve.csv",
-            options=experiment.detect,
+            options=experiment.detect.training,
+            prediction=experiment.detect.prediction,
+            imgsz=experiment.detect.pictures.imgsz,
+            seed=experiment.detect.seeds[0],
             threads=threads,
             work=folder / "work",
         )
@@ -125,7 +128,7 @@ def train_and_predict(experiment: Experiment, fold: tuple[int, ...], threads: in
         weights=folder / "judge.pt",
         dataset=folder / "dataset",
         predictions=folder / "predictions.parquet",
-        options=experiment.detect,
+        options=experiment.detect.prediction,
         threads=threads,
     )
 
@@ -148,15 +151,17 @@ def tabulate(experiment: Experiment) -> None:
         *((fold, fold_name(fold), predictions) for fold, predictions in found.items()),
     ]:
         keys = [str(key) for key in experiment.keys if key.terrain in terrains]
-        figures = cover_figures(labels, predictions, keys, seed=detect.seed, resamples=detect.resamples)
+        figures = cover_figures(
+            labels, predictions, keys, seed=detect.comparison.seed, resamples=detect.comparison.resamples
+        )
         figures.insert(0, "terrains", name)
         parts.append(figures)
     table = pd.concat(parts, ignore_index=True).round(4)
     table = table.assign(
-        judge=judge_name(detect.model),
-        start=detect.pretrained.name if detect.pretrained else "scratch",
-        epochs=detect.epochs,
-        imgsz=detect.imgsz,
+        judge=judge_name(detect.training.model),
+        start=detect.training.start,
+        epochs=detect.training.epochs,
+        imgsz=detect.pictures.imgsz,
         folds=len(experiment.folds),
         twins_a_terrain=len(list((out / "twins" / f"Terrain{experiment.terrains[0]:02d}" / "images").glob("*.png"))),
     )

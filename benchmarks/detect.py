@@ -21,7 +21,7 @@ import pandas as pd
 
 from polarsim.detect import metrics
 from polarsim.detect.dataset import make_dataset
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions, PredictionOptions, TrainingOptions
 from polarsim.detect.predict import predict
 from polarsim.detect.train import train_judge
 from polarsim.formats import png, tables
@@ -54,7 +54,7 @@ def make_photos(root: Path) -> list[PhotoKey]:
 
 def measure(root: Path, imgsz: int) -> dict[str, float]:
     """CPU seconds a picture of each step; training without its start-up: 5 epochs less 1, over the difference."""
-    options = DetectOptions(imgsz=imgsz, device="cpu")
+    prediction = PredictionOptions(device="cpu")
     start = time.process_time()
     make_dataset(
         domain="analog",
@@ -62,7 +62,7 @@ def measure(root: Path, imgsz: int) -> dict[str, float]:
         labels=root / "labels.parquet",
         split=root / "split.csv",
         dataset=root / "dataset",
-        options=options,
+        options=PicturesOptions(imgsz=imgsz),
     )
     seconds = {"dataset": (time.process_time() - start) / len(PARTS)}
     training = {}
@@ -72,7 +72,10 @@ def measure(root: Path, imgsz: int) -> dict[str, float]:
             dataset=root / "dataset",
             weights=root / "judge.pt",
             curve=root / "judge.csv",
-            options=options.model_copy(update={"epochs": epochs}),
+            options=TrainingOptions(epochs=epochs),
+            prediction=prediction,
+            imgsz=imgsz,
+            seed=0,
             threads=1,
             work=root / "work",
         )
@@ -83,7 +86,7 @@ def measure(root: Path, imgsz: int) -> dict[str, float]:
         weights=root / "judge.pt",
         dataset=root / "dataset",
         predictions=root / "predictions.parquet",
-        options=options,
+        options=prediction,
         threads=1,
     )
     seconds["predict"] = (time.process_time() - start) / PARTS.count("test")

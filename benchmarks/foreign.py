@@ -53,7 +53,6 @@ from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
 from polarsim.scoring.cameras import score_cameras
 from polarsim.scoring.match_rule import MatchRule
-from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.rock_pairs import pair_rocks
 from polarsim.scoring.rocks import score_rocks
 
@@ -421,7 +420,7 @@ def scored(folder: Path) -> pd.DataFrame:
     score_cameras(**common, matches=None, drawn=None, quality=folder / "cameras.csv", rule=rule)
     rocks = {"rocks": folder / "rocks.parquet", "quality": folder / "rocks.csv", "scores": folder / "scores.csv"}
     rocks |= {"inventory": folder / "inventory.json", "offsets": folder / "offsets.parquet"}
-    score_rocks(**common, **rocks, located=folder / "cameras", options=TablesOptions())
+    score_rocks(**common, **rocks, located=folder / "cameras")
     return pd.concat([pd.read_csv(folder / f"{name}.csv") for name in ("cameras", "rocks")], ignore_index=True)
 
 

@@ -27,7 +27,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect.judges import choose_device, judge_name, load_torch
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.predict import predict
 from polarsim.detect.train import train_judge
 from polarsim.formats import png, tables, yolo
@@ -60,16 +60,19 @@ def measure(model: str, given: argparse.Namespace) -> dict[str, object]:
     """Rates, memory and predicted time of one judge."""
     root = Path(tempfile.mkdtemp())
     try:
-        options = DetectOptions(model=model, imgsz=given.imgsz, batch=given.batch, device=given.device)
+        options = TrainingOptions(model=model, batch=given.batch)
+        prediction = PredictionOptions(device=given.device)
         dataset = make_dataset(root / "data", given.imgsz, given.pictures, given.pictures)
-        _train(root, dataset, options, SHORT, given.threads)  # pays for the imports
-        spent = {epochs: _train(root, dataset, options, epochs, given.threads) for epochs in (SHORT, LONG)}
+        _train(root, dataset, options, prediction, SHORT, given)  # pays for the imports
+        spent = {epochs: _train(root, dataset, options, prediction, epochs, given) for epochs in (SHORT, LONG)}
         train_s, train_cpu_s = (
             (long - short) / (LONG - SHORT) / given.pictures
             for short, long in zip(spent[SHORT], spent[LONG], strict=True)
         )
-        _predict(root, dataset, options, given.threads)  # the first pays for start-up
-        predict_s, predict_cpu_s = (value / given.pictures for value in _predict(root, dataset, options, given.threads))
+        _predict(root, dataset, prediction, given.threads)  # the first pays for start-up
+        predict_s, predict_cpu_s = (
+            value / given.pictures for value in _predict(root, dataset, prediction, given.threads)
+        )
         return {
             "judge": judge_name(model),
             "device": _device_name(given.device),
@@ -99,7 +102,14 @@ def paper_hours(train_s: float, predict_s: float) -> dict[str, float]:
     }
 
 
-def _train(root: Path, dataset: Path, options: DetectOptions, epochs: int, threads: int) -> tuple[float, float]:
+def _train(
+    root: Path,
+    dataset: Path,
+    options: TrainingOptions,
+    prediction: PredictionOptions,
+    epochs: int,
+    given: argparse.Namespace,
+) -> tuple[float, float]:
     """Wall and CPU seconds."""
     start = time.perf_counter(), time.process_time()
     train_judge(
@@ -107,13 +117,16 @@ def _train(root: Path, dataset: Path, options: DetectOptions, epochs: int, threa
         weights=root / "judge.pt",
         curve=root / "judge.csv",
         options=options.model_copy(update={"epochs": epochs}),
-        threads=threads,
+        prediction=prediction,
+        imgsz=given.imgsz,
+        seed=0,
+        threads=given.threads,
         work=root / "work",
     )
     return time.perf_counter() - start[0], time.process_time() - start[1]
 
 
-def _predict(root: Path, dataset: Path, options: DetectOptions, threads: int) -> tuple[float, float]:
+def _predict(root: Path, dataset: Path, options: PredictionOptions, threads: int) -> tuple[float, float]:
     start = time.perf_counter(), time.process_time()
     predict(
         weights=root / "judge.pt",

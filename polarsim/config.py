@@ -25,9 +25,27 @@ from polarsim.photo import TERRAINS, positions
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
 from polarsim.rover.options import RoverOptions
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 
 RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy of the release
+
+_DETECT_KEYS = {
+    "split": ("test_share", "test_terrains", "val_share"),
+    "pictures": ("imgsz", "tone", "tone_exposure_ms", "tone_percentile", "tone_floor_dn", "min_mean_dn", "downsize"),
+    "training": (
+        "model", "pretrained", "pretrained_url", "pretrained_sha256",
+        "epochs", "batch", "learning_rate", "augment", "mosaic",
+    ),
+    "prediction": ("device", "confidence", "nms_iou"),
+    "comparison": ("iou_confidence", "undetected", "unpaired", "resampled", "resamples"),
+}  # fmt: skip
+# Keys of older configurations that have a place elsewhere now.
+MOVED = {
+    **{f"detect.{key}": f"detect.{part}.{key}" for part, keys in _DETECT_KEYS.items() for key in keys},
+    **{f"tables.{key}": f"scoring.{key}" for key in ScoringOptions.model_fields},
+    "detect.seed": "detect.split.seed and detect.comparison.seed",
+    "rover.sight.onboard.detect": "rover.sight.onboard.pictures and rover.sight.onboard.prediction",
+}
 
 
 class LabelsSection(LabelsOptions):
@@ -65,7 +83,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     detect: DetectOptions = Field(DetectOptions(), description="Judges, their training and comparison.")
     gap: GapOptions = Field(GapOptions(), description="Twins with one ingredient replaced: which one causes the gap.")
     rover: RoverOptions = Field(RoverOptions(), description="Drives over the digitised terrains.")
-    tables: TablesOptions = Field(TablesOptions(), description="How results are scored and drawn.")
+    scoring: ScoringOptions = Field(ScoringOptions(), description="How results are scored.")
 
     @field_validator("terrains")
     @classmethod
@@ -153,7 +171,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
         """Folder of the labels that people drew, which scores are measured against: the seeds' where there are some."""
         seeds = self.labels.seeds
         own = seeds.root if isinstance(seeds, SeedOptions) else None
-        return self.tables.drawn_root or own or self.source.root
+        return self.scoring.drawn_root or own or self.source.root
 
     @property
     def ledger_judges(self) -> tuple[str, ...]:
@@ -194,8 +212,10 @@ def parse_config(content: Mapping[str, Any]) -> Config:
     Raises
     ------
     ConfigError
-        Unknown keys, missing keys or impossible values: one line that names each key.
+        Unknown or moved keys, missing keys or impossible values: one line that names each key.
     """
+    if moved := [f"{old} is now {new}" for old, new in MOVED.items() if _holds(content, old.split("."))]:
+        raise ConfigError("; ".join(moved))
     try:
         return Config.model_validate(_with_release_root(dict(content)))
     except ValidationError as error:
@@ -251,6 +271,15 @@ def render_options(assignments: Sequence[str]) -> RenderOptions:
 def schema() -> str:
     """JSON schema of the configuration; `config/schema.json` holds it for editors."""
     return json.dumps(Config.model_json_schema(), indent=1, sort_keys=True) + "\n"
+
+
+def _holds(content: Any, key: Sequence[str]) -> bool:
+    """Whether nested mappings have a key, given part by part."""
+    for part in key:
+        if not isinstance(content, Mapping) or part not in content:
+            return False
+        content = content[part]
+    return True
 
 
 def _with_release_root(content: dict[str, Any]) -> dict[str, Any]:

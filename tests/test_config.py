@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from polarsim.config import parse_config, render_options
+from polarsim.config import MOVED, Config, parse_config, render_options
 from polarsim.errors import ConfigError
 from polarsim.render.options import RenderOptions
 
@@ -40,6 +40,38 @@ def test_a_wrong_assignment_is_told_in_one_line(assignment, told):
 def detect(**options):
     source = {"kind": "analog", "root": "data"}
     return parse_config({"source": source, "detect": options})
+
+
+@pytest.mark.parametrize(
+    ("section", "told"),
+    [
+        ({"imgsz": 96}, "detect.imgsz is now detect.pictures.imgsz"),
+        ({"seed": 1}, "detect.seed is now detect.split.seed and detect.comparison.seed"),
+        (
+            {"epochs": 1, "tone": "fixed"},
+            "detect.tone is now detect.pictures.tone; detect.epochs is now detect.training",
+        ),
+    ],
+)
+def test_a_key_that_moved_is_refused_with_its_new_place(section, told):
+    with pytest.raises(ConfigError, match=told):
+        detect(**section)
+
+
+def test_every_moved_key_has_a_place_and_none_at_its_old_one():
+    for old, places in MOVED.items():
+        assert not describes(old)
+        assert all(describes(new) for new in places.split(" and "))
+
+
+def describes(key):
+    """Whether the schema of a configuration has a key."""
+    model = Config
+    for part in key.split("."):
+        if part not in model.model_fields:
+            return False
+        model = model.model_fields[part].annotation
+    return True
 
 
 def test_judges_are_trained_on_mixes_and_views_and_compared_over_domains_alone():
@@ -141,4 +173,4 @@ def test_impossible_seeds_are_told_in_one_line(seeds, kind, told):
 def test_scores_are_measured_against_the_folder_that_is_named_or_that_of_the_seeds():
     assert seeded("none").drawn_root == Path("data")
     assert seeded({"root": "drawn"}).drawn_root == Path("drawn")
-    assert seeded("none", tables={"drawn_root": "drawn"}).drawn_root == Path("drawn")
+    assert seeded("none", scoring={"drawn_root": "drawn"}).drawn_root == Path("drawn")

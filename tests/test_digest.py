@@ -247,3 +247,31 @@ def test_packages_hold_nothing_but_names_of_their_modules():
     for path in sorted(Path(digest.__file__).parent.rglob("__init__.py")):
         kinds = {type(node) for node in digest._without_docstrings(ast.parse(path.read_text())).body}
         assert kinds <= {ast.Import, ast.ImportFrom, ast.Assign}, path
+
+
+def test_a_figure_is_drawn_anew_by_its_own_rule_alone():
+    """A figure's module is reached by the script that draws it, by no other figure's and by none that scores."""
+    shared = {"canvas", "difference", "shots"}  # `shots` draws two figures of one kind
+    scripts = {path.stem: path for path in sorted(SCRIPTS.glob("*.py"))}
+    reached = {name: digest._reached(digest._parsed(path)[1]) for name, path in scripts.items()}
+    figures = sorted((Path(digest.__file__).parent / "report/figures").glob("[a-z]*.py"))
+    assert len(figures) > 15
+    for figure in figures:
+        drawing = [name for name, modules in reached.items() if f"polarsim.report.figures.{figure.stem}" in modules]
+        assert drawing
+        assert all(name.startswith("draw_") for name in drawing), f"{figure.stem}: {drawing}"
+        assert len(drawing) == 1 or figure.stem in shared, f"{figure.stem}: {drawing}"
+
+
+def test_an_edit_of_a_figure_changes_the_digest_of_its_script_and_of_no_scoring_script(monkeypatch):
+    scripts = {path.stem: path for path in sorted(SCRIPTS.glob("*.py"))}
+    before = {name: digest.script_digest(path) for name, path in scripts.items()}
+    parsed, figure = digest._module, "polarsim.report.figures.contact"
+    monkeypatch.setattr(digest, "_module", lambda name: ("edited", parsed(name)[1]) if name == figure else parsed(name))
+    after = {name: digest.script_digest(path) for name, path in scripts.items()}
+    assert {name for name in scripts if before[name] != after[name]} == {"draw_contact"}
+
+
+def test_scripts_read_what_their_rules_declare_and_build_no_path_of_results():
+    for path in sorted(SCRIPTS.glob("*.py")):
+        assert not re.search(r'"results"|results/', path.read_text()), path

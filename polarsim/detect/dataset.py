@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.detect.options import VIEWS, DetectOptions
+from polarsim.detect.options import VIEWS, PicturesOptions, SplitOptions
 from polarsim.detect.pictures import BOX_COLUMNS as BOX_COLUMNS
 from polarsim.detect.pictures import CORRUPT, USED, convert_photos, read_states
 from polarsim.detect.split import PARTS, PHOTO, TERRAIN, TEST, TRAIN, VAL, draw_val, read_split
@@ -42,7 +42,7 @@ def make_dataset(
     labels: Path,
     split: Path,
     dataset: Path,
-    options: DetectOptions,
+    options: PicturesOptions,
     by: str = PHOTO,
     wanted: Sequence[str] = PARTS,
 ) -> None:
@@ -65,10 +65,11 @@ def make_dataset(
             folder=folder / "pictures",
             options=options,
         )
-        _share(domain, dataset, folder / "pictures", parts, by, folder, options, wanted)
+        part_of = {str(key): part for key, part in parts.items()}
+        _share(domain, dataset, folder / "pictures", part_of, by, folder, wanted)
 
 
-def share_pictures(*, domain: str, pictures: Path, split: Path, by: str, dataset: Path, options: DetectOptions) -> None:
+def share_pictures(*, domain: str, pictures: Path, split: Path, by: str, dataset: Path, options: SplitOptions) -> None:
     """Write the folder of one domain's data set.
 
     Photos and twins lie in the part of their key. Novel views train and choose weights, parted by their cameras, and
@@ -92,12 +93,16 @@ def share_pictures(*, domain: str, pictures: Path, split: Path, by: str, dataset
         A broken file, a split that leaks, or a part without any picture.
     """
     parts = read_split(split, by)
+    views = domain == VIEWS
+    part_of = {str(key): part for key, part in parts.items()}
+    if views:
+        part_of = _parts_of_views(read_states(pictures), parts, by, options)
     with writing_folder(dataset) as folder:
-        _share(domain, dataset, pictures, parts, by, folder, options)
+        _share(domain, dataset, pictures, part_of, by, folder, (TRAIN, VAL) if views else PARTS)
 
 
 def mix_datasets(
-    *, domain: str, weights: Mapping[str, float], datasets: Mapping[str, Path], dataset: Path, options: DetectOptions
+    *, domain: str, weights: Mapping[str, float], datasets: Mapping[str, Path], dataset: Path, options: SplitOptions
 ) -> None:
     """Write a data set to train on, of pictures that other data sets link to; it has no test part.
 
@@ -139,15 +144,12 @@ def _share(
     domain: str,
     dataset: Path,
     pictures: Path,
-    parts: Mapping[PhotoKey, str],
+    part_of: Mapping[str, str],
     by: str,
     folder: Path,
-    options: DetectOptions,
-    wanted: Sequence[str] = PARTS,
+    needed: Sequence[str],
 ) -> None:
     states = read_states(pictures)
-    views = domain == VIEWS
-    part_of = _parts_of_views(states, parts, by, options) if views else {str(key): part for key, part in parts.items()}
     entries, left_out = [], []
     for key, state in zip(states["key"], states["state"], strict=True):
         part = part_of.get(key)
@@ -156,11 +158,11 @@ def _share(
         elif part and state == CORRUPT:
             left_out.append((key, part))
     facts = {"split": by, "tone": read_json(pictures / "domain.json")["tone"]}
-    _write(domain, dataset, entries, left_out, folder, facts, (TRAIN, VAL) if views else wanted)
+    _write(domain, dataset, entries, left_out, folder, facts, needed)
 
 
 def _parts_of_views(
-    states: pd.DataFrame, parts: Mapping[PhotoKey, str], by: str, options: DetectOptions
+    states: pd.DataFrame, parts: Mapping[PhotoKey, str], by: str, options: SplitOptions
 ) -> dict[str, str]:
     """Train or val for novel views, by their cameras; split by terrain, those that show a test terrain have no part."""
     part_of_camera = draw_val(states["camera"], options)

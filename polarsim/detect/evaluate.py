@@ -32,7 +32,7 @@ from polarsim.detect.ipd import (
     pair,
 )  # fmt: skip
 from polarsim.detect.judges import judge_name
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
 from polarsim.detect.seen import Seen
 from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, leaks, read_split
@@ -77,7 +77,9 @@ def evaluate(
     split: Path,
     by: str = PHOTO,
     tables_of: Evaluation,
-    options: DetectOptions,
+    options: ComparisonOptions,
+    training: TrainingOptions,
+    imgsz: int,
 ) -> None:
     """Write the figures of all pairs of domains.
 
@@ -92,6 +94,8 @@ def evaluate(
         The split that the data sets were made by.
     by : str
         What it is by: photo, view, position or terrain.
+    training, imgsz
+        How the detectors were trained and the longer side of their pictures, px, as tables name it.
 
     Raises
     ------
@@ -120,7 +124,8 @@ def evaluate(
     judged = _joined(parts["breakdown"], (*SIDES, *BREAKDOWN_COLUMNS))
     _write(tables_of.breakdown, judged)
     left_out = {sides: _left_out(datasets, *sides) for sides in named}
-    _write(tables_of.detection, _detection_table(judged, by, leaked, left_out, options))
+    facts = {"split": by, "leaks_views": leaked, **detector_facts(training, imgsz), "unit": options.resampled}
+    _write(tables_of.detection, _detection_table(judged, left_out, facts))
     _write(tables_of.curves, _joined(parts["curves"], (*SIDES, *CURVE_COLUMNS)))
     _write(tables_of.false_alarms, _joined(parts["false_alarms"], (*SIDES, *FALSE_ALARM_COLUMNS)))
     _write(tables_of.ipd, _ipd_table(performances, options))
@@ -145,8 +150,13 @@ def trained_and_evaluated(path: Path) -> tuple[str, str]:
     return trained, evaluated
 
 
+def detector_facts(training: TrainingOptions, imgsz: int) -> dict[str, Any]:
+    """How a detector was trained, by column of a table."""
+    return {"judge": judge_name(training.model), "start": training.start, "epochs": training.epochs, "imgsz": imgsz}
+
+
 def _figures(
-    keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, options: DetectOptions
+    keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, options: ComparisonOptions
 ) -> dict[str, pd.DataFrame]:
     """All that concerns one judge and one domain."""
     drawing = {"seed": options.seed, "resamples": options.resamples}
@@ -186,18 +196,9 @@ def read_labels(path: Path) -> pd.DataFrame:
 
 
 def _detection_table(
-    judged: pd.DataFrame, by: str, leaked: bool, left_out: Mapping[tuple[str, str], int], options: DetectOptions
+    judged: pd.DataFrame, left_out: Mapping[tuple[str, str], int], facts: Mapping[str, Any]
 ) -> pd.DataFrame:
     """`DETECTION_COLUMNS` of all photos."""
-    facts: dict[str, Any] = {
-        "split": by,
-        "leaks_views": leaked,
-        "judge": judge_name(options.model),
-        "start": options.pretrained.name if options.pretrained else "scratch",
-        "epochs": options.epochs,
-        "imgsz": options.imgsz,
-        "unit": options.resampled,
-    }
     found = judged[judged["by"] == ALL].assign(**facts)
     found["left_out"] = [left_out[sides] for sides in zip(found["trained"], found["evaluated"], strict=True)]
     return found[list(DETECTION_COLUMNS)]
@@ -213,11 +214,11 @@ def _pairs_of_domains(
             yield (trained, first, second), performances[trained, first], performances[trained, second]
 
 
-def _rules(options: DetectOptions) -> Rules:
+def _rules(options: ComparisonOptions) -> Rules:
     return Rules(options.undetected, options.unpaired, options.resampled)
 
 
-def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: DetectOptions) -> pd.DataFrame:
+def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
     rules = {"undetected": options.undetected, "unpaired": options.unpaired, "confidence": options.iou_confidence}
     rows = []
     for names, *sides in _pairs_of_domains(performances):
@@ -232,7 +233,7 @@ def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: De
     return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
 
 
-def _rock_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: DetectOptions) -> pd.DataFrame:
+def _rock_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
     found = [
         _named(of_rocks(pair(first, second, _rules(options))), PAIR, names)
         for names, first, second in _pairs_of_domains(performances)

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from polarsim.detect.dataset import read_pictures
-from polarsim.detect.evaluate import read_labels
-from polarsim.detect.judges import judge_name
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.evaluate import detector_facts, read_labels
+from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
 from polarsim.detect.seen import Seen, change, ipd_change
 from polarsim.detect.split import TEST
@@ -62,7 +60,9 @@ def write_ledger(
     twin: str,
     replaced: Mapping[str, str],
     ledger: Path,
-    options: DetectOptions,
+    options: ComparisonOptions,
+    training: TrainingOptions,
+    imgsz: int,
 ) -> None:
     """Write `LEDGER_COLUMNS`, a row an ingredient, judge and class.
 
@@ -76,6 +76,8 @@ def write_ledger(
         The domains of the photos and of the twin as the run has it.
     replaced
         What each ingredient replaces, in words; in the order of the ledger.
+    training, imgsz
+        How the detectors were trained and the longer side of their pictures, px, as the ledger names it.
 
     Raises
     ------
@@ -86,12 +88,7 @@ def write_ledger(
     if not keys:
         raise DetectError("no test picture that every twin of the ledger has", path=datasets[photo])
     truth = {domain: read_labels(path) for domain, path in labels.items()}
-    facts: dict[str, Any] = {
-        "model": twin,
-        "judge": judge_name(options.model),
-        "epochs": options.epochs,
-        "imgsz": options.imgsz,
-    }
+    facts = {"model": twin, **detector_facts(training, imgsz)}
     parts = []
     for trained in track(sorted({trained for trained, _ in predictions}), "gap ledger"):
         seen = {

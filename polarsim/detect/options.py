@@ -32,13 +32,50 @@ class StereoOptions(BaseModel, extra="forbid", frozen=True):
         return self
 
 
-class DetectOptions(BaseModel, extra="forbid", frozen=True):
-    """The defaults train small and short, from scratch, as the demo does. The paper: 200 epochs, pre-trained."""
+class SplitOptions(BaseModel, extra="forbid", frozen=True):
+    """Which pictures train, choose weights and test."""
+
+    seed: int = Field(0, ge=0, description="Seed of the splits and of the mixes.")
+    test_share: float = Field(1 / 3, gt=0, lt=1, description="Share of what is drawn that is the test part.")
+    test_terrains: tuple[int, ...] = Field(
+        (), description="Terrains of the test part of the split by terrain; where none is named, they are drawn."
+    )
+    val_share: float = Field(
+        0.1,
+        gt=0,
+        lt=1,
+        description="Share of what is left that selects weights, drawn like the test (where it is less than half a "
+        "view, position or terrain: by photo).",
+    )
+
+
+class PicturesOptions(BaseModel, extra="forbid", frozen=True):
+    """How photos and twins become the pictures that detectors are shown."""
+
+    imgsz: int = Field(320, ge=64, multiple_of=32, description="Longer side of the pictures that detectors see, px.")
+    tone: Literal["gamma", "percentile", "linear", "fixed"] = Field(
+        "gamma",
+        description="Curve from 12 to 8 bits. linear: the full range; percentile: stretched; gamma: stretched, then "
+        "1/2.2; fixed: as if exposed for tone_exposure_ms, then 1/2.2.",
+    )
+    tone_exposure_ms: float = Field(
+        256, gt=0, description="The exposure that curve `fixed` brings all pictures to, ms; what is beyond white clips."
+    )
+    tone_percentile: float = Field(99.5, gt=50, le=100, description="Percentile of the picture that becomes white.")
+    tone_floor_dn: float = Field(64, gt=0, description="Least white point above black, DN: it keeps dark noise dark.")
+    min_mean_dn: float = Field(
+        0, ge=0, description="Pictures with a lower mean above black, DN, are left out; 0: none."
+    )
+    downsize: bool = Field(True, description="Pictures are stored at imgsz; false: at full size.")
+
+
+class TrainingOptions(BaseModel, extra="forbid", frozen=True):
+    """How a detector is trained."""
 
     model: str = Field(
         "yolov5n",
         pattern="^(yolov5[nsmlx]|yolov8[nsmlx]|yolov9[tsmce]|yolov10[nsmblx]|yolo(11|12|26)[nsmlx]|compact(-l)?)$",
-        description="Judge: compact and compact-l are our own (BSD-3-Clause), all others Ultralytics' (AGPL-3.0).",
+        description="Detector: compact and compact-l are our own (BSD-3-Clause), all others Ultralytics' (AGPL-3.0).",
     )
     pretrained: Path | None = Field(None, description="Weights to start from (.pt); none: random weights.")
     pretrained_url: str | None = Field(
@@ -50,66 +87,43 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         None, pattern="^[0-9a-fA-F]{64}$", description="Checksum of what is fetched; needed for pretrained_url."
     )
     epochs: int = Field(4, ge=1, description="Passes over the training pictures; the paper has 200.")
-    imgsz: int = Field(320, ge=64, multiple_of=32, description="Longer side of the judge's pictures, px.")
-    batch: int = Field(4, ge=1, description="Pictures a training step.")
+    batch: int = Field(4, ge=1, description="Pictures of a training step.")
     learning_rate: float = Field(0.002, gt=0, description="Largest learning rate of AdamW.")
     augment: bool = Field(
-        False, description="Mirror, move and scale the training pictures at random; pays off in long trainings."
+        False, description="Training pictures are mirrored, moved and scaled at random; pays off in long trainings."
     )
-    mosaic: bool = Field(False, description="Train on four pictures at once; pays off in long trainings.")
+    mosaic: bool = Field(False, description="A training picture is made of four; pays off in long trainings.")
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if self.pretrained_url and not (self.pretrained and self.pretrained_sha256):
+            raise ValueError("pretrained_url needs pretrained, where the file goes, and pretrained_sha256")
+        if self.mosaic and self.model.startswith("compact"):
+            raise ValueError(f"mosaic: judge {self.model} has none")
+        return self
+
+    @property
+    def start(self) -> str:
+        """What a training starts from, as tables name it."""
+        return self.pretrained.name if self.pretrained else "scratch"
+
+
+class PredictionOptions(BaseModel, extra="forbid", frozen=True):
+    """How a detector looks at pictures, those of the test and those that select its weights."""
+
     device: Literal["auto", "cpu", "cuda"] = Field(
-        "cpu", description="Where judges run; auto: cuda where there is one."
+        "cpu", description="Where detectors run, in training too; auto: cuda where there is one."
     )
-    seed: int = Field(0, ge=0, description="Seed of the splits, the mixes and the bootstrap.")
-    seeds: tuple[int, ...] = Field(
-        (0,), min_length=1, description="Seeds of training: every judge is trained once with each."
-    )
-
-    splits: tuple[SplitName, ...] = Field(
-        ("photo",),
-        min_length=1,
-        description="What is drawn for the test, each with judges and rows in the tables of its own. photo: photos, as "
-        "in the paper, so that views lie on both sides; view: terrain, position and camera; position: terrain and "
-        "position, both cameras; terrain: whole terrains.",
-    )
-    test_share: float = Field(1 / 3, gt=0, lt=1, description="Share of what is drawn that is the test part.")
-    test_terrains: tuple[int, ...] = Field((), description="Terrains of the test part; none: drawn. For split terrain.")
-    val_share: float = Field(
-        0.1,
-        gt=0,
-        lt=1,
-        description="Share of what is left that selects weights, drawn like the test (where it is less than half a "
-        "view, position or terrain: by photo).",
-    )
-
-    views: Path | None = Field(
-        None,
-        description="Folder that `polarsim render VIEWS.yaml` wrote, without --preview: the training domain `views`.",
-    )
-    mixes: dict[str, dict[str, float]] = Field(
-        {},
-        description="Training domains made of others: name -> domain -> weight. 0.5 takes half of the domain's "
-        "pictures, 2 takes each twice.",
-    )
-
-    tone: Literal["gamma", "percentile", "linear", "fixed"] = Field(
-        "gamma",
-        description="From 12 to 8 bits. linear: the full range; percentile: stretched; gamma: stretched, then 1/2.2; "
-        "fixed: as if exposed for tone_exposure_ms, then 1/2.2.",
-    )
-    tone_exposure_ms: float = Field(
-        256, gt=0, description="The exposure that curve `fixed` brings all pictures to, ms; what is beyond white clips."
-    )
-    tone_percentile: float = Field(99.5, gt=50, le=100, description="Percentile of the picture that becomes white.")
-    tone_floor_dn: float = Field(64, gt=0, description="Least white point above black, DN: keeps dark noise dark.")
-    min_mean_dn: float = Field(0, ge=0, description="Darker pictures (mean above black, DN) are left out; 0 keeps all.")
-    downsize: bool = Field(True, description="Store the pictures at imgsz; false: at full size.")
-
     confidence: float = Field(0.001, gt=0, lt=1, description="Least confidence of a prediction that is written.")
     nms_iou: float = Field(
         0.6, gt=0, lt=1, description="IoU above which the less confident of two boxes is dropped, as in YOLOv5's val."
     )
-    max_boxes: int = Field(300, ge=1, description="Most predictions a picture, the surest ones.")
+
+
+class ComparisonOptions(BaseModel, extra="forbid", frozen=True):
+    """How what detectors found is scored and compared."""
+
+    seed: int = Field(0, ge=0, description="Seed of the bootstrap.")
     iou_confidence: float = Field(
         0.25,
         ge=0,
@@ -139,15 +153,36 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         200, ge=100, description="The same for groups of photos and size classes, of which there are many."
     )
 
-    stereo: StereoOptions = Field(StereoOptions(), description="Stereo depth as a second kind of judge.")
 
-    @model_validator(mode="after")
-    def _is_consistent(self) -> Self:
-        if self.pretrained_url and not (self.pretrained and self.pretrained_sha256):
-            raise ValueError("pretrained_url needs pretrained, where the file goes, and pretrained_sha256")
-        if self.mosaic and self.model.startswith("compact"):
-            raise ValueError(f"mosaic: judge {self.model} has none")
-        return self
+class DetectOptions(BaseModel, extra="forbid", frozen=True):
+    """The defaults train small and short, from scratch, as the demo does. The paper: 200 epochs, pre-trained."""
+
+    seeds: tuple[int, ...] = Field(
+        (0,), min_length=1, description="Seeds of training: every detector is trained once with each."
+    )
+    splits: tuple[SplitName, ...] = Field(
+        ("photo",),
+        min_length=1,
+        description="What is drawn for the test, each with detectors and rows in the tables of its own. photo: photos, "
+        "as in the paper, so that views lie on both sides; view: terrain, position and camera; position: terrain and "
+        "position, both cameras; terrain: whole terrains.",
+    )
+    views: Path | None = Field(
+        None,
+        description="Folder that `polarsim render VIEWS.yaml` wrote, without --preview: the training domain `views`.",
+    )
+    mixes: dict[str, dict[str, float]] = Field(
+        {},
+        description="Training domains made of others: name -> domain -> weight. 0.5 takes half of the domain's "
+        "pictures, 2 takes each twice.",
+    )
+
+    split: SplitOptions = Field(SplitOptions(), description="Which pictures train, choose weights and test.")
+    pictures: PicturesOptions = Field(PicturesOptions(), description="The pictures that detectors are shown.")
+    training: TrainingOptions = Field(TrainingOptions(), description="How detectors are trained.")
+    prediction: PredictionOptions = Field(PredictionOptions(), description="How detectors look at pictures.")
+    comparison: ComparisonOptions = Field(ComparisonOptions(), description="How their predictions are compared.")
+    stereo: StereoOptions = Field(StereoOptions(), description="Stereo depth as a second kind of judge.")
 
     @field_validator("splits", "seeds")
     @classmethod

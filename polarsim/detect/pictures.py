@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import tone
-from polarsim.detect.options import VIEWS, DetectOptions
+from polarsim.detect.options import VIEWS, PicturesOptions
 from polarsim.errors import DetectError, PolarsimError, about, within
 from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json, write_json, writing_folder
@@ -46,7 +46,7 @@ def convert_domain(
     labels: Sequence[Path],
     keys: Sequence[PhotoKey],
     folder: Path,
-    options: DetectOptions,
+    options: PicturesOptions,
 ) -> None:
     """`convert_views` for the domain of novel views, which have labels of their own, else `convert_photos`."""
     if domain == VIEWS:
@@ -56,7 +56,7 @@ def convert_domain(
 
 
 def convert_photos(
-    *, domain: str, pictures: Path, labels: Path, keys: Sequence[PhotoKey], folder: Path, options: DetectOptions
+    *, domain: str, pictures: Path, labels: Path, keys: Sequence[PhotoKey], folder: Path, options: PicturesOptions
 ) -> None:
     """Write a domain's photos or twins as 8-bit pictures with YOLO labels.
 
@@ -93,7 +93,7 @@ def convert_photos(
     _convert(domain, sources, labelled, folder, options)
 
 
-def convert_views(*, views: Path, folder: Path, options: DetectOptions) -> None:
+def convert_views(*, views: Path, folder: Path, options: PicturesOptions) -> None:
     """As `convert_photos`, for what `polarsim render VIEWS.yaml` wrote: 12-bit pictures with labels beside them.
 
     Raises
@@ -148,7 +148,7 @@ def _convert(
     sources: Sequence[Source],
     labelled: Callable[[Source, tuple[int, int]], Labels],
     folder: Path,
-    options: DetectOptions,
+    options: PicturesOptions,
 ) -> None:
     rows = []
     with writing_folder(folder) as made:
@@ -165,7 +165,7 @@ def _convert(
 
 
 def _convert_one(
-    source: Source, labelled: Callable[[Source, tuple[int, int]], Labels], made: Path, options: DetectOptions
+    source: Source, labelled: Callable[[Source, tuple[int, int]], Labels], made: Path, options: PicturesOptions
 ) -> str:
     """Write one picture and its labels, unless there is a reason against; its state."""
     if source.path is None:

@@ -12,7 +12,7 @@ import pandas as pd
 from polarsim.detect import judges
 from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.frame import frame, read_picture
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PredictionOptions
 from polarsim.detect.parts import digest, write_in_parts
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
@@ -25,7 +25,7 @@ BATCH = 8
 PART = 25 * BATCH  # pictures whose predictions are held in memory
 
 
-def predict(*, weights: Path, dataset: Path, predictions: Path, options: DetectOptions, threads: int) -> None:
+def predict(*, weights: Path, dataset: Path, predictions: Path, options: PredictionOptions, threads: int) -> None:
     """Write what a judge sees in the test part of a data set, boxes in pixels of the full photo.
 
     Memory does not grow with the number of pictures; a call that was stopped goes on where it stopped.

@@ -13,7 +13,7 @@ from polarsim.detect import bootstrap, metrics
 from polarsim.detect.breakdown import rank_by_kind
 from polarsim.detect.false_alarms import alarms_of_photos
 from polarsim.detect.ipd import Rules, instance_performance, pair
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import ComparisonOptions
 from polarsim.formats.gap_ledger import ENDS
 
 _AT_HALF = np.array([0.5])
@@ -37,7 +37,7 @@ class Seen:
     keys: Sequence[str]
     labels: pd.DataFrame
     predictions: pd.DataFrame
-    options: DetectOptions
+    options: ComparisonOptions
 
     @cached_property
     def performance(self) -> pd.DataFrame:

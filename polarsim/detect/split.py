@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import SplitOptions
 from polarsim.errors import DetectError, about
 from polarsim.formats import tables
 from polarsim.formats.files import write_json
@@ -29,7 +29,7 @@ def unit(key: PhotoKey, by: str) -> Any:
     return key.terrain if by == TERRAIN else key
 
 
-def draw_split(keys: Sequence[PhotoKey], by: str, options: DetectOptions) -> dict[PhotoKey, str]:
+def draw_split(keys: Sequence[PhotoKey], by: str, options: SplitOptions) -> dict[PhotoKey, str]:
     """Part of every photo, in the order of the keys.
 
     By photo, the test part is a random share of the photos (the paper's 2 : 1): photos of one view lie on both sides.
@@ -66,14 +66,14 @@ def _draw(units: Sequence[Hashable], share: float, seed: int, *purpose: str) -> 
     return {units[n] for n in order[: max(1, round(share * len(units)))]}
 
 
-def _given_terrains(terrains: Sequence[int], options: DetectOptions) -> set[Hashable]:
+def _given_terrains(terrains: Sequence[int], options: SplitOptions) -> set[Hashable]:
     absent = set(options.test_terrains) - set(terrains)
     if absent:
         raise DetectError(f"test terrain {min(absent)} has no photos, there are terrains {list(terrains)}")
     return set(options.test_terrains)
 
 
-def draw_val(groups: Iterable[str], options: DetectOptions) -> dict[str, str]:
+def draw_val(groups: Iterable[str], options: SplitOptions) -> dict[str, str]:
     """Train or val for every group of pictures that are no photos, such as those of one novel camera."""
     ordered = sorted(set(groups))
     val = _draw(ordered, options.val_share, options.seed, "val", "group")
@@ -103,7 +103,7 @@ def check_split(parts: Mapping[PhotoKey, str], by: str) -> None:
         raise DetectError(f"split by {by}, but {by} {name} is in the test part and outside it")
 
 
-def split_photos(*, keys: list[PhotoKey], by: str, split: Path, options: DetectOptions) -> None:
+def split_photos(*, keys: list[PhotoKey], by: str, split: Path, options: SplitOptions) -> None:
     """Draw the split of these photos and write it as CSV: key, part; beside it, as JSON, how it was drawn."""
     with about(split):
         parts = draw_split(keys, by, options)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions
 from polarsim.errors import DetectError
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
@@ -21,7 +21,7 @@ def shrink(pixels: np.ndarray, imgsz: int) -> np.ndarray:
     return np.asarray(cv2.resize(pixels.astype(np.float32), size, interpolation=cv2.INTER_AREA))
 
 
-def to_8_bits(pixels: np.ndarray, options: DetectOptions, exposure_ms: float | None = None) -> np.ndarray:
+def to_8_bits(pixels: np.ndarray, options: PicturesOptions, exposure_ms: float | None = None) -> np.ndarray:
     """(h, w) uint8 picture of linear 12-bit pixels (h, w), by the curve that the options name.
 
     Curve `fixed` needs the picture's exposure in ms: light is scaled to what `tone_exposure_ms` would have gathered, so

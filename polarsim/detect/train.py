@@ -8,7 +8,7 @@ from pathlib import Path
 from polarsim.detect import judges
 from polarsim.detect.dataset import read_pictures
 from polarsim.detect.judges.download import ensure_weights
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.parts import digest
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.digest import code_digest
@@ -17,7 +17,18 @@ from polarsim.formats import tables
 from polarsim.formats.files import read_json, write_json
 
 
-def train_judge(*, dataset: Path, weights: Path, curve: Path, options: DetectOptions, threads: int, work: Path) -> None:
+def train_judge(
+    *,
+    dataset: Path,
+    weights: Path,
+    curve: Path,
+    options: TrainingOptions,
+    prediction: PredictionOptions,
+    imgsz: int,
+    seed: int,
+    threads: int,
+    work: Path,
+) -> None:
     """Train on a data set and keep the weights of the best validation, as the paper does.
 
     Parameters
@@ -28,6 +39,10 @@ def train_judge(*, dataset: Path, weights: Path, curve: Path, options: DetectOpt
         Judge to write, see `judges.write_judge`.
     curve : Path
         CSV to write, a row an epoch: losses, and mAP on the val part.
+    prediction : PredictionOptions
+        How validation looks at pictures: as the test will.
+    imgsz : int
+        Longer side of the pictures, px.
     threads : int
         Threads of torch on a CPU. Weights are the same bytes only for the same number of threads.
     work : Path
@@ -42,29 +57,33 @@ def train_judge(*, dataset: Path, weights: Path, curve: Path, options: DetectOpt
         raise DetectError("not one labelled box in its train part", path=dataset)
     ensure_weights(options)
     try:
-        folder = _prepare(dataset, options, work)
-        training = judges.Training(dataset, folder, options, threads)
+        training = judges.Training(dataset, work / "training", options, prediction, imgsz, seed, threads)
+        _prepare(training)
         trained = judges.family(options.model).train(training)
-        start = options.pretrained.name if options.pretrained else "scratch"
         tables.write_csv(curve, trained.curve)
-        judges.write_judge(weights, judges.Judge(options.model, options.imgsz, options.epochs, start, trained.state))
-        shutil.rmtree(folder, ignore_errors=True)
+        judges.write_judge(weights, judges.Judge(options.model, imgsz, options.epochs, options.start, trained.state))
+        shutil.rmtree(training.folder, ignore_errors=True)
     except OSError as error:
         raise PolarsimError(f"training cannot go on, {error.strerror or error}", path=work) from error
 
 
-def _prepare(dataset: Path, options: DetectOptions, work: Path) -> Path:
-    """The folder of this training, emptied unless it holds the same one."""
+def _prepare(training: judges.Training) -> None:
+    """Empty the folder of a training unless it holds the same one."""
     files = (
-        dataset / kind / part / f"{key}.{suffix}"
+        training.dataset / kind / part / f"{key}.{suffix}"
         for part in (TRAIN, VAL)
-        for key in read_pictures(dataset, part)
+        for key in read_pictures(training.dataset, part)
         for kind, suffix in (("images", "png"), ("labels", "txt"))
     )
-    code = code_digest(__name__)
-    identity = {"code": code, "options": options.model_dump(mode="json"), "dataset": digest(files)}
-    folder = work / "training"
+    identity = {
+        "code": code_digest(__name__),
+        "options": training.options.model_dump(mode="json"),
+        "prediction": training.prediction.model_dump(mode="json"),
+        "imgsz": training.imgsz,
+        "seed": training.seed,
+        "dataset": digest(files),
+    }
+    folder = training.folder
     if not (folder / "identity.json").is_file() or read_json(folder / "identity.json") != identity:
         shutil.rmtree(folder, ignore_errors=True)
     write_json(folder / "identity.json", identity)
-    return folder

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from polarsim.formats.inventory import read_inventory
@@ -9,17 +10,39 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey
 
 
+def pictures_at(place: Path) -> dict[PhotoKey, Path]:
+    """Pictures by key: those that a table of photos lists, or those in a folder of twins."""
+    if place.suffix != ".parquet":
+        return {PhotoKey.parse(path.stem): path for path in sorted(place.glob("*.png"))}
+    photos = read_parquet(place, ["key", "path"])
+    return {PhotoKey.parse(str(key)): Path(str(path)) for key, path in zip(photos["key"], photos["path"], strict=True)}
+
+
+def picture_finder(photo_domain: str, places: Iterable[Path]) -> Callable[[str, PhotoKey], Path | None]:
+    """What finds the picture of a domain and a key.
+
+    Parameters
+    ----------
+    photo_domain
+        Domain of the photos.
+    places
+        Tables of photos, and folders of twins `<domain>/TerrainTT`.
+    """
+    found: dict[str, dict[PhotoKey, Path]] = {}
+    for place in places:
+        domain = photo_domain if place.suffix == ".parquet" else place.parent.name
+        found.setdefault(domain, {}).update(pictures_at(place))
+    return lambda domain, key: found.get(domain, {}).get(key)
+
+
 def photo_of(run: Path, key: PhotoKey) -> Path | None:
     """The raw photo of a key; None where the run's source has none."""
-    photos = read_parquet(run / "acquire" / f"Terrain{key.terrain:02d}" / "photos.parquet", ["key", "path"])
-    found = photos.loc[photos["key"] == str(key), "path"]
-    return Path(str(found.iloc[0])) if len(found) else None
+    return pictures_of(run, "photo", key.terrain).get(key)
 
 
-def cover_photo_of(run: Path, key: PhotoKey) -> Path | None:
-    """The release's picture with rock ids drawn in, of the key's position; None where there is none."""
-    inventory = read_inventory(run / "acquire" / f"Terrain{key.terrain:02d}" / "inventory.json")
-    path = inventory.cover_photos.get(key.position)
+def cover_photo(inventory: Path, position: str) -> Path | None:
+    """The release's picture of a position with rock ids drawn in; None where there is none."""
+    path = read_inventory(inventory).cover_photos.get(position)
     return Path(path) if path else None
 
 
@@ -31,11 +54,8 @@ def pictures_of(run: Path, domain: str, terrain: int) -> dict[PhotoKey, Path]:
     """A terrain's photos (domain `photo`) or twins of a model, by key; empty where the run has none."""
     folder = f"Terrain{terrain:02d}"
     if domain == "photo":
-        photos = read_parquet(run / "acquire" / folder / "photos.parquet", ["key", "path"])
-        return {
-            PhotoKey.parse(str(key)): Path(str(path)) for key, path in zip(photos["key"], photos["path"], strict=True)
-        }
-    return {PhotoKey.parse(path.stem): path for path in sorted((run / "renders" / domain / folder).glob("*.png"))}
+        return pictures_at(run / "acquire" / folder / "photos.parquet")
+    return pictures_at(run / "renders" / domain / folder)
 
 
 def polygons_of(run: Path, key: PhotoKey) -> Path:

@@ -1,4 +1,4 @@
-"""All tables and figures of what a run's detectors found, from the tables of the detect stage."""
+"""All tables of what a run's detectors found, from the tables of the detect stage."""
 
 from __future__ import annotations
 
@@ -10,12 +10,8 @@ from polarsim.report.breakdown_table import tabulate_breakdown
 from polarsim.report.detection_table import tabulate_detection
 from polarsim.report.differences_table import tabulate_differences
 from polarsim.report.false_alarms_table import tabulate_false_alarms
-from polarsim.report.figures.curves import draw_curves
-from polarsim.report.figures.ipd_histogram import draw_ipd_histogram
-from polarsim.report.figures.judges import draw_detection, draw_ipd
 from polarsim.report.ipd_rocks_table import tabulate_ipd_rocks
 from polarsim.report.ipd_table import tabulate_ipd
-from polarsim.scoring.options import TablesOptions
 
 
 def tabulate_detectors(
@@ -39,19 +35,3 @@ def tabulate_detectors(
     tabulate_false_alarms(**common, false_alarms=found["false_alarms"], stem=tables / "false_alarms")
     tabulate_ipd(**common, ipd=found["ipd"], stem=tables / "ipd")
     tabulate_ipd_rocks(**common, rocks=found["rocks"], stem=tables / "ipd_rocks")
-
-
-def draw_detectors(
-    *, found: Mapping[str, Path], figures: Mapping[str, Path], origin: dict[str, str], options: TablesOptions
-) -> None:
-    """Draw the matrix of detection, precision over recall, IPD, and its histogram over rocks.
-
-    Parameters
-    ----------
-    found, figures
-        detection, curves, ipd, rocks: Parquet table of the detect stage, and PNG to write.
-    """
-    draw_detection(detection=found["detection"], figure=figures["detection"], origin=origin, options=options)
-    draw_curves(curves=found["curves"], figure=figures["curves"], origin=origin, options=options)
-    draw_ipd(ipd=found["ipd"], figure=figures["ipd"], origin=origin, options=options)
-    draw_ipd_histogram(rocks=found["rocks"], figure=figures["rocks"], origin=origin, options=options)

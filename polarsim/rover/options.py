@@ -86,5 +86,7 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
         """Sight's options with a judge of the run in them."""
         if weights is None:
             return self.sight
-        judge = {"weights": weights} if detect is None else {"weights": weights, "detect": detect}
+        judge: dict[str, object] = {"weights": weights}
+        if detect is not None:
+            judge |= {"pictures": detect.pictures, "prediction": detect.prediction}
         return self.sight.model_copy(update={"onboard": self.sight.onboard.model_copy(update=judge)})

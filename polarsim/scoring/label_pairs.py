@@ -10,8 +10,8 @@ import pandas as pd
 
 from polarsim.formats.tables import LABEL_COLUMNS, key_columns
 from polarsim.geometry.boxes import area, iou, match, match_sum
-from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, PhotoKey
-from polarsim.scoring.options import TablesOptions
+from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, SHADOWS_DRAWN_FROM_MS, PhotoKey
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.quality import Against
 from polarsim.scoring.score import Labels
 
@@ -67,7 +67,7 @@ def pair_labels(
     table: pd.DataFrame,
     tasks: Mapping[PhotoKey, str | None],
     against: Against,
-    options: TablesOptions,
+    options: ScoringOptions,
 ) -> pd.DataFrame:
     """Rows with `PAIR_COLUMNS` of every photo that has a task.
 
@@ -89,7 +89,7 @@ def pair_labels(
     keys = [key for key in sorted(wanted) if tasks[key] is not None]
     photos = pd.DataFrame([key_columns(key) for key in keys], columns=list(LABEL_COLUMNS[:7]))
     photos["task"] = [tasks[key] for key in keys]
-    photos["drawn"] = [shadows_drawn(key, _shadows(wanted[key]), against, options) for key in keys]
+    photos["drawn"] = [shadows_drawn(key, _shadows(wanted[key]), against) for key in keys]
     photo, pairs, row = _pair_photos(keys, wanted, table, options.iou_threshold)
     whole = photos.iloc[photo].reset_index(drop=True)
     whole["kind"] = np.array(BOX_CLASSES)[pairs.kind]
@@ -100,9 +100,9 @@ def pair_labels(
     return _with_labels(whole, table, row).assign(against=against).astype(PAIR_COLUMNS)[list(PAIR_COLUMNS)]
 
 
-def shadows_drawn(key: PhotoKey, true_shadows: int, against: Against, options: TablesOptions) -> bool:
+def shadows_drawn(key: PhotoKey, true_shadows: int, against: Against) -> bool:
     """Whether people draw shadows in a photo: its truth has some, the analog's from a stated exposure on."""
-    return true_shadows > 0 and (against == "labels" or key.exposure_ms >= options.shadows_drawn_from_ms)
+    return true_shadows > 0 and (against == "labels" or key.exposure_ms >= SHADOWS_DRAWN_FROM_MS)
 
 
 def labels_by_photo(table: pd.DataFrame) -> dict[PhotoKey, Labels]:

@@ -14,7 +14,7 @@ from polarsim.formats import release
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet, write_parquet
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
 from polarsim.scoring.label_pairs import labels_by_photo, pair_labels, shadows_drawn
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.quality import Against, Figure, write_quality
 from polarsim.scoring.reliability import ANY_SOURCE, brier_score, calibration_error, reliability_table
 from polarsim.scoring.score import Counts, Labels, count_photo, read
@@ -36,7 +36,7 @@ def score_labels(
     seeds: Path,
     quality: Path,
     pairs: Path,
-    options: TablesOptions,
+    options: ScoringOptions,
 ) -> None:
     """Write the quality of a terrain's labels, and every true box beside its label.
 
@@ -92,7 +92,7 @@ def score_tasks(
     tasks: Mapping[PhotoKey, str | None],
     order: Iterable[str],
     against: Against,
-    options: TablesOptions,
+    options: ScoringOptions,
 ) -> list[Figure]:
     """Precision, recall, F1 and mIoU by kind and task, pooled over the photos that are in both."""
     total: dict[tuple[str, str], Counts] = {}
@@ -101,7 +101,7 @@ def score_tasks(
         if task is None:
             continue
         for kind, counts in count_photo(wanted[key], found[key], options.iou_threshold).items():
-            drawn = kind == SHADOW and shadows_drawn(key, counts.tp + counts.fn, against, options)
+            drawn = kind == SHADOW and shadows_drawn(key, counts.tp + counts.fn, against)
             for name in [kind, DRAWN] if drawn else [kind]:
                 for part in (task, ALL):
                     total[name, part] = total.get((name, part), Counts()) + counts
@@ -120,7 +120,7 @@ def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
 
 
 def read_truth(
-    truth: Path, terrain: int, labelled: Iterable[PhotoKey], options: TablesOptions
+    truth: Path, terrain: int, labelled: Iterable[PhotoKey], options: ScoringOptions
 ) -> dict[PhotoKey, Labels]:
     """True labels by photo: hand-drawn files as they are, or the analog's table.
 
@@ -140,7 +140,7 @@ def read_truth(
     return {key: found.get(key, Labels.none()) for key in sorted({*found, *labelled})}
 
 
-def visible(truth: pd.DataFrame, options: TablesOptions) -> pd.DataFrame:
+def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
     """The true labels that a person could have drawn: large enough, and clear in some exposure of their photo set.
 
     People copy labels over all exposures of a photo set, so one that shows the object is enough. The columns

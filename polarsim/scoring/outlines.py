@@ -17,7 +17,7 @@ from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.polygons import rasterised
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, CameraSide, PhotoKey
 from polarsim.scoring.labels import box_figures, read_drawn
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.quality import write_quality
 from polarsim.scoring.score import Counts, Labels, count_boxes, count_overlaps
 
@@ -57,7 +57,7 @@ log = logging.getLogger("polarsim")
 
 
 def score_outlines(
-    *, terrain: int, keys: Sequence[PhotoKey], annotations: Path, root: Path, quality: Path, options: TablesOptions
+    *, terrain: int, keys: Sequence[PhotoKey], annotations: Path, root: Path, quality: Path, options: ScoringOptions
 ) -> None:
     """Write the quality of a terrain's outlines under the Sun lamps, and how well people's polygons fit their boxes.
 
@@ -165,7 +165,7 @@ def _boxes(regions: Sequence[Region]) -> np.ndarray:
     return np.array([region.box for region in regions]).reshape(-1, 4)
 
 
-def _yardstick(people: Sequence[Region], boxes: Labels | None, kind: str, options: TablesOptions) -> Counts | None:
+def _yardstick(people: Sequence[Region], boxes: Labels | None, kind: str, options: ScoringOptions) -> Counts | None:
     """Boxes around polygons against the boxes of the same photo; None where nobody drew boxes of this kind."""
     own = np.zeros((0, 4)) if boxes is None else boxes.boxes[boxes.classes == BOX_CLASSES.index(kind)]
     if not len(own):

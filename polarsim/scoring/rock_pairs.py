@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import linear_sum_assignment
 
-from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.quality import Figure, summary
 
 MATCH_RADIUS = 0.5  # of the true size: how far the centre of a found rock may be off
 SMALLEST_RADIUS = 0.03  # metres
+# Longest sides of large rocks, and of small ones up to those, cm: a rover steers round the first, drives over the rest.
+LARGE_ROCK_CM, SMALL_ROCK_CM = 8.0, 5.0
 
 
 @dataclass(frozen=True)
@@ -39,9 +40,7 @@ def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:
     return RockPairs(rows[good], columns[good])
 
 
-def recall_and_precision(
-    true: pd.DataFrame, found: pd.DataFrame, pairs: RockPairs, seen: np.ndarray, options: TablesOptions
-) -> list[Figure]:
+def recall_and_precision(true: pd.DataFrame, found: pd.DataFrame, pairs: RockPairs, seen: np.ndarray) -> list[Figure]:
     """Share of true rocks found and of found rocks true, by size, and how sizes differ.
 
     A rock counts by its own size: a true one for recall, a found one for precision. True rocks that scans `seen`
@@ -49,8 +48,8 @@ def recall_and_precision(
     """
     figures = []
     true_cm, found_cm = (100 * table["size_m"].to_numpy(float) for table in (true, found))
-    for number, subject in enumerate(size_names(options)):
-        wanted, given = size_classes(true_cm, options)[number], size_classes(found_cm, options)[number]
+    for number, subject in enumerate(size_names()):
+        wanted, given = size_classes(true_cm)[number], size_classes(found_cm)[number]
         for name, members, hits in (
             ("recall", wanted, pairs.true),
             ("recall_seen", wanted & seen, pairs.true),
@@ -66,15 +65,15 @@ def recall_and_precision(
     return figures + summary("paired rocks", "volume_ratio", ratio, "1", "truth", p90=False)
 
 
-def size_classes(size_cm: np.ndarray, options: TablesOptions) -> tuple[np.ndarray, np.ndarray]:
+def size_classes(size_cm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n,) bool of the large and of the small rocks."""
-    large = size_cm >= options.large_rock_cm
-    return large, (size_cm >= options.small_rock_cm) & ~large
+    large = size_cm >= LARGE_ROCK_CM
+    return large, (size_cm >= SMALL_ROCK_CM) & ~large
 
 
-def size_names(options: TablesOptions) -> tuple[str, str]:
+def size_names() -> tuple[str, str]:
     """What the large and the small rocks are called in tables."""
     return (
-        f"rocks of {options.large_rock_cm:g} cm and more",
-        f"rocks of {options.small_rock_cm:g} to {options.large_rock_cm:g} cm",
+        f"rocks of {LARGE_ROCK_CM:g} cm and more",
+        f"rocks of {SMALL_ROCK_CM:g} to {LARGE_ROCK_CM:g} cm",
     )

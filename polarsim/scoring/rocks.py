@@ -15,11 +15,10 @@ from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.scoring.cameras import projection_errors, true_points
 from polarsim.scoring.mesh_scores import accuracy, f_score, mesh_table, soundness_rows
-from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.quality import Figure, summary, write_quality
 from polarsim.scoring.rock_pairs import pair_rocks, recall_and_precision, size_classes, size_names
 from polarsim.scoring.surface import Surface
-from polarsim.scoring.true_surface import Comparison, compare
+from polarsim.scoring.true_surface import SEED, Comparison, compare
 
 ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
 HAUSDORFF_SAMPLES = 4000  # points on a rock and on its thinned copy, besides all their vertices
@@ -40,7 +39,6 @@ def score_rocks(
     quality: Path,
     scores: Path,
     offsets: Path,
-    options: TablesOptions,
 ) -> None:
     """Write the quality of a terrain's rocks and meshes, a row of scores for every mesh, and where meshes are off.
 
@@ -69,17 +67,17 @@ def score_rocks(
     scene = read_terrain(meshes, terrain)
     against_truth: list[Figure] = []
     off = pd.DataFrame(columns=list(OFFSET_COLUMNS)).astype(OFFSET_COLUMNS)
-    rows = soundness_rows(scene, meshes, terrain, generator(options.seed, "mesh samples", terrain), HAUSDORFF_SAMPLES)
+    rows = soundness_rows(scene, meshes, terrain, generator(SEED, "mesh samples", terrain), HAUSDORFF_SAMPLES)
     if truth is not None:
         true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
-        compared = compare(terrain, scene, located, truth, inventory, options)
-        against_truth, own = _against_truth(true, found, compared, options)
+        compared = compare(terrain, scene, located, truth, inventory)
+        against_truth, own = _against_truth(true, found, compared)
         against_truth += _in_cameras_frame(true, found, compared, Surface(scene.vertices, scene.faces))
         against_truth += _reprojection(terrain, cameras, truth, compared)
         off = compared.ours.table().astype(OFFSET_COLUMNS)
         rows = [{**row, **own.get(int(str(row["rock"])), {})} for row in rows]
     table = mesh_table(rows)
-    figures = counts(found, options) + soundness(table) + against_truth + _copies(table) + _by_rock(table, options)
+    figures = counts(found) + soundness(table) + against_truth + _copies(table) + _by_rock(table)
     write_quality(quality, "rocks", terrain, figures)
     write_csv(scores, table)
     write_parquet(offsets, off)
@@ -118,10 +116,10 @@ def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison
     ]
 
 
-def counts(found: pd.DataFrame, options: TablesOptions) -> list[Figure]:
+def counts(found: pd.DataFrame) -> list[Figure]:
     """How many rocks of which size there are."""
     size_cm = 100 * found["size_m"].to_numpy(float)
-    (large, small), names = size_classes(size_cm, options), size_names(options)
+    (large, small), names = size_classes(size_cm), size_names()
     n = len(found)
     return [
         Figure("rocks", "count", n, "rocks", n, "own"),
@@ -164,12 +162,12 @@ def _copies(table: pd.DataFrame) -> list[Figure]:
     return figures
 
 
-def _by_rock(table: pd.DataFrame, options: TablesOptions) -> list[Figure]:
+def _by_rock(table: pd.DataFrame) -> list[Figure]:
     """Medians over rocks of each rock's own figures, by true size; and the ground's F-score."""
     figures = []
     scored = table.dropna(subset=["surface_median_mm"])
-    members = size_classes(100 * scored["true_size_m"].to_numpy(float), options)
-    for name, mine in zip(size_names(options), members, strict=True):
+    members = size_classes(100 * scored["true_size_m"].to_numpy(float))
+    for name, mine in zip(size_names(), members, strict=True):
         for column, unit in BY_ROCK if mine.any() else ():
             value = float(scored.loc[mine, column].median())
             figures.append(Figure(name, f"{column.removesuffix('_mm')}_by_rock", value, unit, int(mine.sum()), "truth"))
@@ -180,13 +178,13 @@ def _by_rock(table: pd.DataFrame, options: TablesOptions) -> list[Figure]:
 
 
 def _against_truth(
-    true: pd.DataFrame, found: pd.DataFrame, compared: Comparison, options: TablesOptions
+    true: pd.DataFrame, found: pd.DataFrame, compared: Comparison
 ) -> tuple[list[Figure], dict[int, dict[str, float]]]:
     """Figures of the terrain, and those of each found rock and of the ground."""
     in_truth = _moved(found, compared.truth_from_sandbox)
     pairs = pair_rocks(true, in_truth)
     there, back = compared.true, compared.ours
-    figures = recall_and_precision(true, in_truth, pairs, _wide_seen(true, there.points, there.rock), options)
+    figures = recall_and_precision(true, in_truth, pairs, _wide_seen(true, there.points, there.rock))
     true_rocks, found_rocks = true["rock"].to_numpy()[pairs.true], found["rock"].to_numpy()[pairs.found]
     paired, level = np.isin(there.rock, true_rocks), there.rock == NO_ROCK
     figures += summary("paired rocks", "surface_distance", 1000 * there.distance[paired], "mm", "truth")

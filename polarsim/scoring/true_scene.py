@@ -19,7 +19,6 @@ from polarsim.formats.tables import read_parquet
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
 from polarsim.photo import NO_ROCK, SUNS
-from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.rock_pairs import pair_rocks
 from polarsim.scoring.true_surface import compare
 
@@ -36,7 +35,6 @@ def lay_truth(
     truth: Path,
     true_cameras: Path,
     true_meshes: Path,
-    options: TablesOptions,
 ) -> None:
     """Write a terrain's true `PosX.json` and `lamps.json`, and its true meshes, as the run would have them.
 
@@ -53,7 +51,7 @@ def lay_truth(
         Folders that are written.
     """
     ours = read_terrain(meshes, terrain)
-    truth_from_sandbox = compare(terrain, ours, located, truth, inventory, options).truth_from_sandbox
+    truth_from_sandbox = compare(terrain, ours, located, truth, inventory).truth_from_sandbox
     sandbox_from_truth = truth_from_sandbox.inverse()
     true, found = (read_parquet(path, _CENTRES) for path in (truth / "rocks.parquet", rocks))
     found[["x", "y", "z"]] = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))

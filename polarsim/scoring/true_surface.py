@@ -16,11 +16,12 @@ from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.scoring.cameras import read_gauge
 from polarsim.scoring.gauge import refine_gauge
-from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.sight import Sight, sights
 from polarsim.scoring.surface import Surface
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
+SEED = 0  # of the points that are sampled on surfaces
+SURFACE_SAMPLES = 20_000  # points on the rocks, and on the ground
 EDGE = 0.1  # metres: a strip along the walls does not count as ground
 
 
@@ -54,9 +55,7 @@ class Comparison:
     by_cameras: Pose  # before
 
 
-def compare(
-    terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, inventory: Path | None, options: TablesOptions
-) -> Comparison:
+def compare(terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, inventory: Path | None) -> Comparison:
     """Lay a terrain's meshes on the true ones: by the camera poses, then by one small rigid ICP of the ground.
 
     What nobody saw nobody can measure: undersides, and ground below rocks. A strip along the walls is left out too.
@@ -64,12 +63,12 @@ def compare(
     by_cameras, views = read_gauge(cameras, truth), _sights(cameras, truth, inventory)
     true_scene = read_terrain(truth / "meshes", terrain)
     true_surface = Surface(true_scene.vertices, true_scene.faces)
-    rng = generator(options.seed, "surface samples", terrain)
-    points, rock, area = _seen_points(true_surface, true_scene.rock_of_face, views, options.surface_samples, rng)
+    rng = generator(SEED, "surface samples", terrain)
+    points, rock, area = _seen_points(true_surface, true_scene.rock_of_face, views, SURFACE_SAMPLES, rng)
     gauge = refine_gauge(by_cameras, points[rock == NO_ROCK], Surface(scene.vertices, scene.faces))
     our_surface = Surface(gauge.apply(scene.vertices), scene.faces)
     true = Samples(points, rock, *_beside(our_surface, scene.rock_of_face, points), area)
-    points, rock, area = _seen_points(our_surface, scene.rock_of_face, views, options.surface_samples, rng)
+    points, rock, area = _seen_points(our_surface, scene.rock_of_face, views, SURFACE_SAMPLES, rng)
     ours = Samples(points, rock, *_beside(true_surface, true_scene.rock_of_face, points), area)
     return Comparison(true, ours, gauge, by_cameras)
 

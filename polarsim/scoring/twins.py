@@ -15,11 +15,12 @@ from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, wr
 from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.scoring.labels import ALL, against, read_folder, read_truth, score_tasks
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.quality import Figure, summary, write_quality
 
 LIT_DN = 40  # above black: darker pixels hold too much noise for a ratio
 FULL_DN = 4000  # above black: brighter ones are clipped
+COMPARED_PHOTOS = 32  # of a terrain, one a photo set at most
 WINDOW = 11  # pixels of the structural similarity's window
 PAIR_COLUMNS = {
     "key": "str", "terrain": "int64", "position": "str", "light": "str", "azimuth": "str", "camera": "str",
@@ -47,7 +48,7 @@ def score_twins(
     photos: Path | None,
     quality: Path,
     pairs: Path,
-    options: TablesOptions,
+    options: ScoringOptions,
 ) -> None:
     """Write the quality of a terrain's twins, and how alike each twin and its photo are, a row a pair.
 
@@ -82,7 +83,7 @@ def score_twins(
             there = [key for key in sorted(paths) if key.terrain == terrain and (folder / f"{key}.png").exists()]
             alike = {
                 key: compare_pictures(paths[key], folder / f"{key}.png")
-                for key in typical_photos(there, options.compared_photos)
+                for key in typical_photos(there, COMPARED_PHOTOS)
             }
             figures += likeness_figures(model, list(alike.values()))
             compared += [{**key_columns(key), "model": model, **asdict(likeness)} for key, likeness in alike.items()]

@@ -10,12 +10,9 @@ from polarsim.errors import FormatError, LabelError
 from polarsim.formats import png, yolo
 from polarsim.formats.files import write_json
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_parquet
-from polarsim.grid import GridOptions
 from polarsim.photo import PhotoKey
-from polarsim.report.of_run import draw_contact_of_run
-from polarsim.scoring.options import TablesOptions
+from polarsim.report.figures.contact import draw_contact
 
-GRID = GridOptions(azimuths=("30",), lights=("off",), exposures_ms=(64, 256))
 KEYS = [PhotoKey.parse(f"03_A_off_30_{camera}_{exposure}") for camera in "LR" for exposure in ("0064", "0256")]
 LEFT = KEYS[1]
 ROCK_AT, SHADOW_AT = (450, 600), (450, 1200)  # row and column inside the rock and the shadow below
@@ -91,14 +88,15 @@ def test_a_contact_sheet_shows_photos_then_twins_then_grey(tmp_path, run):
     png.write(tmp_path / f"{LEFT}.png", np.full((1216, 1936), 4000, np.uint16))  # all white; twins stay dark below
     for path in (run / "renders/hapke/Terrain03").glob("*.png"):
         png.write(path, np.full((1216, 1936), 16, np.uint16))
-    arguments = {"terrain": 3, "position": "A", "run": run, "grid": GRID, "options": TablesOptions(figure_width_px=800)}
+    photos, twins = run / "acquire/Terrain03/photos.parquet", run / "renders/hapke/Terrain03"
+    labels = run / "labels/tables/Terrain03.parquet"
     corners = {}
-    for models in (["hapke"], []):
-        figure = tmp_path / f"{len(models)}.png"
-        draw_contact_of_run(**arguments, models=models, figure=figure)
+    for places in ([photos, twins], [photos]):
+        figure = tmp_path / f"{len(places)}.png"
+        draw_contact(keys=KEYS, labels=labels, pictures=places, figure=figure, width=800)
         pixels = png.read(figure)
         left, right = pixels[200, 20], pixels[200, 780]  # of the left camera's tile and of the right one's
-        corners[len(models)] = int(left[0]), int(right[0])
-    assert corners[1] == (255, 0)
-    assert corners[0][0] == 255
-    assert 80 < corners[0][1] < 100
+        corners[len(places)] = int(left[0]), int(right[0])
+    assert corners[2] == (255, 0)
+    assert corners[1][0] == 255
+    assert 80 < corners[1][1] < 100

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from polarsim.detect import judges
 from polarsim.detect.dataset import make_dataset
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions, PredictionOptions, SplitOptions, TrainingOptions
 from polarsim.detect.predict import predict
 from polarsim.detect.split import split_photos
 from polarsim.detect.train import train_judge
@@ -27,31 +27,35 @@ from polarsim.detect.judges.compact.pictures import Picture, changed  # noqa: E4
 from polarsim.detect.judges.compact.weights import found, network  # noqa: E402
 
 pytestmark = pytest.mark.slow
-OPTIONS = DetectOptions(model="compact", imgsz=128, epochs=4, batch=2, device="cpu")
+OPTIONS = TrainingOptions(model="compact", epochs=4, batch=2)
+PREDICTION, IMGSZ = PredictionOptions(device="cpu"), 128
 
 
 @pytest.fixture(scope="module")
 def dataset(world, keys, tmp_path_factory) -> Path:
     root = tmp_path_factory.mktemp("compact")
-    split_photos(keys=keys, by="photo", split=root / "split.csv", options=OPTIONS)
+    split_photos(keys=keys, by="photo", split=root / "split.csv", options=SplitOptions())
     make_dataset(
         domain="real",
         pictures=world / "photos.parquet",
         labels=world / "labels.parquet",
         split=root / "split.csv",
         dataset=root / "real",
-        options=OPTIONS,
+        options=PicturesOptions(imgsz=IMGSZ),
     )
     return root / "real"
 
 
-def train(dataset: Path, folder: Path, name: str, options: DetectOptions = OPTIONS) -> bytes:
+def train(dataset: Path, folder: Path, name: str, options: TrainingOptions = OPTIONS, seed: int = 0) -> bytes:
     weights = folder / f"{name}.pt"
     train_judge(
         dataset=dataset,
         weights=weights,
         curve=folder / f"{name}.csv",
         options=options,
+        prediction=PREDICTION,
+        imgsz=IMGSZ,
+        seed=seed,
         threads=1,
         work=folder / f"work_{name}",
     )
@@ -75,7 +79,7 @@ def test_it_learns(judged):
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(dataset, judged, tmp_path):
     assert train(dataset, tmp_path, "again") == (judged / "real.pt").read_bytes()
     one = OPTIONS.model_copy(update={"epochs": 1})
-    assert train(dataset, tmp_path, "one", one) != train(dataset, tmp_path, "two", one.model_copy(update={"seed": 1}))
+    assert train(dataset, tmp_path, "one", one) != train(dataset, tmp_path, "two", one, seed=1)
 
 
 def test_a_training_that_was_stopped_ends_with_the_bytes_of_one_that_was_not(dataset, judged, tmp_path, monkeypatch):
@@ -107,11 +111,11 @@ def test_predictions_are_well_formed_and_find_the_blobs(dataset, judged, tmp_pat
         weights=judged / "real.pt",
         dataset=dataset,
         predictions=tmp_path / "real_on_real.parquet",
-        options=OPTIONS,
+        options=PREDICTION,
         threads=1,
     )
     table = tables.read_parquet(tmp_path / "real_on_real.parquet")
-    assert table["confidence"].between(OPTIONS.confidence, 1).all()
+    assert table["confidence"].between(PREDICTION.confidence, 1).all()
     assert ((table["x0"] >= 0) & (table["x0"] < table["x1"]) & (table["x1"] <= 1936)).all()
     labels = tables.read_parquet(world / "labels.parquet")
     labels = labels[labels["key"].isin(table["key"]) & (labels["kind"] == "rock")]
@@ -126,13 +130,14 @@ def test_it_trains_and_predicts_where_ultralytics_cannot_be_imported(dataset, tm
 import sys
 sys.modules["ultralytics"] = sys.modules["torchvision"] = None
 from pathlib import Path
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.predict import predict
 from polarsim.detect.train import train_judge
-options = DetectOptions(model="compact", imgsz=96, epochs=1)
-folder, dataset, both = Path({str(tmp_path)!r}), Path({str(dataset)!r}), dict(options=options, threads=1)
-train_judge(dataset=dataset, weights=folder / "a.pt", curve=folder / "a.csv", work=folder / "work", **both)
-predict(weights=folder / "a.pt", dataset=dataset, predictions=folder / "a.parquet", **both)
+training, prediction = TrainingOptions(model="compact", epochs=1), PredictionOptions()
+folder, dataset = Path({str(tmp_path)!r}), Path({str(dataset)!r})
+asked = dict(options=training, prediction=prediction, imgsz=96, seed=0, threads=1)
+train_judge(dataset=dataset, weights=folder / "a.pt", curve=folder / "a.csv", work=folder / "work", **asked)
+predict(weights=folder / "a.pt", dataset=dataset, predictions=folder / "a.parquet", options=prediction, threads=1)
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -157,7 +162,7 @@ def test_weights_of_another_network_are_refused_by_name(dataset, judged, tmp_pat
 
 def test_mosaic_is_refused_because_compact_has_none():
     with pytest.raises(ValueError, match="mosaic"):
-        DetectOptions(model="compact", mosaic=True)
+        TrainingOptions(model="compact", mosaic=True)
 
 
 def test_a_cell_answers_for_the_smallest_label_of_its_class_around_it():
@@ -216,14 +221,15 @@ def test_a_changed_picture_has_its_blob_where_its_box_says(seed):
     )
 
 
-def test_suppression_keeps_classes_apart_and_the_limits():
+def test_suppression_keeps_classes_apart_and_the_limits(monkeypatch):
     logits = torch.full((1, 2, 2, 2), -9.0)
     logits[0, 0, 0, 0], logits[0, 0, 1, 1], logits[0, 1, 0, 0] = 2.0, 1.0, 0.0
     boxes = torch.tensor([0.0, 0, 10, 10]).view(1, 1, 4, 1, 1).repeat(1, 2, 1, 2, 2)
-    rows = found(logits, boxes, OPTIONS)[0]
+    rows = found(logits, boxes, PREDICTION)[0]
     assert rows[:, 5].tolist() == [0, 1]  # the second rock is the first one's double
     np.testing.assert_allclose(rows[:, 4], [1 / (1 + math.exp(-2)), 0.5], rtol=1e-6)
-    assert len(found(logits, boxes, OPTIONS.model_copy(update={"max_boxes": 1}))[0]) == 1
+    monkeypatch.setattr("polarsim.detect.judges.compact.weights.MAX_BOXES", 1)
+    assert len(found(logits, boxes, PREDICTION)[0]) == 1
 
 
 def test_a_network_answers_at_every_fourth_pixel():

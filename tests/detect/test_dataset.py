@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from polarsim.detect.dataset import count_left_out, make_dataset, mix_datasets, read_pictures, share_pictures
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions, SplitOptions
 from polarsim.detect.pictures import convert_photos
 from polarsim.detect.split import draw_split, split_photos
 from polarsim.errors import DetectError
@@ -14,7 +14,7 @@ from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json
 from polarsim.photo import PhotoKey
 
-OPTIONS = DetectOptions(imgsz=160)
+OPTIONS, SPLIT = PicturesOptions(imgsz=160), SplitOptions()
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def made(world, few, tmp_path):
     """Make a data set of the small world with changes to the call; returns its folder."""
 
     def make(options=OPTIONS, keys=few, **changes):
-        split_photos(keys=list(keys), by="photo", split=tmp_path / "split.csv", options=options)
+        split_photos(keys=list(keys), by="photo", split=tmp_path / "split.csv", options=SPLIT)
         arguments = {"pictures": world / "photos.parquet", "labels": world / "labels.parquet"} | changes
         make_dataset(
             domain="real", split=tmp_path / "split.csv", dataset=tmp_path / "real", options=options, **arguments
@@ -39,7 +39,7 @@ def made(world, few, tmp_path):
 
 def test_every_picture_lies_in_its_part_with_its_labels(few, made):
     folder = made()
-    for key, part in draw_split(few, "photo", OPTIONS).items():
+    for key, part in draw_split(few, "photo", SPLIT).items():
         assert png.read(folder / "images" / part / f"{key}.png").shape == (100, 160)  # 1216 / 1936 of 160 is 100.5
         assert (folder / "labels" / part / f"{key}.txt").is_file()
 
@@ -150,7 +150,7 @@ def converted(world, keys, tmp_path_factory):
 def share(converted, keys, tmp_path):
     """Share a domain's pictures out by a split; returns the data set's folder."""
 
-    def share(domain, by="photo", options=OPTIONS):
+    def share(domain, by="photo", options=SPLIT):
         split_photos(keys=keys, by=by, split=tmp_path / f"{by}.csv", options=options)
         dataset = tmp_path / by / domain
         share_pictures(
@@ -184,7 +184,7 @@ def test_no_view_of_the_test_part_is_trained_on(share, by):
 
 
 def test_a_split_that_leaks_makes_no_data_set(converted, keys, tmp_path):
-    split_photos(keys=keys, by="photo", split=tmp_path / "split.csv", options=OPTIONS)
+    split_photos(keys=keys, by="photo", split=tmp_path / "split.csv", options=SPLIT)
     with pytest.raises(DetectError, match="split by view, but view 1 A L is in the test part and outside it"):
         share_pictures(
             domain="real",
@@ -192,14 +192,14 @@ def test_a_split_that_leaks_makes_no_data_set(converted, keys, tmp_path):
             split=tmp_path / "split.csv",
             by="view",
             dataset=tmp_path / "real",
-            options=OPTIONS,
+            options=SPLIT,
         )
     assert not (tmp_path / "real").exists()
 
 
 def test_a_corrupt_picture_is_counted_in_its_part(share, keys):
     folder = share("hapke")
-    part = draw_split(keys, "photo", OPTIONS)[keys[0]]
+    part = draw_split(keys, "photo", SPLIT)[keys[0]]
     assert str(keys[0]) not in read_pictures(folder, part)
     assert read_json(folder / "dataset.json")["left_out"] == {"train": 0, "val": 0, "test": 0} | {part: 1}
     assert [count_left_out(folder, [one]) for one in ("train", "val", "test")] == [
@@ -218,7 +218,7 @@ def mix(share, tmp_path):
             weights=weights,
             datasets={domain: share(domain, by) for domain in weights},
             dataset=tmp_path / "mixed",
-            options=OPTIONS,
+            options=SPLIT,
         )
         return tmp_path / "mixed"
 
@@ -238,7 +238,7 @@ def test_a_mix_has_as_many_pictures_of_each_domain_as_its_weight_says(mix, share
 
 def test_pictures_of_a_mix_are_links_to_those_of_its_domains_and_none_is_tested(mix, share, converted, keys):
     folder = mix({"real": 2, "hapke": 0.5})
-    tested = {str(key) for key, part in draw_split(keys, "photo", OPTIONS).items() if part == "test"}
+    tested = {str(key) for key, part in draw_split(keys, "photo", SPLIT).items() if part == "test"}
     for part in ("train", "val"):
         for name in read_pictures(folder, part):
             domain, key = name.split("-")[:2]
@@ -256,5 +256,5 @@ def test_a_weight_of_two_takes_every_picture_twice(mix, share):
 
 
 def test_a_mix_counts_what_its_domains_leave_out_of_training(mix, share, keys):
-    part = draw_split(keys, "photo", OPTIONS)[keys[0]]
+    part = draw_split(keys, "photo", SPLIT)[keys[0]]
     assert count_left_out(mix({"real": 1, "hapke": 1}), ("train", "val")) == (part != "test")

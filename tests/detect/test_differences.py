@@ -3,11 +3,11 @@ import pandas as pd
 import pytest
 
 from polarsim.detect.differences import paired_differences
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import ComparisonOptions
 from polarsim.detect.seen import Seen
 
 VIEWS = ("01_A_off_180_L_0256", "01_A_off_180_R_0256", "01_B_off_180_L_0256", "01_C_off_180_L_0256")
-OPTIONS = DetectOptions(resamples=500)
+OPTIONS = ComparisonOptions(resamples=500)
 
 
 def seen(overlaps, found=1.0):

@@ -3,7 +3,7 @@ import hashlib
 import pytest
 
 from polarsim.detect.judges.download import ensure_weights
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import TrainingOptions
 from polarsim.errors import FetchError
 
 CONTENT = b"weights"
@@ -17,7 +17,7 @@ def address(tmp_path):
 
 
 def options(tmp_path, address, digest=DIGEST):
-    return DetectOptions(pretrained=tmp_path / "here" / "w.pt", pretrained_url=address, pretrained_sha256=digest)
+    return TrainingOptions(pretrained=tmp_path / "here" / "w.pt", pretrained_url=address, pretrained_sha256=digest)
 
 
 def test_missing_weights_are_fetched_once(tmp_path, address):
@@ -39,7 +39,7 @@ def test_an_address_that_gives_nothing_is_named(tmp_path, address):
 
 
 def test_without_an_address_nothing_is_fetched(tmp_path):
-    ensure_weights(DetectOptions(pretrained=tmp_path / "w.pt"))
+    ensure_weights(TrainingOptions(pretrained=tmp_path / "w.pt"))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -53,4 +53,4 @@ def test_without_an_address_nothing_is_fetched(tmp_path):
 )
 def test_an_address_needs_a_place_a_checksum_and_a_safe_protocol(given):
     with pytest.raises(ValueError, match="pretrained_"):
-        DetectOptions(**given)
+        TrainingOptions(**given)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from polarsim.detect.evaluate import Evaluation, evaluate, trained_and_evaluated
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.photo import PhotoKey
@@ -55,7 +55,9 @@ def run(root: Path, by: str, out: Path | None = None, **options: object) -> pd.D
         split=root / "split.csv",
         by=by,
         tables_of=tables_below(out or root),
-        options=DetectOptions(**options),
+        options=ComparisonOptions(**options),
+        training=TrainingOptions(),
+        imgsz=320,
     )
     return tables.read_parquet((out or root) / "detection.parquet")
 
@@ -171,5 +173,7 @@ def test_a_domain_without_labels_is_named(tested):
             datasets={"real": tested / "real"},
             split=tested / "split.csv",
             tables_of=tables_below(tested / "again"),
-            options=DetectOptions(),
+            options=ComparisonOptions(),
+            training=TrainingOptions(),
+            imgsz=320,
         )

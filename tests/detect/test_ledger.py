@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 
 from polarsim.detect.gap_options import GapOptions, Ingredient
 from polarsim.detect.ledger import LEDGER_COLUMNS, Seen, weigh, write_ledger
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.formats import tables
 from polarsim.formats.gap_ledger import ENDS, FIGURES
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 
 ONE, OTHER = "01_A_off_180_L_0256", "01_A_off_180_R_0256"  # two views
-OPTIONS = DetectOptions(resamples=1000)
+OPTIONS = ComparisonOptions(resamples=1000)
 SIDE = 100.0  # px, of every rock
 COLUMNS = ["x0", "y0", "x1", "y1"]
 CHANGES = [f"{figure}{end}" for figure in FIGURES for end in ENDS if "change" in end]
@@ -96,7 +96,7 @@ def test_mean_average_precision_changes_with_rocks_that_are_found():
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.tuples(*[st.floats(0.3, 1)] * 3), min_size=1, max_size=6))
 def test_what_changes_nothing_is_exactly_zero_and_what_is_undone_has_the_opposite_change(performances):
-    options = DetectOptions(resamples=100)
+    options = ComparisonOptions(resamples=100)
     places = [((ONE, OTHER)[number % 2], number + 1) for number in range(len(performances))]
     photo, twin, other = (
         seen(dict(zip(places, column, strict=True)), [ONE], options=options)
@@ -139,7 +139,7 @@ def test_the_ledger_has_a_row_an_ingredient_judge_and_class(tmp_path):
     replaced = {"pose": "cameras: truth", "labels": "labels: carried"}
     write_ledger(
         predictions=predictions, labels=labels, datasets=datasets, photo="analog", twin="hapke", replaced=replaced,
-        ledger=tmp_path / "ledger.parquet", options=OPTIONS,
+        ledger=tmp_path / "ledger.parquet", options=OPTIONS, training=TrainingOptions(), imgsz=320,
     )  # fmt: skip
     table = tables.read_parquet(tmp_path / "ledger.parquet", LEDGER_COLUMNS)
     assert list(zip(table["trained"], table["ingredient"], table["kind"], strict=True)) == [

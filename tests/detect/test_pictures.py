@@ -6,14 +6,14 @@ import pandas as pd
 import pytest
 
 from polarsim.detect.dataset import read_pictures, share_pictures
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions, SplitOptions
 from polarsim.detect.pictures import convert_photos, convert_views, picture_paths, read_states
 from polarsim.detect.split import split_photos
 from polarsim.errors import DetectError, FormatError
 from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json
 
-OPTIONS = DetectOptions(imgsz=160)
+OPTIONS = PicturesOptions(imgsz=160)
 
 
 @pytest.fixture
@@ -143,17 +143,17 @@ def views(tmp_path):
 def shared_views(views, keys, tmp_path):
     """Convert the views and share them out; returns the data set's folder."""
 
-    def share(by, **changes):
-        options = OPTIONS.model_copy(update=changes)
+    def share(by, options=OPTIONS, **changes):
         convert_views(views=views, folder=tmp_path / "made", options=options)
-        split_photos(keys=keys, by=by, split=tmp_path / "split.csv", options=options)
+        split = SplitOptions(**changes)
+        split_photos(keys=keys, by=by, split=tmp_path / "split.csv", options=split)
         share_pictures(
             domain="views",
             pictures=tmp_path / "made",
             split=tmp_path / "split.csv",
             by=by,
             dataset=tmp_path / "dataset",
-            options=options,
+            options=split,
         )
         return tmp_path / "dataset"
 
@@ -183,7 +183,7 @@ def test_novel_views_that_show_a_test_terrain_do_not_train(shared_views):
 
 
 def test_novel_views_have_the_exposure_of_their_index(shared_views):
-    folder = shared_views("photo", tone="fixed", tone_exposure_ms=512)
+    folder = shared_views("photo", PicturesOptions(imgsz=160, tone="fixed", tone_exposure_ms=512))
     values = {png.read(folder / "images" / "train" / f"{name}.png")[0, 0] for name in read_pictures(folder, "train")}
     assert values == {round(255 * (2048 / 4079) ** (1 / 2.2))}  # 4 DN a ms, whatever the exposure
 

@@ -2,14 +2,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import SplitOptions
 from polarsim.detect.split import check_split, draw_split, draw_val, leaks, read_split, split_photos
 from polarsim.errors import DetectError
 from polarsim.formats.files import read_json
 from polarsim.photo import TERRAINS, PhotoKey, photo_grid
 
 GRID = [key for terrain in TERRAINS for key in photo_grid(terrain)]
-OPTIONS = DetectOptions()
+OPTIONS = SplitOptions()
 STRICT = ("view", "position", "terrain")
 
 
@@ -22,7 +22,7 @@ def test_all_photos_split_two_to_one_as_in_the_paper():
 @settings(deadline=None)
 @given(st.lists(st.sampled_from(GRID), min_size=6, unique=True), st.integers(0, 5))
 def test_every_photo_gets_one_part_and_no_part_is_empty(keys, seed):
-    parts = draw_split(keys, "photo", DetectOptions(seed=seed))
+    parts = draw_split(keys, "photo", SplitOptions(seed=seed))
     assert set(parts) == set(keys)
     assert set(parts.values()) == {"train", "val", "test"}
 
@@ -32,7 +32,7 @@ def test_the_order_of_the_photos_does_not_matter():
 
 
 def test_another_seed_draws_another_split():
-    assert draw_split(GRID, "photo", DetectOptions(seed=1)) != draw_split(GRID, "photo", OPTIONS)
+    assert draw_split(GRID, "photo", SplitOptions(seed=1)) != draw_split(GRID, "photo", OPTIONS)
 
 
 def test_a_split_by_photo_leaks_views():
@@ -43,7 +43,7 @@ def test_a_split_by_photo_leaks_views():
 @given(st.lists(st.sampled_from(GRID), min_size=1, unique=True), st.sampled_from(STRICT), st.integers(0, 5))
 def test_no_view_is_on_both_sides_of_a_strict_split(keys, by, seed):
     try:
-        parts = draw_split(keys, by, DetectOptions(seed=seed))
+        parts = draw_split(keys, by, SplitOptions(seed=seed))
     except DetectError:
         assume(False)  # too few photos to split
     assert leaks(parts) == []
@@ -96,7 +96,7 @@ def test_a_third_of_the_terrains_is_left_out():
 
 
 def test_given_terrains_are_the_test():
-    parts = draw_split(GRID, "terrain", DetectOptions(test_terrains=(4,)))
+    parts = draw_split(GRID, "terrain", SplitOptions(test_terrains=(4,)))
     assert {key.terrain for key, part in parts.items() if part == "test"} == {4}
 
 
@@ -112,7 +112,7 @@ def test_a_leak_is_a_view_on_both_sides():
     [
         (GRID[:1], "photo", OPTIONS, "leave 1 to test and 0 to train"),
         (GRID[:40], "terrain", OPTIONS, "split by terrain leave 40 to test and 0 to train"),
-        (GRID[:40], "terrain", DetectOptions(test_terrains=(7,)), "test terrain 7 has no photos"),
+        (GRID[:40], "terrain", SplitOptions(test_terrains=(7,)), "test terrain 7 has no photos"),
     ],
 )
 def test_a_split_that_cannot_be_is_refused(keys, by, options, message):
@@ -126,7 +126,7 @@ def test_a_written_split_reads_back(tmp_path):
 
 
 def test_beside_a_split_stands_how_it_was_drawn(tmp_path):
-    options = DetectOptions(seed=3, test_terrains=(4, 11))
+    options = SplitOptions(seed=3, test_terrains=(4, 11))
     split_photos(keys=GRID, by="terrain", split=tmp_path / "split.csv", options=options)
     facts = read_json(tmp_path / "split.json")
     assert (facts["by"], facts["seed"], facts["test_terrains"]) == ("terrain", 3, [4, 11])
@@ -137,7 +137,7 @@ def test_beside_a_split_stands_how_it_was_drawn(tmp_path):
 @settings(deadline=None)
 @given(st.sets(st.text("abc", min_size=1), min_size=2), st.integers(0, 5))
 def test_groups_train_or_choose_weights_and_both_have_some(groups, seed):
-    parts = draw_val(sorted(groups), DetectOptions(seed=seed))
+    parts = draw_val(sorted(groups), SplitOptions(seed=seed))
     assert set(parts) == groups
     assert set(parts.values()) == {"train", "val"}
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.detect.options import DetectOptions, StereoOptions
+from polarsim.detect.options import ComparisonOptions, PicturesOptions, StereoOptions
 from polarsim.detect.stereo.compare import compare_stereo
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.measure import measure_stereo
@@ -177,7 +177,8 @@ def test_a_domain_and_its_copy_have_the_same_figures_and_no_difference(scene, me
             pictures={"analog": tmp_path / "photos.parquet", "hapke": tmp_path / "twins"},
             pairs=tmp_path / f"pairs_{name}.parquet",
             rocks=tmp_path / f"rocks_{name}.parquet",
-            options=DetectOptions(stereo=options),
+            options=options,
+            curve=PicturesOptions(),
             threads=1,
         )
     assert len(tables.read_parquet(tmp_path / "pairs_long.parquet")) == 2
@@ -187,7 +188,7 @@ def test_a_domain_and_its_copy_have_the_same_figures_and_no_difference(scene, me
         stereo=tmp_path / "stereo.parquet",
         instances=tmp_path / "instances.parquet",
         ipd=tmp_path / "ipd.parquet",
-        options=DetectOptions(),
+        options=ComparisonOptions(),
     )
     stereo = tables.read_parquet(tmp_path / "stereo.parquet")
     assert stereo["domain"].tolist() == ["analog", "analog", "hapke", "hapke"]
@@ -222,6 +223,7 @@ def test_a_terrain_without_a_pair_is_an_error(meshes, tmp_path):
             pictures={"analog": tmp_path / "photos.parquet"},
             pairs=tmp_path / "pairs.parquet",
             rocks=tmp_path / "rocks.parquet",
-            options=DetectOptions(stereo=OPTIONS),
+            options=OPTIONS,
+            curve=PicturesOptions(),
             threads=1,
         )

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions
 from polarsim.detect.tone import shrink, to_8_bits
 from polarsim.errors import DetectError
 
@@ -11,41 +11,41 @@ RAMP = np.linspace(16, 4095, 4080).round().astype(np.uint16)[None].repeat(4, axi
 
 
 def test_the_linear_curve_maps_the_sensors_range():
-    picture = to_8_bits(np.array([[0, 16, 4095, 16 + (4095 - 16) // 2]], np.uint16), DetectOptions(tone="linear"))
+    picture = to_8_bits(np.array([[0, 16, 4095, 16 + (4095 - 16) // 2]], np.uint16), PicturesOptions(tone="linear"))
     np.testing.assert_array_equal(picture, [[0, 0, 255, 127]])
 
 
 def test_the_percentile_becomes_white_and_black_stays_black():
     dim = (16 + (RAMP - 16) / 8).astype(np.uint16)  # an eighth of the exposure
-    options = DetectOptions(tone="percentile", tone_percentile=90)
+    options = PicturesOptions(tone="percentile", tone_percentile=90)
     picture = to_8_bits(dim, options)
     assert picture[0, 0] == 0
     assert abs(np.mean(picture == 255) - 0.1) < 0.01
 
 
 def test_the_gamma_curve_is_the_stretched_one_to_the_power_of_1_over_2_2():
-    stretched = to_8_bits(RAMP, DetectOptions(tone="percentile")) / 255
+    stretched = to_8_bits(RAMP, PicturesOptions(tone="percentile")) / 255
     shades = stretched > 0.05  # below, the eight bits of the stretched picture are too coarse to compare with
-    curved = to_8_bits(RAMP, DetectOptions(tone="gamma")) / 255
+    curved = to_8_bits(RAMP, PicturesOptions(tone="gamma")) / 255
     np.testing.assert_allclose(curved[shades], stretched[shades] ** (1 / 2.2), atol=0.01)
 
 
 def test_a_shorter_exposure_gives_the_same_picture_where_nothing_clips():
     long, short = RAMP, (16 + (RAMP - 16) / 4).astype(np.uint16)
-    difference = to_8_bits(long, DetectOptions()).astype(int) - to_8_bits(short, DetectOptions())
+    difference = to_8_bits(long, PicturesOptions()).astype(int) - to_8_bits(short, PicturesOptions())
     assert np.abs(difference[:, 200:]).max() <= 2  # quantisation of the short one
 
 
 def test_noise_of_a_dark_photo_is_not_stretched(rng):
     dark = rng.integers(14, 19, (50, 60)).astype(np.uint16)
-    assert to_8_bits(dark, DetectOptions(tone="percentile", tone_floor_dn=100)).max() <= 5  # 2 of 100 DN
+    assert to_8_bits(dark, PicturesOptions(tone="percentile", tone_floor_dn=100)).max() <= 5  # 2 of 100 DN
 
 
-FIXED = DetectOptions(tone="fixed", tone_exposure_ms=256)
+FIXED = PicturesOptions(tone="fixed", tone_exposure_ms=256)
 
 
 def test_the_fixed_curve_is_the_linear_one_to_the_power_of_1_over_2_2_at_its_own_exposure():
-    linear = to_8_bits(RAMP, DetectOptions(tone="linear")) / 255
+    linear = to_8_bits(RAMP, PicturesOptions(tone="linear")) / 255
     shades = linear > 0.05
     np.testing.assert_allclose(to_8_bits(RAMP, FIXED, 256)[shades] / 255, linear[shades] ** (1 / 2.2), atol=0.01)
 

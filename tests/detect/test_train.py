@@ -14,8 +14,15 @@ from polarsim.detect import parts as parts_module
 from polarsim.detect import train as train_module
 from polarsim.detect.dataset import make_dataset, read_pictures
 from polarsim.detect.evaluate import Evaluation, evaluate
+from polarsim.detect.judges.families import MAX_BOXES
 from polarsim.detect.judges.yolo.library import ultralytics
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import (
+    ComparisonOptions,
+    PicturesOptions,
+    PredictionOptions,
+    SplitOptions,
+    TrainingOptions,
+)
 from polarsim.detect.predict import BATCH, PREDICTION_COLUMNS, predict
 from polarsim.detect.split import read_split, split_photos
 from polarsim.detect.train import train_judge
@@ -24,21 +31,21 @@ from polarsim.formats import png, tables
 
 pytest.importorskip("ultralytics")
 pytestmark = pytest.mark.slow
-OPTIONS = DetectOptions(imgsz=96, epochs=2, device="cpu")
+OPTIONS, PREDICTION, IMGSZ = TrainingOptions(epochs=2), PredictionOptions(device="cpu"), 96
 
 
 @pytest.fixture(scope="module")
 def judged(world, keys, tmp_path_factory) -> Path:
     """A folder with split.csv, the data set real/, real.pt, real.csv, real_on_real.parquet."""
     root = tmp_path_factory.mktemp("judged")
-    split_photos(keys=keys, by="photo", split=root / "split.csv", options=OPTIONS)
+    split_photos(keys=keys, by="photo", split=root / "split.csv", options=SplitOptions())
     make_dataset(
         domain="real",
         pictures=world / "photos.parquet",
         labels=world / "labels.parquet",
         split=root / "split.csv",
         dataset=root / "real",
-        options=OPTIONS,
+        options=PicturesOptions(imgsz=IMGSZ),
     )
     before = {path: path.stat().st_mtime_ns for path in (root / "real").rglob("*")}
     train(root, "real", OPTIONS)
@@ -47,18 +54,21 @@ def judged(world, keys, tmp_path_factory) -> Path:
     return root
 
 
-def train(root: Path, name: str, options: DetectOptions, dataset: Path | None = None) -> None:
+def train(root: Path, name: str, options: TrainingOptions, dataset: Path | None = None) -> None:
     train_judge(
         dataset=dataset or root / "real",
         weights=root / f"{name}.pt",
         curve=root / f"{name}.csv",
         options=options,
+        prediction=PREDICTION,
+        imgsz=IMGSZ,
+        seed=0,
         threads=1,
         work=root / f"work_{name}",
     )
 
 
-def run_predict(root: Path, name: str, options: DetectOptions = OPTIONS) -> None:
+def run_predict(root: Path, name: str, options: PredictionOptions = PREDICTION) -> None:
     predict(weights=root / "real.pt", dataset=root / "real", predictions=root / name, options=options, threads=1)
 
 
@@ -80,10 +90,10 @@ def test_predictions_are_well_formed(judged):
     assert list(table.columns) == list(PREDICTION_COLUMNS)
     assert set(table["key"]) <= set(read_pictures(judged / "real", "test"))
     assert set(table["kind"]) <= {"rock", "shadow"}
-    assert table["confidence"].between(OPTIONS.confidence, 1).all()
+    assert table["confidence"].between(PREDICTION.confidence, 1).all()
     assert ((table["x0"] >= 0) & (table["x0"] < table["x1"]) & (table["x1"] <= 1936)).all()
     assert ((table["y0"] >= 0) & (table["y0"] < table["y1"]) & (table["y1"] <= 1216)).all()
-    assert table.groupby("key").size().max() <= OPTIONS.max_boxes
+    assert table.groupby("key").size().max() <= MAX_BOXES
     assert not table.empty
 
 
@@ -154,7 +164,9 @@ def test_stopped_work_of_other_code_is_begun_anew(judged, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr("polarsim.detect.predict.write_in_parts", lambda *asked: found.append(asked[-1]))
             run_predict(judged, "code_on_real.parquet")
-        left = train_module._prepare(judged / "real", OPTIONS, judged / "work_code") / "left"
+        folder = judged / "work_code"
+        train_module._prepare(judges.Training(judged / "real", folder, OPTIONS, PREDICTION, IMGSZ, 0, 1))
+        left = folder / "left"
         found.append(left.exists())
         left.touch()
         return found
@@ -177,7 +189,7 @@ def test_our_predictions_are_those_of_ultralytics_own_predictor(judged):
     key = read_pictures(judged / "real", "test")[0]
     picture = png.read(judged / "real" / "images" / "test" / f"{key}.png")
     found = model.predict(
-        picture[..., None].repeat(3, axis=2), imgsz=96, conf=0.001, iou=OPTIONS.nms_iou, verbose=False
+        picture[..., None].repeat(3, axis=2), imgsz=96, conf=0.001, iou=PREDICTION.nms_iou, verbose=False
     )[0].boxes
     table = tables.read_parquet(judged / "real_on_real.parquet")
     # Ultralytics gives a place one class, we give it all that are likely enough: only the surest one must be the same.
@@ -202,7 +214,9 @@ def test_evaluation_of_a_judge_in_its_own_domain_and_in_an_equal_one(judged, wor
         datasets=dict.fromkeys(("real", "copy"), judged / "real"),
         split=judged / "split.csv",
         tables_of=Evaluation(**{field.name: judged / f"{field.name}.parquet" for field in fields(Evaluation)}),
-        options=OPTIONS,
+        options=ComparisonOptions(),
+        training=OPTIONS,
+        imgsz=IMGSZ,
     )
     detection = tables.read_parquet(judged / "detection.parquet")
     tested = sum(part == "test" for part in read_split(judged / "split.csv").values())
@@ -242,9 +256,9 @@ def test_newer_models_train_and_predict_by_name(judged, tmp_path, model):
         weights=tmp_path / f"{model}.pt",
         dataset=judged / "real",
         predictions=tmp_path / "found.parquet",
-        options=options.model_copy(update={"confidence": 1e-6}),
+        options=PredictionOptions(confidence=1e-6),
         threads=1,
     )
     table = tables.read_parquet(tmp_path / "found.parquet")
     assert set(table["key"]) == set(read_pictures(judged / "real", "test"))
-    assert table.groupby("key").size().max() <= options.max_boxes
+    assert table.groupby("key").size().max() <= MAX_BOXES

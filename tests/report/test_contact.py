@@ -6,7 +6,6 @@ from polarsim.formats import png
 from polarsim.formats.tables import key_columns, label_table, write_parquet
 from polarsim.photo import PhotoKey
 from polarsim.report.figures import contact
-from polarsim.scoring.options import TablesOptions
 
 KEYS = [
     PhotoKey.parse(f"03_A_{light}_{azimuth}_{camera}_{exposure}")
@@ -22,14 +21,14 @@ def label(key, kind="rock", rock=7, confidence=1.0, box=(400, 300, 800, 500)):
     return key_columns(key) | row | dict(zip(("x0", "y0", "x1", "y1"), map(float, box), strict=True))
 
 
-def drawn(folder, name, rows, keys=KEYS, picture_of=lambda _: None, width=800):
+def drawn(folder, name, rows, keys=KEYS, pictures=(), width=800):
     write_parquet(folder / "labels.parquet", label_table(rows))
     contact.draw_contact(
         keys=keys,
         labels=folder / "labels.parquet",
-        picture_of=picture_of,
+        pictures=pictures,
         figure=folder / name,
-        options=TablesOptions(figure_width_px=width),
+        width=width,
     )
     return png.read(folder / name)
 
@@ -86,8 +85,9 @@ def test_same_rows_make_the_same_bytes_and_labels_keep_their_colours(tmp_path):
 
 
 def test_a_sheet_that_is_too_large_gets_fewer_greys(tmp_path, monkeypatch, rng):
-    png.write(tmp_path / "noise.png", rng.integers(16, 4095, (1216, 1936)).astype(np.uint16))
-    arguments = {"keys": KEYS[:3], "rows": [label(KEYS[0])], "picture_of": lambda _: tmp_path / "noise.png"}
+    for key in KEYS[:3]:
+        png.write(tmp_path / f"noise/{key}.png", rng.integers(16, 4095, (1216, 1936)).astype(np.uint16))
+    arguments = {"keys": KEYS[:3], "rows": [label(KEYS[0])], "pictures": [tmp_path / "noise"]}
     many = drawn(tmp_path, "many.png", **arguments)
     monkeypatch.setattr(contact, "MAX_BYTES", int(0.9 * (tmp_path / "many.png").stat().st_size))
     few = drawn(tmp_path, "few.png", **arguments)

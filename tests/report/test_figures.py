@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import obj, png, release, yolo
+from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import key_columns, label_table, write_csv, write_parquet
@@ -12,26 +13,19 @@ from polarsim.geometry.boxes import around
 from polarsim.geometry.casters import caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.report import detection_table, ipd_table
-from polarsim.report.figures import (
-    draw_comparison,
-    draw_detection,
-    draw_ipd,
-    draw_label_errors,
-    draw_offsets,
-    draw_reliability,
-    draw_residuals,
-    draw_terrain,
-)
-from polarsim.report.figures.comparison import cover_key
-from polarsim.report.figures.labels import edge_errors
-from polarsim.report.figures.terrain import STEP, slanted_view, top_view
+from polarsim.report.figures.comparison import cover_key, draw_comparison
+from polarsim.report.figures.judges import draw_detection, draw_ipd
+from polarsim.report.figures.labels import draw_label_errors, edge_errors
+from polarsim.report.figures.offsets import draw_offsets
+from polarsim.report.figures.reliability import draw_reliability
+from polarsim.report.figures.residuals import draw_residuals
+from polarsim.report.figures.terrain import STEP, draw_terrain, slanted_view, top_view
 from polarsim.scoring.label_pairs import EDGES, PAIR_COLUMNS, TRUE_EDGES
 from polarsim.scoring.match_rule import MatchRule
-from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.reliability import COLUMNS as RELIABILITY_COLUMNS
 
-OPTIONS = TablesOptions(figure_width_px=600)
-WIDE = TablesOptions(figure_width_px=1300)
+NARROW = 600  # px
+WIDE = 1300  # px
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 KEY = PhotoKey.parse("03_A_off_30_L_0256")
 
@@ -61,7 +55,7 @@ def terrain_drawn(folder, to):
         meshes=folder / "meshes",
         meshes_figure=to / "meshes.png",
         crops_figure=to / "crops.png",
-        options=OPTIONS,
+        width=NARROW,
     )
     return to / "meshes.png", to / "crops.png"
 
@@ -90,7 +84,7 @@ def test_a_terrain_without_rocks_is_drawn(tmp_path, world):
 def offsets_drawn(folder, rows, name):
     columns = {"rock": "int64", **dict.fromkeys(("x", "y", "z", "offset_mm"), "float64")}
     write_parquet(folder / "offsets.parquet", pd.DataFrame(rows, columns=list(columns)).astype(columns))
-    draw_offsets(terrain=3, offsets=folder / "offsets.parquet", figure=folder / name, options=WIDE)
+    draw_offsets(terrain=3, offsets=folder / "offsets.parquet", figure=folder / name, width=WIDE)
     return png.read(folder / name)[..., :3].astype(int)
 
 
@@ -110,17 +104,25 @@ def test_a_terrain_that_nobody_saw_has_a_page_that_says_so(tmp_path):
     assert (offsets_drawn(tmp_path, [], "none.png") < 200).any()
 
 
-def residuals_drawn(folder, name, **photos):
+def described(folder, photos):
+    """Table of photos, and inventory of a terrain without cover photos."""
+    rows = [{"key": str(key), "path": str(path)} for key, path in photos.items()]
+    write_parquet(folder / "photos.parquet", pd.DataFrame(rows, columns=["key", "path"]))
+    write_inventory(folder / "inventory.json", Inventory(3, "analog"))
+    return {"photos": folder / "photos.parquet", "inventory": folder / "inventory.json"}
+
+
+def residuals_drawn(folder, name):
     rule = MatchRule(trim=0.004, trim_share=0.35, consensus_share=0.3, same_iou=0.5, gate_px=40)
     draw_residuals(
         terrain=3,
         cameras=folder / "cameras",
         meshes=folder / "meshes",
         seeds=folder / "seeds",
-        photos=photos,
+        **described(folder, {}),
         rule=rule,
         figure=folder / name,
-        options=WIDE,
+        width=WIDE,
     )
     return png.read(folder / name)[..., :3].astype(int)
 
@@ -198,7 +200,7 @@ def test_label_errors_are_drawn_also_when_there_are_none(tmp_path):
     write_parquet(tmp_path / "none.parquet", pairs[:0])
     for name in ("pairs", "none"):
         figure = tmp_path / f"{name}.png"
-        draw_label_errors(terrain=3, pairs=tmp_path / f"{name}.parquet", figure=figure, options=OPTIONS)
+        draw_label_errors(terrain=3, pairs=tmp_path / f"{name}.parquet", figure=figure, width=NARROW)
         assert is_drawn(figure)
     assert coloured(tmp_path / "pairs.png") > coloured(tmp_path / "none.png") == 0
 
@@ -219,8 +221,8 @@ def test_detection_and_ipd_are_drawn_also_without_rocks(tmp_path, kinds):
     ]
     write_parquet(tmp_path / "d.parquet", pd.DataFrame(detection, columns=list(detection_table.COLUMNS)))
     write_parquet(tmp_path / "i.parquet", pd.DataFrame(ipd, columns=list(ipd_table.COLUMNS)))
-    draw_detection(detection=tmp_path / "d.parquet", figure=tmp_path / "detection.png", origin=ORIGIN, options=OPTIONS)
-    draw_ipd(ipd=tmp_path / "i.parquet", figure=tmp_path / "ipd.png", origin=ORIGIN, options=OPTIONS)
+    draw_detection(detection=tmp_path / "d.parquet", figure=tmp_path / "detection.png", origin=ORIGIN, width=NARROW)
+    draw_ipd(ipd=tmp_path / "i.parquet", figure=tmp_path / "ipd.png", origin=ORIGIN, width=NARROW)
     for name in ("detection", "ipd"):
         assert is_drawn(tmp_path / f"{name}.png")
         assert (coloured(tmp_path / f"{name}.png") > 0.05) == ("rock" in kinds)
@@ -228,18 +230,18 @@ def test_detection_and_ipd_are_drawn_also_without_rocks(tmp_path, kinds):
 
 def test_a_comparison_shows_what_is_there(tmp_path):
     png.write(tmp_path / "photo.png", np.full((1216, 1936), 700, np.uint16))
-    png.write(tmp_path / "hapke.png", np.full((1216, 1936), 300, np.uint16))
+    png.write(tmp_path / f"hapke/{KEY}.png", np.full((1216, 1936), 300, np.uint16))
     write_parquet(tmp_path / "labels.parquet", label_table([label(KEY, "rock", 1, (100, 100, 500, 400))]))
-    twins = {"principled": tmp_path / "none.png", "hapke": tmp_path / "hapke.png"}
+    twins = {"principled": tmp_path / "none", "hapke": tmp_path / "hapke"}
     arguments = {
         "key": KEY,
         "labels": tmp_path / "labels.parquet",
         "automatic": None,
-        "cover_photo": None,
-        "options": OPTIONS,
+        "width": NARROW,
     }
-    draw_comparison(**arguments, photo=tmp_path / "photo.png", twins_of=lambda _: twins, figure=tmp_path / "two.png")
-    draw_comparison(**arguments, photo=None, twins_of=lambda _: {}, figure=tmp_path / "none.png")
+    known = described(tmp_path, {KEY: tmp_path / "photo.png"})
+    draw_comparison(**arguments, **known, twins=twins, figure=tmp_path / "two.png")
+    draw_comparison(**arguments, **described(tmp_path, {}), twins={}, figure=tmp_path / "none.png")
     shown = png.read(tmp_path / "two.png")
     # Beside each other with the photo's white: the twin, with 284 of 684 DN above black, is darker than the photo.
     left, right = shown[:, 150].astype(int).mean(axis=-1), shown[:, 450].astype(int).mean(axis=-1)
@@ -277,7 +279,7 @@ def hand_drawn(root, keys):
 def reliability_drawn(folder, rows, name):
     bins = pd.DataFrame(rows, columns=list(RELIABILITY_COLUMNS)).astype(RELIABILITY_COLUMNS)
     write_parquet(folder / "reliability.parquet", bins)
-    draw_reliability(reliability=folder / "reliability.parquet", figure=folder / name, origin=ORIGIN, options=WIDE)
+    draw_reliability(reliability=folder / "reliability.parquet", figure=folder / name, origin=ORIGIN, width=WIDE)
     return png.read(folder / name)[..., :3].astype(int)
 
 

@@ -7,7 +7,6 @@ from polarsim.formats.gap_ledger import ENDS, FIGURES
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
 from polarsim.report.figures.gap import draw_gap
 from polarsim.report.gap_table import COLUMNS, tabulate_gap
-from polarsim.scoring.options import TablesOptions
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 CHANGES = {"pose": -0.01, "noise": 0.02, "mesh": -0.1}  # of ipd, in the order of the configuration
@@ -65,7 +64,7 @@ def test_bars_are_drawn_for_every_ingredient(tmp_path, named):
     write_parquet(tmp_path / "l.parquet", ledger(ingredients=named))
     draw_gap(
         ledger=tmp_path / "l.parquet", figure=tmp_path / "gap.png", origin=ORIGIN,
-        options=TablesOptions(figure_width_px=640),
+        width=640,
     )  # fmt: skip
     pixels = png.read(tmp_path / "gap.png")
     assert pixels.shape[1] == 640

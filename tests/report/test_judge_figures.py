@@ -5,14 +5,15 @@ import pytest
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns, label_table, write_parquet
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
-from polarsim.report.figures import curves, draw_curves, draw_gap_rocks, draw_ipd_histogram
-from polarsim.report.figures.gap_rocks import most_different
+from polarsim.report.figures import curves
+from polarsim.report.figures.curves import draw_curves
+from polarsim.report.figures.gap_rocks import draw_gap_rocks, most_different
+from polarsim.report.figures.ipd_histogram import draw_ipd_histogram
 from polarsim.report.figures.seen import draw_seen, shown_keys
 from polarsim.report.ipd_rocks_table import COLUMNS
 from polarsim.report.seeds import averaged, panels, title_words
-from polarsim.scoring.options import TablesOptions
 
-OPTIONS = TablesOptions(figure_width_px=640)
+NARROW = 640  # px
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 KEYS = ("01_A_off_180_L_0256", "01_A_off_180_L_0512")
 
@@ -33,7 +34,7 @@ def test_precision_and_recall_are_drawn_also_without_labels(tmp_path, kinds):
         for recall in (0.0, 0.5, 1.0)
     ]
     write_parquet(tmp_path / "c.parquet", pd.DataFrame(rows, columns=list(curves.COLUMNS)))
-    draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / "c.png", origin=ORIGIN, options=OPTIONS)
+    draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / "c.png", origin=ORIGIN, width=NARROW)
     assert is_drawn(tmp_path / "c.png")
 
 
@@ -41,7 +42,7 @@ def test_precision_and_recall_are_drawn_also_without_labels(tmp_path, kinds):
 def test_differences_of_rocks_are_drawn_also_without_rocks(tmp_path, count):
     rows = [("hapke", "real", "hapke", 1, n, "rock", 4, n / 30, 0.5, n / 30 - 0.5) for n in range(1, count)]
     write_parquet(tmp_path / "r.parquet", pd.DataFrame(rows, columns=list(COLUMNS)))
-    draw_ipd_histogram(rocks=tmp_path / "r.parquet", figure=tmp_path / "h.png", origin=ORIGIN, options=OPTIONS)
+    draw_ipd_histogram(rocks=tmp_path / "r.parquet", figure=tmp_path / "h.png", origin=ORIGIN, width=NARROW)
     assert is_drawn(tmp_path / "h.png")
 
 
@@ -80,7 +81,7 @@ def test_a_page_of_rocks_shows_label_and_best_box_in_both_domains(tmp_path):
             confidence=0.25,
             figure=tmp_path / f"{trained}.png",
             origin=ORIGIN,
-            options=OPTIONS,
+            width=NARROW,
         )
         return png.read(tmp_path / f"{trained}.png")[..., :3].astype(int)
 
@@ -129,7 +130,7 @@ def test_what_a_judge_sees_is_drawn_with_labels_of_every_domain(tmp_path):
             confidence=0.25,
             figure=tmp_path / f"{trained}.png",
             origin=ORIGIN,
-            options=OPTIONS,
+            width=NARROW,
         )
     drawn, nothing = (png.read(tmp_path / f"{name}.png")[..., :3].astype(int) for name in ("real", "hapke"))
 
@@ -172,7 +173,7 @@ def test_each_split_has_its_own_panels_and_seeds_a_band(tmp_path):
 
     def drawn(chosen, name):
         write_parquet(tmp_path / "c.parquet", chosen)
-        draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / name, origin=ORIGIN, options=OPTIONS)
+        draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / name, origin=ORIGIN, width=NARROW)
         return png.read(tmp_path / name)[..., :3].astype(int)
 
     both, one = drawn(table, "both.png"), drawn(table[(table["split"] == "photo") & (table["seed"] == 0)], "one.png")

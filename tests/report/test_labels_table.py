@@ -9,12 +9,12 @@ from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.report.labels_table import SIZES, label_scores, lay_out_labels, size_class, tabulate_labels
 from polarsim.scoring.label_pairs import pair_labels
 from polarsim.scoring.labels import TASKS, score_tasks, task_of
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import Labels
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 SEEDS = [PhotoKey.parse(f"{terrain}_A_off_30_L_0256") for terrain in ("03", "11")]
-OPTIONS = TablesOptions()
+OPTIONS = ScoringOptions()
 
 
 def made_up(terrain, seed=1):

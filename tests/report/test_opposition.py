@@ -1,6 +1,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -8,16 +9,16 @@ from hypothesis import strategies as st
 from polarsim.formats import png
 from polarsim.formats.lamps import write_suns
 from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.tables import write_parquet
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
 from polarsim.report.figures.opposition import draw_opposition
 from polarsim.report.phase import extreme_places, lit_by_one_lamp, phase_angles
-from polarsim.scoring.options import TablesOptions
 
 EYE = np.array([3.5, 0.0, 1.5])
-OPTIONS = TablesOptions(figure_width_px=640)
+NARROW = 640  # px
 ALONE, BOTH, ROVER = (PhotoKey.parse(f"01_A_{name}_L_0256") for name in ("off_30", "on_30", "on_no"))
 
 
@@ -67,21 +68,21 @@ def test_the_rover_light_is_nearer_to_opposition_than_a_lamp_across(cameras):
 
 
 def draw(tmp_path, cameras, keys, brightness):
-    def picture_of(domain, key):
-        path = tmp_path / f"{domain}_{key}.png"
-        if not path.exists():
-            png.write(path, np.full((HEIGHT, WIDTH), BLACK_LEVEL + brightness[domain], np.uint16))
-        return path
-
+    photos = [{"key": str(key), "path": str(tmp_path / f"analog/Terrain01/{key}.png")} for key in keys]
+    write_parquet(tmp_path / "photos.parquet", pd.DataFrame(photos))
+    for domain, grey in brightness.items():
+        for key in keys:
+            pixels = np.full((HEIGHT, WIDTH), BLACK_LEVEL + grey, np.uint16)
+            png.write(tmp_path / domain / "Terrain01" / f"{key}.png", pixels)
     draw_opposition(
         keys=keys,
         cameras={1: cameras},
         photo_domain="analog",
         models=["hapke"],
-        picture_of=picture_of,
+        pictures=[tmp_path / "photos.parquet", tmp_path / "hapke/Terrain01"],
         figure=tmp_path / "o.png",
         words=tmp_path / "o.json",
-        options=OPTIONS,
+        width=NARROW,
     )
     return json.loads((tmp_path / "o.json").read_text())
 

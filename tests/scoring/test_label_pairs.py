@@ -6,11 +6,11 @@ from hypothesis import strategies as st
 from polarsim.formats.tables import key_columns, label_table
 from polarsim.photo import PhotoKey
 from polarsim.scoring.label_pairs import PAIR_COLUMNS, pair_labels, pair_photo
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import Counts, Labels, count_photo
 
 KEY = PhotoKey.parse("03_A_off_30_R_0256")
-OPTIONS = TablesOptions()
+OPTIONS = ScoringOptions()
 
 
 def labels(*boxes, kind=0):

@@ -5,7 +5,7 @@ from polarsim.formats import coco, rle, yolo
 from polarsim.formats.release import label_folder, polygon_folder
 from polarsim.formats.tables import read_csv
 from polarsim.photo import PhotoKey
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.outlines import Region, overlaps, region_iou, score_outlines
 from polarsim.scoring.quality import COLUMNS
 
@@ -40,7 +40,7 @@ def scores(tmp_path):
             annotations=tmp_path / "coco.json",
             root=tmp_path,
             quality=tmp_path / "quality.csv",
-            options=TablesOptions(),
+            options=ScoringOptions(),
         )
         table = read_csv(tmp_path / "quality.csv", COLUMNS)
         return {(row["subject"], row["figure"]): row["value"] for row in table.to_dict("records")}

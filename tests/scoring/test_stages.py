@@ -17,12 +17,12 @@ from polarsim.scoring.cameras import score_cameras
 from polarsim.scoring.label_pairs import PAIR_COLUMNS
 from polarsim.scoring.labels import score_labels, task_of, visible
 from polarsim.scoring.match_rule import MatchRule
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.rock_pairs import RockPairs, pair_rocks, recall_and_precision
 from polarsim.scoring.rocks import score_rocks
 from polarsim.scoring.twins import compare_pictures, log_ratio, score_twins, similarity, typical_photos
 
-OPTIONS = TablesOptions(surface_samples=3000)
+OPTIONS = ScoringOptions()
 OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
 RULE = MatchRule(trim=0.004, trim_share=0.35, consensus_share=0.3, same_iou=0.5, gate_px=40)
 BOX = [100.0, 200.0, 160.0, 240.0]
@@ -193,7 +193,6 @@ def test_without_truth_there_are_counts_and_soundness(tmp_path, world):
         quality=quality,
         scores=tmp_path / "scores.csv",
         offsets=tmp_path / "offsets.parquet",
-        options=OPTIONS,
     )
     assert set(read_csv(quality)["against"]) == {"own"}
     assert read_csv(tmp_path / "scores.csv")["rock"].tolist() == [-1, 1, 2]
@@ -206,7 +205,7 @@ def test_rocks_are_paired_one_to_one_within_half_their_size():
     pairs = pair_rocks(true, found)
     assert (pairs.true.tolist(), pairs.found.tolist()) == ([0], [0])
     seen = np.array([True, False])
-    figures = recall_and_precision(true, found, pairs, seen, OPTIONS)
+    figures = recall_and_precision(true, found, pairs, seen)
     shares = {(figure.subject, figure.figure): figure.value for figure in figures}
     assert shares["rocks of 8 cm and more", "recall"] == 0.5
     assert shares["rocks of 8 cm and more", "recall_seen"] == 1
@@ -215,7 +214,7 @@ def test_rocks_are_paired_one_to_one_within_half_their_size():
     assert shares["paired rocks", "size_error_median"] == pytest.approx(20)
     assert pair_rocks(true, rock_rows([])).true.size == 0
     nothing = RockPairs(np.zeros(0, int), np.zeros(0, int))
-    assert recall_and_precision(rock_rows([]), rock_rows([]), nothing, np.zeros(0, bool), OPTIONS) == []
+    assert recall_and_precision(rock_rows([]), rock_rows([]), nothing, np.zeros(0, bool)) == []
 
 
 def scored_rocks(folder):
@@ -232,7 +231,6 @@ def scored_rocks(folder):
         quality=quality,
         scores=folder / "scores.csv",
         offsets=folder / "offsets.parquet",
-        options=OPTIONS,
     )
     return figures(quality)
 

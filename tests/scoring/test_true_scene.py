@@ -8,7 +8,6 @@ from polarsim.formats.lamps import read_found_suns
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.tables import read_parquet, write_parquet
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.true_scene import lay_truth, thin_meshes
 
 SANDBOX_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
@@ -33,7 +32,6 @@ def laid(world, tmp_path):
         truth=tmp_path / "truth",
         true_cameras=tmp_path / "laid/cameras",
         true_meshes=tmp_path / "laid/meshes",
-        options=TablesOptions(surface_samples=3000),
     )
     return tmp_path
 

@@ -19,9 +19,8 @@ SMALL = {
     "grid": {"azimuths": ["30"], "lights": ["off"], "exposures_ms": [64, 128, 256, 512]},
     "render": {"models": ["hapke"]},
     "detect": {
-        "model": "compact",  # starts in a tenth of the time of a YOLO judge
-        "epochs": 1,
-        "imgsz": 96,
+        "training": {"model": "compact", "epochs": 1},  # starts in a tenth of the time of a YOLO judge
+        "pictures": {"imgsz": 96},
         "splits": ["photo", "position"],
         "mixes": {"mixed": {"analog": 0.5, "hapke": 1}},
     },

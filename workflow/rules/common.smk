@@ -1,7 +1,7 @@
 """The checked configuration, wildcards, and all functions that name files."""
 
 import functools
-import itertools
+import operator
 import re
 import sys
 from math import log2
@@ -64,51 +64,13 @@ def of_run(pattern, **wildcards):
 
 
 def options(section):
-    """A section of the configuration as plain values, for `params`."""
-    chosen = getattr(CONFIG, section)
+    """A section of the configuration, such as `detect.split`, as plain values, for `params`."""
+    chosen = operator.attrgetter(section)(CONFIG)
     return (
         chosen.stage_options()
         if section == "labels"
         else chosen.model_dump(mode="json")
     )
-
-
-# What each step of the detect stage reads of its options: a rule of comparison must not make a judge stale.
-SPLITS_BY = ("seed", "test_share", "test_terrains", "val_share")
-PICTURES_BY = (
-    "imgsz",
-    "tone",
-    "tone_exposure_ms",
-    "tone_percentile",
-    "tone_floor_dn",
-    "min_mean_dn",
-    "downsize",
-)
-FINDS_BY = ("device", "batch", "confidence", "nms_iou", "max_boxes")
-TRAINS_BY = (
-    "model",
-    "pretrained",
-    "pretrained_url",
-    "pretrained_sha256",
-    "epochs",
-    "learning_rate",
-    "augment",
-    "mosaic",
-)
-COMPARES_BY = (
-    "iou_confidence",
-    "undetected",
-    "unpaired",
-    "false_alarm_overlap",
-    "resampled",
-    "resamples",
-    "group_resamples",
-)
-
-
-def detect_options(*groups):
-    """Some groups of the detect stage's options."""
-    return {name: options("detect")[name] for name in itertools.chain(*groups)}
 
 
 @functools.cache

@@ -41,7 +41,7 @@ rule split_photos:
         terrains=CONFIG.terrains,
         positions=CONFIG.positions,
         grid=options("grid"),
-        options=detect_options(SPLITS_BY),
+        options=options("detect.split"),
         code=code_of("split_photos"),
     script:
         "../scripts/split_photos.py"
@@ -68,7 +68,7 @@ rule convert_pictures:
         terrains=CONFIG.terrains,
         positions=CONFIG.positions,
         grid=options("grid"),
-        options=detect_options(PICTURES_BY),
+        options=options("detect.pictures"),
         code=code_of("convert_pictures"),
     script:
         "../scripts/convert_pictures.py"
@@ -91,7 +91,7 @@ rule make_dataset:
         mem_mb=500,
         runtime=10,
     params:
-        options=detect_options(SPLITS_BY),
+        options=options("detect.split"),
         code=code_of("make_dataset"),
     script:
         "../scripts/make_dataset.py"
@@ -114,7 +114,7 @@ rule mix_datasets:
         runtime=10,
     params:
         weights=weights_of_mix,
-        options=detect_options(SPLITS_BY),
+        options=options("detect.split"),
         code=code_of("mix_datasets"),
     script:
         "../scripts/mix_datasets.py"
@@ -138,7 +138,9 @@ rule train_judge:
         mem_mb=2500,
         runtime=2880,  # minutes
     params:
-        options=detect_options(["imgsz"], FINDS_BY, TRAINS_BY),
+        options=options("detect.training"),
+        prediction=options("detect.prediction"),
+        imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/detect/{split}/seed{seed}/work/{trained}",
         code=code_of("train_judge"),
     script:
@@ -167,7 +169,7 @@ rule predict:
         mem_mb=2000,
         runtime=240,
     params:
-        options=detect_options(["imgsz"], FINDS_BY),
+        options=options("detect.prediction"),
         code=code_of("predict"),
     script:
         "../scripts/predict.py"
@@ -206,7 +208,9 @@ rule evaluate:
     params:
         domains=DOMAINS,
         trained=TRAINED,
-        options=detect_options(["seed", "imgsz"], TRAINS_BY, COMPARES_BY),
+        options=options("detect.comparison"),
+        training=options("detect.training"),
+        imgsz=CONFIG.detect.pictures.imgsz,
         code=code_of("evaluate"),
     script:
         "../scripts/evaluate.py"
@@ -235,7 +239,8 @@ rule measure_stereo:
         grid=options("grid"),
         domain=CONFIG.photo_domain,
         models=MODELS,
-        options=detect_options(["stereo"]),
+        options=options("detect.stereo"),
+        pictures=options("detect.pictures"),
         code=code_of("measure_stereo"),
     script:
         "../scripts/measure_stereo.py"
@@ -265,7 +270,7 @@ rule compare_stereo:
         mem_mb=1000,
         runtime=15,
     params:
-        options=detect_options(["seed", "stereo"], COMPARES_BY),
+        options=options("detect.comparison"),
         code=code_of("compare_stereo"),
     script:
         "../scripts/compare_stereo.py"

@@ -32,7 +32,6 @@ rule lay_truth:
         runtime=10,
     params:
         truth=truth_of,
-        options=options("tables"),
         code=code_of("lay_truth"),
     script:
         "../scripts/lay_truth.py"
@@ -138,7 +137,7 @@ rule convert_ingredient:
         mem_mb=1000,
         runtime=60,
     params:
-        options=detect_options(PICTURES_BY),
+        options=options("detect.pictures"),
         code=code_of("convert_ingredient"),
     script:
         "../scripts/convert_ingredient.py"
@@ -162,7 +161,7 @@ rule predict_ingredient:
         mem_mb=2000,
         runtime=240,
     params:
-        options=detect_options(["imgsz"], FINDS_BY),
+        options=options("detect.prediction"),
         code=code_of("predict"),
     script:
         "../scripts/predict.py"
@@ -190,7 +189,9 @@ rule weigh_ingredients:
         photo=CONFIG.photo_domain,
         twin=CONFIG.gap.model,
         replaced={name: found.told() for name, found in INGREDIENTS.items()},
-        options=detect_options(["seed", "imgsz"], TRAINS_BY, COMPARES_BY),
+        options=options("detect.comparison"),
+        training=options("detect.training"),
+        imgsz=CONFIG.detect.pictures.imgsz,
         code=code_of("weigh_ingredients"),
     script:
         "../scripts/weigh_ingredients.py"
@@ -270,7 +271,6 @@ rule draw_gap:
         runtime=5,
     params:
         origin=ORIGIN,
-        options=options("tables"),
         code=code_of("draw_gap"),
     script:
         "../scripts/draw_gap.py"

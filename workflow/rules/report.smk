@@ -261,7 +261,7 @@ rule tabulate_detectors:
         runtime=5,
     params:
         origin=ORIGIN,
-        min_mean_dn=CONFIG.detect.min_mean_dn,
+        min_mean_dn=CONFIG.detect.pictures.min_mean_dn,
         code=code_of("tabulate_detectors"),
     script:
         "../scripts/tabulate_detectors.py"
@@ -309,7 +309,6 @@ rule draw_detectors:
         runtime=5,
     params:
         origin=ORIGIN,
-        options=options("tables"),
         code=code_of("draw_detectors"),
     script:
         "../scripts/draw_detectors.py"
@@ -351,7 +350,6 @@ rule draw_finds:
         domains=DOMAINS,
         photo_domain=CONFIG.photo_domain,
         origin=ORIGIN,
-        options=options("tables"),
         code=code_of("draw_finds"),
     script:
         "../scripts/draw_finds.py"
@@ -381,7 +379,7 @@ rule tabulate_stereo:
         runtime=5,
     params:
         origin=ORIGIN,
-        stereo=options("detect")["stereo"],
+        stereo=options("detect.stereo"),
         code=code_of("tabulate_stereo"),
     script:
         "../scripts/tabulate_stereo.py"
@@ -413,7 +411,6 @@ rule draw_comparison:
     params:
         key=shown_photo,
         models=MODELS,
-        options=options("tables"),
         code=code_of("draw_comparison"),
     script:
         "../scripts/draw_comparison.py"
@@ -439,7 +436,6 @@ rule draw_reflectance:
         mem_mb=500,
         runtime=5,
     params:
-        options=options("tables"),
         code=code_of("draw_reflectance"),
     script:
         "../scripts/draw_reflectance.py"
@@ -472,7 +468,6 @@ rule draw_contact:
     params:
         grid=options("grid"),
         models=STAND_INS,
-        options=options("tables"),
         code=code_of("draw_contact"),
     script:
         "../scripts/draw_contact.py"
@@ -505,7 +500,6 @@ rule draw_terrain:
         mem_mb=1500,
         runtime=5,
     params:
-        options=options("tables"),
         code=code_of("draw_terrain"),
     script:
         "../scripts/draw_terrain.py"
@@ -531,7 +525,6 @@ rule draw_offsets:
         mem_mb=500,
         runtime=5,
     params:
-        options=options("tables"),
         code=code_of("draw_offsets"),
     script:
         "../scripts/draw_offsets.py"
@@ -562,7 +555,6 @@ rule draw_residuals:
         runtime=5,
     params:
         rule=match_rule(),
-        options=options("tables"),
         code=code_of("draw_residuals"),
     script:
         "../scripts/draw_residuals.py"
@@ -588,7 +580,6 @@ rule draw_label_errors:
         mem_mb=1000,
         runtime=5,
     params:
-        options=options("tables"),
         code=code_of("draw_label_errors"),
     script:
         "../scripts/draw_label_errors.py"
@@ -615,7 +606,6 @@ rule draw_reliability:
         runtime=5,
     params:
         origin=ORIGIN,
-        options=options("tables"),
         code=code_of("draw_reliability"),
     script:
         "../scripts/draw_reliability.py"
@@ -680,7 +670,6 @@ rule draw_opposition:
         grid=options("grid"),
         photo_domain=CONFIG.photo_domain,
         models=MODELS,
-        options=options("tables"),
         code=code_of("draw_opposition"),
     script:
         "../scripts/draw_opposition.py"

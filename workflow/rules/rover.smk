@@ -348,7 +348,6 @@ rule draw_drive:
         runtime=5,
     params:
         origin=ORIGIN,
-        options=options("tables"),
         code=code_of("draw_drive"),
     script:
         "../scripts/draw_drive.py"
@@ -375,7 +374,6 @@ rule draw_sequence:
         runtime=5,
     params:
         pictures=ROVER.shown_set,
-        options=options("tables"),
         code=code_of("draw_sequence"),
     script:
         "../scripts/draw_sequence.py"
@@ -405,7 +403,6 @@ rule draw_front:
     params:
         pictures=ROVER.shown_set,
         confidence=ROVER.sight.onboard.confidence,
-        options=options("tables"),
         code=code_of("draw_front"),
     script:
         "../scripts/draw_front.py"
@@ -432,7 +429,6 @@ rule draw_soil:
         mem_mb=500,
         runtime=5,
     params:
-        options=options("tables"),
         code=code_of("draw_soil"),
     script:
         "../scripts/draw_soil.py"

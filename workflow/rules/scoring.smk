@@ -49,7 +49,6 @@ rule score_rocks:
         runtime=10,
     params:
         truth=truth_of,
-        options=options("tables"),
         code=code_of("score_rocks"),
     script:
         "../scripts/score_rocks.py"
@@ -103,7 +102,7 @@ rule score_labels:
         positions=positions_here,
         grid=options("grid"),
         truth=true_labels_of,
-        options=options("tables"),
+        options=options("scoring"),
         code=code_of("score_labels"),
     script:
         "../scripts/score_labels.py"
@@ -129,7 +128,7 @@ rule score_outlines:
         positions=positions_here,
         grid=options("grid"),
         root=str(LABEL_ROOT),
-        options=options("tables"),
+        options=options("scoring"),
         code=code_of("score_outlines"),
     script:
         "../scripts/score_outlines.py"
@@ -156,7 +155,7 @@ rule score_twins:
     params:
         truth=true_labels_of,
         models=MODELS,
-        options=options("tables"),
+        options=options("scoring"),
         code=code_of("score_twins"),
     script:
         "../scripts/score_twins.py"

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import ComparisonOptions
 from polarsim.detect.stereo.compare import compare_stereo
 from polarsim.reporting import reporting
 
@@ -13,5 +13,5 @@ with reporting(log=snakemake.log[0]):
         stereo=Path(snakemake.output.stereo),
         instances=Path(snakemake.output.instances),
         ipd=Path(snakemake.output.ipd),
-        options=DetectOptions(**snakemake.params.options),
+        options=ComparisonOptions(**snakemake.params.options),
     )

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.detect.dataset import make_dataset
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions
 from polarsim.detect.split import TEST
 from polarsim.reporting import reporting
 
@@ -16,5 +16,5 @@ with reporting(log=snakemake.log[0]):
         by=snakemake.wildcards.split,
         wanted=[TEST],
         dataset=Path(snakemake.output.dataset),
-        options=DetectOptions(**snakemake.params.options),
+        options=PicturesOptions(**snakemake.params.options),
     )

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions
 from polarsim.detect.pictures import convert_domain
 from polarsim.grid import GridOptions, selected_grids
 from polarsim.reporting import reporting
@@ -16,5 +16,5 @@ with reporting(log=snakemake.log[0]):
             snakemake.params.terrains, snakemake.params.positions, GridOptions(**snakemake.params.grid)
         ),
         folder=Path(snakemake.output.pictures),
-        options=DetectOptions(**snakemake.params.options),
+        options=PicturesOptions(**snakemake.params.options),
     )

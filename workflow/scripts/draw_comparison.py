@@ -3,15 +3,16 @@
 from pathlib import Path
 
 from polarsim.photo import PhotoKey
-from polarsim.report.of_run import draw_comparison_of_run
+from polarsim.report.figures.comparison import draw_comparison
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
-    draw_comparison_of_run(
+    draw_comparison(
         key=PhotoKey.parse(snakemake.params.key),
-        run=Path("results") / snakemake.wildcards.run,
-        models=snakemake.params.models,
+        photos=Path(snakemake.input.photos),
+        inventory=Path(snakemake.input.inventory),
+        twins=dict(zip(snakemake.params.models, map(Path, snakemake.input.twins), strict=True)),
+        labels=Path(snakemake.input.labels),
+        automatic=Path(snakemake.input.automatic),
         figure=Path(snakemake.output.figure),
-        options=TablesOptions(**snakemake.params.options),
     )

@@ -2,18 +2,16 @@
 
 from pathlib import Path
 
-from polarsim.grid import GridOptions
-from polarsim.report.of_run import draw_contact_of_run
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.report.figures.contact import draw_contact
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
-    draw_contact_of_run(
-        terrain=int(snakemake.wildcards.terrain),
-        position=snakemake.wildcards.position,
-        run=Path("results") / snakemake.wildcards.run,
-        grid=GridOptions(**snakemake.params.grid),
-        models=snakemake.params.models,
+    draw_contact(
+        keys=selected_grid(
+            int(snakemake.wildcards.terrain), [snakemake.wildcards.position], GridOptions(**snakemake.params.grid)
+        ),
+        labels=Path(snakemake.input.labels),
+        pictures=[Path(snakemake.input.photos), *map(Path, snakemake.input.twins)],
         figure=Path(snakemake.output.figure),
-        options=TablesOptions(**snakemake.params.options),
     )

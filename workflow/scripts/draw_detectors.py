@@ -2,14 +2,12 @@
 
 from pathlib import Path
 
-from polarsim.report.detectors import draw_detectors
+from polarsim.report.figures.detectors import draw_detectors
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_detectors(
         found={name: Path(path) for name, path in snakemake.input.items()},
         figures={name: Path(path) for name, path in snakemake.output.items()},
         origin=snakemake.params.origin,
-        options=TablesOptions(**snakemake.params.options),
     )

@@ -2,14 +2,12 @@
 
 from pathlib import Path
 
-from polarsim.report.figures.rover import draw_drive
+from polarsim.report.figures.drive import draw_drive
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_drive(
         traces=[Path(trace) for trace in snakemake.input.traces],
         figure=Path(snakemake.output.figure),
         origin=snakemake.params.origin,
-        options=TablesOptions(**snakemake.params.options),
     )

@@ -2,16 +2,15 @@
 
 from pathlib import Path
 
-from polarsim.report.of_run import draw_finds_of_run
+from polarsim.report.figures.finds import draw_finds
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     domains = snakemake.params.domains
-    draw_finds_of_run(
+    draw_finds(
         trained=snakemake.wildcards.trained,
-        run=Path("results") / snakemake.wildcards.run,
         photo_domain=snakemake.params.photo_domain,
+        pictures=map(Path, snakemake.input.pictures),
         instances=Path(snakemake.input.instances),
         ipd=Path(snakemake.input.ipd),
         predictions=dict(zip(domains, map(Path, snakemake.input.predictions), strict=True)),
@@ -19,5 +18,4 @@ with reporting(log=snakemake.log[0]):
         seen=Path(snakemake.output.seen),
         gap_rocks=Path(snakemake.output.gap_rocks),
         origin=snakemake.params.origin,
-        options=TablesOptions(**snakemake.params.options),
     )

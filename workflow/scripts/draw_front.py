@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from polarsim.report.figures.rover import draw_front
+from polarsim.report.figures.shots import draw_front
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_front(
@@ -14,5 +13,4 @@ with reporting(log=snakemake.log[0]):
         detections=Path(snakemake.input.detections) if snakemake.input.detections else None,
         confidence=snakemake.params.confidence,
         figure=Path(snakemake.output.figure),
-        options=TablesOptions(**snakemake.params.options),
     )

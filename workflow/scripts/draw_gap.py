@@ -4,12 +4,10 @@ from pathlib import Path
 
 from polarsim.report.figures.gap import draw_gap
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_gap(
         ledger=Path(snakemake.input.ledger),
         figure=Path(snakemake.output.figure),
         origin=snakemake.params.origin,
-        options=TablesOptions(**snakemake.params.options),
     )

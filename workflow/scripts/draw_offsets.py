@@ -4,12 +4,10 @@ from pathlib import Path
 
 from polarsim.report.figures.offsets import draw_offsets
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_offsets(
         terrain=int(snakemake.wildcards.terrain),
         offsets=Path(snakemake.input.offsets),
         figure=Path(snakemake.output.figure),
-        options=TablesOptions(**snakemake.params.options),
     )

@@ -2,20 +2,19 @@
 
 from pathlib import Path
 
-from polarsim.grid import GridOptions
-from polarsim.report.of_run import draw_opposition_of_run
+from polarsim.grid import GridOptions, selected_grids
+from polarsim.report.figures.opposition import draw_opposition
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
-    draw_opposition_of_run(
-        terrains=snakemake.params.terrains,
-        run=Path("results") / snakemake.wildcards.run,
+    draw_opposition(
+        keys=selected_grids(
+            snakemake.params.terrains, snakemake.params.positions, GridOptions(**snakemake.params.grid)
+        ),
+        cameras=dict(zip(snakemake.params.terrains, map(Path, snakemake.input.cameras), strict=True)),
         photo_domain=snakemake.params.photo_domain,
         models=snakemake.params.models,
-        grid=GridOptions(**snakemake.params.grid),
-        positions=snakemake.params.positions,
+        pictures=map(Path, snakemake.input.pictures),
         figure=Path(snakemake.output.figure),
         words=Path(snakemake.output.words),
-        options=TablesOptions(**snakemake.params.options),
     )

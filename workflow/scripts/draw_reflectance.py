@@ -4,11 +4,9 @@ from pathlib import Path
 
 from polarsim.report.figures.brdf import draw_reflectance
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_reflectance(
         curves=Path(snakemake.input.curves),
         figure=Path(snakemake.output.figure),
-        options=TablesOptions(**snakemake.params.options),
     )

@@ -4,12 +4,10 @@ from pathlib import Path
 
 from polarsim.report.figures.reliability import draw_reliability
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_reliability(
         reliability=Path(snakemake.input.reliability),
         figure=Path(snakemake.output.figure),
         origin=snakemake.params.origin,
-        options=TablesOptions(**snakemake.params.options),
     )

@@ -2,16 +2,18 @@
 
 from pathlib import Path
 
-from polarsim.report.figures.residuals import draw_residuals_of_run
+from polarsim.report.figures.residuals import draw_residuals
 from polarsim.reporting import reporting
 from polarsim.scoring.match_rule import MatchRule
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
-    draw_residuals_of_run(
+    draw_residuals(
         terrain=int(snakemake.wildcards.terrain),
-        run=Path("results") / snakemake.wildcards.run,
+        cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
+        seeds=Path(snakemake.input.seeds),
+        photos=Path(snakemake.input.photos),
+        inventory=Path(snakemake.input.inventory),
         rule=MatchRule(**snakemake.params.rule),
         figure=Path(snakemake.output.figure),
-        options=TablesOptions(**snakemake.params.options),
     )

@@ -2,14 +2,12 @@
 
 from pathlib import Path
 
-from polarsim.report.figures.rover import draw_sequence
+from polarsim.report.figures.shots import draw_sequence
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_sequence(
         view=Path(snakemake.input.poses).parent,
         pictures=snakemake.params.pictures,
         figure=Path(snakemake.output.figure),
-        options=TablesOptions(**snakemake.params.options),
     )

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from polarsim.report.figures.terrain import draw_terrain
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 
 with reporting(log=snakemake.log[0]):
     draw_terrain(
@@ -13,5 +12,4 @@ with reporting(log=snakemake.log[0]):
         meshes=Path(snakemake.input.meshes),
         meshes_figure=Path(snakemake.output.meshes),
         crops_figure=Path(snakemake.output.crops),
-        options=TablesOptions(**snakemake.params.options),
     )

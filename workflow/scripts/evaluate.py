@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.detect.evaluate import Evaluation, evaluate
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
@@ -14,5 +14,7 @@ with reporting(log=snakemake.log[0]):
         split=Path(snakemake.input.split),
         by=snakemake.wildcards.split,
         tables_of=Evaluation(**{name: Path(path) for name, path in snakemake.output.items()}),
-        options=DetectOptions(**snakemake.params.options),
+        options=ComparisonOptions(**snakemake.params.options),
+        training=TrainingOptions(**snakemake.params.training),
+        imgsz=snakemake.params.imgsz,
     )

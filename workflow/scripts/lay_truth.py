@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.true_scene import lay_truth
 
 with reporting(log=snakemake.log[0]):
@@ -16,5 +15,4 @@ with reporting(log=snakemake.log[0]):
         truth=Path(snakemake.params.truth),
         true_cameras=Path(snakemake.output.cameras),
         true_meshes=Path(snakemake.output.meshes),
-        options=TablesOptions(**snakemake.params.options),
     )

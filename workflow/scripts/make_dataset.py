@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.detect.dataset import share_pictures
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import SplitOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
@@ -13,5 +13,5 @@ with reporting(log=snakemake.log[0]):
         split=Path(snakemake.input.split),
         by=snakemake.wildcards.split,
         dataset=Path(snakemake.output.dataset),
-        options=DetectOptions(**snakemake.params.options),
+        options=SplitOptions(**snakemake.params.options),
     )

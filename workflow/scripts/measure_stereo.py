@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions, StereoOptions
 from polarsim.detect.stereo.measure import measure_stereo
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.reporting import reporting
@@ -22,6 +22,7 @@ with reporting(log=snakemake.log[0]):
         },
         pairs=Path(snakemake.output.pairs),
         rocks=Path(snakemake.output.rocks),
-        options=DetectOptions(**snakemake.params.options),
+        options=StereoOptions(**snakemake.params.options),
+        curve=PicturesOptions(**snakemake.params.pictures),
         threads=snakemake.threads,
     )

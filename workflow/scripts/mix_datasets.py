@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.detect.dataset import mix_datasets
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import SplitOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
@@ -12,5 +12,5 @@ with reporting(log=snakemake.log[0]):
         weights=snakemake.params.weights,
         datasets={Path(path).name: Path(path) for path in snakemake.input.datasets},
         dataset=Path(snakemake.output.dataset),
-        options=DetectOptions(**snakemake.params.options),
+        options=SplitOptions(**snakemake.params.options),
     )

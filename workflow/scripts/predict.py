@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import predict
 from polarsim.reporting import reporting
 
@@ -12,6 +12,6 @@ with reporting(log=snakemake.log[0]):
             weights=Path(snakemake.input.weights),
             dataset=Path(dataset),
             predictions=Path(predictions),
-            options=DetectOptions(**snakemake.params.options),
+            options=PredictionOptions(**snakemake.params.options),
             threads=snakemake.threads,
         )

@@ -5,7 +5,7 @@ from pathlib import Path
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.reporting import reporting
 from polarsim.scoring.labels import score_labels
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 
 with reporting(log=snakemake.log[0]):
     terrain = int(snakemake.wildcards.terrain)
@@ -17,5 +17,5 @@ with reporting(log=snakemake.log[0]):
         seeds=Path(snakemake.input.seeds),
         quality=Path(snakemake.output.quality),
         pairs=Path(snakemake.output.pairs),
-        options=TablesOptions(**snakemake.params.options),
+        options=ScoringOptions(**snakemake.params.options),
     )

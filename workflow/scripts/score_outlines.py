@@ -4,7 +4,7 @@ from pathlib import Path
 
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.outlines import score_outlines
 
 with reporting(log=snakemake.log[0]):
@@ -15,5 +15,5 @@ with reporting(log=snakemake.log[0]):
         annotations=Path(snakemake.input.annotations),
         root=Path(snakemake.params.root),
         quality=Path(snakemake.output.quality),
-        options=TablesOptions(**snakemake.params.options),
+        options=ScoringOptions(**snakemake.params.options),
     )

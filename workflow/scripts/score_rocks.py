@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.rocks import score_rocks
 
 with reporting(log=snakemake.log[0]):
@@ -18,5 +17,4 @@ with reporting(log=snakemake.log[0]):
         quality=Path(snakemake.output.quality),
         scores=Path(snakemake.output.scores),
         offsets=Path(snakemake.output.offsets),
-        options=TablesOptions(**snakemake.params.options),
     )

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.scoring.options import TablesOptions
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.twins import score_twins
 
 with reporting(log=snakemake.log[0]):
@@ -15,5 +15,5 @@ with reporting(log=snakemake.log[0]):
         photos=Path(snakemake.input.photos),
         quality=Path(snakemake.output.quality),
         pairs=Path(snakemake.output.pairs),
-        options=TablesOptions(**snakemake.params.options),
+        options=ScoringOptions(**snakemake.params.options),
     )

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import SplitOptions
 from polarsim.detect.split import split_photos
 from polarsim.grid import GridOptions, selected_grids
 from polarsim.reporting import reporting
@@ -14,5 +14,5 @@ with reporting(log=snakemake.log[0]):
         ),
         by=snakemake.wildcards.split,
         split=Path(snakemake.output.split),
-        options=DetectOptions(**snakemake.params.options),
+        options=SplitOptions(**snakemake.params.options),
     )

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.train import train_judge
 from polarsim.reporting import reporting
 
@@ -11,7 +11,10 @@ with reporting(log=snakemake.log[0]):
         dataset=Path(snakemake.input.dataset),
         weights=Path(snakemake.output.weights),
         curve=Path(snakemake.output.curve),
-        options=DetectOptions(**snakemake.params.options | {"seed": int(snakemake.wildcards.seed)}),
+        options=TrainingOptions(**snakemake.params.options),
+        prediction=PredictionOptions(**snakemake.params.prediction),
+        imgsz=snakemake.params.imgsz,
+        seed=int(snakemake.wildcards.seed),
         threads=snakemake.threads,
         work=Path(snakemake.params.work),
     )

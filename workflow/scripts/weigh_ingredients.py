@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.detect.ledger import write_ledger
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
@@ -16,5 +16,7 @@ with reporting(log=snakemake.log[0]):
         twin=snakemake.params.twin,
         replaced=snakemake.params.replaced,
         ledger=Path(snakemake.output.ledger),
-        options=DetectOptions(**snakemake.params.options),
+        options=ComparisonOptions(**snakemake.params.options),
+        training=TrainingOptions(**snakemake.params.training),
+        imgsz=snakemake.params.imgsz,
     )

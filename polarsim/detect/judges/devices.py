@@ -36,5 +36,5 @@ def choose_device(device: str) -> str:
     """
     there = bool(load_torch().cuda.is_available())
     if device == "cuda" and not there:
-        raise DetectError("device cuda is configured, torch finds none: set detect.device to cpu or auto")
+        raise DetectError("device cuda is configured, torch finds none: set detect.prediction.device to cpu or auto")
     return "cuda" if there and device != "cpu" else "cpu"

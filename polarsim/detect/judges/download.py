@@ -7,7 +7,7 @@ import logging
 import urllib.request
 from pathlib import Path
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import TrainingOptions
 from polarsim.errors import FetchError
 from polarsim.formats.files import write_bytes
 
@@ -15,7 +15,7 @@ _TIMEOUT_S = 60
 log = logging.getLogger("polarsim")
 
 
-def ensure_weights(options: DetectOptions) -> None:
+def ensure_weights(options: TrainingOptions) -> None:
     """Fetch `pretrained` from `pretrained_url` where it is missing.
 
     Raises

@@ -11,11 +11,12 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect.judges.files import Judge
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PredictionOptions, TrainingOptions
 
 # Pictures (b, h, w) uint8 of one size, as `frame` makes them -> for each what is in it, (n, 6) float64: x0, y0, x1, y1
 # in px of the picture, confidence, class; the surest first.
 Detector = Callable[[np.ndarray], list[np.ndarray]]
+MAX_BOXES = 300  # that a detector gives of a picture, the surest ones: as many as in YOLOv5's own validation
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,10 @@ class Training:
 
     dataset: Path  # folder that `make_dataset` wrote, read only
     folder: Path  # for checkpoints; what lies there is of this very training, stopped before its end
-    options: DetectOptions
+    options: TrainingOptions
+    prediction: PredictionOptions  # how validation looks at pictures: as the test will
+    imgsz: int  # longer side of the pictures, px
+    seed: int
     threads: int  # of torch on a CPU
 
 
@@ -49,7 +53,7 @@ class Family(Protocol):
         """
         ...
 
-    def load(self, judge: Judge, folder: Path, options: DetectOptions, threads: int) -> Detector:
+    def load(self, judge: Judge, folder: Path, options: PredictionOptions, threads: int) -> Detector:
         """A judge that is ready to predict; `folder` is for files of its library, until the process ends.
 
         Raises

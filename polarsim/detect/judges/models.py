@@ -6,7 +6,7 @@ from polarsim.detect.judges.families import Family
 
 
 def family(model: str) -> Family:
-    """The family of a model that `DetectOptions.model` allows. Only what is asked for is imported."""
+    """The family of a model that `TrainingOptions.model` allows. Only what is asked for is imported."""
     if _is_compact(model):
         from polarsim.detect.judges.compact import family as compact
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.detect.ipd import Difference, Rules, instance_performance_difference
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import ComparisonOptions
 from polarsim.detect.stereo.measure import PAIR_COLUMNS, ROCK_COLUMNS, stereo_table
 from polarsim.formats import tables
 from polarsim.photo import ROCK
@@ -18,7 +18,7 @@ IPD_COLUMNS = ("first", "second", *Difference.__dataclass_fields__)
 
 
 def compare_stereo(
-    *, pairs: list[Path], rocks: list[Path], stereo: Path, instances: Path, ipd: Path, options: DetectOptions
+    *, pairs: list[Path], rocks: list[Path], stereo: Path, instances: Path, ipd: Path, options: ComparisonOptions
 ) -> None:
     """Merge what `measure_stereo` wrote for every terrain, and write the IPD of every pair of domains.
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import tone
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions, StereoOptions
 from polarsim.detect.pictures import picture_paths
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
@@ -40,7 +40,8 @@ def measure_stereo(
     pictures: Mapping[str, Path],
     pairs: Path,
     rocks: Path,
-    options: DetectOptions,
+    options: StereoOptions,
+    curve: PicturesOptions,
     threads: int,
 ) -> None:
     """Match every pair of left and right pictures of a terrain and write a row a pair, and a row a rock in it.
@@ -55,6 +56,8 @@ def measure_stereo(
         Folder of the terrain's meshes.
     pictures : mapping of str to Path
         By domain, the table of photos or the folder of twins, see `pictures.picture_paths`.
+    curve : PicturesOptions
+        From 12 to 8 bits, as detectors are shown the pictures.
     pairs, rocks : Path
         Parquet files to write, `PAIR_COLUMNS` and `ROCK_COLUMNS`; key is that of the left photo.
 
@@ -66,15 +69,14 @@ def measure_stereo(
     import cv2
 
     cv2.setNumThreads(threads)
-    chosen = options.stereo
-    asked = [key for key in sorted(keys) if not chosen.exposures_ms or key.exposure_ms in chosen.exposures_ms]
+    asked = [key for key in sorted(keys) if not options.exposures_ms or key.exposure_ms in options.exposures_ms]
     placed, mesh = read_all_placed(cameras), read_terrain(meshes, terrain)
     surfaces = caster(mesh.vertices, mesh.faces, threads=threads)
     by_domain = {domain: picture_paths(place, asked) for domain, place in pictures.items()}
     pair_rows, rock_rows = [], []
     for position in sorted(set(placed) & {key.position for key in asked}):
         with about(cameras / f"Pos{position}.json"):
-            rig = rectify(placed[position].rig, chosen.scale)
+            rig = rectify(placed[position].rig, options.scale)
         truth = depth_truth(mesh, surfaces, placed[position], rig)
         work = [
             (domain, left, paths[left], paths[right])
@@ -83,11 +85,11 @@ def measure_stereo(
             if left.position == position
         ]
         for domain, key, left_path, right_path in track(work, f"stereo {position}"):
-            left, right = (_picture(path, key.exposure_ms, options, rig) for path in (left_path, right_path))
-            depth = match(left, right, rig, chosen)
+            left, right = (_picture(path, key.exposure_ms, curve, rig) for path in (left_path, right_path))
+            depth = match(left, right, rig, options)
             name = {"domain": domain} | tables.key_columns(key)
-            pair_rows.append(name | score(depth, truth, chosen))
-            rock_rows += [name | row for row in rock_performance(depth, truth, chosen)]
+            pair_rows.append(name | score(depth, truth, options))
+            rock_rows += [name | row for row in rock_performance(depth, truth, options)]
     if not pair_rows:
         raise DetectError(f"terrain {terrain} has no pair of pictures for stereo", path=cameras)
     _write(pairs, pair_rows, PAIR_COLUMNS)
@@ -100,11 +102,11 @@ def _pairs(paths: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:
     return [(left, right) for left, right in lefts if right in paths]
 
 
-def _picture(path: Path, exposure_ms: int, options: DetectOptions, rig: Rectification) -> np.ndarray:
+def _picture(path: Path, exposure_ms: int, curve: PicturesOptions, rig: Rectification) -> np.ndarray:
     """A photo as the matcher takes it: shrunk, then 8 bits by the judges' tone curve."""
     with about(path):
         pixels = png.read_photo(path)
-    return tone.to_8_bits(tone.shrink(pixels, max(rig.lens.width, rig.lens.height)), options, exposure_ms)
+    return tone.to_8_bits(tone.shrink(pixels, max(rig.lens.width, rig.lens.height)), curve, exposure_ms)
 
 
 def _write(path: Path, rows: list[dict[str, object]], columns: tuple[str, ...]) -> None:

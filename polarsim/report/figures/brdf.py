@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats.tables import read_csv
-from polarsim.report.figures.canvas import SERIES, page
-from polarsim.scoring.options import TablesOptions
+from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, page
 
 Curves = Mapping[str, tuple[np.ndarray, np.ndarray]]  # by name: phase angles in degrees, reflectance factors
 
 
-def draw_reflectance(*, curves: Path, figure: Path, options: TablesOptions) -> None:
+def draw_reflectance(*, curves: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
     """Write the figure of a run's models from its `renders/reflectance.csv`."""
     table = read_csv(curves, ["panel", "model", "phase_deg", "pi_f_r"])
     panels = {
@@ -24,7 +23,7 @@ def draw_reflectance(*, curves: Path, figure: Path, options: TablesOptions) -> N
         }
         for title, of_panel in table.groupby("panel", sort=False)
     }
-    draw_brdf(figure, panels, options.figure_width_px)
+    draw_brdf(figure, panels, width)
 
 
 def draw_brdf(figure: Path, panels: Mapping[str, Curves], width_px: int = 1600) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from polarsim.formats.files import writing
 
 DPI = 100
+FIGURE_WIDTH = 1600  # px: what a screen shows at once
 INK, FAINT, LINE = "#202124", "#5f6368", "#dadce0"
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c6d1f", "#56b4e9")  # Okabe and Ito: apart for all eyes
 _STYLE = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +12,12 @@ from scipy.ndimage import maximum_filter
 from polarsim.annotate.overlay import Marks, draw_labels
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
+from polarsim.formats.run_files import cover_photo, pictures_at
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.report.figures import difference
-from polarsim.report.figures.canvas import note, page, picture
-from polarsim.scoring.options import TablesOptions
+from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
 
 GAP = 50  # pixels of a title
 _SAME = 0.35  # share of our boxes' outlines on drawn red lines from which a cover photo is taken to show that photo
@@ -28,13 +28,13 @@ _REACH = 9  # pixels between our line and the red one
 def draw_comparison(
     *,
     key: PhotoKey,
-    photo: Path | None,
-    twins_of: Callable[[PhotoKey], Mapping[str, Path]],
+    photos: Path,
+    inventory: Path,
+    twins: Mapping[str, Path],
     labels: Path,
     automatic: Path | None,
-    cover_photo: Path | None,
     figure: Path,
-    options: TablesOptions,
+    width: int = FIGURE_WIDTH,
 ) -> None:
     """Write the picture: photo, cover photo, twins, with boxes and rock ids drawn in, and how twins differ.
 
@@ -42,24 +42,25 @@ def draw_comparison(
 
     Parameters
     ----------
-    photo
-        The photo; None or missing where there is none.
-    twins_of
-        The twins of a key by model; missing ones are left out.
+    photos
+        Table of the terrain's photos, which may lack this one.
+    inventory
+        Inventory of the terrain, which names the release's photo with ids drawn in where there is one: ours are added
+        from the photo of the key's position whose boxes fit the red ones, if any does.
+    twins
+        Folder of the terrain's twins by model; missing twins are left out.
     labels
         Label table with the photo's labels.
     automatic
         Label table of the twins; None draws the photo's labels there too.
-    cover_photo
-        The release's photo with ids drawn in. Ours are added from the photo of the key's position whose boxes fit the
-        red ones, if any does.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
     own = rows_of(table, key)
     of_twins = own if automatic is None else rows_of(read_parquet(automatic, LABEL_COLUMNS), key)
-    width = options.figure_width_px // 2
+    width //= 2  # two panels stand side by side
     panels, differences = [], []
-    twins = _read(twins_of(key))
+    pictured = _read(twins, key)
+    photo, printed = pictures_at(photos).get(key), cover_photo(inventory, key.position)
     white = None
     if photo is not None and photo.exists():
         pixels = png.read(photo)
@@ -67,14 +68,14 @@ def draw_comparison(
         panels.append((f"Photo {key}", draw_labels(to_8bit(pixels, white), own, width)))
         differences += [
             (f"log2 of twin over photo, {model}: ±{difference.STOPS:g}", difference.of_photo(pixels, twin))
-            for model, twin in twins.items()
+            for model, twin in pictured.items()
         ]
-    if cover_photo is not None and cover_photo.exists():
-        cover = to_8bit(png.read(cover_photo))
+    if printed is not None and printed.exists():
+        cover = to_8bit(png.read(printed))
         shown = _shown_on(cover, table, key)
         panels.append(_cover_panel(cover, table, shown, width))
-        differences += _cover_differences(cover, shown, _read(twins_of(shown))) if shown else []
-    for model, pixels in twins.items():
+        differences += _cover_differences(cover, shown, _read(twins, shown)) if shown else []
+    for model, pixels in pictured.items():
         white = white_of(pixels) if white is None else white
         panels.append((f"Twin, {model}", draw_labels(to_8bit(pixels, white), of_twins, width)))
     nothing = table[:0]
@@ -123,8 +124,9 @@ def _cover_differences(
     ]
 
 
-def _read(paths: Mapping[str, Path]) -> dict[str, np.ndarray]:
-    return {name: png.read(path) for name, path in paths.items() if path.exists()}
+def _read(twins: Mapping[str, Path], key: PhotoKey) -> dict[str, np.ndarray]:
+    paths = {model: folder / f"{key}.png" for model, folder in twins.items()}
+    return {model: png.read(path) for model, path in paths.items() if path.exists()}
 
 
 def _cover_panel(cover: np.ndarray, table: pd.DataFrame, shown: PhotoKey | None, width: int) -> tuple[str, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import groupby
@@ -18,10 +18,11 @@ from polarsim.annotate.show import rows_of
 from polarsim.annotate.tags import font
 from polarsim.formats import png
 from polarsim.formats.files import writing
+from polarsim.formats.run_files import pictures_at
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, ROCK, SHADOW, WIDTH, PhotoKey
-from polarsim.scoring.options import TablesOptions
+from polarsim.report.figures.canvas import FIGURE_WIDTH
 
 ALWAYS_DOUBTFUL = 0.5  # confidence below which a label is marked, however sure the others are
 DOUBTFUL_SHARE = 0.1  # of a terrain's labels: the least sure ones are marked too
@@ -53,9 +54,9 @@ def draw_contact(
     *,
     keys: Iterable[PhotoKey],
     labels: Path,
-    picture_of: Callable[[PhotoKey], Path | None],
+    pictures: Iterable[Path],
     figure: Path,
-    options: TablesOptions,
+    width: int = FIGURE_WIDTH,
 ) -> None:
     """Write the sheet: a row a Sun azimuth, columns for both cameras with the rover light off and on.
 
@@ -68,15 +69,20 @@ def draw_contact(
         The photos of one set-up.
     labels
         Label table of the terrain.
-    picture_of
-        The photo or twin of a key; grey stands where it is None or missing.
+    pictures
+        Tables of photos and folders of twins; the first that has a key's picture gives it, else it is grey.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
+    places = [pictures_at(place) for place in pictures]
     doubtful_below = doubtful_confidence(table["confidence"])
     by_set = groupby(sorted(keys, key=lambda key: (key.photo_set, key)), key=lambda key: key.photo_set)
     shown = [most_labelled(list(exposures), table) for _, exposures in by_set]
-    tiles = [Tile(key, rows_of(table, key), picture_of(key)) for key in shown]
-    _write(figure, _sheet(tiles, doubtful_below, options.figure_width_px))
+    tiles = [Tile(key, rows_of(table, key), _picture(places, key)) for key in shown]
+    _write(figure, _sheet(tiles, doubtful_below, width))
+
+
+def _picture(places: Iterable[Mapping[PhotoKey, Path]], key: PhotoKey) -> Path | None:
+    return next((place[key] for place in places if key in place and place[key].exists()), None)
 
 
 def most_labelled(exposures: Sequence[PhotoKey], labels: pd.DataFrame) -> PhotoKey:

@@ -10,15 +10,14 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
 from polarsim.report import paper
-from polarsim.report.figures.canvas import SERIES, note, page
+from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, note, page
 from polarsim.report.seeds import averaged, panels, title_words
-from polarsim.scoring.options import TablesOptions
 
 COLUMNS = ("trained", "evaluated", "kind", "iou", "recall", "precision")
 STYLES = ("-", ":")  # of the IoU thresholds, the smaller one first
 
 
-def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
+def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write the figure from detect/curves.parquet; of several seeds the mean and a band of one standard deviation."""
     table = paper.with_own_names(read_parquet(curves, COLUMNS), ("trained", "evaluated"), origin["source"])
     words, parts = title_words(table), panels(table)
@@ -27,7 +26,6 @@ def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], options: 
     domains = paper.in_order(set(table["evaluated"]))
     kinds = [kind for kind in BOX_CLASSES if (table["kind"] == kind).any()]
     rows = [(kind, split, part) for kind in kinds for split, part in parts]
-    width = options.figure_width_px
     with page(figure, width, round(width * (0.08 + 0.3 * max(1, len(rows))))) as sheet:
         if not len(table):
             note(sheet, "no labels to be found")

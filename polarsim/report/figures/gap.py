@@ -11,9 +11,8 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import gap_table, paper
-from polarsim.report.figures.canvas import INK, SERIES, note, page
+from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, SERIES, note, page
 from polarsim.report.seeds import averaged, panels, title_words
-from polarsim.scoring.options import TablesOptions
 
 PANELS = {
     "ipd": "change of IPD\n|mean difference|",
@@ -23,14 +22,14 @@ PANELS = {
 _THICK = 0.8  # of the bars of one ingredient together
 
 
-def draw_gap(*, ledger: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
+def draw_gap(*, ledger: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write bars of rocks with 95 % intervals, a group an ingredient, a colour a judge, a row a split.
 
     Of several seeds means, with the span of all intervals.
     """
     table = gap_table.tidy_gap(read_parquet(ledger, gap_table.COLUMNS), origin["source"])
     rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
-    width, splits = options.figure_width_px, panels(rocks)
+    splits = panels(rocks)
     ingredients = list(dict.fromkeys(rocks["ingredient"]))
     height = round(width * (0.16 + 0.035 * max(4, len(ingredients))))
     with page(figure, width, height * len(splits)) as sheet:

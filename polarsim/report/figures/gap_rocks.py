@@ -17,8 +17,7 @@ from polarsim.formats.tone import to_8bit
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.report import paper
-from polarsim.report.figures.canvas import FAINT, note, page
-from polarsim.scoring.options import TablesOptions
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, note, page
 
 PREDICTION_COLUMNS = ("key", "kind", "confidence", "x0", "y0", "x1", "y1")
 INSTANCE_COLUMNS = ("trained", "evaluated", "key", "kind", "rock", "iou")
@@ -49,7 +48,7 @@ def draw_gap_rocks(
     confidence: float,
     figure: Path,
     origin: dict[str, str],
-    options: TablesOptions,
+    width: int = FIGURE_WIDTH,
 ) -> None:
     """Write the page of one judge: a row a pair of domains, two crops a rock.
 
@@ -76,7 +75,6 @@ def draw_gap_rocks(
             for key, rock in most_different(first, second, ROCKS_A_SIDE)
         ]
         rows.append((pair, chosen))
-    width = options.figure_width_px
     cell = width / (4 * ROCKS_A_SIDE)
     with page(figure, width, round(len(rows) * (cell + 50) + 50)) as sheet:
         if not any(chosen for _, chosen in rows):

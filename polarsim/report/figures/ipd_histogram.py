@@ -11,15 +11,14 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
-from polarsim.report.figures.canvas import FAINT, INK, SERIES, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, note, page
 from polarsim.report.ipd_rocks_table import COLUMNS, tidy_ipd_rocks
 from polarsim.report.seeds import SEED, panels, title_words
-from polarsim.scoring.options import TablesOptions
 
 BINS = np.linspace(-1, 1, 41)
 
 
-def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
+def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write the figure from detect/rocks.parquet: a rock counts once a seed, by the mean over its photos."""
     table = tidy_ipd_rocks(read_parquet(rocks, COLUMNS), origin["source"])
     table = table[table["kind"] == ROCK]
@@ -29,7 +28,6 @@ def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], opt
     pairs = sorted(
         set(zip(table["first"], table["second"], strict=True)), key=lambda pair: [paper.rank(name) for name in pair]
     )
-    width = options.figure_width_px
     with page(figure, width, round(width * (0.06 + 0.2 * max(1, len(rows))))) as sheet:
         if not len(table):
             note(sheet, "no rock is labelled in two domains")

@@ -11,19 +11,17 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import detection_table, ipd_table, paper
-from polarsim.report.figures.canvas import FAINT, INK, SERIES, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, note, page
 from polarsim.report.seeds import averaged, panels, title_words
-from polarsim.scoring.options import TablesOptions
 
 TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mean"}
 
 
-def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
+def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write detection of rocks as three matrices for each split, means over seeds: a row a judge, a column a domain."""
     table = detection_table.tidy_detection(read_parquet(detection, detection_table.COLUMNS), origin["source"])
     rocks = table[table["kind"] == ROCK]
     parts = panels(rocks)
-    width = options.figure_width_px
     with page(figure, width, round(width * 0.42) * len(parts)) as sheet:
         if not len(rocks):
             note(sheet, "no judged rocks")
@@ -37,7 +35,7 @@ def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], opt
             row[0].set_ylabel("trained on" if len(parts) == 1 else f"split by {split}, trained on")
 
 
-def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
+def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write IPD of rocks as bars, a group a judge and pair of domains, a panel a split.
 
     Bars are means over seeds; whiskers hold the 95 % intervals of all of them.
@@ -45,7 +43,6 @@ def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], options: Tables
     table = ipd_table.tidy_ipd(read_parquet(ipd, ipd_table.COLUMNS), origin["source"])
     rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
     parts = panels(rocks)
-    width = options.figure_width_px
     with page(figure, width, round(width * 0.42) * len(parts)) as sheet:
         if not len(rocks):
             note(sheet, "no rock is labelled in two domains")

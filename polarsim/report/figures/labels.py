@@ -11,10 +11,9 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
-from polarsim.report.figures.canvas import FAINT, SERIES, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, note, page
 from polarsim.scoring.label_pairs import EDGES, PAIR_COLUMNS, TRUE_EDGES
 from polarsim.scoring.labels import EXPOSURES, LIGHT, TASKS
-from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.quality import TRUTH_NAMES
 
 SIDES = ("left", "top", "right", "bottom")
@@ -23,12 +22,11 @@ COPIED = (EXPOSURES, LIGHT)  # left out of the printed medians where other tasks
 _GOOD = 1.4826  # robust sd over median absolute deviation
 
 
-def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, options: TablesOptions) -> None:
+def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
     """Write histograms of edge errors, a row a kind, a column an edge, a line a task, from `label_pairs`."""
     table = read_parquet(pairs, list(PAIR_COLUMNS))
     errors = edge_errors(table)
     name = TRUTH_NAMES[table["against"].iloc[0]] if len(table) else ""
-    width = options.figure_width_px
     with page(figure, width, round(width * 0.5)) as sheet:
         if not errors:
             note(sheet, f"Terrain {terrain:02d}: no box of both")

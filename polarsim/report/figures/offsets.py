@@ -10,8 +10,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK
-from polarsim.report.figures.canvas import FAINT, INK, SERIES, note, page
-from polarsim.scoring.options import TablesOptions
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, note, page
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 OFFSET_COLUMNS = ("rock", "x", "y", "z", "offset_mm")
@@ -19,7 +18,7 @@ RANGE_MM = 5.0  # beyond it colours stay the same
 COLOURS = "RdBu_r"  # red outside the true surface, blue inside
 
 
-def draw_offsets(*, terrain: int, offsets: Path, figure: Path, options: TablesOptions) -> None:
+def draw_offsets(*, terrain: int, offsets: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
     """Write seen points of our meshes from above, coloured by their distance from the true surface, and its spread.
 
     Parameters
@@ -28,7 +27,6 @@ def draw_offsets(*, terrain: int, offsets: Path, figure: Path, options: TablesOp
         Table of `score_rocks`.
     """
     table = read_parquet(offsets, OFFSET_COLUMNS)
-    width = options.figure_width_px
     with page(figure, width, round(width * 0.5)) as sheet:
         if not len(table):
             note(sheet, "no surface was seen")

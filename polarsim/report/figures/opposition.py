@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +10,12 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.formats.files import write_json
+from polarsim.formats.run_files import picture_finder
 from polarsim.formats.tone import to_8bit
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.report import paper
-from polarsim.report.figures.canvas import note, page
+from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page
 from polarsim.report.phase import Place, extreme_places
-from polarsim.scoring.options import TablesOptions
 
 NEAR_DEG = 10.0  # farther from opposition nothing of its surge is left to see (h_s of Sato et al. 2014: 4 degrees)
 HALF_PX = 140  # of the crops
@@ -29,10 +29,10 @@ def draw_opposition(
     cameras: Mapping[int, Path],
     photo_domain: str,
     models: Sequence[str],
-    picture_of: Callable[[str, PhotoKey], Path | None],
+    pictures: Iterable[Path],
     figure: Path,
     words: Path,
-    options: TablesOptions,
+    width: int = FIGURE_WIDTH,
 ) -> None:
     """Write the figure, and in a JSON file what it shows or why it shows nothing.
 
@@ -45,19 +45,18 @@ def draw_opposition(
         Photos that may be shown; the terrain that comes nearest to opposition is.
     cameras
         Folder of each terrain's rig poses and lamps.
-    picture_of
-        Photo or twin of a domain and a key.
+    pictures
+        Tables of photos and folders of twins, see `picture_finder`.
     """
-    domains = [photo_domain, *models]
+    domains, picture_of = [photo_domain, *models], picture_finder(photo_domain, pictures)
     pictured = [key for key in keys if all(_exists(picture_of(domain, key)) for domain in domains)]
     places = _of_best_terrain(pictured, cameras)
     facts = _refused(places)
     if places is None or facts:
-        with page(figure, options.figure_width_px, 300) as sheet:
+        with page(figure, width, 300) as sheet:
             note(sheet, facts)
         write_json(words, {"shown": False, "words": facts})
         return
-    width = options.figure_width_px
     cell = width // len(domains)
     told = []
     with page(figure, width, 2 * (cell + _ROW_PX)) as sheet:

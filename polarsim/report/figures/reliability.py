@@ -10,15 +10,13 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
-from polarsim.report.figures.canvas import FAINT, INK, SERIES, note, page
-from polarsim.scoring.options import TablesOptions
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, note, page
 from polarsim.scoring.reliability import ANY_SOURCE, COLUMNS, brier_score, calibration_error
 
 
-def draw_reliability(*, reliability: Path, figure: Path, origin: dict[str, str], options: TablesOptions) -> None:
+def draw_reliability(*, reliability: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write the reliability diagram, a panel a kind, from tables/reliability.parquet."""
     bins = read_parquet(reliability, list(COLUMNS))
-    width = options.figure_width_px
     with page(figure, width, round(width * 0.56)) as sheet:
         if not len(bins):
             note(sheet, "no label was compared with a true box")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.formats.rigs import PlacedRig, read_all_placed
-from polarsim.formats.run_files import cover_photo_of, photo_of
+from polarsim.formats.run_files import cover_photo, pictures_at
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.seeds import read_rock_boxes
 from polarsim.formats.tone import to_8bit
@@ -20,9 +19,8 @@ from polarsim.geometry.matching import assign
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.photo import HEIGHT, NO_ROCK, WIDTH, PhotoKey
-from polarsim.report.figures.canvas import SERIES, note, page, picture
+from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, note, page, picture
 from polarsim.scoring.match_rule import MatchRule
-from polarsim.scoring.options import TablesOptions
 from polarsim.scoring.surface import Surface
 
 LENGTHENED = 20  # times that arrows are longer than what they show
@@ -36,21 +34,24 @@ def draw_residuals(
     cameras: Path,
     meshes: Path,
     seeds: Path,
-    photos: Mapping[str, Path | None],
+    photos: Path,
+    inventory: Path,
     rule: MatchRule,
     figure: Path,
-    options: TablesOptions,
+    width: int = FIGURE_WIDTH,
 ) -> None:
     """Write a panel a position: agreed seed boxes, boxes of the projected meshes, and arrows from those to these.
 
     Parameters
     ----------
-    photos : position -> Path or None
-        A left photo or cover photo of each position to draw on; a grey page where there is none.
+    photos, inventory : Path
+        Table and inventory of the terrain's photos. A position is drawn on a left photo with seeds, else on its cover
+        photo, else on grey.
     """
     placed, drawn = read_all_placed(cameras), read_rock_boxes(seeds, terrain)
+    backgrounds = _backgrounds(seeds, photos, inventory)
     outlines = outlines_of(_above_ground(read_terrain(meshes, terrain)), rule.trim, rule.trim_share)
-    width, columns = options.figure_width_px, min(2, max(1, len(placed)))
+    columns = min(2, max(1, len(placed)))
     rows = -(-len(placed) // columns)
     with page(figure, width, round(width / columns * rows * 0.77)) as sheet:
         if not placed:
@@ -61,27 +62,19 @@ def draw_residuals(
             axes.set_axis_off()
         for axes, (position, rig) in zip(panels, sorted(placed.items()), strict=False):
             boxes = consensus_boxes(drawn.get(position, []), rule.consensus_share, rule.same_iou)
-            _draw_position(axes, f"Terrain {terrain:02d}, {position}", rig, outlines, boxes, photos.get(position), rule)
+            _draw_position(
+                axes, f"Terrain {terrain:02d}, {position}", rig, outlines, boxes, backgrounds.get(position), rule
+            )
 
 
-def draw_residuals_of_run(*, terrain: int, run: Path, rule: MatchRule, figure: Path, options: TablesOptions) -> None:
-    """The figure of a terrain's residuals, drawn on a seed's photo of each position, or on its cover photo."""
-    folder = f"Terrain{terrain:02d}"
-    seeds = run / "acquire" / folder / "seeds"
-    photos: dict[str, Path | None] = {}
+def _backgrounds(seeds: Path, photos: Path, inventory: Path) -> dict[str, Path | None]:
+    """By position, the left photo of its first seed that has one, else its cover photo."""
+    pictures = pictures_at(photos)
+    found: dict[str, Path | None] = {}
     for key in (PhotoKey.parse(path.stem) for path in sorted(seeds.glob("*.txt"))):
-        if key.camera == "L" and photos.get(key.position) is None:
-            photos[key.position] = photo_of(run, key) or cover_photo_of(run, key)
-    draw_residuals(
-        terrain=terrain,
-        cameras=run / "cameras" / folder,
-        meshes=run / "meshes" / folder,
-        seeds=seeds,
-        photos=photos,
-        rule=rule,
-        figure=figure,
-        options=options,
-    )
+        if key.camera == "L" and found.get(key.position) is None:
+            found[key.position] = pictures.get(key) or cover_photo(inventory, key.position)
+    return found
 
 
 def _above_ground(scene: TerrainMesh) -> dict[int, Mesh]:

@@ -15,9 +15,8 @@ from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.photo import HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey
 from polarsim.report import paper
-from polarsim.report.figures.canvas import note, page, picture
+from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
 from polarsim.report.figures.gap_rocks import INSTANCE_COLUMNS, PREDICTION_COLUMNS
-from polarsim.scoring.options import TablesOptions
 
 PHOTOS = 2  # side by side, of different terrains where there are
 FOUND = (0, 229, 255)  # of predicted boxes
@@ -34,7 +33,7 @@ def draw_seen(
     confidence: float,
     figure: Path,
     origin: dict[str, str],
-    options: TablesOptions,
+    width: int = FIGURE_WIDTH,
 ) -> None:
     """Write the figure of one judge: a row a domain, a column a test photo; each picture has its own white.
 
@@ -52,9 +51,9 @@ def draw_seen(
     table = read_parquet(instances, INSTANCE_COLUMNS)
     keys = shown_keys(table[(table["trained"] == trained) & (table["kind"] == ROCK)])
     domains = sorted(predictions, key=paper.rank)
-    width = options.figure_width_px // max(1, len(keys))
-    height = round(width * HEIGHT / WIDTH) + _TITLE_PX
-    with page(figure, options.figure_width_px, height * max(1, len(domains)) if keys else 300) as sheet:
+    column = width // max(1, len(keys))
+    height = round(column * HEIGHT / WIDTH) + _TITLE_PX
+    with page(figure, width, height * max(1, len(domains)) if keys else 300) as sheet:
         if not keys:
             note(sheet, "no test photo has a labelled rock in every domain")
             return
@@ -70,7 +69,9 @@ def draw_seen(
                     axes.set_axis_off()
                     note(axes.figure, f"{name}: no picture of {key}")
                     continue
-                seen = _with_boxes(to_8bit(png.read(path)), rows_of(drawn, key), found[found["key"] == str(key)], width)
+                seen = _with_boxes(
+                    to_8bit(png.read(path)), rows_of(drawn, key), found[found["key"] == str(key)], column
+                )
                 picture(axes, seen, f"{name}, {key}")
 
 

@@ -17,8 +17,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
 from polarsim.geometry.rays import Caster
 from polarsim.photo import NO_ROCK
-from polarsim.report.figures.canvas import INK, note, page, picture
-from polarsim.scoring.options import TablesOptions
+from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, note, page, picture
 from polarsim.survey import SANDBOX_HALF_WIDTH, lamp_position
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
@@ -45,7 +44,7 @@ class TopView:
 
 
 def draw_terrain(
-    *, terrain: int, rocks: Path, meshes: Path, meshes_figure: Path, crops_figure: Path, options: TablesOptions
+    *, terrain: int, rocks: Path, meshes: Path, meshes_figure: Path, crops_figure: Path, width: int = FIGURE_WIDTH
 ) -> None:
     """Write two figures of a terrain: its meshes from above and aslant, and the cuboids of its rocks.
 
@@ -61,7 +60,7 @@ def draw_terrain(
     rays = caster(scene.vertices, scene.faces)
     top = top_view(scene, rays)
     heights = HEIGHTS.get(made_from(meshes).get(obj.ground_name(terrain), ""), HEIGHTS[SCANNED])
-    name, width = f"Terrain {terrain:02d}", options.figure_width_px
+    name = f"Terrain {terrain:02d}"
     with page(meshes_figure, width, round(width * 0.46)) as sheet:
         _draw_meshes(sheet, name, scene, rays, top, width, heights)
     with page(crops_figure, width, round(width * 0.5)) as sheet:

@@ -60,7 +60,8 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: in
     PolarsimError
         No judge is named, or it cannot be read; a picture is missing.
     """
-    weights = options.onboard.weights
+    onboard = options.onboard
+    weights = onboard.weights
     if weights is None:
         raise RoverError("onboard: no weights of a judge are named")
     sight = Sight(read_trace(folder), vehicle, options, seed=seed)
@@ -70,14 +71,18 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: in
         pictures = picture_folder(folder, FRONT, setting.sun, setting.model, setting.exposure_ms)
         paths = {f"{frame:05d}": pictures / f"{frame:05d}.png" for frame in sight.frames}
         _require(paths.values())
-        identity = digest([weights, *paths.values()], code_digest(__name__), options.onboard.detect.model_dump_json())
+        identity = digest(
+            [weights, *paths.values()],
+            code_digest(__name__),
+            onboard.model_dump_json(include={"pictures", "prediction"}),
+        )
         note = pictures / "detections.txt"
         if (pictures / "detections.parquet").is_file() and _said(note) == identity:
             continue
         if detector is None:
             with about(weights):
-                detector = judges.family(judge.model).load(judge, pictures, options.onboard.detect, threads)
-        _write_detections(pictures, paths, detector, judge.imgsz, setting.exposure_ms, options.onboard, identity)
+                detector = judges.family(judge.model).load(judge, pictures, onboard.prediction, threads)
+        _write_detections(pictures, paths, detector, judge.imgsz, setting.exposure_ms, onboard, identity)
         write_text(note, identity)
 
 
@@ -94,7 +99,7 @@ def _write_detections(
         rows: list[tuple[Any, ...]] = []
         for group in (names[n : n + _BATCH] for n in range(0, len(names), _BATCH)):
             grey = [png.read(paths[name]) for name in group]
-            eights = [tone.to_8_bits(tone.shrink(each, imgsz), options.detect, exposure_ms) for each in grey]
+            eights = [tone.to_8_bits(tone.shrink(each, imgsz), options.pictures, exposure_ms) for each in grey]
             scale = grey[0].shape[1] / WIDTH  # judges tell boxes in pixels of a full photo
             for name, result in zip(group, detect(detector, eights, imgsz), strict=True):
                 rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *(scale * r[:4])) for r in result]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions
 from polarsim.detect.tone import to_8_bits
 from polarsim.geometry.poses import Pose
 from polarsim.photo import USUAL_EXPOSURE_MS
@@ -69,7 +69,7 @@ class Eye:
         found = render_view(self._stage.surfaces, self._mount.at(base), self._lamps, models, [SUN], render, 1)
         gain = render.gain.get(options.model, default_gain(options.model, render))
         grey = expose(found.layers[options.model, SUN], options.exposure_ms * gain, render, None)
-        return to_8_bits(grey, DetectOptions(tone="gamma"))[..., None]
+        return to_8_bits(grey, PicturesOptions(tone="gamma"))[..., None]
 
     def _links(self, state: State, base: Pose) -> dict[str, Pose]:
         places = np.stack([state.wheel(name) for name in ("x_m", "y_m", "z_m")], axis=1)

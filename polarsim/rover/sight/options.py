@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, field_validator, model_validator
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PicturesOptions, PredictionOptions
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.vehicle.mounts import FRONT
 
@@ -39,7 +39,8 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     """What a judge makes of the front camera's pictures while the rover drives."""
 
     weights: Path | None = Field(None, description="The judge, weights of a run; none: truth alone is measured.")
-    detect: DetectOptions = Field(DetectOptions(), description="Tone curve, device and suppression of the judge.")
+    pictures: PicturesOptions = Field(PicturesOptions(), description="Tone curve of the detector's pictures.")
+    prediction: PredictionOptions = Field(PredictionOptions(), description="How the detector looks at pictures.")
     confidence: float = Field(0.25, gt=0, lt=1, description="Less sure detections count as none.")
     iou: float = Field(0.5, gt=0, le=1, description="A rock is detected where a predicted rock overlaps it so much.")
     false_overlap: float = Field(

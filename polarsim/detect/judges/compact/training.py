@@ -20,7 +20,6 @@ from polarsim.detect.judges.compact.weights import as_input, found, network
 from polarsim.detect.judges.devices import choose_device
 from polarsim.detect.judges.families import Trained, Training
 from polarsim.detect.judges.files import load, read_judge, save
-from polarsim.detect.options import DetectOptions
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.errors import DetectError, about
 from polarsim.photo import BOX_CLASSES
@@ -50,13 +49,13 @@ class State:
 def train(training: Training) -> Trained:
     """See `Family.train`. A training that was stopped ends with the bytes of one that was not."""
     options, checkpoint = training.options, training.folder / "checkpoint.pt"
-    device = _set_up_torch(options, training.threads)
-    pictures, held_out = (Pictures(training.dataset, part, options.imgsz) for part in (TRAIN, VAL))
-    state = _start(options, device)
+    device = _set_up_torch(training)
+    pictures, held_out = (Pictures(training.dataset, part, training.imgsz) for part in (TRAIN, VAL))
+    state = _start(training, device)
     _go_on(state, checkpoint)
     for epoch in range(len(state.curve), options.epochs):
-        row = {"epoch": epoch + 1} | _train_epoch(state, pictures, epoch, options, device)
-        row |= _validate(state.average, held_out, options, device)
+        row = {"epoch": epoch + 1} | _train_epoch(state, pictures, epoch, training, device)
+        row |= _validate(state.average, held_out, training, device)
         state.curve.append(row)
         # As Ultralytics weighs them. Of equals the later one: the rate was lower.
         fitness = 0.1 * row["val_map50"] + 0.9 * row["val_map50_95"]
@@ -70,15 +69,16 @@ def train(training: Training) -> Trained:
     return Trained(state.best, pd.DataFrame(state.curve).round(6))
 
 
-def _set_up_torch(options: DetectOptions, threads: int) -> str:
-    torch.set_num_threads(threads)
+def _set_up_torch(training: Training) -> str:
+    torch.set_num_threads(training.threads)
     torch.backends.cudnn.deterministic, torch.backends.cudnn.benchmark = True, False
-    return choose_device(options.device)
+    return choose_device(training.prediction.device)
 
 
-def _start(options: DetectOptions, device: str) -> State:
+def _start(training: Training, device: str) -> State:
+    options = training.options
     with torch.random.fork_rng(devices=[]):  # on the CPU for all devices: same seed, same start
-        torch.manual_seed(int(generator(options.seed, "detect", "weights").integers(2**31)))
+        torch.manual_seed(int(generator(training.seed, "detect", "weights").integers(2**31)))
         module, average = network(options.model), network(options.model)
     if options.pretrained:
         if not options.pretrained.is_file():
@@ -93,9 +93,10 @@ def _start(options: DetectOptions, device: str) -> State:
     return State(module, average, torch.optim.AdamW(groups, lr=options.learning_rate, fused=True))
 
 
-def _train_epoch(state: State, pictures: Pictures, epoch: int, options: DetectOptions, device: str) -> dict[str, float]:
+def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Training, device: str) -> dict[str, float]:
     """One pass over the pictures; mean losses of its steps. Its randomness depends on nothing but seed and epoch."""
-    random = generator(options.seed, "detect", "epoch", epoch)
+    options = training.options
+    random = generator(training.seed, "detect", "epoch", epoch)
     order = random.permutation(len(pictures))
     steps = math.ceil(len(order) / options.batch)
     totals = np.zeros(2)
@@ -115,7 +116,7 @@ def _train_epoch(state: State, pictures: Pictures, epoch: int, options: DetectOp
         _update_average(state)
         totals += [float(part.detach()) for part in parts]
     if not np.isfinite(totals).all():
-        raise DetectError("training diverged: lower detect.learning_rate")
+        raise DetectError("training diverged: lower detect.training.learning_rate")
     return dict(zip(("train_class_loss", "train_box_loss"), (totals / steps).tolist(), strict=True))
 
 
@@ -135,15 +136,15 @@ def _update_average(state: State) -> None:
                 mean.copy_(value)
 
 
-def _validate(module: Compact, pictures: Pictures, options: DetectOptions, device: str) -> dict[str, float]:
+def _validate(module: Compact, pictures: Pictures, training: Training, device: str) -> dict[str, float]:
     """Losses, mAP@0.5 and mAP@[0.5:0.95], the mean over classes that have labels."""
     totals, seen, detections = np.zeros(2), [], []
-    for batch in batches(pictures, np.arange(len(pictures)), options.batch):
+    for batch in batches(pictures, np.arange(len(pictures)), training.options.batch):
         with torch.inference_mode():
             logits, boxes = module(_input(batch, device))
             totals += [float(part) for part in losses(logits, boxes, _labels(batch, device))]
         seen += batch
-        detections += found(logits, boxes, options)
+        detections += found(logits, boxes, training.prediction)
     precision = [
         metrics.average_precision(
             [picture.boxes[picture.classes == kind] for picture in seen],
@@ -154,7 +155,7 @@ def _validate(module: Compact, pictures: Pictures, options: DetectOptions, devic
     ]
     labelled = [row for row in precision if not np.isnan(row).any()]
     mean = np.mean(labelled, axis=0) if labelled else np.zeros(len(metrics.IOU_THRESHOLDS))
-    class_loss, box_loss = (totals / math.ceil(len(seen) / options.batch)).tolist()
+    class_loss, box_loss = (totals / math.ceil(len(seen) / training.options.batch)).tolist()
     return {
         "val_class_loss": class_loss,
         "val_box_loss": box_loss,

@@ -11,10 +11,10 @@ from torch import Tensor
 
 from polarsim.detect.judges.compact.network import WIDTHS, Compact
 from polarsim.detect.judges.devices import choose_device
-from polarsim.detect.judges.families import Detector
+from polarsim.detect.judges.families import MAX_BOXES, Detector
 from polarsim.detect.judges.files import Judge
 from polarsim.detect.nms import nms
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.photo import BOX_CLASSES
 
@@ -38,7 +38,7 @@ def network(model: str, state: dict[str, Any] | None = None) -> Compact:
     return module
 
 
-def load(judge: Judge, folder: Path, options: DetectOptions, threads: int) -> Detector:  # noqa: ARG001 - of the interface
+def load(judge: Judge, folder: Path, options: PredictionOptions, threads: int) -> Detector:  # noqa: ARG001 - of the interface
     """See `Family.load`."""
     torch.set_num_threads(threads)
     device = choose_device(options.device)
@@ -58,7 +58,7 @@ def as_input(pictures: np.ndarray, device: str) -> Tensor:
     return batch.contiguous(memory_format=torch.channels_last)
 
 
-def found(logits: Tensor, boxes: Tensor, options: DetectOptions) -> list[np.ndarray]:
+def found(logits: Tensor, boxes: Tensor, options: PredictionOptions) -> list[np.ndarray]:
     """What the network's answers mean, as a `Detector` gives it."""
     scores, boxes = logits.sigmoid().flatten(2).cpu(), boxes.flatten(3).cpu()
     pictures = []
@@ -71,5 +71,5 @@ def found(logits: Tensor, boxes: Tensor, options: DetectOptions) -> list[np.ndar
             kept = nms(corners, surest, options.nms_iou)
             rows.append(np.column_stack([corners[kept], surest[kept], np.full(len(kept), kind)]).astype(float))
         table = np.concatenate(rows)
-        pictures.append(table[np.argsort(-table[:, 4], kind="stable")[: options.max_boxes]])
+        pictures.append(table[np.argsort(-table[:, 4], kind="stable")[:MAX_BOXES]])
     return pictures

@@ -12,10 +12,9 @@ import pandas as pd
 
 from polarsim.detect.dataset import read_pictures
 from polarsim.detect.judges.devices import choose_device
-from polarsim.detect.judges.families import Trained, Training
+from polarsim.detect.judges.families import MAX_BOXES, Trained, Training
 from polarsim.detect.judges.yolo.library import ultralytics
 from polarsim.detect.judges.yolo.weights import load_start
-from polarsim.detect.options import DetectOptions
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.errors import DetectError, about
 from polarsim.formats import tables
@@ -69,7 +68,7 @@ def _fit(run: Path, training: Training) -> Any:
     """Ultralytics' trainer after its work, new or gone on with."""
     options, library = training.options, ultralytics(run.parent)
     last = run / "out" / "weights" / "last.pt"
-    arguments = _arguments(run, options)
+    arguments = _arguments(run, training)
     if _unfinished(last, library):
         log.info("going on with the training in %s", run)
         arguments |= {"model": str(last), "resume": str(last)}
@@ -101,7 +100,7 @@ def _fit(run: Path, training: Training) -> Any:
     with about(run):
         trainer.train()
         if not trainer.best.is_file() or not math.isfinite(float(sum(trainer.tloss.values()))):
-            raise DetectError("training diverged: lower detect.learning_rate")
+            raise DetectError("training diverged: lower detect.training.learning_rate")
     return trainer
 
 
@@ -113,9 +112,9 @@ def _unfinished(checkpoint: Path, library: Any) -> bool:
         return False
 
 
-def _arguments(run: Path, options: DetectOptions) -> dict[str, Any]:
+def _arguments(run: Path, training: Training) -> dict[str, Any]:
     """Every argument that is not Ultralytics' default, and why."""
-    augment = options.augment
+    options, augment = training.options, training.options.augment
     return {
         "model": f"{options.model}.yaml",
         "data": str(run / "data.yaml"),
@@ -124,7 +123,7 @@ def _arguments(run: Path, options: DetectOptions) -> dict[str, Any]:
         "exist_ok": True,
         "epochs": options.epochs,
         "patience": options.epochs,  # no early stop: judges of a table are trained alike
-        "imgsz": options.imgsz,
+        "imgsz": training.imgsz,
         "batch": options.batch,
         "nbs": options.batch,  # a step a batch; else gradients of 64 pictures are gathered before each step
         "optimizer": "AdamW",  # "auto" would overrule lr0
@@ -133,10 +132,10 @@ def _arguments(run: Path, options: DetectOptions) -> dict[str, Any]:
         "cos_lr": True,
         "warmup_epochs": min(1.0, options.epochs / 10),
         "warmup_bias_lr": 0.0,
-        "device": "0" if choose_device(options.device) == "cuda" else "cpu",
-        "iou": options.nms_iou,  # of validation, as in prediction
-        "max_det": options.max_boxes,
-        "seed": options.seed,
+        "device": "0" if choose_device(training.prediction.device) == "cuda" else "cpu",
+        "iou": training.prediction.nms_iou,  # of validation, as in prediction
+        "max_det": MAX_BOXES,
+        "seed": training.seed,
         "deterministic": True,
         "pretrained": False,  # or it would download; `Trainer.get_model` loads the weights that options name
         "amp": False,  # its check would download

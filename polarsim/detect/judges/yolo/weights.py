@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from polarsim.detect.judges.devices import choose_device, load_torch
-from polarsim.detect.judges.families import Detector
+from polarsim.detect.judges.families import MAX_BOXES, Detector
 from polarsim.detect.judges.files import Judge, read_judge
 from polarsim.detect.judges.yolo.library import ultralytics
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.photo import BOX_CLASSES
 
 
-def load(judge: Judge, folder: Path, options: DetectOptions, threads: int) -> Detector:
+def load(judge: Judge, folder: Path, options: PredictionOptions, threads: int) -> Detector:
     """See `Family.load`."""
     torch, library = load_torch(), ultralytics(folder)
     torch.set_num_threads(threads)
@@ -30,7 +30,7 @@ def load(judge: Judge, folder: Path, options: DetectOptions, threads: int) -> De
                 module(batch.float().contiguous(memory_format=torch.channels_last) / 255),
                 conf_thres=options.confidence,
                 iou_thres=options.nms_iou,
-                max_det=options.max_boxes,
+                max_det=MAX_BOXES,
             )
         return [result.cpu().numpy().astype(float) for result in found]
 

@@ -1,0 +1,81 @@
+"""What cameras of the rover see on a drive: a sequence of moments, with boxes in it from the front camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats import png
+from polarsim.formats.tables import read_parquet
+from polarsim.formats.tone import to_8bit
+from polarsim.photo import ROCK
+from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
+
+POSES, SHOTS = ["frame", "time_s"], 6
+BOX = ["frame", "kind", "x0", "y0", "x1", "y1"]
+ROCKS, SEEN = "#ffb000", "#56b4e9"  # true rocks, and what a judge takes for one
+
+
+def draw_sequence(*, view: Path, pictures: str, figure: Path, width: int = FIGURE_WIDTH) -> None:
+    """Write `SHOTS` moments of a view, evenly over the drive; `pictures` names the set, `<Sun>_<model>_<exposure>`."""
+    _draw_shots(view, pictures, figure, width, truth=None, detections=None)
+
+
+def draw_front(
+    *,
+    view: Path,
+    pictures: str,
+    truth: Path,
+    detections: Path | None,
+    confidence: float,
+    figure: Path,
+    width: int = FIGURE_WIDTH,
+) -> None:
+    """The same with boxes: true rocks, and, where a judge looked, what it takes for rocks with this confidence."""
+    found = None
+    if detections:
+        found = read_parquet(detections, [*BOX, "confidence"])
+        found = found[found["confidence"] >= confidence]
+    _draw_shots(view, pictures, figure, width, truth=read_parquet(truth, BOX), detections=found)
+
+
+def _draw_shots(
+    view: Path,
+    pictures: str,
+    figure: Path,
+    width: int,
+    truth: pd.DataFrame | None,
+    detections: pd.DataFrame | None,
+) -> None:
+    poses = read_parquet(view / "poses.parquet", POSES)
+    chosen = poses.iloc[np.unique(np.linspace(0, len(poses) - 1, SHOTS).round().astype(int))] if len(poses) else poses
+    with page(figure, width, round(width * 0.5)) as sheet:
+        if not len(chosen):
+            note(sheet, "no picture was taken")
+            return
+        sun, model, exposure = pictures.split("_")
+        title = f"{view.name}, Sun {sun}, {model}, {int(exposure)} ms"
+        panels = np.ravel(sheet.subplots(2, SHOTS // 2))
+        for axes in panels:
+            axes.set_axis_off()
+        for axes, (frame, time_s) in zip(panels, chosen[POSES].itertuples(index=False), strict=False):
+            pixels = png.read(view / pictures / f"{int(frame):05d}.png")
+            picture(axes, to_8bit(pixels), f"{time_s:.1f} s")
+            for boxes, colour in ((truth, ROCKS), (detections, SEEN)):
+                if boxes is not None:
+                    _draw_boxes(axes, boxes[(boxes["frame"] == frame) & (boxes["kind"] == ROCK)], colour)
+        if truth is not None:
+            title += "; yellow: rocks" + ("" if detections is None else ", blue: what the judge takes for rocks")
+        sheet.suptitle(title, x=0.01, ha="left")
+
+
+def _draw_boxes(axes: Any, boxes: pd.DataFrame, colour: str) -> None:
+    from matplotlib.patches import Rectangle
+
+    for row in boxes.to_dict("records"):
+        corner = (row["x0"] - 0.5, row["y0"] - 0.5)  # imshow puts the first pixel's centre at 0
+        size = (row["x1"] - row["x0"], row["y1"] - row["y0"])
+        axes.add_patch(Rectangle(corner, *size, fill=False, edgecolor=colour, linewidth=1))
