@@ -11,6 +11,7 @@ import pandas as pd
 from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
 from polarsim.formats.tone import to_8bit
+from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import ROCK
 from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
 
@@ -76,6 +77,6 @@ def _draw_boxes(axes: Any, boxes: pd.DataFrame, colour: str) -> None:
     from matplotlib.patches import Rectangle
 
     for row in boxes.to_dict("records"):
-        corner = (row["x0"] - 0.5, row["y0"] - 0.5)  # imshow puts the first pixel's centre at 0
+        corner = (row["x0"] - HALF_PIXEL, row["y0"] - HALF_PIXEL)  # imshow puts the first pixel's centre at 0
         size = (row["x1"] - row["x0"], row["y1"] - row["y0"])
         axes.add_patch(Rectangle(corner, *size, fill=False, edgecolor=colour, linewidth=1))
