@@ -20,6 +20,7 @@ import pandas as pd
 from polarsim.formats import coco, lamps, png, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.scene import read_terrain
+from polarsim.geometry.outlines import TRIM
 from polarsim.geometry.polygons import paint
 from polarsim.labels.backdrop import backdrop
 from polarsim.labels.identity import dome_behind
@@ -33,6 +34,9 @@ from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimut
 log = logging.getLogger(__name__)
 
 Polygons = list[tuple[int, np.ndarray]]  # class number and ring (n, 2) in pixels
+# Share of the projected mesh's own box, and of the cast shadow's, in the box that an outline fills; the rest is the
+# label's. Fitted to the polygons that people drew.
+OUTLINE_MESH_SHARE, OUTLINE_CAST_SHARE = 0.5, 0.35
 PHOTO_FRAME = np.array([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT]], float)
 BOX_COLUMNS = ["x0", "y0", "x1", "y1"]
 
@@ -111,7 +115,7 @@ class ViewOutlines:
     def _shape(self, thing: Thing, box: np.ndarray, place: np.ndarray | None) -> Shape:
         """All of a label's rock or shadow, whatever hides it."""
         kind, rock, _ = thing
-        own_share = self.options.outline_mesh_share if kind == ROCK else self.options.outline_cast_share
+        own_share = OUTLINE_MESH_SHARE if kind == ROCK else OUTLINE_CAST_SHARE
         return fitted(self._own_shapes(kind, place).get(rock), box, own_share)
 
     def _own_shapes(self, kind: str, place: np.ndarray | None) -> dict[int, Shape]:
@@ -171,9 +175,9 @@ def draw_masks(
         log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
     suns = lamps.read_suns(cameras, placed)
     content = read_terrain(meshes, terrain)
-    world = build_world(content, options.trim_mm / 1000, suns, options.wall_height_m)
+    world = build_world(content, TRIM, suns, options.wall_height_m)
     surveyed = [position for position, rig in placed.items() if rig.surveyed]  # there the meshes are seen elsewhere
-    bare = build_world(content.ground(), options.trim_mm / 1000, suns, options.wall_height_m) if surveyed else world
+    bare = build_world(content.ground(), TRIM, suns, options.wall_height_m) if surveyed else world
     photos: dict[PhotoKey, list[coco.Annotation]] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
         for members in _by_view([key for key in keys if key.position in placed]):
