@@ -39,7 +39,7 @@ from scipy import ndimage
 from scipy.spatial import ConvexHull, KDTree
 
 from polarsim.cameras.locate import locate_cameras
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import PlacementOptions
 from polarsim.formats import nasa, obj, tables, yolo
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.obj import Mesh
@@ -52,7 +52,6 @@ from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
 from polarsim.scoring.cameras import score_cameras
-from polarsim.scoring.match_rule import MatchRule
 from polarsim.scoring.rock_pairs import pair_rocks
 from polarsim.scoring.rocks import score_rocks
 
@@ -385,7 +384,7 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
         calibration=folder / "calibration.json",
         seeds=folder / "seeds",
         cameras=folder / "cameras",
-        options=CamerasOptions(),
+        options=PlacementOptions(),
         threads=1,
     )
     seconds["cameras"], start = time.process_time() - start, time.process_time()
@@ -416,8 +415,7 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
 def scored(folder: Path) -> pd.DataFrame:
     """Figures of cameras and rocks against the truth."""
     common = {"terrain": TERRAIN, "cameras": folder / "cameras", "truth": folder / "truth", "meshes": folder / "meshes"}
-    rule = MatchRule(0.004, 0.35, 0.3, 0.5, 40)
-    score_cameras(**common, matches=None, drawn=None, quality=folder / "cameras.csv", rule=rule)
+    score_cameras(**common, matches=None, drawn=None, quality=folder / "cameras.csv")
     rocks = {"rocks": folder / "rocks.parquet", "quality": folder / "rocks.csv", "scores": folder / "scores.csv"}
     rocks |= {"inventory": folder / "inventory.json", "offsets": folder / "offsets.parquet"}
     score_rocks(**common, **rocks, located=folder / "cameras")

@@ -26,6 +26,7 @@ from polarsim.formats import lamps, rigs
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import area, centres, clip, iou, match_sum, of_mask
 from polarsim.geometry.camera import Camera
+from polarsim.geometry.outlines import TRIM
 from polarsim.geometry.thin_parts import without_thin_parts
 from polarsim.labels.known import Known, gather
 from polarsim.labels.options import LabelsOptions
@@ -177,7 +178,7 @@ def fullest(truth: Truth) -> dict[tuple[str, CameraSide, Azimuth], np.ndarray]:
 def score_causes(known: Known, truth: Truth, options: LabelsOptions) -> Iterator[tuple[str, Counts]]:
     drawn = fullest(truth)
     suns = known.world.suns
-    meshes = build_world(known.terrain, options.trim_mm / 1000, suns, options.wall_height_m)  # without stand-ins
+    meshes = build_world(known.terrain, TRIM, suns, options.wall_height_m)  # without stand-ins
     for position in sorted(known.placed):
         labels = PositionLabels(known, position, options)
         for camera in ("L", "R"):

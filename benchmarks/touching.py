@@ -36,7 +36,7 @@ import pandas as pd
 from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.locate import locate_cameras
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import PlacementOptions
 from polarsim.formats import nasa, obj
 from polarsim.formats.inventory import Inventory, read_inventory, write_inventory
 from polarsim.formats.rigs import read_all_placed, read_placed, write_rig
@@ -44,13 +44,13 @@ from polarsim.geometry.poses import Pose
 from polarsim.rocks import splitting
 from polarsim.rocks.creases import COEFFICIENTS, TERMS, Joining, chance_of_two, cut_along_creases
 from polarsim.rocks.evidence import Evidence
-from polarsim.rocks.find import read_scans
-from polarsim.rocks.ground import Sand, find_ground, sand_extent
+from polarsim.rocks.find import CONFIRMED_HEIGHT, CONFIRMING_IOU, FOOT_HEIGHT, read_scans
+from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.regions import Limits, find_regions, standing, surface_points
 
 OPTIONS = RocksOptions()
-LIMITS = Limits(*(value / 1000 for value in (OPTIONS.foot_height_mm, OPTIONS.min_height_mm, 10, OPTIONS.min_size_mm)))
+LIMITS = Limits(FOOT_HEIGHT, OPTIONS.min_height_mm / 1000, CONFIRMED_HEIGHT, OPTIONS.min_size_mm / 1000)
 OWN = 0.03  # metres from a rock's true surface within which what stands out of the ground is its own
 SEEN_CELLS, LARGE = 20, 0.08  # cells of a rock that counts; metres of a large one
 PURE = 0.75  # of a piece that one rock must have before the piece teaches anything
@@ -89,7 +89,7 @@ def make(folder: Path, name: str) -> None:
     locate_cameras(
         terrain=number, positions=positions, inventory=folder / "inventory.json",
         calibration=folder / "calibration.json", seeds=folder / "seeds", cameras=folder / "cameras",
-        options=CamerasOptions(), threads=1,
+        options=PlacementOptions(), threads=1,
     )  # fmt: skip
 
 
@@ -107,7 +107,7 @@ def read(folder: Path) -> Scene:
     extent = sand_extent(scans)
     scans = scans.select(extent.contains(scans.points))
     slope = np.radians(OPTIONS.max_sand_slope_deg)
-    sand = find_ground(scans, extent, OPTIONS.ground_cell_mm / 1000, slope)
+    sand = find_ground(scans, extent, GROUND_CELL, slope)
     true = read_placed(folder / "truth/cameras/PosA.json").sandbox_from_left
     cells = np.flatnonzero(np.isfinite(sand.surface) & (sand.above > LIMITS.foot))
     owner = np.zeros(sand.surface.size, np.int64)
@@ -136,7 +136,7 @@ def _owners(meshes: Path, true_from_sandbox: Pose, points: np.ndarray) -> np.nda
 def told(scene: Scene, coefficients: tuple[float, ...]) -> pd.DataFrame:
     """A row a rock: its size, whether it was found, lost or missed, whether it was cut; rock 0 for a false find."""
     with mock.patch.object(splitting, "chance_of_two", partial(chance_of_two, coefficients=coefficients)):
-        found = find_regions(scene.sand, LIMITS, Evidence({}, {}, OPTIONS.confirming_iou))
+        found = find_regions(scene.sand, LIMITS, Evidence({}, {}, CONFIRMING_IOU))
     shared = np.zeros((len(found), max(scene.size, default=0) + 1), np.int64)
     for number, region in enumerate(found):
         shared[number] = np.bincount(scene.true.ravel()[region.seen], minlength=shared.shape[1])

@@ -114,7 +114,7 @@ class Run:
             calibration=at["calibration.json"],
             seeds=at["seeds"],
             cameras=self.folder / "cameras",
-            options=self.config.cameras,
+            options=self.config.cameras.placement,
             threads=1,
         )
         if self.unplaced:
@@ -126,7 +126,6 @@ class Run:
             rocks=self.folder / "rocks.parquet",
             cuboids=self.folder / "cuboids.yaml",
             meshes=self.folder / "meshes",
-            options=self.config.rocks,
         )
         (self.folder / "placed").touch()
 

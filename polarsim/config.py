@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 
 from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions, seed_choice
 from polarsim.analog.options import AnalogOptions
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import CamerasOptions, PlacementOptions
 from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions
 from polarsim.errors import ConfigError, about
@@ -43,6 +43,8 @@ _DETECT_KEYS = {
 MOVED = {
     **{f"detect.{key}": f"detect.{part}.{key}" for part, keys in _DETECT_KEYS.items() for key in keys},
     **{f"tables.{key}": f"scoring.{key}" for key in ScoringOptions.model_fields},
+    **{f"cameras.{key}": f"cameras.placement.{key}" for key in PlacementOptions.model_fields},
+    "cameras.photo_scales": "cameras.refinement.scales",
     "detect.seed": "detect.split.seed and detect.comparison.seed",
     "rover.sight.onboard.detect": "rover.sight.onboard.pictures and rover.sight.onboard.prediction",
 }

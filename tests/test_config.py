@@ -1,3 +1,4 @@
+import re
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,16 @@ def detect(**options):
 def test_a_key_that_moved_is_refused_with_its_new_place(section, told):
     with pytest.raises(ConfigError, match=told):
         detect(**section)
+
+
+@pytest.mark.parametrize("key", ["cameras.placement.edge_sd_px", "rover.drive.stuck_s", "tables.figure_width_px"])
+def test_a_key_that_is_a_constant_now_is_refused_by_name(key):
+    section, *path, last = key.split(".")
+    content = {last: 1}
+    for name in reversed(path):
+        content = {name: content}
+    with pytest.raises(ConfigError, match=rf"(^|; ){re.escape(key if section != 'tables' else 'tables')}: unknown key"):
+        parse_config({"source": {"kind": "analog", "root": "data"}, section: content})
 
 
 def test_every_moved_key_has_a_place_and_none_at_its_old_one():

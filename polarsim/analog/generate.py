@@ -23,6 +23,7 @@ from polarsim.geometry.stereo import RectifiedGrid, StereoRig, rectified_left
 from polarsim.photo import PhotoKey, positions
 from polarsim.randomness import generator
 
+_SCANNER_OFFSET = 0.06  # metres, sd: the scanner stood about where the left camera did
 _CAMERA_FROM_UPRIGHT = Pose(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.zeros(3))  # x ahead, y left, z up
 
 
@@ -84,10 +85,10 @@ def _write_scans(
     for position in scanner.SCANNED:
         rng = generator(options.seed, "scan", made.terrain, position)
         left = made.set_up.sandbox_from_left[position]
-        centre = left.translation + rng.normal(0, options.scanner_offset_mm / 1000, 3)
+        centre = left.translation + rng.normal(0, _SCANNER_OFFSET, 3)
         level = looking(centre, yaw_pitch_roll(left)[0], 0.0)
         found = scanner.scan(made.scene, made.caster, level @ _CAMERA_FROM_UPRIGHT, rng, options, threads)
-        grid_from_sandbox = _registered(made, position, grid, rng, options)
+        grid_from_sandbox = _registered(made, position, grid, rng)
         surface = scanner.surface(found, centre)
         surfaces.append(surface)
         valid = np.isfinite(found.points[..., 0])
@@ -96,15 +97,13 @@ def _write_scans(
         _write_map(ranges, position, [surface], grid, grid_from_sandbox, threads)
     if "B" in made.set_up.sandbox_from_left:
         rng = generator(options.seed, "scan", made.terrain, "B")
-        _write_map(ranges, "B", surfaces, grid, _registered(made, "B", grid, rng, options), threads)
+        _write_map(ranges, "B", surfaces, grid, _registered(made, "B", grid, rng), threads)
 
 
-def _registered(
-    made: Terrain, position: str, grid: RectifiedGrid, rng: np.random.Generator, options: AnalogOptions
-) -> Pose:
+def _registered(made: Terrain, position: str, grid: RectifiedGrid, rng: np.random.Generator) -> Pose:
     """Rectified left frame from sandbox as NASA's registration found it."""
     exact = (made.set_up.sandbox_from_left[position] @ grid.left_from_rectified).inverse()
-    return scanner.registration_error(rng, options) @ exact
+    return scanner.registration_error(rng) @ exact
 
 
 def _write_map(

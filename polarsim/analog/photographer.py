@@ -23,7 +23,7 @@ from polarsim.analog.setup import ROVER, SetUp
 from polarsim.analog.terrain import Terrain
 from polarsim.analog.view import Textures, look, make_textures
 from polarsim.formats import nasa, png, tables, yolo
-from polarsim.photo import BLACK_LEVEL, CAMERAS, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.photo import BLACK_LEVEL, CAMERAS, HEIGHT, ROCK, SHADOW, SHADOWS_DRAWN_FROM_MS, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.survey import ROVER_LIGHT_SHARE
@@ -34,6 +34,7 @@ from polarsim.survey import ROVER_LIGHT_SHARE
 # 30 % below).
 ELECTRONS = 20000.0
 LAMP_OUTPUT = {"30": 1.0, "180": 6.0, "270": 1.0, "350": 3.2, ROVER: ROVER_LIGHT_SHARE}
+_HALL_DN_PER_S = 1.2  # sand's brightness in the dark hall
 _GLARE = 0.002  # radiance at the centre of a lamp's ghosts
 _SAND_ALBEDO = 0.19
 _LEAST_DN, _MOST_DN = 100, 3000  # above black: sand that a person finds well exposed
@@ -127,7 +128,7 @@ def _layers(
     albedo.add(view)
     rock_caster = scene.rock_caster() if scene.rocks else None
     images, shadows = {}, {}
-    hall = options.hall_light_dn_per_s * options.electrons_per_dn / 1000 / ELECTRONS / _SAND_ALBEDO
+    hall = _HALL_DN_PER_S * options.electrons_per_dn / 1000 / ELECTRONS / _SAND_ALBEDO
     indirect = bounces.at(scene, view, [AMBIENT, *(_bounce_name(name, position) for name in lamps)])
     images[AMBIENT] = through_lens(hall * indirect[AMBIENT])
     for name, lamp in lamps.items():
@@ -164,12 +165,12 @@ def _shoot(
                 rows += found
                 if photo is None:
                     continue
-                rank = (key.exposure_ms >= options.shadows_from_ms, quality)  # a person likes a photo with shadows
+                rank = (key.exposure_ms >= SHADOWS_DRAWN_FROM_MS, quality)  # a person likes a photo with shadows
                 if key.azimuth not in best or rank > best[key.azimuth][0]:
                     best[key.azimuth] = rank, key, photo
     for _, key, photo in best.values():
         rng = generator(options.seed, "annotator", key.with_exposure(16))
-        with_shadows = key.exposure_ms >= options.shadows_from_ms
+        with_shadows = key.exposure_ms >= SHADOWS_DRAWN_FROM_MS
         drawn = annotate(layers.rocks, layers.shadows_of(key), photo, rng, with_shadows=with_shadows)
         yolo.write_boxes(seeds / f"{key}.txt", *drawn)
     return rows

@@ -18,6 +18,11 @@ from polarsim.survey import NOMINAL_YAW_DEG, ROVER_LIGHT_FROM_LEFT, SUN_LAMPS
 
 ROVER = "rover"  # the light between the cameras, among lamps that else bear their azimuths
 # Where tripods stood by the distances from the box's edge that NASA's folders are named for, metres.
+# How far the sandbox is off what NASA states of it; of a calibration and a survey of this kind nobody knows better.
+_TRIPOD_OFFSET, _YAW_DEG, _ROLL_DEG = 0.1, 2.0, 1.0  # metres, degrees: off nominal by up to this
+_PITCH_DEG = (22.0, 28.0)  # tilt of the rig downwards
+_LAMP_OFFSET_MM = (100, 200)  # of a lamp from its survey
+_FOCAL_ERROR_PX, _PRINCIPAL_ERROR_PX, _K1_ERROR, _BASELINE_ERROR_MM = 1.0, 1.0, 0.002, 0.2  # sd of the calibration file
 _TRIPODS = {"A": np.array([3.60, -0.38, 1.55]), "B": np.array([6.10, -0.45, 1.55]), "C": np.array([0.80, -3.65, 1.55])}
 
 
@@ -43,12 +48,12 @@ def make_set_up(terrain: int, options: AnalogOptions) -> SetUp:
     """Draw a terrain's set-up."""
     rng = generator(options.seed, "set-up", terrain)
     rig = _true_rig(rng)
-    calibration = _calibrated(rig, rng, options)
-    poses = {position: _tripod(terrain, position, rng, options) for position in positions(terrain)}
+    calibration = _calibrated(rig, rng)
+    poses = {position: _tripod(terrain, position, rng) for position in positions(terrain)}
     lamps: dict[str, np.ndarray] = {}
     for azimuth in SUNS:
         away = rng.normal(0, 1, 3) * [1, 1, 0.25]
-        distance = rng.uniform(options.lamp_offset_from_mm, options.lamp_offset_to_mm) / 1000
+        distance = rng.uniform(*_LAMP_OFFSET_MM) / 1000
         lamps[azimuth] = SUN_LAMPS[azimuth] + distance * away / np.linalg.norm(away)
     for position, pose in poses.items():
         lamps[f"{ROVER}_{position}"] = pose.apply(ROVER_LIGHT_FROM_LEFT + rng.normal(0, 0.005, 3))
@@ -72,18 +77,18 @@ def _true_rig(rng: np.random.Generator) -> StereoRig:
     return StereoRig(lens(stated.left), lens(stated.right), stated.left_from_right @ turn)
 
 
-def _calibrated(rig: StereoRig, rng: np.random.Generator, options: AnalogOptions) -> StereoRig:
+def _calibrated(rig: StereoRig, rng: np.random.Generator) -> StereoRig:
     """The rig as a calibration with its small errors found it, rounded as its file is."""
 
     def lens(true: Lens) -> Lens:
-        focal = rng.normal(0, options.focal_error_px)
-        cx, cy = rng.normal(0, options.principal_error_px, 2)
-        terms = [true.distortion[0] + rng.normal(0, options.k1_error), *true.distortion[1:]]
+        focal = rng.normal(0, _FOCAL_ERROR_PX)
+        cx, cy = rng.normal(0, _PRINCIPAL_ERROR_PX, 2)
+        terms = [true.distortion[0] + rng.normal(0, _K1_ERROR), *true.distortion[1:]]
         matrix = replace(true, fx=true.fx + focal, fy=true.fy + focal, cx=true.cx + cx, cy=true.cy + cy).opencv_matrix()
         return Lens.from_opencv(_six_digits(matrix), _six_digits(np.array(terms)))
 
     right_from_left = rig.left_from_right.inverse()
-    moved = right_from_left.translation + rng.normal(0, options.baseline_error_mm / 1000, 3)
+    moved = right_from_left.translation + rng.normal(0, _BASELINE_ERROR_MM / 1000, 3)
     turned = Rotation.from_rotvec(np.radians(rng.normal(0, 0.005, 3))).as_matrix() @ right_from_left.rotation
     return StereoRig(lens(rig.left), lens(rig.right), Pose(turned, _six_digits(moved)).inverse())
 
@@ -92,13 +97,13 @@ def _six_digits(values: np.ndarray) -> np.ndarray:
     return np.array([float(f"{value:.6g}") for value in np.ravel(values)]).reshape(np.shape(values))
 
 
-def _tripod(terrain: int, position: str, rng: np.random.Generator, options: AnalogOptions) -> Pose:
-    reach = options.tripod_offset_mm / 1000
+def _tripod(terrain: int, position: str, rng: np.random.Generator) -> Pose:
+    reach = _TRIPOD_OFFSET
     if terrain == 13:  # seven nearly equal places before a small box
         centre = np.array([2.0, -0.15, 1.25]) + rng.uniform(-1, 1, 3) * [reach, reach, reach / 2]
         return looking(centre, np.pi + rng.normal(0, 0.01), np.radians(rng.uniform(29, 31)), 0.0)
     centre = _TRIPODS[position] + rng.uniform(-1, 1, 3) * [reach, reach, reach / 2]
-    yaw = NOMINAL_YAW_DEG[position] + rng.uniform(-1, 1) * options.tripod_turn_deg
-    pitch = rng.uniform(options.pitch_from_deg, max(options.pitch_from_deg, options.pitch_to_deg))
-    roll = rng.uniform(-1, 1) * options.tripod_roll_deg
+    yaw = NOMINAL_YAW_DEG[position] + rng.uniform(-1, 1) * _YAW_DEG
+    pitch = rng.uniform(*_PITCH_DEG)
+    roll = rng.uniform(-1, 1) * _ROLL_DEG
     return looking(centre, *np.radians([yaw, pitch, roll]))

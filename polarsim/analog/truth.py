@@ -17,6 +17,7 @@ from polarsim.formats.files import write_json
 from polarsim.formats.rigs import PlacedRig, write_placed
 from polarsim.geometry.meshes import Mesh
 
+_GROUND_STEP = 0.015  # metres: of the ground's mesh
 _COLUMN_STEP = 0.002  # metres
 
 
@@ -36,7 +37,7 @@ def write_truth(made: Terrain, folder: Path, options: AnalogOptions) -> None:
         rows.append(rock_row(rock, scene.ground, faces))
     columns = ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3"]
     tables.write_parquet(folder / "rocks.parquet", pd.DataFrame(rows, columns=columns).astype({"rock": "int64"}))
-    ground: Ground = scene.ground.coarser(options.truth_ground_step_mm / 1000)
+    ground: Ground = scene.ground.coarser(_GROUND_STEP)
     name = obj.ground_name(terrain)
     obj.write(folder / "meshes" / name, Mesh(*ground.mesh()), Path(name).stem)
 

@@ -6,14 +6,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, judge_pose, refine_pose
 from polarsim.cameras.search import candidate_centres, search_pose
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.matching import MATCH_GATE_PX
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 
+MIN_BOXES = 3  # positions with fewer boxes or meshes are placed by the survey
+ROLL_SD_DEG = 2.9  # prior on the roll of a tripod about level
+SURVEY_WEIGHT = 0.05  # sum of IoU that one unit of the prior's chi squared costs
+START_GATES_PX = (120.0, 80.0, 50.0, 35.0, 25.0, 25.0)  # of re-assignment, from afar
+FINAL_GATES_PX = (60.0, 40.0, 30.0, 30.0)  # of the last fit
+START_EDGE_SD_PX, EDGE_SD_PX = 6.0, 3.0  # noise of a box edge in the first fits, and in the last one
+BORDER_PX = 3.0  # edges this near to the photo's border are not measured
+MIN_FIT = 0.52  # sum of IoU over what could match that speaks for itself
+MIN_LED_FIT, MIN_LEAD = 0.4, 0.15  # ... and that suffices with such a lead over the next best pose
+MAX_OFF_SURVEY = 1.0  # metres: a pose further from the surveyed place is refused
 START_DIRECTIONS = 64  # points a rock while hypotheses are refined from afar
 FINAL_LOSS_SCALE = 2.0  # of the Cauchy loss, in standard deviations of an edge
 SAME_PLACE = 0.1  # metres: fits that end nearer to each other are one
@@ -36,7 +47,7 @@ class LabelPlacement:
 
 
 def place_by_labels(
-    boxes: np.ndarray, outlines: Outlines, lens: Lens, surveyed: Pose | None, options: CamerasOptions
+    boxes: np.ndarray, outlines: Outlines, lens: Lens, surveyed: Pose | None, options: PlacementOptions
 ) -> LabelPlacement:
     """Find the left camera's pose from boxes and meshes, with no start; not yet checked, see `checked`.
 
@@ -56,15 +67,13 @@ def place_by_labels(
     RegistrationError
         Too few boxes or meshes, or no pose explains any of them.
     """
-    if min(len(boxes), len(outlines)) < options.min_boxes:
-        raise RegistrationError(
-            f"{len(boxes)} boxes and {len(outlines)} meshes, a pose needs {options.min_boxes} of each"
-        )
+    if min(len(boxes), len(outlines)) < MIN_BOXES:
+        raise RegistrationError(f"{len(boxes)} boxes and {len(outlines)} meshes, a pose needs {MIN_BOXES} of each")
     prior = survey_prior(surveyed, options)
     azimuth = None if surveyed is None else float(np.arctan2(surveyed.translation[1], surveyed.translation[0]))
     centres = candidate_centres(azimuth, float(np.median(outlines.centres[:, 2])), options)
-    starts = [start.sandbox_from_left for start in search_pose(outlines, boxes, lens, centres, options)]
-    fits = _distinct(_final_fits(starts, boxes, outlines, lens, prior, options), prior, options)
+    starts = [start.sandbox_from_left for start in search_pose(outlines, boxes, lens, centres)]
+    fits = _distinct(_final_fits(starts, boxes, outlines, lens, prior), prior)
     if not fits:
         raise RegistrationError("no pose puts any rock on any box")
     rival = max((share_of(fit, boxes) for fit in fits[1:]), default=0.0)
@@ -76,12 +85,12 @@ def share_of(fit: BoxFit, boxes: np.ndarray) -> float:
     return fit.sum_iou / max(1, min(fit.in_view, len(boxes)))
 
 
-def final_noise(options: CamerasOptions) -> EdgeNoise:
+def final_noise() -> EdgeNoise:
     """Of the last fits: edges that are far off hardly count."""
-    return EdgeNoise(options.edge_sd_px, options.border_px, "cauchy", FINAL_LOSS_SCALE)
+    return EdgeNoise(EDGE_SD_PX, BORDER_PX, "cauchy", FINAL_LOSS_SCALE)
 
 
-def checked(placement: LabelPlacement, options: CamerasOptions) -> LabelPlacement:
+def checked(placement: LabelPlacement) -> LabelPlacement:
     """Refuse a pose that explains too little, is no better than another one, or stands where no tripod stood.
 
     Raises
@@ -89,11 +98,11 @@ def checked(placement: LabelPlacement, options: CamerasOptions) -> LabelPlacemen
     RegistrationError
         With the shares, or the distance from the survey.
     """
-    leads = placement.share >= options.min_led_fit and placement.share - placement.runner_up >= options.min_lead
-    if placement.share < options.min_fit and not leads:
+    leads = placement.share >= MIN_LED_FIT and placement.share - placement.runner_up >= MIN_LEAD
+    if placement.share < MIN_FIT and not leads:
         raise RegistrationError(
             f"the best pose explains {placement.share:.2f} of what could match, the next {placement.runner_up:.2f}; "
-            f"{options.min_fit:g}, or {options.min_led_fit:g} with a lead of {options.min_lead:g}, is needed"
+            f"{MIN_FIT:g}, or {MIN_LED_FIT:g} with a lead of {MIN_LEAD:g}, is needed"
         )
     if placement.share - placement.runner_up < NO_LEAD:
         raise RegistrationError(
@@ -101,17 +110,17 @@ def checked(placement: LabelPlacement, options: CamerasOptions) -> LabelPlacemen
             f"{placement.runner_up:.2f} of what could match"
         )
     off = np.linalg.norm(placement.fit.sandbox_from_left.translation - placement.prior.mean[:3])
-    if np.isfinite(placement.prior.sd[0]) and off > options.max_off_survey_m:
+    if np.isfinite(placement.prior.sd[0]) and off > MAX_OFF_SURVEY:
         raise RegistrationError(
             f"the pose that explains the boxes best stands {off:.1f} m from the survey's place, at most "
-            f"{options.max_off_survey_m:g} m are believed: are these another position's boxes?"
+            f"{MAX_OFF_SURVEY:g} m are believed: are these another position's boxes?"
         )
     return placement
 
 
-def survey_prior(surveyed: Pose | None, options: CamerasOptions) -> PosePrior:
+def survey_prior(surveyed: Pose | None, options: PlacementOptions) -> PosePrior:
     """The survey as a prior; without it only the roll is known to be small."""
-    roll = np.radians(options.roll_sd_deg)
+    roll = np.radians(ROLL_SD_DEG)
     if surveyed is None:
         return PosePrior(np.zeros(6), np.append(np.full(5, np.inf), roll))
     yaw, pitch, _ = yaw_pitch_roll(surveyed)
@@ -121,23 +130,23 @@ def survey_prior(surveyed: Pose | None, options: CamerasOptions) -> PosePrior:
 
 
 def _final_fits(
-    starts: list[Pose], boxes: np.ndarray, outlines: Outlines, lens: Lens, prior: PosePrior, options: CamerasOptions
+    starts: list[Pose], boxes: np.ndarray, outlines: Outlines, lens: Lens, prior: PosePrior
 ) -> list[BoxFit]:
-    rough, fine = EdgeNoise(options.start_edge_sd_px, options.border_px), final_noise(options)
+    rough, fine = EdgeNoise(START_EDGE_SD_PX, BORDER_PX), final_noise()
     thin = outlines.thinned(START_DIRECTIONS)
     fits = []
     for start in starts:
-        near = refine_pose(start, thin, boxes, lens, prior, options.start_gates_px, rough)
-        pose = refine_pose(near, outlines, boxes, lens, prior, options.final_gates_px, fine)
-        fits.append(judge_pose(pose, outlines, boxes, lens, prior, options.match_gate_px, fine))
+        near = refine_pose(start, thin, boxes, lens, prior, START_GATES_PX, rough)
+        pose = refine_pose(near, outlines, boxes, lens, prior, FINAL_GATES_PX, fine)
+        fits.append(judge_pose(pose, outlines, boxes, lens, prior, MATCH_GATE_PX, fine))
     return fits
 
 
-def _distinct(fits: list[BoxFit], prior: PosePrior, options: CamerasOptions) -> list[BoxFit]:
+def _distinct(fits: list[BoxFit], prior: PosePrior) -> list[BoxFit]:
     """The best fit of each place, best first; what lies off the survey counts a little less."""
 
     def worth(fit: BoxFit) -> float:
-        return fit.sum_iou - options.survey_weight * prior.chi2(fit.sandbox_from_left)
+        return fit.sum_iou - SURVEY_WEIGHT * prior.chi2(fit.sandbox_from_left)
 
     kept: list[BoxFit] = []
     for fit in sorted(fits, key=worth, reverse=True):

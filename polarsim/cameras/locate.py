@@ -14,7 +14,7 @@ import pandas as pd
 
 from polarsim.cameras.gauge import find_gauge
 from polarsim.cameras.labels import LabelPlacement
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.placements import Placements, place_all, unshifted_fits
 from polarsim.cameras.rounding import rounded, rounded_figures
 from polarsim.cameras.scans import Pair, register_scans
@@ -58,7 +58,7 @@ def locate_cameras(
     calibration: Path,
     seeds: Path,
     cameras: Path,
-    options: CamerasOptions,
+    options: PlacementOptions,
     threads: int,
 ) -> None:
     """Place the rigs of a terrain and write the folder `cameras`: `PosX.json`, `colmap/`, and how well it went.
@@ -84,7 +84,7 @@ def locate_cameras(
     scanned = [position for position in positions if position in known.scanned]
     with within(f"Terrain{terrain:02d}"):
         if scanned:
-            located = _locate_by_scans(known, scanned, rig, options)
+            located = _locate_by_scans(known, scanned, rig)
         else:
             located = _locate_by_labels(known, positions, rig, seeds, options)
         placed = _completed(located.placed, positions, rig)
@@ -97,9 +97,9 @@ def locate_cameras(
             write(folder / name, table)
 
 
-def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig, options: CamerasOptions) -> Located:
+def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> Located:
     scans = {position: read_scan(known, position, rig) for position in positions}
-    network = register_scans(scans, options)
+    network = register_scans(scans)
     for reason in network.refused:
         log.warning("%s; the scan is left out", reason)
     gauge = find_gauge(network.points, network.normals, network.level_from_left)
@@ -147,20 +147,17 @@ def _alignment_row(pair: Pair) -> dict[str, Any]:
 
 
 def _locate_by_labels(
-    known: Inventory, positions: Sequence[str], rig: StereoRig, seeds: Path, options: CamerasOptions
+    known: Inventory, positions: Sequence[str], rig: StereoRig, seeds: Path, options: PlacementOptions
 ) -> Located:
     meshes = {rock: obj.read(path) for rock, path in known.rock_meshes().items()}
-    outlines = outlines_of(meshes, options.trim_mm / 1000, options.trim_share)
+    outlines = outlines_of(meshes)
     drawn = read_rock_boxes(seeds, known.terrain)
-    seen = {
-        position: consensus_boxes(drawn.get(position, []), options.consensus_share, options.cluster_iou)
-        for position in positions
-    }
+    seen = {position: consensus_boxes(drawn.get(position, [])) for position in positions}
     found = place_all(seen, outlines, rig.left, options)
     _tell_refused(found)
     details = {}
     if options.rock_shift_sd_mm and found.placed:
-        before = unshifted_fits(found, outlines, rig.left, options)
+        before = unshifted_fits(found, outlines, rig.left)
         fits = [one.fit for one in found.placed.values()]
         details[SHIFT_FILE] = shift_table(outlines.rocks, found.shifts, before, fits)
     placed, rows = {}, []

@@ -16,7 +16,7 @@ import numpy as np
 
 from polarsim.cameras.adjust import Adjusted, Priors, Sightings, adjust, offsets_px
 from polarsim.cameras.lamps import Prior, Shot, refine_lamp, shots_of
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
 from polarsim.cameras.shading import Surface, look, surface_of
 from polarsim.formats import colmap, lamps
@@ -29,11 +29,28 @@ from polarsim.geometry.poses import angle_between
 from polarsim.photo import View
 from polarsim.progress import track
 
+# Windows of 21 px of a shaded view are looked for up to 5 px away, one every 12 px; their correlation with the photo is
+# at least 0.6, and the noise of their place 0.4 of sqrt((1 - correlation) / bend of the correlation).
+WINDOW = Window(21 // 2, 5, 12, 0.6, 0.4)
+MIN_WINDOWS = 200  # positions with fewer windows found stay as located
+INDEPENDENT = 300  # windows of a view that at most count: neighbours err alike
+LAMP_SD = 0.15  # metres: prior on a Sun lamp's place about the survey
+# What scans and the calibration are worth: how far registered scans stand off their cameras, and the calibration's
+# repeatability. Metres, radians and pixels, standard deviations on each axis.
+PRIORS = Priors(
+    pose_m=0.003,
+    pose_rad=float(np.radians(0.1)),
+    rig_m=0.0005,
+    rig_rad=float(np.radians(0.02)),
+    focal_px=1.5,
+    centre_px=1.5,
+    k1=0.003,
+)
 log = logging.getLogger("polarsim")
 
 
 def refine_cameras(
-    *, terrain: int, located: Path, meshes: Path, photos: Path | None, cameras: Path, options: CamerasOptions
+    *, terrain: int, located: Path, meshes: Path, photos: Path | None, cameras: Path, options: RefinementOptions
 ) -> None:
     """Write the folder `cameras` anew: what `located` holds, poses, lenses and lamps refined where photos allow it.
 
@@ -53,7 +70,7 @@ def refine_cameras(
     """
     start = read_all_placed(located)
     placed = start
-    pictures = best_pictures(terrain, photos) if photos is not None and options.photo_scales else {}
+    pictures = best_pictures(terrain, photos) if photos is not None and options.scales else {}
     suns: dict[str, np.ndarray] = {}
     if found := {view for view in pictures if view[0] in placed and not placed[view[0]].surveyed}:
         name, surface = f"terrain {terrain:02d}", surface_of(read_terrain(meshes, terrain))
@@ -71,7 +88,7 @@ def refine_cameras(
 
 
 def _refined(
-    name: str, located: dict[str, PlacedRig], surface: Surface, pictures: Pictures, options: CamerasOptions
+    name: str, located: dict[str, PlacedRig], surface: Surface, pictures: Pictures, options: RefinementOptions
 ) -> tuple[dict[str, PlacedRig], dict[str, np.ndarray]]:
     """Rigs and found lamps, in turn from coarse to fine.
 
@@ -80,24 +97,24 @@ def _refined(
     current = located
     surveyed = lamps.surveyed_suns(located)
     suns: dict[str, np.ndarray] = {}
-    for scale in options.photo_scales:
+    for scale in options.scales:
         photos = read_all_shrunk(pictures, located, scale)
         seen = {
             (position, camera): _sightings(
-                surface, current[position], camera, photos[position, camera], scale, surveyed | suns, options
+                surface, current[position], camera, photos[position, camera], scale, surveyed | suns
             )
             for position, camera in track(sorted(photos), f"cameras of {name}, scale {scale:g}")
         }
-        seen = _of_sure_positions(name, seen, options.photo_min_windows)
+        seen = _of_sure_positions(name, seen, MIN_WINDOWS)
         if not seen:
             log.warning("%s: photos do not match the meshes, cameras stay as they were located", name)
             return located, {}
         sure = {position: located[position] for position, _ in seen}
-        lenses = scale == options.photo_scales[-1]
-        adjusted = adjust(sure, seen, _priors(options), options.photo_independent, lenses)
+        lenses = scale == options.scales[-1]
+        adjusted = adjust(sure, seen, PRIORS, INDEPENDENT, lenses)
         rig = next(iter(adjusted.placed.values())).rig
         current = {position: replace(one, rig=rig) for position, one in located.items()} | adjusted.placed
-        suns = _found_suns(name, shots_of(surface, adjusted.placed, photos, scale), surveyed, suns, options)
+        suns = _found_suns(name, shots_of(surface, adjusted.placed, photos, scale), surveyed, suns)
     for azimuth, place in suns.items():
         off_mm = 1000 * np.linalg.norm(place - surveyed[azimuth])
         log.info("%s: lamp %s stands %.0f mm from its survey", name, azimuth, off_mm)
@@ -116,14 +133,12 @@ def _sightings(
     photos: Photos,
     scale: float,
     suns: Mapping[str, np.ndarray],
-    options: CamerasOptions,
 ) -> Sightings:
     """Where the photos of a view, shrunk by a scale, show points of the meshes, in pixels of the full photo."""
     seen = look(surface, rig.camera(camera).scaled(scale))
-    window = _window(options)
     points, pixels, whitening = [], [], []
     for azimuth, photo in photos.items():
-        found = find(seen.under(suns[azimuth]), photo, seen.met, window)
+        found = find(seen.under(suns[azimuth]), photo, seen.met, WINDOW)
         column, row = found.pixel.astype(int).T
         points.append(seen.points[row, column].astype(float))
         pixels.append(found.seen / scale)
@@ -131,29 +146,18 @@ def _sightings(
     return Sightings(np.concatenate(points), np.concatenate(pixels), np.concatenate(whitening))
 
 
-def _window(options: CamerasOptions) -> Window:
-    return Window(
-        options.photo_window_px // 2,
-        options.photo_search_px,
-        options.photo_step_px,
-        options.photo_likeness,
-        options.photo_noise,
-    )
-
-
 def _found_suns(
     name: str,
     shots: Mapping[str, list[Shot]],
     surveyed: Mapping[str, np.ndarray],
     found: Mapping[str, np.ndarray],
-    options: CamerasOptions,
 ) -> dict[str, np.ndarray]:
     """The Sun lamps whose shadows photos show, where these say that they stood; a start is what was found before."""
     suns = {}
     for azimuth in track(sorted(shots), f"lamps of {name}"):
-        prior = Prior(surveyed[azimuth], options.lamp_sd_mm / 1000)
+        prior = Prior(surveyed[azimuth], LAMP_SD)
         start = found.get(azimuth, prior.place)
-        place = refine_lamp(start, prior, shots[azimuth], _window(options), options.photo_independent)
+        place = refine_lamp(start, prior, shots[azimuth], WINDOW, INDEPENDENT)
         if place is not None:
             suns[azimuth] = place
     return suns
@@ -168,18 +172,6 @@ def _of_sure_positions(name: str, seen: Mapping[View, Sightings], least: int) ->
         if count < least:
             log.warning("%s, %s: %d windows of its photos match the meshes, no refinement", name, position, count)
     return {view: found for view, found in seen.items() if counts[view[0]] >= least}
-
-
-def _priors(options: CamerasOptions) -> Priors:
-    return Priors(
-        pose_m=options.photo_pose_sd_mm / 1000,
-        pose_rad=float(np.radians(options.photo_pose_sd_deg)),
-        rig_m=options.rig_sd_mm / 1000,
-        rig_rad=float(np.radians(options.rig_sd_deg)),
-        focal_px=options.focal_sd_px,
-        centre_px=options.centre_sd_px,
-        k1=options.k1_sd,
-    )
 
 
 def _told_off_px(off: np.ndarray, found: Sightings) -> np.ndarray:

@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polarsim.cameras.labels import LabelPlacement, checked, final_noise, place_by_labels
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.labels import MIN_BOXES, LabelPlacement, checked, final_noise, place_by_labels
+from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.refine import BoxFit, judge_pose, pose_of
 from polarsim.cameras.shifts import FittedPosition, Shifts, fit_shifts, no_shifts, shifted
 from polarsim.cameras.surveyed import pose_beside
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.matching import MATCH_GATE_PX
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose
 
@@ -34,7 +35,7 @@ class Placements:
     refused: dict[str, str]  # position -> reason
 
 
-def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, options: CamerasOptions) -> Placements:
+def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, options: PlacementOptions) -> Placements:
     """Place every position whose boxes and meshes suffice.
 
     Parameters
@@ -47,7 +48,7 @@ def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, op
     Placements
         Positions with too few boxes or meshes are neither placed nor refused.
     """
-    usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= options.min_boxes]
+    usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= MIN_BOXES]
     found = Placements({}, no_shifts(outlines, options.rock_shift_sd_mm / 1000), {})
     alone = {position: _alone(position, seen[position], outlines, lens, options) for position in usable}
     surest_first = sorted(usable, key=lambda position: (-(one.share if (one := alone[position]) else 0.0), position))
@@ -56,9 +57,9 @@ def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, op
     return found
 
 
-def unshifted_fits(found: Placements, outlines: Outlines, lens: Lens, options: CamerasOptions) -> list[BoxFit]:
+def unshifted_fits(found: Placements, outlines: Outlines, lens: Lens) -> list[BoxFit]:
     """What the boxes of the placed positions say of the meshes as they are, seen from the same poses."""
-    noise, gate = final_noise(options), options.match_gate_px
+    noise, gate = final_noise(), MATCH_GATE_PX
     return [
         judge_pose(one.fit.sandbox_from_left, outlines, one.boxes, lens, one.prior, gate, noise)
         for one in found.placed.values()
@@ -66,7 +67,7 @@ def unshifted_fits(found: Placements, outlines: Outlines, lens: Lens, options: C
 
 
 def _alone(
-    position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: CamerasOptions
+    position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: PlacementOptions
 ) -> LabelPlacement | None:
     """A position by itself, without what others tell of rocks; None where nothing is explained."""
     try:
@@ -81,7 +82,7 @@ def _with_position(
     boxes: np.ndarray,
     outlines: Outlines,
     lens: Lens,
-    options: CamerasOptions,
+    options: PlacementOptions,
     alone: LabelPlacement | None,
 ) -> Placements:
     """One more position, and all poses and shifts fitted anew; or one more that is refused."""
@@ -91,19 +92,19 @@ def _with_position(
             surveyed = pose_beside(position, _poses(before.placed))
             alone = place_by_labels(boxes, moved, lens, surveyed, options)
         after = _fitted({**before.placed, position: alone}, before.shifts, outlines, lens, options)
-        checked(after.placed[position], options)
+        checked(after.placed[position])
     except RegistrationError as error:
         return replace(before, refused={**before.refused, position: error.reason})
     return replace(after, refused=before.refused)
 
 
 def _fitted(
-    placed: Mapping[str, LabelPlacement], start: Shifts, outlines: Outlines, lens: Lens, options: CamerasOptions
+    placed: Mapping[str, LabelPlacement], start: Shifts, outlines: Outlines, lens: Lens, options: PlacementOptions
 ) -> Placements:
     """All positions placed together with shifts of the rocks."""
     if not options.rock_shift_sd_mm:
         return Placements(dict(placed), start, {})
-    noise, gate = final_noise(options), options.match_gate_px
+    noise, gate = final_noise(), MATCH_GATE_PX
     positions = {position: FittedPosition(one.boxes, one.fit, one.prior) for position, one in placed.items()}
     unknowns, shifts = fit_shifts(positions, outlines, lens, options.rock_shift_sd_mm / 1000, gate, noise, start.metres)
     moved = shifted(outlines, shifts.metres)

@@ -10,13 +10,21 @@ import numpy as np
 
 from polarsim.cameras import icp
 from polarsim.cameras.heightmaps import agreement, relief_correlation, turned_and_shifted
-from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import RegistrationError
 from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose, looking
 from polarsim.survey import NOMINAL_PITCH_DEG
 
+SCAN_RADIUS = 3.2  # metres about the terrain's centre: beyond it scans show the hall
+VOXEL = 0.012  # metres: grid to which scans are thinned for the last alignment
+MAP_STEP = 0.02  # metres: grid of the height maps that are correlated
+YAW_RANGE_DEG, YAW_STEP_DEG = 15.0, 1.0  # of the search between two scans: the survey tells yaw to some degrees
+SHIFT_RANGE = 1.0  # metres along x and y of the same search
+CANDIDATES = 5  # best correlations that are tried by ICP
+SAME_SURFACE = 0.01  # metres: points of two scans nearer than this lie on one surface
+MIN_FITNESS = 0.5  # part of the overlap that must agree between scans
+MIN_LIKENESS = 0.5  # correlation of relief below which two scans show different terrains; 0.9 is usual
 SAND_REACH = 1.6  # metres about the centre where a scan shows sand and rocks only, for all errors of the survey
 SAND_SCALES = [0.4, 0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.06, 0.06]  # metres: what belongs to the sand, ever closer
 MIN_SAND_POINTS = 1000
@@ -67,7 +75,7 @@ class _Levelled:
         return self.fine.select(inside | level)
 
 
-def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> Network:
+def register_scans(scans: Mapping[str, np.ndarray]) -> Network:
     """Lay the scans of a terrain on each other, without those that show no sand or another terrain than most.
 
     Parameters
@@ -83,13 +91,13 @@ def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> 
     for one, other in combinations(sorted(scans), 2):
         if np.array_equal(scans[one], scans[other]):
             raise RegistrationError(f"the scans of positions {one} and {other} are copies: the same points in both")
-    levelled, sandless = _all_levelled(scans, options)
-    reference, start, strange = _majority(levelled, options)
+    levelled, sandless = _all_levelled(scans)
+    reference, start, strange = _majority(levelled)
     levelled = {position: scan for position, scan in levelled.items() if position in start}
     sands = {position: scan.sand() for position, scan in levelled.items()}
     moves = icp.align_jointly(sands, start, reference)
     pairs = [
-        _measured(fixed, moving, moves[fixed].inverse() @ moves[moving], levelled, options)
+        _measured(fixed, moving, moves[fixed].inverse() @ moves[moving], levelled)
         for fixed, moving in combinations(levelled, 2)
     ]
     return Network(
@@ -102,14 +110,12 @@ def register_scans(scans: Mapping[str, np.ndarray], options: CamerasOptions) -> 
     )
 
 
-def _all_levelled(
-    scans: Mapping[str, np.ndarray], options: CamerasOptions
-) -> tuple[dict[str, _Levelled], list[RegistrationError]]:
+def _all_levelled(scans: Mapping[str, np.ndarray]) -> tuple[dict[str, _Levelled], list[RegistrationError]]:
     """The scans that show sand, and why others do not."""
     levelled, refused = {}, []
     for position, points in sorted(scans.items()):
         try:
-            levelled[position] = _levelled(position, points, options)
+            levelled[position] = _levelled(position, points)
         except RegistrationError as reason:
             refused.append(reason)
     if not levelled:
@@ -117,9 +123,7 @@ def _all_levelled(
     return levelled, refused
 
 
-def _majority(
-    levelled: Mapping[str, _Levelled], options: CamerasOptions
-) -> tuple[str, dict[str, Pose], list[RegistrationError]]:
+def _majority(levelled: Mapping[str, _Levelled]) -> tuple[str, dict[str, Pose], list[RegistrationError]]:
     """A scan that more than half of all agree with, those by their `reference_from_own`, and why others do not.
 
     The scan with most points is asked first.
@@ -130,7 +134,7 @@ def _majority(
         for position in levelled:
             if position != reference:
                 try:
-                    start[position] = _found(reference, position, levelled, options)
+                    start[position] = _found(reference, position, levelled)
                 except RegistrationError as reason:
                     refused.append(reason)
         if len(start) > len(levelled) / 2:
@@ -151,10 +155,10 @@ def level_pose(position: str, points: np.ndarray) -> Pose:
     return level_from(tracked_plane(thin, np.array([0, 0, np.median(thin[:, 2])]), SAND_SCALES)) @ guess
 
 
-def _levelled(position: str, points: np.ndarray, options: CamerasOptions) -> _Levelled:
+def _levelled(position: str, points: np.ndarray) -> _Levelled:
     level_from_left = level_pose(position, points)
     near = level_from_left.apply(points)
-    reach = [options.scan_radius_m, options.scan_radius_m, HEIGHT_REACH]
+    reach = [SCAN_RADIUS, SCAN_RADIUS, HEIGHT_REACH]
     near = near[(np.abs(near) < reach).all(axis=1)]
     viewpoint = level_from_left.translation
     area = _sand_area(icp.surface(near, viewpoint, COARSE_VOXELS[0]))
@@ -163,7 +167,7 @@ def _levelled(position: str, points: np.ndarray, options: CamerasOptions) -> _Le
             f"the scan of position {position} shows {area:.1f} m2 of level sand within {SAND_REACH:g} m of the middle, "
             f"{MIN_SAND_AREA:g} m2 needed: walls alone place no camera"
         )
-    fine = icp.surface(near, viewpoint, options.voxel_mm / 1000)
+    fine = icp.surface(near, viewpoint, VOXEL)
     return _Levelled(level_from_left, [icp.surface(fine.points, viewpoint, voxel) for voxel in COARSE_VOXELS], fine)
 
 
@@ -173,48 +177,48 @@ def _sand_area(coarse: icp.Surface) -> float:
     return float(sand.sum() * COARSE_VOXELS[0] ** 2)
 
 
-def _found(fixed: str, moving: str, levelled: Mapping[str, _Levelled], options: CamerasOptions) -> Pose:
+def _found(fixed: str, moving: str, levelled: Mapping[str, _Levelled]) -> Pose:
     """`fixed_from_moving`: the best of several candidates, each tried on the coarse grids."""
     first, second = levelled[fixed], levelled[moving]
-    turn = np.radians(options.scan_yaw_range_deg)
-    yaws = np.linspace(-turn, turn, 2 * round(options.scan_yaw_range_deg / options.scan_yaw_step_deg) + 1)
+    turn = np.radians(YAW_RANGE_DEG)
+    yaws = np.linspace(-turn, turn, 2 * round(YAW_RANGE_DEG / YAW_STEP_DEG) + 1)
     starts = turned_and_shifted(
         first.coarse[-1].points,
         second.coarse[-1].points,
-        options.scan_radius_m,
-        options.map_step_mm / 1000,
+        SCAN_RADIUS,
+        MAP_STEP,
         yaws,
-        options.scan_shift_m,
-        options.scan_candidates,
+        SHIFT_RANGE,
+        CANDIDATES,
     )
     tried = [icp.align_coarsely(first.coarse, second.coarse, COARSE_VOXELS, start) for start in starts]
-    share = [_agreement(first, second, pose, options) for pose in tried]
-    if max(share) < options.min_fitness:
+    share = [_agreement(first, second, pose) for pose in tried]
+    if max(share) < MIN_FITNESS:
         raise RegistrationError(
             f"the scans of positions {fixed} and {moving} agree on {max(share):.2f} of the ground that both show, "
-            f"{options.min_fitness:g} needed"
+            f"{MIN_FITNESS:g} needed"
         )
     found = tried[int(np.argmax(share))]
-    alike = _likeness(first, second, found, options)
-    if alike < options.min_likeness:
+    alike = _likeness(first, second, found)
+    if alike < MIN_LIKENESS:
         raise RegistrationError(
             f"the scans of positions {fixed} and {moving} show different terrains: their relief correlates by "
-            f"{alike:.2f}, {options.min_likeness:g} needed"
+            f"{alike:.2f}, {MIN_LIKENESS:g} needed"
         )
     return found
 
 
-def _measured(fixed: str, moving: str, pose: Pose, levelled: Mapping[str, _Levelled], options: CamerasOptions) -> Pair:
-    alignment = icp.measure(levelled[fixed].fine, levelled[moving].fine, pose, options.same_surface_mm / 1000)
-    return Pair(fixed, moving, alignment, _agreement(levelled[fixed], levelled[moving], pose, options))
+def _measured(fixed: str, moving: str, pose: Pose, levelled: Mapping[str, _Levelled]) -> Pair:
+    alignment = icp.measure(levelled[fixed].fine, levelled[moving].fine, pose, SAME_SURFACE)
+    return Pair(fixed, moving, alignment, _agreement(levelled[fixed], levelled[moving], pose))
 
 
-def _likeness(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose, options: CamerasOptions) -> float:
+def _likeness(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose) -> float:
     """Correlation of the relief that both scans show of the sand; 1 where there is too little to tell."""
     moved = fixed_from_moving.apply(moving.fine.points)
-    return relief_correlation(fixed.fine.points, moved, SAND_REACH, options.map_step_mm / 1000, LEAST_RELIEF)
+    return relief_correlation(fixed.fine.points, moved, SAND_REACH, MAP_STEP, LEAST_RELIEF)
 
 
-def _agreement(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose, options: CamerasOptions) -> float:
+def _agreement(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose) -> float:
     moved = fixed_from_moving.apply(moving.fine.points)
-    return agreement(fixed.fine.points, moved, options.scan_radius_m, options.map_step_mm / 1000, AGREE)[0]
+    return agreement(fixed.fine.points, moved, SCAN_RADIUS, MAP_STEP, AGREE)[0]

@@ -11,11 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import PlacementOptions
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, looking
 
+DISTANCE_STEP, HEIGHT_STEP = 0.3, 0.2  # metres: steps of the search for a place
+AZIMUTH_RANGE_DEG, AZIMUTH_STEP_DEG = 12.0, 4.0  # of the search about the surveyed azimuth
+SEARCH_SD_PX = 40.0  # tolerance of box centres: about what a step moves them by
+STARTS = 25  # best hypotheses that are refined
 SIZE_SD = 0.5  # tolerance of log width and log height
 PITCH = np.radians([2.0, 60.0])  # of any sensible camera here, downwards
 YAW_OFF_ORIGIN = np.radians(25.0)  # the camera looks at the terrain
@@ -37,7 +41,7 @@ class Hypothesis:
         return looking(self.centre, self.yaw, self.pitch)
 
 
-def candidate_centres(azimuth: float | None, level: float, options: CamerasOptions) -> np.ndarray:
+def candidate_centres(azimuth: float | None, level: float, options: PlacementOptions) -> np.ndarray:
     """(n, 3) places to try.
 
     Parameters
@@ -47,20 +51,17 @@ def candidate_centres(azimuth: float | None, level: float, options: CamerasOptio
     level : float
         Height of the scene, metres.
     """
-    distances = _steps(*options.distance_m, options.distance_step_m)
-    heights = level + _steps(*options.height_m, options.height_step_m)
+    distances = _steps(*options.distance_m, DISTANCE_STEP)
+    heights = level + _steps(*options.height_m, HEIGHT_STEP)
     if azimuth is None:
-        azimuths = np.radians(np.arange(0, 360, options.azimuth_step_deg))
+        azimuths = np.radians(np.arange(0, 360, AZIMUTH_STEP_DEG))
     else:
-        reach = options.azimuth_range_deg
-        azimuths = azimuth + np.radians(_steps(-reach, reach, options.azimuth_step_deg))
+        azimuths = azimuth + np.radians(_steps(-AZIMUTH_RANGE_DEG, AZIMUTH_RANGE_DEG, AZIMUTH_STEP_DEG))
     grid = np.stack(np.meshgrid(distances, azimuths, heights, indexing="ij"), axis=-1).reshape(-1, 3)
     return np.stack([grid[:, 0] * np.cos(grid[:, 1]), grid[:, 0] * np.sin(grid[:, 1]), grid[:, 2]], axis=1)
 
 
-def search_pose(
-    outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.ndarray, options: CamerasOptions
-) -> list[Hypothesis]:
+def search_pose(outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.ndarray) -> list[Hypothesis]:
     """The best hypotheses that differ from one another, best first.
 
     Parameters
@@ -72,13 +73,13 @@ def search_pose(
     centres : (n, 3) float
         Places to try, metres.
     """
-    seen = _SeenBoxes.of(boxes, lens, options.search_sd_px)
+    seen = _SeenBoxes.of(boxes, lens, SEARCH_SD_PX)
     thin = outlines.thinned(26)
     found: list[Hypothesis] = []
     for centre in centres:
         found += _hypotheses_at(centre, thin, seen)
     found.sort(key=lambda hypothesis: -hypothesis.score)
-    return _different(found, options.starts)
+    return _different(found, STARTS)
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ FIGURE_COLUMNS = tuple(f"{name}{bound}" for name in MEASURES for bound in ("", "
 BREAKDOWN_COLUMNS = ("by", "group", "kind", "images", "units", "labels", *FIGURE_COLUMNS)
 CURVE_IOUS = (0.5, 0.75)
 CURVE_COLUMNS = ("kind", "iou", "recall", "precision")
+GROUP_RESAMPLES = 200  # bootstrap samples of groups of photos and size classes, of which there are many
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,9 @@ def rank_by_kind(
     return ranked
 
 
-def breakdown(judged: Judged, *, seed: int = 0, resamples: int = 1000, group_resamples: int = 200) -> pd.DataFrame:
+def breakdown(
+    judged: Judged, *, seed: int = 0, resamples: int = 1000, group_resamples: int = GROUP_RESAMPLES
+) -> pd.DataFrame:
     """`BREAKDOWN_COLUMNS` of all photos, of each size class of labels, and of each group of photos.
 
     A size class follows COCO's rules (`metrics.rank`). Kind `all` is the mean over classes that have labels. Intervals

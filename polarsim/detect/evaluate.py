@@ -169,13 +169,12 @@ def _figures(
         labels,
         found,
         confidence=options.iou_confidence,
-        overlap=options.false_alarm_overlap,
         unit=options.resampled,
         **drawing,
     )
     return {
         "instances": performance,
-        "breakdown": breakdown(judged, **drawing, group_resamples=options.group_resamples),
+        "breakdown": breakdown(judged, **drawing),
         "curves": curves(judged),
         "false_alarms": alarms,
     }

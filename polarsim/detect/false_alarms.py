@@ -19,6 +19,8 @@ from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 
 TERRAIN, TILES = PLACES = ("rock-free terrain", "rock-free tiles")
 COLUMNS_OF_TILES, ROWS_OF_TILES = 8, 4  # 242 x 304 px each
+# A predicted rock is a false alarm if it covers less of the smaller one of it and each rock label.
+OVERLAP = 0.1
 RATES = ("per_photo", "area_share")
 FALSE_ALARM_COLUMNS = (
     "place", "terrains", "images", "units", "photo_areas", "alarms",
@@ -32,7 +34,7 @@ def false_alarms(
     predictions: pd.DataFrame,
     *,
     confidence: float,
-    overlap: float,
+    overlap: float = OVERLAP,
     unit: bootstrap.Unit = "view",
     seed: int = 0,
     resamples: int = 1000,
@@ -64,7 +66,7 @@ def false_alarms(
 
 
 def alarms_of_photos(
-    keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, *, confidence: float, overlap: float
+    keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, *, confidence: float, overlap: float = OVERLAP
 ) -> pd.DataFrame:
     """What rates are sums of, a row a photo: key, place, free, alarms, area; arguments as in `false_alarms`.
 

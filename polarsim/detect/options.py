@@ -136,22 +136,12 @@ class ComparisonOptions(BaseModel, extra="forbid", frozen=True):
     unpaired: Literal["left_out", "zero"] = Field(
         "left_out", description="In IPD, a rock labelled in one domain only: left out, or IoU 0 in the other."
     )
-    false_alarm_overlap: float = Field(
-        0.1,
-        gt=0,
-        le=1,
-        description="A predicted rock is a false alarm if it covers less than this share of the smaller one of it and "
-        "each rock label.",
-    )
     resampled: Literal["view", "photo"] = Field(
         "view",
         description="What the bootstrap of 95 % intervals draws: views (terrain, position, camera), whose photos show "
         "the same rocks, or photos.",
     )
     resamples: int = Field(1000, ge=100, description="Bootstrap samples of the 95 % intervals.")
-    group_resamples: int = Field(
-        200, ge=100, description="The same for groups of photos and size classes, of which there are many."
-    )
 
 
 class DetectOptions(BaseModel, extra="forbid", frozen=True):

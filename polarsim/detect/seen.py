@@ -51,7 +51,6 @@ class Seen:
             self.labels,
             self.predictions,
             confidence=self.options.iou_confidence,
-            overlap=self.options.false_alarm_overlap,
         )
 
     @cached_property

@@ -8,10 +8,11 @@ from scipy.optimize import linear_sum_assignment
 from polarsim.geometry import boxes as box_geometry
 
 FORBIDDEN = 1e3
+MATCH_GATE_PX = 40.0  # largest distance of a pair, centre to centre: poses err by less
 MAX_LOG_SIZE = 1.6  # |log width ratio| + |log height ratio| of a pair
 
 
-def assign(projected: np.ndarray, drawn: np.ndarray, gate_px: float) -> tuple[np.ndarray, np.ndarray]:
+def assign(projected: np.ndarray, drawn: np.ndarray, gate_px: float = MATCH_GATE_PX) -> tuple[np.ndarray, np.ndarray]:
     """Pairs (rows, columns) of projected (m, 4) and drawn (b, 4) boxes that are near each other and alike in size."""
     if not len(projected) or not len(drawn):
         return np.zeros(0, int), np.zeros(0, int)

@@ -16,6 +16,9 @@ from polarsim.geometry.topology import part_of_vertex
 
 RIM_SECTORS = 24  # the rim is the lowest outer vertex in each of these
 EDGES = 4  # of a box: left, top, right, bottom
+# Scanned rocks carry skirts of sand that people do not draw: left and right edges come from vertices this far above the
+# rim, metres, but never from above this share of the rock's height.
+TRIM, TRIM_SHARE = 0.004, 0.35
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ def outline(mesh: Mesh, trim: float, trim_share: float) -> tuple[np.ndarray, np.
     return hull_points(vertices), hull_points(vertices[vertices[:, 2] > limit])
 
 
-def outlines_of(meshes: dict[int, Mesh], trim: float, trim_share: float) -> Outlines:
+def outlines_of(meshes: dict[int, Mesh], trim: float = TRIM, trim_share: float = TRIM_SHARE) -> Outlines:
     """Outlines of meshes by rock id; none for no meshes."""
     if not meshes:
         return Outlines(np.zeros(0, int), np.zeros((0, 1, 3)), np.zeros((0, 1, 3)))

@@ -9,6 +9,7 @@ import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.matching import MATCH_GATE_PX
 from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import Drawn, Seeds, Sight, cameras_first
@@ -50,13 +51,13 @@ def gather(
     """
     world, bare = build_worlds(terrain, placed, suns, options)
     located = {position: rig for position, rig in placed.items() if not rig.surveyed}
-    known = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK, options)
+    known = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK)
     apart: dict[str, Known] = {}
     if len(located) < len(placed):
         ground = terrain.ground()
         following = max([FIRST_UNMESHED_ROCK - 1, *(int(rock) for ids in known.rocks.values() for rock in ids)]) + 1
         for position in sorted(set(placed) - set(located)):
-            apart[position] = _gathered(ground, bare, {position: placed[position]}, seeds, following, options)
+            apart[position] = _gathered(ground, bare, {position: placed[position]}, seeds, following)
             following += len(apart[position].rocks.get(position, ()))
     return replace(known, placed=placed, apart=apart)
 
@@ -67,7 +68,6 @@ def _gathered(
     placed: dict[str, PlacedRig],
     seeds: Seeds,
     first: int,
-    options: LabelsOptions,
 ) -> Known:
     """What positions whose poses agree tell of the rocks of a world; stand-ins are numbered from `first`."""
     tracks: dict[str, list[Track]] = {}
@@ -77,12 +77,10 @@ def _gathered(
         side = cameras_first(list(seeds[position]))[0][0]
         view = placed[position].camera(side)
         boxes = _in_one_camera(world, placed[position], side, seeds[position])
-        tracks[position] = find_tracks(boxes, options.same_rock_iou)
+        tracks[position] = find_tracks(boxes)
         drawn = np.array([track.mean for track in tracks[position]]).reshape(-1, 4)
         shown = {rock: found for rock in world.bodies if (found := project_rock(world, view, rock))}
-        rows = match_boxes(
-            drawn, np.array([found.box for found in shown.values()]).reshape(-1, 4), options.match_gate_px
-        )
+        rows = match_boxes(drawn, np.array([found.box for found in shown.values()]).reshape(-1, 4), MATCH_GATE_PX)
         matched[position] = np.where(rows >= 0, np.array([*shown, NO_ROCK])[rows], NO_ROCK)
         domes.append([dome_behind(world, view, box) for box in drawn[rows < 0]])
     numbers, stand_ins = number_domes(domes, first)

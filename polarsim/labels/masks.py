@@ -35,6 +35,9 @@ from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimut
 log = logging.getLogger(__name__)
 
 Polygons = list[tuple[int, np.ndarray]]  # class number and ring (n, 2) in pixels
+# Share of the projected mesh's own box, and of the cast shadow's, in the box that an outline fills; the rest is the
+# label's. Fitted to the polygons that people drew.
+OUTLINE_MESH_SHARE, OUTLINE_CAST_SHARE = 0.5, 0.35
 PHOTO_FRAME = np.array([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT]], float)
 BOX_COLUMNS = ["x0", "y0", "x1", "y1"]
 
@@ -117,7 +120,7 @@ class ViewOutlines:
     def _shape(self, thing: Thing, box: np.ndarray, place: np.ndarray | None) -> Shape:
         """All of a label's rock or shadow, whatever hides it."""
         kind, rock, _ = thing
-        own_share = self.options.outline_mesh_share if kind == ROCK else self.options.outline_cast_share
+        own_share = OUTLINE_MESH_SHARE if kind == ROCK else OUTLINE_CAST_SHARE
         return fitted(self._own_shapes(kind, place).get(rock), box, own_share)
 
     def _own_shapes(self, kind: str, place: np.ndarray | None) -> dict[int, Shape]:

@@ -57,46 +57,10 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         description="Which rocks people draw without a Sun lamp, one coefficient a term of polarsim/labels/"
         "rover_light.py.",
     )
-    rover_light_presence: float = Field(
-        0.45,
-        ge=0,
-        le=1,
-        description="Least probability by these habits of a label without a Sun lamp. F1 is highest where labels that "
-        "are right less often than half of it are left out.",
-    )
 
     # Seeds of several azimuths.
-    same_rock_iou: float = Field(
-        0.3, gt=0, lt=1, description="Boxes of two azimuths that overlap this much (IoU) are the same rock."
-    )
-    presence: float = Field(
-        0.6,
-        ge=0,
-        le=1,
-        description="Share of the azimuths with seeds whose lamps light a rock that must show it, for its label at "
-        "other azimuths.",
-    )
-    same_lamp_weight: float = Field(
-        2.0,
-        gt=0,
-        description="Weight in a rock's fused box of what was drawn in the other camera under the same lamp; a drawing "
-        "under another lamp weighs 1.",
-    )
-    mesh_weight: float = Field(
-        1.0,
-        ge=0,
-        description="Weight of a rock's projected mesh in its fused box, for edges that agree with the drawn ones; a "
-        "drawn box weighs 1.",
-    )
 
     # Rocks as bodies.
-    match_gate_px: float = Field(
-        40.0, gt=0, description="Largest distance of a projected mesh from its label box, centre to centre, px."
-    )
-    trim_mm: float = Field(
-        4.0, ge=0, description="Rock surface lower than this above the ground counts as ground (skirts of meshes), mm."
-    )
-    rock_margin_px: float = Field(1.0, ge=0, description="People draw rocks this much larger on every side, px.")
     min_rock_px: float = Field(12.0, gt=0, description="Smallest projected rock that is labelled, sqrt(area), px.")
     min_seen: float = Field(
         0.2, ge=0, le=1, description="Smallest share of a projected rock that nothing else hides, for a label."
@@ -105,9 +69,6 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     # Shadows.
     ray_step_px: int = Field(2, ge=1, le=8, description="Shadows are cast at every n-th pixel along rows and columns.")
     min_shadow_px: float = Field(12.0, gt=0, description="Smallest cast shadow that is labelled, sqrt(area), px.")
-    min_rover_shadow_px: float = Field(
-        35.0, gt=0, description="The same under the rover light, whose shadows are mostly hidden slivers, px."
-    )
 
     shadow_habits: tuple[float, ...] = Field(
         COEFFICIENTS,
@@ -116,25 +77,8 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         description="How people box shadows, one coefficient a term of polarsim/labels/habits.py: they move the edges "
         "of a cast shadow's box; all 0 leaves it as geometry has it.",
     )
-    cast_weight: float = Field(
-        0.3, ge=0, description="Weight of a cast shadow in a box fused with one drawn in the other camera, which has 1."
-    )
 
     # Outlines.
-    outline_mesh_share: float = Field(
-        0.5,
-        ge=0,
-        le=1,
-        description="Share of the projected mesh's own box in the box that a rock's outline fills; the rest is the "
-        "label's.",
-    )
-    outline_cast_share: float = Field(
-        0.35,
-        ge=0,
-        le=1,
-        description="Share of the cast shadow's own box in the box that a shadow's outline fills; the rest is the "
-        "label's.",
-    )
     simplify_px: float = Field(0.6, ge=0, description="Largest error of a simplified outline, px.")
     wall_height_m: float = Field(0.30, ge=0, description="Height of the sandbox's walls above the sand, m; 0: none.")
 

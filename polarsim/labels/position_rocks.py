@@ -18,9 +18,15 @@ from polarsim.labels.label import Label, label_of
 from polarsim.labels.lit import lit_share
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import cameras_first
+from polarsim.labels.tracks import SAME_ROCK_IOU
 from polarsim.labels.view import ProjectedRock, at_border, move_rocks, project_rock
 from polarsim.photo import ROCK, SUNS, Azimuth, CameraSide
 
+# Fitted to the published labels: what they give elsewhere, `benchmarks/transfers.py` tells.
+PRESENCE = 0.6  # share of the azimuths with seeds whose lamps light a rock that must show it, for labels elsewhere
+SAME_LAMP_WEIGHT = 2.0  # in a fused box, of what was drawn in the other camera under the same lamp; else 1
+MESH_WEIGHT = 1.0  # of a projected mesh in a fused box, for edges that agree with the drawn ones; a drawn box has 1
+ROCK_MARGIN_PX = 1.0  # people draw rocks this much larger on every side
 LIT = 0.1  # least share of a rock that a lamp must light for people to see it
 LONE_OF = 3  # lamps at least that must have lit a rock which people drew under one of them alone, to doubt it
 IN_VIEW = 0.5  # least share of a rock that a photo shows, to expect a drawing of it there
@@ -59,7 +65,7 @@ class PositionRocks:
             share = np.ones(len(self.tracks))
         elif azimuth in SUNS:
             share = np.array([self._share(row) for row in range(len(self.tracks))])
-            chosen = np.flatnonzero(share >= self.options.presence).tolist()
+            chosen = np.flatnonzero(share >= PRESENCE).tolist()
         else:
             return self._by_rover_light(camera, boxes)
         source = self.moved_source(camera)
@@ -80,7 +86,7 @@ class PositionRocks:
         labels = []
         for row, box in enumerate(boxes):
             sure = rover_light.probability(self.rover_light_terms(camera, row), self.options.rover_light_habits)
-            if sure >= self.options.rover_light_presence:
+            if sure >= rover_light.PRESENCE:
                 label = label_of(ROCK, self.ids[row], self.moved_source(camera), box)
                 labels.append(replace(label, confidence=round(sure, 3)))
         return labels
@@ -130,7 +136,7 @@ class PositionRocks:
         for label in self._projected_rocks(camera) if azimuth in SUNS else []:
             rock = label.rock
             beyond = all(self.projected(own, rock) is None for own, _ in self.drawn)
-            drawn_as_another = iou(label.box[None], fused).max(initial=0.0) >= self.options.same_rock_iou
+            drawn_as_another = iou(label.box[None], fused).max(initial=0.0) >= SAME_ROCK_IOU
             if rock not in self.ids and beyond and self._is_lit(rock, azimuth) and not drawn_as_another:
                 found.append(label)
         return found
@@ -154,7 +160,7 @@ class PositionRocks:
         source = self.moved_source(camera)
         found = [label_of(ROCK, rock, source, box, share[rock] / len(self.azimuths)) for rock, box in elsewhere.items()]
         for label in self._projected_rocks(camera):
-            drawn_as_another = iou(label.box[None], taken).max(initial=0.0) >= self.options.same_rock_iou
+            drawn_as_another = iou(label.box[None], taken).max(initial=0.0) >= SAME_ROCK_IOU
             if label.rock not in known and label.rock not in elsewhere and not drawn_as_another:
                 found.append(label)
         return found
@@ -163,7 +169,7 @@ class PositionRocks:
         """A body as a person would draw it."""
         if (camera, rock) not in self._projections:
             shown = project_rock(self.world, self.view(camera), rock)
-            margin = np.array([-1, -1, 1, 1]) * self.options.rock_margin_px
+            margin = np.array([-1, -1, 1, 1]) * ROCK_MARGIN_PX
             self._projections[camera, rock] = (
                 ProjectedRock(clip(shown.box + margin, *self.view(camera).size), shown.seen) if shown else None
             )
@@ -195,7 +201,7 @@ class PositionRocks:
             meshed = np.flatnonzero([box is not None for box in shown])
             mesh = np.array([shown[row] for row in meshed]).reshape(-1, 4)
             count, drawn = weight[meshed], total[meshed] / np.maximum(weight[meshed], 1)
-            own = mesh_weights(drawn, count, mesh, self.options.mesh_weight)
+            own = mesh_weights(drawn, count, mesh, MESH_WEIGHT)
             total[meshed] += own * mesh
             weight[meshed] += own
             self._fused_boxes[name] = total / weight
@@ -207,7 +213,7 @@ class PositionRocks:
         for row, track in enumerate(self.tracks):
             sights = [sight for sight in track.rows if sight[0] == camera]
             if sights:
-                own = [self.options.same_lamp_weight if sight[1] == azimuth else 1.0 for sight in sights]
+                own = [SAME_LAMP_WEIGHT if sight[1] == azimuth else 1.0 for sight in sights]
                 drawn = [self.drawn[sight].rocks[track.rows[sight]] for sight in sights]
                 rows.append(row)
                 weights.append(sum(own))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.boxes import area, iou
+from polarsim.geometry.matching import MATCH_GATE_PX
 from polarsim.labels.edges import snapped
 from polarsim.labels.habits import as_people_draw
 from polarsim.labels.identity import match_boxes
@@ -21,6 +22,8 @@ from polarsim.labels.view import at_border, move_flat
 from polarsim.labels.wall_shade import shading_height
 from polarsim.photo import NO_ROCK, SHADOW, Azimuth, CameraSide, Light
 
+CAST_WEIGHT = 0.3  # of a cast shadow in a box fused with one drawn in the other camera, which has 1
+MIN_ROVER_SHADOW_PX = 35.0  # smallest shadow under the rover light, sqrt(area): they are mostly hidden slivers
 SHADOW_GATE = 2.0  # shadows are long: they are matched within this many times the gate of rocks
 FAR_APART, FAR_APART_PX = 0.3, 6.0  # of a box's sides, and at least pixels: so far apart edges are not the same one
 OF_WALL = NO_ROCK - 1  # in pictures of who throws a shadow: a wall of the sandbox does
@@ -83,7 +86,7 @@ class PositionShadows:
             dark = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo}
             inside = np.zeros(4, bool)
             boxes = [
-                mean_shadow(box, inside, dark.get(int(rock)), self.options.cast_weight)
+                mean_shadow(box, inside, dark.get(int(rock)), CAST_WEIGHT)
                 for rock, box in zip(throwers, own, strict=True)
             ]
             return [label_of(SHADOW, rock, "seed", box) for rock, box in zip(throwers, boxes, strict=True)]
@@ -94,7 +97,7 @@ class PositionShadows:
         throwers = self.throwers(other, drawn, light, azimuth)
         moved = move_flat(self.world, self.rocks.view(other), self.rocks.view(camera), drawn)
         boxes = [
-            mean_shadow(box, cut, cast.get(int(rock)), self.options.cast_weight)
+            mean_shadow(box, cut, cast.get(int(rock)), CAST_WEIGHT)
             for rock, box, cut in zip(throwers, moved, at_border(drawn, self.rocks.view(other).size), strict=True)
         ]
         source = self.rocks.moved_source(camera)
@@ -113,7 +116,7 @@ class PositionShadows:
 
     def _cast_labels(self, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
         rover = azimuth == "no"
-        least = self.options.min_rover_shadow_px if rover else self.options.min_shadow_px
+        least = MIN_ROVER_SHADOW_PX if rover else self.options.min_shadow_px
         large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= least}
         return [label_of(SHADOW, rock, "cast", box, by_rover_light=rover) for rock, box in large.items()]
 
@@ -125,7 +128,7 @@ class PositionShadows:
         """(n,) rock that throws each shadow drawn in a camera's photo, by the shadows that the bodies cast there."""
         cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
         expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
-        rows = match_boxes(boxes, expected, SHADOW_GATE * self.options.match_gate_px, smallest_iou=0.1)
+        rows = match_boxes(boxes, expected, SHADOW_GATE * MATCH_GATE_PX, smallest_iou=0.1)
         return np.where(rows >= 0, np.array([*cast, NO_ROCK])[rows], NO_ROCK)
 
     def cast(

@@ -11,6 +11,8 @@ from polarsim.geometry.boxes import iou, match
 from polarsim.labels.seeds import Sight
 from polarsim.photo import Azimuth
 
+SAME_ROCK_IOU = 0.3  # boxes of two azimuths that overlap this much are the same rock
+
 
 @dataclass(frozen=True)
 class Track:
@@ -29,7 +31,7 @@ class Track:
         return {azimuth for _, azimuth in self.rows}
 
 
-def find_tracks(drawn: Mapping[Sight, np.ndarray], same_rock_iou: float) -> list[Track]:
+def find_tracks(drawn: Mapping[Sight, np.ndarray], same_rock_iou: float = SAME_ROCK_IOU) -> list[Track]:
     """Group rock boxes (n, 4) of several drawings, all moved into one view; one box a drawing at most.
 
     Drawings join in the order of their number of boxes, most first, so that the fullest one sets the pattern.

@@ -11,6 +11,7 @@ import numpy as np
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.casters import caster
+from polarsim.geometry.outlines import TRIM, TRIM_SHARE
 from polarsim.geometry.rays import Caster, Joined
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import NO_ROCK
@@ -18,7 +19,6 @@ from polarsim.survey import SUN_LAMPS
 
 HIGH = 10.0  # metres: above everything in the sandbox
 CONTACT = 1e-3  # metres: a vertex this little below the ground's surface still belongs to the rock's visible foot
-LOW_SHARE = 0.35  # of a rock's height: flat rocks are not trimmed away
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def build_worlds(
     """
 
     def built(terrain: TerrainMesh) -> World:
-        return build_world(terrain, options.trim_mm / 1000, suns, options.wall_height_m)
+        return build_world(terrain, TRIM, suns, options.wall_height_m)
 
     world = built(terrain)
     return world, built(terrain.ground()) if any(rig.surveyed for rig in placed.values()) else world
@@ -153,7 +153,7 @@ def build_world(
         used, corner = np.unique(terrain.faces[own], return_inverse=True)
         vertices = terrain.vertices[used]
         height = _height_above(ground, level, vertices)
-        low = min(trim, LOW_SHARE * float(height.max()))
+        low = min(trim, TRIM_SHARE * float(height.max()))
         bodies[rock] = Body(vertices, height > -CONTACT, height > low, meshed=True)
         rock_of_face[own[(height <= low)[corner.reshape(-1, 3)].all(axis=1)]] = NO_ROCK
     of_rock = rock_of_face != NO_ROCK

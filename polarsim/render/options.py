@@ -162,14 +162,6 @@ class FittingOptions(BaseModel, extra="forbid", frozen=True):
         description="Of the ground every so many-th pixel of a row and of a column counts; of rocks all.",
     )
     border_px: int = Field(3, ge=1, description="Pixels so near to the edge of a thing or of a shadow are left out.")
-    rim_m: float = Field(
-        0.15, ge=0, description="What walls so much nearer and higher might hide or shade is left out, m."
-    )
-    least_cosine: float = Field(0.06, ge=0, lt=1, description="Surfaces lit at a lower cosine are left out.")
-    smoothness: float = Field(
-        0.05, gt=0, description="Typical difference of two neighbouring vertices' albedos, as a share of them."
-    )
-    spread: float = Field(0.3, gt=0, description="Typical difference of an albedo from its thing's mean, as a share.")
 
 
 class RenderOptions(SensorOptions):

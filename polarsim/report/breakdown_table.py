@@ -30,7 +30,8 @@ NOTES = (
     "Sizes are COCO's, of the label's box in a photo of full size: small below 32 x 32 px, medium up to 96 x 96 px, "
     "large above. Predictions on labels of another size are neither right nor wrong.",
     "Average precision: mean over 101 recalls of the highest precision there or beyond. Intervals: bootstrap of views "
-    "(terrain, position, camera) or of photos, as the run's option `detect.resampled` says; none for a single one.",
+    "(terrain, position, camera) or of photos, as the run's option `detect.comparison.resampled` says; none for a "
+    "single one.",
 )
 
 

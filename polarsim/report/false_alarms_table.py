@@ -18,8 +18,8 @@ COLUMNS = (
 )  # fmt: skip
 CAPTION = "False alarms: rocks seen where no rock is labelled, lower is better (T: trained on, E: evaluated on)."
 NOTES = (
-    "A predicted rock is a false alarm if it covers less than `detect.false_alarm_overlap` of the smaller one of it "
-    "and each rock label; `detect.iou_confidence` is its least confidence.",
+    "A predicted rock is a false alarm if it covers less than a tenth of the smaller one of it "
+    "and each rock label; `detect.comparison.iou_confidence` is its least confidence.",
     "Rock-free tiles: of 8 x 4 tiles of each photo those that no rock label reaches into; rates are per whole photo's "
     "area. Rocks that nobody labelled count as false. In brackets 95 % intervals, bootstrapped.",
 )

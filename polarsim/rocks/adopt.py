@@ -16,10 +16,9 @@ from polarsim.photo import NO_ROCK
 from polarsim.rocks import table
 from polarsim.rocks.folder import height_mesh, write_meshes
 from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Cuboid, write_cuboids
 from polarsim.rocks.published_ground import heights_on, read_ground
-from polarsim.rocks.rims import fit_ground, rim
+from polarsim.rocks.rims import FITTED_GROUND_CELL, fit_ground, rim
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import largest_island, merged_vertices
 
@@ -35,7 +34,6 @@ def adopt_rocks(
     rocks: Path,
     cuboids: Path,
     meshes: Path,
-    options: RocksOptions,
 ) -> None:
     """Take over a terrain's published rock meshes under their ids, and its ground; fit a ground where none is there.
 
@@ -55,7 +53,7 @@ def adopt_rocks(
     as_published = {rock: cleaned(obj.read(path)) for rock, path in files.items()}
     adopted = {rock: moved(mesh, shifts.get(rock, np.zeros(3))) for rock, mesh in as_published.items()}
     half = HALF_WIDTH
-    grid = FloorGrid(Extent(-half, -half, half, half), options.fitted_ground_cell_mm / 1000)
+    grid = FloorGrid(Extent(-half, -half, half, half), FITTED_GROUND_CELL)
     if published.ground:
         ground = read_ground(published.ground, {rock: rim(mesh) for rock, mesh in as_published.items()})
         heights, made_from = heights_on(grid, ground), scene.PUBLISHED
@@ -68,7 +66,7 @@ def adopt_rocks(
     around = {rock: cuboid_of(mesh) for rock, mesh in adopted.items()}
     rows = [_row(rock, mesh, around[rock], grid, heights) for rock, mesh in adopted.items()]
     sources = {NO_ROCK: made_from, **dict.fromkeys(adopted, scene.PUBLISHED)}
-    write_meshes(terrain, meshes, adopted, ground, options.decimated_share, sources)
+    write_meshes(terrain, meshes, adopted, ground, sources)
     write_cuboids(cuboids, around)
     tables.write_parquet(rocks, table.rock_table(rows))
 

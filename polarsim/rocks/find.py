@@ -26,7 +26,7 @@ from polarsim.rocks.clouds import surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
 from polarsim.rocks.drawn import with_drawn
 from polarsim.rocks.evidence import Evidence
-from polarsim.rocks.ground import Sand, find_ground, sand_extent
+from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
 from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_places
@@ -35,6 +35,10 @@ from polarsim.rocks.scans import Extent, ScanPoints, merged, place_scan
 from polarsim.rocks.settling import settling_shifts
 
 log = logging.getLogger("polarsim")
+FOOT_HEIGHT = 0.006  # metres above ground at which a rock begins
+CONFIRMED_HEIGHT = 0.010  # metres: of the lowest rock that seed boxes confirm
+CONFIRMING_IOU = 0.3  # of a seed box and a rock that confirms it
+BUMP_HEIGHT = 0.005  # metres above the sand about it: of the lowest small rock found as a convex bump
 NEIGHBOURHOOD = Extent(-2.5, -2.5, 2.5, 2.5)  # of the box and its walls: nothing further out is looked at
 
 
@@ -58,7 +62,7 @@ def find_rocks(
     """
     placed = rigs.read_all_placed(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()
-    evidence = Evidence(placed, read_rock_boxes(seeds, terrain), options.confirming_iou)
+    evidence = Evidence(placed, read_rock_boxes(seeds, terrain), CONFIRMING_IOU)
     scans = read_scans(read_inventory(inventory), placed)
     if not len(scans):
         log.warning("%s: no scan of terrain %02d, so no rock and no ground", inventory, terrain)
@@ -66,16 +70,16 @@ def find_rocks(
         return
     extent = sand_extent(scans)
     scans = scans.select(extent.contains(scans.points))
-    sand = find_ground(scans, extent, options.ground_cell_mm / 1000, np.radians(options.max_sand_slope_deg))
+    sand = find_ground(scans, extent, GROUND_CELL, np.radians(options.max_sand_slope_deg))
     limits = Limits(
-        foot=options.foot_height_mm / 1000,
+        foot=FOOT_HEIGHT,
         height=options.min_height_mm / 1000,
-        confirmed_height=options.confirmed_height_mm / 1000,
+        confirmed_height=CONFIRMED_HEIGHT,
         size=options.min_size_mm / 1000,
     )
     cut = cut_by_shape(sand, limits)
     evidence = _of_their_place(sand, limits, evidence, cut)
-    bumps = Bumps(options.bump_height_mm / 1000, options.bump_size_mm / 1000)
+    bumps = Bumps(BUMP_HEIGHT, options.bump_size_mm / 1000)
     sand, regions = with_drawn(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
     sand, regions = carved(sand, regions, limits, evidence)
     sand, regions = with_bumps(sand, regions, limits, evidence, bumps)

@@ -21,6 +21,8 @@ from polarsim.rocks.support import Scanned, support, support_table
 
 MOST_SHOWN = 250_000  # vertices of the ground in the file for viewers
 
+DECIMATED_SHARE = 0.05  # of the vertices that decimated copies keep, as the release's do
+
 
 def height_mesh(grid: FloorGrid, heights: np.ndarray) -> Mesh:
     """Two triangles a cell between the centres of the grid's cells, facing up; the shorter diagonal cuts each cell."""
@@ -40,7 +42,6 @@ def write_meshes(
     meshes: Path,
     solids: Mapping[int, Mesh],
     ground: Mesh,
-    decimated_share: float,
     sources: Mapping[int, str],
     scanned: Mapping[int, Scanned] | None = None,
 ) -> None:
@@ -55,7 +56,7 @@ def write_meshes(
         made_from = {obj.ground_name(terrain): sources[NO_ROCK]}
         for rock, mesh in sorted(solids.items()):
             named[obj.rock_name(terrain, rock)] = mesh
-            named[obj.rock_name(terrain, rock, decimated=True)] = decimated(mesh, decimated_share)
+            named[obj.rock_name(terrain, rock, decimated=True)] = decimated(mesh, DECIMATED_SHARE)
             made_from |= {obj.rock_name(terrain, rock, decimated=copy): sources[rock] for copy in (False, True)}
         write_named(folder, named, made_from)
         parts = {NO_ROCK: ground, **dict(sorted(solids.items()))}

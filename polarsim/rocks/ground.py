@@ -11,6 +11,7 @@ from polarsim.rocks.heights import FloorGrid, filled, hull_mask, mean_heights, s
 from polarsim.rocks.scans import WALL_HEIGHT, Extent, ScanPoints
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
+GROUND_CELL = 0.005  # metres: cell of the grid on which heights are taken from scans
 WALL_MARGIN = 0.03  # metres of sand along a wall that are left out: the wall's foot is not sand
 WALL_SEARCH = (1.6, 2.4)  # metres from the origin between which a wall can stand
 LEVEL_TOLERANCE = 0.010  # metres above its surroundings up to which an area within steep edges still is ground

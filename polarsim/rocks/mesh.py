@@ -14,6 +14,7 @@ from polarsim.formats.scene import SCANNED
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.rocks.folder import height_mesh, write_meshes
+from polarsim.rocks.ground import GROUND_CELL
 from polarsim.rocks.heights import FloorGrid, filled, mean_heights
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.scans import Extent
@@ -32,12 +33,12 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
     """
     table = tables.read_parquet(rocks, ["rock"])
     points = ply.read(Path(clouds) / "ground.ply")
-    grid, ground = ground_heights(points, options.ground_cell_mm / 1000)
+    grid, ground = ground_heights(points, GROUND_CELL)
     bare = np.zeros(grid.shape, bool)
     bare.ravel()[grid.cell_of(points.points)] = True
     scanners = tables.read_csv(Path(clouds) / "scanners.csv", ["x", "y", "z"])[["x", "y", "z"]].to_numpy(float)
     solids: dict[int, Mesh] = {}
-    scanned = {NO_ROCK: Scanned(points.points, options.ground_cell_mm / 1000)}
+    scanned = {NO_ROCK: Scanned(points.points, GROUND_CELL)}
     for rock in table["rock"].tolist():
         cloud = ply.read(Path(clouds) / f"rock{rock}.ply")
         scanned[rock] = Scanned(cloud.points, options.rock_cell_mm / 1000)
@@ -48,7 +49,7 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
     cell = options.ground_mesh_cell_mm / 1000
     surface = ground_surface(grid, ground, cell) if options.ground_surface == "poisson" else _triangles(points, cell)
     sources = dict.fromkeys((NO_ROCK, *solids), SCANNED)
-    write_meshes(terrain, meshes, solids, surface, options.decimated_share, sources, scanned)
+    write_meshes(terrain, meshes, solids, surface, sources, scanned)
 
 
 def _triangles(points: Cloud, cell: float) -> Mesh:

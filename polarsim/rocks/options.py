@@ -12,26 +12,17 @@ class RocksOptions(BaseModel, extra="forbid", frozen=True):
 
     min_size_mm: float = Field(35, gt=0, description="Longest horizontal side of the smallest rock, mm.")
     min_height_mm: float = Field(15, gt=0, description="Height above ground of the lowest rock, mm.")
-    confirmed_height_mm: float = Field(10, gt=0, description="The same for a rock that seed boxes confirm, mm.")
-    bump_height_mm: float = Field(
-        5, gt=0, description="Height above the sand about it of the lowest small rock found as a convex bump, mm."
-    )
     bump_size_mm: float = Field(
         95, ge=0, description="Longest side of the largest rock found as a convex bump of the sand, mm; 0: none is."
     )
-    foot_height_mm: float = Field(6, gt=0, description="Height above ground at which a rock begins, mm.")
     max_sand_slope_deg: float = Field(
         40, gt=0, lt=90, description="Steepest slope of sand, degrees; steeper is rock. Loose sand rests at up to 38."
     )
-    confirming_iou: float = Field(0.3, gt=0, lt=1, description="Overlap of a seed box and a rock that confirms it.")
     settle: bool = Field(
         True, description="Whether scans are shifted onto each other rock by rock, where points tell by how much."
     )
     rock_cell_mm: float = Field(1.9, gt=0, description="Cell of a rock's Poisson reconstruction, mm.")
-    ground_cell_mm: float = Field(5, gt=0, description="Cell of the grid on which heights are taken from scans, mm.")
     ground_mesh_cell_mm: float = Field(4, gt=0, description="Cell of the ground's mesh, mm.")
     ground_surface: Literal["poisson", "heights"] = Field(
         "poisson", description="How the ground is meshed: Poisson reconstruction, or triangles between grid heights."
     )
-    fitted_ground_cell_mm: float = Field(10, gt=0, description="Cell of a ground fitted under published meshes, mm.")
-    decimated_share: float = Field(0.05, gt=0, le=1, description="Share of the vertices that decimated copies keep.")

@@ -19,6 +19,7 @@ from polarsim.rocks.defects import FILE, defect_table, repaired
 from polarsim.rocks.folder import write_named
 from polarsim.rocks.mesh import ground_heights
 from polarsim.rocks.options import RocksOptions
+from polarsim.rocks.rims import FITTED_GROUND_CELL
 
 log = logging.getLogger("polarsim")
 
@@ -38,7 +39,7 @@ def repair_rocks(
     with about(inventory):
         published = {rock: obj.read(path) for rock, path in read_inventory(inventory).rock_meshes().items()}
     ground = obj.read(meshes / obj.ground_name(terrain)).vertices
-    grid, heights = ground_heights(Cloud(ground, np.zeros_like(ground)), options.fitted_ground_cell_mm / 1000)
+    grid, heights = ground_heights(Cloud(ground, np.zeros_like(ground)), FITTED_GROUND_CELL)
     rigs = read_all_placed(cameras).values()
     scanners = np.array([rig.sandbox_from_left.translation for rig in rigs]).reshape(-1, 3)
     closed = {}

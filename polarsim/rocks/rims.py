@@ -17,6 +17,8 @@ BLEND_RANGE = 0.20  # metres from a rim over which the ground returns to the fit
 BLEND_NEIGHBOURS = 24
 BLEND_SOFTENING = 0.010  # metres: rim points nearer than this count alike
 
+FITTED_GROUND_CELL = 0.01  # metres: of a ground that is fitted under published meshes
+
 
 def rim(mesh: Mesh) -> np.ndarray:
     """(n, 3) the lowest vertex of the outer part of a rock in each of 24 sectors; n <= 24.

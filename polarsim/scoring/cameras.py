@@ -21,7 +21,6 @@ from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, PhotoKey
 from polarsim.scoring.gauge import fit_gauge
 from polarsim.scoring.labels import read_drawn
 from polarsim.scoring.lamps import lamps_against_truth
-from polarsim.scoring.match_rule import MatchRule
 from polarsim.scoring.quality import Figure, summary, write_quality
 from polarsim.scoring.score import Labels
 
@@ -39,7 +38,6 @@ def score_cameras(
     drawn: Path | None,
     meshes: Path,
     quality: Path,
-    rule: MatchRule,
 ) -> None:
     """Write the quality of a terrain's cameras.
 
@@ -66,7 +64,7 @@ def score_cameras(
     if matches is not None and matches.exists():
         figures += against_boxes(matches)
     if drawn is not None:
-        figures += against_drawn(placed, obj.rock_files(meshes), read_drawn(drawn, terrain), rule)
+        figures += against_drawn(placed, obj.rock_files(meshes), read_drawn(drawn, terrain))
     write_quality(quality, "cameras", terrain, figures)
 
 
@@ -132,17 +130,16 @@ def against_drawn(
     placed: Mapping[str, PlacedRig],
     meshes: Mapping[int, Path],
     drawn: Mapping[PhotoKey, Labels],
-    rule: MatchRule,
 ) -> list[Figure]:
     """Overlap of the projected meshes with what all drawn boxes of a view agree on; fits know of no right photo."""
-    outlines = outlines_of({rock: obj.read(path) for rock, path in meshes.items()}, rule.trim, rule.trim_share)
+    outlines = outlines_of({rock: obj.read(path) for rock, path in meshes.items()})
     figures = []
     for camera in CAMERAS:
         pairs = [np.zeros((0, 2, 4))]  # projected and drawn
         for position, rig in placed.items():
-            boxes = agreed_boxes(drawn, position, camera, rule)
+            boxes = agreed_boxes(drawn, position, camera)
             projected = outlines.seen(rig.camera(camera))
-            rows, columns = assign(projected, boxes, rule.gate_px)
+            rows, columns = assign(projected, boxes)
             pairs.append(np.stack([projected[rows], boxes[columns]], axis=1))
         first, second = np.concatenate(pairs).swapaxes(0, 1)
         offset_px = np.abs(first[:, :2] + first[:, 2:] - second[:, :2] - second[:, 2:]) / 2
@@ -150,14 +147,14 @@ def against_drawn(
     return figures
 
 
-def agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str, rule: MatchRule) -> np.ndarray:
+def agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str) -> np.ndarray:
     """(m, 4) rock boxes of one view that its photo sets agree on."""
     sets: dict[tuple[str, str], list[np.ndarray]] = {}
     for key, labels in drawn.items():
         if (key.position, key.camera) == (position, camera):
             rocks = labels.boxes[labels.classes == BOX_CLASSES.index(ROCK)]
             sets.setdefault((key.light, key.azimuth), []).append(rocks)
-    return consensus_of_sets(list(sets.values()), rule.consensus_share, rule.same_iou)
+    return consensus_of_sets(list(sets.values()))
 
 
 def _overlap_figures(subject: str, overlap: np.ndarray, offset_px: np.ndarray) -> list[Figure]:

@@ -29,7 +29,6 @@ from polarsim.scoring.complaints import STAGE, complaint
 from polarsim.scoring.gauge import fit_gauge, refine_gauge
 from polarsim.scoring.labels import read_drawn
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
-from polarsim.scoring.match_rule import MatchRule
 from polarsim.scoring.quality import Figure, write_quality
 from polarsim.scoring.surface import Surface
 from polarsim.survey import SANDBOX_HALF_WIDTH
@@ -51,7 +50,6 @@ def check_consistency(
     photos: Path | None,
     drawn: Path | None,
     quality: Path,
-    rule: MatchRule,
 ) -> None:
     """Write how far a terrain's scans, cameras, meshes and boxes agree, and warn where they do not.
 
@@ -81,10 +79,8 @@ def check_consistency(
         figures += boxes_met(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
     both = photos_of_both(last, caster(scene.vertices, scene.faces), best_pictures(terrain, photos)) if photos else []
     if not both and drawn is not None:
-        outlines = outlines_of(
-            {rock: obj.read(path) for rock, path in obj.rock_files(meshes).items()}, rule.trim, rule.trim_share
-        )
-        both = boxes_of_both(last, outlines, read_drawn(drawn, terrain), rule)
+        outlines = outlines_of({rock: obj.read(path) for rock, path in obj.rock_files(meshes).items()})
+        both = boxes_of_both(last, outlines, read_drawn(drawn, terrain))
     figures += both
     for figure in figures:
         for sentence in complaint(figure.subject, figure.figure, figure.value):

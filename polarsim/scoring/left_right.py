@@ -23,7 +23,6 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.geometry.ties import Ties, find_ties, look_with_both
 from polarsim.photo import CAMERAS, PhotoKey
 from polarsim.scoring.cameras import agreed_boxes
-from polarsim.scoring.match_rule import MatchRule
 from polarsim.scoring.quality import Figure
 from polarsim.scoring.score import Labels
 
@@ -84,18 +83,18 @@ def _along_rows(rig: StereoRig, points_left: np.ndarray) -> np.ndarray:
 
 
 def boxes_of_both(
-    placed: Mapping[str, PlacedRig], outlines: Outlines, drawn: Mapping[PhotoKey, Labels], rule: MatchRule
+    placed: Mapping[str, PlacedRig], outlines: Outlines, drawn: Mapping[PhotoKey, Labels]
 ) -> list[Figure]:
     """How otherwise projected meshes meet the boxes of the right camera than those of the left one, by position."""
     figures = []
     for position, rig in sorted(placed.items()):
-        boxes = {camera: agreed_boxes(drawn, position, camera, rule) for camera in CAMERAS}
+        boxes = {camera: agreed_boxes(drawn, position, camera) for camera in CAMERAS}
         if min(map(len, boxes.values())) < LEAST_BOXES or rig.surveyed:
             continue
         down, share = {}, {}
         for camera, own in boxes.items():
             projected = outlines.seen(rig.camera(camera))
-            rocks, rows = assign(projected, own, rule.gate_px)
+            rocks, rows = assign(projected, own)
             off = (projected[rocks][:, [1, 3]] - own[rows][:, [1, 3]]).mean(axis=1)
             down[camera] = dict(zip(rocks.tolist(), off.tolist(), strict=True))
             share[camera] = float(np.diag(iou(projected[rocks], own[rows])).sum()) / len(own)

@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from polarsim.cameras import scans
 from polarsim.cameras.locate import ALIGNMENT_COLUMNS, MATCH_COLUMNS, locate_cameras
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.rounding import rounded
 from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import nasa, obj, yolo
@@ -15,7 +16,14 @@ from polarsim.formats.rigs import read_all_placed, write_rig
 from polarsim.geometry.poses import angle_between, looking
 from polarsim.geometry.stereo import stated_rig
 
-OPTIONS = CamerasOptions(voxel_mm=15, scan_yaw_step_deg=3)
+
+@pytest.fixture(autouse=True, scope="module")
+def quick():
+    """Coarser steps than the usual ones, to be faster."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scans, "VOXEL", 0.015)
+        patch.setattr(scans, "YAW_STEP_DEG", 3.0)
+        yield
 
 
 def locate(folder, inventory, rig, positions="ABC", seeds=None, name="cameras", threads=1):
@@ -28,7 +36,7 @@ def locate(folder, inventory, rig, positions="ABC", seeds=None, name="cameras", 
         calibration=folder / "calibration.json",
         seeds=seeds or folder / "seeds",
         cameras=folder / name,
-        options=OPTIONS,
+        options=PlacementOptions(),
         threads=threads,
     )
     return read_all_placed(folder / name)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from polarsim.cameras.labels import checked, place_by_labels
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.placements import place_all
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import RegistrationError
@@ -17,7 +17,7 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import SUNS
 
-OPTIONS = CamerasOptions()
+OPTIONS = PlacementOptions()
 
 
 def best_boxes(root, terrain, position, camera):
@@ -43,9 +43,9 @@ def best_boxes(root, terrain, position, camera):
 )
 def test_real_seeds_place_the_rig(release_root, terrain, position, place, least_left, least_right):
     meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, terrain).items()}
-    outlines = outlines_of(meshes, OPTIONS.trim_mm / 1000, OPTIONS.trim_share)
+    outlines = outlines_of(meshes)
     boxes = consensus_boxes(best_boxes(release_root, terrain, position, "L"))
-    placement = checked(place_by_labels(boxes, outlines, stated_rig().left, surveyed_pose(position), OPTIONS), OPTIONS)
+    placement = checked(place_by_labels(boxes, outlines, stated_rig().left, surveyed_pose(position), OPTIONS))
     pose = placement.fit.sandbox_from_left
     assert np.linalg.norm(pose.translation - place) < 0.1  # their lens is 1 % longer: 4 to 6 cm in distance
     assert placement.fit.iou.mean() >= least_left
@@ -53,7 +53,7 @@ def test_real_seeds_place_the_rig(release_root, terrain, position, place, least_
     rig = PlacedRig(stated_rig(), pose)
     right = clip(outlines.project(rig.camera("R")))
     drawn = consensus_boxes(best_boxes(release_root, terrain, position, "R"))
-    rows, columns = assign(right, drawn, OPTIONS.match_gate_px)
+    rows, columns = assign(right, drawn)
     assert len(rows) >= len(placement.fit.iou) - 1
     assert np.diag(iou(right[rows], drawn[columns])).mean() >= least_right
 
@@ -61,20 +61,20 @@ def test_real_seeds_place_the_rig(release_root, terrain, position, place, least_
 @pytest.mark.release
 def test_real_seeds_that_are_not_the_position_s_own_are_refused(release_root):
     meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, 11).items()}
-    outlines = outlines_of(meshes, OPTIONS.trim_mm / 1000, OPTIONS.trim_share)
+    outlines = outlines_of(meshes)
     lens = stated_rig().left
     own, other = (consensus_boxes(best_boxes(release_root, 11, position, "L")) for position in "AB")
     mirrored = (own * [-1, 1, -1, 1] + [lens.width, 0, lens.width, 0])[:, [2, 1, 0, 3]]
     for boxes in (other, mirrored):
         with pytest.raises(RegistrationError):
-            checked(place_by_labels(boxes, outlines, lens, surveyed_pose("A"), OPTIONS), OPTIONS)
+            checked(place_by_labels(boxes, outlines, lens, surveyed_pose("A"), OPTIONS))
 
 
 @pytest.mark.release
 def test_every_position_of_a_terrain_whose_rocks_stand_off_is_placed(release_root):
     """Terrain 12: three published rocks lie 5 cm off, which C sees most."""
     meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, 12).items()}
-    outlines = outlines_of(meshes, OPTIONS.trim_mm / 1000, OPTIONS.trim_share)
+    outlines = outlines_of(meshes)
     seen = {position: consensus_boxes(best_boxes(release_root, 12, position, "L")) for position in "ABC"}
     found = place_all(seen, outlines, stated_rig().left, OPTIONS)
     assert not found.refused

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.photos import refine_cameras
 from polarsim.cameras.shading import look, surface_of
 from polarsim.formats import obj, png
@@ -71,7 +71,7 @@ def located(folder, rigs):
 
 
 def refine(photographed, tmp_path, rigs, **changes):
-    asked = {"photos": photographed / "photos.parquet", "options": CamerasOptions()}
+    asked = {"photos": photographed / "photos.parquet", "options": RefinementOptions()}
     refine_cameras(
         terrain=1, located=located(tmp_path, rigs), meshes=photographed / "meshes", cameras=tmp_path / "cameras",
         **{**asked, **changes},
@@ -135,7 +135,7 @@ def test_tables_of_the_located_poses_and_a_colmap_model_come_along(refined):
 
 
 def test_without_photos_everything_stays_as_it_was_located(photographed, tmp_path):
-    off = CamerasOptions(photo_scales=())
+    off = RefinementOptions(scales=())
     for name, changes in {"none": {"photos": None}, "switched off": {"options": off}}.items():
         placed = refine(photographed, tmp_path / name, {"A": LOCATED}, **changes)
         assert placed["A"].method == "scans"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from polarsim.cameras.labels import checked, place_by_labels, survey_prior
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.refine import EdgeNoise, EdgeProblem, unknowns_of
 from polarsim.cameras.search import candidate_centres, search_pose
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
@@ -14,7 +14,7 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.geometry.stereo import stated_rig
 
-OPTIONS = CamerasOptions()
+OPTIONS = PlacementOptions()
 LENS = stated_rig().left
 
 
@@ -46,9 +46,10 @@ def test_the_pose_is_found_with_missing_and_false_boxes(position, labelled, outl
     np.testing.assert_array_equal(boxes[placement.fit.box][real], drawn[real])  # each rock met its own box
 
 
-def test_the_pose_is_found_without_a_survey(labelled, outlines, true_poses):
-    options = OPTIONS.model_copy(update={"azimuth_step_deg": 6.0, "distance_step_m": 0.6, "height_step_m": 0.3})
-    found = place_by_labels(labelled.seen("A"), outlines, LENS, None, options).fit.sandbox_from_left
+def test_the_pose_is_found_without_a_survey(labelled, outlines, true_poses, monkeypatch):
+    for name, value in (("AZIMUTH_STEP_DEG", 6.0), ("DISTANCE_STEP", 0.6), ("HEIGHT_STEP", 0.3)):
+        monkeypatch.setattr(f"polarsim.cameras.search.{name}", value)
+    found = place_by_labels(labelled.seen("A"), outlines, LENS, None, OPTIONS).fit.sandbox_from_left
     assert np.linalg.norm(found.translation - true_poses["A"].translation) < 0.03
 
 
@@ -57,28 +58,28 @@ def test_boxes_of_another_scene_are_refused(labelled, outlines, rng):
     corner = rng.uniform([100, 300], [1700, 1000], (14, 2))
     placement = place_by_labels(np.column_stack([corner, corner + size]), outlines, LENS, surveyed_pose("A"), OPTIONS)
     with pytest.raises(RegistrationError, match="the best pose explains 0"):
-        checked(placement, OPTIONS)
+        checked(placement)
 
 
 def test_mirrored_boxes_are_refused(labelled, outlines):
     mirrored = labelled.seen("A") * [-1, 1, -1, 1] + [LENS.width, 0, LENS.width, 0]
     placement = place_by_labels(mirrored[:, [2, 1, 0, 3]], outlines, LENS, surveyed_pose("A"), OPTIONS)
     with pytest.raises(RegistrationError, match="the best pose explains 0"):
-        checked(placement, OPTIONS)
+        checked(placement)
 
 
 def test_boxes_of_another_position_are_refused(labelled, outlines):
     # A and B stand one behind the other: the boxes of B are explained perfectly, from where B stands.
     placement = place_by_labels(labelled.seen("B"), outlines, LENS, surveyed_pose("A"), OPTIONS)
     with pytest.raises(RegistrationError, match=r"stands 2\.\d m from the survey's place, .* another position's boxes"):
-        checked(placement, OPTIONS)
+        checked(placement)
 
 
 def test_of_two_poses_that_explain_alike_none_is_believed(labelled, outlines):
     placement = place_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS)
     rivalled = replace(placement, runner_up=placement.share - 0.05)
     with pytest.raises(RegistrationError, match=r"two poses explain the \d+ boxes nearly alike"):
-        checked(rivalled, OPTIONS)
+        checked(rivalled)
 
 
 def test_one_pose_found_twice_is_not_its_own_rival(labelled, outlines):
@@ -94,7 +95,7 @@ def test_too_few_boxes_are_refused(outlines):
 
 def test_the_search_alone_comes_within_its_grid(labelled, outlines, true_poses):
     centres = candidate_centres(0.0, 0.0, OPTIONS)
-    best = search_pose(outlines, labelled.seen("B"), LENS, centres, OPTIONS)[0]
+    best = search_pose(outlines, labelled.seen("B"), LENS, centres)[0]
     # The grid has steps of 0.3 m, 4 degrees (0.43 m at B) and 0.2 m.
     assert np.linalg.norm(best.centre - true_poses["B"].translation) < 0.5
     assert np.degrees(angle_between(best.sandbox_from_left, true_poses["B"])) < 6

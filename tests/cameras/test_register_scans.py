@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from polarsim.cameras import scans as registration
 from polarsim.cameras.gauge import find_gauge
 from polarsim.cameras.heightmaps import agreement, height_map, relief_correlation, turned_and_shifted
 from polarsim.cameras.icp import Surface, align_jointly, covariances, measure, surface
-from polarsim.cameras.options import CamerasOptions
 from polarsim.cameras.scans import level_pose, register_scans
 from polarsim.errors import RegistrationError
 from polarsim.geometry.poses import Pose, angle_between, looking
@@ -15,12 +15,25 @@ from polarsim.geometry.stereo import rectified_left
 
 from .conftest import make_sandbox
 
-OPTIONS = CamerasOptions(voxel_mm=15, scan_yaw_step_deg=2)
+
+@pytest.fixture(autouse=True, scope="module")
+def quick():
+    """Coarser steps than the usual ones, to be faster."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registration, "VOXEL", 0.015)
+        patch.setattr(registration, "YAW_STEP_DEG", 2.0)
+        yield
+
+
+@pytest.fixture
+def quicker(monkeypatch):
+    monkeypatch.setattr(registration, "CANDIDATES", 2)
+    monkeypatch.setattr(registration, "YAW_STEP_DEG", 5.0)
 
 
 @pytest.fixture(scope="module")
 def network(scans):
-    return register_scans(scans, OPTIONS)
+    return register_scans(scans)
 
 
 def relative(poses, first, second):
@@ -68,22 +81,19 @@ def test_without_walls_the_tripods_go_to_their_surveyed_places(network, true_pos
         assert np.linalg.norm(found.translation - true_poses[position].translation) < 0.45
 
 
+@pytest.mark.usefixtures("quicker")
 def test_scans_of_two_terrains_are_refused_by_name(scans):
     # Another relief in the same box: bumps of 10 cm that only C shows.
     level = level_pose("C", scans["C"])
     bumpy = level.apply(scans["C"])
     bumpy[:, 2] += 0.1 * np.sin(9 * bumpy[:, 0]) * np.sin(11 * bumpy[:, 1])
-    quick = OPTIONS.model_copy(update={"scan_candidates": 2, "scan_yaw_step_deg": 5.0})
     with pytest.raises(RegistrationError, match=r"the scans of positions [AC] and [AC] agree on 0"):
-        register_scans({"A": scans["A"], "C": level.inverse().apply(bumpy)}, quick)
+        register_scans({"A": scans["A"], "C": level.inverse().apply(bumpy)})
 
 
 def test_copies_of_one_scan_are_refused_by_name(scans):
     with pytest.raises(RegistrationError, match="the scans of positions A and C are copies"):
-        register_scans({"A": scans["A"], "C": scans["A"].copy()}, OPTIONS)
-
-
-QUICK = OPTIONS.model_copy(update={"scan_candidates": 2, "scan_yaw_step_deg": 5.0})
+        register_scans({"A": scans["A"], "C": scans["A"].copy()})
 
 
 @pytest.fixture(scope="module")
@@ -95,10 +105,11 @@ def foreign(true_poses):
     return {p: left_from_rectified.apply(m[np.isfinite(m).all(axis=-1)]) for p, m in maps.items()}
 
 
+@pytest.mark.usefixtures("quicker")
 def test_scans_of_two_terrains_with_like_relief_are_refused_by_name(scans, foreign):
     """70 % of their cells agree to 15 mm, for sand is flat; what stands on it does not."""
     with pytest.raises(RegistrationError, match=r"positions [AC] and [AC] show different terrains: .* by -?0\.[01]\d,"):
-        register_scans({"A": scans["A"], "C": foreign["C"]}, QUICK)
+        register_scans({"A": scans["A"], "C": foreign["C"]})
 
 
 def test_the_scan_that_two_others_contradict_is_left_out_by_name(sandbox, scans, foreign):
@@ -108,7 +119,7 @@ def test_the_scan_that_two_others_contradict_is_left_out_by_name(sandbox, scans,
     third = sandbox.scan(beside, np.random.default_rng(2), 0.002)
     third = left_from_rectified.apply(third[np.isfinite(third).all(axis=-1)])
     for odd in "AC":
-        network = register_scans({**scans, "D": third, odd: foreign[odd]}, OPTIONS)
+        network = register_scans({**scans, "D": third, odd: foreign[odd]})
         assert set(network.level_from_left) == set("ACD") - {odd}
         assert len(network.refused) == 1
         assert f" {odd} " in str(network.refused[0])
@@ -118,7 +129,7 @@ def test_the_scan_that_two_others_contradict_is_left_out_by_name(sandbox, scans,
 
 def test_a_scan_that_is_turned_round_is_left_out_by_name(scans):
     backwards = scans["C"] * np.array([-1, 1, -1])  # by 180 degrees about the camera's vertical
-    network = register_scans({"A": scans["A"], "C": backwards}, OPTIONS)
+    network = register_scans({"A": scans["A"], "C": backwards})
     assert list(network.level_from_left) == ["A"]
     (reason,) = network.refused
     assert re.fullmatch(r"the scan of position C has \d+ points where the sand should be", str(reason))
@@ -131,7 +142,7 @@ def wall(distance=2.8):
 
 
 def test_a_scan_of_a_wall_is_left_out_by_name_and_what_it_shows(scans):
-    network = register_scans({"A": wall(), "C": scans["C"]}, OPTIONS)
+    network = register_scans({"A": wall(), "C": scans["C"]})
     assert list(network.level_from_left) == ["C"]
     (reason,) = network.refused
     assert re.search(
@@ -141,7 +152,7 @@ def test_a_scan_of_a_wall_is_left_out_by_name_and_what_it_shows(scans):
 
 def test_walls_alone_place_no_terrain():
     with pytest.raises(RegistrationError, match="the scan of position A shows 0"):
-        register_scans({"A": wall(), "C": wall(2.7)}, OPTIONS)
+        register_scans({"A": wall(), "C": wall(2.7)})
 
 
 def test_a_scan_that_shows_no_sand_is_refused_by_name():

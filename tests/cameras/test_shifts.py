@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras import search
+from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.placements import Placements, place_all, unshifted_fits
 from polarsim.cameras.shifts import FARTHEST, shift_table, shifted
 from polarsim.formats.rigs import PlacedRig
@@ -16,9 +17,19 @@ from polarsim.geometry.stereo import stated_rig
 
 from .conftest import TRUE_POSES, drawn_boxes
 
-OPTIONS = CamerasOptions(rock_shift_sd_mm=10, distance_step_m=0.6, height_step_m=0.3, starts=10)  # faster
+OPTIONS = PlacementOptions(rock_shift_sd_mm=10)
 LENS = stated_rig().left
 EDGE_PX = 0.7
+
+
+@pytest.fixture(autouse=True, scope="module")
+def quick():
+    """Coarser steps than the usual ones, to be faster."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(search, "DISTANCE_STEP", 0.6)
+        patch.setattr(search, "HEIGHT_STEP", 0.3)
+        patch.setattr(search, "STARTS", 10)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +46,7 @@ class Solution:
 
     @property
     def before(self):
-        return unshifted_fits(self.found, self.outlines, LENS, OPTIONS)
+        return unshifted_fits(self.found, self.outlines, LENS)
 
     @property
     def after(self):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.outlines import TRIM
 from polarsim.labels.dark import hidden_by_dark, in_the_dark
 from polarsim.labels.known import gather
 from polarsim.labels.options import LabelsOptions
@@ -38,13 +39,13 @@ def terrain():
 
 @pytest.fixture(scope="module")
 def world(terrain):
-    return build_world(terrain, OPTIONS.trim_mm / 1000)
+    return build_world(terrain, TRIM)
 
 
 def labelled(terrain, drawn_at, options, azimuth="180"):
     """Rocks labelled under a lamp where the same boxes were drawn under others."""
     rig = placed("A")
-    world = build_world(terrain, options.trim_mm / 1000)
+    world = build_world(terrain, TRIM)
     boxes = np.array([project_rock(world, rig.camera("L"), rock).box for rock in ROCKS])
     drawings = {("L", other): Drawn(boxes, None) for other in drawn_at}
     seeds = {"A": drawings} if drawings else {}
@@ -73,7 +74,7 @@ def test_a_rock_that_one_place_of_the_lamp_lights_is_not_in_the_dark(world, abov
 
 
 def test_walls_darken_what_lies_at_their_foot(terrain):
-    walled = build_world(terrain, OPTIONS.trim_mm / 1000, wall_height=2.0)
+    walled = build_world(terrain, TRIM, wall_height=2.0)
     assert in_the_dark(walled, OPEN, "30")
 
 

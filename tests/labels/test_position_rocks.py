@@ -5,6 +5,8 @@ import pytest
 
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.boxes import iou
+from polarsim.geometry.outlines import TRIM
+from polarsim.labels import rover_light
 from polarsim.labels.known import gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position_rocks import PositionRocks
@@ -17,7 +19,13 @@ from polarsim.survey import SUN_LAMPS
 from .conftest import BLOCKS, block, flat_ground, placed
 
 NEAR, FAR = BLOCKS
-OPTIONS = LabelsOptions(visibility="annotator", wall_height_m=0, mesh_weight=0)
+OPTIONS = LabelsOptions(visibility="annotator", wall_height_m=0)
+
+
+@pytest.fixture(autouse=True)
+def drawn_boxes_alone(monkeypatch):
+    """Projected meshes weigh nothing, so that expected boxes are those of the drawings."""
+    monkeypatch.setattr("polarsim.labels.position_rocks.MESH_WEIGHT", 0.0)
 
 
 def terrain_of(blocks):
@@ -31,7 +39,7 @@ def terrain_of(blocks):
 
 
 def box_of(rock, position="A", camera="L", blocks=BLOCKS):
-    world = build_world(terrain_of(blocks), OPTIONS.trim_mm / 1000)
+    world = build_world(terrain_of(blocks), TRIM)
     return project_rock(world, placed(position).camera(camera), rock).box
 
 
@@ -110,7 +118,7 @@ def test_a_box_of_one_drawing_alone_is_carried_over_only_if_another_position_kno
     assert shown == ({NEAR, FAR} if carried else {NEAR})
 
 
-def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_the_habits_say():
+def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_the_habits_say(monkeypatch):
     blocks = {
         1: (np.array([0.9, -0.5, 0.0]), np.array([0.1, 0.1, 0.05])),
         2: (np.array([-1.9, -0.5, 0.0]), np.array([0.05, 0.05, 0.03])),
@@ -119,6 +127,6 @@ def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_t
     drawn = {"A": {("L", azimuth): [box_of(rock, blocks=blocks) for rock in blocks] for azimuth in SUNS}}
     labels = {label.rock: label.confidence for label in rocks_at("A", drawn, blocks).labels("L", "no")}
     assert set(labels) == {1, 3}
-    assert labels[1] > labels[3] > OPTIONS.rover_light_presence
-    everything = OPTIONS.model_copy(update={"rover_light_presence": 0.0})
-    assert {label.rock for label in rocks_at("A", drawn, blocks, everything).labels("L", "no")} == set(blocks)
+    assert labels[1] > labels[3] > rover_light.PRESENCE
+    monkeypatch.setattr(rover_light, "PRESENCE", 0.0)
+    assert {label.rock for label in rocks_at("A", drawn, blocks).labels("L", "no")} == set(blocks)

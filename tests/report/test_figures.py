@@ -21,7 +21,6 @@ from polarsim.report.figures.reliability import draw_reliability
 from polarsim.report.figures.residuals import draw_residuals
 from polarsim.report.figures.terrain import STEP, draw_terrain, slanted_view, top_view
 from polarsim.scoring.label_pairs import EDGES, PAIR_COLUMNS, TRUE_EDGES
-from polarsim.scoring.match_rule import MatchRule
 from polarsim.scoring.reliability import COLUMNS as RELIABILITY_COLUMNS
 
 NARROW = 600  # px
@@ -113,14 +112,12 @@ def described(folder, photos):
 
 
 def residuals_drawn(folder, name):
-    rule = MatchRule(trim=0.004, trim_share=0.35, consensus_share=0.3, same_iou=0.5, gate_px=40)
     draw_residuals(
         terrain=3,
         cameras=folder / "cameras",
         meshes=folder / "meshes",
         seeds=folder / "seeds",
         **described(folder, {}),
-        rule=rule,
         figure=folder / name,
         width=WIDE,
     )

@@ -10,12 +10,17 @@ from polarsim.formats.scene import made_from
 from polarsim.geometry.meshes import Mesh
 from polarsim.rocks.adopt import adopt_rocks, volume_above
 from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.rims import fit_ground, rim
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import compacted
 
 GRID = FloorGrid(Extent(-2.1, -2.1, 2.1, 2.1), 0.02)
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """A fitted ground with cells of 2 cm, to be faster."""
+    monkeypatch.setattr("polarsim.rocks.adopt.FITTED_GROUND_CELL", 0.02)
 
 
 def adopt(folder, terrain, meshes, **inventory):
@@ -27,7 +32,6 @@ def adopt(folder, terrain, meshes, **inventory):
         rocks=folder / "rocks.parquet",
         cuboids=folder / "cuboids.yaml",
         meshes=folder / "meshes",
-        options=RocksOptions(fitted_ground_cell_mm=20),
     )
     return pd.read_parquet(folder / "rocks.parquet"), pd.read_csv(folder / "meshes" / "meshes.csv").set_index("mesh")
 

@@ -11,12 +11,22 @@ from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks import find
 from polarsim.rocks.find import find_rocks
+from polarsim.rocks.ground import GROUND_CELL
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import read_overrides
 from tests.rocks.conftest import Scene, angular_rock, hilly
 
-OPTIONS = RocksOptions(ground_cell_mm=10, ground_mesh_cell_mm=40)
+OPTIONS = RocksOptions(ground_mesh_cell_mm=40)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def coarse():
+    """Heights on cells of 1 cm, to be faster."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("find", "mesh"):
+            patch.setattr(f"polarsim.rocks.{module}.GROUND_CELL", 0.01)
+        yield
 
 
 def write_scene(folder, scene, tripods, reduction=0.5):
@@ -114,7 +124,8 @@ def test_the_ground_covers_the_sand(worked):
 
 
 @pytest.mark.slow
-def test_a_rock_of_7_cm_that_rises_17_mm_is_found_without_boxes(tripods, tmp_path):
+def test_a_rock_of_7_cm_that_rises_17_mm_is_found_without_boxes(tripods, tmp_path, monkeypatch):
+    monkeypatch.setattr("polarsim.rocks.find.GROUND_CELL", GROUND_CELL)
     low = angular_rock(np.random.default_rng(8), (0.9, 0.3, -0.008), 0.07)
     write_scene(tmp_path, Scene(hilly_below(0.9, 0.3), [low]), tripods, reduction=0.7)
     arguments = given(tmp_path, options=RocksOptions())

@@ -131,7 +131,6 @@ def test_published_meshes_keep_their_ids_on_a_ground_that_meets_them(release_roo
         rocks=tmp_path / "rocks.parquet",
         cuboids=tmp_path / "cuboids.yaml",
         meshes=tmp_path / "meshes",
-        options=RocksOptions(),
     )
     scene = read_terrain(tmp_path / "meshes", 11)
     assert scene.rocks == sorted(meshes)

@@ -18,7 +18,6 @@ from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
 from polarsim.scoring.complaints import complaints
 from polarsim.scoring.consistency import boxes_met, cameras_together, scans_on_meshes
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
-from polarsim.scoring.match_rule import MatchRule
 from polarsim.scoring.quality import quality_table
 from polarsim.scoring.score import Labels
 from polarsim.scoring.surface import Surface
@@ -173,9 +172,6 @@ def test_positions_without_photos_of_both_cameras_say_nothing(stereo):
     assert photos_of_both({"A": replace(STANDING, method="survey")}, rays, pictures) == []
 
 
-RULE = MatchRule(trim=0.004, trim_share=0.35, consensus_share=0.3, same_iou=0.5, gate_px=40)
-
-
 @pytest.fixture
 def rocky(rng):
     """Outlines of a dozen rocks, and boxes that people drew of them in both cameras, edges 2 px off."""
@@ -194,13 +190,13 @@ def rocky(rng):
 
 
 def test_boxes_of_both_cameras_on_their_meshes_have_nothing_to_say(rocky):
-    figures = boxes_of_both({"A": STANDING}, *rocky, RULE)
+    figures = boxes_of_both({"A": STANDING}, *rocky)
     assert {figure.figure for figure in figures} == {"iou_lost", "boxes_across_rows"}
     assert said(figures) == []
 
 
 def test_boxes_tell_of_a_right_camera_that_is_turned(rocky):
-    (sentence,) = said(boxes_of_both({"A": turned_right(STANDING, [0.1, 0, 0])}, *rocky, RULE))
+    (sentence,) = said(boxes_of_both({"A": turned_right(STANDING, [0.1, 0, 0])}, *rocky))
     assert "left and right boxes, position A: boxes of the right camera lie" in sentence
 
 
@@ -208,10 +204,10 @@ def test_boxes_tell_of_cameras_that_were_exchanged(rocky):
     outlines, drawn = rocky
     swapped = {replace(key, camera={"L": "R", "R": "L"}[key.camera]): boxes for key, boxes in drawn.items()}
     seen_left = replace(STANDING, sandbox_from_left=STANDING.sandbox_from("R"))  # as placed by what is called left
-    (sentence, *_) = said(boxes_of_both({"A": seen_left}, outlines, swapped, RULE))
+    (sentence, *_) = said(boxes_of_both({"A": seen_left}, outlines, swapped))
     assert "of IoU worse than the left one's" in sentence
 
 
 def test_few_boxes_of_a_camera_say_nothing(rocky):
     outlines, drawn = rocky
-    assert boxes_of_both({"A": STANDING}, outlines, {k: v for k, v in drawn.items() if k.camera == "L"}, RULE) == []
+    assert boxes_of_both({"A": STANDING}, outlines, {k: v for k, v in drawn.items() if k.camera == "L"}) == []

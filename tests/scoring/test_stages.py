@@ -16,7 +16,6 @@ from polarsim.photo import PhotoKey
 from polarsim.scoring.cameras import score_cameras
 from polarsim.scoring.label_pairs import PAIR_COLUMNS
 from polarsim.scoring.labels import score_labels, task_of, visible
-from polarsim.scoring.match_rule import MatchRule
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.rock_pairs import RockPairs, pair_rocks, recall_and_precision
 from polarsim.scoring.rocks import score_rocks
@@ -24,7 +23,6 @@ from polarsim.scoring.twins import compare_pictures, log_ratio, score_twins, sim
 
 OPTIONS = ScoringOptions()
 OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
-RULE = MatchRule(trim=0.004, trim_share=0.35, consensus_share=0.3, same_iou=0.5, gate_px=40)
 BOX = [100.0, 200.0, 160.0, 240.0]
 
 
@@ -38,7 +36,7 @@ def figures(path):
 
 def cameras_scored(folder, **changes):
     paths = {"truth": None, "matches": None, "drawn": None, "meshes": folder / "meshes"}
-    score_cameras(terrain=3, rule=RULE, **{**paths, **changes})
+    score_cameras(terrain=3, **{**paths, **changes})
 
 
 def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path, world):

@@ -26,7 +26,7 @@ rule locate_cameras:
         runtime=20,
     params:
         positions=positions_here,
-        options=options("cameras"),
+        options=options("cameras.placement"),
         code=code_of("locate_cameras"),
     script:
         "../scripts/locate_cameras.py"
@@ -50,7 +50,7 @@ rule refine_cameras:
         mem_mb=2500,
         runtime=20,
     params:
-        options=options("cameras"),
+        options=options("cameras.refinement"),
         code=code_of("refine_cameras"),
     script:
         "../scripts/refine_cameras.py"

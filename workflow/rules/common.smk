@@ -235,18 +235,6 @@ def drawn_polygons(terrain):
     return str(drawn) if KIND != "analog" and drawn.is_dir() else None
 
 
-def match_rule():
-    """Meshes and boxes are scored by the rule that cameras were fitted by."""
-    chosen = CONFIG.cameras
-    return {
-        "trim": chosen.trim_mm / 1000,
-        "trim_share": chosen.trim_share,
-        "consensus_share": chosen.consensus_share,
-        "same_iou": chosen.cluster_iou,
-        "gate_px": chosen.match_gate_px,
-    }
-
-
 def true_labels_of(wildcards):
     """The analog's true boxes, or those that people drew; nothing where there is neither."""
     if KIND == "analog":

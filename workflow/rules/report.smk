@@ -554,7 +554,6 @@ rule draw_residuals:
         mem_mb=1000,
         runtime=5,
     params:
-        rule=match_rule(),
         code=code_of("draw_residuals"),
     script:
         "../scripts/draw_residuals.py"

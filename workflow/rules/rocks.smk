@@ -30,7 +30,6 @@ if KIND == "release":
             mem_mb=1500,
             runtime=10,
         params:
-            options=options("rocks"),
             code=code_of("adopt_rocks"),
         script:
             "../scripts/adopt_rocks.py"

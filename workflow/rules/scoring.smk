@@ -20,7 +20,6 @@ rule score_cameras:
     params:
         truth=truth_of,
         drawn=drawn_labels_of,
-        rule=match_rule(),
         code=code_of("score_cameras"),
     script:
         "../scripts/score_cameras.py"
@@ -75,7 +74,6 @@ rule check_consistency:
         runtime=10,
     params:
         drawn=drawn_labels_of,
-        rule=match_rule(),
         code=code_of("check_consistency"),
     script:
         "../scripts/check_consistency.py"

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from polarsim.reporting import reporting
 from polarsim.rocks.adopt import adopt_rocks
-from polarsim.rocks.options import RocksOptions
 
 with reporting(log=snakemake.log[0]):
     adopt_rocks(
@@ -14,5 +13,4 @@ with reporting(log=snakemake.log[0]):
         rocks=Path(snakemake.output.rocks),
         cuboids=Path(snakemake.output.cuboids),
         meshes=Path(snakemake.output.meshes),
-        options=RocksOptions(**snakemake.params.options),
     )

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from polarsim.reporting import reporting
 from polarsim.scoring.consistency import check_consistency
-from polarsim.scoring.match_rule import MatchRule
 
 with reporting(log=snakemake.log[0]):
     check_consistency(
@@ -16,5 +15,4 @@ with reporting(log=snakemake.log[0]):
         photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
         drawn=Path(snakemake.params.drawn) if snakemake.params.drawn else None,
         quality=Path(snakemake.output.quality),
-        rule=MatchRule(**snakemake.params.rule),
     )

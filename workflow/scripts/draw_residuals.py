@@ -4,7 +4,6 @@ from pathlib import Path
 
 from polarsim.report.figures.residuals import draw_residuals
 from polarsim.reporting import reporting
-from polarsim.scoring.match_rule import MatchRule
 
 with reporting(log=snakemake.log[0]):
     draw_residuals(
@@ -14,6 +13,5 @@ with reporting(log=snakemake.log[0]):
         seeds=Path(snakemake.input.seeds),
         photos=Path(snakemake.input.photos),
         inventory=Path(snakemake.input.inventory),
-        rule=MatchRule(**snakemake.params.rule),
         figure=Path(snakemake.output.figure),
     )

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.cameras.locate import locate_cameras
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import PlacementOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
@@ -14,6 +14,6 @@ with reporting(log=snakemake.log[0]):
         calibration=Path(snakemake.input.calibration),
         seeds=Path(snakemake.input.seeds),
         cameras=Path(snakemake.output.cameras),
-        options=CamerasOptions(**snakemake.params.options),
+        options=PlacementOptions(**snakemake.params.options),
         threads=snakemake.threads,
     )

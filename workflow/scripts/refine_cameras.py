@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.cameras.options import CamerasOptions
+from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.photos import refine_cameras
 from polarsim.reporting import reporting
 
@@ -13,5 +13,5 @@ with reporting(log=snakemake.log[0]):
         meshes=Path(snakemake.input.meshes),
         photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
         cameras=Path(snakemake.output.cameras),
-        options=CamerasOptions(**snakemake.params.options),
+        options=RefinementOptions(**snakemake.params.options),
     )

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from polarsim.reporting import reporting
 from polarsim.scoring.cameras import score_cameras
-from polarsim.scoring.match_rule import MatchRule
 
 with reporting(log=snakemake.log[0]):
     score_cameras(
@@ -14,6 +13,5 @@ with reporting(log=snakemake.log[0]):
         matches=Path(snakemake.input.cameras) / "matches.parquet",
         drawn=Path(snakemake.params.drawn) if snakemake.params.drawn else None,
         meshes=Path(snakemake.input.meshes),
-        rule=MatchRule(**snakemake.params.rule),
         quality=Path(snakemake.output.quality),
     )

@@ -110,7 +110,7 @@ def fit(
         before = Setting(model, start[model], Darkening(options.falloff, options.vignetting), engine, options)
         texels = texels_of(samples, after.radiance(samples), mesh.faces)
         check = _check(samples, texels, before, after, mesh, held_out)
-        solution = solve(texels, mesh.faces, rock_of_vertex(mesh), options.fitting)
+        solution = solve(texels, mesh.faces, rock_of_vertex(mesh))
         fitted[model] = _fitted(solution, own, check)
         looks = np.bincount(texels.vertex, minlength=len(mesh.vertices))
         log.info("%s: %s, lamps %s, %s", model, own, fitted[model].lamps, check)
@@ -134,7 +134,7 @@ def _check(
     held = texels.lamp == held_out
     if not held.any() or held.all():
         return {}
-    solution = solve(texels.part(~held), mesh.faces, rock_of_vertex(mesh), after.options.fitting)
+    solution = solve(texels.part(~held), mesh.faces, rock_of_vertex(mesh))
     seen = np.bincount(texels.vertex[~held], minlength=len(mesh.vertices)) > 0
     own = samples.part(samples.lamp == held_out)
     own = own.part(seen[mesh.faces.take(own.face, axis=0)].all(axis=1))

@@ -20,6 +20,8 @@ from polarsim.render.optics import vignette
 from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
 from polarsim.render.surfaces import Surfaces
 
+_LEAST_COSINE = 0.06  # surfaces lit at a lower cosine are left out: small errors of their normals tell most there
+_RIM_M = 0.15  # what walls so much nearer and higher might hide or shade is left out
 _NOISE = 0.2  # relative noise (sd) of a pixel that still tells something
 
 
@@ -123,7 +125,7 @@ def samples_of_view(
             shining = Lamp(lamp.position)
             numbers, to_lamp, cosine = lighting(surfaces, hits, shining, falloff=False)
             lit[name][rows].reshape(-1)[hits.pixel[numbers]] = True
-            kept = np.flatnonzero(on_grid[numbers] & (cosine > fit.least_cosine))
+            kept = np.flatnonzero(on_grid[numbers] & (cosine > _LEAST_COSINE))
             kept = kept[clear_of_rim(hits.point[numbers[kept]], lamp.position, surfaces, options)]
             part = hits.part(numbers[kept])
             at = pixel[numbers[kept]]
@@ -148,7 +150,7 @@ def clear_of_rim(points: np.ndarray, towards: np.ndarray, surfaces: Surfaces, op
     """(n,) bool: inside the sandbox, and the way to a place (3,) passes well above its walls, wherever these stand."""
     if not options.rim:
         return np.ones(len(points), bool)
-    half, margin = options.rim_half_width_m - options.fitting.rim_m, options.fitting.rim_m
+    half, margin = options.rim_half_width_m - _RIM_M, _RIM_M
     walls = surfaces.vertices[np.unique(surfaces.faces[surfaces.id_of_face == BACKGROUND]), 2]
     top = walls.max() + margin
     clear = (np.abs(points[:, :2]) < half).all(axis=1)

@@ -17,8 +17,9 @@ from scipy import sparse
 
 from polarsim.photo import NO_ROCK
 from polarsim.render.fitting.samples import Samples
-from polarsim.render.options import FittingOptions
 
+# Typical difference of two neighbouring vertices' albedos, and of an albedo from its thing's mean, as shares of them.
+_SMOOTHNESS, _SPREAD = 0.05, 0.3
 _ROUNDS = 12
 _LEAST_SCATTER = 0.03  # of a lamp's residuals
 _CAUTION = 2.5  # scatters beyond which residuals lose weight
@@ -74,7 +75,7 @@ def texels_of(samples: Samples, radiance: np.ndarray, faces: np.ndarray) -> Texe
     return Texels(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
-def solve(texels: Texels, faces: np.ndarray, rock_of_vertex: np.ndarray, options: FittingOptions) -> Solution:
+def solve(texels: Texels, faces: np.ndarray, rock_of_vertex: np.ndarray) -> Solution:
     """The albedos and lamps that explain the observations best.
 
     Parameters
@@ -88,8 +89,8 @@ def solve(texels: Texels, faces: np.ndarray, rock_of_vertex: np.ndarray, options
     lamps = np.unique(texels.lamp)
     place = np.searchsorted(lamps, texels.lamp)
     gains = np.array([np.median(texels.ratio[place == number]) for number in range(len(lamps))])
-    smoothing, neighbours = _smoothing(faces, count, options.smoothness)
-    pull = 1 / options.spread**2
+    smoothing, neighbours = _smoothing(faces, count, _SMOOTHNESS)
+    pull = 1 / _SPREAD**2
     albedo, means = np.zeros(count), np.zeros(count)
     looks = np.bincount(texels.vertex, minlength=count)
     rocks: dict[int, float] = {}

@@ -20,7 +20,6 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.photo import HEIGHT, NO_ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, note, page, picture
-from polarsim.scoring.match_rule import MatchRule
 from polarsim.scoring.surface import Surface
 
 LENGTHENED = 20  # times that arrows are longer than what they show
@@ -36,7 +35,6 @@ def draw_residuals(
     seeds: Path,
     photos: Path,
     inventory: Path,
-    rule: MatchRule,
     figure: Path,
     width: int = FIGURE_WIDTH,
 ) -> None:
@@ -50,7 +48,7 @@ def draw_residuals(
     """
     placed, drawn = read_all_placed(cameras), read_rock_boxes(seeds, terrain)
     backgrounds = _backgrounds(seeds, photos, inventory)
-    outlines = outlines_of(_above_ground(read_terrain(meshes, terrain)), rule.trim, rule.trim_share)
+    outlines = outlines_of(_above_ground(read_terrain(meshes, terrain)))
     columns = min(2, max(1, len(placed)))
     rows = -(-len(placed) // columns)
     with page(figure, width, round(width / columns * rows * 0.77)) as sheet:
@@ -61,10 +59,8 @@ def draw_residuals(
         for axes in panels[len(placed) :]:
             axes.set_axis_off()
         for axes, (position, rig) in zip(panels, sorted(placed.items()), strict=False):
-            boxes = consensus_boxes(drawn.get(position, []), rule.consensus_share, rule.same_iou)
-            _draw_position(
-                axes, f"Terrain {terrain:02d}, {position}", rig, outlines, boxes, backgrounds.get(position), rule
-            )
+            boxes = consensus_boxes(drawn.get(position, []))
+            _draw_position(axes, f"Terrain {terrain:02d}, {position}", rig, outlines, boxes, backgrounds.get(position))
 
 
 def _backgrounds(seeds: Path, photos: Path, inventory: Path) -> dict[str, Path | None]:
@@ -90,11 +86,11 @@ def _above_ground(scene: TerrainMesh) -> dict[int, Mesh]:
 
 
 def _draw_position(
-    axes: Any, name: str, rig: PlacedRig, outlines: Outlines, boxes: np.ndarray, photo: Path | None, rule: MatchRule
+    axes: Any, name: str, rig: PlacedRig, outlines: Outlines, boxes: np.ndarray, photo: Path | None
 ) -> None:
     pixels = to_8bit(png.read(photo)) if photo is not None and photo.exists() else GREY
     projected = outlines.seen(rig.camera("L"))
-    rows, columns = assign(projected, boxes, rule.gate_px)
+    rows, columns = assign(projected, boxes)
     ours, theirs = projected[rows], boxes[columns]
     start, end = centres(theirs), centres(ours)
     scale = pixels.shape[1] / WIDTH

@@ -22,6 +22,11 @@ from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.stitch import read_terrain, rough_world, stitch
 from polarsim.rover.world.surface import World
 
+P_ONLY_GAIN_RAD_M = 1.0472  # steering angle per offset where the offset alone steers, as in the paper
+# Steering angle per offset, per offset summed over headway, and per heading error: the rover comes back to its path
+# within a few metres and without a swing.
+GAIN_RAD_M, INTEGRAL_RAD_M2, HEADING_GAIN = 4.0, 4.0, 2.0
+TURN_ABOVE_DEG = 45.0  # sharper corners are taken by a turn on the spot
 SAMPLE = 0.1  # m between places of the path at which the wheels are checked
 
 
@@ -106,17 +111,17 @@ def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:
 
 
 def law_of(options: DriveOptions) -> Law:
-    limit, turn_above = math.radians(options.steer_limit_deg), math.radians(options.turn_above_deg)
+    limit, turn_above = math.radians(options.steer_limit_deg), math.radians(TURN_ABOVE_DEG)
     if options.control == "P-only":
         steering: Steering = "crab" if options.steering == "crab" else "ackermann"
-        return Law(options.speed_m_s, options.p_only_gain_rad_m, 0.0, limit, steering, turn_above=turn_above)
+        return Law(options.speed_m_s, P_ONLY_GAIN_RAD_M, 0.0, limit, steering, turn_above=turn_above)
     return Law(
         options.speed_m_s,
-        options.gain_rad_m,
-        options.heading_gain,
+        GAIN_RAD_M,
+        HEADING_GAIN,
         limit,
         options.steering,
-        options.integral_rad_m2,
+        INTEGRAL_RAD_M2,
         turn_above=turn_above,
     )
 

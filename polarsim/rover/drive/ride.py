@@ -24,6 +24,9 @@ from polarsim.rover.vehicle.table import WHEELS
 from polarsim.rover.world.options import WorldOptions
 
 STATE = "state.npz"
+CONTROL_HZ = 100.0  # commands per second
+STUCK_S, STUCK_SHARE = 10.0, 0.05  # with less than this share of the commanded headway in this time, s, it is stuck
+SAVE_EVERY_S = 10.0  # time driven between saved states
 LEAST_CHANGE = 1e-5  # m: less is not written as a change of the ground
 Progress = Callable[[float], None]  # share of the path that is done, 0 to 1
 
@@ -67,7 +70,7 @@ def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Tr
     failure = None
     while ride.ended is None:
         try:
-            ride.go_on(job.drive.save_every_s)
+            ride.go_on(SAVE_EVERY_S)
         except EnergyError as error:
             failure, ride.ended, ride.reason = error, "energy", str(error)
         if progress:
@@ -90,11 +93,9 @@ class Ride:
         self.route = route_of(job)
         require_on_grid(job.world, job.vehicle, self.route)
         self.driver = Driver(self.route, law_of(options))
-        self.simulation = Simulation(
-            job.world, job.vehicle, job.soil, job.physics, start_of(job, self.route), job.rocks
-        )
+        self.simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, start_of(job, self.route))
         dt = self.simulation.dt
-        self._every = {what: _steps(hz, dt) for what, hz in (("control", options.control_hz), ("log", options.log_hz))}
+        self._every = {what: _steps(hz, dt) for what, hz in (("control", CONTROL_HZ), ("log", options.log_hz))}
         self.rows: list[np.ndarray] = []
         self.done: list[float] = []  # m along the path, by row
         self.moving_since = 0  # row from which headway is expected
@@ -198,12 +199,12 @@ class Ride:
         options, row = self.job.drive, len(self.done) - 1
         if self.driver.turning:
             self.moving_since = row
-        span = round(options.stuck_s / self._every["log"] / self.simulation.dt)
+        span = round(STUCK_S / self._every["log"] / self.simulation.dt)
         if row - self.moving_since >= span:
             headway = self.done[row] - self.done[row - span]
-            if headway < options.stuck_share * options.speed_m_s * options.stuck_s:
+            if headway < STUCK_SHARE * options.speed_m_s * STUCK_S:
                 self.ended = "stuck"
-                self.reason = f"{100 * headway:.1f} cm of headway in the last {options.stuck_s:g} s"
+                self.reason = f"{100 * headway:.1f} cm of headway in the last {STUCK_S:g} s"
         longest = options.longest_s or 4 * self.route.length / options.speed_m_s
         if self.simulation.time >= longest:
             self.ended, self.reason = "out of time", f"not there after {longest:g} s"

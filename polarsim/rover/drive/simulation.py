@@ -23,7 +23,6 @@ from polarsim.rover.soil.shapes import Wheel
 from polarsim.rover.soil.shapes import reach as reach_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.hulls import rock_hulls, under_rocks
-from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.surface import World
 
 SPIN = 2  # of a wheel's joints: lift, steer, spin
@@ -62,7 +61,6 @@ class Simulation:
         soil: Soil,
         options: SoilOptions | None = None,
         start: Start | None = None,
-        rocks: WorldOptions | None = None,
     ) -> None:
         self._mujoco = import_mujoco()
         from polarsim.rover.drive import mujoco_kernels
@@ -73,8 +71,7 @@ class Simulation:
             soil = soil.at_gravity(self.options.gravity_m_s2)
         self.soil, self._law = soil, soil.law(self.options.slip_sinkage)
         energy.require_small_step(vehicle, self._law, self.options)
-        rules = rocks or WorldOptions()
-        hulls = rock_hulls(world, rules.rock_hollow_m, rules.rock_parts)
+        hulls = rock_hulls(world)
         self.ground = make_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))
         # Rims alone: cells are too coarse to see a grouser.
         rims = [Wheel(wheel.radius_m, wheel.width_m) for wheel in vehicle.wheels]
@@ -217,7 +214,6 @@ class Simulation:
         vehicle: Vehicle,
         soil: Soil,
         options: SoilOptions | None = None,
-        rocks: WorldOptions | None = None,
     ) -> Simulation:
         """A simulation as `save` left it, in the same world.
 
@@ -227,7 +223,7 @@ class Simulation:
             No saved state, or one of another world or rover.
         """
         middle = Start(float(world.x.mean()), float(world.y.mean()))
-        simulation = cls(world, vehicle, soil, options, middle, rocks)
+        simulation = cls(world, vehicle, soil, options, middle)
         simulation.restore(path)
         return simulation
 

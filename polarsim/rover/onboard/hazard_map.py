@@ -16,11 +16,12 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.casters import caster
 from polarsim.photo import ROCK
 from polarsim.rover.onboard.ground_view import Estimate, estimate
-from polarsim.rover.onboard.hazards import Ride, of_frames
+from polarsim.rover.onboard.hazards import MAP_FARTHEST_M, MAP_NEAREST_M, Ride, of_frames
 from polarsim.rover.sight.layout import BOX
 from polarsim.rover.sight.options import OnboardOptions
 from polarsim.rover.world.surface import World
 
+_VOTES = 0.5  # share of the looks at a cell that must show a rock
 _PARTS = 5  # places along a side of a cell
 _RIM_PX = 2.0  # boxes so near to the picture's rim are cut: what they show is not known
 _NEARNESS = 4  # power of the distance by which looks count less
@@ -83,9 +84,9 @@ def mapped(found: pd.DataFrame, ride: Ride, grid: Grid, options: OnboardOptions)
     x, y = np.meshgrid(grid.x, grid.y)
     looks, votes, heights = (np.zeros(x.shape) for _ in range(3))
     for frame in ride.frames:
-        window = _window(grid, ride.cameras[frame], options)
+        window = _window(grid, ride.cameras[frame])
         places = np.stack([x[window], y[window], ride.ground(frame)(x[window], y[window])], axis=-1)
-        pixel, weight = _looked_at(places, ride.cameras[frame], options)
+        pixel, weight = _looked_at(places, ride.cameras[frame])
         own = by_frame.get(frame)
         corners = own[BOX].to_numpy(float) if own is not None else np.zeros((0, 4))
         cut = _is_cut(corners, ride.cameras[frame].size)
@@ -98,7 +99,7 @@ def mapped(found: pd.DataFrame, ride: Ride, grid: Grid, options: OnboardOptions)
         votes[window] += weight * (height > 0)
         heights[window] += weight * height
     with np.errstate(divide="ignore", invalid="ignore"):
-        rock = (looks > 0) & (votes >= options.map_votes * looks)
+        rock = (looks > 0) & (votes >= _VOTES * looks)
         height = np.where(rock, heights / votes, 0.0)
     return _cells(grid, rock, height, looks > 0)
 
@@ -132,20 +133,20 @@ def _cells(grid: Grid, rock: np.ndarray, height: np.ndarray, looked: np.ndarray)
     return HazardMap(seen, flagged & seen, np.where(flagged & seen, mean, 0.0))
 
 
-def _window(grid: Grid, camera: Camera, options: OnboardOptions) -> tuple[slice, slice]:
-    reach = options.map_farthest_m
+def _window(grid: Grid, camera: Camera) -> tuple[slice, slice]:
+    reach = MAP_FARTHEST_M
     x, y = camera.centre[:2]
     columns = slice(*np.searchsorted(grid.x, [x - reach, x + reach]))
     rows = slice(*np.searchsorted(grid.y, [y - reach, y + reach]))
     return rows, columns
 
 
-def _looked_at(places: np.ndarray, camera: Camera, options: OnboardOptions) -> tuple[np.ndarray, np.ndarray]:
+def _looked_at(places: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Pixels (..., 2) that show places (..., 3) on the ground, and what a look at each counts; 0 out of sight."""
     pixel = camera.project(places)
     distance = np.linalg.norm((places - camera.centre)[..., :2], axis=-1)
     inside = camera.inside(pixel)
-    inside &= (distance >= options.map_nearest_m) & (distance <= options.map_farthest_m)
+    inside &= (distance >= MAP_NEAREST_M) & (distance <= MAP_FARTHEST_M)
     return pixel, np.where(inside, np.maximum(distance, 0.1) ** -_NEARNESS, 0.0)
 
 

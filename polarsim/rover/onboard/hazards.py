@@ -18,6 +18,10 @@ from polarsim.rover.sight.layout import BOX
 from polarsim.rover.sight.options import OnboardOptions
 from polarsim.rover.vehicle.mounts import levelled
 
+STABLE_FRAMES = 3  # detections in so many pictures in a row are stable
+FALSE_OVERLAP = 0.1  # a predicted rock is false if it covers less than this share of each rock's box
+DISTANCE_BIN_M = 0.5  # width of the bins of distance
+MAP_NEAREST_M, MAP_FARTHEST_M = 0.8, 3.0  # ground before the camera that is mapped
 _SIDE_M = 0.1  # beyond the wheels, of the corridor in which a rock makes the rover stop
 
 
@@ -69,7 +73,7 @@ def sightings(truth: pd.DataFrame, found: pd.DataFrame, options: OnboardOptions)
 def recall_by_distance(seen: pd.DataFrame, options: OnboardOptions) -> pd.DataFrame:
     """Rows of height_m (rocks above it), from_m, to_m, rocks (looks at rocks), detected."""
     rows = []
-    edges = np.arange(0, options.farthest_m + 1e-9, options.distance_bin_m)
+    edges = np.arange(0, options.farthest_m + 1e-9, DISTANCE_BIN_M)
     for height in options.heights_m:
         high = seen[seen["height_m"] > height]
         for low, end in pairwise(edges):
@@ -78,10 +82,10 @@ def recall_by_distance(seen: pd.DataFrame, options: OnboardOptions) -> pd.DataFr
     return pd.DataFrame(rows, columns=["height_m", "from_m", "to_m", "rocks", "detected"])
 
 
-def first_stable(seen: pd.DataFrame, frames: list[int], options: OnboardOptions) -> pd.DataFrame:
+def first_stable(seen: pd.DataFrame, frames: list[int]) -> pd.DataFrame:
     """A row a rock: rock, height_m, first_seen_m (farthest label), first_stable_m (NaN: never).
 
-    Stable: detected in `stable_frames` frames in a row; the distance is that of the last of them.
+    Stable: detected in `STABLE_FRAMES` frames in a row; the distance is that of the last of them.
     """
     place = {frame: number for number, frame in enumerate(frames)}
     rows = []
@@ -93,7 +97,7 @@ def first_stable(seen: pd.DataFrame, frames: list[int], options: OnboardOptions)
         for k, hit in enumerate(own["detected"]):
             follows = k > 0 and number[k] == number[k - 1] + 1
             streak = (streak + 1 if follows else 1) if hit else 0
-            if streak >= options.stable_frames:
+            if streak >= STABLE_FRAMES:
                 stable = float(own["distance_m"].iloc[k])
                 break
         rows.append((rock, float(own["height_m"].iloc[0]), float(own["distance_m"].max()), stable))
@@ -121,15 +125,15 @@ def miss_distance(stable: pd.DataFrame, rocks: pd.DataFrame, ride: Ride, height_
 def false_stops(truth: pd.DataFrame, found: pd.DataFrame, ride: Ride, options: OnboardOptions) -> int:
     """How often the rover would brake for what is no rock.
 
-    It brakes where in `stable_frames` frames in a row something that it takes for a rock of `stop_height_m` or more
-    lies in its way; these are false where none of them covers a labelled rock, at least by `false_overlap`.
+    It brakes where in `STABLE_FRAMES` frames in a row something that it takes for a rock of `stop_height_m` or more
+    lies in its way; these are false where none of them covers a labelled rock, at least by `FALSE_OVERLAP`.
     """
     labels = of_frames(truth[truth["kind"] == ROCK])
     predicted = of_frames(_sure(found, options))
     streak = stops = 0
     for frame in ride.frames:
         streak = streak + 1 if _false_alarm(frame, labels.get(frame), predicted.get(frame), ride, options) else 0
-        stops += streak == options.stable_frames
+        stops += streak == STABLE_FRAMES
     return stops
 
 
@@ -140,12 +144,12 @@ def _false_alarm(
         return False
     own = predicted[BOX].to_numpy(float)
     if labels is not None:
-        own = own[boxes.largest_covered_share(own, labels[BOX].to_numpy(float)) < options.false_overlap]
+        own = own[boxes.largest_covered_share(own, labels[BOX].to_numpy(float)) < FALSE_OVERLAP]
     rock = estimate(own, ride.cameras[frame], ride.ground(frame))
     level = np.column_stack([rock.near, np.zeros(len(own))])
     ahead, left, _ = levelled(ride.base(frame)).inverse().apply(level).T
     in_the_way = np.abs(left) - rock.width / 2 < ride.half_width_m + _SIDE_M
-    near = ahead - ride.base_from_camera.translation[0] <= options.map_farthest_m
+    near = ahead - ride.base_from_camera.translation[0] <= MAP_FARTHEST_M
     return bool((in_the_way & near & (rock.height >= options.stop_height_m)).any())
 
 

@@ -45,7 +45,7 @@ def measure_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: i
     found: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
     for row, truth, boxes in _cases(folder, sight):
         seen = hazards.sightings(truth, boxes, own)
-        stable = hazards.first_stable(seen, ride.frames, own)
+        stable = hazards.first_stable(seen, ride.frames)
         gaps = {
             f"miss_{round(100 * height)}_cm_m": hazards.miss_distance(stable, world.rocks, ride, height)
             for height in own.heights_m

@@ -30,6 +30,8 @@ from polarsim.rover.sight.tracks import Lattice, Tracks
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import Vehicle
 
+BRIGHT_STARS = 300.0  # flux of the stars of the paper's videos over that of real ones
+
 
 class Sight:
     """A drive's pictures. Frames are the drive's picture times; `show` moves on to one, from the one before or not."""
@@ -51,7 +53,7 @@ class Sight:
         self.body = body_of(vehicle)
         self.render_options = options_of(options, self.body)
         self._events = _events(trace, vehicle)
-        self._tread = _tread(vehicle, options)
+        self._tread = _tread(vehicle)
         self._frame = -1
 
     @property
@@ -71,9 +73,8 @@ class Sight:
             self.trace.tracks.apply(number, self._level)
         now = float(self.trace.tracks.time[frame])
         self._links = self.links_at(now)
-        if self.options.print_depth_m:
-            new = [event for event in self._events if before < event.time_s <= now]
-            prints.stamp(self.stage.tracks, new, self._tread)
+        new = [event for event in self._events if before < event.time_s <= now]
+        prints.stamp(self.stage.tracks, new, self._tread)
         self.stage.show(self._level, self._links)
         self._frame = frame
 
@@ -128,14 +129,14 @@ class Sight:
         changed = np.zeros(world.level.size, bool)
         changed[self.trace.tracks.cell] = True
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
-        tracks = Tracks(lattice, changed.reshape(world.level.shape), options.finer, options.settle_deg)
+        tracks = Tracks(lattice, changed.reshape(world.level.shape), options.finer)
         return Stage(tracks, rocks_of(world), self.body, seat_m=self.render_options.seat_m, far_m=options.far_m)
 
     @cached_property
     def _sky(self) -> Sky | None:
         if self.options.stars == "none":
             return None
-        return sky_of(StarField(intensity=self.options.bright_stars if self.options.stars == "bright" else 1.0))
+        return sky_of(StarField(intensity=BRIGHT_STARS if self.options.stars == "bright" else 1.0))
 
 
 def _sum(layers: Mapping[tuple[Model, str], np.ndarray], model: Model, sun: str, lights: Iterable[str]) -> np.ndarray:
@@ -162,6 +163,6 @@ def _events(trace: Trace, vehicle: Vehicle) -> list[Print]:
     return sorted(found, key=lambda event: event.time_s)
 
 
-def _tread(vehicle: Vehicle, options: SightOptions) -> Tread:
+def _tread(vehicle: Vehicle) -> Tread:
     wheel = vehicle.wheels[0]
-    return Tread(max(wheel.grousers, 1), wheel.radius_m, wheel.width_m, options.print_depth_m, options.print_sd_m)
+    return Tread(max(wheel.grousers, 1), wheel.radius_m, wheel.width_m, prints.DEPTH_M, prints.SD_M)

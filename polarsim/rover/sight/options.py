@@ -30,9 +30,13 @@ def _utc(moment: datetime) -> datetime:
 class RealSun(BaseModel, extra="forbid", frozen=True):
     """The Sun over a place on the Moon at a moment."""
 
-    latitude_deg: float = Field(ge=-90, le=90, description="Selenographic latitude, degrees.")
-    longitude_deg: float = Field(ge=-180, le=360, description="Selenographic longitude, degrees, east is positive.")
-    moment_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="When, UTC.")
+    latitude_deg: float = Field(
+        ge=-90, le=90, description="The place's selenographic latitude, degrees; north is positive."
+    )
+    longitude_deg: float = Field(
+        ge=-180, le=360, description="The place's selenographic longitude, degrees; east is positive."
+    )
+    moment_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="The moment, UTC.")
 
 
 class OnboardOptions(BaseModel, extra="forbid", frozen=True):
@@ -41,69 +45,68 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     weights: Path | None = Field(None, description="The judge, weights of a run; none: truth alone is measured.")
     pictures: PicturesOptions = Field(PicturesOptions(), description="Tone curve of the detector's pictures.")
     prediction: PredictionOptions = Field(PredictionOptions(), description="How the detector looks at pictures.")
-    confidence: float = Field(0.25, gt=0, lt=1, description="Less sure detections count as none.")
+    confidence: float = Field(0.25, gt=0, lt=1, description="Detections of less confidence do not count.")
     iou: float = Field(0.5, gt=0, le=1, description="A rock is detected where a predicted rock overlaps it so much.")
-    false_overlap: float = Field(
-        0.1, gt=0, le=1, description="A predicted rock is false if it covers less than this share of each rock's box."
+    heights_m: tuple[PositiveFloat, ...] = Field(
+        (0.05, 0.10), description="Rocks higher than each of these are counted, m."
     )
-    stable_frames: int = Field(3, ge=1, description="Detections in so many pictures in a row are stable.")
-    heights_m: tuple[PositiveFloat, ...] = Field((0.05, 0.10), description="Rocks above these heights are counted, m.")
-    distance_bin_m: PositiveFloat = Field(0.5, description="Width of the bins of distance, m.")
     farthest_m: PositiveFloat = Field(6.0, description="Rocks farther from the camera are not counted, m.")
-    reaction_s: float = Field(1.0, ge=0, description="From picture to brake, s.")
-    brake_m_s2: PositiveFloat = Field(0.3, description="Deceleration, m/s2.")
+    reaction_s: float = Field(1.0, ge=0, description="So much time passes from a picture to the brake, s.")
+    brake_m_s2: PositiveFloat = Field(0.3, description="The rover brakes with this deceleration, m/s2.")
     stop_height_m: PositiveFloat = Field(0.10, description="The rover stops for rocks that it takes for so high, m.")
-    cell_m: PositiveFloat = Field(0.15, description="Cells of the hazard map, m.")
-    map_nearest_m: PositiveFloat = Field(0.8, description="Nearest ground before the camera that is mapped, m.")
+    cell_m: PositiveFloat = Field(0.15, description="The hazard map has cells of this side, m.")
     ground: Literal["surveyed", "plane"] = Field(
         "surveyed",
         description="What the rover takes for the ground ahead: the heights before the drive, as a survey or stereo "
         "pictures would give them, or the plane under its wheels, which is all that one camera knows.",
     )
-    map_farthest_m: PositiveFloat = Field(3.0, description="Farthest ground before the camera that is mapped, m.")
-    map_votes: float = Field(0.5, gt=0, le=1, description="Share of the looks at a cell that must show a rock.")
-    resamples: int = Field(1000, ge=100, description="Bootstrap samples of the 95 % intervals, over drives and lights.")
+    resamples: int = Field(
+        1000, ge=100, description="The 95 % intervals over drives and lights have this many bootstrap samples."
+    )
 
 
 class SightOptions(BaseModel, extra="forbid", frozen=True):
     """Pictures of a drive."""
 
-    views: tuple[str, ...] = Field(PAPER_VIEWS, min_length=1, description="Cameras of the vehicle's table.")
+    views: tuple[str, ...] = Field(
+        PAPER_VIEWS, min_length=1, description="These cameras of the vehicle's table take pictures."
+    )
     suns: tuple[SunName, ...] = Field(
         ("1", "2", "3", "4"),
         description="The paper's: 1 east, 2 southeast, 3 southwest, 4 west; night: none, the rover's lights alone.",
     )
-    sun_elevation_deg: float = Field(8.0, gt=0, le=90, description="Of these Suns, degrees.")
-    real_sun: RealSun | None = Field(None, description="One more Sun, the real one, named `real`.")
-    lights: tuple[str, ...] = Field((), description="Lights of the vehicle's table that are on.")
-    models: tuple[Model, ...] = Field(("hapke", "principled"), min_length=1, description="Reflectance models.")
-    exposures_ms: tuple[PositiveFloat, ...] = Field((256, 512, 1024), min_length=1, description="Exposures, ms.")
-    scale: float = Field(1.0, gt=0, le=1, description="Size of the pictures over that of the cameras.")
-    every: int = Field(1, ge=1, description="Of the drive's picture times every so many-th is rendered.")
-    finer: int = Field(4, ge=1, le=16, description="Cells of the ground that is shown along a cell of the drive's.")
-    settle_deg: float = Field(36.0, gt=0, lt=90, description="Soil steeper than this slides in pictures, degrees.")
-    print_depth_m: float = Field(0.006, ge=0, le=0.05, description="Depth of grousers' prints; 0: none, m.")
-    print_sd_m: PositiveFloat = Field(0.006, description="Standard deviation of a print's profile along the rut, m.")
-    far_m: float = Field(80.0, ge=0, description="Ground goes on so far beyond the drive's grid, m.")
+    sun_elevation_deg: float = Field(
+        8.0, gt=0, le=90, description="These Suns stand this high above the horizon, degrees."
+    )
+    real_sun: RealSun | None = Field(
+        None, description="One more Sun, the real one at a place and time, is named `real`."
+    )
+    lights: tuple[str, ...] = Field((), description="These lights of the vehicle's table are on.")
+    models: tuple[Model, ...] = Field(
+        ("hapke", "principled"), min_length=1, description="Pictures are made in each of these reflectance models."
+    )
+    exposures_ms: tuple[PositiveFloat, ...] = Field(
+        (256, 512, 1024), min_length=1, description="Pictures are made with each of these exposures, ms."
+    )
+    scale: float = Field(1.0, gt=0, le=1, description="Pictures have this size over that of the cameras.")
+    every: int = Field(1, ge=1, description="Every so many-th of the drive's picture times is rendered.")
+    finer: int = Field(
+        4, ge=1, le=16, description="The ground that is shown has this many cells along one of the drive's."
+    )
+    far_m: float = Field(80.0, ge=0, description="The ground goes on this far beyond the drive's grid, m.")
     stars: Literal["none", "physical", "bright"] = Field(
         "physical", description="Physical: sunlit exposures show hardly one; bright: as in the paper's videos."
     )
-    bright_stars: PositiveFloat = Field(300.0, description="Flux of bright stars over that of real ones.")
-    ground_albedo: float = Field(0.12, gt=0, le=1, description="Of the soil; the body's albedos are told over it.")
-    body_darker: float = Field(
-        0.25,
-        gt=0,
-        le=1,
-        description="Factor of the body's albedos. Upright walls get seven times the ground's light under a Sun at 8 "
-        "degrees: at 1 they are white at all exposures that show the ground.",
+    ground_albedo: float = Field(
+        0.12, gt=0, le=1, description="The soil has this albedo; the body's albedos are told over it."
     )
     render: RenderOptions = Field(
         RenderOptions(rim=False, bounce=0.0, falloff=True, lamp_probe_px=16, lamp_samples=8, calibration_photos=0),
         description="As in a run's configuration; its `models` and walls do not count.",
     )
     onboard: OnboardOptions = OnboardOptions()
-    videos: bool = Field(False, description="Make a video of every view, Sun, model and exposure.")
-    video_speed: PositiveFloat = Field(0.5, description="Speed of the videos over the real one.")
+    videos: bool = Field(False, description="A video is made of every view, Sun, model and exposure.")
+    video_speed: PositiveFloat = Field(0.5, description="Videos play at this speed over the real one.")
 
     @field_validator("views", "suns", "lights", "models", "exposures_ms")
     @classmethod

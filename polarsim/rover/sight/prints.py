@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.rover.sight.tracks import Tracks
 
+DEPTH_M, SD_M = 0.006, 0.006  # of a print, and the standard deviation of its profile along the rut
 _EDGE_M = 0.01  # over which a print ends at the wheel's side
 
 

@@ -28,6 +28,9 @@ from polarsim.rover.sight.tracks import Lattice, Tracks, tile_faces
 from polarsim.rover.world.surface import World
 
 _REST, _ROCKS = 1, 2  # bits of parts
+# Factor of the body's albedos: upright walls get seven times the ground's light under a Sun at 8 degrees, and at 1 they
+# are white at all exposures that show the ground.
+_BODY_DARKER = 0.25
 _FADE_M = 0.6  # over which the rim's heights fade out beyond it
 _BLUR = 0.5  # along the rim, over the distance beyond it: else its heights would be seen as rays
 _GROWTH = 1.35  # of the far ground's cells, from one to the next
@@ -168,7 +171,7 @@ def rocks_of(world: World) -> Rocks:
 
 def options_of(options: SightOptions, body: Body) -> RenderOptions:
     """The renderer's options with the body's materials in them."""
-    factor = options.body_darker / options.ground_albedo
+    factor = _BODY_DARKER / options.ground_albedo
     own = {f"body{n}": Material(albedo=max(albedo, 0.01) * factor) for n, albedo in enumerate(body.albedo)}
     render = options.render
     return render.model_copy(update={"models": options.models, "materials": {**own, **render.materials}})

@@ -18,6 +18,7 @@ from scipy.interpolate import RectBivariateSpline
 from polarsim.rover.soil.bulldozing_numba import settle
 from polarsim.rover.soil.nodes import LEVEL, ROCK, make_ground
 
+SETTLE_DEG = 36.0  # steeper soil slides, in pictures as under the wheels
 TILE = 16  # cells along a side of a tile, the unit that is built anew
 _MARGIN = 8  # cells that soil may slide beyond what wheels changed
 _STEP = 1e-5  # metres to which changes are rounded: less needs no new mesh, and pictures know no history
@@ -50,7 +51,7 @@ class Lattice:
 class Tracks:
     """The tiles that a drive changes, and their mesh at the moment of the last `show`."""
 
-    def __init__(self, lattice: Lattice, changed: np.ndarray, finer: int, angle_deg: float) -> None:
+    def __init__(self, lattice: Lattice, changed: np.ndarray, finer: int, angle_deg: float = SETTLE_DEG) -> None:
         """
         Parameters
         ----------

@@ -21,8 +21,11 @@ SAMPLES = 24  # along the longer side of a part, to see its hollow
 LEAST_VOLUME = 1e-8  # m3, a cube of 2 mm: less is no rock
 ABOVE = 1.0  # m over a surface from which rays look down
 
+HOLLOW_M = 0.01  # a rock is split where its hull stands higher than this above it, on average
+MOST_PARTS = 8  # convex parts of a rock
 
-def rock_hulls(world: World, hollow: float, most: int) -> list[np.ndarray]:
+
+def rock_hulls(world: World, hollow: float = HOLLOW_M, most: int = MOST_PARTS) -> list[np.ndarray]:
     """Corners (n, 3) of the convex parts of all rocks, m.
 
     Raises

@@ -28,7 +28,7 @@ def job(seed: int = 0, slope_deg: float = 0.0, physics: SoilOptions | None = Non
     """A metre over ground that falls from east to west."""
     x = -2.0 + 0.02 * np.arange(201)
     level = np.tile(np.tan(np.radians(slope_deg)) * -x, (121, 1))
-    options = {"path_m": ((0.25, 0.0), (-0.25, 0.0)), "settle_s": 0.5, "speed_m_s": 0.3, "save_every_s": 0.5} | drive
+    options = {"path_m": ((0.25, 0.0), (-0.25, 0.0)), "settle_s": 0.5, "speed_m_s": 0.3} | drive
     return Job(
         bare_world(level, 0.02, -2.0, -1.2),
         read_vehicle(CONFIG / "viper.yaml"),
@@ -38,6 +38,12 @@ def job(seed: int = 0, slope_deg: float = 0.0, physics: SoilOptions | None = Non
         WorldOptions(),
         seed,
     )
+
+
+@pytest.fixture(autouse=True)
+def often_saved(monkeypatch):
+    """A state is saved every half second that is driven, so that short drives have some."""
+    monkeypatch.setattr(drive, "SAVE_EVERY_S", 0.5)
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
@@ -117,8 +123,9 @@ def test_progress_is_told(tmp_path):
     assert told[-1] == 1.0
 
 
-def test_a_rover_too_weak_to_move_is_stuck_and_its_tables_are_written(tmp_path):
-    strong = job(stuck_s=2.0)
+def test_a_rover_too_weak_to_move_is_stuck_and_its_tables_are_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(drive, "STUCK_S", 2.0)
+    strong = job()
     weak = strong.vehicle.model_copy(
         update={"drive": strong.vehicle.drive.model_copy(update={"torque_limit_n_m": 1.0})}
     )

@@ -44,7 +44,7 @@ def test_a_rock_is_stably_seen_at_the_third_frame_in_a_row(hits, expected):
         {"frame": frames, "rock": 4, "distance_m": [2 - 0.1 * n for n in frames], "height_m": 0.2,
          "detected": [hits[n] == "1" for n in frames]}
     )  # fmt: skip
-    found = hazards.first_stable(seen, list(range(len(hits))), OPTIONS)
+    found = hazards.first_stable(seen, list(range(len(hits))))
     np.testing.assert_allclose(found["first_stable_m"], expected)
 
 
