@@ -200,7 +200,7 @@ def test_label_errors_are_drawn_also_when_there_are_none(tmp_path):
 def test_detection_and_ipd_are_drawn_also_without_rocks(tmp_path, kinds):
     domains = ("analog", "principled", "hapke")
     detection = [
-        (t, e, kind, "photo", True, "yolov5n", 9, 320, 9, 9, 0.5, 0.3, 0.4)
+        (t, e, kind, "photo", 0, True, "yolov5n", "scratch", 9, 320, 9, 0, 9, 0.5, 0.3, 0.4, "view", 3, *[0.1] * 6)
         for kind in kinds
         for t, e in itertools.product(domains, domains)
     ]
