@@ -26,7 +26,9 @@ def detection(domains=("analog", "hapke", "principled"), kinds=("rock", "shadow"
 def ipd(domains=("analog", "hapke", "principled")):
     rows = []
     for trained, (first, second) in itertools.product(domains, itertools.combinations(domains, 2)):
-        rows.append((trained, first, second, "rock", 40, 0.1, 0.2, 0.05, 0.15, 0.12, 0.28))
+        figures = (40, 0.1, 0.2, 0.05, 0.15, 0.12, 0.28)
+        rules = (12, "view", "zero", "left_out", 0.25)
+        rows.append(("photo", 0, trained, first, second, "rock", *figures, *rules))
     return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
 
 

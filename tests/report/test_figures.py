@@ -205,7 +205,7 @@ def test_detection_and_ipd_are_drawn_also_without_rocks(tmp_path, kinds):
         for t, e in itertools.product(domains, domains)
     ]
     ipd = [
-        (t, *pair, kind, 9, 0.1, 0.2, 0.0, 0.2, 0.1, 0.3)
+        ("photo", 0, t, *pair, kind, 9, 0.1, 0.2, 0.0, 0.2, 0.1, 0.3, 3, "view", "zero", "left_out", 0.25)
         for kind in kinds
         for t in domains
         for pair in itertools.combinations(domains, 2)
