@@ -13,7 +13,8 @@ import pandas as pd
 
 from polarsim.errors import FormatError, about
 from polarsim.formats import png
-from polarsim.formats.tables import PHOTO_COLUMNS, key_columns
+from polarsim.formats.schemas import PHOTOS
+from polarsim.formats.tables import key_columns
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 
@@ -63,12 +64,8 @@ def index_photos(files: Sequence[tuple[PhotoKey, Path]]) -> pd.DataFrame:
 
 
 def photo_table(rows: Sequence[Mapping[Any, Any]]) -> pd.DataFrame:
-    """Rows with `PHOTO_COLUMNS`, typed and in the order of keys; also when there are none."""
-    table = pd.DataFrame(rows, columns=list(PHOTO_COLUMNS))
-    for name in ("terrain", "exposure_ms", "width", "height", "bits"):
-        table[name] = table[name].astype("int64")
-    for name in ("key", "position", "light", "azimuth", "camera", "sha256", "path"):
-        table[name] = table[name].astype("str")
+    """Rows of `PHOTOS`, typed and in the order of keys; also when there are none."""
+    table = pd.DataFrame(rows, columns=list(PHOTOS.columns)).astype(PHOTOS.dtypes)
     return table.sort_values("key", ignore_index=True)
 
 

@@ -27,6 +27,7 @@ from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.rigs import SURVEYED, PlacedRig, read_rig, write_placed
 from polarsim.formats.rock_shifts import FILE as SHIFT_FILE
 from polarsim.formats.scans import read_scan
+from polarsim.formats.schemas import ALIGNMENT, MATCHES
 from polarsim.formats.seeds import read_rock_boxes
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import Outlines, outlines_of
@@ -34,12 +35,6 @@ from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig
 
 log = logging.getLogger("polarsim")
-
-ALIGNMENT_COLUMNS = ("pair", "fitness", "rmse_mm", "points", "agreement")
-MATCH_COLUMNS = (
-    "position", "rock", "seed_x0", "seed_y0", "seed_x1", "seed_y1", "mesh_x0", "mesh_y0", "mesh_x1", "mesh_y1",
-    "iou", "dx_px", "dy_px",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -119,7 +114,7 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
             }
         placed[position] = _placed(rig, pose, "scans", quality)
     rows = [_alignment_row(pair) for pair in network.pairs]
-    return Located(placed, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT_COLUMNS))})
+    return Located(placed, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT.columns))})
 
 
 def _formal_errors(covariance: np.ndarray, place: np.ndarray) -> dict[str, float]:
@@ -167,7 +162,7 @@ def _locate_by_labels(
         placed[position] = _placed(rig, pose, "labels", quality)
         rows += _match_rows(position, placement, seen[position], outlines)
     rows.sort(key=lambda row: (row["position"], row["rock"]))
-    return Located(placed, {**details, "matches.parquet": pd.DataFrame(rows, columns=list(MATCH_COLUMNS))})
+    return Located(placed, {**details, "matches.parquet": pd.DataFrame(rows, columns=list(MATCHES.columns))})
 
 
 def _tell_refused(found: Placements) -> None:
@@ -212,7 +207,7 @@ def _match_rows(
         seed, mesh = boxes[box], fit.projected[outline]
         dx, dy = _offsets(mesh[None], seed[None])[0]
         values = (position, int(outlines.rocks[outline]), *seed, *mesh, overlap, dx, dy)
-        rows.append(dict(zip(MATCH_COLUMNS, values, strict=True)))
+        rows.append(dict(zip(MATCHES.columns, values, strict=True)))
     return rows
 
 

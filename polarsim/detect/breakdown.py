@@ -11,6 +11,7 @@ import pandas as pd
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.grouping import values_by
+from polarsim.formats.schemas import CURVES
 from polarsim.photo import BOX_CLASSES, PhotoKey
 
 ALL = "all"
@@ -25,7 +26,7 @@ MEASURES = ("map50", "map50_95", "iou_mean")
 FIGURE_COLUMNS = tuple(f"{name}{bound}" for name in MEASURES for bound in ("", "_low", "_high"))
 BREAKDOWN_COLUMNS = ("by", "group", "kind", "images", "units", "labels", *FIGURE_COLUMNS)
 CURVE_IOUS = (0.5, 0.75)
-CURVE_COLUMNS = ("kind", "iou", "recall", "precision")
+CURVE_COLUMNS = CURVES.columns[2:]  # of one detector in one domain
 GROUP_RESAMPLES = 200  # bootstrap samples of groups of photos and size classes, of which there are many
 
 

@@ -13,7 +13,6 @@ import pandas as pd
 from polarsim.detect.breakdown import (
     ALL,
     BREAKDOWN_COLUMNS,
-    CURVE_COLUMNS,
     FIGURE_COLUMNS,
     breakdown,
     curves,
@@ -23,7 +22,6 @@ from polarsim.detect.dataset import BOX_COLUMNS, count_left_out, read_pictures
 from polarsim.detect.differences import DIFFERENCE_COLUMNS, paired_differences
 from polarsim.detect.false_alarms import FALSE_ALARM_COLUMNS, false_alarms
 from polarsim.detect.ipd import (
-    INSTANCE_COLUMNS,
     ROCK_COLUMNS,
     Rules,
     instance_performance,
@@ -38,6 +36,7 @@ from polarsim.detect.seen import Seen
 from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, leaks, read_split
 from polarsim.errors import DetectError
 from polarsim.formats import tables
+from polarsim.formats.schemas import CURVES, INSTANCES
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track
@@ -61,11 +60,11 @@ class Evaluation:
 
     detection: Path  # DETECTION_COLUMNS
     breakdown: Path  # trained, evaluated, BREAKDOWN_COLUMNS
-    curves: Path  # trained, evaluated, CURVE_COLUMNS
+    curves: Path  # CURVES
     false_alarms: Path  # trained, evaluated, FALSE_ALARM_COLUMNS
     ipd: Path  # IPD_COLUMNS
     rocks: Path  # trained, first, second, ROCK_COLUMNS
-    instances: Path  # trained, evaluated, INSTANCE_COLUMNS, area_px
+    instances: Path  # INSTANCES
     differences: Path  # DIFFERENCE_COLUMNS
 
 
@@ -126,14 +125,14 @@ def evaluate(
     left_out = {sides: _left_out(datasets, *sides) for sides in named}
     facts = {"split": by, "leaks_views": leaked, **detector_facts(training, imgsz), "unit": options.resampled}
     _write(tables_of.detection, _detection_table(judged, left_out, facts))
-    _write(tables_of.curves, _joined(parts["curves"], (*SIDES, *CURVE_COLUMNS)))
+    _write(tables_of.curves, _joined(parts["curves"], CURVES.columns))
     _write(tables_of.false_alarms, _joined(parts["false_alarms"], (*SIDES, *FALSE_ALARM_COLUMNS)))
     _write(tables_of.ipd, _ipd_table(performances, options))
     _write(tables_of.rocks, _rock_table(performances, options))
     compared = paired_differences(seen) if common else pd.DataFrame(columns=list(DIFFERENCE_COLUMNS))
     _write(tables_of.differences, compared)
     instances = [_named(table, SIDES, sides) for sides, table in sorted(performances.items())]
-    _write(tables_of.instances, _joined(instances, (*SIDES, *INSTANCE_COLUMNS, "area_px")))
+    _write(tables_of.instances, _joined(instances, INSTANCES.columns))
 
 
 def trained_and_evaluated(path: Path) -> tuple[str, str]:

@@ -17,10 +17,11 @@ from polarsim.detect.parts import digest, write_in_parts
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
+from polarsim.formats.schemas import PREDICTIONS
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
 
-PREDICTION_COLUMNS = ("key", "kind", "confidence", *BOX_COLUMNS)
+PREDICTION_COLUMNS = PREDICTIONS.columns
 BATCH = 8
 PART = 25 * BATCH  # pictures whose predictions are held in memory
 
@@ -75,11 +76,7 @@ def detect(detector: judges.Detector, pictures: list[np.ndarray], imgsz: int) ->
 
 def _table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
     """Rounded and ordered: by photo and kind, the surest first."""
-    table = pd.DataFrame(rows, columns=list(PREDICTION_COLUMNS))
-    for name in ("key", "kind"):
-        table[name] = table[name].astype("str")
-    table["confidence"] = table["confidence"].astype("float64").round(5)
-    for name in BOX_COLUMNS:
-        table[name] = table[name].astype("float64").round(2)
+    table = pd.DataFrame(rows, columns=list(PREDICTION_COLUMNS)).astype(PREDICTIONS.dtypes)
+    table = table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)})
     order = [True, True, False, *[True] * 4]
     return table.sort_values(list(PREDICTION_COLUMNS), ascending=order, kind="stable", ignore_index=True)

@@ -1,4 +1,4 @@
-"""Tables as Parquet and CSV, always the same bytes for the same rows; the columns that stages share are named here."""
+"""Tables as Parquet and CSV, always the same bytes for the same rows."""
 
 from __future__ import annotations
 
@@ -9,16 +9,10 @@ import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
+from polarsim.formats.schemas import LABELS, PHOTOS
 from polarsim.photo import PhotoKey
 
-PHOTO_COLUMNS = (
-    "key", "terrain", "position", "light", "azimuth", "camera", "exposure_ms",
-    "width", "height", "bits", "sha256", "path",
-)  # fmt: skip
-LABEL_COLUMNS = (
-    "key", "terrain", "position", "light", "azimuth", "camera", "exposure_ms",
-    "kind", "rock", "source", "confidence", "x0", "y0", "x1", "y1",
-)  # fmt: skip
+PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns
 
 
 def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
@@ -83,13 +77,7 @@ def key_columns(key: PhotoKey) -> dict[str, object]:
 
 def label_table(rows: list[dict[str, object]] | pd.DataFrame) -> pd.DataFrame:
     """Rows with `LABEL_COLUMNS`, typed and in the order of photo, kind, rock, place; also when there are none."""
-    table = pd.DataFrame(rows, columns=list(LABEL_COLUMNS))
-    for name in ("terrain", "exposure_ms", "rock"):
-        table[name] = table[name].astype("int64")
-    for name in ("confidence", "x0", "y0", "x1", "y1"):
-        table[name] = table[name].astype("float64")
-    for name in ("key", "position", "light", "azimuth", "camera", "kind", "source"):
-        table[name] = table[name].astype("str")
+    table = pd.DataFrame(rows, columns=list(LABEL_COLUMNS)).astype(LABELS.dtypes)
     return table.sort_values(["key", "kind", "rock", "x0", "y0"], kind="stable", ignore_index=True)
 
 

@@ -13,12 +13,12 @@ from polarsim.report import paper
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
 from polarsim.report.seeds import SEED, over_seeds, seed_notes
 
-COLUMNS = (
-    "trained", "evaluated", "kind", "split", "leaks_views", "judge", "epochs", "imgsz", "images", "labels",
-    "map50", "map50_95", "iou_mean",
-)  # fmt: skip
 MEASURES = ("map50", "map50_95", "iou_mean")
 INTERVALS = tuple(f"{name}_{bound}" for name in MEASURES for bound in ("low", "high"))
+COLUMNS = (
+    "trained", "evaluated", "kind", "split", "seed", "leaks_views", "judge", "start", "epochs", "imgsz",
+    "images", "left_out", "labels", *MEASURES, "unit", "units", *INTERVALS,
+)  # fmt: skip
 KINDS = (ROCK, "shadow", "all")
 CAPTION = "Detection: mAP@0.5 / mAP@[0.5:0.95] / IOU_mean, higher is better (T: trained on, E: evaluated on)."
 INTERVAL_CAPTION = "95 % intervals of the same figures, by a bootstrap of {}s."
@@ -36,8 +36,8 @@ def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], m
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     blocks = {CAPTION: lay_out_detection(table)}
-    if set(INTERVALS) <= set(table.columns) and not seed_notes(table):
-        unit = "/".join(sorted(set(table.get("unit", pd.Series(["view"])).astype(str)))) or "view"
+    if not seed_notes(table):
+        unit = "/".join(sorted(set(table["unit"].astype(str)))) or "view"
         blocks[INTERVAL_CAPTION.format(unit)] = lay_out_intervals(table)
     write_blocks(stem, with_origin(table, origin), blocks, notes)
 
@@ -48,13 +48,6 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     The paper has rocks in NASA's photos and their twins only: all other rows have no figure of it.
     """
     table = detection[list(COLUMNS)].copy()
-    table.insert(COLUMNS.index("epochs"), "start", detection["start"] if "start" in detection.columns else "")
-    for name, after in ((SEED, "split"), ("left_out", "images")):
-        place = list(table.columns).index(after) + 1
-        table.insert(place, name, detection[name] if name in detection.columns else 0)
-    for name in ("unit", "units", *INTERVALS):
-        if name in detection.columns:
-            table[name] = detection[name]
     table = paper.with_own_names(table, ("trained", "evaluated"), source)
     places = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
     found = [
@@ -117,19 +110,17 @@ def judge_notes(detection: pd.DataFrame) -> list[str]:
 
     Of detect/detection.parquet, whichever table the notes stand below.
     """
-    table = detection if "start" in detection.columns else detection.assign(start="")
-    seeds = ", ".join(str(seed) for seed in sorted(set(table[SEED]))) if SEED in table.columns else ""
-    trained = f" by seed {seeds}" if seeds else ""
+    seeds = ", ".join(str(seed) for seed in sorted(set(detection[SEED])))
     notes = []
-    for (judge, start, epochs, imgsz, split), part in table.groupby(
+    for (judge, start, epochs, imgsz, split), part in detection.groupby(
         ["judge", "start", "epochs", "imgsz", "split"], sort=False
     ):
         leak = "views are shared by training and test" if part["leaks_views"].any() else "no view is in both parts"
         low, high = part["images"].min(), part["images"].max()
         images = f"{low}" if low == high else f"{low} to {high}"
-        training = (f"started from {start}, " if start else "") + f"{epochs} epochs{trained}"
+        training = f"started from {start}, {epochs} epochs by seed {seeds}"
         notes.append(f"Judge {judge}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
-        corrupt = int(part["left_out"].max()) if "left_out" in part.columns else 0
+        corrupt = int(part["left_out"].max())
         if corrupt:
             notes.append(f"Split by {split}: up to {corrupt} corrupt pictures of a judge's training and test left out.")
     return notes

@@ -12,12 +12,12 @@ from polarsim.photo import ROCK
 from polarsim.report import paper
 from polarsim.report.detection_table import KINDS, notes_of_judges
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_table
-from polarsim.report.seeds import SEED, seed_notes, shown
+from polarsim.report.seeds import seed_notes, shown
 
-RULES = ("units", "unit", "undetected", "unpaired", "confidence")  # by which rocks were paired, where it is told
+RULES = ("units", "unit", "undetected", "unpaired", "confidence")  # by which rocks were paired
 COLUMNS = (
-    "trained", "first", "second", "kind", "pairs", "ipd", "ipd_abs", "ipd_low", "ipd_high", "ipd_abs_low",
-    "ipd_abs_high",
+    "split", "seed", "trained", "first", "second", "kind", "pairs", "ipd", "ipd_abs", "ipd_low", "ipd_high",
+    "ipd_abs_low", "ipd_abs_high", *RULES,
 )  # fmt: skip
 CAPTION = "Instance performance difference, lower is better (T: trained on). Each cell: ipd [95 %] / ipd_abs [95 %]."
 FORMULA_NOTE = (
@@ -38,16 +38,14 @@ def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str], detection: Pa
 def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
     """A row for every kind, judge and pair of domains in the paper's order; `paper_ipd` for rocks where it has one."""
     rows = []
-    drawn = [name for name in ("split", SEED) if name in ipd.columns]
-    told = [name for name in RULES if name in ipd.columns]
-    for entry in ipd[[*drawn, *COLUMNS, *told]].to_dict("records"):
+    for entry in ipd[list(COLUMNS)].to_dict("records"):
         trained, *pair = (paper.own_name(str(entry[name]), source) for name in ("trained", "first", "second"))
         first, second = paper.ordered_pair(*pair)
         known = entry["kind"] == ROCK and paper.is_comparable(source)
         figure = paper.IPD.get((trained, (first, second))) if known else None
         rows.append({**entry, "trained": trained, "first": first, "second": second, "paper_ipd": figure})
     rows.sort(key=_place)
-    table = pd.DataFrame(rows, columns=[*drawn, *COLUMNS, *told, "paper_ipd"])
+    table = pd.DataFrame(rows, columns=[*COLUMNS, "paper_ipd"])
     return table.astype({"paper_ipd": "float64", "trained": "str", "first": "str", "second": "str"})
 
 
@@ -56,10 +54,10 @@ def lay_out_ipd(table: pd.DataFrame) -> pd.DataFrame:
     pairs = sorted(set(zip(table["first"], table["second"], strict=True)), key=_pair_place)
     theirs = [pair for pair in pairs if pair in paper.PAIRS and table["paper_ipd"].notna().any()]
     rows = []
-    splits = table["split"] if "split" in table.columns else pd.Series("", index=table.index)
-    for (split, kind, trained), part in table.groupby([splits, "kind", "trained"], sort=False):
+    splits = set(table["split"])
+    for (split, kind, trained), part in table.groupby(["split", "kind", "trained"], sort=False):
         row: dict[str, str] = {"labels": str(kind), "T": paper.title(str(trained))}
-        if len(set(splits)) > 1:
+        if len(splits) > 1:
             row["split by"] = str(split)
         for first, second in pairs:
             found = part[(part["first"] == first) & (part["second"] == second)]
@@ -87,9 +85,7 @@ def _cell(found: pd.DataFrame) -> str:
 
 
 def _rule_notes(table: pd.DataFrame) -> list[str]:
-    """The rules of pairing, where the table tells them."""
-    if not {"unit", "undetected", "unpaired", "confidence"} <= set(table.columns):
-        return []
+    """The rules of pairing."""
     words = {"zero": "IoU 0", "left_out": "left out"}
     return [
         f"Least confidence {confidence:g}; rocks that no prediction overlaps: {words[undetected]}; "
@@ -115,7 +111,7 @@ def _place(row: Mapping[Hashable, object]) -> tuple[object, ...]:
     return (
         place,
         kind,
-        str(row.get("split", "")),
+        str(row["split"]),
         paper.rank(trained),
         trained,
         _pair_place((str(row["first"]), str(row["second"]))),

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import AZIMUTHS, BOX_CLASSES
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks, write_table
-from polarsim.scoring.label_pairs import PAIR_COLUMNS
 from polarsim.scoring.labels import ALL, DRAWN, TASKS
 from polarsim.scoring.quality import TRUTH_NAMES
 from polarsim.scoring.reliability import reliability_table
@@ -44,7 +44,7 @@ def tabulate_labels(
 
     `table` and `reliability` are stems: four forms each. `seeds` says which drawn labels the run started from.
     """
-    whole = pd.concat([read_parquet(path, list(PAIR_COLUMNS)) for path in pairs], ignore_index=True)
+    whole = pd.concat([read_parquet(path, LABEL_PAIRS.columns) for path in pairs], ignore_index=True)
     rows = label_scores(whole)
     compared = " and ".join(TRUTH_NAMES[name] for name in sorted(set(whole["against"]))) or "nothing"
     started = f"Seeds: {seeds}."

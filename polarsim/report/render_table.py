@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from polarsim.formats.schemas import TWIN_PAIRS
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
 from polarsim.scoring.quality import COLUMNS as QUALITY_COLUMNS
 from polarsim.scoring.quality import TRUTH_NAMES
-from polarsim.scoring.twins import PAIR_COLUMNS
 
 COLUMNS = {
     "subject": "str", "group": "str", "value": "str", "n": "int64", "log2_twin_over_photo": "float64",
@@ -28,7 +28,7 @@ NOTE = "Medians over photos of one exposure a photo set. A difference of 1 stop 
 
 def tabulate_render(*, pairs: Sequence[Path], quality: Sequence[Path], table: Path, origin: Mapping[str, str]) -> None:
     """Write the table of twins from the terrains' pairs and quality files; `table` is a stem: four forms."""
-    likeness = pd.concat([read_parquet(path, list(PAIR_COLUMNS)) for path in pairs], ignore_index=True)
+    likeness = pd.concat([read_parquet(path, TWIN_PAIRS.columns) for path in pairs], ignore_index=True)
     scores = pd.concat([read_csv(path, QUALITY_COLUMNS) for path in quality], ignore_index=True)
     boxes = box_rows(scores)
     rows = pd.concat([likeness_rows(likeness), boxes], ignore_index=True).astype(COLUMNS)

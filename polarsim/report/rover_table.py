@@ -7,18 +7,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from polarsim.formats.schemas import DRIVES, EVERY_DRIVE, ONBOARD, SOIL_LIMIT
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import origin_note, with_origin, write_table
-
-DRIVES_COLUMNS = ("control", "figure", "wheel", "unit", "seeds", "mean", "low", "high", "least", "most")
-EACH_COLUMNS = ("seed", "control", "ended", "figure", "unit", "value")
-ONBOARD_COLUMNS = (
-    "source", "model", "exposure_ms", "figure", "height_m", "from_m", "to_m", "value", "low", "high", "rides", "count",
-)  # fmt: skip
-SOIL_COLUMNS = (
-    "wheel", "soil", "cell_m", "slip", "sinkage_mm", "sinkage_limit_mm", "pull_n", "pull_limit_n", "torque_n_m",
-    "torque_limit_n_m",
-)  # fmt: skip
 
 DRIVES_CAPTION = (
     "Drives, means over seeds, of each wheel and of all. Slip, sinkage and torque are means over time while the rover "
@@ -42,11 +33,11 @@ def tabulate_rover(
     FormatError
         A table is missing or has other columns.
     """
-    wide = one_by_one(read_parquet(each, EACH_COLUMNS))
+    wide = one_by_one(read_parquet(each, EVERY_DRIVE.columns))
     how = f"{_ends(wide)} Intervals: 95 %, Student's over seeds."
-    _write(stem, read_parquet(drives, DRIVES_COLUMNS), DRIVES_CAPTION, origin, how)
+    _write(stem, read_parquet(drives, DRIVES.columns), DRIVES_CAPTION, origin, how)
     _write(each_stem, wide, EACH_CAPTION, origin)
-    _write(soil_stem, with_errors(read_parquet(soil, SOIL_COLUMNS)), SOIL_CAPTION, origin)
+    _write(soil_stem, with_errors(read_parquet(soil, SOIL_LIMIT.columns)), SOIL_CAPTION, origin)
 
 
 def tabulate_onboard(*, onboard: Path, stem: Path, origin: Mapping[str, str]) -> None:
@@ -59,7 +50,7 @@ def tabulate_onboard(*, onboard: Path, stem: Path, origin: Mapping[str, str]) ->
     """
     how = "Intervals: 95 %, bootstrapped over rides, a drive under a Sun each."
     # `source` is what the run's photos are, in all tables.
-    seen = read_parquet(onboard, ONBOARD_COLUMNS).rename(columns={"source": "boxes"})
+    seen = read_parquet(onboard, ONBOARD.columns).rename(columns={"source": "boxes"})
     _write(stem, seen, ONBOARD_CAPTION, origin, how)
 
 

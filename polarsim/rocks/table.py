@@ -7,15 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
+from polarsim.formats.schemas import ROCKS
 from polarsim.rocks.overrides import Cuboid
-
-COLUMNS = {
-    "rock": "int64", "x": "float64", "y": "float64", "z": "float64",
-    "size_m": "float64", "height_m": "float64", "volume_m3": "float64", "points": "int64",
-    "points_by_scan": "str", "visible_share": "float64", "scan_shift_mm": "float64",
-    "x0": "float64", "y0": "float64", "z0": "float64", "x1": "float64", "y1": "float64", "z1": "float64",
-    "source": "str", "confirmed": "str",
-}  # fmt: skip
 
 
 def row(
@@ -60,6 +53,6 @@ def row(
 
 def rock_table(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
     """Rows in the order of ids, to a tenth of a millimetre; also when there are none."""
-    table = pd.DataFrame(rows, columns=list(COLUMNS)).astype(COLUMNS)
-    rounded = {name: 4 for name in COLUMNS if COLUMNS[name] == "float64" and name != "volume_m3"}
+    table = pd.DataFrame(rows, columns=list(ROCKS.columns)).astype(ROCKS.dtypes)
+    rounded = {name: 4 for name, kind in ROCKS.dtypes.items() if kind == "float64" and name != "volume_m3"}
     return table.round({**rounded, "volume_m3": 7}).sort_values("rock", ignore_index=True)

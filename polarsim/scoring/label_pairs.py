@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pandas as pd
 
+from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import LABEL_COLUMNS, key_columns
 from polarsim.geometry.boxes import area, iou, match, match_sum
 from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, SHADOWS_DRAWN_FROM_MS, PhotoKey
@@ -17,12 +18,6 @@ from polarsim.scoring.score import Labels
 
 EDGES = ("x0", "y0", "x1", "y1")
 TRUE_EDGES = tuple(f"true_{edge}" for edge in EDGES)
-PAIR_COLUMNS = {
-    "key": "str", "terrain": "int64", "position": "str", "light": "str", "azimuth": "str", "camera": "str",
-    "exposure_ms": "int64", "task": "str", "kind": "str", "drawn": "bool", "hit": "bool", "iou": "float64",
-    "iou_best": "float64", "truth_px": "float64", "label_px": "float64", "rock": "int64", "source": "str",
-    "confidence": "float64", **dict.fromkeys((*EDGES, *TRUE_EDGES), "float64"), "against": "str",
-}  # fmt: skip
 
 _NONE = -1  # in the place of a box that a row does not have
 
@@ -69,7 +64,7 @@ def pair_labels(
     against: Against,
     options: ScoringOptions,
 ) -> pd.DataFrame:
-    """Rows with `PAIR_COLUMNS` of every photo that has a task.
+    """Rows with the columns of `LABEL_PAIRS` of every photo that has a task.
 
     Parameters
     ----------
@@ -97,7 +92,7 @@ def pair_labels(
     whole["iou"], whole["iou_best"] = pairs.iou, pairs.iou_best
     whole[list(TRUE_EDGES)], whole["truth_px"] = pairs.truth, np.sqrt(area(pairs.truth))
     whole["hit"] = whole["iou"].notna()
-    return _with_labels(whole, table, row).assign(against=against).astype(PAIR_COLUMNS)[list(PAIR_COLUMNS)]
+    return _with_labels(whole, table, row).assign(against=against).astype(LABEL_PAIRS.dtypes)[list(LABEL_PAIRS.columns)]
 
 
 def shadows_drawn(key: PhotoKey, true_shadows: int, against: Against) -> bool:

@@ -9,6 +9,7 @@ import pandas as pd
 
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
+from polarsim.formats.schemas import OFFSETS
 from polarsim.formats.tables import read_parquet, write_csv, write_parquet
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.photo import NO_ROCK
@@ -23,7 +24,6 @@ from polarsim.scoring.true_surface import SEED, Comparison, compare
 ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
 HAUSDORFF_SAMPLES = 4000  # points on a rock and on its thinned copy, besides all their vertices
 SEEN_WIDTH = 0.5  # of a rock's size that scans must have seen for the rock to count as seen
-OFFSET_COLUMNS = {"rock": "int64", **dict.fromkeys(("x", "y", "z", "offset_mm"), "float64")}
 BY_ROCK = (("surface_median_mm", "mm"), ("surface_p90_mm", "mm"), ("f_score_5mm", "1"), ("surface_iou", "1"))
 
 
@@ -66,7 +66,7 @@ def score_rocks(
     found = read_parquet(rocks, ROCK_COLUMNS)
     scene = read_terrain(meshes, terrain)
     against_truth: list[Figure] = []
-    off = pd.DataFrame(columns=list(OFFSET_COLUMNS)).astype(OFFSET_COLUMNS)
+    off = pd.DataFrame(columns=list(OFFSETS.columns)).astype(OFFSETS.dtypes)
     rows = soundness_rows(scene, meshes, terrain, generator(SEED, "mesh samples", terrain), HAUSDORFF_SAMPLES)
     if truth is not None:
         true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
@@ -74,7 +74,7 @@ def score_rocks(
         against_truth, own = _against_truth(true, found, compared)
         against_truth += _in_cameras_frame(true, found, compared, Surface(scene.vertices, scene.faces))
         against_truth += _reprojection(terrain, cameras, truth, compared)
-        off = compared.ours.table().astype(OFFSET_COLUMNS)
+        off = compared.ours.table().astype(OFFSETS.dtypes)
         rows = [{**row, **own.get(int(str(row["rock"])), {})} for row in rows]
     table = mesh_table(rows)
     figures = counts(found) + soundness(table) + against_truth + _copies(table) + _by_rock(table)

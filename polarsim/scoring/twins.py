@@ -11,6 +11,7 @@ import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
+from polarsim.formats.schemas import TWIN_PAIRS
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
 from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import BLACK_LEVEL, PhotoKey
@@ -22,11 +23,6 @@ LIT_DN = 40  # above black: darker pixels hold too much noise for a ratio
 FULL_DN = 4000  # above black: brighter ones are clipped
 COMPARED_PHOTOS = 32  # of a terrain, one a photo set at most
 WINDOW = 11  # pixels of the structural similarity's window
-PAIR_COLUMNS = {
-    "key": "str", "terrain": "int64", "position": "str", "light": "str", "azimuth": "str", "camera": "str",
-    "exposure_ms": "int64", "model": "str", "lit_px": "int64", "log2_twin_over_photo": "float64",
-    "log2_difference": "float64", "ssim": "float64",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -63,7 +59,7 @@ def score_twins(
     photos
         photos.parquet; it may have no row.
     quality, pairs
-        What to write: quality CSV; Parquet with `PAIR_COLUMNS`.
+        What to write: quality CSV; Parquet with the columns of `TWIN_PAIRS`.
     """
     figures: list[Figure] = []
     compared: list[dict[str, object]] = []
@@ -88,7 +84,7 @@ def score_twins(
             figures += likeness_figures(model, list(alike.values()))
             compared += [{**key_columns(key), "model": model, **asdict(likeness)} for key, likeness in alike.items()]
     write_quality(quality, "render", terrain, figures)
-    write_parquet(pairs, pd.DataFrame(compared, columns=list(PAIR_COLUMNS)).astype(PAIR_COLUMNS))
+    write_parquet(pairs, pd.DataFrame(compared, columns=list(TWIN_PAIRS.columns)).astype(TWIN_PAIRS.dtypes))
 
 
 def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:

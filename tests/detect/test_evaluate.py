@@ -8,6 +8,7 @@ from polarsim.detect.evaluate import Evaluation, evaluate, trained_and_evaluated
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.errors import DetectError
 from polarsim.formats import tables
+from polarsim.formats.schemas import CURVES, INSTANCES
 from polarsim.photo import PhotoKey
 
 TESTED, TRAINED, DARK = "01_A_off_180_L_0256", "01_B_off_180_L_0256", "01_A_off_180_R_0256"
@@ -107,6 +108,8 @@ def test_a_difference_is_that_of_the_two_metrics(tested):
 
 def test_every_tested_label_has_a_row_of_its_own(tested):
     table = tables.read_parquet(tested / "instances.parquet")
+    assert table.dtypes.astype(str).to_dict() == INSTANCES.dtypes
+    assert tables.read_parquet(tested / "curves.parquet").dtypes.astype(str).to_dict() == CURVES.dtypes
     real = table[table["evaluated"] == "real"]
     assert real[["key", "kind", "rock", "iou"]].to_numpy().tolist() == [
         [TESTED, "rock", 1, 0.8],

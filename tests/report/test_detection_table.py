@@ -1,5 +1,6 @@
 import itertools
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -17,14 +18,17 @@ def detection(domains=("analog", "hapke", "principled"), kinds=("rock", "shadow"
     rows = []
     for number, (kind, trained, evaluated) in enumerate(itertools.product(kinds, domains, domains)):
         shares = (0.001 * number, 0.002 * number, 0.003 * number)
-        rows.append((trained, evaluated, kind, "photo", True, "yolov5n", 12, 320, 96, 500, *shares))
+        told = ("photo", 0, True, "yolov5n", "scratch", 12, 320, 96, 0, 500)
+        rows.append((trained, evaluated, kind, *told, *shares, "view", 12, *[np.nan] * 6))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def ipd(domains=("analog", "hapke", "principled")):
     rows = []
     for trained, (first, second) in itertools.product(domains, itertools.combinations(domains, 2)):
-        rows.append((trained, first, second, "rock", 40, 0.1, 0.2, 0.05, 0.15, 0.12, 0.28))
+        figures = (40, 0.1, 0.2, 0.05, 0.15, 0.12, 0.28)
+        rules = (12, "view", "zero", "left_out", 0.25)
+        rows.append(("photo", 0, trained, first, second, "rock", *figures, *rules))
     return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
 
 
@@ -94,7 +98,7 @@ def test_domains_that_the_paper_does_not_know_have_no_figure_of_it():
     assert "paper, E: Views" not in lay_out_detection(table).columns
 
 
-def test_the_weights_that_a_judge_started_from_are_told_where_they_are_known(tmp_path):
+def test_the_weights_that_a_judge_started_from_are_told(tmp_path):
     write_parquet(tmp_path / "d.parquet", detection().assign(start="random weights"))
     tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
     assert "yolov5n, started from random weights, 12 epochs" in (tmp_path / "detection.md").read_text()

@@ -8,6 +8,7 @@ from polarsim.formats import obj, png, release, yolo
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
+from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import key_columns, label_table, write_csv, write_parquet
 from polarsim.geometry.boxes import around
 from polarsim.geometry.casters import caster
@@ -20,7 +21,7 @@ from polarsim.report.figures.offsets import draw_offsets
 from polarsim.report.figures.reliability import draw_reliability
 from polarsim.report.figures.residuals import draw_residuals
 from polarsim.report.figures.terrain import STEP, draw_terrain, slanted_view, top_view
-from polarsim.scoring.label_pairs import EDGES, PAIR_COLUMNS, TRUE_EDGES
+from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.reliability import COLUMNS as RELIABILITY_COLUMNS
 
 NARROW = 600  # px
@@ -166,14 +167,14 @@ def test_the_slanted_view_shows_rocks_in_their_colour_and_their_shadow(tmp_path,
 
 def label_pairs(*rows):
     """Pairs of (kind, task, label box, true box); a box is None where there is none."""
-    table = pd.DataFrame({name: pd.Series([None] * len(rows), dtype="object") for name in PAIR_COLUMNS})
+    table = pd.DataFrame({name: pd.Series([None] * len(rows), dtype="object") for name in LABEL_PAIRS.dtypes})
     for row, (kind, task, ours, true) in enumerate(rows):
         table.loc[row, ["kind", "task", "hit", "against"]] = [kind, task, None not in (ours, true), "truth"]
         table.loc[row, list(EDGES)] = ours or [np.nan] * 4
         table.loc[row, list(TRUE_EDGES)] = true or [np.nan] * 4
     defaults = {"bool": False, "float64": np.nan, "int64": 0, "str": ""}
-    filled = {name: table[name].fillna(defaults[kind]) for name, kind in PAIR_COLUMNS.items()}
-    return pd.DataFrame(filled).astype(PAIR_COLUMNS)
+    filled = {name: table[name].fillna(defaults[kind]) for name, kind in LABEL_PAIRS.dtypes.items()}
+    return pd.DataFrame(filled).astype(LABEL_PAIRS.dtypes)
 
 
 def test_edge_errors_are_ours_less_theirs_by_kind_and_task():
@@ -206,12 +207,12 @@ def test_label_errors_are_drawn_also_when_there_are_none(tmp_path):
 def test_detection_and_ipd_are_drawn_also_without_rocks(tmp_path, kinds):
     domains = ("analog", "principled", "hapke")
     detection = [
-        (t, e, kind, "photo", True, "yolov5n", 9, 320, 9, 9, 0.5, 0.3, 0.4)
+        (t, e, kind, "photo", 0, True, "yolov5n", "scratch", 9, 320, 9, 0, 9, 0.5, 0.3, 0.4, "view", 3, *[0.1] * 6)
         for kind in kinds
         for t, e in itertools.product(domains, domains)
     ]
     ipd = [
-        (t, *pair, kind, 9, 0.1, 0.2, 0.0, 0.2, 0.1, 0.3)
+        ("photo", 0, t, *pair, kind, 9, 0.1, 0.2, 0.0, 0.2, 0.1, 0.3, 3, "view", "zero", "left_out", 0.25)
         for kind in kinds
         for t in domains
         for pair in itertools.combinations(domains, 2)

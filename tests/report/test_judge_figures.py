@@ -3,9 +3,9 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png
+from polarsim.formats.schemas import CURVES, INSTANCES
 from polarsim.formats.tables import key_columns, label_table, write_parquet
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
-from polarsim.report.figures import curves
 from polarsim.report.figures.curves import draw_curves
 from polarsim.report.figures.gap_rocks import draw_gap_rocks, most_different
 from polarsim.report.figures.ipd_histogram import draw_ipd_histogram
@@ -33,7 +33,7 @@ def test_precision_and_recall_are_drawn_also_without_labels(tmp_path, kinds):
         for iou in (0.5, 0.75)
         for recall in (0.0, 0.5, 1.0)
     ]
-    write_parquet(tmp_path / "c.parquet", pd.DataFrame(rows, columns=list(curves.COLUMNS)))
+    write_parquet(tmp_path / "c.parquet", pd.DataFrame(rows, columns=list(CURVES.columns)))
     draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / "c.png", origin=ORIGIN, width=NARROW)
     assert is_drawn(tmp_path / "c.png")
 
@@ -66,9 +66,8 @@ def test_a_page_of_rocks_shows_label_and_best_box_in_both_domains(tmp_path):
     found = pd.DataFrame([{"key": str(key), "kind": "rock", "confidence": 0.9} | box | {"x0": 880.0, "y1": 620.0}])
     write_parquet(tmp_path / "hit.parquet", found)
     write_parquet(tmp_path / "miss.parquet", found.assign(confidence=0.1))
-    instances = [("real", "real", str(key), "rock", 1, 1.0), ("real", "hapke", str(key), "rock", 1, 0.0)]
-    columns = ["trained", "evaluated", "key", "kind", "rock", "iou"]
-    write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=columns))
+    instances = [("real", "real", str(key), "rock", 1, 1.0, 900.0), ("real", "hapke", str(key), "rock", 1, 0.0, 900.0)]
+    write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=list(INSTANCES.columns)))
     png.write(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
 
     def draw(trained):
@@ -116,9 +115,8 @@ def test_what_a_judge_sees_is_drawn_with_labels_of_every_domain(tmp_path):
     found = pd.DataFrame([{"key": str(key), "kind": "rock", "confidence": 0.9} | box | {"x0": 600.0, "y1": 700.0}])
     write_parquet(tmp_path / "hit.parquet", found)
     write_parquet(tmp_path / "miss.parquet", found.assign(confidence=0.1))
-    columns = ["trained", "evaluated", "key", "kind", "rock", "iou"]
-    instances = [("real", "real", str(key), "rock", 7, 0.6), ("real", "hapke", str(key), "rock", 7, 0.0)]
-    write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=columns))
+    instances = [("real", "real", str(key), "rock", 7, 0.6, 900.0), ("real", "hapke", str(key), "rock", 7, 0.0, 900.0)]
+    write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=list(INSTANCES.columns)))
     png.write(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
     for trained, hit in (("real", "hit"), ("hapke", "miss")):
         draw_seen(

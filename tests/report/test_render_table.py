@@ -2,11 +2,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from polarsim.formats.schemas import TWIN_PAIRS
 from polarsim.formats.tables import key_columns, read_csv, write_csv, write_parquet
 from polarsim.photo import PhotoKey
 from polarsim.report.render_table import likeness_rows, tabulate_render
 from polarsim.scoring.quality import Figure, quality_table
-from polarsim.scoring.twins import PAIR_COLUMNS
 
 ORIGIN = {"run": "test", "source": "analog", "config": "0123"}
 
@@ -26,7 +26,7 @@ def pairs():
         }
         for key in keys
     ]
-    return pd.DataFrame(rows, columns=list(PAIR_COLUMNS)).astype(PAIR_COLUMNS)
+    return pd.DataFrame(rows, columns=list(TWIN_PAIRS.dtypes)).astype(TWIN_PAIRS.dtypes)
 
 
 def test_groups_tell_where_twins_lie_off(pairs):

@@ -3,9 +3,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import key_columns, label_table
 from polarsim.photo import PhotoKey
-from polarsim.scoring.label_pairs import PAIR_COLUMNS, pair_labels, pair_photo
+from polarsim.scoring.label_pairs import pair_labels, pair_photo
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import Counts, Labels, count_photo
 
@@ -53,7 +54,7 @@ def test_a_near_miss_counts_for_the_mean_iou_but_is_no_pair():
 def test_photos_without_task_are_left_out_and_no_photo_at_all_makes_an_empty_table():
     none = paired({KEY: labels([0, 0, 10, 10])}, [], task=None)
     assert len(none) == 0
-    assert {name: str(kind) for name, kind in none.dtypes.items()} == PAIR_COLUMNS
+    assert {name: str(kind) for name, kind in none.dtypes.items()} == LABEL_PAIRS.dtypes
 
 
 @pytest.mark.parametrize(

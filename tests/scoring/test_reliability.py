@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import key_columns
 from polarsim.photo import PhotoKey
-from polarsim.scoring.label_pairs import PAIR_COLUMNS
 from polarsim.scoring.reliability import (
     COLUMNS,
     Told,
@@ -29,7 +29,7 @@ def pair_rows(*labels):
         | {"confidence": confidence, "x0": x0, "y0": 0.0, "x1": x0 + 10.0, "y1": 10.0, "against": "truth"}
         for key, x0, confidence, hit in labels
     ]
-    return pd.DataFrame(rows, columns=list(PAIR_COLUMNS)).astype(PAIR_COLUMNS)
+    return pd.DataFrame(rows, columns=list(LABEL_PAIRS.dtypes)).astype(LABEL_PAIRS.dtypes)
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,13 @@ from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, yolo
 from polarsim.formats.rigs import PlacedRig, read_placed, write_placed
+from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, read_parquet, write_parquet
 from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
 from polarsim.scoring.cameras import score_cameras
-from polarsim.scoring.label_pairs import PAIR_COLUMNS
 from polarsim.scoring.labels import score_labels, task_of, visible
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.rock_pairs import RockPairs, pair_rocks, recall_and_precision
@@ -307,7 +307,7 @@ def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
     assert table.loc[(table["subject"] == "rock: all but seeds") & (table["figure"] == "f1"), "n"].tolist() == [3]
     assert found["seeds", "photos_drawn"] == 1
     assert set(table.loc[table["subject"] != "seeds", "against"]) == {"labels"}
-    pairs = read_parquet(tmp_path / "pairs.parquet", list(PAIR_COLUMNS))
+    pairs = read_parquet(tmp_path / "pairs.parquet", list(LABEL_PAIRS.dtypes))
     assert "03_A_off_30_L_0256" not in set(pairs["key"])  # the seed
     assert "03_A_off_30_R_1024" not in set(pairs["key"])  # drawn by a person, but not labelled by the run
     assert pairs["hit"].sum() == 4

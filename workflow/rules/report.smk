@@ -467,7 +467,6 @@ rule draw_contact:
         runtime=5,
     params:
         grid=options("grid"),
-        models=STAND_INS,
         code=code_of("draw_contact"),
     script:
         "../scripts/draw_contact.py"

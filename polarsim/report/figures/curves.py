@@ -7,21 +7,21 @@ from typing import Any
 
 import pandas as pd
 
+from polarsim.formats.schemas import CURVES
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, note, page
 from polarsim.report.seeds import averaged, panels, title_words
 
-COLUMNS = ("trained", "evaluated", "kind", "iou", "recall", "precision")
 STYLES = ("-", ":")  # of the IoU thresholds, the smaller one first
 
 
 def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write the figure from detect/curves.parquet; of several seeds the mean and a band of one standard deviation."""
-    table = paper.with_own_names(read_parquet(curves, COLUMNS), ("trained", "evaluated"), origin["source"])
+    table = paper.with_own_names(read_parquet(curves, CURVES.columns), ("trained", "evaluated"), origin["source"])
     words, parts = title_words(table), panels(table)
-    parts = [(split, averaged(part, COLUMNS[:-1], ("precision",))) for split, part in parts]
+    parts = [(split, averaged(part, CURVES.columns[:-1], ("precision",))) for split, part in parts]
     judges = paper.in_order(set(table["trained"]))
     domains = paper.in_order(set(table["evaluated"]))
     kinds = [kind for kind in BOX_CLASSES if (table["kind"] == kind).any()]

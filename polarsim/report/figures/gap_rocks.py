@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import png
+from polarsim.formats.schemas import INSTANCES, PREDICTIONS
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry import boxes
@@ -19,8 +20,6 @@ from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, note, page
 
-PREDICTION_COLUMNS = ("key", "kind", "confidence", "x0", "y0", "x1", "y1")
-INSTANCE_COLUMNS = ("trained", "evaluated", "key", "kind", "rock", "iou")
 ROCKS_A_SIDE = 2  # of each pair of domains, that the judge finds better in the first, and in the second
 _BOX = ["x0", "y0", "x1", "y1"]
 _LABEL, _FOUND = "#ffb000", "#00e5ff"
@@ -63,9 +62,9 @@ def draw_gap_rocks(
     confidence
         Predictions below it do not count.
     """
-    table = read_parquet(instances, INSTANCE_COLUMNS)
+    table = read_parquet(instances, INSTANCES.columns)
     table = table[(table["trained"] == trained) & (table["kind"] == ROCK) & (table["rock"] > 0)]
-    found = {domain: read_parquet(path, PREDICTION_COLUMNS) for domain, path in predictions.items()}
+    found = {domain: read_parquet(path, PREDICTIONS.columns) for domain, path in predictions.items()}
     drawn = {domain: read_parquet(path, LABEL_COLUMNS) for domain, path in labels.items()}
     rows = []
     for pair in combinations(sorted(predictions, key=paper.rank), 2):

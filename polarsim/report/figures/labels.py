@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, note, page
-from polarsim.scoring.label_pairs import EDGES, PAIR_COLUMNS, TRUE_EDGES
+from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.labels import EXPOSURES, LIGHT, TASKS
 from polarsim.scoring.quality import TRUTH_NAMES
 
@@ -24,7 +25,7 @@ _GOOD = 1.4826  # robust sd over median absolute deviation
 
 def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
     """Write histograms of edge errors, a row a kind, a column an edge, a line a task, from `label_pairs`."""
-    table = read_parquet(pairs, list(PAIR_COLUMNS))
+    table = read_parquet(pairs, LABEL_PAIRS.columns)
     errors = edge_errors(table)
     name = TRUTH_NAMES[table["against"].iloc[0]] if len(table) else ""
     with page(figure, width, round(width * 0.5)) as sheet:

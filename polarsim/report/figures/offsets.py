@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from polarsim.formats.schemas import OFFSETS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, note, page
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
-OFFSET_COLUMNS = ("rock", "x", "y", "z", "offset_mm")
 RANGE_MM = 5.0  # beyond it colours stay the same
 COLOURS = "RdBu_r"  # red outside the true surface, blue inside
 
@@ -26,7 +26,7 @@ def draw_offsets(*, terrain: int, offsets: Path, figure: Path, width: int = FIGU
     offsets
         Table of `score_rocks`.
     """
-    table = read_parquet(offsets, OFFSET_COLUMNS)
+    table = read_parquet(offsets, OFFSETS.columns)
     with page(figure, width, round(width * 0.5)) as sheet:
         if not len(table):
             note(sheet, "no surface was seen")

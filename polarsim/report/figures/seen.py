@@ -11,12 +11,12 @@ import pandas as pd
 from polarsim.annotate.overlay import Marks, draw_labels
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
+from polarsim.formats.schemas import INSTANCES, PREDICTIONS
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.photo import HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
-from polarsim.report.figures.gap_rocks import INSTANCE_COLUMNS, PREDICTION_COLUMNS
 
 PHOTOS = 2  # side by side, of different terrains where there are
 FOUND = (0, 229, 255)  # of predicted boxes
@@ -48,7 +48,7 @@ def draw_seen(
     confidence
         Predictions below it are not drawn.
     """
-    table = read_parquet(instances, INSTANCE_COLUMNS)
+    table = read_parquet(instances, INSTANCES.columns)
     keys = shown_keys(table[(table["trained"] == trained) & (table["kind"] == ROCK)])
     domains = sorted(predictions, key=paper.rank)
     column = width // max(1, len(keys))
@@ -60,7 +60,7 @@ def draw_seen(
         grid = sheet.subplots(len(domains), len(keys), squeeze=False)
         for row, domain in enumerate(domains):
             drawn = read_parquet(labels[domain], LABEL_COLUMNS)
-            found = read_parquet(predictions[domain], PREDICTION_COLUMNS)
+            found = read_parquet(predictions[domain], PREDICTIONS.columns)
             found = found[(found["kind"] == ROCK) & (found["confidence"] >= confidence)]
             name = paper.title(paper.own_name(domain, origin["source"]))
             for axes, key in zip(grid[row], keys, strict=True):

@@ -7,15 +7,15 @@ from typing import Any
 
 import pandas as pd
 
+from polarsim.formats.schemas import SOIL_LIMIT, SOIL_MEASURED
 from polarsim.formats.tables import read_parquet
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, page
-from polarsim.report.rover_table import SOIL_COLUMNS
 
 
 def draw_soil(*, limit: Path, measured: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
     """Write the soil's checks: wheels against their limit, and soils against NASA's measured wheels."""
-    wheels = read_parquet(limit, SOIL_COLUMNS)
-    slopes = read_parquet(measured, ["rig", "soil", "slip", "slope_deg", "model_deg"])
+    wheels = read_parquet(limit, SOIL_LIMIT.columns)
+    slopes = read_parquet(measured, SOIL_MEASURED.columns)
     with page(figure, width, round(width * 0.62)) as sheet:
         axes = sheet.subplots(2, 3)
         for axis, (name, text) in zip(

@@ -14,18 +14,17 @@ import pandas as pd
 from scipy import stats
 
 from polarsim.formats import tables
+from polarsim.formats.schemas import DRIVES, EVERY_DRIVE
 from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.vehicle.table import WHEELS
 
 WHOLE = "all"  # stands where a figure is the rover's, not a wheel's
-EACH_COLUMNS = ("seed", "control", "ended", "figure", "unit", "value")
-TABLE_COLUMNS = ("control", "figure", "wheel", "unit", "seeds", "mean", "low", "high", "least", "most")
 LEVEL = 0.95
 MOVING = 0.02  # m/s: rows of a rover that stands say nothing of slip
 
 
 def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> None:
-    """Write a row a drive and figure, `EACH_COLUMNS`, and what `drive_table` makes of all of them.
+    """Write a row a drive and figure, `EVERY_DRIVE.columns`, and what `drive_table` makes of all of them.
 
     Raises
     ------
@@ -39,11 +38,11 @@ def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> Non
 
 
 def figures_of(trace: Trace) -> pd.DataFrame:
-    """The figures of one drive's rover, wheels together, `EACH_COLUMNS`."""
+    """The figures of one drive's rover, wheels together, `EVERY_DRIVE.columns`."""
     figures = drive_figures(trace)
     told = trace.drive
     own = {"seed": int(told["seed"]), "control": told["options"]["drive"]["control"], "ended": told["ended"]}
-    return figures[figures["wheel"] == WHOLE].assign(**own)[list(EACH_COLUMNS)].reset_index(drop=True)
+    return figures[figures["wheel"] == WHOLE].assign(**own)[list(EVERY_DRIVE.columns)].reset_index(drop=True)
 
 
 def drive_figures(trace: Trace) -> pd.DataFrame:
@@ -87,7 +86,7 @@ def drive_figures(trace: Trace) -> pd.DataFrame:
 
 
 def drive_table(traces: Iterable[Trace]) -> pd.DataFrame:
-    """`TABLE_COLUMNS`, a row a control law, figure and wheel: mean over seeds, its 95 % interval, least and most.
+    """`DRIVES.columns`, a row a control law, figure and wheel: mean over seeds, its 95 % interval, least and most.
 
     Traces may be of several control laws (`heading`, `P-only`); they stand beside each other in `control`.
     """
@@ -96,7 +95,7 @@ def drive_table(traces: Iterable[Trace]) -> pd.DataFrame:
         for trace in traces
     ]
     if not parts:
-        return pd.DataFrame(columns=list(TABLE_COLUMNS))
+        return pd.DataFrame(columns=list(DRIVES.columns))
     rows = []
     for key, group in pd.concat(parts).groupby(["control", "figure", "wheel", "unit"], sort=False):
         values = group["value"].to_numpy(float)
@@ -105,7 +104,7 @@ def drive_table(traces: Iterable[Trace]) -> pd.DataFrame:
         ends = (values.min(), values.max()) if len(values) else (math.nan, math.nan)
         middle = float(values.mean()) if len(values) else math.nan
         rows.append((*key, len(values), middle, low, high, *ends))
-    return pd.DataFrame(rows, columns=list(TABLE_COLUMNS))
+    return pd.DataFrame(rows, columns=list(DRIVES.columns))
 
 
 def interval(values: np.ndarray) -> tuple[float, float]:

@@ -12,21 +12,19 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import tables
+from polarsim.formats.schemas import ONBOARD
 from polarsim.randomness import generator
 from polarsim.rover.onboard.hazards import recall_by_distance
 from polarsim.rover.onboard.measure import SETTING, TABLES
 from polarsim.rover.sight.options import OnboardOptions
 
-FIGURE_COLUMNS = (
-    "source", "model", "exposure_ms", "figure", "height_m", "from_m", "to_m", "value", "low", "high", "rides", "count",
-)  # fmt: skip
 _RIDE = ["seed", "sun"]
 _GROUP = ["source", "model", "exposure_ms"]
 Statistic = Callable[[np.ndarray], float]  # of rides' numbers
 
 
 def summarise_onboard(folders: Sequence[Path], table: Path, options: OnboardOptions, seed: int = 0) -> None:
-    """Read the tables of drives and write one of all figures, `FIGURE_COLUMNS`.
+    """Read the tables of drives and write one of all figures, the columns of `ONBOARD`.
 
     Raises
     ------
@@ -58,7 +56,7 @@ def figures(parts: Mapping[str, pd.DataFrame], options: OnboardOptions, seed: in
             random = generator(seed, "rover", "onboard", *group, figure, *place)
             value, low, high = _interval(by_ride, statistic, options.resamples, random)
             rows.append((*group, figure, *place, value, low, high, len(by_ride), count))
-    return pd.DataFrame(rows, columns=list(FIGURE_COLUMNS))
+    return pd.DataFrame(rows, columns=list(ONBOARD.columns))
 
 
 Found = tuple[str, tuple[float, float, float], list[np.ndarray], Statistic, float]

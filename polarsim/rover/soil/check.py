@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats import tables
+from polarsim.formats.schemas import SOIL_LIMIT, SOIL_MEASURED
 from polarsim.rover.soil import contact_numba, measured
 from polarsim.rover.soil.contact import Rule
 from polarsim.rover.soil.law import read_soils
@@ -20,11 +21,6 @@ WHEELS = {"A": (Wheel(0.25, 0.20), "lunar", 174.15), "B": (Wheel(0.15735, 0.165)
 SLIPS = (0.0, 0.2, 0.4, 0.6, 0.8)
 GRIDS = ((0.005, 4e9), (0.02, 2e8))  # cell, m, and elastic stiffness, Pa/m
 CURVES = {"trec-grc3": measured.TREC, "mgru3-tilt-bed": measured.TILT_BED}
-LIMIT_COLUMNS = (
-    "wheel", "soil", "cell_m", "slip",
-    "sinkage_mm", "sinkage_limit_mm", "pull_n", "pull_limit_n", "torque_n_m", "torque_limit_n_m",
-)  # fmt: skip
-MEASURED_COLUMNS = ("rig", "soil", "slip", "slope_deg", "model_deg")
 
 
 def check_soil(*, soils: Path, limit: Path, measured_slopes: Path) -> None:
@@ -40,7 +36,7 @@ def check_soil(*, soils: Path, limit: Path, measured_slopes: Path) -> None:
 
 
 def against_limit(soils: Path) -> pd.DataFrame:
-    """A row a wheel, grid and slip, `LIMIT_COLUMNS`; normals of the contact, no slip sinkage, no damping."""
+    """A row a wheel, grid and slip, `SOIL_LIMIT`; normals of the contact, no slip sinkage, no damping."""
     known, rows = read_soils(soils), []
     for cell, K_e in GRIDS:
         for name, (wheel, soil, load) in WHEELS.items():
@@ -50,15 +46,15 @@ def against_limit(soils: Path) -> pd.DataFrame:
                 wanted = steady_wheel(wheel, law, load, slip, False)
                 pairs = (1000 * found.sinkage, 1000 * wanted.sinkage, found.pull, wanted.pull)
                 rows.append((name, soil, cell, slip, *pairs, found.torque, wanted.torque))
-    return pd.DataFrame(rows, columns=list(LIMIT_COLUMNS))
+    return pd.DataFrame(rows, columns=list(SOIL_LIMIT.columns))
 
 
 def against_measured(soils: Path) -> pd.DataFrame:
-    """A row a measured point and soil, `MEASURED_COLUMNS`: the slope that a wheel climbs, or pulls as if, at a slip."""
+    """A row a measured point and soil, `SOIL_MEASURED`: the slope that a wheel climbs, or pulls as if, at a slip."""
     known, rows = read_soils(soils), []
     for own, curve in CURVES.items():
         for soil in (own, "lunar"):
             misses = measured.misses_deg(curve, known[soil].law(slip_sinkage=False))
             for (slip, slope), miss in zip(curve.points, misses, strict=True):
                 rows.append((curve.name, soil, slip / 100, slope, slope + float(miss)))
-    return pd.DataFrame(rows, columns=list(MEASURED_COLUMNS))
+    return pd.DataFrame(rows, columns=list(SOIL_MEASURED.columns))

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from polarsim.rover.drive.table import TABLE_COLUMNS, drive_figures, drive_table, interval
+from polarsim.formats.schemas import DRIVES
+from polarsim.rover.drive.table import drive_figures, drive_table, interval
 from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks, trace_table
 from polarsim.rover.world.surface import bare_world
 
@@ -50,7 +51,7 @@ def test_an_interval_is_students():
 
 def test_control_laws_stand_beside_each_other():
     table = drive_table([trace(0, 0.01), trace(1, 0.03), trace(0, 0.08, "P-only")])
-    assert tuple(table.columns) == TABLE_COLUMNS
+    assert table.dtypes.astype(str).to_dict() == DRIVES.dtypes
     for control, mean, seeds in (("heading", 20, 2), ("P-only", 80, 1)):
         part = table[table["control"] == control]
         assert value(part, "offset, RMS", column="mean") == pytest.approx(mean)
@@ -58,4 +59,4 @@ def test_control_laws_stand_beside_each_other():
 
 
 def test_no_drive_makes_an_empty_table():
-    assert tuple(drive_table([]).columns) == TABLE_COLUMNS
+    assert tuple(drive_table([]).columns) == DRIVES.columns

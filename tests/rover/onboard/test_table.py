@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from polarsim.formats.schemas import ONBOARD
 from polarsim.rover.onboard.measure import measure_drive
 from polarsim.rover.onboard.table import figures, summarise_onboard
 from tests.rover import driven
@@ -14,6 +15,7 @@ def test_figures_have_intervals_over_rides(drive):
     measure_drive(folder, driven.vehicle(), options, 3)
     summarise_onboard([folder], folder / "figures.parquet", OPTIONS)
     summary = pd.read_parquet(folder / "figures.parquet")
+    assert summary.dtypes.astype(str).to_dict() == ONBOARD.dtypes
     assert (summary["rides"] <= 2).all()
     recall = summary[summary["figure"] == "recall"]
     assert (recall["value"] == 1).all()

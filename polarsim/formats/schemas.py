@@ -1,0 +1,106 @@
+"""The columns of tables that one package writes and another one reads: type and unit of each, in order.
+
+`docs/formats.md` ends with them; `markdown` makes that end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+
+
+@dataclass(frozen=True)
+class Schema:
+    """A table: where it lies below a run's results, and its columns.
+
+    Attributes
+    ----------
+    path
+        As `docs/formats.md` names it; `TT` stands for a terrain.
+    dtypes
+        Type of each column as pandas names it, by name and in order.
+    units
+        Unit of a column, by name: px, mm, degrees ...; a column without a unit is not among them.
+    """
+
+    path: str
+    dtypes: dict[str, str]
+    units: dict[str, str]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns, in order."""
+        return tuple(self.dtypes)
+
+
+_TYPES = {"s": "str", "i": "int64", "f": "float64", "b": "bool"}
+_KEY = "key:s terrain:i position:s light:s azimuth:s camera:s exposure_ms:i:ms"
+_BOX = "x0:f:px y0:f:px x1:f:px y1:f:px"
+
+
+def _schema(path: str, *columns: str) -> Schema:
+    """A schema out of words `name:type` or `name:type:unit`."""
+    words = [word.split(":") for word in chain.from_iterable(map(str.split, columns))]
+    return Schema(
+        path,
+        {name: _TYPES[kind] for name, kind, *_ in words},
+        {name: unit[0] for name, _, *unit in words if unit},
+    )
+
+
+PHOTOS = _schema("acquire/TerrainTT/photos.parquet", _KEY, "width:i:px height:i:px bits:i sha256:s path:s")
+LABELS = _schema("labels/labels.parquet", _KEY, "kind:s rock:i source:s confidence:f", _BOX)
+MATCHES = _schema(
+    "cameras/TerrainTT/matches.parquet",
+    "position:s rock:i seed_x0:f:px seed_y0:f:px seed_x1:f:px seed_y1:f:px",
+    "mesh_x0:f:px mesh_y0:f:px mesh_x1:f:px mesh_y1:f:px iou:f dx_px:f:px dy_px:f:px",
+)
+ALIGNMENT = _schema("cameras/TerrainTT/alignment.csv", "pair:s fitness:f rmse_mm:f:mm points:i agreement:f")
+ROCKS = _schema(
+    "rocks/TerrainTT/rocks.parquet",
+    "rock:i x:f:m y:f:m z:f:m size_m:f:m height_m:f:m volume_m3:f:m3 points:i points_by_scan:s visible_share:f",
+    "scan_shift_mm:f:mm x0:f:m y0:f:m z0:f:m x1:f:m y1:f:m z1:f:m source:s confirmed:s",
+)
+PREDICTIONS = _schema(
+    "detect/<split>/seed<seed>/predictions/<trained>_on_<evaluated>.parquet", "key:s kind:s confidence:f", _BOX
+)
+CURVES = _schema("detect/curves.parquet", "trained:s evaluated:s kind:s iou:f recall:f precision:f")
+INSTANCES = _schema("detect/instances.parquet", "trained:s evaluated:s key:s kind:s rock:i iou:f area_px:f:px2")
+OFFSETS = _schema("quality/offsets_TerrainTT.parquet", "rock:i x:f:m y:f:m z:f:m offset_mm:f:mm")
+LABEL_PAIRS = _schema(
+    "quality/label_pairs_TerrainTT.parquet",
+    _KEY,
+    "task:s kind:s drawn:b hit:b iou:f iou_best:f truth_px:f:px label_px:f:px rock:i source:s confidence:f",
+    _BOX,
+    "true_x0:f:px true_y0:f:px true_x1:f:px true_y1:f:px against:s",
+)
+TWIN_PAIRS = _schema(
+    "quality/twin_pairs_TerrainTT.parquet",
+    _KEY,
+    "model:s lit_px:i:px log2_twin_over_photo:f:stops log2_difference:f:stops ssim:f",
+)
+EVERY_DRIVE = _schema("rover/every_drive.parquet", "seed:i control:s ended:s figure:s unit:s value:f")
+DRIVES = _schema("rover/drives.parquet", "control:s figure:s wheel:s unit:s seeds:i mean:f low:f high:f least:f most:f")
+ONBOARD = _schema(
+    "rover/onboard.parquet",
+    "source:s model:s exposure_ms:f:ms figure:s height_m:f:m from_m:f:m to_m:f:m value:f low:f high:f rides:i count:f",
+)
+SOIL_LIMIT = _schema(
+    "rover/soil_limit.parquet",
+    "wheel:s soil:s cell_m:f:m slip:f sinkage_mm:f:mm sinkage_limit_mm:f:mm pull_n:f:N pull_limit_n:f:N",
+    "torque_n_m:f:Nm torque_limit_n_m:f:Nm",
+)
+SOIL_MEASURED = _schema("rover/soil_measured.parquet", "rig:s soil:s slip:f slope_deg:f:degrees model_deg:f:degrees")
+SCHEMAS = (
+    PHOTOS, LABELS, MATCHES, ALIGNMENT, ROCKS, PREDICTIONS, CURVES, INSTANCES, OFFSETS, LABEL_PAIRS, TWIN_PAIRS,
+    EVERY_DRIVE, DRIVES, ONBOARD, SOIL_LIMIT, SOIL_MEASURED,
+)  # fmt: skip
+
+
+def markdown() -> str:
+    """The columns of all tables, a table each, as `docs/formats.md` ends with them."""
+    parts = []
+    for schema in SCHEMAS:
+        rows = [f"| `{name}` | {kind} | {schema.units.get(name, '')} |" for name, kind in schema.dtypes.items()]
+        parts.append("\n".join([f"`{schema.path}`", "", "| column | type | unit |", "|---|---|---|", *rows]))
+    return "\n\n".join(parts) + "\n"
