@@ -11,21 +11,11 @@ from itertools import chain
 
 @dataclass(frozen=True)
 class Schema:
-    """A table: where it lies below a run's results, and its columns.
+    """A table: where it lies below a run's results, and its columns."""
 
-    Attributes
-    ----------
-    path
-        As `docs/formats.md` names it; `TT` stands for a terrain.
-    dtypes
-        Type of each column as pandas names it, by name and in order.
-    units
-        Unit of a column, by name: px, mm, degrees ...; a column without a unit is not among them.
-    """
-
-    path: str
-    dtypes: dict[str, str]
-    units: dict[str, str]
+    path: str  # as `docs/formats.md` names it; `TT` stands for a terrain
+    dtypes: dict[str, str]  # type of each column as pandas names it, by name and in order
+    units: dict[str, str]  # unit of a column, by name: px, mm, degrees ...; one without a unit is not among them
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -28,8 +28,8 @@ def test_every_cover_photo_has_its_published_labels(covers, release_root):
 
 
 def test_keys_can_be_changed_from_the_command_line(covers):
-    changed = covers.read_experiment(ROOT / "config" / "covers.yaml", ["detect.epochs=3", "folds=[[1, 3]]"])
-    assert changed.detect.epochs == 3
+    changed = covers.read_experiment(ROOT / "config" / "covers.yaml", ["detect.training.epochs=3", "folds=[[1, 3]]"])
+    assert changed.detect.training.epochs == 3
     assert changed.folds == ((1, 3),)
 
 
