@@ -47,7 +47,7 @@ from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.find import read_scans
 from polarsim.rocks.ground import Sand, find_ground, sand_extent
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.regions import Limits, find_regions, standing, surface_points
+from polarsim.rocks.regions import Limits, find_regions, standing
 
 OPTIONS = RocksOptions()
 LIMITS = Limits(*(value / 1000 for value in (OPTIONS.foot_height_mm, OPTIONS.min_height_mm, 10, OPTIONS.min_size_mm)))
@@ -112,7 +112,8 @@ def read(folder: Path) -> Scene:
     cells = np.flatnonzero(np.isfinite(sand.surface) & (sand.above > LIMITS.foot))
     owner = np.zeros(sand.surface.size, np.int64)
     true_from_sandbox = true @ placed["A"].sandbox_from_left.inverse()
-    owner[cells] = _owners(folder / "truth/meshes", true_from_sandbox, surface_points(sand, cells))
+    places = np.column_stack([sand.grid.places().reshape(-1, 2)[cells], sand.top.ravel()[cells]])
+    owner[cells] = _owners(folder / "truth/meshes", true_from_sandbox, places)
     rocks = pd.read_parquet(folder / "truth/rocks.parquet")
     sizes = dict(zip(rocks["rock"].tolist(), rocks["size_m"].tolist(), strict=True))
     return Scene(folder.name, sand, owner.reshape(sand.surface.shape), sizes)
