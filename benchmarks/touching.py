@@ -54,7 +54,7 @@ LIMITS = Limits(*(value / 1000 for value in (OPTIONS.foot_height_mm, OPTIONS.min
 OWN = 0.03  # metres from a rock's true surface within which what stands out of the ground is its own
 SEEN_CELLS, LARGE = 20, 0.08  # cells of a rock that counts; metres of a large one
 PURE = 0.75  # of a piece that one rock must have before the piece teaches anything
-RIDGE, ROUNDS = 1.0, 2
+RIDGE, ROUNDS = 10.0, 2
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ def one_cell(heights):
     """The top of points of such heights in one cell, and the sum of weights there."""
     points = np.column_stack([np.full((len(heights), 2), 0.001), heights])
     top, weights = top_heights(GRID, points, np.ones(len(heights)))
-    (row, column), = np.argwhere(weights > 0)
+    ((row, column),) = np.argwhere(weights > 0)
     return top[row, column], weights[row, column]
 
 
