@@ -10,9 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from polarsim.rocks.scans import Extent
 
-LAYERED = (
-    0.010  # metres of standard deviation above which a cell holds more than one surface; at 80 degrees one has 8 mm
-)
+LAYERED = 0.010  # metres of standard deviation above which a cell holds several surfaces; one of 80 degrees has 8 mm
 STRAY_POINTS, STRAY_SHARE = 2, 0.2  # fewer points of a cell, or less of them, are no surface over the rest
 _SPLITS = 4  # of a cell's points, after which some of one surface are left
 _RELAXATIONS = 60  # steps of Jacobi's method a pyramid level; the start from the coarser level is already close
