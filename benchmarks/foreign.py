@@ -333,6 +333,8 @@ def _write_truth(truth: Path, ground: Mesh, rocks: list[Mesh], axis: np.ndarray,
     for number, rock in enumerate(rocks, 1):
         above = rock.vertices[:, 2] - at(axis, height, rock.vertices)
         faces = rock.faces[(above > -0.003)[rock.faces].any(axis=1)]
+        if not len(faces):  # wholly under the sand, where nobody can find it
+            continue
         used, index = np.unique(faces, return_inverse=True)
         part = rock.vertices[used]
         low, high = part.min(axis=0), part.max(axis=0)

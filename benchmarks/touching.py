@@ -47,14 +47,14 @@ from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.find import CONFIRMED_HEIGHT, CONFIRMING_IOU, FOOT_HEIGHT, read_scans
 from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.regions import Limits, find_regions, standing, surface_points
+from polarsim.rocks.regions import Limits, find_regions, standing
 
 OPTIONS = RocksOptions()
 LIMITS = Limits(FOOT_HEIGHT, OPTIONS.min_height_mm / 1000, CONFIRMED_HEIGHT, OPTIONS.min_size_mm / 1000)
 OWN = 0.03  # metres from a rock's true surface within which what stands out of the ground is its own
 SEEN_CELLS, LARGE = 20, 0.08  # cells of a rock that counts; metres of a large one
 PURE = 0.75  # of a piece that one rock must have before the piece teaches anything
-RIDGE, ROUNDS = 1.0, 2
+RIDGE, ROUNDS = 10.0, 2
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,8 @@ def read(folder: Path) -> Scene:
     cells = np.flatnonzero(np.isfinite(sand.surface) & (sand.above > LIMITS.foot))
     owner = np.zeros(sand.surface.size, np.int64)
     true_from_sandbox = true @ placed["A"].sandbox_from_left.inverse()
-    owner[cells] = _owners(folder / "truth/meshes", true_from_sandbox, surface_points(sand, cells))
+    places = np.column_stack([sand.grid.places().reshape(-1, 2)[cells], sand.top.ravel()[cells]])
+    owner[cells] = _owners(folder / "truth/meshes", true_from_sandbox, places)
     rocks = pd.read_parquet(folder / "truth/rocks.parquet")
     sizes = dict(zip(rocks["rock"].tolist(), rocks["size_m"].tolist(), strict=True))
     return Scene(folder.name, sand, owner.reshape(sand.surface.shape), sizes)

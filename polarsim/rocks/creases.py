@@ -27,17 +27,15 @@ FOLD = 0.25  # radians from which a border counts as folded
 BASE = 0.02  # metres below the lowest point down to which a body is continued
 
 TERMS = (
-    "fold",  # mean angle of the two pieces along their border, radians; negative for an edge
-    "folded",  # share of the border that is folded
+    "folded",  # share of the border along which the two pieces meet in a fold
     "hidden",  # share of the border that no scan saw
-    "border",  # length over the square root of the smaller piece's area, both in cells
-    "solidity",  # share of the plan's hull that both fill
-    "hollow",  # mean depth of the surface below the hull of both, over their height
+    "opened",  # mean depth of the surface below the hull of both, less that below each one's own, over their height
+    "notched",  # share of its plan's hull that each fills, less that which both fill together
     "area",  # logarithm of the smaller one's, of 25 cm^2
     "ratio",  # logarithm of the larger one's area over it
 )
 # Of the logarithm of the odds of two rocks: a constant, and one a term. Fitted by `benchmarks/touching.py --fit`.
-COEFFICIENTS = (-7.6423, -0.8246, 2.7905, 2.6649, -1.1763, 2.2868, 31.8179, 0.9108, 1.0216)
+COEFFICIENTS = (-6.2752, 2.6718, 2.9554, 48.7345, 6.1915, 0.8593, 0.9491)
 
 
 @dataclass(frozen=True)
@@ -139,6 +137,8 @@ def neighbours(parts: np.ndarray) -> set[tuple[int, int]]:
 class _Body:
     cells: np.ndarray  # (n,) flat
     peak: float  # metres
+    hollow: float  # mean depth of the surface below its hull, metres
+    solidity: float  # share of its plan's hull that it fills
 
 
 class Joining:
@@ -175,30 +175,33 @@ class Joining:
         return self.parts.copy()
 
     def _body(self, cells: np.ndarray) -> _Body:
-        return _Body(cells, float(self.relief.above.ravel()[cells].max()))
+        plan = _window(cells, self.parts.shape, 0)[1]
+        return _Body(
+            cells,
+            peak=float(self.relief.above.ravel()[cells].max()),
+            hollow=float(depths_below_hull(self.relief.points.reshape(-1, 3)[cells]).mean()),
+            solidity=float(plan.sum() / hull_mask(plan).sum()),
+        )
 
     def _terms(self, one: int, other: int) -> np.ndarray:
         """(len(TERMS),) what tells whether two neighbours are two rocks."""
         large, small = sorted((one, other), key=lambda number: (-len(self.bodies[number].cells), number))
-        body, smaller = self.bodies[large], self.bodies[small]
-        window, of_small = _window(smaller.cells, self.parts.shape, 5)
+        bodies = [self.bodies[large], self.bodies[small]]
+        window, of_small = _window(bodies[1].cells, self.parts.shape, 5)
         of_large = self.parts[window] == large
         border = (ndimage.binary_dilation(of_large) & of_small) | (ndimage.binary_dilation(of_small) & of_large)
-        fold = self._fold(window, of_large, of_small, border)
-        cells = np.concatenate([body.cells, smaller.cells])
-        plan = _window(cells, self.parts.shape, 0)[1]
-        hollow = depths_below_hull(self.relief.points.reshape(-1, 3)[cells]).mean()
-        n = len(smaller.cells)
+        both = self._body(np.concatenate([body.cells for body in bodies]))
+        sizes = [len(body.cells) for body in bodies]
+        hollow = np.average([body.hollow for body in bodies], weights=sizes)
+        solidity = np.average([body.solidity for body in bodies], weights=sizes)
         return np.array(
             [
-                fold.mean(),
-                (fold > FOLD).mean(),
+                (self._fold(window, of_large, of_small, border) > FOLD).mean(),
                 (~self.relief.seen[window][border]).mean(),
-                border.sum() / 2 / np.sqrt(n),
-                plan.sum() / hull_mask(plan).sum(),
-                hollow / max(body.peak, smaller.peak),
-                np.log(n * self.relief.cell**2 / 0.0025),
-                np.log(len(body.cells) / n),
+                (both.hollow - hollow) / both.peak,
+                solidity - both.solidity,
+                np.log(sizes[1] * self.relief.cell**2 / 0.0025),
+                np.log(sizes[0] / sizes[1]),
             ]
         )
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from polarsim.rocks.heights import FloorGrid, filled, hull_mask, mean_heights, smoothed
+from polarsim.rocks.heights import FloorGrid, filled, hull_mask, mean_heights, smoothed, top_heights
 from polarsim.rocks.scans import WALL_HEIGHT, Extent, ScanPoints
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
@@ -29,6 +29,7 @@ class Sand:
     grid: FloorGrid
     surface: np.ndarray  # heights of the scanned surface, rocks included, smoothed; NaN where nothing was seen
     mean: np.ndarray  # the same as each cell's own points have it; NaN in cells without any
+    top: np.ndarray  # the surface again, without what scans saw under an overhang
     ground: np.ndarray  # heights of the ground, everywhere
     is_ground: np.ndarray  # cells whose surface was seen and is ground
 
@@ -36,6 +37,11 @@ class Sand:
     def above(self) -> np.ndarray:
         """Heights of the surface above the ground; 0 where nothing was seen."""
         return np.nan_to_num(self.surface - self.ground)
+
+    @property
+    def top_above(self) -> np.ndarray:
+        """Heights of the top above the ground; 0 where nothing was seen."""
+        return np.nan_to_num(self.top - self.ground)
 
     @property
     def standing(self) -> np.ndarray:
@@ -98,7 +104,8 @@ def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float
     is_ground = _level_areas(surface, seen & (slope < np.tan(max_slope)))
     is_ground = _without_outlined(surface, seen & (slope > EDGE_SHARE * np.tan(max_slope)), is_ground, cell)
     ground = filled(np.nan_to_num(surface), is_ground)
-    return Sand(grid, surface, mean, ground, is_ground)
+    top = np.where(seen, smoothed(*top_heights(grid, scans.points, scans.weights), 1.0), np.nan)
+    return Sand(grid, surface, mean, top, ground, is_ground)
 
 
 def _slope(heights: np.ndarray, cell: float) -> np.ndarray:

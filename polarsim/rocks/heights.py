@@ -10,6 +10,9 @@ from scipy.spatial import ConvexHull, QhullError
 
 from polarsim.rocks.scans import Extent
 
+LAYERED = 0.010  # metres of standard deviation above which a cell holds several surfaces; one of 80 degrees has 8 mm
+STRAY_POINTS, STRAY_SHARE = 2, 0.2  # fewer points of a cell, or less of them, are no surface over the rest
+_SPLITS = 4  # of a cell's points, after which some of one surface are left
 _RELAXATIONS = 60  # steps of Jacobi's method a pyramid level; the start from the coarser level is already close
 
 
@@ -57,6 +60,31 @@ def mean_heights(grid: FloorGrid, points: np.ndarray, weights: np.ndarray) -> tu
     summed = np.bincount(cells[inside], weights[inside] * points[inside, 2], size)
     mean = np.divide(summed, total, out=np.full(size, np.nan), where=total > 0)
     return mean.reshape(grid.shape), total.reshape(grid.shape)
+
+
+def top_heights(grid: FloorGrid, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`mean_heights` of the upper surface, where cells hold one over another.
+
+    One scan sees the top of an overhang, another one what lies beneath it; their mean is no surface at all. Points of
+    such cells are split at their mean height, and the upper ones stay, unless they are so few that they are stray.
+    """
+    cells = grid.cell_of(points)
+    inside = cells >= 0
+    cells, heights, weights = cells[inside], points[inside, 2], weights[inside]
+    size = grid.shape[0] * grid.shape[1]
+    for _ in range(_SPLITS):
+        count = np.maximum(np.bincount(cells, minlength=size), 1)
+        offset = heights - (np.bincount(cells, heights, size) / count)[cells]
+        layered = np.bincount(cells, offset**2, size) > count * LAYERED**2
+        upper = np.bincount(cells, offset > 0, size)
+        stray = (upper < STRAY_POINTS) | (upper < STRAY_SHARE * count)
+        keep = ~layered[cells] | ((offset > 0) != stray[cells])
+        if keep.all():
+            break
+        cells, heights, weights = cells[keep], heights[keep], weights[keep]
+    total, summed = np.bincount(cells, weights, size), np.bincount(cells, weights * heights, size)
+    top = np.divide(summed, total, out=np.full(size, np.nan), where=total > 0)
+    return top.reshape(grid.shape), total.reshape(grid.shape)
 
 
 def smoothed(values: np.ndarray, weights: np.ndarray, sigma_cells: float) -> np.ndarray:

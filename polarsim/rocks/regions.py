@@ -97,7 +97,7 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None
 
 def standing(sand: Sand, foot: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Heights above the ground, numbers from 1 of what hangs together above the foot, and cells that were seen."""
-    above = np.where(sand.is_ground, 0.0, sand.above)
+    above = np.where(sand.is_ground, 0.0, sand.top_above)
     stands = ndimage.binary_opening((above > foot) & (sand.standing > foot), np.ones((2, 2), bool))
     return above, ndimage.label(stands, np.ones((3, 3)))[0], np.isfinite(sand.surface)
 

@@ -22,7 +22,7 @@ def halves(above):
     return dict(zip(TERM_NAMES, Joining(relief_of(above), parts).pairs[1, 2], strict=True))
 
 
-TERM_NAMES = ("fold", "folded", "hidden", "border", "solidity", "hollow", "area", "ratio")
+TERM_NAMES = ("folded", "hidden", "opened", "notched", "area", "ratio")
 
 
 def test_basins_meet_at_the_pass_between_them():
@@ -53,21 +53,26 @@ def test_a_ball_is_one_piece_and_nothing_lies_outside():
     np.testing.assert_array_equal(cut_along_creases(relief_of(above), labels), labels)
 
 
-def test_a_roof_is_an_edge_and_its_valley_a_fold_of_the_same_angle():
-    slope = 0.5
-    roof = 0.12 - slope * np.abs(X - X.mean())
-    valley = 0.02 + slope * np.abs(X - X.mean())
-    angle = 2 * np.arctan(slope)
-    assert halves(roof)["fold"] == pytest.approx(-halves(valley)["fold"])
-    assert 0.6 * angle < halves(valley)["fold"] < angle  # normals are smoothed over the crease
-    assert (halves(roof)["folded"], halves(valley)["folded"]) == (0, 1)
+def test_a_valley_is_a_fold_and_a_roof_of_the_same_angle_is_none():
+    for slope, folded in ((0.5, 1), (0.08, 0)):  # 53 degrees, and 9, which is less than a fold
+        roof = 0.12 - slope * np.abs(X - X.mean())
+        valley = 0.02 + slope * np.abs(X - X.mean())
+        assert (halves(roof)["folded"], halves(valley)["folded"]) == (0, folded)
 
 
 def test_the_hull_of_two_bodies_is_hollow_and_that_of_one_is_not():
     one = ball(X.mean(), 0.15, 0.1)
     two = np.maximum(ball(X.mean() - 0.08, 0.15, 0.09), ball(X.mean() + 0.08, 0.15, 0.09))
-    assert halves(one)["hollow"] < 0.01 < 0.05 < halves(two)["hollow"]
-    assert halves(one)["solidity"] > 0.97 > 0.94 > halves(two)["solidity"]
+    assert halves(one)["opened"] < 0.01 < 0.05 < halves(two)["opened"]
+    assert halves(one)["notched"] < 0.01 < 0.04 < halves(two)["notched"]
+
+
+def test_what_is_rough_all_over_opens_no_hull():
+    rough = ball(X.mean(), 0.15, 0.1) * (1 - 0.3 * np.sin(X / 0.003) ** 2)
+    terms = halves(rough)
+    assert terms["opened"] < 0.01
+    hollow = depths_below_hull(np.stack([X, Y, rough], axis=-1)[rough > 0.006]).mean()
+    assert hollow / rough.max() > 0.05  # and yet the hull is not full
 
 
 def test_depth_below_the_hull_of_a_pit():

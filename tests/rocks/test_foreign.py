@@ -4,9 +4,11 @@ import importlib.util
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.spatial import KDTree
 
+from polarsim.formats.obj import Mesh, rock_files
 from polarsim.rocks.options import RocksOptions
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks/foreign.py"
@@ -54,6 +56,17 @@ def test_rocks_of_a_touching_scene_touch(foreign):
 
     assert min(apart(strewn)) > 0.01
     assert sum(distance < 0.006 for distance in apart(gathered)) >= 4
+
+
+def test_a_rock_under_the_sand_is_none_of_the_true_rocks(foreign, tmp_path):
+    axis, height = foreign.ground_heights(np.random.default_rng(4))
+    ball = foreign.shapes(None, np.random.default_rng(4))[0]
+    level = foreign.at(axis, height, np.zeros((1, 2)))[0]
+    rocks = [Mesh(0.1 * ball.vertices + [0, 0, level + z], ball.faces) for z in (-0.3, 0.0)]
+    ground = Mesh(np.array([[-2.0, -2, 0], [2, -2, 0], [0, 2, 0]]), np.array([[0, 1, 2]]))
+    foreign._write_truth(tmp_path, ground, rocks, axis, height)
+    assert pd.read_parquet(tmp_path / "rocks.parquet")["rock"].tolist() == [2]
+    assert list(rock_files(tmp_path / "meshes")) == [2]
 
 
 @pytest.mark.slow

@@ -254,6 +254,18 @@ def test_an_upright_strip_makes_no_spike_in_the_ground(bare_scans, rng):
     assert np.abs(sand.ground - hills(sand.grid.places())).max() < 0.02
 
 
+def test_sand_that_is_seen_under_an_overhang_does_not_cut_a_rock(rng):
+    # A vault of 24 cm, 12 cm high, of which one scan sees the top and another one the sand below its middle.
+    sand = np.column_stack([rng.uniform(-1.9, 1.9, (1_000_000, 2)), np.zeros(1_000_000)])
+    away = np.hypot(*(sand[:, :2] - [0.4, 0.2]).T)
+    vault = np.column_stack([sand[away < 0.12, :2], np.sqrt(0.12**2 - away[away < 0.12] ** 2)])
+    below = sand[(away < 0.12) & (np.abs(sand[:, 0] - 0.4) < 0.03)]
+    points = np.concatenate([sand[away >= 0.12], vault, below])
+    points[:, 2] += 0.001 * rng.normal(size=len(points))
+    _, regions = regions_of(ScanPoints(points, np.tile([0.0, 0, 1], (len(points), 1)), np.ones(len(points))))
+    assert [round(region.size, 1) for region in regions] == [0.2]
+
+
 def test_walls_bound_the_sand(rng):
     floor = np.column_stack([rng.uniform(-2.2, 2.2, (200_000, 2)), np.zeros(200_000)])
     wall = np.column_stack([np.full(40_000, -1.93), rng.uniform(-2, 2, 40_000), rng.uniform(0, 0.3, 40_000)])

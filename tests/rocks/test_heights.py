@@ -3,7 +3,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.rocks.heights import FloorGrid, filled, hull_mask, mean_heights, smoothed, upward_normals
+from polarsim.rocks.heights import (
+    FloorGrid,
+    filled,
+    hull_mask,
+    mean_heights,
+    smoothed,
+    top_heights,
+    upward_normals,
+)
 from polarsim.rocks.scans import Extent
 
 GRID = FloorGrid(Extent(-0.5, -0.3, 0.5, 0.3), 0.01)
@@ -19,6 +27,29 @@ def test_means_are_weighted():
     row, column = np.argwhere(weights > 0)[0]
     assert mean[row, column] == pytest.approx(2.0)
     assert np.isnan(mean).sum() == mean.size - 1
+
+
+def one_cell(heights):
+    """The top of points of such heights in one cell, and the sum of weights there."""
+    points = np.column_stack([np.full((len(heights), 2), 0.001), heights])
+    top, weights = top_heights(GRID, points, np.ones(len(heights)))
+    ((row, column),) = np.argwhere(weights > 0)
+    return top[row, column], weights[row, column]
+
+
+def test_the_top_of_an_overhang_is_what_lies_above():
+    assert one_cell([0.0, 0.10, 0.001, 0.102, 0.002, 0.104]) == pytest.approx((0.102, 3))
+    assert one_cell([0.0, 0.0, 0.05, 0.05, 0.10, 0.10]) == pytest.approx((0.10, 2))  # three surfaces
+
+
+def test_one_slope_in_a_cell_has_the_mean_for_its_top():
+    heights = np.linspace(0, 0.028, 9)  # across a cell of 5 mm at 80 degrees
+    assert one_cell(heights) == pytest.approx((0.014, 9))
+
+
+def test_a_stray_point_is_no_top():
+    assert one_cell([0.0, 0.001, 0.002, 0.003, 0.5]) == pytest.approx((0.0015, 4))
+    assert one_cell([*np.zeros(18), 0.5, 0.5]) == pytest.approx((0.0, 18))
 
 
 def test_points_outside_the_grid_do_not_count():

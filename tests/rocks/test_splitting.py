@@ -28,8 +28,9 @@ def test_two_touching_domes_are_two_rocks():
 
 
 def test_a_dome_with_a_notch_in_its_top_is_one_rock():
-    notch = np.exp(-(((X - 60) / 3) ** 2))
-    assert count(dome(60, 40, 30, 0.12) * (1 - 0.5 * notch)) == 1
+    groove = np.exp(-(((X - 60) / 3) ** 2))
+    assert count(dome(60, 40, 30, 0.12) * (1 - 0.33 * groove)) == 1  # from side to side
+    assert count(dome(60, 40, 30, 0.12) * (1 - 0.5 * groove * np.exp(-(((Y - 40) / 15) ** 2)))) == 1
 
 
 def test_two_peaks_that_look_like_one_rock_are_two_pieces_of_it():
