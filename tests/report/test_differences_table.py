@@ -2,6 +2,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats.tables import read_parquet, write_parquet
+from polarsim.report.detection_table import COLUMNS as DETECTION_COLUMNS
 from polarsim.report.differences_table import tabulate_differences
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
@@ -31,10 +32,11 @@ def tabulated(tmp_path):
         detection = {
             "trained": "real", "evaluated": "real", "kind": "rock", "split": "photo", "seed": 0, "leaks_views": True,
             "judge": "compact", "start": "scratch", "epochs": 20, "imgsz": 288, "images": 144, "labels": 9,
-            "map50": 0.6, "map50_95": 0.3, "iou_mean": 0.5, "left_out": 0, "unit": "view",
+            "map50": 0.6, "map50_95": 0.3, "iou_mean": 0.5,
         }  # fmt: skip
         write_parquet(tmp_path / "differences.parquet", pd.DataFrame(rows))
-        write_parquet(tmp_path / "detection.parquet", pd.DataFrame([detection]))
+        whole = pd.DataFrame([detection]).reindex(columns=list(DETECTION_COLUMNS), fill_value=0)
+        write_parquet(tmp_path / "detection.parquet", whole)
         tabulate_differences(
             differences=tmp_path / "differences.parquet",
             detection=tmp_path / "detection.parquet",
