@@ -1,4 +1,4 @@
-"""polarsim: from raw POLAR data to labels, meshes, twins, judges and tables."""
+"""polarsim: from raw POLAR data to labels, meshes, twins, detectors and tables."""
 
 from snakemake.utils import min_version
 

@@ -1,18 +1,18 @@
-"""Judges trained on twins alone, tested on the real cover photos of terrains that were left out of their training.
+"""Detectors trained on twins alone, tested on the real cover photos of terrains that were left out of their training.
 
     python benchmarks/covers.py config/covers.yaml [--set KEY=VALUE ...] [--stop-before train]
 
 `--set` changes a key of the file: `--set detect.training.epochs=10 variants.number=6 out=results/covers_small`. Steps
 whose output is there are not done again, so a run that was stopped goes on; another configuration needs another `out`.
 
-Not a rule of the workflow: it needs cameras and meshes of another run, trains a judge a fold, which takes hours on a
+Not a rule of the workflow: it needs cameras and meshes of another run, trains a detector a fold, which takes hours on a
 CPU, and tests on ten photos that no other rule knows. It calls the stages' functions in the workflow's order, and all
 that passes between them is files:
 
     pairing.csv                how well the boxes drawn into each cover photo fit the labels of each photo
     photos/, labels.parquet    cover photos without their strokes, and their published boxes
     twins/TerrainTT/           varied twins (YOLO layout)
-    folds/T_T/                 data set, judge, curve and predictions of the judge that has not seen terrains T
+    folds/T_T/                 data set, detector, curve and predictions of the detector that has not seen terrains T
     tables/covers.{csv,md}     pooled over all cover photos, and each fold's; intervals by bootstrap over photos
     figures/covers.png         labels (green) and predictions (orange: above the confidence of the best F1) of rocks
 """
@@ -37,11 +37,11 @@ from cover_photos.variants import VariantOptions
 from cover_photos.varied import render_varied
 from pydantic import BaseModel
 
-from polarsim.detect.judges import judge_name
+from polarsim.detect.detectors import detector_name
 from polarsim.detect.metrics import rank
 from polarsim.detect.options import DetectOptions
 from polarsim.detect.predict import predict
-from polarsim.detect.train import train_judge
+from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
 from polarsim.formats.files import write_text
@@ -111,10 +111,10 @@ def train_and_predict(experiment: Experiment, fold: tuple[int, ...], threads: in
             imgsz=experiment.detect.pictures.imgsz,
             options=experiment.dataset,
         )
-    if not (folder / "judge.pt").exists():
-        train_judge(
+    if not (folder / "detector.pt").exists():
+        train_detector(
             dataset=folder / "dataset",
-            weights=folder / "judge.pt",
+            weights=folder / "detector.pt",
             curve=folder / "curve.csv",
             options=experiment.detect.training,
             prediction=experiment.detect.prediction,
@@ -125,7 +125,7 @@ def train_and_predict(experiment: Experiment, fold: tuple[int, ...], threads: in
         )
         shutil.rmtree(folder / "work", ignore_errors=True)
     predict(
-        weights=folder / "judge.pt",
+        weights=folder / "detector.pt",
         dataset=folder / "dataset",
         predictions=folder / "predictions.parquet",
         options=experiment.detect.prediction,
@@ -134,7 +134,7 @@ def train_and_predict(experiment: Experiment, fold: tuple[int, ...], threads: in
 
 
 def tabulate(experiment: Experiment) -> None:
-    """Figures of all cover photos that a judge was tested on, pooled, and of every fold."""
+    """Figures of all cover photos that a detector was tested on, pooled, and of every fold."""
     out, detect = experiment.out, experiment.detect
     labels = tables.read_parquet(out / "labels.parquet", tables.LABEL_COLUMNS)
     found = {
@@ -158,7 +158,7 @@ def tabulate(experiment: Experiment) -> None:
         parts.append(figures)
     table = pd.concat(parts, ignore_index=True).round(4)
     table = table.assign(
-        judge=judge_name(detect.training.model),
+        detector=detector_name(detect.training.model),
         start=detect.training.start,
         epochs=detect.training.epochs,
         imgsz=detect.pictures.imgsz,

@@ -23,7 +23,7 @@ from polarsim.detect import metrics
 from polarsim.detect.dataset import make_dataset
 from polarsim.detect.options import PicturesOptions, PredictionOptions, TrainingOptions
 from polarsim.detect.predict import predict
-from polarsim.detect.train import train_judge
+from polarsim.detect.train import train_detector
 from polarsim.formats import png, tables
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, photo_grid
 
@@ -68,10 +68,10 @@ def measure(root: Path, imgsz: int) -> dict[str, float]:
     training = {}
     for epochs in (1, 1, 5):  # the first pays for the imports
         start = time.process_time()
-        train_judge(
+        train_detector(
             dataset=root / "dataset",
-            weights=root / "judge.pt",
-            curve=root / "judge.csv",
+            weights=root / "detector.pt",
+            curve=root / "detector.csv",
             options=TrainingOptions(epochs=epochs),
             prediction=prediction,
             imgsz=imgsz,
@@ -83,7 +83,7 @@ def measure(root: Path, imgsz: int) -> dict[str, float]:
     seconds["train"] = (training[5] - training[1]) / 4 / PARTS.count("train")
     start = time.process_time()
     predict(
-        weights=root / "judge.pt",
+        weights=root / "detector.pt",
         dataset=root / "dataset",
         predictions=root / "predictions.parquet",
         options=prediction,

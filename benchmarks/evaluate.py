@@ -2,11 +2,12 @@
 
     python benchmarks/evaluate.py [photos]
 
-Photos have 14 labels and 300 predictions of either kind, twice as many as a judge writes at most. CPU seconds on one
-thread of one judge in one domain; a run has 9 such pairs a split and seed. The reference draws a tenth of the samples.
+Photos have 14 labels and 300 predictions of either kind, twice as many as a detector writes at most. CPU seconds on one
+thread of one detector in one domain; a run has 9 such pairs a split and seed. The reference draws a tenth of the
+samples.
 
 Last figures (AMD EPYC, Zen 4, busy machine): bootstrap 12.2 s, compiled 1.5 s (8.1 times); matching 0.56 ms a photo and
-kind, compiled 0.04 ms (14 times); all figures of a judge in a domain 13.0 s (by the reference 55 s).
+kind, compiled 0.04 ms (14 times); all figures of a detector in a domain 13.0 s (by the reference 55 s).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import bootstrap, bootstrap_numba, metrics, metrics_numba
-from polarsim.detect.breakdown import SIZES, breakdown, judge
+from polarsim.detect.breakdown import SIZES, breakdown, match_predictions
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.ipd import instance_performance
 from polarsim.geometry import boxes
@@ -64,9 +65,9 @@ def cpu_seconds(work: Callable[[], object]) -> float:
 def main(photos: int) -> None:
     keys, labels, found = made_tables(photos)
     performance = instance_performance(labels, found, 0.25)
-    judge(keys[:2], labels[:0], found[:0], performance[:0])  # imports and compiles
-    judged = judge(keys, labels, found, performance)
-    ranked = judged.ranked[BOX_CLASSES[0]]
+    match_predictions(keys[:2], labels[:0], found[:0], performance[:0])  # imports and compiles
+    matched = match_predictions(keys, labels, found, performance)
+    ranked = matched.ranked[BOX_CLASSES[0]]
     unit = bootstrap.units_of(keys, "view")
     units = int(unit.max()) + 1
     few, all_draws = (bootstrap.draws(units, number, 0) for number in (RESAMPLES // 10, RESAMPLES))
@@ -87,8 +88,8 @@ def main(photos: int) -> None:
     ]
     print(f"matching, ms a photo: {10 * matching[1]:.2f}, compiled {10 * matching[2]:.2f}: "
           f"{matching[1] / matching[2]:.1f} times")  # fmt: skip
-    whole = cpu_seconds(lambda: breakdown(judge(keys, labels, found, performance)))
-    print(f"all figures of a judge in a domain: {whole:.1f} s; {PAIRS} pairs: {PAIRS * whole / 60:.1f} minutes")
+    whole = cpu_seconds(lambda: breakdown(match_predictions(keys, labels, found, performance)))
+    print(f"all figures of a detector in a domain: {whole:.1f} s; {PAIRS} pairs: {PAIRS * whole / 60:.1f} minutes")
 
 
 def _overlaps(keys: list[str], labels: pd.DataFrame, found: pd.DataFrame) -> list[np.ndarray]:

@@ -16,7 +16,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Digital twins of NASA's POLAR photos: labels, meshes, ray-traced twins, judges and tables. "
+    help="Digital twins of NASA's POLAR photos: labels, meshes, ray-traced twins, detectors and tables. "
     "The pipeline itself is run by snakemake; these commands look at its parts.",
 )
 
@@ -164,10 +164,11 @@ def ipd(
         Path, typer.Argument(help="Labels of the first domain: a folder of YOLO files, or a Parquet table.")
     ],
     predictions_a: Annotated[
-        Path, typer.Argument(help="What a judge sees there; YOLO files with the confidence as sixth field, or a table.")
+        Path,
+        typer.Argument(help="What a detector sees there; YOLO files with the confidence as sixth field, or a table."),
     ],
     labels_b: Annotated[Path, typer.Argument(help="Labels of the second domain, files of the same names.")],
-    predictions_b: Annotated[Path, typer.Argument(help="What the same judge sees there.")],
+    predictions_b: Annotated[Path, typer.Argument(help="What the same detector sees there.")],
     confidence: Annotated[float, typer.Option(min=0, max=1, help="Least confidence of a prediction.")] = 0.25,
     undetected: Annotated[
         Treatment, typer.Option(help="A labelled rock that no prediction overlaps: IoU 0, or left out.")
@@ -189,7 +190,7 @@ def ipd(
     seed: Annotated[int, typer.Option(min=0, help="Of the bootstrap.")] = 0,
     json: JsonFile = None,
 ) -> None:
-    """Instance performance difference of a judge between two domains, with 95 % intervals.
+    """Instance performance difference of a detector between two domains, with 95 % intervals.
 
     ipd: absolute value of the mean difference of IoU, as the paper's table; ipd_abs: mean of the absolute differences.
     """
@@ -455,12 +456,13 @@ def brdf(
 def drive(
     config: Annotated[Path, typer.Option(help="Configuration with a section `rover`.")] = Path("config/rover.yaml"),
     seed: Annotated[int | None, typer.Option(min=0, help="Which drive; default is the configuration's first.")] = None,
-    pictures: Annotated[bool, typer.Option(help="Take pictures, and judge them on board.")] = True,
+    pictures: Annotated[bool, typer.Option(help="Take pictures, and run a detector on them on board.")] = True,
     results: Annotated[Path, typer.Option(help="Folder of results, with the run's meshes.")] = Path("results"),
     out: Annotated[Path | None, typer.Option(help="Folder to write; default results/<run>/rover/seed<N>.")] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the renderer; they change no byte.")] = 1,
 ) -> None:
-    """Drive over a run's terrains once, without Snakemake: physics, pictures, what a judge sees, an MCAP bag, a URDF.
+    """Drive over a run's terrains once, without Snakemake: physics, pictures, what a detector sees, an MCAP bag, a
+    URDF.
 
     A stopped drive goes on from its last saved state, pictures from the last one that was written.
     """
@@ -471,7 +473,7 @@ def drive(
     chosen = read_config(config)
     rover, number = chosen.rover, chosen.rover.seeds[0] if seed is None else seed
     run = results / chosen.run
-    weights = run / chosen.first_training / f"judges/{rover.judge}.pt" if rover.judge else None
+    weights = run / chosen.first_training / f"detectors/{rover.detector}.pt" if rover.detector else None
     folder = out or run / f"rover/seed{number}"
     with reporting(), share_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
         figures = run_all(

@@ -82,7 +82,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     rocks: RocksOptions = Field(RocksOptions(), description="Scans to rocks, ground and meshes.")
     labels: LabelsSection = Field(LabelsSection(), description="Seed labels to labels of every photo.")
     render: RenderOptions = Field(RenderOptions(), description="Twins of every photo.")
-    detect: DetectOptions = Field(DetectOptions(), description="Judges, their training and comparison.")
+    detect: DetectOptions = Field(DetectOptions(), description="Detectors, their training and comparison.")
     gap: GapOptions = Field(GapOptions(), description="Twins with one ingredient replaced: which one causes the gap.")
     rover: RoverOptions = Field(RoverOptions(), description="Drives over the digitised terrains.")
     scoring: ScoringOptions = Field(ScoringOptions(), description="How results are scored.")
@@ -127,9 +127,9 @@ class Config(BaseModel, extra="forbid", frozen=True):
         for terrain in self.rover.world.terrains:
             if terrain not in self.terrains:
                 raise ValueError(f"rover.world.terrains: {terrain} is none of the run's {self.terrains}")
-        if self.rover.judge is not None and self.rover.judge not in self.training_domains:
+        if self.rover.detector is not None and self.rover.detector not in self.training_domains:
             known = ", ".join(self.training_domains) or "none of a source without photos"
-            raise ValueError(f"rover.judge: domain {self.rover.judge!r}, expected {known}")
+            raise ValueError(f"rover.detector: domain {self.rover.detector!r}, expected {known}")
         return self
 
     @model_validator(mode="after")
@@ -176,8 +176,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return self.scoring.drawn_root or own or self.source.root
 
     @property
-    def ledger_judges(self) -> tuple[str, ...]:
-        """Training domains of the judges that the gap ledger asks."""
+    def ledger_detectors(self) -> tuple[str, ...]:
+        """Training domains of the detectors that the gap ledger asks."""
         return self.gap.trained_on or (self.photo_domain, self.gap.model)
 
     @property
@@ -187,18 +187,20 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @property
     def domains(self) -> tuple[str, ...]:
-        """Domains that judges are compared over; the release has no photos, so it has none."""
+        """Domains that detectors are compared over; the release has no photos, so it has none."""
         return () if self.source.kind == "release" else (self.photo_domain, *self.render.models)
 
     @property
     def training_domains(self) -> tuple[str, ...]:
-        """Domains that judges are trained on: those, then novel views, then mixes."""
+        """Domains that detectors are trained on: those, then novel views, then mixes."""
         views = [VIEWS] if self.domains and self.detect.views else []
         return (*self.domains, *views, *(self.detect.mixes if self.domains else ()))
 
     @property
     def first_training(self) -> str:
-        """Folder of the first split's and seed's judges below the run: what figures show and the rover takes along."""
+        """Folder of the first split's and seed's detectors below the run: what figures show and the rover takes
+        along.
+        """
         return f"detect/{self.detect.splits[0]}/seed{self.detect.seeds[0]}"
 
     def digest(self) -> str:

@@ -63,7 +63,7 @@ class RenderError(PolarsimError):
 
 
 class DetectError(PolarsimError):
-    """A data set, judge or prediction that cannot be used."""
+    """A data set, detector or prediction that cannot be used."""
 
 
 class RoverError(PolarsimError):

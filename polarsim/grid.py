@@ -19,7 +19,7 @@ def words(value: object) -> object:
 
 
 class GridOptions(BaseModel, extra="forbid", frozen=True):
-    """Which photos of the grid are labelled, rendered and judged. The default is all of them."""
+    """Which photos of the grid are labelled, rendered and evaluated. The default is all of them."""
 
     lights: tuple[Light, ...] = Field(
         default=LIGHTS, description="Rover light, 'on' or 'off' (quote them: YAML reads on as true)."

@@ -85,7 +85,7 @@ def describes(key):
     return True
 
 
-def test_judges_are_trained_on_mixes_and_views_and_compared_over_domains_alone():
+def test_detectors_are_trained_on_mixes_and_views_and_compared_over_domains_alone():
     found = detect(views="results/views", mixes={"mixed": {"analog": 1, "views": 0.5}})
     assert found.domains == ("analog", "principled", "hapke")
     assert found.training_domains == ("analog", "principled", "hapke", "views", "mixed")
@@ -99,8 +99,8 @@ def ledger(ingredient, kind="analog", **gap):
 def test_an_ingredient_changes_its_own_options_and_no_others():
     found = ledger({"render": {"noise": True}})
     assert found.render_options_of("one") == found.render.model_copy(update={"noise": True, "models": ("hapke",)})
-    assert found.ledger_judges == ("analog", "hapke")
-    assert ledger({"labels": "carried"}, trained_on=["principled"]).ledger_judges == ("principled",)
+    assert found.ledger_detectors == ("analog", "hapke")
+    assert ledger({"labels": "carried"}, trained_on=["principled"]).ledger_detectors == ("principled",)
 
 
 @pytest.mark.parametrize(

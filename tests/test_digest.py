@@ -36,7 +36,7 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"config", "pages", "reporting"},
     {"cli"},
 )
-TALLER = {  # of the stages these see only these: a drive renders and judges itself, a report shows what scoring found
+TALLER = {  # of the stages these see only these: a drive renders and detects itself, a report shows what scoring found
     "rover": {"render", "detect"},
     "report": {"scoring", "annotate"},
 }
@@ -108,7 +108,7 @@ ROVER_FLOORS = (  # from the bottom up: a room sees the floors below and itself,
     {"onboard", "exchange"},
     {"options", "run", "environment"},  # no rooms: where the command line, the configuration and learners come in
 )
-ROVER_BLIND = {"soil", "world", "vehicle", "drive"}  # a drive needs neither pictures nor judges
+ROVER_BLIND = {"soil", "world", "vehicle", "drive"}  # a drive needs neither pictures nor detectors
 
 
 def room_of(module: str) -> str | None:

@@ -117,7 +117,7 @@ def test_a_detector_is_chosen_there():
     detect = Config.model_fields["detect"].annotation
     assert named in {detect, *(field.annotation for field in detect.model_fields.values())}
     assert "model" in named.model_fields
-    for script in ("train_judge", "predict"):
+    for script in ("train_detector", "predict"):
         assert module_of(files[0]) in reached(script)
     chosen = getattr(import_module(module_of(files[0])), family)
     own, others = chosen("compact"), chosen("yolov8n")

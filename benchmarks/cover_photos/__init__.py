@@ -1,1 +1,3 @@
-"""What `benchmarks/covers.py` needs and nothing else does: cover photos read, twins varied, judges of both scored."""
+"""What `benchmarks/covers.py` needs and nothing else does: cover photos read, twins varied, detectors of both
+scored.
+"""

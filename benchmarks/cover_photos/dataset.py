@@ -1,4 +1,6 @@
-"""What judges of cover photos are trained and tested on: varied twins to train and validate, cover photos to test."""
+"""What detectors of cover photos are trained and tested on: varied twins to train and validate, cover photos to
+test.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ PARTS = ("train", "val", "test")
 
 
 class CoverOptions(BaseModel, extra="forbid", frozen=True):
-    """How twins become the pictures that judges of cover photos are trained on."""
+    """How twins become the pictures that detectors of cover photos are trained on."""
 
     val_share: float = Field(0.08, gt=0, lt=1, description="Share of the twins that selects the weights.")
     gamma: tuple[float, float] = Field((1.0, 2.0), description="Range of the exponent of the tone curve.")

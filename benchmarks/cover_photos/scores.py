@@ -1,4 +1,4 @@
-"""How well a judge finds the labels of cover photos, with intervals."""
+"""How well a detector finds the labels of cover photos, with intervals."""
 
 from __future__ import annotations
 

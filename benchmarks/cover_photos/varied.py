@@ -1,4 +1,6 @@
-"""Pictures of a terrain's variants from its real cameras, 12 bits, with exact boxes: to train judges on twins alone."""
+"""Pictures of a terrain's variants from its real cameras, 12 bits, with exact boxes: to train detectors on twins
+alone.
+"""
 
 from __future__ import annotations
 

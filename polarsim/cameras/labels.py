@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.cameras.options import PlacementOptions
-from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, judge_pose, refine_pose
+from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, check_pose, refine_pose
 from polarsim.cameras.search import candidate_centres, search_pose
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
@@ -138,7 +138,7 @@ def _final_fits(
     for start in starts:
         near = refine_pose(start, thin, boxes, lens, prior, START_GATES_PX, rough)
         pose = refine_pose(near, outlines, boxes, lens, prior, FINAL_GATES_PX, fine)
-        fits.append(judge_pose(pose, outlines, boxes, lens, prior, MATCH_GATE_PX, fine))
+        fits.append(check_pose(pose, outlines, boxes, lens, prior, MATCH_GATE_PX, fine))
     return fits
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from polarsim.cameras.labels import MIN_BOXES, LabelPlacement, checked, final_noise, place_by_labels
 from polarsim.cameras.options import PlacementOptions
-from polarsim.cameras.refine import BoxFit, judge_pose, pose_of
+from polarsim.cameras.refine import BoxFit, check_pose, pose_of
 from polarsim.cameras.shifts import FittedPosition, Shifts, fit_shifts, no_shifts, shifted
 from polarsim.cameras.surveyed import pose_beside
 from polarsim.errors import RegistrationError
@@ -61,7 +61,7 @@ def unshifted_fits(found: Placements, outlines: Outlines, lens: Lens) -> list[Bo
     """What the boxes of the placed positions say of the meshes as they are, seen from the same poses."""
     noise, gate = final_noise(), MATCH_GATE_PX
     return [
-        judge_pose(one.fit.sandbox_from_left, outlines, one.boxes, lens, one.prior, gate, noise)
+        check_pose(one.fit.sandbox_from_left, outlines, one.boxes, lens, one.prior, gate, noise)
         for one in found.placed.values()
     ]
 
@@ -109,7 +109,7 @@ def _fitted(
     unknowns, shifts = fit_shifts(positions, outlines, lens, options.rock_shift_sd_mm / 1000, gate, noise, start.metres)
     moved = shifted(outlines, shifts.metres)
     fits = {
-        position: judge_pose(pose_of(unknowns[position]), moved, one.boxes, lens, one.prior, gate, noise)
+        position: check_pose(pose_of(unknowns[position]), moved, one.boxes, lens, one.prior, gate, noise)
         for position, one in placed.items()
     }
     return Placements({position: replace(one, fit=fits[position]) for position, one in placed.items()}, shifts, {})

@@ -82,7 +82,7 @@ def refine_pose(
     return pose
 
 
-def judge_pose(
+def check_pose(
     pose: Pose,
     outlines: Outlines,
     boxes: np.ndarray,

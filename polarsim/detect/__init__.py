@@ -1,1 +1,1 @@
-"""Detectors as judges of the gap between domains: data sets, training, prediction, detection figures, IPD."""
+"""Detectors and the gap that they show between domains: data sets, training, prediction, detection figures, IPD."""

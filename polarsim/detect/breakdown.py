@@ -31,8 +31,10 @@ GROUP_RESAMPLES = 200  # bootstrap samples of groups of photos and size classes,
 
 
 @dataclass(frozen=True)
-class Judged:
-    """What one judge saw of one domain: matched predictions and label overlaps of each class, and the photos' units."""
+class Matches:
+    """What one detector saw of one domain: matched predictions and label overlaps of each class, and the photos'
+    units.
+    """
 
     keys: list[PhotoKey]
     ranked: dict[str, metrics.Ranked]  # by kind; areas: all, then those of SIZES
@@ -42,13 +44,13 @@ class Judged:
     unit: bootstrap.Unit
 
 
-def judge(
+def match_predictions(
     keys: Sequence[str],
     labels: pd.DataFrame,
     predictions: pd.DataFrame,
     performance: pd.DataFrame,
     unit: bootstrap.Unit = "view",
-) -> Judged:
+) -> Matches:
     """Match once what all figures are sums of.
 
     Parameters
@@ -62,7 +64,7 @@ def judge(
     """
     place = {key: n for n, key in enumerate(keys)}
     own = {kind: performance[performance["kind"] == kind] for kind in BOX_CLASSES}
-    return Judged(
+    return Matches(
         [PhotoKey.parse(key) for key in keys],
         rank_by_kind(keys, labels, predictions, areas=[*metrics.ANY_AREA, *SIZES.values()]),
         {kind: rows["iou"].to_numpy(float) for kind, rows in own.items()},
@@ -79,7 +81,7 @@ def rank_by_kind(
     thresholds: np.ndarray = metrics.IOU_THRESHOLDS,
     areas: Sequence[tuple[float, float]] = metrics.ANY_AREA,
 ) -> dict[str, metrics.Ranked]:
-    """`metrics.rank` of each class; arguments as of `judge` and of `rank`."""
+    """`metrics.rank` of each class; arguments as of `detector` and of `rank`."""
     ranked = {}
     for kind in BOX_CLASSES:
         labelled = _boxes_by_photo(labels[labels["kind"] == kind], BOX_COLUMNS, keys)
@@ -90,7 +92,7 @@ def rank_by_kind(
 
 
 def breakdown(
-    judged: Judged, *, seed: int = 0, resamples: int = 1000, group_resamples: int = GROUP_RESAMPLES
+    matched: Matches, *, seed: int = 0, resamples: int = 1000, group_resamples: int = GROUP_RESAMPLES
 ) -> pd.DataFrame:
     """`BREAKDOWN_COLUMNS` of all photos, of each size class of labels, and of each group of photos.
 
@@ -98,22 +100,22 @@ def breakdown(
     are of the photos' views or photos, `units` of them.
     """
     rows: list[dict[str, object]] = []
-    everything = np.ones(len(judged.keys), bool)
+    everything = np.ones(len(matched.keys), bool)
     parts: list[tuple[str, str, np.ndarray, int]] = [(ALL, ALL, everything, 0)]
     parts += [("size", name, everything, number) for number, name in enumerate(SIZES, 1)]
     for by, group_of in PHOTO_GROUPS.items():
-        groups = np.array([group_of(key) for key in judged.keys], str)
+        groups = np.array([group_of(key) for key in matched.keys], str)
         parts += [(by, str(group), groups == group, 0) for group in np.unique(groups)]
     for by, group, chosen, area in parts:
         again = resamples if by == ALL else group_resamples
-        rows += [{"by": by, "group": group} | row for row in _figures(judged, chosen, area, seed, again)]
+        rows += [{"by": by, "group": group} | row for row in _figures(matched, chosen, area, seed, again)]
     return pd.DataFrame(rows, columns=list(BREAKDOWN_COLUMNS))
 
 
-def curves(judged: Judged) -> pd.DataFrame:
+def curves(matched: Matches) -> pd.DataFrame:
     """`CURVE_COLUMNS`: precision as COCO interpolates it, at 101 recalls, of each class that has labels."""
     parts = []
-    for kind, ranked in judged.ranked.items():
+    for kind, ranked in matched.ranked.items():
         if ranked.labels[0].any():
             precision = metrics.precision_at_recalls(ranked)
             for iou in CURVE_IOUS:
@@ -123,13 +125,13 @@ def curves(judged: Judged) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(CURVE_COLUMNS))
 
 
-def _figures(judged: Judged, chosen: np.ndarray, area: int, seed: int, resamples: int) -> Iterator[dict[str, object]]:
+def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resamples: int) -> Iterator[dict[str, object]]:
     """One row a class and one of all classes, for chosen (p,) photos and a range of area (0: all)."""
     from polarsim.detect.bootstrap_numba import resampled_precision
 
     unit = np.zeros(len(chosen), int)
     unit[chosen] = bootstrap.units_of(
-        [str(key) for key, is_in in zip(judged.keys, chosen, strict=True) if is_in], judged.unit
+        [str(key) for key, is_in in zip(matched.keys, chosen, strict=True) if is_in], matched.unit
     )
     units = int(unit.max(initial=-1)) + 1
     drawn = bootstrap.draws(units, resamples, seed)
@@ -137,10 +139,10 @@ def _figures(judged: Judged, chosen: np.ndarray, area: int, seed: int, resamples
     samples: list[np.ndarray] = []
     counts: list[int] = []
     for kind in BOX_CLASSES:
-        ranked = judged.ranked[kind].of_pictures(chosen)
+        ranked = matched.ranked[kind].of_pictures(chosen)
         precision = metrics.precision_at_recalls(ranked, area).mean(axis=1)
-        counted = chosen[judged.picture[kind]] & _in_size(judged.area[kind], area)
-        overlap, owner = judged.overlap[kind][counted], unit[judged.picture[kind][counted]]
+        counted = chosen[matched.picture[kind]] & _in_size(matched.area[kind], area)
+        overlap, owner = matched.overlap[kind][counted], unit[matched.picture[kind][counted]]
         values.append(np.array([precision[0], precision.mean(), overlap.mean() if len(overlap) else np.nan]))
         again = resampled_precision(ranked, area, unit, drawn)
         means = bootstrap.resampled_means(overlap, owner, drawn)

@@ -1,4 +1,4 @@
-"""Figures of every judge in every domain, and of the difference between domains."""
+"""Figures of every detector in every domain, and of the difference between domains."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from polarsim.detect.breakdown import (
     FIGURE_COLUMNS,
     breakdown,
     curves,
-    judge,
+    match_predictions,
 )  # fmt: skip
 from polarsim.detect.dataset import BOX_COLUMNS, count_left_out, read_pictures
+from polarsim.detect.detectors import detector_name
 from polarsim.detect.differences import DIFFERENCE_COLUMNS, paired_differences
 from polarsim.detect.false_alarms import FALSE_ALARM_COLUMNS, false_alarms
 from polarsim.detect.ipd import (
@@ -29,7 +30,6 @@ from polarsim.detect.ipd import (
     of_rocks,
     pair,
 )  # fmt: skip
-from polarsim.detect.judges import judge_name
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
 from polarsim.detect.seen import Seen
@@ -44,7 +44,7 @@ from polarsim.progress import track
 SIDES = ("trained", "evaluated")
 PAIR = ("trained", "first", "second")
 DETECTION_COLUMNS = (
-    *SIDES, "kind", "split", "leaks_views", "judge", "start", "epochs", "imgsz",
+    *SIDES, "kind", "split", "leaks_views", "detector", "start", "epochs", "imgsz",
     "images", "left_out", "units", "unit", "labels", *FIGURE_COLUMNS,
 )  # fmt: skip
 IPD_COLUMNS = (
@@ -120,11 +120,11 @@ def evaluate(
         seen[trained, evaluated] = Seen(common, truth[evaluated], found, options)
         for name, table in figures.items():
             parts[name].append(_named(table, SIDES, (trained, evaluated)))
-    judged = _joined(parts["breakdown"], (*SIDES, *BREAKDOWN_COLUMNS))
-    _write(tables_of.breakdown, judged)
+    matched = _joined(parts["breakdown"], (*SIDES, *BREAKDOWN_COLUMNS))
+    _write(tables_of.breakdown, matched)
     left_out = {sides: _left_out(datasets, *sides) for sides in named}
     facts = {"split": by, "leaks_views": leaked, **detector_facts(training, imgsz), "unit": options.resampled}
-    _write(tables_of.detection, _detection_table(judged, left_out, facts))
+    _write(tables_of.detection, _detection_table(matched, left_out, facts))
     _write(tables_of.curves, _joined(parts["curves"], CURVES.columns))
     _write(tables_of.false_alarms, _joined(parts["false_alarms"], (*SIDES, *FALSE_ALARM_COLUMNS)))
     _write(tables_of.ipd, _ipd_table(performances, options))
@@ -151,18 +151,23 @@ def trained_and_evaluated(path: Path) -> tuple[str, str]:
 
 def detector_facts(training: TrainingOptions, imgsz: int) -> dict[str, Any]:
     """How a detector was trained, by column of a table."""
-    return {"judge": judge_name(training.model), "start": training.start, "epochs": training.epochs, "imgsz": imgsz}
+    return {
+        "detector": detector_name(training.model),
+        "start": training.start,
+        "epochs": training.epochs,
+        "imgsz": imgsz,
+    }
 
 
 def _figures(
     keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, options: ComparisonOptions
 ) -> dict[str, pd.DataFrame]:
-    """All that concerns one judge and one domain."""
+    """All that concerns one detector and one domain."""
     drawing = {"seed": options.seed, "resamples": options.resamples}
     own = labels[labels["key"].isin(keys)]
     found = predictions[predictions["key"].isin(keys)]
     performance = instance_performance(own, found, options.iou_confidence)
-    judged = judge(keys, own, found, performance, options.resampled)
+    matched = match_predictions(keys, own, found, performance, options.resampled)
     alarms = false_alarms(
         keys,
         labels,
@@ -173,14 +178,14 @@ def _figures(
     )
     return {
         "instances": performance,
-        "breakdown": breakdown(judged, **drawing),
-        "curves": curves(judged),
+        "breakdown": breakdown(matched, **drawing),
+        "curves": curves(matched),
         "false_alarms": alarms,
     }
 
 
 def _left_out(datasets: Mapping[str, Path], trained: str, evaluated: str) -> int:
-    """Corrupt pictures that a judge was not trained on or not tested on."""
+    """Corrupt pictures that a detector was not trained on or not tested on."""
     training = count_left_out(datasets[trained], (TRAIN, VAL)) if trained in datasets else 0
     return training + count_left_out(datasets[evaluated], (TEST,))
 
@@ -194,10 +199,10 @@ def read_labels(path: Path) -> pd.DataFrame:
 
 
 def _detection_table(
-    judged: pd.DataFrame, left_out: Mapping[tuple[str, str], int], facts: Mapping[str, Any]
+    matched: pd.DataFrame, left_out: Mapping[tuple[str, str], int], facts: Mapping[str, Any]
 ) -> pd.DataFrame:
     """`DETECTION_COLUMNS` of all photos."""
-    found = judged[judged["by"] == ALL].assign(**facts)
+    found = matched[matched["by"] == ALL].assign(**facts)
     found["left_out"] = [left_out[sides] for sides in zip(found["trained"], found["evaluated"], strict=True)]
     return found[list(DETECTION_COLUMNS)]
 
@@ -205,9 +210,9 @@ def _detection_table(
 def _pairs_of_domains(
     performances: Mapping[tuple[str, str], pd.DataFrame],
 ) -> Iterator[tuple[tuple[str, str, str], pd.DataFrame, pd.DataFrame]]:
-    """Every judge and two domains, with its performances in both."""
+    """Every detector and two domains, with its performances in both."""
     for trained in sorted({trained for trained, _ in performances}):
-        domains = sorted(evaluated for judge, evaluated in performances if judge == trained)
+        domains = sorted(evaluated for detector, evaluated in performances if detector == trained)
         for first, second in combinations(domains, 2):
             yield (trained, first, second), performances[trained, first], performances[trained, second]
 

@@ -1,4 +1,4 @@
-"""Rocks that a judge sees where no rock is labelled: how many a photo, and on which share of its area.
+"""Rocks that a detector sees where no rock is labelled: how many a photo, and on which share of its area.
 
 mAP mixes false alarms with misses and looks only at photos that have rocks. Here places without rocks are asked: whole
 photos of terrains without a rock label, and rock-free tiles of all others.

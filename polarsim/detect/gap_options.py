@@ -62,7 +62,7 @@ class GapOptions(BaseModel, extra="forbid", frozen=True):
 
     model: str = Field("hapke", description="The twin's reflectance model, one of `render.models`.")
     trained_on: tuple[str, ...] = Field(
-        (), description="Judges by what they were trained on; none: one of photos and one of the model's twins."
+        (), description="Detectors by what they were trained on; none: one of photos and one of the model's twins."
     )
     ingredients: dict[str, Ingredient] = Field(
         {}, description="What is replaced in each twin of the ledger, by a name of small letters, digits and -."

@@ -1,4 +1,4 @@
-"""Instance performance difference: how differently one judge performs on the same rocks in two domains.
+"""Instance performance difference: how differently one detector performs on the same rocks in two domains.
 
 Chen, Negrut et al., arXiv 2411.07375. The performance of a rock in a photo is the IoU of its label with the best
 predicted box (`instance_performance`); rocks are paired by photo key and rock id. What the paper leaves open is stated
@@ -120,7 +120,7 @@ def pair(first: pd.DataFrame, second: pd.DataFrame, rules: Rules | None = None) 
 def instance_performance_difference(
     first: pd.DataFrame, second: pd.DataFrame, *, rules: Rules | None = None, seed: int = 0, resamples: int = 1000
 ) -> Difference:
-    """IPD of one judge between two domains, from the rows of `instance_performance` in each.
+    """IPD of one detector between two domains, from the rows of `instance_performance` in each.
 
     Parameters
     ----------

@@ -1,6 +1,7 @@
 """The gap ledger: what changes of the gap between photos and twins when one ingredient of the twin is replaced.
 
-Photos, twin and the twin with the ingredient replaced are judged by the same judges, which are not trained again, on
+Photos, twin and the twin with the ingredient replaced are evaluated by the same detectors, which are not trained
+again, on
 the same photos. What changes is paired: the same rocks, and the same resamples of views for both twins, so an interval
 is that of the change and not of two figures beside each other.
 """
@@ -25,14 +26,14 @@ from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.progress import track
 
 LEDGER_COLUMNS = (
-    "ingredient", "replaced", "model", "trained", "kind", "judge", "epochs", "imgsz", "images", "units", "unit",
+    "ingredient", "replaced", "model", "trained", "kind", "detector", "epochs", "imgsz", "images", "units", "unit",
     "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "alarms_photo", "alarm_area_photo", *FIGURE_COLUMNS,
 )  # fmt: skip
 _DIGITS = 6
 
 
 def weigh(photo: Seen, twin: Seen, replaced: Seen) -> pd.DataFrame:
-    """What one judge says of one ingredient: from `images` on the columns of `LEDGER_COLUMNS`, a row a class.
+    """What one detector says of one ingredient: from `images` on the columns of `LEDGER_COLUMNS`, a row a class.
 
     The three have the same keys and options.
     """
@@ -64,12 +65,12 @@ def write_ledger(
     training: TrainingOptions,
     imgsz: int,
 ) -> None:
-    """Write `LEDGER_COLUMNS`, a row an ingredient, judge and class.
+    """Write `LEDGER_COLUMNS`, a row an ingredient, detector and class.
 
     Parameters
     ----------
     predictions
-        By what a judge was trained on, and the domain that it saw: photos, twin, or an ingredient.
+        By what a detector was trained on, and the domain that it saw: photos, twin, or an ingredient.
     labels, datasets
         Label table and data set of each of these domains. Photos count that all data sets have in their test part.
     photo, twin
@@ -93,8 +94,8 @@ def write_ledger(
     for trained in track(sorted({trained for trained, _ in predictions}), "gap ledger"):
         seen = {
             domain: Seen(keys, truth[domain], tables.read_parquet(path, PREDICTION_COLUMNS), options)
-            for (judge, domain), path in predictions.items()
-            if judge == trained
+            for (detector, domain), path in predictions.items()
+            if detector == trained
         }
         for ingredient, words in replaced.items():
             rows = weigh(seen[photo], seen[twin], seen[ingredient])

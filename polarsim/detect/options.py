@@ -14,7 +14,7 @@ SplitName = Literal["photo", "view", "position", "terrain"]
 
 
 class StereoOptions(BaseModel, extra="forbid", frozen=True):
-    """Depth from pairs of photos, a judge that is not trained: OpenCV's semi-global matching."""
+    """Depth from pairs of photos, a method that is not trained: OpenCV's semi-global matching."""
 
     run: bool = Field(False, description="Match all pairs of photos and of twins; costs about a second a pair.")
     scale: float = Field(0.5, gt=0, le=1, description="Size of the matched pictures, of a photo's.")
@@ -99,7 +99,7 @@ class TrainingOptions(BaseModel, extra="forbid", frozen=True):
         if self.pretrained_url and not (self.pretrained and self.pretrained_sha256):
             raise ValueError("pretrained_url needs pretrained, where the file goes, and pretrained_sha256")
         if self.mosaic and self.model.startswith("compact"):
-            raise ValueError(f"mosaic: judge {self.model} has none")
+            raise ValueError(f"mosaic: detector {self.model} has none")
         return self
 
     @property
@@ -172,7 +172,7 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
     training: TrainingOptions = Field(TrainingOptions(), description="How detectors are trained.")
     prediction: PredictionOptions = Field(PredictionOptions(), description="How detectors look at pictures.")
     comparison: ComparisonOptions = Field(ComparisonOptions(), description="How their predictions are compared.")
-    stereo: StereoOptions = Field(StereoOptions(), description="Stereo depth as a second kind of judge.")
+    stereo: StereoOptions = Field(StereoOptions(), description="Stereo depth as a second kind of evaluation.")
 
     @field_validator("splits", "seeds")
     @classmethod

@@ -1,4 +1,4 @@
-"""Predictions of a judge on the test pictures of a domain."""
+"""Predictions of a detector on the test pictures of a domain."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.detect import judges
+from polarsim.detect import detectors
 from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.frame import frame, read_picture
 from polarsim.detect.options import PredictionOptions
@@ -27,27 +27,27 @@ PART = 25 * BATCH  # pictures whose predictions are held in memory
 
 
 def predict(*, weights: Path, dataset: Path, predictions: Path, options: PredictionOptions, threads: int) -> None:
-    """Write what a judge sees in the test part of a data set, boxes in pixels of the full photo.
+    """Write what a detector sees in the test part of a data set, boxes in pixels of the full photo.
 
     Memory does not grow with the number of pictures; a call that was stopped goes on where it stopped.
 
     Raises
     ------
     PolarsimError
-        Weights that are no judge, a broken picture or data set.
+        Weights that are no detector, a broken picture or data set.
     """
-    judge = judges.read_judge(weights)
+    detector = detectors.read_detector(weights)
     keys = read_pictures(dataset, TEST)
     predictions.parent.mkdir(parents=True, exist_ok=True)
     with about(weights):
-        detector = judges.family(judge.model).load(judge, predictions.parent, options, threads)
+        loaded = detectors.family(detector.model).load(detector, predictions.parent, options, threads)
     paths = {key: dataset / "images" / TEST / f"{key}.png" for key in keys}
 
     def see(some: Sequence[str]) -> pd.DataFrame:
         rows: list[tuple[Any, ...]] = []
         for group in (some[n : n + BATCH] for n in range(0, len(some), BATCH)):
             pictures = [read_picture(paths[key]) for key in group]
-            results = detect(detector, pictures, judge.imgsz)
+            results = detect(loaded, pictures, detector.imgsz)
             rows += [
                 (key, BOX_CLASSES[int(found[5])], found[4], *found[:4])
                 for key, result in zip(group, results, strict=True)
@@ -59,15 +59,15 @@ def predict(*, weights: Path, dataset: Path, predictions: Path, options: Predict
     write_in_parts(predictions, keys, see, PART, identity)
 
 
-def detect(detector: judges.Detector, pictures: list[np.ndarray], imgsz: int) -> Iterator[np.ndarray]:
-    """What a judge sees in pictures (h, w) uint8 of one size: for each (n, 6) x0, y0, x1, y1, confidence, class.
+def detect(loaded: detectors.LoadedDetector, pictures: list[np.ndarray], imgsz: int) -> Iterator[np.ndarray]:
+    """What a detector sees in pictures (h, w) uint8 of one size: for each (n, 6) x0, y0, x1, y1, confidence, class.
 
     Boxes are in pixels of a full photo, whatever the pictures' size.
     """
     if len({picture.shape for picture in pictures}) > 1:
         raise DetectError(f"pictures of sizes {sorted({picture.shape for picture in pictures})}, expected one size")
     framed = [frame(picture, imgsz) for picture in pictures]
-    found = detector(np.stack([pixels for pixels, _, _ in framed]))
+    found = loaded(np.stack([pixels for pixels, _, _ in framed]))
     for boxes_found, (_, offset, scale) in zip(found, framed, strict=True):
         boxes_found[:, :4] = (boxes_found[:, :4] - np.tile(offset, 2)) * np.tile(scale, 2)
         boxes_found[:, :4] = boxes.clip(boxes_found[:, :4])

@@ -22,7 +22,7 @@ _PLACE = ["key", "kind", "rock"]
 
 @dataclass(frozen=True)
 class Seen:
-    """One domain through one judge.
+    """One domain through one detector.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""IPD of anyone's judge: two sets of labels and predictions, as YOLO folders or as Parquet tables."""
+"""IPD of anyone's detector: two sets of labels and predictions, as YOLO folders or as Parquet tables."""
 
 from __future__ import annotations
 

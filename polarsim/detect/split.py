@@ -1,4 +1,4 @@
-"""Which photos train a judge, which choose its weights, which test it."""
+"""Which photos train a detector, which choose its weights, which test it."""
 
 from __future__ import annotations
 

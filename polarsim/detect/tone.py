@@ -1,4 +1,4 @@
-"""From the 12 linear bits of a photo or twin to the 8 bits that a judge is trained on."""
+"""From the 12 linear bits of a photo or twin to the 8 bits that a detector is trained on."""
 
 from __future__ import annotations
 

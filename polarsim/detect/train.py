@@ -1,13 +1,13 @@
-"""Training of one judge on one domain's data set."""
+"""Training of one detector on one domain's data set."""
 
 from __future__ import annotations
 
 import shutil
 from pathlib import Path
 
-from polarsim.detect import judges
+from polarsim.detect import detectors
 from polarsim.detect.dataset import read_pictures
-from polarsim.detect.judges.download import ensure_weights
+from polarsim.detect.detectors.download import ensure_weights
 from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.parts import digest
 from polarsim.detect.split import TRAIN, VAL
@@ -17,7 +17,7 @@ from polarsim.formats import tables
 from polarsim.formats.files import read_json, write_json
 
 
-def train_judge(
+def train_detector(
     *,
     dataset: Path,
     weights: Path,
@@ -36,7 +36,7 @@ def train_judge(
     dataset : Path
         Folder that `make_dataset` wrote; nothing is written into it.
     weights : Path
-        Judge to write, see `judges.write_judge`.
+        Detector to write, see `detectors.write_detector`.
     curve : Path
         CSV to write, a row an epoch: losses, and mAP on the val part.
     prediction : PredictionOptions
@@ -57,17 +57,19 @@ def train_judge(
         raise DetectError("not one labelled box in its train part", path=dataset)
     ensure_weights(options)
     try:
-        training = judges.Training(dataset, work / "training", options, prediction, imgsz, seed, threads)
+        training = detectors.Training(dataset, work / "training", options, prediction, imgsz, seed, threads)
         _prepare(training)
-        trained = judges.family(options.model).train(training)
+        trained = detectors.family(options.model).train(training)
         tables.write_csv(curve, trained.curve)
-        judges.write_judge(weights, judges.Judge(options.model, imgsz, options.epochs, options.start, trained.state))
+        detectors.write_detector(
+            weights, detectors.Detector(options.model, imgsz, options.epochs, options.start, trained.state)
+        )
         shutil.rmtree(training.folder, ignore_errors=True)
     except OSError as error:
         raise PolarsimError(f"training cannot go on, {error.strerror or error}", path=work) from error
 
 
-def _prepare(training: judges.Training) -> None:
+def _prepare(training: detectors.Training) -> None:
     """Empty the folder of a training unless it holds the same one."""
     files = (
         training.dataset / kind / part / f"{key}.{suffix}"

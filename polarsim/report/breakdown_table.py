@@ -8,7 +8,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report import paper
-from polarsim.report.detection_table import KINDS, notes_of_judges
+from polarsim.report.detection_table import KINDS, notes_of_detectors
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
 from polarsim.report.seeds import by_splits, seed_notes, shown
 
@@ -36,9 +36,9 @@ NOTES = (
 
 
 def tabulate_breakdown(*, breakdown: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
-    """Write tables/detection_breakdown.{csv,md,tex,parquet} from detect/breakdown.parquet, judges by `detection`."""
+    """Write tables/detection_breakdown.{csv,md,tex,parquet} from detect/breakdown.parquet, detectors by `detection`."""
     table = tidy_breakdown(read_parquet(breakdown, COLUMNS), origin["source"])
-    notes = [*NOTES, *seed_notes(table), *notes_of_judges(detection), origin_note(origin)]
+    notes = [*NOTES, *seed_notes(table), *notes_of_detectors(detection), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     blocks = {CAPTIONS.get(by, by): lay_out_breakdown(table[table["by"] == by]) for by in dict.fromkeys(table["by"])}
@@ -57,12 +57,12 @@ def tidy_breakdown(breakdown: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def lay_out_breakdown(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a kind, judge and domain, a column a group, of tidy rows of one `by`."""
+    """A row a kind, detector and domain, a column a group, of tidy rows of one `by`."""
     groups = list(dict.fromkeys(table["group"]))
     names = ["kind", "trained", "evaluated"]
     rows = []
-    for split, judged in by_splits(table):
-        for (kind, trained, evaluated), part in judged.groupby(names, sort=False):
+    for split, matched in by_splits(table):
+        for (kind, trained, evaluated), part in matched.groupby(names, sort=False):
             row = split | {"labels": kind, "T": paper.title(str(trained)), "E": paper.title(str(evaluated))}
             for group in groups:
                 found = part[part["group"] == group]

@@ -1,4 +1,6 @@
-"""The table of detection: every judge on every domain, in the layout of the paper's Table 1 with its figures beside."""
+"""The table of detection: every detector on every domain, in the layout of the paper's Table 1 with its figures
+beside.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from polarsim.report.seeds import SEED, over_seeds, seed_notes
 MEASURES = ("map50", "map50_95", "iou_mean")
 INTERVALS = tuple(f"{name}_{bound}" for name in MEASURES for bound in ("low", "high"))
 COLUMNS = (
-    "trained", "evaluated", "kind", "split", "seed", "leaks_views", "judge", "start", "epochs", "imgsz",
+    "trained", "evaluated", "kind", "split", "seed", "leaks_views", "detector", "start", "epochs", "imgsz",
     "images", "left_out", "labels", *MEASURES, "unit", "units", *INTERVALS,
 )  # fmt: skip
 KINDS = (ROCK, "shadow", "all")
@@ -30,7 +32,7 @@ def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], m
     Pictures that are darker than `min_mean_dn` (mean above black, DN) were left out; 0: none was.
     """
     table = tidy_detection(read_parquet(detection, COLUMNS), origin["source"])
-    notes = [*judge_notes(table), *_dark_notes(min_mean_dn), *seed_notes(table), origin_note(origin)]
+    notes = [*detector_notes(table), *_dark_notes(min_mean_dn), *seed_notes(table), origin_note(origin)]
     if table["paper_map50"].notna().any():
         notes.insert(-1, "Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
@@ -62,7 +64,9 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def lay_out_detection(table: pd.DataFrame) -> pd.DataFrame:
-    """The paper's Table 1 out of tidy rows: a row a judge, a column an evaluated domain, then the paper's columns."""
+    """The paper's Table 1 out of tidy rows: a row a detector, a column an evaluated domain, then the paper's
+    columns.
+    """
     return _lay_out(table, _cell)
 
 
@@ -74,16 +78,16 @@ def lay_out_intervals(table: pd.DataFrame) -> pd.DataFrame:
 
 def _lay_out(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd.DataFrame:
     evaluated = paper.in_order(set(table["evaluated"]))
-    several = len(table[["split", "judge", "epochs", "imgsz"]].drop_duplicates()) > 1
+    several = len(table[["split", "detector", "epochs", "imgsz"]].drop_duplicates()) > 1
     beside = table["paper_map50"].notna().any()  # else no column of the paper is shown
     theirs = [domain for domain in evaluated if beside and domain in paper.DOMAIN_ORDER]
     rows = []
-    names = ["kind", "split", "judge", "epochs", "imgsz", "trained"]
+    names = ["kind", "split", "detector", "epochs", "imgsz", "trained"]
     for group, part in table.groupby(names, sort=False):
-        kind, split, judge, epochs, imgsz, trained = (str(value) for value in group)
+        kind, split, detector, epochs, imgsz, trained = (str(value) for value in group)
         row: dict[str, str] = {"labels": kind, "T": paper.title(trained)}
         if several:
-            row["judge"] = f"{judge}, {epochs} epochs at {imgsz} px, split by {split}"
+            row["detector"] = f"{detector}, {epochs} epochs at {imgsz} px, split by {split}"
         for prefix, text, domains in (("", "E: {}", evaluated), ("paper_", "paper, E: {}", theirs)):
             for domain in domains:
                 row[text.format(paper.title(domain))] = cell(part[part["evaluated"] == domain], prefix)
@@ -105,30 +109,32 @@ def _interval_cell(part: pd.DataFrame, prefix: str) -> str:
     return " / ".join(f"[{row[f'{name}_low']:.3f}, {row[f'{name}_high']:.3f}]" for name in MEASURES)
 
 
-def judge_notes(detection: pd.DataFrame) -> list[str]:
-    """What one must know before comparing: judge, training, split, seeds, size of the test.
+def detector_notes(detection: pd.DataFrame) -> list[str]:
+    """What one must know before comparing: detector, training, split, seeds, size of the test.
 
     Of detect/detection.parquet, whichever table the notes stand below.
     """
     seeds = ", ".join(str(seed) for seed in sorted(set(detection[SEED])))
     notes = []
-    for (judge, start, epochs, imgsz, split), part in detection.groupby(
-        ["judge", "start", "epochs", "imgsz", "split"], sort=False
+    for (detector, start, epochs, imgsz, split), part in detection.groupby(
+        ["detector", "start", "epochs", "imgsz", "split"], sort=False
     ):
         leak = "views are shared by training and test" if part["leaks_views"].any() else "no view is in both parts"
         low, high = part["images"].min(), part["images"].max()
         images = f"{low}" if low == high else f"{low} to {high}"
         training = f"started from {start}, {epochs} epochs by seed {seeds}"
-        notes.append(f"Judge {judge}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
+        notes.append(f"Detector {detector}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
         corrupt = int(part["left_out"].max())
         if corrupt:
-            notes.append(f"Split by {split}: up to {corrupt} corrupt pictures of a judge's training and test left out.")
+            notes.append(
+                f"Split by {split}: up to {corrupt} corrupt pictures of a detector's training and test left out."
+            )
     return notes
 
 
-def notes_of_judges(path: Path | None) -> list[str]:
-    """`judge_notes` of detect/detection.parquet; none without it."""
-    return [] if path is None else judge_notes(read_parquet(path, COLUMNS))
+def notes_of_detectors(path: Path | None) -> list[str]:
+    """`detector_notes` of detect/detection.parquet; none without it."""
+    return [] if path is None else detector_notes(read_parquet(path, COLUMNS))
 
 
 def _dark_notes(min_mean_dn: float) -> list[str]:

@@ -8,7 +8,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report import paper
-from polarsim.report.detection_table import KINDS, notes_of_judges
+from polarsim.report.detection_table import KINDS, notes_of_detectors
 from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.report.seeds import SEED, over_seeds, seed_notes, shown
 
@@ -29,7 +29,7 @@ def tabulate_differences(*, differences: Path, detection: Path, stem: Path, orig
     """Write tables/differences.{csv,md,tex,parquet} from detect/differences.parquet, notes from `detection`."""
     table = tidy_differences(read_parquet(differences, COLUMNS), origin["source"])
     units = sorted(set(table["unit"].astype(str)))
-    notes = [NOTE, *(f"Resampled: {unit}s." for unit in units), *seed_notes(table), *notes_of_judges(detection)]
+    notes = [NOTE, *(f"Resampled: {unit}s." for unit in units), *seed_notes(table), *notes_of_detectors(detection)]
     layout = lay_out_differences(table)
     write_table(stem, with_origin(table, origin), CAPTION, layout=layout, notes=[*notes, origin_note(origin)])
 

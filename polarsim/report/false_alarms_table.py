@@ -1,4 +1,4 @@
-"""The table of false alarms: rocks that judges see where no rock is labelled."""
+"""The table of false alarms: rocks that detectors see where no rock is labelled."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report import paper
-from polarsim.report.detection_table import notes_of_judges
+from polarsim.report.detection_table import notes_of_detectors
 from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.report.seeds import by_splits, seed_notes, shown
 
@@ -28,7 +28,7 @@ NOTES = (
 def tabulate_false_alarms(
     *, false_alarms: Path, stem: Path, origin: dict[str, str], detection: Path | None = None
 ) -> None:
-    """Write tables/false_alarms.{csv,md,tex,parquet} from detect/false_alarms.parquet, judges by `detection`."""
+    """Write tables/false_alarms.{csv,md,tex,parquet} from detect/false_alarms.parquet, detectors by `detection`."""
     table = paper.with_own_names(read_parquet(false_alarms, COLUMNS), ("trained", "evaluated"), origin["source"])
     table = table.sort_values(
         ["place", "trained", "evaluated"],
@@ -36,18 +36,18 @@ def tabulate_false_alarms(
         kind="stable",
         ignore_index=True,
     )
-    notes = [*NOTES, *seed_notes(table), *notes_of_judges(detection), origin_note(origin)]
+    notes = [*NOTES, *seed_notes(table), *notes_of_detectors(detection), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_false_alarms(table), notes=notes)
 
 
 def lay_out_false_alarms(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a place, judge and domain."""
+    """A row a place, detector and domain."""
     columns = ["where", "T", "E", "terrains", "photos", "per photo", "share of area, %"]
     rows = []
-    for split, judged in by_splits(table):
-        for (place, trained, evaluated), part in judged.groupby(["place", "trained", "evaluated"], sort=False):
+    for split, matched in by_splits(table):
+        for (place, trained, evaluated), part in matched.groupby(["place", "trained", "evaluated"], sort=False):
             shares = ["area_share", "area_share_low", "area_share_high"]
             percent = part.assign(**{name: 100 * part[name] for name in shares})
             values = (

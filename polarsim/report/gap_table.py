@@ -14,19 +14,20 @@ from polarsim.report.layout import MISSING, origin_note, with_origin, write_bloc
 from polarsim.report.seeds import by_splits, over_seeds, seed_notes
 
 COLUMNS = (
-    "split", "seed", "ingredient", "replaced", "model", "trained", "kind", "judge", "epochs", "imgsz", "images",
+    "split", "seed", "ingredient", "replaced", "model", "trained", "kind", "detector", "epochs", "imgsz", "images",
     "units", "unit", "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "alarms_photo", "alarm_area_photo",
     *FIGURE_COLUMNS,
 )  # fmt: skip
 CAPTION = (
-    "Gap ledger, {kind}s: one ingredient of the {model} twin is replaced at a time (T: judge trained on). Changes are "
+    "Gap ledger, {kind}s: one ingredient of the {model} twin is replaced at a time (T: detector trained on). "
+    "Changes are "
     "against the twin as it was, with 95 % intervals; below zero in IPD the gap closes."
 )
 NOTES = (
     "IPD between photos and twins: ipd is the absolute value of the mean difference of IoU, ipd_abs the mean of the "
     "absolute differences, both over the rocks or shadows (pairs) that photo, twin and changed twin have. Both IPDs "
     "of a row are drawn by the same resamples, so the interval is that of their difference.",
-    "Judges are those of the run and were not trained again: the ledger tells what of the gap they see, not what a "
+    "Detectors are those of the run and were not trained again: the ledger tells what of the gap they see, not what a "
     "training on better twins would bring. Ingredients interact, so changes do not add up.",
     "False alarms: rocks seen where none is labelled, per area of a whole photo, over their rock-free area.",
 )
@@ -40,14 +41,14 @@ def tabulate_gap(*, ledger: Path, stem: Path, origin: dict[str, str]) -> None:
         CAPTION.format(kind=kind, model=model): lay_out_gap(rows) for kind, rows in table.groupby("kind", sort=False)
     }
     blocks["What was replaced."] = table[["ingredient", "replaced"]].drop_duplicates().reset_index(drop=True)
-    notes = [*NOTES, *judge_notes(table), *seed_notes(table), origin_note(origin)]
+    notes = [*NOTES, *detector_notes(table), *seed_notes(table), origin_note(origin)]
     if origin["source"] == paper.ANALOG:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     write_blocks(stem, with_origin(table, origin), blocks, notes)
 
 
 def tidy_gap(ledger: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Rows of rocks first, by split; ingredients by their mean change of the rocks' ipd over judges and seeds."""
+    """Rows of rocks first, by split; ingredients by their mean change of the rocks' ipd over detectors and seeds."""
     table = paper.with_own_names(ledger[list(COLUMNS)], ("trained",), source)
     rocks = table[table["kind"] == ROCK]
     effect = rocks.groupby(["split", "ingredient"])["ipd_change"].mean()
@@ -66,7 +67,7 @@ def tidy_gap(ledger: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def lay_out_gap(table: pd.DataFrame) -> pd.DataFrame:
-    """A row an ingredient and judge of one class."""
+    """A row an ingredient and detector of one class."""
     rows = []
     for split, own in by_splits(table):
         for (ingredient, trained), part in own.groupby(["ingredient", "trained"], sort=False):
@@ -102,10 +103,11 @@ def change(part: pd.DataFrame, name: str, decimals: int = 3, factor: float = 1) 
     return f"{value:+.{decimals}f}{interval}"
 
 
-def judge_notes(table: pd.DataFrame) -> list[str]:
-    """Judge, split and size of the test."""
-    facts = table[["judge", "epochs", "imgsz", "split", "images", "units", "unit"]].drop_duplicates()
+def detector_notes(table: pd.DataFrame) -> list[str]:
+    """Detector, split and size of the test."""
+    facts = table[["detector", "epochs", "imgsz", "split", "images", "units", "unit"]].drop_duplicates()
     return [
-        f"Judge {judge}, {epochs} epochs at {imgsz} px; split by {split}; {images} test photos in {units} {unit}s."
-        for judge, epochs, imgsz, split, images, units, unit in facts.itertuples(index=False)
+        f"Detector {detector}, {epochs} epochs at {imgsz} px; split by {split}; {images} test photos in {units} "
+        f"{unit}s."
+        for detector, epochs, imgsz, split, images, units, unit in facts.itertuples(index=False)
     ]

@@ -9,7 +9,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
-from polarsim.report.detection_table import notes_of_judges
+from polarsim.report.detection_table import notes_of_detectors
 from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.report.seeds import SEED
 
@@ -17,15 +17,15 @@ COLUMNS = (
     "trained", "first", "second", "terrain", "rock", "kind", "photos", "iou_first", "iou_second", "difference",
 )  # fmt: skip
 CAPTION = "Rocks whose mean IoU differs most between two domains (T: trained on)."
-SHOWN = 5  # rocks of each judge and pair of domains
+SHOWN = 5  # rocks of each detector and pair of domains
 
 
 def tabulate_ipd_rocks(*, rocks: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
-    """Write tables/ipd_rocks.{csv,md,tex,parquet} from detect/rocks.parquet, judges by `detection`."""
+    """Write tables/ipd_rocks.{csv,md,tex,parquet} from detect/rocks.parquet, detectors by `detection`."""
     table = tidy_ipd_rocks(read_parquet(rocks, COLUMNS), origin["source"])
     notes = [
         f"CSV and Parquet have every rock and shadow; here are {SHOWN} rocks of each pair.",
-        *notes_of_judges(detection),
+        *notes_of_detectors(detection),
         origin_note(origin),
     ]
     if paper.ANALOG in {*table["trained"], *table["first"], *table["second"]}:
@@ -56,7 +56,7 @@ def largest(table: pd.DataFrame, count: int) -> pd.DataFrame:
 
 
 def lay_out_ipd_rocks(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a rock, the most different first, of every judge and pair."""
+    """A row a rock, the most different first, of every detector and pair."""
     columns = ["T", "domains", "terrain", "rock", "photos", "mean IoU, first", "mean IoU, second", "difference"]
     rows = []
     drawn = [name for name in ("split", SEED) if name in table.columns and len(set(table[name])) > 1]

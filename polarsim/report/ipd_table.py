@@ -10,7 +10,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
-from polarsim.report.detection_table import KINDS, notes_of_judges
+from polarsim.report.detection_table import KINDS, notes_of_detectors
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_table
 from polarsim.report.seeds import seed_notes, shown
 
@@ -27,16 +27,18 @@ FORMULA_NOTE = (
 
 
 def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
-    """Write tables/ipd.{csv,md,tex,parquet} from detect/ipd.parquet, judges by `detection`."""
+    """Write tables/ipd.{csv,md,tex,parquet} from detect/ipd.parquet, detectors by `detection`."""
     table = tidy_ipd(read_parquet(ipd, COLUMNS), origin["source"])
-    notes = [FORMULA_NOTE, *_rule_notes(table), *seed_notes(table), *notes_of_judges(detection), origin_note(origin)]
+    notes = [FORMULA_NOTE, *_rule_notes(table), *seed_notes(table), *notes_of_detectors(detection), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["first"], *table["second"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_ipd(table), notes=notes)
 
 
 def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
-    """A row for every kind, judge and pair of domains in the paper's order; `paper_ipd` for rocks where it has one."""
+    """A row for every kind, detector and pair of domains in the paper's order; `paper_ipd` for rocks where it has
+    one.
+    """
     rows = []
     for entry in ipd[list(COLUMNS)].to_dict("records"):
         trained, *pair = (paper.own_name(str(entry[name]), source) for name in ("trained", "first", "second"))
@@ -50,7 +52,7 @@ def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def lay_out_ipd(table: pd.DataFrame) -> pd.DataFrame:
-    """The paper's Table 2 out of tidy rows: a row a judge, a column a pair, then the paper's where there are any."""
+    """The paper's Table 2 out of tidy rows: a row a detector, a column a pair, then the paper's where there are any."""
     pairs = sorted(set(zip(table["first"], table["second"], strict=True)), key=_pair_place)
     theirs = [pair for pair in pairs if pair in paper.PAIRS and table["paper_ipd"].notna().any()]
     rows = []

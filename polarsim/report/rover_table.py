@@ -1,4 +1,4 @@
-"""The rover's tables: drives together and one by one, the soil against its limit, what a judge sees on board."""
+"""The rover's tables: drives together and one by one, the soil against its limit, what a detector sees on board."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ DRIVES_CAPTION = (
 )
 EACH_CAPTION = "Every drive, wheels together."
 ONBOARD_CAPTION = (
-    "What the front camera is worth on board; `truth` has the labels in the place of a judge, the most that any judge "
+    "What the front camera is worth on board; `truth` has the labels in the place of a detector, the most that any "
+    "detector "
     "could reach. Exposure 0: all of them together."
 )
 SOIL_CAPTION = "Driven wheels against the limit of fine cells, small steps and stiff soil; normal of the contact."

@@ -17,12 +17,13 @@ from polarsim.rover.world.options import WorldOptions
 
 
 class RoverOptions(BaseModel, extra="forbid", frozen=True):
-    """Drives over a run's terrains: physics by seed, pictures by view and Sun, what a judge sees on board, bags."""
+    """Drives over a run's terrains: physics by seed, pictures by view and Sun, what a detector sees on board, bags."""
 
     run: bool = Field(False, description="Drive: without it the run has no rover, and nothing else of it changes.")
     seeds: tuple[int, ...] = Field((0,), min_length=1, description="A drive each: start, ground and noise differ.")
-    judge: str | None = Field(
-        None, description="Training domain of the run's judge that looks through the front camera; none: truth alone."
+    detector: str | None = Field(
+        None,
+        description="Training domain of the run's detector that looks through the front camera; none: truth alone.",
     )
     bags: bool = Field(True, description="Write an MCAP file of ROS 2 messages for every drive.")
     world: WorldOptions = Field(WorldOptions(), description="What is driven over.")
@@ -83,10 +84,10 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
         return FRONT in self.sight.views
 
     def sight_with(self, weights: Path | None, detect: DetectOptions | None) -> SightOptions:
-        """Sight's options with a judge of the run in them."""
+        """Sight's options with a detector of the run in them."""
         if weights is None:
             return self.sight
-        judge: dict[str, object] = {"weights": weights}
+        detector: dict[str, object] = {"weights": weights}
         if detect is not None:
-            judge |= {"pictures": detect.pictures, "prediction": detect.prediction}
-        return self.sight.model_copy(update={"onboard": self.sight.onboard.model_copy(update=judge)})
+            detector |= {"pictures": detect.pictures, "prediction": detect.prediction}
+        return self.sight.model_copy(update={"onboard": self.sight.onboard.model_copy(update=detector)})

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.detect.breakdown import breakdown, curves, judge
+from polarsim.detect.breakdown import breakdown, curves, match_predictions
 from polarsim.detect.ipd import instance_performance
 
 BRIGHT, DIM, OTHER = "01_A_off_180_L_0512", "01_A_off_180_L_0064", "02_B_on_30_R_0512"
@@ -24,8 +24,8 @@ FOUND = FOUND.assign(confidence=0.9)
 
 @pytest.fixture
 def rows():
-    judged = judge(KEYS, LABELS, FOUND, instance_performance(LABELS, FOUND, 0))
-    return breakdown(judged, resamples=100, group_resamples=100).set_index(["by", "group", "kind"])
+    matched = match_predictions(KEYS, LABELS, FOUND, instance_performance(LABELS, FOUND, 0))
+    return breakdown(matched, resamples=100, group_resamples=100).set_index(["by", "group", "kind"])
 
 
 def test_a_group_of_photos_has_the_figures_of_its_photos_alone(rows):
@@ -59,8 +59,8 @@ def test_a_group_of_one_view_has_figures_and_no_interval(rows):
 
 
 def test_the_curve_holds_the_average_precision_as_its_mean(rows):
-    judged = judge(KEYS, LABELS, FOUND, instance_performance(LABELS, FOUND, 0))
-    curve = curves(judged)
+    matched = match_predictions(KEYS, LABELS, FOUND, instance_performance(LABELS, FOUND, 0))
+    curve = curves(matched)
     at_half = curve[(curve["kind"] == "rock") & (curve["iou"] == 0.5)]
     assert at_half["precision"].mean() == pytest.approx(rows.loc[("all", "all", "rock"), "map50"])
     assert at_half["precision"].is_monotonic_decreasing

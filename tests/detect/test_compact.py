@@ -1,4 +1,4 @@
-"""The judge of our own: its parts by hand-made cases, and small trainings on blobs."""
+"""The detector of our own: its parts by hand-made cases, and small trainings on blobs."""
 
 import math
 import subprocess
@@ -10,21 +10,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.detect import judges
+from polarsim.detect import detectors
 from polarsim.detect.dataset import make_dataset
 from polarsim.detect.options import PicturesOptions, PredictionOptions, SplitOptions, TrainingOptions
 from polarsim.detect.predict import predict
 from polarsim.detect.split import split_photos
-from polarsim.detect.train import train_judge
+from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 
 torch = pytest.importorskip("torch")
 
-from polarsim.detect.judges.compact.loss import assign, losses  # noqa: E402
-from polarsim.detect.judges.compact.network import STRIDE  # noqa: E402
-from polarsim.detect.judges.compact.pictures import Picture, changed  # noqa: E402
-from polarsim.detect.judges.compact.weights import found, network  # noqa: E402
+from polarsim.detect.detectors.compact.loss import assign, losses  # noqa: E402
+from polarsim.detect.detectors.compact.network import STRIDE  # noqa: E402
+from polarsim.detect.detectors.compact.pictures import Picture, changed  # noqa: E402
+from polarsim.detect.detectors.compact.weights import found, network  # noqa: E402
 
 pytestmark = pytest.mark.slow
 OPTIONS = TrainingOptions(model="compact", epochs=4, batch=2)
@@ -48,7 +48,7 @@ def dataset(world, keys, tmp_path_factory) -> Path:
 
 def train(dataset: Path, folder: Path, name: str, options: TrainingOptions = OPTIONS, seed: int = 0) -> bytes:
     weights = folder / f"{name}.pt"
-    train_judge(
+    train_detector(
         dataset=dataset,
         weights=weights,
         curve=folder / f"{name}.csv",
@@ -63,27 +63,27 @@ def train(dataset: Path, folder: Path, name: str, options: TrainingOptions = OPT
 
 
 @pytest.fixture(scope="module")
-def judged(dataset, tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("judged")
+def matched(dataset, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("matched")
     train(dataset, folder, "real")
     return folder
 
 
-def test_it_learns(judged):
-    curve = tables.read_csv(judged / "real.csv")
+def test_it_learns(matched):
+    curve = tables.read_csv(matched / "real.csv")
     assert curve["epoch"].tolist() == [1, 2, 3, 4]
     assert curve["val_map50"].max() > 0.5
     assert curve["train_box_loss"].is_monotonic_decreasing
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(dataset, judged, tmp_path):
-    assert train(dataset, tmp_path, "again") == (judged / "real.pt").read_bytes()
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(dataset, matched, tmp_path):
+    assert train(dataset, tmp_path, "again") == (matched / "real.pt").read_bytes()
     one = OPTIONS.model_copy(update={"epochs": 1})
     assert train(dataset, tmp_path, "one", one) != train(dataset, tmp_path, "two", one, seed=1)
 
 
-def test_a_training_that_was_stopped_ends_with_the_bytes_of_one_that_was_not(dataset, judged, tmp_path, monkeypatch):
-    from polarsim.detect.judges.compact import training
+def test_a_training_that_was_stopped_ends_with_the_bytes_of_one_that_was_not(dataset, matched, tmp_path, monkeypatch):
+    from polarsim.detect.detectors.compact import training
 
     written = training._write_checkpoint
 
@@ -100,15 +100,15 @@ def test_a_training_that_was_stopped_ends_with_the_bytes_of_one_that_was_not(dat
     trained = []
     epoch = training._train_epoch
     monkeypatch.setattr(training, "_train_epoch", lambda *given: trained.append(given[2]) or epoch(*given))
-    assert train(dataset, tmp_path, "stopped") == (judged / "real.pt").read_bytes()
+    assert train(dataset, tmp_path, "stopped") == (matched / "real.pt").read_bytes()
     assert trained == [2, 3]
-    assert (tmp_path / "stopped.csv").read_bytes() == (judged / "real.csv").read_bytes()
+    assert (tmp_path / "stopped.csv").read_bytes() == (matched / "real.csv").read_bytes()
     assert list((tmp_path / "work_stopped").iterdir()) == []
 
 
-def test_predictions_are_well_formed_and_find_the_blobs(dataset, judged, tmp_path, world):
+def test_predictions_are_well_formed_and_find_the_blobs(dataset, matched, tmp_path, world):
     predict(
-        weights=judged / "real.pt",
+        weights=matched / "real.pt",
         dataset=dataset,
         predictions=tmp_path / "real_on_real.parquet",
         options=PREDICTION,
@@ -132,11 +132,11 @@ sys.modules["ultralytics"] = sys.modules["torchvision"] = None
 from pathlib import Path
 from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.predict import predict
-from polarsim.detect.train import train_judge
+from polarsim.detect.train import train_detector
 training, prediction = TrainingOptions(model="compact", epochs=1), PredictionOptions()
 folder, dataset = Path({str(tmp_path)!r}), Path({str(dataset)!r})
 asked = dict(options=training, prediction=prediction, imgsz=96, seed=0, threads=1)
-train_judge(dataset=dataset, weights=folder / "a.pt", curve=folder / "a.csv", work=folder / "work", **asked)
+train_detector(dataset=dataset, weights=folder / "a.pt", curve=folder / "a.csv", work=folder / "work", **asked)
 predict(weights=folder / "a.pt", dataset=dataset, predictions=folder / "a.parquet", options=prediction, threads=1)
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
@@ -144,18 +144,18 @@ predict(weights=folder / "a.pt", dataset=dataset, predictions=folder / "a.parque
     assert not tables.read_parquet(tmp_path / "a.parquet").empty
 
 
-def test_a_judge_of_ours_is_a_start_for_another(dataset, judged, tmp_path):
-    options = OPTIONS.model_copy(update={"pretrained": judged / "real.pt", "epochs": 1, "augment": True})
+def test_a_detector_of_ours_is_a_start_for_another(dataset, matched, tmp_path):
+    options = OPTIONS.model_copy(update={"pretrained": matched / "real.pt", "epochs": 1, "augment": True})
     train(dataset, tmp_path, "tuned", options)
-    assert judges.read_judge(tmp_path / "tuned.pt").start == "real.pt"
+    assert detectors.read_detector(tmp_path / "tuned.pt").start == "real.pt"
     first, tuned = (
-        tables.read_csv(path)["val_map50"].iloc[0] for path in (judged / "real.csv", tmp_path / "tuned.csv")
+        tables.read_csv(path)["val_map50"].iloc[0] for path in (matched / "real.csv", tmp_path / "tuned.csv")
     )
     assert tuned > first
 
 
-def test_weights_of_another_network_are_refused_by_name(dataset, judged, tmp_path):
-    options = OPTIONS.model_copy(update={"pretrained": judged / "real.pt", "model": "compact-l"})
+def test_weights_of_another_network_are_refused_by_name(dataset, matched, tmp_path):
+    options = OPTIONS.model_copy(update={"pretrained": matched / "real.pt", "model": "compact-l"})
     with pytest.raises(DetectError, match=r"real\.pt: weights do not fit compact-l"):
         train(dataset, tmp_path, "none", options)
 
@@ -228,7 +228,7 @@ def test_suppression_keeps_classes_apart_and_the_limits(monkeypatch):
     rows = found(logits, boxes, PREDICTION)[0]
     assert rows[:, 5].tolist() == [0, 1]  # the second rock is the first one's double
     np.testing.assert_allclose(rows[:, 4], [1 / (1 + math.exp(-2)), 0.5], rtol=1e-6)
-    monkeypatch.setattr("polarsim.detect.judges.compact.weights.MAX_BOXES", 1)
+    monkeypatch.setattr("polarsim.detect.detectors.compact.weights.MAX_BOXES", 1)
     assert len(found(logits, boxes, PREDICTION)[0]) == 1
 
 

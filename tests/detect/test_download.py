@@ -2,7 +2,7 @@ import hashlib
 
 import pytest
 
-from polarsim.detect.judges.download import ensure_weights
+from polarsim.detect.detectors.download import ensure_weights
 from polarsim.detect.options import TrainingOptions
 from polarsim.errors import FetchError
 

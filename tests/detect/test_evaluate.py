@@ -48,7 +48,7 @@ def tables_below(folder: Path) -> Evaluation:
 
 
 def run(root: Path, by: str, out: Path | None = None, **options: object) -> pd.DataFrame:
-    """Evaluate the judge of domain `real` on both domains; returns the detection table."""
+    """Evaluate the detector of domain `real` on both domains; returns the detection table."""
     evaluate(
         predictions=[root / "real_on_real.parquet", root / "real_on_hapke.parquet"],
         labels=dict.fromkeys(("real", "hapke"), root / "labels.parquet"),
@@ -65,7 +65,7 @@ def run(root: Path, by: str, out: Path | None = None, **options: object) -> pd.D
 
 @pytest.fixture
 def tested(tmp_path):
-    """Two domains with the same labels: in `real` the judge is good, in `hapke` it is bad; one photo is a gap."""
+    """Two domains with the same labels: in `real` the detector is good, in `hapke` it is bad; one photo is a gap."""
     (tmp_path / "split.csv").write_text(SPLIT)
     for domain, found in (("real", GOOD), ("hapke", BAD)):
         (tmp_path / domain).mkdir()
@@ -134,7 +134,7 @@ def test_a_strict_split_that_leaks_is_refused(tested):
         run(tested, "view")
 
 
-def test_every_table_names_its_judge_and_its_domains(tested):
+def test_every_table_names_its_detector_and_its_domains(tested):
     for name in ("detection", "breakdown", "curves", "false_alarms", "instances"):
         table = tables.read_parquet(tested / f"{name}.parquet", ["trained", "evaluated"])
         assert set(zip(table["trained"], table["evaluated"], strict=True)) == {("real", "real"), ("real", "hapke")}

@@ -123,7 +123,7 @@ def dataset(folder: Path, keys) -> Path:
     return folder
 
 
-def test_the_ledger_has_a_row_an_ingredient_judge_and_class(tmp_path):
+def test_the_ledger_has_a_row_an_ingredient_detector_and_class(tmp_path):
     domains = {"analog": PHOTO, "hapke": TWIN, "pose": seen({(ONE, 1): 0.7, (OTHER, 1): 0.4}), "labels": TWIN}
     labels, predictions, datasets = {}, {}, {}
     for name, domain in domains.items():

@@ -16,7 +16,7 @@ def half_missing(share: float) -> np.ndarray:
     return np.array([[0.0, 0, 100, 100 * share]])
 
 
-def test_a_perfect_judge_has_precision_one():
+def test_a_perfect_detector_has_precision_one():
     np.testing.assert_allclose(average_precision([UNIT], [UNIT], [np.array([0.9])]), 1)
 
 
@@ -44,7 +44,7 @@ def test_a_second_box_on_the_same_label_is_false():
     np.testing.assert_allclose(found, (51 * 1 + 50 * 2 / 3) / 101)  # the third box is the second right one
 
 
-def test_a_judge_that_sees_nothing_has_precision_zero():
+def test_a_detector_that_sees_nothing_has_precision_zero():
     np.testing.assert_array_equal(average_precision([UNIT], [np.zeros((0, 4))], [np.zeros(0)]), 0)
 
 

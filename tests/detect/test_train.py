@@ -1,4 +1,4 @@
-"""One small judge is trained for this file: it has to learn, and the stage has to hold together around it."""
+"""One small detector is trained for this file: it has to learn, and the stage has to hold together around it."""
 
 import shutil
 from dataclasses import fields
@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.detect import judges
+from polarsim.detect import detectors
 from polarsim.detect import parts as parts_module
 from polarsim.detect import train as train_module
 from polarsim.detect.dataset import make_dataset, read_pictures
+from polarsim.detect.detectors.families import MAX_BOXES
+from polarsim.detect.detectors.yolo.library import ultralytics
 from polarsim.detect.evaluate import Evaluation, evaluate
-from polarsim.detect.judges.families import MAX_BOXES
-from polarsim.detect.judges.yolo.library import ultralytics
 from polarsim.detect.options import (
     ComparisonOptions,
     PicturesOptions,
@@ -25,7 +25,7 @@ from polarsim.detect.options import (
 )
 from polarsim.detect.predict import BATCH, PREDICTION_COLUMNS, predict
 from polarsim.detect.split import read_split, split_photos
-from polarsim.detect.train import train_judge
+from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
 
@@ -35,9 +35,9 @@ OPTIONS, PREDICTION, IMGSZ = TrainingOptions(epochs=2), PredictionOptions(device
 
 
 @pytest.fixture(scope="module")
-def judged(world, keys, tmp_path_factory) -> Path:
+def matched(world, keys, tmp_path_factory) -> Path:
     """A folder with split.csv, the data set real/, real.pt, real.csv, real_on_real.parquet."""
-    root = tmp_path_factory.mktemp("judged")
+    root = tmp_path_factory.mktemp("matched")
     split_photos(keys=keys, by="photo", split=root / "split.csv", options=SplitOptions())
     make_dataset(
         domain="real",
@@ -55,7 +55,7 @@ def judged(world, keys, tmp_path_factory) -> Path:
 
 
 def train(root: Path, name: str, options: TrainingOptions, dataset: Path | None = None) -> None:
-    train_judge(
+    train_detector(
         dataset=dataset or root / "real",
         weights=root / f"{name}.pt",
         curve=root / f"{name}.csv",
@@ -72,23 +72,23 @@ def run_predict(root: Path, name: str, options: PredictionOptions = PREDICTION) 
     predict(weights=root / "real.pt", dataset=root / "real", predictions=root / name, options=options, threads=1)
 
 
-def test_the_curve_has_a_row_an_epoch_and_the_class_loss_falls(judged):
-    curve = tables.read_csv(judged / "real.csv")
+def test_the_curve_has_a_row_an_epoch_and_the_class_loss_falls(matched):
+    curve = tables.read_csv(matched / "real.csv")
     assert curve["epoch"].tolist() == [1, 2]
     assert np.isfinite(curve.to_numpy()).all()
     assert curve["val_class_loss"].iloc[-1] < curve["val_class_loss"].iloc[0]
 
 
-def test_no_checkpoints_and_no_settings_stay_behind(judged):
-    assert [path.name for path in (judged / "work_real").iterdir() if not path.name.startswith(".ultralytics")] == []
-    content = (judged / "real.pt").read_bytes()
-    assert str(judged).encode() not in content  # weights hold no paths
+def test_no_checkpoints_and_no_settings_stay_behind(matched):
+    assert [path.name for path in (matched / "work_real").iterdir() if not path.name.startswith(".ultralytics")] == []
+    content = (matched / "real.pt").read_bytes()
+    assert str(matched).encode() not in content  # weights hold no paths
 
 
-def test_predictions_are_well_formed(judged):
-    table = tables.read_parquet(judged / "real_on_real.parquet")
+def test_predictions_are_well_formed(matched):
+    table = tables.read_parquet(matched / "real_on_real.parquet")
     assert list(table.columns) == list(PREDICTION_COLUMNS)
-    assert set(table["key"]) <= set(read_pictures(judged / "real", "test"))
+    assert set(table["key"]) <= set(read_pictures(matched / "real", "test"))
     assert set(table["kind"]) <= {"rock", "shadow"}
     assert table["confidence"].between(PREDICTION.confidence, 1).all()
     assert ((table["x0"] >= 0) & (table["x0"] < table["x1"]) & (table["x1"] <= 1936)).all()
@@ -97,12 +97,12 @@ def test_predictions_are_well_formed(judged):
     assert not table.empty
 
 
-def test_the_same_weights_predict_the_same_bytes(judged):
-    run_predict(judged, "again_on_real.parquet")
-    assert (judged / "again_on_real.parquet").read_bytes() == (judged / "real_on_real.parquet").read_bytes()
+def test_the_same_weights_predict_the_same_bytes(matched):
+    run_predict(matched, "again_on_real.parquet")
+    assert (matched / "again_on_real.parquet").read_bytes() == (matched / "real_on_real.parquet").read_bytes()
 
 
-def test_predictions_made_in_parts_are_the_same_and_a_stopped_prediction_goes_on(judged, monkeypatch):
+def test_predictions_made_in_parts_are_the_same_and_a_stopped_prediction_goes_on(matched, monkeypatch):
     monkeypatch.setattr("polarsim.detect.predict.PART", BATCH)
     written = []
 
@@ -115,8 +115,8 @@ def test_predictions_made_in_parts_are_the_same_and_a_stopped_prediction_goes_on
     with monkeypatch.context() as patch:
         patch.setattr("polarsim.detect.parts.tables", SimpleNamespace(write_parquet=stop_at_the_second))
         with pytest.raises(KeyboardInterrupt):
-            run_predict(judged, "parts_on_real.parquet")
-    first = judged / ".parts_on_real.parts" / "00000.parquet"
+            run_predict(matched, "parts_on_real.parquet")
+    first = matched / ".parts_on_real.parts" / "00000.parquet"
     made = first.stat().st_mtime_ns
 
     def watch(parts, path):
@@ -126,46 +126,46 @@ def test_predictions_made_in_parts_are_the_same_and_a_stopped_prediction_goes_on
 
     join = parts_module._join
     monkeypatch.setattr("polarsim.detect.parts._join", watch)
-    run_predict(judged, "parts_on_real.parquet")
+    run_predict(matched, "parts_on_real.parquet")
     assert not first.exists()
-    again, once = (tables.read_parquet(judged / f"{name}_on_real.parquet") for name in ("parts", "real"))
+    again, once = (tables.read_parquet(matched / f"{name}_on_real.parquet") for name in ("parts", "real"))
     pd.testing.assert_frame_equal(again, once)
 
 
-def test_the_same_training_gives_the_same_bytes_and_a_stopped_one_is_redone(judged):
-    (judged / "work_again" / "training" / "out" / "weights").mkdir(parents=True)
-    (judged / "work_again" / "training" / "identity.json").write_text('{"options": "of another training"}')
-    (judged / "work_again" / "training" / "out" / "weights" / "last.pt").write_bytes(b"of another training")
-    train(judged, "again", OPTIONS)
-    assert (judged / "again.pt").read_bytes() == (judged / "real.pt").read_bytes()
+def test_the_same_training_gives_the_same_bytes_and_a_stopped_one_is_redone(matched):
+    (matched / "work_again" / "training" / "out" / "weights").mkdir(parents=True)
+    (matched / "work_again" / "training" / "identity.json").write_text('{"options": "of another training"}')
+    (matched / "work_again" / "training" / "out" / "weights" / "last.pt").write_bytes(b"of another training")
+    train(matched, "again", OPTIONS)
+    assert (matched / "again.pt").read_bytes() == (matched / "real.pt").read_bytes()
 
 
-def test_a_stopped_training_goes_on_where_it_stopped(judged, monkeypatch, caplog):
+def test_a_stopped_training_goes_on_where_it_stopped(matched, monkeypatch, caplog):
     def stop(trainer):
         if trainer.epoch == 1:
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
         patch.setattr(
-            "polarsim.detect.judges.yolo.training._report", stop
+            "polarsim.detect.detectors.yolo.training._report", stop
         )  # called when the checkpoint of an epoch is on the disk
         with pytest.raises(KeyboardInterrupt):
-            train(judged, "stopped", OPTIONS.model_copy(update={"epochs": 3}))
-    assert not (judged / "stopped.pt").exists()
+            train(matched, "stopped", OPTIONS.model_copy(update={"epochs": 3}))
+    assert not (matched / "stopped.pt").exists()
     caplog.set_level("INFO", "polarsim")
-    train(judged, "stopped", OPTIONS.model_copy(update={"epochs": 3}))
+    train(matched, "stopped", OPTIONS.model_copy(update={"epochs": 3}))
     assert next(line for line in caplog.messages if line.startswith("epoch")).startswith("epoch 3 of 3")
-    assert tables.read_csv(judged / "stopped.csv")["epoch"].tolist() == [1, 2, 3]
+    assert tables.read_csv(matched / "stopped.csv")["epoch"].tolist() == [1, 2, 3]
 
 
-def test_stopped_work_of_other_code_is_begun_anew(judged, monkeypatch):
+def test_stopped_work_of_other_code_is_begun_anew(matched, monkeypatch):
     def identities():
         found = []
         with monkeypatch.context() as patch:
             patch.setattr("polarsim.detect.predict.write_in_parts", lambda *asked: found.append(asked[-1]))
-            run_predict(judged, "code_on_real.parquet")
-        folder = judged / "work_code"
-        train_module._prepare(judges.Training(judged / "real", folder, OPTIONS, PREDICTION, IMGSZ, 0, 1))
+            run_predict(matched, "code_on_real.parquet")
+        folder = matched / "work_code"
+        train_module._prepare(detectors.Training(matched / "real", folder, OPTIONS, PREDICTION, IMGSZ, 0, 1))
         left = folder / "left"
         found.append(left.exists())
         left.touch()
@@ -179,86 +179,86 @@ def test_stopped_work_of_other_code_is_begun_anew(judged, monkeypatch):
     assert (first[1], same[1], other[1]) == (False, True, False)
 
 
-def test_our_predictions_are_those_of_ultralytics_own_predictor(judged):
-    library = ultralytics(judged)
-    judge = judges.read_judge(judged / "real.pt")
+def test_our_predictions_are_those_of_ultralytics_own_predictor(matched):
+    library = ultralytics(matched)
+    detector = detectors.read_detector(matched / "real.pt")
     model = library.YOLO("yolov5n.yaml")
     model.model = library.DetectionModel("yolov5n.yaml", nc=2, verbose=False)
-    model.model.load_state_dict({name: value.float() for name, value in judge.state.items()})
+    model.model.load_state_dict({name: value.float() for name, value in detector.state.items()})
     model.model.names = {0: "rock", 1: "shadow"}
-    key = read_pictures(judged / "real", "test")[0]
-    picture = png.read(judged / "real" / "images" / "test" / f"{key}.png")
+    key = read_pictures(matched / "real", "test")[0]
+    picture = png.read(matched / "real" / "images" / "test" / f"{key}.png")
     found = model.predict(
         picture[..., None].repeat(3, axis=2), imgsz=96, conf=0.001, iou=PREDICTION.nms_iou, verbose=False
     )[0].boxes
-    table = tables.read_parquet(judged / "real_on_real.parquet")
+    table = tables.read_parquet(matched / "real_on_real.parquet")
     # Ultralytics gives a place one class, we give it all that are likely enough: only the surest one must be the same.
     surest = table[table["key"] == key].sort_values("confidence", ascending=False).iloc[0]
     assert surest["confidence"] == pytest.approx(float(found.conf.max()), abs=1e-4)
 
 
-def test_a_judge_of_ours_is_a_start_for_another(judged):
-    options = OPTIONS.model_copy(update={"pretrained": judged / "real.pt", "epochs": 1})
-    train(judged, "tuned", options)
-    tuned = judges.read_judge(judged / "tuned.pt")
+def test_a_detector_of_ours_is_a_start_for_another(matched):
+    options = OPTIONS.model_copy(update={"pretrained": matched / "real.pt", "epochs": 1})
+    train(matched, "tuned", options)
+    tuned = detectors.read_detector(matched / "tuned.pt")
     assert tuned.start == "real.pt"
-    first, second = (tables.read_csv(judged / f"{name}.csv")["val_class_loss"].iloc[0] for name in ("real", "tuned"))
+    first, second = (tables.read_csv(matched / f"{name}.csv")["val_class_loss"].iloc[0] for name in ("real", "tuned"))
     assert second < first  # it went on where the other had stopped
 
 
-def test_evaluation_of_a_judge_in_its_own_domain_and_in_an_equal_one(judged, world):
-    shutil.copy(judged / "real_on_real.parquet", judged / "real_on_copy.parquet")
+def test_evaluation_of_a_detector_in_its_own_domain_and_in_an_equal_one(matched, world):
+    shutil.copy(matched / "real_on_real.parquet", matched / "real_on_copy.parquet")
     evaluate(
-        predictions=[judged / "real_on_real.parquet", judged / "real_on_copy.parquet"],
+        predictions=[matched / "real_on_real.parquet", matched / "real_on_copy.parquet"],
         labels=dict.fromkeys(("real", "copy"), world / "labels.parquet"),
-        datasets=dict.fromkeys(("real", "copy"), judged / "real"),
-        split=judged / "split.csv",
-        tables_of=Evaluation(**{field.name: judged / f"{field.name}.parquet" for field in fields(Evaluation)}),
+        datasets=dict.fromkeys(("real", "copy"), matched / "real"),
+        split=matched / "split.csv",
+        tables_of=Evaluation(**{field.name: matched / f"{field.name}.parquet" for field in fields(Evaluation)}),
         options=ComparisonOptions(),
         training=OPTIONS,
         imgsz=IMGSZ,
     )
-    detection = tables.read_parquet(judged / "detection.parquet")
-    tested = sum(part == "test" for part in read_split(judged / "split.csv").values())
+    detection = tables.read_parquet(matched / "detection.parquet")
+    tested = sum(part == "test" for part in read_split(matched / "split.csv").values())
     assert detection["kind"].tolist() == ["rock", "shadow", "all"] * 2
     assert set(detection["images"]) == {tested}
     assert detection["labels"].tolist() == [5 * tested, 5 * tested, 10 * tested] * 2
     assert detection["leaks_views"].all()
-    assert set(detection["judge"]) == {"yolov5n (YOLOv5u)"}
-    ipd = tables.read_parquet(judged / "ipd.parquet")
+    assert set(detection["detector"]) == {"yolov5n (YOLOv5u)"}
+    ipd = tables.read_parquet(matched / "ipd.parquet")
     assert ipd["pairs"].tolist() == [5 * tested] * 2
     assert ipd["ipd"].tolist() == ipd["ipd_abs"].tolist() == [0, 0]
-    assert len(tables.read_parquet(judged / "instances.parquet")) == 20 * tested
+    assert len(tables.read_parquet(matched / "instances.parquet")) == 20 * tested
 
 
-def test_a_data_set_without_labels_is_refused(judged, tmp_path):
+def test_a_data_set_without_labels_is_refused(matched, tmp_path):
     empty = tmp_path / "empty"
-    shutil.copytree(judged / "real", empty)
+    shutil.copytree(matched / "real", empty)
     for path in empty.glob("labels/*/*.txt"):
         path.write_text("")
     with pytest.raises(DetectError, match="not one labelled box"):
         train(tmp_path, "none", OPTIONS, dataset=empty)
 
 
-def test_missing_pretrained_weights_are_named(judged, tmp_path):
+def test_missing_pretrained_weights_are_named(matched, tmp_path):
     options = OPTIONS.model_copy(update={"pretrained": tmp_path / "absent.pt"})
     with pytest.raises(DetectError, match=r"absent\.pt: the pretrained weights are missing"):
-        train(tmp_path, "none", options, dataset=judged / "real")
+        train(tmp_path, "none", options, dataset=matched / "real")
 
 
 @pytest.mark.parametrize("model", ["yolov8n", "yolov10n", "yolo11n", "yolo26n"])
-def test_newer_models_train_and_predict_by_name(judged, tmp_path, model):
+def test_newer_models_train_and_predict_by_name(matched, tmp_path, model):
     options = OPTIONS.model_copy(update={"model": model, "epochs": 1})
-    train(tmp_path, model, options, dataset=judged / "real")
+    train(tmp_path, model, options, dataset=matched / "real")
     curve = tables.read_csv(tmp_path / f"{model}.csv")
     assert np.isfinite(curve["val_box_loss"]).all()
     predict(
         weights=tmp_path / f"{model}.pt",
-        dataset=judged / "real",
+        dataset=matched / "real",
         predictions=tmp_path / "found.parquet",
         options=PredictionOptions(confidence=1e-6),
         threads=1,
     )
     table = tables.read_parquet(tmp_path / "found.parquet")
-    assert set(table["key"]) == set(read_pictures(judged / "real", "test"))
+    assert set(table["key"]) == set(read_pictures(matched / "real", "test"))
     assert table.groupby("key").size().max() <= MAX_BOXES

@@ -47,7 +47,7 @@ def test_one_drawing_and_an_equal_mesh_halve_its_weight_at_the_sd_of_their_diffe
     np.testing.assert_allclose(of_mesh(off, 1, 1), 0.5)
 
 
-def test_every_edge_is_judged_by_itself():
+def test_every_edge_is_evaluated_by_itself():
     found = mesh_weights(DRAWN, np.ones((1, 4)), DRAWN + np.array([0, 0, 80, 0]), 1.0)
     np.testing.assert_allclose(found[0, [0, 1, 3]], 1.0)
     assert found[0, 2] < 0.1

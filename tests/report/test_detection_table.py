@@ -36,7 +36,9 @@ def test_corrupt_pictures_that_were_left_out_are_noted(tmp_path):
     left_out = [0, 3, *[0] * (len(detection()) - 2)]
     write_parquet(tmp_path / "d.parquet", detection().assign(left_out=left_out))
     tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
-    assert "up to 3 corrupt pictures of a judge's training and test left out" in (tmp_path / "detection.md").read_text()
+    assert (
+        "up to 3 corrupt pictures of a detector's training and test left out" in (tmp_path / "detection.md").read_text()
+    )
     write_parquet(tmp_path / "d.parquet", detection().assign(left_out=0))
     tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
     assert "corrupt" not in (tmp_path / "detection.md").read_text()
@@ -98,7 +100,7 @@ def test_domains_that_the_paper_does_not_know_have_no_figure_of_it():
     assert "paper, E: Views" not in lay_out_detection(table).columns
 
 
-def test_the_weights_that_a_judge_started_from_are_told(tmp_path):
+def test_the_weights_that_a_detector_started_from_are_told(tmp_path):
     write_parquet(tmp_path / "d.parquet", detection().assign(start="random weights"))
     tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
     assert "yolov5n, started from random weights, 12 epochs" in (tmp_path / "detection.md").read_text()
@@ -191,12 +193,12 @@ def test_the_rules_of_an_ipd_are_told(tmp_path):
     assert "labelled in one domain only: left out; intervals: 95 % bootstrap of views" in text
 
 
-def test_every_table_of_judges_tells_judge_split_seeds_and_photos(tmp_path):
+def test_every_table_of_detectors_tells_detector_split_seeds_and_photos(tmp_path):
     write_parquet(tmp_path / "d.parquet", detection().assign(start="scratch", seed=3))
     write_parquet(tmp_path / "i.parquet", ipd())
     tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
     tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN, detection=tmp_path / "d.parquet")
-    told = "Judge yolov5n, started from scratch, 12 epochs by seed 3 at 320 px; split by photo: views are shared by"
+    told = "Detector yolov5n, started from scratch, 12 epochs by seed 3 at 320 px; split by photo: views are shared by"
     for name in ("detection", "ipd"):
         assert f"{told} training and test; 96 test images." in (tmp_path / f"{name}.md").read_text()
 

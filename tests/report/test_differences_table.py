@@ -31,7 +31,7 @@ def tabulated(tmp_path):
     def tabulate(rows):
         detection = {
             "trained": "real", "evaluated": "real", "kind": "rock", "split": "photo", "seed": 0, "leaks_views": True,
-            "judge": "compact", "start": "scratch", "epochs": 20, "imgsz": 288, "images": 144, "labels": 9,
+            "detector": "compact", "start": "scratch", "epochs": 20, "imgsz": 288, "images": 144, "labels": 9,
             "map50": 0.6, "map50_95": 0.3, "iou_mean": 0.5,
         }  # fmt: skip
         write_parquet(tmp_path / "differences.parquet", pd.DataFrame(rows))

@@ -15,8 +15,8 @@ from polarsim.geometry.casters import caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.report import detection_table, ipd_table
 from polarsim.report.figures.comparison import cover_key, draw_comparison
-from polarsim.report.figures.judges import draw_detection, draw_ipd
 from polarsim.report.figures.labels import draw_label_errors, edge_errors
+from polarsim.report.figures.matrices import draw_detection, draw_ipd
 from polarsim.report.figures.offsets import draw_offsets
 from polarsim.report.figures.reliability import draw_reliability
 from polarsim.report.figures.residuals import draw_residuals

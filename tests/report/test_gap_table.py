@@ -24,7 +24,7 @@ def ledger(seeds=(0,), ingredients=CHANGES):
                     row |= {"iou_photo": 0.6, "iou_twin": 0.3, "iou": 0.3 - change, "map50_photo": 0.5}
                     row |= {"alarms_photo": 0.2, "alarm_area_photo": 0.01, "seed": seed, "split": "photo"}
                     row |= {"ingredient": ingredient, "replaced": "noise: on", "model": "hapke", "trained": trained}
-                    row |= {"kind": kind, "judge": "compact", "epochs": 20, "imgsz": 288, "images": 144, "units": 16}
+                    row |= {"kind": kind, "detector": "compact", "epochs": 20, "imgsz": 288, "images": 144, "units": 16}
                     rows.append(row | {"unit": "view", "pairs": 700})
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
@@ -45,9 +45,9 @@ def test_the_ingredient_that_closes_most_of_the_rocks_gap_comes_first_in_every_f
     assert r"\toprule" in (tmp_path / "gap.tex").read_text()
 
 
-def test_the_table_says_who_judged_what(tmp_path):
+def test_the_table_says_who_evaluated_what(tmp_path):
     text = tabulated(tmp_path, ledger())
-    assert "Judge compact, 20 epochs at 288 px; split by photo; 144 test photos in 16 views." in text
+    assert "Detector compact, 20 epochs at 288 px; split by photo; 144 test photos in 16 views." in text
     assert "are no photos" in text
     assert "one ingredient of the Hapke twin" in text
     assert "Run demo, source analog" in text

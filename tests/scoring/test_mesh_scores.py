@@ -37,7 +37,7 @@ def test_a_rock_that_stands_in_the_ground_meets_it_all_around_and_one_that_hover
     assert contact_share(ball(0.06), GROUND) == 0
 
 
-def test_a_rock_half_beyond_the_ground_is_judged_by_the_half_above_it():
+def test_a_rock_half_beyond_the_ground_is_evaluated_by_the_half_above_it():
     beside = ball(0.03)
     beside = Mesh(beside.vertices + np.array([0.8, 0, 0]), beside.faces)
     assert 0.3 < contact_share(beside, GROUND) < 0.7

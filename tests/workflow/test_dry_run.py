@@ -43,14 +43,14 @@ def test_every_configuration_plans_its_jobs(checkout, snakemake, release_like, n
     } <= set(jobs)
     scored = {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
     assert len(scored) == (3 if name in ("config", "release") else 0)  # the others' labels are not in this folder
-    assert ("train_judge" in jobs) == (name != "release")  # the release has no photos
+    assert ("train_detector" in jobs) == (name != "release")  # the release has no photos
 
 
 def test_the_papers_protocol_trains_each_domain_by_two_splits_with_three_seeds(checkout, snakemake, release_like):
     done = snakemake(checkout, "--dry-run", "--configfile", "config/paper.yaml", POLAR_SIM_ROOT=str(release_like))
     jobs = planned(done)
     assert (jobs["convert_pictures"], jobs["make_dataset"], jobs["split_photos"]) == (3, 6, 2)
-    assert jobs["train_judge"] == jobs["predict"] == 3 * 2 * 3
+    assert jobs["train_detector"] == jobs["predict"] == 3 * 2 * 3
     assert jobs["evaluate"] == 2 * 3
     assert jobs["total"] < 1000
 
@@ -62,7 +62,12 @@ def test_mixes_and_novel_views_are_trained_on_and_not_tested_on(checkout, snakem
     done = snakemake(checkout, "detect", "--dry-run", "--config", f"detect={detect}")
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
-    assert (jobs["train_judge"], jobs["mix_datasets"], jobs["make_dataset"], jobs["convert_pictures"]) == (5, 1, 4, 4)
+    assert (jobs["train_detector"], jobs["mix_datasets"], jobs["make_dataset"], jobs["convert_pictures"]) == (
+        5,
+        1,
+        4,
+        4,
+    )
     text = done.stdout + done.stderr
     assert "detect/position/seed0/predictions/mixed_on_analog.parquet" in text
     assert "_on_mixed" not in text
@@ -119,7 +124,7 @@ def test_fitted_materials_are_scored_where_truth_is_known(checkout, snakemake, r
     assert "score_materials" not in planned(done)
 
 
-def test_the_gap_ledger_renders_every_ingredient_once_a_terrain_and_trains_its_judges_alone(checkout, snakemake):
+def test_the_gap_ledger_renders_every_ingredient_once_a_terrain_and_trains_its_detectors_alone(checkout, snakemake):
     files = ("--configfile", "config/config.yaml", "config/gap.yaml")
     done = snakemake(checkout, "gap", "--dry-run", *files)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -128,19 +133,19 @@ def test_the_gap_ledger_renders_every_ingredient_once_a_terrain_and_trains_its_j
     pictured = [name for name in ingredients if name != "labels"]
     assert jobs["render_ingredient"] == 4 * len(pictured)
     assert jobs["predict_ingredient"] == 2 * len(pictured)
-    assert (jobs["train_judge"], jobs["lay_truth"], jobs["fit_materials"]) == (2, 4, 4)
+    assert (jobs["train_detector"], jobs["lay_truth"], jobs["fit_materials"]) == (2, 4, 4)
     users = [job for job in re.split(r"\n(?=rule |localrule )", text) if "gap/truth" in job.split("output:")[0]]
     assert {job.split(":")[0].split()[-1] for job in users} == {"render_ingredient"}
     for name in pictured:
         assert f"gap/twins/{name}/pictures/Terrain03" in text
 
 
-def test_the_strict_split_trains_its_judges_and_leaves_the_legacy_ones(checkout, snakemake):
+def test_the_strict_split_trains_its_detectors_and_leaves_the_legacy_ones(checkout, snakemake):
     files = ("--configfile", "config/config.yaml", "config/strict.yaml")
     done = snakemake(checkout, "detect", "tables", "--dry-run", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
-    assert (jobs["train_judge"], jobs["measure_stereo"]) == (2 * 3, 4)
+    assert (jobs["train_detector"], jobs["measure_stereo"]) == (2 * 3, 4)
     assert jobs["split_photos"] == 2
 
 
@@ -155,7 +160,7 @@ def test_accuracy_is_measured_without_labels_and_twins(checkout, snakemake):
     assert done.returncode == 0, done.stderr
     jobs = planned(done)
     assert {"refine_cameras", "mesh_rocks", "score_cameras", "score_rocks", "tabulate_cameras"} <= set(jobs)
-    assert not {"propagate_labels", "render_twins", "train_judge"} & set(jobs)
+    assert not {"propagate_labels", "render_twins", "train_detector"} & set(jobs)
 
 
 def test_thirteen_terrains_plan_fewer_than_1000_jobs(checkout, snakemake):

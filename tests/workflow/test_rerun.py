@@ -46,7 +46,7 @@ def test_an_edit_reruns_what_uses_it_and_nothing_else(finished, snakemake):
 
     edit(finished / "polarsim/render/brdf.py", "\nCHANGED = 1\n")
     stale = stale_rules(snakemake, finished)
-    assert {"render_twins", "convert_pictures", "train_judge", "evaluate", "tabulate_detectors"} <= stale
+    assert {"render_twins", "convert_pictures", "train_detector", "evaluate", "tabulate_detectors"} <= stale
     assert not stale & {"generate_analog", "index_terrain", "locate_cameras", "find_rocks", "mesh_rocks"}
     assert not stale & {"propagate_labels", "draw_masks"}
 
@@ -55,7 +55,7 @@ def test_an_edit_reruns_what_uses_it_and_nothing_else(finished, snakemake):
     assert {"propagate_labels", "draw_masks", "render_twins", "score_labels"} <= stale
 
 
-def test_a_seed_or_split_or_mix_more_leaves_finished_judges_alone(finished, snakemake):
+def test_a_seed_or_split_or_mix_more_leaves_finished_detectors_alone(finished, snakemake):
     content = yaml.safe_load((finished / "config/config.yaml").read_text())
     split = content["detect"].get("splits", ["photo"])[0]
     more = {"seeds": [0, 1], "splits": [split, "terrain"], "mixes": {"mixed": {"analog": 1, "hapke": 1}}}
@@ -64,18 +64,18 @@ def test_a_seed_or_split_or_mix_more_leaves_finished_judges_alone(finished, snak
     done = snakemake(finished, "--dry-run", "detect")
     assert done.returncode == 0, done.stderr
     made = re.findall(r"^ +output: results/demo/detect/(\S+?),?(?: |$)", done.stdout, re.MULTILINE)
-    judges = {name for name in made if "/judges/" in name}
-    assert f"{split}/seed1/judges/analog.pt" in judges
-    assert f"{split}/seed0/judges/mixed.pt" in judges
-    assert "terrain/seed0/judges/hapke.pt" in judges
-    assert f"{split}/seed0/judges/analog.pt" not in judges
+    detectors = {name for name in made if "/detectors/" in name}
+    assert f"{split}/seed1/detectors/analog.pt" in detectors
+    assert f"{split}/seed0/detectors/mixed.pt" in detectors
+    assert "terrain/seed0/detectors/hapke.pt" in detectors
+    assert f"{split}/seed0/detectors/analog.pt" not in detectors
     assert not [name for name in made if name.startswith("pictures/")]
 
 
-def test_another_comparison_or_a_judge_that_is_not_trained_leaves_judges_and_pictures_alone(finished, snakemake):
+def test_another_comparison_or_a_detector_that_is_not_trained_leaves_detectors_and_pictures_alone(finished, snakemake):
     content = yaml.safe_load((finished / "config/config.yaml").read_text())
     content["detect"] |= {"comparison": {"undetected": "left_out"}, "stereo": {"run": True}}
     (finished / "config/config.yaml").write_text(yaml.safe_dump(content))
     stale = stale_rules(snakemake, finished)
     assert {"evaluate", "measure_stereo", "compare_stereo"} <= stale
-    assert not stale & {"convert_pictures", "make_dataset", "train_judge", "predict"}
+    assert not stale & {"convert_pictures", "make_dataset", "train_detector", "predict"}

@@ -37,30 +37,32 @@ def test_a_job_a_drive_and_one_a_view_of_it(checkout, snakemake, tmp_path, name,
     jobs = planned(done.stdout + done.stderr)
     assert (jobs["drive_rover"], jobs["see_drive"], jobs["write_bag"]) == (drives, drives * views, drives)
     assert jobs["measure_drive"] == drives
-    assert jobs.get("judge_drive") == (drives if name == "rover" else None)  # the release has no photos, so no judge
+    assert jobs.get("detect_drive") == (
+        drives if name == "rover" else None
+    )  # the release has no photos, so no detector
     assert jobs.get("film_drive") == (None if name == "rover" else drives)
     assert jobs["draw_front"] == jobs["draw_sequence"] == jobs["tabulate_rover"] == jobs["tabulate_onboard"] == 1
-    assert "train_judge" in jobs if name == "rover" else "train_judge" not in jobs
+    assert "train_detector" in jobs if name == "rover" else "train_detector" not in jobs
 
 
-def test_what_judges_see_is_not_rendered_again_for_another_judge(checkout, snakemake):
+def test_what_detectors_see_is_not_rendered_again_for_another_detector(checkout, snakemake):
     content = yaml.safe_load((checkout / "config/rover.yaml").read_text())
     text = {}
-    for judge in ("hapke", "analog"):
-        content["rover"]["judge"] = judge
-        (checkout / "config/judged.yaml").write_text(yaml.safe_dump(content))
-        done = snakemake(checkout, "rover", "--dry-run", "-p", "--configfile", "config/judged.yaml")
+    for detector in ("hapke", "analog"):
+        content["rover"]["detector"] = detector
+        (checkout / "config/evaluated.yaml").write_text(yaml.safe_dump(content))
+        done = snakemake(checkout, "rover", "--dry-run", "-p", "--configfile", "config/evaluated.yaml")
         assert done.returncode == 0, done.stderr
-        text[judge] = done.stdout + done.stderr
-    assert "detect/photo/seed0/judges/hapke.pt" in text["hapke"]
-    assert "detect/photo/seed0/judges/hapke.pt" not in text["analog"]
+        text[detector] = done.stdout + done.stderr
+    assert "detect/photo/seed0/detectors/hapke.pt" in text["hapke"]
+    assert "detect/photo/seed0/detectors/hapke.pt" not in text["analog"]
 
 
 @pytest.mark.parametrize(
     ("rover", "named"),
     [
         ({"run": True}, "rover.world.terrains: 4 is none of the run's"),
-        ({"run": True, "world": {"terrains": [1]}, "judge": "lambert"}, "rover.judge: domain 'lambert'"),
+        ({"run": True, "world": {"terrains": [1]}, "detector": "lambert"}, "rover.detector: domain 'lambert'"),
         ({"run": True, "world": {"terrains": [1]}, "bag": {"sun": "7"}}, "bag.sun: '7' is not among"),
         ({"seeds": [1, 1]}, "each once"),
         ({"wheels": 4}, "rover.wheels"),

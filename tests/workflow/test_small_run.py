@@ -19,7 +19,7 @@ SMALL = {
     "grid": {"azimuths": ["30"], "lights": ["off"], "exposures_ms": [64, 128, 256, 512]},
     "render": {"models": ["hapke"]},
     "detect": {
-        "training": {"model": "compact", "epochs": 1},  # starts in a tenth of the time of a YOLO judge
+        "training": {"model": "compact", "epochs": 1},  # starts in a tenth of the time of a YOLO detector
         "pictures": {"imgsz": 96},
         "splits": ["photo", "position"],
         "mixes": {"mixed": {"analog": 0.5, "hapke": 1}},

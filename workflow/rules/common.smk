@@ -176,7 +176,7 @@ def pictures_place(wildcards):
 
 
 def labels_of(domain):
-    """Photos are judged by the labels that were carried to them, twins by their exact ones."""
+    """Photos are evaluated by the labels that were carried to them, twins by their exact ones."""
     return of_run(
         "results/{run}/labels/labels.parquet"
         if domain == CONFIG.photo_domain
@@ -297,7 +297,7 @@ def of_first_training(name):
 
 
 def photos_and_twins():
-    """Pictures of every domain that judges are compared over, of all terrains."""
+    """Pictures of every domain that detectors are compared over, of all terrains."""
     twins = [domain for domain in DOMAINS if domain != CONFIG.photo_domain]
     photos = of_run(
         "results/{run}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS
@@ -316,14 +316,14 @@ TABLES_OF_DETECTORS = (
 )
 
 
-def tables_of_judges():
-    """Where judges are trained."""
+def tables_of_detectors():
+    """Where detectors are trained."""
     names = [*TABLES_OF_DETECTORS, "ipd_rocks"] if DOMAINS else []
     return of_run("results/{run}/tables/{name}.csv", name=names)
 
 
-def figures_of_judges():
-    """Where judges are trained; a page of rocks for each."""
+def figures_of_detectors():
+    """Where detectors are trained; a page of rocks for each."""
     names = ["detection", "precision_recall", "ipd", "ipd_histogram"]
     names += [
         f"{page}_{domain}" for page in ("seen", "gap_rocks") for domain in DOMAINS
@@ -346,7 +346,7 @@ def figures_of_page():
         return []
     causes = of_run("results/{run}/figures/gap.png") if CONFIG.gap.ingredients else []
     comparisons = every_figure("comparison_Terrain{terrain}_Pos{position}")
-    return [*comparisons[:1], *figures_of_judges(), *causes]
+    return [*comparisons[:1], *figures_of_detectors(), *causes]
 
 
 def shown_photo(wildcards):

@@ -1,4 +1,4 @@
-"""Stage 6: judges trained on each domain and asked about every domain, for each split and seed of training."""
+"""Stage 6: detectors trained on each domain and evaluated on every domain, for each split and seed of training."""
 
 EVALUATED = [  # tables of `evaluate`
     "detection",
@@ -120,18 +120,18 @@ rule mix_datasets:
         "../scripts/mix_datasets.py"
 
 
-rule train_judge:
+rule train_detector:
     """A detector trained on one domain or mix."""
     input:
         dataset="results/{run}/detect/{split}/datasets/{trained}",
         pictures=pictures_behind_training,
     output:
-        weights="results/{run}/detect/{split}/seed{seed}/judges/{trained}.pt",
-        curve="results/{run}/detect/{split}/seed{seed}/judges/{trained}.csv",
+        weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
+        curve="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.csv",
     log:
-        "results/{run}/logs/detect/train_judge_{split}_seed{seed}_{trained}.log",
+        "results/{run}/logs/detect/train_detector_{split}_seed{seed}_{trained}.log",
     benchmark:
-        "results/{run}/benchmarks/detect/train_judge_{split}_seed{seed}_{trained}.tsv"
+        "results/{run}/benchmarks/detect/train_detector_{split}_seed{seed}_{trained}.tsv"
     priority: TRAINING_WAITS
     threads: 1
     resources:
@@ -142,15 +142,15 @@ rule train_judge:
         prediction=options("detect.prediction"),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/detect/{split}/seed{seed}/work/{trained}",
-        code=code_of("train_judge"),
+        code=code_of("train_detector"),
     script:
-        "../scripts/train_judge.py"
+        "../scripts/train_detector.py"
 
 
 rule predict:
-    """What a judge sees in the test pictures of every domain."""
+    """What a detector sees in the test pictures of every domain."""
     input:
-        weights="results/{run}/detect/{split}/seed{seed}/judges/{trained}.pt",
+        weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         datasets=expand(
             "results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS
         ),
@@ -176,7 +176,7 @@ rule predict:
 
 
 rule evaluate:
-    """mAP, IOU_mean, false alarms and IPD of every judge of a split and seed on every domain, and paired differences."""
+    """mAP, IOU_mean, false alarms and IPD of every detector of a split and seed on every domain, and paired differences."""
     input:
         predictions=expand(
             "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{evaluated}.parquet",

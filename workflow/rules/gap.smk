@@ -1,4 +1,4 @@
-"""The gap ledger: twins with one ingredient replaced, seen by the judges of the run. Scoring, so truth may be read.
+"""The gap ledger: twins with one ingredient replaced, seen by the detectors of the run. Scoring, so truth may be read.
 
 Nothing made here is input of a stage. Without `gap.ingredients` there is nothing to make.
 """
@@ -118,7 +118,7 @@ rule merge_ingredient_labels:
 
 
 rule convert_ingredient:
-    """The test pictures of an ingredient's twins as judges take them."""
+    """The test pictures of an ingredient's twins as detectors take them."""
     input:
         pictures=expand(
             "results/{{run}}/gap/twins/{{ingredient}}/pictures/Terrain{terrain}",
@@ -144,9 +144,9 @@ rule convert_ingredient:
 
 
 rule predict_ingredient:
-    """What a judge sees in an ingredient's twins."""
+    """What a detector sees in an ingredient's twins."""
     input:
-        weights="results/{run}/detect/{split}/seed{seed}/judges/{trained}.pt",
+        weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         datasets=["results/{run}/gap/{split}/datasets/{ingredient}"],
     output:
         predictions=[

@@ -4,7 +4,7 @@ INGREDIENTS = CONFIG.gap.ingredients
 PICTURED = [name for name, found in INGREDIENTS.items() if found.is_rendered]
 LEDGER_DOMAINS = [CONFIG.photo_domain, CONFIG.gap.model, *INGREDIENTS]
 LEDGER_SIGHTS = [
-    (trained, domain) for trained in CONFIG.ledger_judges for domain in LEDGER_DOMAINS
+    (trained, domain) for trained in CONFIG.ledger_detectors for domain in LEDGER_DOMAINS
 ]
 
 
@@ -58,7 +58,7 @@ def twin_behind(domain):
 
 
 def ledger_predictions():
-    """What judges see in photos, in the twin, and in the twin of every ingredient."""
+    """What detectors see in photos, in the twin, and in the twin of every ingredient."""
     return [
         (
             f"results/{{run}}/gap/{{split}}/seed{{seed}}/predictions/{trained}_on_{domain}.parquet"

@@ -14,8 +14,8 @@ rule tables:
     input:
         rules.geometry.input,
         of_run("results/{run}/tables/{name}.csv", name=["quality", "render"]),
-        tables_of_judges(),
-        figures_of_judges(),
+        tables_of_detectors(),
+        figures_of_detectors(),
         of_run("results/{run}/tables/stereo.csv") if STEREO else [],
         of_run("results/{run}/results.html") if DOMAINS else [],
         of_run("results/{run}/figures/reflectance.png"),
@@ -330,13 +330,13 @@ rule draw_finds:
             "results/{run}/figures/seen_{trained}.png",
             caption="../report/seen.rst",
             category="Detection",
-            labels={"picture": "photo and twins, judge of {trained}"},
+            labels={"picture": "photo and twins, detector of {trained}"},
         ),
         gap_rocks=report(
             "results/{run}/figures/gap_rocks_{trained}.png",
             caption="../report/gap_rocks.rst",
             category="Detection",
-            labels={"picture": "rocks, judge of {trained}"},
+            labels={"picture": "rocks, detector of {trained}"},
         ),
     log:
         "results/{run}/logs/report/draw_finds_{trained}.log",

@@ -1,4 +1,4 @@
-"""Stage 8: drives over the digitised terrains: physics, pictures, what a judge sees on board, bags, tables, figures."""
+"""Stage 8: drives over the digitised terrains: physics, pictures, what a detector sees on board, bags, tables, figures."""
 
 
 rule rover:
@@ -73,8 +73,8 @@ rule see_drive:
         "../scripts/see_drive.py"
 
 
-rule judge_drive:
-    """What a judge finds in the front camera's pictures."""
+rule detect_drive:
+    """What a detector finds in the front camera's pictures."""
     input:
         poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
         truth=of_drive(f"{FRONT}/{{sun}}_truth.parquet", sun=SUNS),
@@ -83,18 +83,18 @@ rule judge_drive:
     output:
         detections=detections_on_board(),
     log:
-        "results/{run}/logs/rover/judge_drive_{seed}.log",
+        "results/{run}/logs/rover/detect_drive_{seed}.log",
     benchmark:
-        "results/{run}/benchmarks/rover/judge_drive_{seed}.tsv"
+        "results/{run}/benchmarks/rover/detect_drive_{seed}.tsv"
     threads: 1
     resources:
         mem_mb=3000,
         runtime=240,
     params:
         sight=sight_options(),
-        code=code_of("judge_drive"),
+        code=code_of("detect_drive"),
     script:
-        "../scripts/judge_drive.py"
+        "../scripts/detect_drive.py"
 
 
 rule measure_drive:
@@ -124,7 +124,7 @@ rule measure_drive:
 
 
 rule film_drive:
-    """Videos of every view, Sun, model and exposure, the front camera's with what the judge finds."""
+    """Videos of every view, Sun, model and exposure, the front camera's with what the detector finds."""
     input:
         pictures=pictures_of_drive,
         detections=detections_of_drive,
@@ -380,7 +380,7 @@ rule draw_sequence:
 
 
 rule draw_front:
-    """What the front camera sees on the first drive, with the rocks that are there and those that a judge finds."""
+    """What the front camera sees on the first drive, with the rocks that are there and those that a detector finds."""
     input:
         poses=of_first_drive(f"{FRONT}/poses.parquet"),
         truth=of_first_drive(f"{FRONT}/{shown_sun()}_truth.parquet"),

@@ -20,16 +20,16 @@ AFTER_PICTURES = ("views", "onboard", "videos", "video_speed")
 
 
 def sight_options(*left_out):
-    """Options of a drive's pictures and of what a judge sees in them, without some."""
-    sight = ROVER.sight_with(judge_weights(RUN), CONFIG.detect if ROVER.judge else None)
+    """Options of a drive's pictures and of what a detector sees in them, without some."""
+    sight = ROVER.sight_with(detector_weights(RUN), CONFIG.detect if ROVER.detector else None)
     return sight.model_dump(mode="json", exclude=set(left_out))
 
 
-def judge_weights(run):
-    """The judge that is taken along: one of the run, or another that the configuration names, or none."""
-    if ROVER.judge is None:
+def detector_weights(run):
+    """The detector that is taken along: one of the run, or another that the configuration names, or none."""
+    if ROVER.detector is None:
         return ROVER.sight.onboard.weights
-    return Path(f"results/{run}/{CONFIG.first_training}/judges/{ROVER.judge}.pt")
+    return Path(f"results/{run}/{CONFIG.first_training}/detectors/{ROVER.detector}.pt")
 
 
 def of_drive(*names, **wildcards):
@@ -72,8 +72,8 @@ def shown_sun():
 
 
 def shown_detections(wildcards):
-    """What a judge found in the pictures that are shown, where one looked."""
-    if judge_weights(wildcards.run) is None:
+    """What a detector found in the pictures that are shown, where one looked."""
+    if detector_weights(wildcards.run) is None:
         return []
     return of_first_drive(f"{FRONT}/{ROVER.shown_set}/detections.parquet").format(
         run=wildcards.run
@@ -81,8 +81,8 @@ def shown_detections(wildcards):
 
 
 def weights_on_board(wildcards):
-    """Weights of the judge that looks through the front camera, where there is one."""
-    weights = judge_weights(wildcards.run)
+    """Weights of the detector that looks through the front camera, where there is one."""
+    weights = detector_weights(wildcards.run)
     return [] if weights is None else str(weights)
 
 
@@ -98,15 +98,15 @@ def pictures_of_drive(wildcards):
 
 
 def detections_on_board():
-    """What the judge found in each set of the front camera's pictures."""
+    """What the detector found in each set of the front camera's pictures."""
     return of_drive(
         f"{FRONT}/{{pictures}}/detections.parquet", pictures=list(ROVER.picture_sets)
     )
 
 
 def detections_of_drive(wildcards):
-    """The same, where a judge looks."""
-    if not ROVER.onboard or judge_weights(wildcards.run) is None:
+    """The same, where a detector looks."""
+    if not ROVER.onboard or detector_weights(wildcards.run) is None:
         return []
     return [
         name.format(run=wildcards.run, seed=wildcards.seed)

@@ -1,4 +1,4 @@
-"""Draw what the front camera sees, with rocks and what a judge takes for rocks."""
+"""Draw what the front camera sees, with rocks and what a detector takes for rocks."""
 
 from pathlib import Path
 

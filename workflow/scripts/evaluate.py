@@ -1,4 +1,4 @@
-"""Compare all judges of a split and seed on all domains."""
+"""Compare all detectors of a split and seed on all domains."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Ask a judge of one domain about the test pictures of every domain."""
+"""Ask a detector of one domain about the test pictures of every domain."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Weigh every ingredient of the twin by what the judges of a split and seed see."""
+"""Weigh every ingredient of the twin by what the detectors of a split and seed see."""
 
 from pathlib import Path
 

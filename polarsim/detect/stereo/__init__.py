@@ -1,1 +1,1 @@
-"""A second kind of judge: depth from a pair of photos, against the depth of the meshes."""
+"""A second kind of detector: depth from a pair of photos, against the depth of the meshes."""

@@ -103,7 +103,7 @@ def _pairs(paths: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:
 
 
 def _picture(path: Path, exposure_ms: int, curve: PicturesOptions, rig: Rectification) -> np.ndarray:
-    """A photo as the matcher takes it: shrunk, then 8 bits by the judges' tone curve."""
+    """A photo as the matcher takes it: shrunk, then 8 bits by the detectors' tone curve."""
     with about(path):
         pixels = png.read_photo(path)
     return tone.to_8_bits(tone.shrink(pixels, max(rig.lens.width, rig.lens.height)), curve, exposure_ms)

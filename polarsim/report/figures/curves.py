@@ -1,4 +1,4 @@
-"""Precision over recall of every judge, a panel a class, split and judge, a line a domain, a band its seeds."""
+"""Precision over recall of every detector, a panel a class, split and detector, a line a domain, a band its seeds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: in
     table = paper.with_own_names(read_parquet(curves, CURVES.columns), ("trained", "evaluated"), origin["source"])
     words, parts = title_words(table), panels(table)
     parts = [(split, averaged(part, CURVES.columns[:-1], ("precision",))) for split, part in parts]
-    judges = paper.in_order(set(table["trained"]))
+    detectors = paper.in_order(set(table["trained"]))
     domains = paper.in_order(set(table["evaluated"]))
     kinds = [kind for kind in BOX_CLASSES if (table["kind"] == kind).any()]
     rows = [(kind, split, part) for kind in kinds for split, part in parts]
@@ -31,9 +31,9 @@ def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: in
             note(sheet, "no labels to be found")
             return
         sheet.suptitle(f"Precision over recall, source {origin['source']}{words}", x=0.01, ha="left")
-        grid = sheet.subplots(len(rows), len(judges), sharex=True, sharey=True, squeeze=False)
+        grid = sheet.subplots(len(rows), len(detectors), sharex=True, sharey=True, squeeze=False)
         for row, (kind, split, part) in enumerate(rows):
-            for column, trained in enumerate(judges):
+            for column, trained in enumerate(detectors):
                 axes = grid[row, column]
                 _draw_panel(axes, part[(part["kind"] == kind) & (part["trained"] == trained)], domains)
                 axes.set_title(f"{kind}, trained on {paper.title(trained)}")

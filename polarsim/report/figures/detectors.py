@@ -7,7 +7,7 @@ from pathlib import Path
 
 from polarsim.report.figures.curves import draw_curves
 from polarsim.report.figures.ipd_histogram import draw_ipd_histogram
-from polarsim.report.figures.judges import draw_detection, draw_ipd
+from polarsim.report.figures.matrices import draw_detection, draw_ipd
 
 
 def draw_detectors(*, found: Mapping[str, Path], figures: Mapping[str, Path], origin: dict[str, str]) -> None:

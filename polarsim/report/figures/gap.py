@@ -23,7 +23,7 @@ _THICK = 0.8  # of the bars of one ingredient together
 
 
 def draw_gap(*, ledger: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write bars of rocks with 95 % intervals, a group an ingredient, a colour a judge, a row a split.
+    """Write bars of rocks with 95 % intervals, a group an ingredient, a colour a detector, a row a split.
 
     Of several seeds means, with the span of all intervals.
     """
@@ -54,16 +54,18 @@ def draw_gap(*, ledger: Path, figure: Path, origin: dict[str, str], width: int =
 
 
 def _draw_panel(axes: Any, rocks: pd.DataFrame, ingredients: list[str], name: str) -> None:
-    judges = paper.in_order(set(rocks["trained"]))
-    for number, trained in enumerate(judges):
+    detectors = paper.in_order(set(rocks["trained"]))
+    for number, trained in enumerate(detectors):
         own = rocks[rocks["trained"] == trained].set_index("ingredient").reindex(ingredients)
         value = own[f"{name}_change"].to_numpy(float)
         bounds = own[[f"{name}_change_low", f"{name}_change_high"]].to_numpy(float).T
         errors = np.nan_to_num(np.abs(bounds - value))
-        place = np.arange(len(ingredients)) + _THICK * ((number + 0.5) / len(judges) - 0.5)
+        place = np.arange(len(ingredients)) + _THICK * ((number + 0.5) / len(detectors) - 0.5)
         gap = own[f"{name}_twin"].iloc[0] if name != "alarms" else np.nan
-        text = f"judge trained on {paper.title(trained)}" + ("" if np.isnan(gap) else f" (IPD of the twin {gap:.3f})")
-        thick = 0.9 * _THICK / len(judges)
+        text = f"detector trained on {paper.title(trained)}" + (
+            "" if np.isnan(gap) else f" (IPD of the twin {gap:.3f})"
+        )
+        thick = 0.9 * _THICK / len(detectors)
         axes.barh(place, value, thick, xerr=errors, color=SERIES[number], ecolor=INK, capsize=3, label=text)
     axes.axvline(0, color=INK, linewidth=1)
     axes.grid(visible=True, axis="x")

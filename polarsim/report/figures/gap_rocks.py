@@ -1,4 +1,6 @@
-"""The rocks that a judge finds most differently in two domains: crops of both pictures, label and best box drawn in."""
+"""The rocks that a detector finds most differently in two domains: crops of both pictures, label and best box drawn
+in.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, note, page
 
-ROCKS_A_SIDE = 2  # of each pair of domains, that the judge finds better in the first, and in the second
+ROCKS_A_SIDE = 2  # of each pair of domains, that the detector finds better in the first, and in the second
 _BOX = ["x0", "y0", "x1", "y1"]
 _LABEL, _FOUND = "#ffb000", "#00e5ff"
 
@@ -49,14 +51,14 @@ def draw_gap_rocks(
     origin: dict[str, str],
     width: int = FIGURE_WIDTH,
 ) -> None:
-    """Write the page of one judge: a row a pair of domains, two crops a rock.
+    """Write the page of one detector: a row a pair of domains, two crops a rock.
 
     Rocks are chosen by their mean difference over photos, and shown in the photo in which they differ most.
 
     Parameters
     ----------
     predictions, labels
-        Of each domain that the judge was asked about.
+        Of each domain that the detector was evaluated on.
     picture_of
         Photo or twin of a domain and a key.
     confidence
@@ -81,7 +83,7 @@ def draw_gap_rocks(
             return
         name = paper.title(paper.own_name(trained, origin["source"]))
         sheet.suptitle(
-            f"Rocks that the judge trained on {name} finds most differently (yellow: label, blue: box, number: IoU)",
+            f"Rocks that the detector trained on {name} finds most differently (yellow: label, blue: box, number: IoU)",
             x=0.01,
             ha="left",
         )

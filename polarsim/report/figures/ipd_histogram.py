@@ -1,4 +1,4 @@
-"""How the performance of single rocks differs between two domains: a histogram a judge and pair."""
+"""How the performance of single rocks differs between two domains: a histogram a detector and pair."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], wid
     """Write the figure from detect/rocks.parquet: a rock counts once a seed, by the mean over its photos."""
     table = tidy_ipd_rocks(read_parquet(rocks, COLUMNS), origin["source"])
     table = table[table["kind"] == ROCK]
-    judges = list(dict.fromkeys(table["trained"]))
-    rows = [(split, part, trained) for split, part in panels(table) for trained in judges]
+    detectors = list(dict.fromkeys(table["trained"]))
+    rows = [(split, part, trained) for split, part in panels(table) for trained in detectors]
     words = title_words(table).replace("mean of", "pooled over")
     pairs = sorted(
         set(zip(table["first"], table["second"], strict=True)), key=lambda pair: [paper.rank(name) for name in pair]
@@ -42,7 +42,7 @@ def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], wid
                 _draw_panel(grid[row, column], part[chosen])
                 if not row:
                     grid[row, column].set_title(f"{paper.title(first)} - {paper.title(second)}")
-            which = f"\nsplit by {split}" if len(rows) > len(judges) else ""
+            which = f"\nsplit by {split}" if len(rows) > len(detectors) else ""
             grid[row, 0].set_ylabel(f"rocks, trained\non {paper.title(trained)}{which}")
         for axes in grid[-1]:
             axes.set_xlabel("difference of mean IoU")

@@ -1,4 +1,4 @@
-"""Photo and twins in rows, as the paper's figures 4 and 5: labels with rock ids, and what one judge sees."""
+"""Photo and twins in rows, as the paper's figures 4 and 5: labels with rock ids, and what one detector sees."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def draw_seen(
     origin: dict[str, str],
     width: int = FIGURE_WIDTH,
 ) -> None:
-    """Write the figure of one judge: a row a domain, a column a test photo; each picture has its own white.
+    """Write the figure of one detector: a row a domain, a column a test photo; each picture has its own white.
 
     Parameters
     ----------
     instances
-        Rows of the labels that the judge was asked about: their keys are those of the test.
+        Rows of the labels that the detector was evaluated on: their keys are those of the test.
     predictions, labels
-        Of each domain that the judge was asked about.
+        Of each domain that the detector was evaluated on.
     picture_of
         Photo or twin of a domain and a key.
     confidence
@@ -78,7 +78,8 @@ def draw_seen(
 def shown_keys(instances: pd.DataFrame) -> list[PhotoKey]:
     """Test photos that show most: Sun lamp on, rover light off, near 256 ms, Left, with many rocks; one a terrain.
 
-    Of rows of the rocks that a judge was asked about in each domain (`evaluated`, `key`, `rock`); only photos that have
+    Of rows of the rocks that a detector was evaluated on in each domain (`evaluated`, `key`, `rock`); only photos
+    that have
     a labelled rock in all of them count. Where there are fewer terrains than `PHOTOS`, there are fewer photos.
     """
     known = instances[instances["rock"] != NO_ROCK]

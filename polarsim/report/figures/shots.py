@@ -17,7 +17,7 @@ from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
 
 POSES, SHOTS = ["frame", "time_s"], 6
 BOX = ["frame", "kind", "x0", "y0", "x1", "y1"]
-ROCKS, SEEN = "#ffb000", "#56b4e9"  # true rocks, and what a judge takes for one
+ROCKS, SEEN = "#ffb000", "#56b4e9"  # true rocks, and what a detector takes for one
 
 
 def draw_sequence(*, view: Path, pictures: str, figure: Path, width: int = FIGURE_WIDTH) -> None:
@@ -35,7 +35,7 @@ def draw_front(
     figure: Path,
     width: int = FIGURE_WIDTH,
 ) -> None:
-    """The same with boxes: true rocks, and, where a judge looked, what it takes for rocks with this confidence."""
+    """The same with boxes: true rocks, and, where a detector looked, what it takes for rocks with this confidence."""
     found = None
     if detections:
         found = read_parquet(detections, [*BOX, "confidence"])
@@ -69,7 +69,7 @@ def _draw_shots(
                 if boxes is not None:
                     _draw_boxes(axes, boxes[(boxes["frame"] == frame) & (boxes["kind"] == ROCK)], colour)
         if truth is not None:
-            title += "; yellow: rocks" + ("" if detections is None else ", blue: what the judge takes for rocks")
+            title += "; yellow: rocks" + ("" if detections is None else ", blue: what the detector takes for rocks")
         sheet.suptitle(title, x=0.01, ha="left")
 
 

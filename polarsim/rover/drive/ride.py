@@ -188,13 +188,13 @@ class Ride:
             state = self.simulation.state()
             self.rows.append(state.row(self.driver.offset, self.driver.heading_error))
             self.done.append(self.driver.done)
-            self._judge()
+            self._check_headway()
         if self.step == self._frame_step(len(self.frames)):
             self._show()
         if self.driver.finished:
             self.ended = "finished"
 
-    def _judge(self) -> None:
+    def _check_headway(self) -> None:
         """Whether the rover is stuck, or took too long."""
         options, row = self.job.drive, len(self.done) - 1
         if self.driver.turning:

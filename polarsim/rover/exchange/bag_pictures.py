@@ -1,4 +1,4 @@
-"""A drive's pictures as topics of a bag: camera by camera, with what a judge saw in them and what is there."""
+"""A drive's pictures as topics of a bag: camera by camera, with what a detector saw in them and what is there."""
 
 from __future__ import annotations
 

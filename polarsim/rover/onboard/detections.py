@@ -1,4 +1,4 @@
-"""What a judge on board finds in the front camera's pictures of a drive.
+"""What a detector on board finds in the front camera's pictures of a drive.
 
 Below a drive's folder: `front_end_cam/<Sun>_<model>_<exposure>/detections.parquet`.
 """
@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from polarsim.detect import judges, tone
+from polarsim.detect import detectors, tone
 from polarsim.detect.parts import digest, write_in_parts
 from polarsim.detect.predict import detect
 from polarsim.digest import code_digest
@@ -53,20 +53,20 @@ def settings_of(sight: Sight) -> list[Setting]:
 
 
 def detect_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int, threads: int = 1) -> None:
-    """Write what the judge finds in the front camera's pictures, set by set; sets that are there stay.
+    """Write what the detector finds in the front camera's pictures, set by set; sets that are there stay.
 
     Raises
     ------
     PolarsimError
-        No judge is named, or it cannot be read; a picture is missing.
+        No detector is named, or it cannot be read; a picture is missing.
     """
     onboard = options.onboard
     weights = onboard.weights
     if weights is None:
-        raise RoverError("onboard: no weights of a judge are named")
+        raise RoverError("onboard: no weights of a detector are named")
     sight = Sight(read_trace(folder), vehicle, options, seed=seed)
-    judge = judges.read_judge(weights)
-    detector: judges.Detector | None = None
+    detector = detectors.read_detector(weights)
+    loaded: detectors.LoadedDetector | None = None
     for setting in settings_of(sight):
         pictures = picture_folder(folder, FRONT, setting.sun, setting.model, setting.exposure_ms)
         paths = {f"{frame:05d}": pictures / f"{frame:05d}.png" for frame in sight.frames}
@@ -79,17 +79,17 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: in
         note = pictures / "detections.txt"
         if (pictures / "detections.parquet").is_file() and _said(note) == identity:
             continue
-        if detector is None:
+        if loaded is None:
             with about(weights):
-                detector = judges.family(judge.model).load(judge, pictures, onboard.prediction, threads)
-        _write_detections(pictures, paths, detector, judge.imgsz, setting.exposure_ms, onboard, identity)
+                loaded = detectors.family(detector.model).load(detector, pictures, onboard.prediction, threads)
+        _write_detections(pictures, paths, loaded, detector.imgsz, setting.exposure_ms, onboard, identity)
         write_text(note, identity)
 
 
 def _write_detections(
     pictures: Path,
     paths: dict[str, Path],
-    detector: judges.Detector,
+    loaded: detectors.LoadedDetector,
     imgsz: int,
     exposure_ms: float,
     options: OnboardOptions,
@@ -100,8 +100,8 @@ def _write_detections(
         for group in (names[n : n + _BATCH] for n in range(0, len(names), _BATCH)):
             grey = [png.read(paths[name]) for name in group]
             eights = [tone.to_8_bits(tone.shrink(each, imgsz), options.pictures, exposure_ms) for each in grey]
-            scale = grey[0].shape[1] / WIDTH  # judges tell boxes in pixels of a full photo
-            for name, result in zip(group, detect(detector, eights, imgsz), strict=True):
+            scale = grey[0].shape[1] / WIDTH  # detectors tell boxes in pixels of a full photo
+            for name, result in zip(group, detect(loaded, eights, imgsz), strict=True):
                 rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *(scale * r[:4])) for r in result]
         return detection_table(rows)
 

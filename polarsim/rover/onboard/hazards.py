@@ -1,4 +1,6 @@
-"""What a judge's boxes are worth to a driving rover: when it sees rocks, which it overlooks, what stops it in vain."""
+"""What a detector's boxes are worth to a driving rover: when it sees rocks, which it overlooks, what stops it in
+vain.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What a judge's detections on a drive are worth, as tables.
+"""What a detector's detections on a drive are worth, as tables.
 
-Below a drive's folder, in `onboard/`: `sightings`, `stable`, `map` and `stops`. Their column `source` is `judge`, or
-`truth`: the labels in the place of detections, the most that any judge could reach.
+Below a drive's folder, in `onboard/`: `sightings`, `stable`, `map` and `stops`. Their column `source` is `detector`, or
+`truth`: the labels in the place of detections, the most that any detector could reach.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from polarsim.rover.vehicle.table import Vehicle
 
 TABLES = ("sightings", "stable", "map", "stops")
 SETTING = ["seed", "sun", "model", "exposure_ms", "source"]  # what a figure is of
-JUDGE, TRUTH = "judge", "truth"
+DETECTOR, TRUTH = "detector", "truth"
 
 
 def measure_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int) -> dict[str, pd.DataFrame]:
@@ -35,7 +35,7 @@ def measure_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: i
     Raises
     ------
     PolarsimError
-        The pictures' labels, or a judge's detections that are asked for, are missing.
+        The pictures' labels, or a detector's detections that are asked for, are missing.
     """
     sight = Sight(read_trace(folder), vehicle, options, seed=seed)
     ride = ride_of(sight)
@@ -88,7 +88,7 @@ def ride_of(sight: Sight) -> Ride:
 
 
 def _cases(folder: Path, sight: Sight) -> Iterator[tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]]:
-    """Setting, truth and boxes: of each Sun the truth itself, then what the judge found in each set of pictures."""
+    """Setting, truth and boxes: of each Sun the truth itself, then what the detector found in each set of pictures."""
     for sun in sight.suns:
         truth = tables.read_parquet(folder / FRONT / f"{sun}_truth.parquet", TRUTH_COLUMNS)
         labels = truth[truth["kind"] == ROCK].assign(confidence=1.0)[list(DETECTION_COLUMNS)]
@@ -98,5 +98,5 @@ def _cases(folder: Path, sight: Sight) -> Iterator[tuple[dict[str, Any], pd.Data
         for model in sight.options.models:
             for exposure in sight.options.exposures_ms:
                 path = picture_folder(folder, FRONT, sun, model, exposure) / "detections.parquet"
-                row = {"sun": sun, "model": model, "exposure_ms": float(exposure), "source": JUDGE}
+                row = {"sun": sun, "model": model, "exposure_ms": float(exposure), "source": DETECTOR}
                 yield row, truth, tables.read_parquet(path, DETECTION_COLUMNS)

@@ -1,4 +1,4 @@
-"""What judges are worth on board, over all drives: figures with 95 % intervals.
+"""What detectors are worth on board, over all drives: figures with 95 % intervals.
 
 What is drawn again and again for the intervals are rides, a drive under a Sun: pictures of one ride are alike.
 """

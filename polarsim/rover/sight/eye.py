@@ -61,7 +61,7 @@ class Eye:
         self._lamps = {SUN: Lamp.sun(options.sun_azimuth_deg, options.sun_elevation_deg)}
 
     def picture(self, state: State, level: np.ndarray) -> np.ndarray:
-        """(h, w, 1) uint8 of the rover's state and the ground's levels; by the judges' tone curve `gamma`."""
+        """(h, w, 1) uint8 of the rover's state and the ground's levels; by the detectors' tone curve `gamma`."""
         base = pose_of(state.position, state.rotation)
         self._stage.show(level, self._links(state, base))
         options, render = self._options, self._render

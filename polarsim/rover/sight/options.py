@@ -40,9 +40,9 @@ class RealSun(BaseModel, extra="forbid", frozen=True):
 
 
 class OnboardOptions(BaseModel, extra="forbid", frozen=True):
-    """What a judge makes of the front camera's pictures while the rover drives."""
+    """What a detector makes of the front camera's pictures while the rover drives."""
 
-    weights: Path | None = Field(None, description="The judge, weights of a run; none: truth alone is measured.")
+    weights: Path | None = Field(None, description="The detector, weights of a run; none: truth alone is measured.")
     pictures: PicturesOptions = Field(PicturesOptions(), description="Tone curve of the detector's pictures.")
     prediction: PredictionOptions = Field(PredictionOptions(), description="How the detector looks at pictures.")
     confidence: float = Field(0.25, gt=0, lt=1, description="Detections of less confidence do not count.")

@@ -1,4 +1,4 @@
-"""Twins become what judges of cover photos are trained on."""
+"""Twins become what detectors of cover photos are trained on."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Judges of cover photos are scored as by hand."""
+"""Detectors of cover photos are scored as by hand."""
 
 import numpy as np
 import pandas as pd

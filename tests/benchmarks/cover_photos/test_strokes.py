@@ -80,7 +80,7 @@ def test_practised_strokes_lie_alike_on_labelled_and_unlabelled_places(rng):
 
 
 def test_erased_strokes_have_the_grain_of_their_surroundings(rng):
-    """Else a smooth stripe would tell a judge where somebody drew."""
+    """Else a smooth stripe would tell a detector where somebody drew."""
     photo = (100 + ndimage.gaussian_filter(rng.normal(0, 6, (300, 400)), 0.7)).astype(np.uint8)
     drawn = draw_strokes(photo, np.array([[60.0, 60, 340, 240]]), [1], REDS[0], 4, 26)
     strokes, erased = find_strokes(drawn), erase_strokes(drawn).astype(float)

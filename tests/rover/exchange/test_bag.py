@@ -118,7 +118,7 @@ def test_frames_chain_from_the_map_to_each_wheel(bag):
     assert parents["lf_wheel"] == "lf_upright"
 
 
-def test_detections_are_what_a_judge_saw_and_truth_what_is_there(bag):
+def test_detections_are_what_a_detector_saw_and_truth_what_is_there(bag):
     found = read(bag)
     truth = found["/front_end_cam/truth"]
     assert [len(message.ros_msg.detections) for message in truth] == [1] * 6

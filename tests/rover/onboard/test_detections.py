@@ -1,4 +1,4 @@
-"""What a judge finds on board."""
+"""What a detector finds on board."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from polarsim.rover.onboard.detections import detect_drive
 from tests.rover import driven
 
 
-def test_no_judge_is_refused(drive):
+def test_no_detector_is_refused(drive):
     folder, options = drive
     with pytest.raises(RoverError, match="no weights"):
         detect_drive(folder, driven.vehicle(), options, 3)

@@ -29,7 +29,7 @@ def test_figures_have_intervals_over_rides(drive):
 
 def test_exposures_are_told_apart_and_pooled():
     stops = pd.DataFrame(
-        {"seed": 0, "sun": "1", "model": "hapke", "exposure_ms": [256.0, 512.0], "source": "judge", "stops": [1, 3],
+        {"seed": 0, "sun": "1", "model": "hapke", "exposure_ms": [256.0, 512.0], "source": "detector", "stops": [1, 3],
          "length_m": 10.0, "miss_5_cm_m": [0.3, np.inf], "miss_10_cm_m": np.inf}
     )  # fmt: skip
     setting = stops[["seed", "sun", "model", "exposure_ms", "source"]]

@@ -13,13 +13,13 @@ import pandas as pd
 import torch
 
 from polarsim.detect import metrics
-from polarsim.detect.judges.compact.loss import losses
-from polarsim.detect.judges.compact.network import Compact
-from polarsim.detect.judges.compact.pictures import Picture, Pictures, batches, changed
-from polarsim.detect.judges.compact.weights import as_input, found, network
-from polarsim.detect.judges.devices import choose_device
-from polarsim.detect.judges.families import Trained, Training
-from polarsim.detect.judges.files import load, read_judge, save
+from polarsim.detect.detectors.compact.loss import losses
+from polarsim.detect.detectors.compact.network import Compact
+from polarsim.detect.detectors.compact.pictures import Picture, Pictures, batches, changed
+from polarsim.detect.detectors.compact.weights import as_input, found, network
+from polarsim.detect.detectors.devices import choose_device
+from polarsim.detect.detectors.families import Trained, Training
+from polarsim.detect.detectors.files import load, read_detector, save
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.errors import DetectError, about
 from polarsim.photo import BOX_CLASSES
@@ -84,7 +84,7 @@ def _start(training: Training, device: str) -> State:
         if not options.pretrained.is_file():
             raise DetectError("the pretrained weights are missing", path=options.pretrained)
         with about(options.pretrained):
-            module = network(options.model, read_judge(options.pretrained).state)
+            module = network(options.model, read_detector(options.pretrained).state)
     average.load_state_dict(module.state_dict())
     module, average = module.to(device), average.to(device).eval()
     kernels = [value for value in module.parameters() if value.ndim > 1]

@@ -1,4 +1,4 @@
-"""What every family of judges can do."""
+"""What every family of detectors can do."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any, Protocol
 import numpy as np
 import pandas as pd
 
-from polarsim.detect.judges.files import Judge
+from polarsim.detect.detectors.files import Detector
 from polarsim.detect.options import PredictionOptions, TrainingOptions
 
 # Pictures (b, h, w) uint8 of one size, as `frame` makes them -> for each what is in it, (n, 6) float64: x0, y0, x1, y1
 # in px of the picture, confidence, class; the surest first.
-Detector = Callable[[np.ndarray], list[np.ndarray]]
+LoadedDetector = Callable[[np.ndarray], list[np.ndarray]]
 MAX_BOXES = 300  # that a detector gives of a picture, the surest ones: as many as in YOLOv5's own validation
 
 
@@ -53,8 +53,8 @@ class Family(Protocol):
         """
         ...
 
-    def load(self, judge: Judge, folder: Path, options: PredictionOptions, threads: int) -> Detector:
-        """A judge that is ready to predict; `folder` is for files of its library, until the process ends.
+    def load(self, detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
+        """A detector that is ready to predict; `folder` is for files of its library, until the process ends.
 
         Raises
         ------

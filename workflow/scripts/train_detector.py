@@ -1,13 +1,13 @@
-"""Train a judge on one domain or mix."""
+"""Train a detector on one domain or mix."""
 
 from pathlib import Path
 
 from polarsim.detect.options import PredictionOptions, TrainingOptions
-from polarsim.detect.train import train_judge
+from polarsim.detect.train import train_detector
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
-    train_judge(
+    train_detector(
         dataset=Path(snakemake.input.dataset),
         weights=Path(snakemake.output.weights),
         curve=Path(snakemake.output.curve),

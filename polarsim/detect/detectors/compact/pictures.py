@@ -15,7 +15,7 @@ from polarsim.formats import yolo
 from polarsim.geometry.lens import HALF_PIXEL
 
 _CACHE_BYTES = 1 << 30  # pictures beyond are read again in every epoch
-_SHIFT, _SCALE, _BRIGHTNESS = 0.1, 0.3, 0.3  # largest random changes, as shares, as those of the other judges
+_SHIFT, _SCALE, _BRIGHTNESS = 0.1, 0.3, 0.3  # largest random changes, as shares, as those of the other detectors
 _LEAST_SEEN = 0.25  # share of a box that must stay inside a moved picture
 _LEAST_SIDE = 0.5  # px
 

@@ -9,10 +9,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from polarsim.detect.judges.compact.network import WIDTHS, Compact
-from polarsim.detect.judges.devices import choose_device
-from polarsim.detect.judges.families import MAX_BOXES, Detector
-from polarsim.detect.judges.files import Judge
+from polarsim.detect.detectors.compact.network import WIDTHS, Compact
+from polarsim.detect.detectors.devices import choose_device
+from polarsim.detect.detectors.families import MAX_BOXES, LoadedDetector
+from polarsim.detect.detectors.files import Detector
 from polarsim.detect.nms import nms
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
@@ -38,11 +38,11 @@ def network(model: str, state: dict[str, Any] | None = None) -> Compact:
     return module
 
 
-def load(judge: Judge, folder: Path, options: PredictionOptions, threads: int) -> Detector:  # noqa: ARG001 - of the interface
+def load(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:  # noqa: ARG001 - of the interface
     """See `Family.load`."""
     torch.set_num_threads(threads)
     device = choose_device(options.device)
-    module = network(judge.model, judge.state).to(device).eval()
+    module = network(detector.model, detector.state).to(device).eval()
 
     def detect(pictures: np.ndarray) -> list[np.ndarray]:
         with torch.inference_mode():
@@ -59,7 +59,7 @@ def as_input(pictures: np.ndarray, device: str) -> Tensor:
 
 
 def found(logits: Tensor, boxes: Tensor, options: PredictionOptions) -> list[np.ndarray]:
-    """What the network's answers mean, as a `Detector` gives it."""
+    """What the network's answers mean, as a `LoadedDetector` gives it."""
     scores, boxes = logits.sigmoid().flatten(2).cpu(), boxes.flatten(3).cpu()
     pictures = []
     for score, box in zip(scores, boxes, strict=True):

@@ -11,10 +11,10 @@ from typing import Any
 import pandas as pd
 
 from polarsim.detect.dataset import read_pictures
-from polarsim.detect.judges.devices import choose_device
-from polarsim.detect.judges.families import MAX_BOXES, Trained, Training
-from polarsim.detect.judges.yolo.library import ultralytics
-from polarsim.detect.judges.yolo.weights import load_start
+from polarsim.detect.detectors.devices import choose_device
+from polarsim.detect.detectors.families import MAX_BOXES, Trained, Training
+from polarsim.detect.detectors.yolo.library import ultralytics
+from polarsim.detect.detectors.yolo.weights import load_start
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.errors import DetectError, about
 from polarsim.formats import tables
@@ -122,7 +122,7 @@ def _arguments(run: Path, training: Training) -> dict[str, Any]:
         "name": "out",
         "exist_ok": True,
         "epochs": options.epochs,
-        "patience": options.epochs,  # no early stop: judges of a table are trained alike
+        "patience": options.epochs,  # no early stop: detectors of a table are trained alike
         "imgsz": training.imgsz,
         "batch": options.batch,
         "nbs": options.batch,  # a step a batch; else gradients of 64 pictures are gathered before each step

@@ -89,7 +89,7 @@ def test_a_page_of_rocks_shows_label_and_best_box_in_both_domains(tmp_path):
 
     page = draw("real")
     assert shows(page, (255, 176, 0))  # the label's line
-    assert shows(page, (0, 229, 255))  # the box that the judge found in the photo
+    assert shows(page, (0, 229, 255))  # the box that the detector found in the photo
     draw("hapke")
     assert is_drawn(tmp_path / "hapke.png")  # says that there is nothing
 
@@ -107,7 +107,7 @@ def test_photos_are_shown_that_every_domain_labels_one_a_terrain_under_the_sun()
     assert shown_keys(asked()) == []
 
 
-def test_what_a_judge_sees_is_drawn_with_labels_of_every_domain(tmp_path):
+def test_what_a_detector_sees_is_drawn_with_labels_of_every_domain(tmp_path):
     box = {"x0": 400.0, "y0": 300.0, "x1": 1400.0, "y1": 900.0}
     key = PhotoKey.parse(KEYS[0])
     label = key_columns(key) | {"kind": "rock", "rock": 7, "source": "truth", "confidence": 1.0} | box

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
-from polarsim.detect.judges.devices import load_torch
+from polarsim.detect.detectors.devices import load_torch
 from polarsim.detect.nms import nms
 from polarsim.errors import DetectError
 

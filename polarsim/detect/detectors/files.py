@@ -1,4 +1,4 @@
-"""Judges as files."""
+"""Detectors as files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from polarsim.detect.judges.devices import load_torch
+from polarsim.detect.detectors.devices import load_torch
 from polarsim.errors import DetectError
 from polarsim.formats.files import write_bytes
 from polarsim.photo import BOX_CLASSES
@@ -16,7 +16,7 @@ _FORMAT = "polarsim judge 1"
 
 
 @dataclass(frozen=True)
-class Judge:
+class Detector:
     """A trained detector: its architecture, how it was trained, and its tensors."""
 
     model: str  # architecture, such as yolov5n
@@ -26,25 +26,25 @@ class Judge:
     state: dict[str, Any]  # tensors by name, half precision
 
 
-def write_judge(path: Path, judge: Judge) -> None:
-    """Tensors and plain values only: no code to run on loading, no paths or dates, same judge same bytes."""
-    save(path, {"format": _FORMAT, "classes": list(BOX_CLASSES), **vars(judge)})
+def write_detector(path: Path, detector: Detector) -> None:
+    """Tensors and plain values only: no code to run on loading, no paths or dates, same detector same bytes."""
+    save(path, {"format": _FORMAT, "classes": list(BOX_CLASSES), **vars(detector)})
 
 
-def read_judge(path: Path) -> Judge:
-    """Read what `write_judge` wrote; nothing in the file is executed.
+def read_detector(path: Path) -> Detector:
+    """Read what `write_detector` wrote; nothing in the file is executed.
 
     Raises
     ------
     DetectError
-        The file is missing, or is no judge of ours.
+        The file is missing, or is no detector of ours.
     """
     content = load(path)
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
         raise DetectError(f"not weights that polarsim wrote, expected format {_FORMAT!r}", path=path)
     if tuple(content["classes"]) != BOX_CLASSES:
-        raise DetectError(f"a judge of classes {content['classes']}, expected {list(BOX_CLASSES)}", path=path)
-    return Judge(**{name: content[name] for name in Judge.__dataclass_fields__})
+        raise DetectError(f"a detector of classes {content['classes']}, expected {list(BOX_CLASSES)}", path=path)
+    return Detector(**{name: content[name] for name in Detector.__dataclass_fields__})
 
 
 def save(path: Path, content: dict[str, Any]) -> None:
@@ -66,4 +66,4 @@ def load(path: Path) -> Any:
     try:
         return torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises many kinds
-        raise DetectError(f"no readable judge, {str(error).splitlines()[0]}", path=path) from error
+        raise DetectError(f"no readable detector, {str(error).splitlines()[0]}", path=path) from error

@@ -1,22 +1,22 @@
-"""Which family of judges a model is of, and how tables name it."""
+"""Which family of detectors a model is of, and how tables name it."""
 
 from __future__ import annotations
 
-from polarsim.detect.judges.families import Family
+from polarsim.detect.detectors.families import Family
 
 
 def family(model: str) -> Family:
     """The family of a model that `TrainingOptions.model` allows. Only what is asked for is imported."""
     if _is_compact(model):
-        from polarsim.detect.judges.compact import family as compact
+        from polarsim.detect.detectors.compact import family as compact
 
         return compact
-    from polarsim.detect.judges.yolo import family as yolo
+    from polarsim.detect.detectors.yolo import family as yolo
 
     return yolo
 
 
-def judge_name(model: str) -> str:
+def detector_name(model: str) -> str:
     """A model as tables name it.
 
     Ultralytics builds YOLOv5's body with its later anchor-free head; the tables must not call that YOLOv5.

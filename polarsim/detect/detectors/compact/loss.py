@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from polarsim.detect.judges.compact.network import STRIDE, cell_centres
+from polarsim.detect.detectors.compact.network import STRIDE, cell_centres
 
 BOX_WEIGHT = 2.0
 _CORE = 0.25  # cells this share of the box's sides around its centre answer for it

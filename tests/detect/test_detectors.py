@@ -1,4 +1,4 @@
-"""The judge's file, and what surrounds Ultralytics."""
+"""The detector's file, and what surrounds Ultralytics."""
 
 import ast
 import pickle
@@ -7,38 +7,38 @@ from pathlib import Path
 import pytest
 
 import polarsim.detect
-from polarsim.detect.judges import Judge, choose_device, judge_name, read_judge, write_judge
-from polarsim.detect.judges.yolo.weights import network
+from polarsim.detect.detectors import Detector, choose_device, detector_name, read_detector, write_detector
+from polarsim.detect.detectors.yolo.weights import network
 from polarsim.errors import DetectError
 
 torch = pytest.importorskip("torch")
 
 
 @pytest.fixture
-def judge(tmp_path) -> Judge:
-    from polarsim.detect.judges.yolo.library import ultralytics
+def detector(tmp_path) -> Detector:
+    from polarsim.detect.detectors.yolo.library import ultralytics
 
     torch.manual_seed(0)
     module = ultralytics(tmp_path).DetectionModel("yolov5n.yaml", nc=2, verbose=False)
     state = {name: value.half() for name, value in module.state_dict().items()}
-    return Judge("yolov5n", 160, 2, "scratch", state)
+    return Detector("yolov5n", 160, 2, "scratch", state)
 
 
-def test_a_judge_reads_back(judge, tmp_path):
-    write_judge(tmp_path / "real.pt", judge)
-    back = read_judge(tmp_path / "real.pt")
+def test_a_detector_reads_back(detector, tmp_path):
+    write_detector(tmp_path / "real.pt", detector)
+    back = read_detector(tmp_path / "real.pt")
     assert (back.model, back.imgsz, back.epochs, back.start) == ("yolov5n", 160, 2, "scratch")
-    assert all(torch.equal(back.state[name], value) for name, value in judge.state.items())
+    assert all(torch.equal(back.state[name], value) for name, value in detector.state.items())
 
 
-def test_the_same_judge_is_the_same_bytes_under_any_name(judge, tmp_path):
-    write_judge(tmp_path / "real.pt", judge)
-    write_judge(tmp_path / "other" / "hapke.pt", judge)
+def test_the_same_detector_is_the_same_bytes_under_any_name(detector, tmp_path):
+    write_detector(tmp_path / "real.pt", detector)
+    write_detector(tmp_path / "other" / "hapke.pt", detector)
     assert (tmp_path / "real.pt").read_bytes() == (tmp_path / "other" / "hapke.pt").read_bytes()
 
 
-def test_yolov5n_has_the_parameters_that_ultralytics_states(judge, tmp_path):
-    module = network(judge, tmp_path)
+def test_yolov5n_has_the_parameters_that_ultralytics_states(detector, tmp_path):
+    module = network(detector, tmp_path)
     assert sum(value.numel() for value in module.parameters()) == pytest.approx(2.5e6, rel=0.01)
     assert module(torch.zeros(1, 3, 128, 160))[0].shape[1] == 4 + 2  # a box and two classes
 
@@ -51,22 +51,22 @@ class Evil:
 def test_code_in_a_weights_file_is_not_executed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     torch.save({"format": "polarsim judge 1", "model": Evil()}, tmp_path / "evil.pt", pickle_module=pickle)
-    with pytest.raises(DetectError, match=r"evil\.pt: no readable judge"):
-        read_judge(tmp_path / "evil.pt")
+    with pytest.raises(DetectError, match=r"evil\.pt: no readable detector"):
+        read_detector(tmp_path / "evil.pt")
     assert not (tmp_path / "executed").exists()
 
 
 def test_other_weights_are_refused_by_name(tmp_path):
     torch.save({"weights": torch.zeros(3)}, tmp_path / "other.pt")
     with pytest.raises(DetectError, match=r"other\.pt: not weights that polarsim wrote"):
-        read_judge(tmp_path / "other.pt")
+        read_detector(tmp_path / "other.pt")
     with pytest.raises(DetectError, match=r"absent\.pt"):
-        read_judge(tmp_path / "absent.pt")
+        read_detector(tmp_path / "absent.pt")
 
 
-def test_weights_of_another_size_do_not_fit(judge, tmp_path):
+def test_weights_of_another_size_do_not_fit(detector, tmp_path):
     with pytest.raises(DetectError, match="do not fit yolov5s"):
-        network(Judge("yolov5s", 160, 2, "scratch", judge.state), tmp_path)
+        network(Detector("yolov5s", 160, 2, "scratch", detector.state), tmp_path)
 
 
 def test_cuda_that_is_not_there_is_an_error(monkeypatch):
@@ -80,11 +80,11 @@ def test_cuda_that_is_not_there_is_an_error(monkeypatch):
     ("model", "name"),
     [("yolov5n", "yolov5n (YOLOv5u)"), ("yolo11s", "yolo11s"), ("compact", "compact (polarsim's own)")],
 )
-def test_the_tables_name_the_judge_for_what_it_is(model, name):
-    assert judge_name(model) == name
+def test_the_tables_name_the_detector_for_what_it_is(model, name):
+    assert detector_name(model) == name
 
 
-def test_one_module_alone_imports_ultralytics_and_torch_stays_out_of_what_all_judges_import():
+def test_one_module_alone_imports_ultralytics_and_torch_stays_out_of_what_all_detectors_import():
     importers = set()
     root = Path(polarsim.detect.__file__).parent
     for path in root.rglob("*.py"):
@@ -98,4 +98,4 @@ def test_one_module_alone_imports_ultralytics_and_torch_stays_out_of_what_all_ju
             if node in tree.body:
                 assert not {name.split(".")[0] for name in names} & heavy
                 assert path.parent.name == "compact" or not any(".compact." in name for name in names)
-    assert importers == {"judges/yolo/library.py"}
+    assert importers == {"detectors/yolo/library.py"}

@@ -1,4 +1,4 @@
-"""Weights in and out: judges as networks that predict, and weights to start from."""
+"""Weights in and out: detectors as networks that predict, and weights to start from."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.detect.judges.devices import choose_device, load_torch
-from polarsim.detect.judges.families import MAX_BOXES, Detector
-from polarsim.detect.judges.files import Judge, read_judge
-from polarsim.detect.judges.yolo.library import ultralytics
+from polarsim.detect.detectors.devices import choose_device, load_torch
+from polarsim.detect.detectors.families import MAX_BOXES, LoadedDetector
+from polarsim.detect.detectors.files import Detector, read_detector
+from polarsim.detect.detectors.yolo.library import ultralytics
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.photo import BOX_CLASSES
 
 
-def load(judge: Judge, folder: Path, options: PredictionOptions, threads: int) -> Detector:
+def load(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
     """See `Family.load`."""
     torch, library = load_torch(), ultralytics(folder)
     torch.set_num_threads(threads)
     device = choose_device(options.device)
-    module = network(judge, folder).to(device, memory_format=torch.channels_last)
+    module = network(detector, folder).to(device, memory_format=torch.channels_last)
 
     def detect(pictures: np.ndarray) -> list[np.ndarray]:
         batch = torch.from_numpy(pictures)[:, None].expand(-1, 3, -1, -1).to(device)
@@ -37,18 +37,18 @@ def load(judge: Judge, folder: Path, options: PredictionOptions, threads: int) -
     return detect
 
 
-def network(judge: Judge, folder: Path) -> Any:
-    """The judge as a torch module that is ready to predict. `folder`: see `ultralytics`."""
-    module = ultralytics(folder).DetectionModel(f"{judge.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
+def network(detector: Detector, folder: Path) -> Any:
+    """The detector as a torch module that is ready to predict. `folder`: see `ultralytics`."""
+    module = ultralytics(folder).DetectionModel(f"{detector.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
     try:
-        module.load_state_dict({name: value.float() for name, value in judge.state.items()})
+        module.load_state_dict({name: value.float() for name, value in detector.state.items()})
     except RuntimeError as error:
-        raise DetectError(f"weights do not fit {judge.model}: {str(error).splitlines()[0]}") from error
+        raise DetectError(f"weights do not fit {detector.model}: {str(error).splitlines()[0]}") from error
     return module.eval().fuse(verbose=False)
 
 
 def load_start(path: Path, model: str, folder: Path) -> Any:
-    """Weights to start a training from, as a torch module: a judge of ours or an Ultralytics checkpoint.
+    """Weights to start a training from, as a torch module: a detector of ours or an Ultralytics checkpoint.
 
     Raises
     ------
@@ -59,12 +59,12 @@ def load_start(path: Path, model: str, folder: Path) -> Any:
         raise DetectError("the pretrained weights are missing", path=path)
     library = ultralytics(folder)
     try:
-        judge = read_judge(path)
+        detector = read_detector(path)
     except DetectError:
         try:
             return library.load_checkpoint(str(path))[0]
         except Exception as error:
             raise DetectError(f"no weights of {model}, {str(error).splitlines()[0]}", path=path) from error
-    module = library.DetectionModel(f"{judge.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
-    module.load_state_dict({name: value.float() for name, value in judge.state.items()})
+    module = library.DetectionModel(f"{detector.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
+    module.load_state_dict({name: value.float() for name, value in detector.state.items()})
     return module

@@ -1,4 +1,4 @@
-"""Judges on domains: the 3 x 3 matrices of detection and the bars of IPD, ours large, the paper's small beside."""
+"""Detectors on domains: the 3 x 3 matrices of detection and the bars of IPD, ours large, the paper's small beside."""
 
 from __future__ import annotations
 
@@ -18,13 +18,15 @@ TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mea
 
 
 def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write detection of rocks as three matrices for each split, means over seeds: a row a judge, a column a domain."""
+    """Write detection of rocks as three matrices for each split, means over seeds: a row a detector, a column a
+    domain.
+    """
     table = detection_table.tidy_detection(read_parquet(detection, detection_table.COLUMNS), origin["source"])
     rocks = table[table["kind"] == ROCK]
     parts = panels(rocks)
     with page(figure, width, round(width * 0.42) * len(parts)) as sheet:
         if not len(rocks):
-            note(sheet, "no judged rocks")
+            note(sheet, "no evaluated rocks")
             return
         small = " (small: the paper's photos and twins)" if rocks["paper_map50"].notna().any() else ""
         sheet.suptitle(f"Rock detection, source {origin['source']}{title_words(rocks)}{small}", x=0.01, ha="left")
@@ -36,7 +38,7 @@ def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], wid
 
 
 def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write IPD of rocks as bars, a group a judge and pair of domains, a panel a split.
+    """Write IPD of rocks as bars, a group a detector and pair of domains, a panel a split.
 
     Bars are means over seeds; whiskers hold the 95 % intervals of all of them.
     """
@@ -75,7 +77,7 @@ def _draw_bars(axes: Any, rocks: pd.DataFrame) -> None:
     axes.set_ylabel("difference of IoU")
     axes.set_ylim(bottom=0)
     axes.grid(visible=True, axis="y")
-    _name_judges(axes, rocks)
+    _name_detectors(axes, rocks)
 
 
 def _draw_matrix(axes: Any, rocks: pd.DataFrame, measure: str) -> None:
@@ -104,8 +106,8 @@ def _draw_matrix(axes: Any, rocks: pd.DataFrame, measure: str) -> None:
             axes.text(column, row_number + 0.3, small, ha="center", va="center", fontsize="small", color=INK)
 
 
-def _name_judges(axes: Any, rocks: pd.DataFrame) -> None:
-    """The judge of each group of bars, below the pairs, and a line between groups."""
+def _name_detectors(axes: Any, rocks: pd.DataFrame) -> None:
+    """The detector of each group of bars, below the pairs, and a line between groups."""
     for trained in dict.fromkeys(rocks["trained"]):
         members = np.flatnonzero(rocks["trained"] == trained)
         text = f"trained on {paper.title(trained)}"

@@ -1,9 +1,9 @@
-"""Speed and memory of any judge on the device that is there, and the time that the paper's full protocol would take.
+"""Speed and memory of any detector on the device that is there, and the time that the paper's full protocol would take.
 
-    python benchmarks/judges.py [--models compact yolov5n] [--imgsz 640] [--device auto] [--threads 2] [--json]
+    python benchmarks/detectors.py [--models compact yolov5n] [--imgsz 640] [--device auto] [--threads 2] [--json]
 
 Pictures are noise with 20 blobs each, as photos become at that size. Start-up does not count: training is the
-difference of a long and a short one. Every judge has a process of its own, so that its peak of memory is its own.
+difference of a long and a short one. Every detector has a process of its own, so that its peak of memory is its own.
 Rates are of wall time; on a machine that does other things too, look at the CPU seconds.
 
 Last figures (AMD EPYC, Zen 4, one thread of a busy machine, `--imgsz 288 --pictures 8`): compact 64 ms of CPU a
@@ -26,14 +26,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.detect.judges import choose_device, judge_name, load_torch
+from polarsim.detect.detectors import choose_device, detector_name, load_torch
 from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.predict import predict
-from polarsim.detect.train import train_judge
+from polarsim.detect.train import train_detector
 from polarsim.formats import png, tables, yolo
 from polarsim.photo import HEIGHT, WIDTH, photo_grid
 
-PAPER_TRAINED, PAPER_EPOCHS, PAPER_JUDGES = 3460, 200, 3
+PAPER_TRAINED, PAPER_EPOCHS, PAPER_DETECTORS = 3460, 200, 3
 PAPER_PREDICTED, PAPER_PAIRS = 5190, 9
 SHORT, LONG = 1, 4  # epochs
 
@@ -57,7 +57,7 @@ def make_dataset(root: Path, imgsz: int, train: int, test: int) -> Path:
 
 
 def measure(model: str, given: argparse.Namespace) -> dict[str, object]:
-    """Rates, memory and predicted time of one judge."""
+    """Rates, memory and predicted time of one detector."""
     root = Path(tempfile.mkdtemp())
     try:
         options = TrainingOptions(model=model, batch=given.batch)
@@ -74,7 +74,7 @@ def measure(model: str, given: argparse.Namespace) -> dict[str, object]:
             value / given.pictures for value in _predict(root, dataset, prediction, given.threads)
         )
         return {
-            "judge": judge_name(model),
+            "detector": detector_name(model),
             "device": _device_name(given.device),
             "imgsz": given.imgsz,
             "batch": given.batch,
@@ -92,13 +92,15 @@ def measure(model: str, given: argparse.Namespace) -> dict[str, object]:
 
 
 def paper_hours(train_s: float, predict_s: float) -> dict[str, float]:
-    """Hours of the paper's protocol, by seconds a picture: 3 judges, 200 epochs of 3,460; 9 times 5,190 predictions."""
+    """Hours of the paper's protocol, by seconds a picture: 3 detectors, 200 epochs of 3,460; 9 times 5,190
+    predictions.
+    """
     one = PAPER_TRAINED * PAPER_EPOCHS * train_s / 3600
     predictions = PAPER_PREDICTED * PAPER_PAIRS * predict_s / 3600
     return {
         "paper_train_one_h": round(one, 2),
         "paper_predict_h": round(predictions, 2),
-        "paper_total_h": round(PAPER_JUDGES * one + predictions, 2),
+        "paper_total_h": round(PAPER_DETECTORS * one + predictions, 2),
     }
 
 
@@ -112,10 +114,10 @@ def _train(
 ) -> tuple[float, float]:
     """Wall and CPU seconds."""
     start = time.perf_counter(), time.process_time()
-    train_judge(
+    train_detector(
         dataset=dataset,
-        weights=root / "judge.pt",
-        curve=root / "judge.csv",
+        weights=root / "detector.pt",
+        curve=root / "detector.csv",
         options=options.model_copy(update={"epochs": epochs}),
         prediction=prediction,
         imgsz=given.imgsz,
@@ -129,7 +131,7 @@ def _train(
 def _predict(root: Path, dataset: Path, options: PredictionOptions, threads: int) -> tuple[float, float]:
     start = time.perf_counter(), time.process_time()
     predict(
-        weights=root / "judge.pt",
+        weights=root / "detector.pt",
         dataset=dataset,
         predictions=root / "predictions.parquet",
         options=options,
@@ -155,8 +157,8 @@ def main() -> None:
     parser.add_argument("--device", default="auto", choices=["auto", "cpu", "cuda"])
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--pictures", type=int, default=24, help="to train on, and to predict")
-    parser.add_argument("--json", action="store_true", help="a list with an object a judge")
-    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)  # one judge, in this process
+    parser.add_argument("--json", action="store_true", help="a list with an object a detector")
+    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)  # one detector, in this process
     given = parser.parse_args()
     if given.here:
         sys.stdout.write(json.dumps(measure(given.models[0], given)))

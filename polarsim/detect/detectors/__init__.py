@@ -1,0 +1,19 @@
+"""Detectors: detectors of several families behind one interface, `families.Family`."""
+
+from polarsim.detect.detectors.devices import choose_device, load_torch
+from polarsim.detect.detectors.families import LoadedDetector, Trained, Training
+from polarsim.detect.detectors.files import Detector, read_detector, write_detector
+from polarsim.detect.detectors.models import detector_name, family
+
+__all__ = [
+    "Detector",
+    "LoadedDetector",
+    "Trained",
+    "Training",
+    "choose_device",
+    "detector_name",
+    "family",
+    "load_torch",
+    "read_detector",
+    "write_detector",
+]  # fmt: skip

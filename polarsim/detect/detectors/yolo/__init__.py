@@ -1,0 +1,1 @@
+"""Detectors of Ultralytics (AGPL-3.0)."""

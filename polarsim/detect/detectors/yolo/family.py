@@ -1,0 +1,6 @@
+"""Ultralytics' models as a family of detectors."""
+
+from polarsim.detect.detectors.yolo.training import train
+from polarsim.detect.detectors.yolo.weights import load
+
+__all__ = ["load", "train"]

@@ -1,1 +1,0 @@
-"""The judge `compact`: an anchor-free detector in plain torch, under polarsim's own licence."""

@@ -1,1 +1,0 @@
-"""Judges of Ultralytics (AGPL-3.0)."""
