@@ -1,4 +1,4 @@
-"""Why automatic and carried-over shadow boxes differ from drawn ones: one ingredient replaced at a time, and ceilings.
+"""Why automatic and carried-over shadow boxes differ from drawn ones: one component replaced at a time, and ceilings.
 
 `python benchmarks/shadow_causes.py RELEASE WORK [--config config/release.yaml] [--terrains 1 3 4 8 11 12]`
 
@@ -128,7 +128,7 @@ def touching(picture: np.ndarray) -> np.ndarray:
 def causes(
     seen: Seen, lamp: np.ndarray, labels: Boxes, shadows: PositionShadows, sight: tuple[CameraSide, Azimuth]
 ) -> Iterator[tuple[str, Boxes]]:
-    """(name, boxes) of every ingredient."""
+    """(name, boxes) of every component."""
     camera, azimuth = sight
     plain = seen.shadows(lamp)
     automatic = boxes_of(plain)

@@ -83,7 +83,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     labels: LabelsSection = Field(LabelsSection(), description="Seed labels to labels of every photo.")
     render: RenderOptions = Field(RenderOptions(), description="Twins of every photo.")
     detect: DetectOptions = Field(DetectOptions(), description="Detectors, their training and comparison.")
-    gap: GapOptions = Field(GapOptions(), description="Twins with one ingredient replaced: which one causes the gap.")
+    gap: GapOptions = Field(GapOptions(), description="Twins with one component replaced: which one causes the gap.")
     rover: RoverOptions = Field(RoverOptions(), description="Drives over the digitised terrains.")
     scoring: ScoringOptions = Field(ScoringOptions(), description="How results are scored.")
 
@@ -143,28 +143,28 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return self
 
     @model_validator(mode="after")
-    def _possible_ingredients(self) -> Config:
-        if not self.gap.ingredients:
+    def _possible_components(self) -> Config:
+        if not self.gap.components:
             return self
         if self.gap.model not in self.render.models or not self.domains:
             raise ValueError(f"gap.model: {self.gap.model} has no twins to compare with photos")
         if unknown := sorted(set(self.gap.trained_on) - set(self.training_domains)):
             raise ValueError(f"gap.trained_on: {unknown[0]!r}, expected {', '.join(self.training_domains)}")
-        for name, ingredient in self.gap.ingredients.items():
-            if ingredient.needs_truth and self.source.kind != "analog":
-                raise ValueError(f"gap.ingredients.{name}: truth is known of the analog alone")
-            as_run = ingredient.materials == "run" and self.render.materials_from_photos
-            if (as_run or ingredient.materials == "fitted") and ingredient.meshes != "run":
-                raise ValueError(f"gap.ingredients.{name}: materials are fitted to the run's meshes, not to others")
+        for name, component in self.gap.components.items():
+            if component.needs_truth and self.source.kind != "analog":
+                raise ValueError(f"gap.components.{name}: truth is known of the analog alone")
+            as_run = component.materials == "run" and self.render.materials_from_photos
+            if (as_run or component.materials == "fitted") and component.meshes != "run":
+                raise ValueError(f"gap.components.{name}: materials are fitted to the run's meshes, not to others")
             try:
                 self.render_options_of(name)
             except ValidationError as error:
-                raise ValueError(f"gap.ingredients.{name}.render.{told(error, 'render')}") from error
+                raise ValueError(f"gap.components.{name}.render.{told(error, 'render')}") from error
         return self
 
-    def render_options_of(self, ingredient: str) -> RenderOptions:
-        """Options of a twin of the ledger: the run's, one model, what the ingredient changes."""
-        changed = self.gap.ingredients[ingredient].render
+    def render_options_of(self, component: str) -> RenderOptions:
+        """Options of a twin of the ablation: the run's, one model, what the component changes."""
+        changed = self.gap.components[component].render
         fixed = {"models": (self.gap.model,), "maps": ()}
         return RenderOptions.model_validate(self.render.model_dump() | changed | fixed)
 
@@ -176,8 +176,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return self.scoring.drawn_root or own or self.source.root
 
     @property
-    def ledger_detectors(self) -> tuple[str, ...]:
-        """Training domains of the detectors that the gap ledger asks."""
+    def ablation_detectors(self) -> tuple[str, ...]:
+        """Training domains of the detectors that the ablation evaluates."""
         return self.gap.trained_on or (self.photo_domain, self.gap.model)
 
     @property

@@ -91,33 +91,33 @@ def test_detectors_are_trained_on_mixes_and_views_and_compared_over_domains_alon
     assert found.training_domains == ("analog", "principled", "hapke", "views", "mixed")
 
 
-def ledger(ingredient, kind="analog", **gap):
-    gap = {"ingredients": {"one": ingredient}, **gap}
+def ablation(component, kind="analog", **gap):
+    gap = {"components": {"one": component}, **gap}
     return parse_config({"source": {"kind": kind, "root": "data"}, "gap": gap})
 
 
-def test_an_ingredient_changes_its_own_options_and_no_others():
-    found = ledger({"render": {"noise": True}})
+def test_a_component_changes_its_own_options_and_no_others():
+    found = ablation({"render": {"noise": True}})
     assert found.render_options_of("one") == found.render.model_copy(update={"noise": True, "models": ("hapke",)})
-    assert found.ledger_detectors == ("analog", "hapke")
-    assert ledger({"labels": "carried"}, trained_on=["principled"]).ledger_detectors == ("principled",)
+    assert found.ablation_detectors == ("analog", "hapke")
+    assert ablation({"labels": "carried"}, trained_on=["principled"]).ablation_detectors == ("principled",)
 
 
 @pytest.mark.parametrize(
-    ("ingredient", "gap", "told"),
+    ("component", "gap", "told"),
     [
-        ({"cameras": "truth"}, {"kind": "polar"}, "gap.ingredients.one: truth is known of the analog alone"),
-        ({"render": {"nose": True}}, {}, "gap.ingredients.one.render.nose: unknown key"),
-        ({"render": {"samples": 5}}, {}, "gap.ingredients.one.render.samples"),
+        ({"cameras": "truth"}, {"kind": "polar"}, "gap.components.one: truth is known of the analog alone"),
+        ({"render": {"nose": True}}, {}, "gap.components.one.render.nose: unknown key"),
+        ({"render": {"samples": 5}}, {}, "gap.components.one.render.samples"),
         ({"materials": "fitted", "meshes": "thinned"}, {}, "materials are fitted to the run's meshes"),
         ({"labels": "carried"}, {"model": "lambert"}, "gap.model: lambert has no twins"),
         ({"labels": "carried"}, {"trained_on": ["real"]}, "gap.trained_on: 'real', expected analog"),
         ({}, {}, "replaces nothing"),
     ],
 )
-def test_an_impossible_ledger_is_told(ingredient, gap, told):
+def test_an_impossible_ablation_is_told(component, gap, told):
     with pytest.raises(ConfigError, match=told) as error:
-        ledger(ingredient, **gap)
+        ablation(component, **gap)
     assert "\n" not in str(error.value)
 
 

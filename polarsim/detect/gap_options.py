@@ -1,4 +1,4 @@
-"""Options of the gap ledger: what of the twin is replaced, one ingredient at a time."""
+"""Options of the ablation: what of the twin is replaced, one component at a time."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-TWIN = "twin"  # the twin as the run has it, what every ingredient is held against
+TWIN = "twin"  # the twin as the run has it, what every component is held against
 
 
-class Ingredient(BaseModel, extra="forbid", frozen=True):
+class Component(BaseModel, extra="forbid", frozen=True):
     """What differs from the run's twin; what is left out is as in the run. `truth` is known of the analog alone."""
 
     cameras: Literal["run", "located", "truth"] = Field(
@@ -58,23 +58,23 @@ class Ingredient(BaseModel, extra="forbid", frozen=True):
 
 
 class GapOptions(BaseModel, extra="forbid", frozen=True):
-    """Which ingredient of the twin causes the gap. Off unless ingredients are named."""
+    """Which component of the twin causes the gap. Off unless components are named."""
 
     model: str = Field("hapke", description="The twin's reflectance model, one of `render.models`.")
     trained_on: tuple[str, ...] = Field(
         (), description="Detectors by what they were trained on; none: one of photos and one of the model's twins."
     )
-    ingredients: dict[str, Ingredient] = Field(
-        {}, description="What is replaced in each twin of the ledger, by a name of small letters, digits and -."
+    components: dict[str, Component] = Field(
+        {}, description="What is replaced in each twin of the ablation, by a name of small letters, digits and -."
     )
 
-    @field_validator("ingredients")
+    @field_validator("components")
     @classmethod
-    def _possible_names(cls, ingredients: dict[str, Ingredient]) -> dict[str, Ingredient]:
-        for name in ingredients:
+    def _possible_names(cls, components: dict[str, Component]) -> dict[str, Component]:
+        for name in components:
             if name == TWIN or not re.fullmatch(r"[a-z][a-z0-9-]*", name):
                 raise ValueError(f"{name!r}: expected a name of small letters, digits and -, and not {TWIN}")
-        return ingredients
+        return components
 
 
 def _plain(value: object) -> str:

@@ -14,7 +14,7 @@ from polarsim.detect.breakdown import rank_by_kind
 from polarsim.detect.false_alarms import alarms_of_photos
 from polarsim.detect.ipd import Rules, instance_performance, pair
 from polarsim.detect.options import ComparisonOptions
-from polarsim.formats.gap_ledger import ENDS
+from polarsim.formats.gap_ablation import ENDS
 
 _AT_HALF = np.array([0.5])
 _PLACE = ["key", "kind", "rock"]

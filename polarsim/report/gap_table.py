@@ -1,4 +1,4 @@
-"""The gap ledger: what replacing one ingredient of the twin changes, the one that closes most of the gap first."""
+"""The ablation: what replacing one component of the twin changes, the one that closes most of the gap first."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.formats.gap_ledger import FIGURE_COLUMNS
+from polarsim.formats.gap_ablation import FIGURE_COLUMNS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
@@ -14,12 +14,12 @@ from polarsim.report.layout import MISSING, origin_note, with_origin, write_bloc
 from polarsim.report.seeds import by_splits, over_seeds, seed_notes
 
 COLUMNS = (
-    "split", "seed", "ingredient", "replaced", "model", "trained", "kind", "detector", "epochs", "imgsz", "images",
+    "split", "seed", "component", "replaced", "model", "trained", "kind", "detector", "epochs", "imgsz", "images",
     "units", "unit", "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "alarms_photo", "alarm_area_photo",
     *FIGURE_COLUMNS,
 )  # fmt: skip
 CAPTION = (
-    "Gap ledger, {kind}s: one ingredient of the {model} twin is replaced at a time (T: detector trained on). "
+    "Ablation, {kind}s: one component of the {model} twin is replaced at a time (T: detector trained on). "
     "Changes are "
     "against the twin as it was, with 95 % intervals; below zero in IPD the gap closes."
 )
@@ -27,38 +27,39 @@ NOTES = (
     "IPD between photos and twins: ipd is the absolute value of the mean difference of IoU, ipd_abs the mean of the "
     "absolute differences, both over the rocks or shadows (pairs) that photo, twin and changed twin have. Both IPDs "
     "of a row are drawn by the same resamples, so the interval is that of their difference.",
-    "Detectors are those of the run and were not trained again: the ledger tells what of the gap they see, not what a "
-    "training on better twins would bring. Ingredients interact, so changes do not add up.",
+    "Detectors are those of the run and were not trained again: the ablation tells what of the gap they see, not "
+    "what a "
+    "training on better twins would bring. Components interact, so changes do not add up.",
     "False alarms: rocks seen where none is labelled, per area of a whole photo, over their rock-free area.",
 )
 
 
-def tabulate_gap(*, ledger: Path, stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/gap.{csv,md,tex,parquet} from gap/ledger.parquet."""
-    table = tidy_gap(read_parquet(ledger, COLUMNS), origin["source"])
+def tabulate_gap(*, ablation: Path, stem: Path, origin: dict[str, str]) -> None:
+    """Write tables/gap.{csv,md,tex,parquet} from gap/ablation.parquet."""
+    table = tidy_gap(read_parquet(ablation, COLUMNS), origin["source"])
     model = paper.title(str(table["model"].iloc[0]))
     blocks = {
         CAPTION.format(kind=kind, model=model): lay_out_gap(rows) for kind, rows in table.groupby("kind", sort=False)
     }
-    blocks["What was replaced."] = table[["ingredient", "replaced"]].drop_duplicates().reset_index(drop=True)
+    blocks["What was replaced."] = table[["component", "replaced"]].drop_duplicates().reset_index(drop=True)
     notes = [*NOTES, *detector_notes(table), *seed_notes(table), origin_note(origin)]
     if origin["source"] == paper.ANALOG:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
     write_blocks(stem, with_origin(table, origin), blocks, notes)
 
 
-def tidy_gap(ledger: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Rows of rocks first, by split; ingredients by their mean change of the rocks' ipd over detectors and seeds."""
-    table = paper.with_own_names(ledger[list(COLUMNS)], ("trained",), source)
+def tidy_gap(ablation: pd.DataFrame, source: str) -> pd.DataFrame:
+    """Rows of rocks first, by split; components by their mean change of the rocks' ipd over detectors and seeds."""
+    table = paper.with_own_names(ablation[list(COLUMNS)], ("trained",), source)
     rocks = table[table["kind"] == ROCK]
-    effect = rocks.groupby(["split", "ingredient"])["ipd_change"].mean()
-    place = {name: n for n, name in enumerate(dict.fromkeys(table["ingredient"]))}
+    effect = rocks.groupby(["split", "component"])["ipd_change"].mean()
+    place = {name: n for n, name in enumerate(dict.fromkeys(table["component"]))}
     keys = pd.DataFrame(
         {
             "kind": (table["kind"] != ROCK).astype(int),
             "split": table["split"].map({name: n for n, name in enumerate(dict.fromkeys(table["split"]))}),
-            "effect": [effect.get(key, 0.0) for key in zip(table["split"], table["ingredient"], strict=True)],
-            "place": table["ingredient"].map(place),  # ties stay as they were named
+            "effect": [effect.get(key, 0.0) for key in zip(table["split"], table["component"], strict=True)],
+            "place": table["component"].map(place),  # ties stay as they were named
             "trained": table["trained"].map(paper.rank),
             "seed": table["seed"],
         }
@@ -67,13 +68,13 @@ def tidy_gap(ledger: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def lay_out_gap(table: pd.DataFrame) -> pd.DataFrame:
-    """A row an ingredient and detector of one class."""
+    """A row a component and detector of one class."""
     rows = []
     for split, own in by_splits(table):
-        for (ingredient, trained), part in own.groupby(["ingredient", "trained"], sort=False):
+        for (component, trained), part in own.groupby(["component", "trained"], sort=False):
             row = {
                 **split,
-                "ingredient": str(ingredient),
+                "component": str(component),
                 "T": paper.title(str(trained)),
                 "pairs": over_seeds(part["pairs"], 0),
                 "ipd": f"{over_seeds(part['ipd_twin'])} → {over_seeds(part['ipd'])}",
@@ -88,7 +89,7 @@ def lay_out_gap(table: pd.DataFrame) -> pd.DataFrame:
                 row["change of false alarms"] = change(part, "alarms", 2)
                 row["change of their area, %"] = change(part, "alarm_area", 2, 100)
             rows.append(row)
-    return pd.DataFrame(rows, columns=None if rows else ["ingredient", "T"])
+    return pd.DataFrame(rows, columns=None if rows else ["component", "T"])
 
 
 def change(part: pd.DataFrame, name: str, decimals: int = 3, factor: float = 1) -> str:

@@ -1,6 +1,6 @@
-"""The analog's true cameras, lamps and meshes, moved into the run's own frame: ingredients of the gap ledger.
+"""The analog's true cameras, lamps and meshes, moved into the run's own frame: components of the ablation.
 
-Scoring reads truth, and nothing else may: twins out of this folder are evaluated by the ledger and used by no stage.
+Scoring reads truth, and nothing else may: twins out of this folder are evaluated by the ablation and used by no stage.
 """
 
 from __future__ import annotations

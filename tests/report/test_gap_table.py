@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png
-from polarsim.formats.gap_ledger import ENDS, FIGURES
+from polarsim.formats.gap_ablation import ENDS, FIGURES
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
 from polarsim.report.figures.gap import draw_gap
 from polarsim.report.gap_table import COLUMNS, tabulate_gap
@@ -12,33 +12,33 @@ ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 CHANGES = {"pose": -0.01, "noise": 0.02, "mesh": -0.1}  # of ipd, in the order of the configuration
 
 
-def ledger(seeds=(0,), ingredients=CHANGES):
+def ablation(seeds=(0,), components=CHANGES):
     rows = []
     for seed in seeds:
-        for ingredient in ingredients:
+        for component in components:
             for trained in ("hapke", "analog"):
                 for kind in ("rock", "shadow"):
-                    change = CHANGES[ingredient] * (1 if kind == "rock" else -1) + 0.001 * seed
+                    change = CHANGES[component] * (1 if kind == "rock" else -1) + 0.001 * seed
                     figures = dict(zip(ENDS, (0.3, 0.3 + change, change, change - 0.05, change + 0.05), strict=True))
                     row = {f"{name}{end}": value for name in FIGURES for end, value in figures.items()}
                     row |= {"iou_photo": 0.6, "iou_twin": 0.3, "iou": 0.3 - change, "map50_photo": 0.5}
                     row |= {"alarms_photo": 0.2, "alarm_area_photo": 0.01, "seed": seed, "split": "photo"}
-                    row |= {"ingredient": ingredient, "replaced": "noise: on", "model": "hapke", "trained": trained}
+                    row |= {"component": component, "replaced": "noise: on", "model": "hapke", "trained": trained}
                     row |= {"kind": kind, "detector": "compact", "epochs": 20, "imgsz": 288, "images": 144, "units": 16}
                     rows.append(row | {"unit": "view", "pairs": 700})
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def tabulated(tmp_path, table):
-    write_parquet(tmp_path / "ledger.parquet", table)
-    tabulate_gap(ledger=tmp_path / "ledger.parquet", stem=tmp_path / "gap", origin=ORIGIN)
+    write_parquet(tmp_path / "ablation.parquet", table)
+    tabulate_gap(ablation=tmp_path / "ablation.parquet", stem=tmp_path / "gap", origin=ORIGIN)
     return (tmp_path / "gap.md").read_text()
 
 
-def test_the_ingredient_that_closes_most_of_the_rocks_gap_comes_first_in_every_form(tmp_path):
-    text = tabulated(tmp_path, ledger())
+def test_the_component_that_closes_most_of_the_rocks_gap_comes_first_in_every_form(tmp_path):
+    text = tabulated(tmp_path, ablation())
     for form in (read_csv(tmp_path / "gap.csv", COLUMNS), read_parquet(tmp_path / "gap.parquet", COLUMNS)):
-        assert list(dict.fromkeys(form["ingredient"])) == ["mesh", "pose", "noise"]
+        assert list(dict.fromkeys(form["component"])) == ["mesh", "pose", "noise"]
         assert form["kind"].tolist() == ["rock"] * 6 + ["shadow"] * 6
         assert form["trained"].tolist()[:2] == ["analog", "hapke"]
     assert "| mesh | Analog | 700 | 0.300 → 0.200 | -0.100 [-0.150, -0.050] |" in text
@@ -46,24 +46,24 @@ def test_the_ingredient_that_closes_most_of_the_rocks_gap_comes_first_in_every_f
 
 
 def test_the_table_says_who_evaluated_what(tmp_path):
-    text = tabulated(tmp_path, ledger())
+    text = tabulated(tmp_path, ablation())
     assert "Detector compact, 20 epochs at 288 px; split by photo; 144 test photos in 16 views." in text
     assert "are no photos" in text
-    assert "one ingredient of the Hapke twin" in text
+    assert "one component of the Hapke twin" in text
     assert "Run demo, source analog" in text
 
 
 def test_several_seeds_are_a_mean_with_its_spread(tmp_path):
-    text = tabulated(tmp_path, ledger(seeds=(0, 2)))
+    text = tabulated(tmp_path, ablation(seeds=(0, 2)))
     assert "| mesh | Analog | 700 ± 0 | 0.300 ± 0.000 → 0.201 ± 0.001 | -0.099 ± 0.001 |" in text
     assert "n = 2 trainings" in text
 
 
 @pytest.mark.parametrize("named", [tuple(CHANGES), ("pose",)])
-def test_bars_are_drawn_for_every_ingredient(tmp_path, named):
-    write_parquet(tmp_path / "l.parquet", ledger(ingredients=named))
+def test_bars_are_drawn_for_every_component(tmp_path, named):
+    write_parquet(tmp_path / "l.parquet", ablation(components=named))
     draw_gap(
-        ledger=tmp_path / "l.parquet", figure=tmp_path / "gap.png", origin=ORIGIN,
+        ablation=tmp_path / "l.parquet", figure=tmp_path / "gap.png", origin=ORIGIN,
         width=640,
     )  # fmt: skip
     pixels = png.read(tmp_path / "gap.png")

@@ -13,7 +13,7 @@ TABLE = "**Detection & more**\n\n| T | E: Analog |\n| --- | ---: |\n| Analog | 0
 
 @pytest.fixture
 def run(tmp_path):
-    """Files of a run without stereo and without the gap ledger."""
+    """Files of a run without stereo and without the ablation."""
     dataset = tmp_path / "datasets" / "real"
     dataset.mkdir(parents=True)
     write_json(dataset / "dataset.json", {"pictures": {"train": 7, "val": 1, "test": 3}})

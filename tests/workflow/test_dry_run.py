@@ -124,18 +124,18 @@ def test_fitted_materials_are_scored_where_truth_is_known(checkout, snakemake, r
     assert "score_materials" not in planned(done)
 
 
-def test_the_gap_ledger_renders_every_ingredient_once_a_terrain_and_trains_its_detectors_alone(checkout, snakemake):
+def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_detectors_alone(checkout, snakemake):
     files = ("--configfile", "config/config.yaml", "config/gap.yaml")
     done = snakemake(checkout, "gap", "--dry-run", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     jobs, text = planned(done), done.stdout + done.stderr
-    ingredients = yaml.safe_load((checkout / "config/gap.yaml").read_text())["gap"]["ingredients"]
-    pictured = [name for name in ingredients if name != "labels"]
-    assert jobs["render_ingredient"] == 4 * len(pictured)
-    assert jobs["predict_ingredient"] == 2 * len(pictured)
+    components = yaml.safe_load((checkout / "config/gap.yaml").read_text())["gap"]["components"]
+    pictured = [name for name in components if name != "labels"]
+    assert jobs["render_component"] == 4 * len(pictured)
+    assert jobs["predict_component"] == 2 * len(pictured)
     assert (jobs["train_detector"], jobs["lay_truth"], jobs["fit_materials"]) == (2, 4, 4)
     users = [job for job in re.split(r"\n(?=rule |localrule )", text) if "gap/truth" in job.split("output:")[0]]
-    assert {job.split(":")[0].split()[-1] for job in users} == {"render_ingredient"}
+    assert {job.split(":")[0].split()[-1] for job in users} == {"render_component"}
     for name in pictured:
         assert f"gap/twins/{name}/pictures/Terrain03" in text
 
@@ -149,10 +149,10 @@ def test_the_strict_split_trains_its_detectors_and_leaves_the_legacy_ones(checko
     assert jobs["split_photos"] == 2
 
 
-def test_without_ingredients_there_is_no_ledger(checkout, snakemake):
+def test_without_components_there_is_no_ablation(checkout, snakemake):
     done = snakemake(checkout, "--dry-run")
     assert "gap/" not in (done.stdout + done.stderr).replace("figures/gap", "")
-    assert not {"lay_truth", "render_ingredient", "weigh_ingredients", "tabulate_gap"} & set(planned(done))
+    assert not {"lay_truth", "render_component", "run_ablation", "tabulate_gap"} & set(planned(done))
 
 
 def test_accuracy_is_measured_without_labels_and_twins(checkout, snakemake):

@@ -26,7 +26,7 @@ SMALL = {
     },
     "gap": {
         "trained_on": ["hapke"],
-        "ingredients": {
+        "components": {
             "nothing": {"render": {"seed": 0}},
             "scene": {"cameras": "truth", "lamps": "truth", "meshes": "truth"},
             "labels": {"labels": "carried"},
@@ -70,11 +70,11 @@ def test_a_small_run_ends_and_repeats(checkout, snakemake, tmp_path):
         for form in ("csv", "md", "tex", "parquet"):
             assert (results / f"tables/{name}.{form}").stat().st_size
 
-    ledger = pd.read_parquet(results / "gap/ledger.parquet").set_index("ingredient")
-    assert len(ledger) == 3 * 2 * 2  # ingredients, splits, kinds
-    changes = ledger.loc["nothing", [name for name in ledger.columns if "_change" in name]]
+    ablation = pd.read_parquet(results / "gap/ablation.parquet").set_index("component")
+    assert len(ablation) == 3 * 2 * 2  # components, splits, kinds
+    changes = ablation.loc["nothing", [name for name in ablation.columns if "_change" in name]]
     assert (changes.fillna(0) == 0).all(axis=None)
-    scene = ledger.loc["scene"].query("kind == 'rock'")
+    scene = ablation.loc["scene"].query("kind == 'rock'")
     assert (scene["pairs"] > 5).all()  # true rocks have the run's numbers
     assert (results / "figures/gap.png").stat().st_size
 

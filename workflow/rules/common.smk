@@ -336,7 +336,7 @@ def tables_of_page():
     """Tables of the results page, in the form that it shows."""
     names = [*TABLES_OF_DETECTORS]
     names += ["stereo"] if STEREO else []
-    names += ["gap"] if CONFIG.gap.ingredients else []
+    names += ["gap"] if CONFIG.gap.components else []
     return of_run("results/{run}/tables/{name}.md", name=names if DOMAINS else [])
 
 
@@ -344,7 +344,7 @@ def figures_of_page():
     """Figures of the results page; of the comparisons the first one."""
     if not DOMAINS:
         return []
-    causes = of_run("results/{run}/figures/gap.png") if CONFIG.gap.ingredients else []
+    causes = of_run("results/{run}/figures/gap.png") if CONFIG.gap.components else []
     comparisons = every_figure("comparison_Terrain{terrain}_Pos{position}")
     return [*comparisons[:1], *figures_of_detectors(), *causes]
 

@@ -1,14 +1,14 @@
-"""The gap ledger: twins with one ingredient replaced, seen by the detectors of the run. Scoring, so truth may be read.
+"""The ablation: twins with one component replaced, seen by the detectors of the run. Scoring, so truth may be read.
 
-Nothing made here is input of a stage. Without `gap.ingredients` there is nothing to make.
+Nothing made here is input of a stage. Without `gap.components` there is nothing to make.
 """
 
 
 rule gap:
-    """Which ingredient of the twin causes the gap."""
+    """Which component of the twin causes the gap."""
     input:
-        of_run("results/{run}/tables/gap.csv") if INGREDIENTS else [],
-        of_run("results/{run}/figures/gap.png") if INGREDIENTS else [],
+        of_run("results/{run}/tables/gap.csv") if COMPONENTS else [],
+        of_run("results/{run}/figures/gap.png") if COMPONENTS else [],
 
 
 rule lay_truth:
@@ -57,29 +57,29 @@ rule thin_meshes:
         "../scripts/thin_meshes.py"
 
 
-rule render_ingredient:
-    """Twins of a terrain's test photos with one ingredient replaced, and their labels."""
+rule render_component:
+    """Twins of a terrain's test photos with one component replaced, and their labels."""
     input:
-        cameras=cameras_of_ingredient,
-        lamps=lamps_of_ingredient,
-        meshes=meshes_of_ingredient,
-        materials=materials_of_ingredient,
+        cameras=cameras_of_component,
+        lamps=lamps_of_component,
+        meshes=meshes_of_component,
+        materials=materials_of_component,
         photos=photos_of_terrain,
         splits=expand("results/{{run}}/detect/{split}/split.csv", split=SPLITS),
     output:
         twins=directory(
-            "results/{run}/gap/twins/{ingredient}/pictures/Terrain{terrain}"
+            "results/{run}/gap/twins/{component}/pictures/Terrain{terrain}"
         ),
-        boxes=directory("results/{run}/gap/twins/{ingredient}/boxes/Terrain{terrain}"),
+        boxes=directory("results/{run}/gap/twins/{component}/boxes/Terrain{terrain}"),
         instances=directory(
-            "results/{run}/gap/twins/{ingredient}/instances/Terrain{terrain}"
+            "results/{run}/gap/twins/{component}/instances/Terrain{terrain}"
         ),
-        annotations="results/{run}/gap/twins/{ingredient}/coco/Terrain{terrain}.json",
-        table="results/{run}/gap/twins/{ingredient}/tables/Terrain{terrain}.parquet",
+        annotations="results/{run}/gap/twins/{component}/coco/Terrain{terrain}.json",
+        table="results/{run}/gap/twins/{component}/tables/Terrain{terrain}.parquet",
     log:
-        "results/{run}/logs/gap/render_ingredient_{ingredient}_{terrain}.log",
+        "results/{run}/logs/gap/render_component_{component}_{terrain}.log",
     benchmark:
-        "results/{run}/benchmarks/gap/render_ingredient_{ingredient}_{terrain}.tsv"
+        "results/{run}/benchmarks/gap/render_component_{component}_{terrain}.tsv"
     threads: 1
     resources:
         mem_mb=4000,
@@ -88,25 +88,25 @@ rule render_ingredient:
         positions=positions_here,
         grid=options("grid"),
         model=CONFIG.gap.model,
-        options=options_of_ingredient,
-        code=code_of("render_ingredient"),
+        options=options_of_component,
+        code=code_of("render_component"),
     script:
-        "../scripts/render_ingredient.py"
+        "../scripts/render_component.py"
 
 
-rule merge_ingredient_labels:
-    """One table of the labels of an ingredient's twins."""
+rule merge_component_labels:
+    """One table of the labels of a component's twins."""
     input:
         tables=expand(
-            "results/{{run}}/gap/twins/{{ingredient}}/tables/Terrain{terrain}.parquet",
+            "results/{{run}}/gap/twins/{{component}}/tables/Terrain{terrain}.parquet",
             terrain=TERRAINS,
         ),
     output:
-        merged="results/{run}/gap/twins/{ingredient}/labels.parquet",
+        merged="results/{run}/gap/twins/{component}/labels.parquet",
     log:
-        "results/{run}/logs/gap/merge_ingredient_labels_{ingredient}.log",
+        "results/{run}/logs/gap/merge_component_labels_{component}.log",
     benchmark:
-        "results/{run}/benchmarks/gap/merge_ingredient_labels_{ingredient}.tsv"
+        "results/{run}/benchmarks/gap/merge_component_labels_{component}.tsv"
     threads: 1
     resources:
         mem_mb=500,
@@ -117,45 +117,45 @@ rule merge_ingredient_labels:
         "../scripts/merge_labels.py"
 
 
-rule convert_ingredient:
-    """The test pictures of an ingredient's twins as detectors take them."""
+rule convert_component:
+    """The test pictures of a component's twins as detectors take them."""
     input:
         pictures=expand(
-            "results/{{run}}/gap/twins/{{ingredient}}/pictures/Terrain{terrain}",
+            "results/{{run}}/gap/twins/{{component}}/pictures/Terrain{terrain}",
             terrain=TERRAINS,
         ),
-        labels="results/{run}/gap/twins/{ingredient}/labels.parquet",
+        labels="results/{run}/gap/twins/{component}/labels.parquet",
         split="results/{run}/detect/{split}/split.csv",
     output:
-        dataset=directory("results/{run}/gap/{split}/datasets/{ingredient}"),
+        dataset=directory("results/{run}/gap/{split}/datasets/{component}"),
     log:
-        "results/{run}/logs/gap/convert_ingredient_{split}_{ingredient}.log",
+        "results/{run}/logs/gap/convert_component_{split}_{component}.log",
     benchmark:
-        "results/{run}/benchmarks/gap/convert_ingredient_{split}_{ingredient}.tsv"
+        "results/{run}/benchmarks/gap/convert_component_{split}_{component}.tsv"
     threads: 1
     resources:
         mem_mb=1000,
         runtime=60,
     params:
         options=options("detect.pictures"),
-        code=code_of("convert_ingredient"),
+        code=code_of("convert_component"),
     script:
-        "../scripts/convert_ingredient.py"
+        "../scripts/convert_component.py"
 
 
-rule predict_ingredient:
-    """What a detector sees in an ingredient's twins."""
+rule predict_component:
+    """What a detector sees in a component's twins."""
     input:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
-        datasets=["results/{run}/gap/{split}/datasets/{ingredient}"],
+        datasets=["results/{run}/gap/{split}/datasets/{component}"],
     output:
         predictions=[
-            "results/{run}/gap/{split}/seed{seed}/predictions/{trained}_on_{ingredient}.parquet"
+            "results/{run}/gap/{split}/seed{seed}/predictions/{trained}_on_{component}.parquet"
         ],
     log:
-        "results/{run}/logs/gap/predict_ingredient_{split}_seed{seed}_{trained}_{ingredient}.log",
+        "results/{run}/logs/gap/predict_component_{split}_seed{seed}_{trained}_{component}.log",
     benchmark:
-        "results/{run}/benchmarks/gap/predict_ingredient_{split}_seed{seed}_{trained}_{ingredient}.tsv"
+        "results/{run}/benchmarks/gap/predict_component_{split}_seed{seed}_{trained}_{component}.tsv"
     threads: 1
     resources:
         mem_mb=2000,
@@ -167,50 +167,50 @@ rule predict_ingredient:
         "../scripts/predict.py"
 
 
-rule weigh_ingredients:
-    """Change of IPD, mAP and false alarms by every ingredient, with intervals, for a split and seed."""
+rule run_ablation:
+    """Change of IPD, mAP and false alarms by every component, with intervals, for a split and seed."""
     input:
-        predictions=ledger_predictions(),
-        labels=ledger_labels(),
-        datasets=ledger_datasets(),
+        predictions=ablation_predictions(),
+        labels=ablation_labels(),
+        datasets=ablation_datasets(),
     output:
-        ledger="results/{run}/gap/{split}/seed{seed}/ledger.parquet",
+        ablation="results/{run}/gap/{split}/seed{seed}/ablation.parquet",
     log:
-        "results/{run}/logs/gap/weigh_ingredients_{split}_seed{seed}.log",
+        "results/{run}/logs/gap/run_ablation_{split}_seed{seed}.log",
     benchmark:
-        "results/{run}/benchmarks/gap/weigh_ingredients_{split}_seed{seed}.tsv"
+        "results/{run}/benchmarks/gap/run_ablation_{split}_seed{seed}.tsv"
     threads: 1
     resources:
         mem_mb=2000,
         runtime=60,
     params:
-        sights=LEDGER_SIGHTS,
-        domains=LEDGER_DOMAINS,
+        sights=ABLATION_SIGHTS,
+        domains=ABLATION_DOMAINS,
         photo=CONFIG.photo_domain,
         twin=CONFIG.gap.model,
-        replaced={name: found.told() for name, found in INGREDIENTS.items()},
+        replaced={name: found.told() for name, found in COMPONENTS.items()},
         options=options("detect.comparison"),
         training=options("detect.training"),
         imgsz=CONFIG.detect.pictures.imgsz,
-        code=code_of("weigh_ingredients"),
+        code=code_of("run_ablation"),
     script:
-        "../scripts/weigh_ingredients.py"
+        "../scripts/run_ablation.py"
 
 
-rule gather_ledger:
-    """One ledger of all splits and seeds."""
+rule gather_ablation:
+    """One table of all splits and seeds."""
     input:
         parts=of_run(
-            "results/{run}/gap/{split}/seed{seed}/ledger.parquet",
+            "results/{run}/gap/{split}/seed{seed}/ablation.parquet",
             split=SPLITS,
             seed=SEEDS,
         ),
     output:
-        table="results/{run}/gap/ledger.parquet",
+        table="results/{run}/gap/ablation.parquet",
     log:
-        "results/{run}/logs/gap/gather_ledger.log",
+        "results/{run}/logs/gap/gather_ablation.log",
     benchmark:
-        "results/{run}/benchmarks/gap/gather_ledger.tsv"
+        "results/{run}/benchmarks/gap/gather_ablation.tsv"
     threads: 1
     resources:
         mem_mb=500,
@@ -224,15 +224,15 @@ rule gather_ledger:
 
 
 rule tabulate_gap:
-    """The ledger, the ingredient that closes most of the gap first."""
+    """The ablation, the component that closes most of the gap first."""
     input:
-        ledger="results/{run}/gap/ledger.parquet",
+        ablation="results/{run}/gap/ablation.parquet",
     output:
         table=report(
             "results/{run}/tables/gap.csv",
             caption="../report/gap_table.rst",
             category="Tables",
-            labels={"table": "gap ledger"},
+            labels={"table": "ablation"},
         ),
         others=multiext("results/{run}/tables/gap", ".md", ".tex", ".parquet"),
     log:
@@ -251,15 +251,15 @@ rule tabulate_gap:
 
 
 rule draw_gap:
-    """Bars of the change of IPD and of false alarms by every ingredient."""
+    """Bars of the change of IPD and of false alarms by every component."""
     input:
-        ledger="results/{run}/gap/ledger.parquet",
+        ablation="results/{run}/gap/ablation.parquet",
     output:
         figure=report(
             "results/{run}/figures/gap.png",
             caption="../report/gap.rst",
             category="Detection",
-            labels={"picture": "gap ledger"},
+            labels={"picture": "ablation"},
         ),
     log:
         "results/{run}/logs/gap/draw_gap.log",

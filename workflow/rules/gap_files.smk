@@ -1,75 +1,75 @@
-"""Files of the gap ledger: what each ingredient is rendered from, what the ledger is weighed of."""
+"""Files of the ablation: what each component is rendered from, what the ablation is computed from."""
 
-INGREDIENTS = CONFIG.gap.ingredients
-PICTURED = [name for name, found in INGREDIENTS.items() if found.is_rendered]
-LEDGER_DOMAINS = [CONFIG.photo_domain, CONFIG.gap.model, *INGREDIENTS]
-LEDGER_SIGHTS = [
-    (trained, domain) for trained in CONFIG.ledger_detectors for domain in LEDGER_DOMAINS
+COMPONENTS = CONFIG.gap.components
+PICTURED = [name for name, found in COMPONENTS.items() if found.is_rendered]
+ABLATION_DOMAINS = [CONFIG.photo_domain, CONFIG.gap.model, *COMPONENTS]
+ABLATION_SIGHTS = [
+    (trained, domain) for trained in CONFIG.ablation_detectors for domain in ABLATION_DOMAINS
 ]
 
 
 wildcard_constraints:
-    ingredient=one_of(PICTURED),
+    component=one_of(PICTURED),
 
 
-def cameras_of_ingredient(wildcards):
-    """The folder with the poses and lenses that an ingredient's twins have."""
+def cameras_of_component(wildcards):
+    """The folder with the poses and lenses that a component's twins have."""
     return {
         "run": "results/{run}/cameras/Terrain{terrain}",
         "located": "results/{run}/cameras/located/Terrain{terrain}",
         "truth": "results/{run}/gap/truth/cameras/Terrain{terrain}",
-    }[INGREDIENTS[wildcards.ingredient].cameras]
+    }[COMPONENTS[wildcards.component].cameras]
 
 
-def lamps_of_ingredient(wildcards):
+def lamps_of_component(wildcards):
     """The folder with the places of their lamps; that of located poses names none, so the survey's hold."""
     return {
         "run": "results/{run}/cameras/Terrain{terrain}",
         "survey": "results/{run}/cameras/located/Terrain{terrain}",
         "truth": "results/{run}/gap/truth/cameras/Terrain{terrain}",
-    }[INGREDIENTS[wildcards.ingredient].lamps]
+    }[COMPONENTS[wildcards.component].lamps]
 
 
-def meshes_of_ingredient(wildcards):
+def meshes_of_component(wildcards):
     """The folder with their meshes."""
     return {
         "run": "results/{run}/meshes/Terrain{terrain}",
         "thinned": "results/{run}/gap/thinned/Terrain{terrain}",
         "truth": "results/{run}/gap/truth/meshes/Terrain{terrain}",
-    }[INGREDIENTS[wildcards.ingredient].meshes]
+    }[COMPONENTS[wildcards.component].meshes]
 
 
-def materials_of_ingredient(wildcards):
+def materials_of_component(wildcards):
     """The folder with their materials, where they are fitted."""
-    chosen = INGREDIENTS[wildcards.ingredient].materials
+    chosen = COMPONENTS[wildcards.component].materials
     as_run = chosen == "run" and CONFIG.render.materials_from_photos
     fitted = as_run or chosen == "fitted"
     return "results/{run}/renders/materials/Terrain{terrain}" if fitted else []
 
 
-def options_of_ingredient(wildcards):
+def options_of_component(wildcards):
     """Options of their rendering."""
-    return CONFIG.render_options_of(wildcards.ingredient).model_dump(mode="json")
+    return CONFIG.render_options_of(wildcards.component).model_dump(mode="json")
 
 
 def twin_behind(domain):
-    """An ingredient without pictures of its own is looked at in the twin's."""
-    return CONFIG.gap.model if domain in INGREDIENTS else domain
+    """A component without pictures of its own is looked at in the twin's."""
+    return CONFIG.gap.model if domain in COMPONENTS else domain
 
 
-def ledger_predictions():
-    """What detectors see in photos, in the twin, and in the twin of every ingredient."""
+def ablation_predictions():
+    """What detectors see in photos, in the twin, and in the twin of every component."""
     return [
         (
             f"results/{{run}}/gap/{{split}}/seed{{seed}}/predictions/{trained}_on_{domain}.parquet"
             if domain in PICTURED
             else f"results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{twin_behind(domain)}.parquet"
         )
-        for trained, domain in LEDGER_SIGHTS
+        for trained, domain in ABLATION_SIGHTS
     ]
 
 
-def ledger_datasets():
+def ablation_datasets():
     """Data sets of the same domains."""
     return [
         (
@@ -77,15 +77,15 @@ def ledger_datasets():
             if domain in PICTURED
             else f"results/{{run}}/detect/{{split}}/datasets/{twin_behind(domain)}"
         )
-        for domain in LEDGER_DOMAINS
+        for domain in ABLATION_DOMAINS
     ]
 
 
-def ledger_labels():
+def ablation_labels():
     """Labels of the same domains."""
     paths = []
-    for domain in LEDGER_DOMAINS:
-        carried = domain in INGREDIENTS and INGREDIENTS[domain].labels == "carried"
+    for domain in ABLATION_DOMAINS:
+        carried = domain in COMPONENTS and COMPONENTS[domain].labels == "carried"
         if domain in PICTURED and not carried:
             paths += [f"results/{{run}}/gap/twins/{domain}/labels.parquet"]
         else:

@@ -1,4 +1,4 @@
-"""Draw the gap ledger."""
+"""Draw the ablation."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     draw_gap(
-        ledger=Path(snakemake.input.ledger),
+        ablation=Path(snakemake.input.ablation),
         figure=Path(snakemake.output.figure),
         origin=snakemake.params.origin,
     )

@@ -1,4 +1,4 @@
-"""Tabulate the gap ledger."""
+"""Tabulate the ablation."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     tabulate_gap(
-        ledger=Path(snakemake.input.ledger),
+        ablation=Path(snakemake.input.ablation),
         stem=Path(snakemake.output.table).with_suffix(""),
         origin=snakemake.params.origin,
     )

@@ -1,4 +1,4 @@
-"""The gap ledger as bars: what every ingredient of the twin changes of IPD and of false alarms."""
+"""The ablation as bars: what every component of the twin changes of IPD and of false alarms."""
 
 from __future__ import annotations
 
@@ -19,48 +19,48 @@ PANELS = {
     "ipd_abs": "change of IPD\nmean |difference|",
     "alarms": "change of false alarms\nper photo",
 }
-_THICK = 0.8  # of the bars of one ingredient together
+_THICK = 0.8  # of the bars of one component together
 
 
-def draw_gap(*, ledger: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write bars of rocks with 95 % intervals, a group an ingredient, a colour a detector, a row a split.
+def draw_gap(*, ablation: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
+    """Write bars of rocks with 95 % intervals, a group a component, a colour a detector, a row a split.
 
     Of several seeds means, with the span of all intervals.
     """
-    table = gap_table.tidy_gap(read_parquet(ledger, gap_table.COLUMNS), origin["source"])
+    table = gap_table.tidy_gap(read_parquet(ablation, gap_table.COLUMNS), origin["source"])
     rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
     splits = panels(rocks)
-    ingredients = list(dict.fromkeys(rocks["ingredient"]))
-    height = round(width * (0.16 + 0.035 * max(4, len(ingredients))))
+    components = list(dict.fromkeys(rocks["component"]))
+    height = round(width * (0.16 + 0.035 * max(4, len(components))))
     with page(figure, width, height * len(splits)) as sheet:
         if not len(rocks):
             note(sheet, "no rock is labelled in photos and in twins")
             return
         model = paper.title(str(rocks["model"].iloc[0]))
         words = f"source {origin['source']}{title_words(rocks)}"
-        sheet.suptitle(f"What each ingredient of the {model} twin changes, rocks, {words}", x=0.01, ha="left")
+        sheet.suptitle(f"What each component of the {model} twin changes, rocks, {words}", x=0.01, ha="left")
         grid = sheet.subplots(len(splits), len(PANELS), sharey=True, squeeze=False)
         for row, (split, rows) in zip(grid, splits, strict=True):
-            own = averaged(rows, ("ingredient", "trained"), [f"{name}_change" for name in PANELS])
+            own = averaged(rows, ("component", "trained"), [f"{name}_change" for name in PANELS])
             for axes, (name, text) in zip(row, PANELS.items(), strict=True):
-                _draw_panel(axes, own, ingredients, name)
+                _draw_panel(axes, own, components, name)
                 axes.set_xlabel(text)
             if len(splits) > 1:
                 row[0].set_ylabel(f"split by {split}")
-        grid[0, 0].set_yticks(range(len(ingredients)), ingredients)
+        grid[0, 0].set_yticks(range(len(components)), components)
         grid[0, 0].invert_yaxis()
         handles, labels = grid[0, 0].get_legend_handles_labels()
         sheet.legend(handles, labels, ncols=len(labels), loc="outside lower right")
 
 
-def _draw_panel(axes: Any, rocks: pd.DataFrame, ingredients: list[str], name: str) -> None:
+def _draw_panel(axes: Any, rocks: pd.DataFrame, components: list[str], name: str) -> None:
     detectors = paper.in_order(set(rocks["trained"]))
     for number, trained in enumerate(detectors):
-        own = rocks[rocks["trained"] == trained].set_index("ingredient").reindex(ingredients)
+        own = rocks[rocks["trained"] == trained].set_index("component").reindex(components)
         value = own[f"{name}_change"].to_numpy(float)
         bounds = own[[f"{name}_change_low", f"{name}_change_high"]].to_numpy(float).T
         errors = np.nan_to_num(np.abs(bounds - value))
-        place = np.arange(len(ingredients)) + _THICK * ((number + 0.5) / len(detectors) - 0.5)
+        place = np.arange(len(components)) + _THICK * ((number + 0.5) / len(detectors) - 0.5)
         gap = own[f"{name}_twin"].iloc[0] if name != "alarms" else np.nan
         text = f"detector trained on {paper.title(trained)}" + (
             "" if np.isnan(gap) else f" (IPD of the twin {gap:.3f})"

@@ -1,6 +1,6 @@
-"""The gap ledger: what changes of the gap between photos and twins when one ingredient of the twin is replaced.
+"""The ablation: what changes of the gap between photos and twins when one component of the twin is replaced.
 
-Photos, twin and the twin with the ingredient replaced are evaluated by the same detectors, which are not trained
+Photos, twin and the twin with the component replaced are evaluated by the same detectors, which are not trained
 again, on
 the same photos. What changes is paired: the same rocks, and the same resamples of views for both twins, so an interval
 is that of the change and not of two figures beside each other.
@@ -21,19 +21,19 @@ from polarsim.detect.seen import Seen, change, ipd_change
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError
 from polarsim.formats import tables
-from polarsim.formats.gap_ledger import FIGURE_COLUMNS
+from polarsim.formats.gap_ablation import FIGURE_COLUMNS
 from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.progress import track
 
-LEDGER_COLUMNS = (
-    "ingredient", "replaced", "model", "trained", "kind", "detector", "epochs", "imgsz", "images", "units", "unit",
+ABLATION_COLUMNS = (
+    "component", "replaced", "model", "trained", "kind", "detector", "epochs", "imgsz", "images", "units", "unit",
     "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "alarms_photo", "alarm_area_photo", *FIGURE_COLUMNS,
 )  # fmt: skip
 _DIGITS = 6
 
 
-def weigh(photo: Seen, twin: Seen, replaced: Seen) -> pd.DataFrame:
-    """What one detector says of one ingredient: from `images` on the columns of `LEDGER_COLUMNS`, a row a class.
+def effect_of(photo: Seen, twin: Seen, replaced: Seen) -> pd.DataFrame:
+    """What one detector says of one component: from `images` on the columns of `ABLATION_COLUMNS`, a row a class.
 
     The three have the same keys and options.
     """
@@ -48,11 +48,11 @@ def weigh(photo: Seen, twin: Seen, replaced: Seen) -> pd.DataFrame:
             row |= {f"{name}_photo": float(photo.rates(column)[0])}
             row |= change(name, twin.rates(column), replaced.rates(column), units)
         rows.append(row)
-    columns = LEDGER_COLUMNS[LEDGER_COLUMNS.index("images") :]
+    columns = ABLATION_COLUMNS[ABLATION_COLUMNS.index("images") :]
     return pd.DataFrame(rows, columns=["kind", *columns])
 
 
-def write_ledger(
+def write_ablation(
     *,
     predictions: Mapping[tuple[str, str], Path],
     labels: Mapping[str, Path],
@@ -60,25 +60,25 @@ def write_ledger(
     photo: str,
     twin: str,
     replaced: Mapping[str, str],
-    ledger: Path,
+    ablation: Path,
     options: ComparisonOptions,
     training: TrainingOptions,
     imgsz: int,
 ) -> None:
-    """Write `LEDGER_COLUMNS`, a row an ingredient, detector and class.
+    """Write `ABLATION_COLUMNS`, a row a component, detector and class.
 
     Parameters
     ----------
     predictions
-        By what a detector was trained on, and the domain that it saw: photos, twin, or an ingredient.
+        By what a detector was trained on, and the domain that it saw: photos, twin, or a component.
     labels, datasets
         Label table and data set of each of these domains. Photos count that all data sets have in their test part.
     photo, twin
         The domains of the photos and of the twin as the run has it.
     replaced
-        What each ingredient replaces, in words; in the order of the ledger.
+        What each component replaces, in words; in the order of the ablation.
     training, imgsz
-        How the detectors were trained and the longer side of their pictures, px, as the ledger names it.
+        How the detectors were trained and the longer side of their pictures, px, as the ablation names it.
 
     Raises
     ------
@@ -87,18 +87,18 @@ def write_ledger(
     """
     keys = sorted(set.intersection(*(set(read_pictures(dataset, TEST)) for dataset in datasets.values())))
     if not keys:
-        raise DetectError("no test picture that every twin of the ledger has", path=datasets[photo])
+        raise DetectError("no test picture that every twin of the ablation has", path=datasets[photo])
     truth = {domain: read_labels(path) for domain, path in labels.items()}
     facts = {"model": twin, **detector_facts(training, imgsz)}
     parts = []
-    for trained in track(sorted({trained for trained, _ in predictions}), "gap ledger"):
+    for trained in track(sorted({trained for trained, _ in predictions}), "ablation"):
         seen = {
             domain: Seen(keys, truth[domain], tables.read_parquet(path, PREDICTION_COLUMNS), options)
             for (detector, domain), path in predictions.items()
             if detector == trained
         }
-        for ingredient, words in replaced.items():
-            rows = weigh(seen[photo], seen[twin], seen[ingredient])
-            parts.append(rows.assign(ingredient=ingredient, replaced=words, trained=trained, **facts))
-    table = pd.concat(parts, ignore_index=True)[list(LEDGER_COLUMNS)]
-    tables.write_parquet(ledger, table.round(_DIGITS))
+        for component, words in replaced.items():
+            rows = effect_of(seen[photo], seen[twin], seen[component])
+            parts.append(rows.assign(component=component, replaced=words, trained=trained, **facts))
+    table = pd.concat(parts, ignore_index=True)[list(ABLATION_COLUMNS)]
+    tables.write_parquet(ablation, table.round(_DIGITS))

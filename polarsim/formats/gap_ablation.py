@@ -1,4 +1,4 @@
-"""Columns of `gap/ledger.parquet` that its writer and its table share."""
+"""Columns of `gap/ablation.parquet` that its writer and its table share."""
 
 from __future__ import annotations
 

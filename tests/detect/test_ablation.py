@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.detect.gap_options import GapOptions, Ingredient
-from polarsim.detect.ledger import LEDGER_COLUMNS, Seen, weigh, write_ledger
+from polarsim.detect.ablation import ABLATION_COLUMNS, Seen, effect_of, write_ablation
+from polarsim.detect.gap_options import Component, GapOptions
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.formats import tables
-from polarsim.formats.gap_ledger import ENDS, FIGURES
+from polarsim.formats.gap_ablation import ENDS, FIGURES
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 
 ONE, OTHER = "01_A_off_180_L_0256", "01_A_off_180_R_0256"  # two views
@@ -36,7 +36,7 @@ def seen(performance, alarms=(), keys=(ONE, OTHER), options=OPTIONS):
 
 
 def rocks(photo, twin, replaced):
-    return weigh(photo, twin, replaced).set_index("kind").loc["rock"]
+    return effect_of(photo, twin, replaced).set_index("kind").loc["rock"]
 
 
 PHOTO = seen({(ONE, 1): 1.0, (OTHER, 1): 0.5})
@@ -113,7 +113,7 @@ def test_what_changes_nothing_is_exactly_zero_and_what_is_undone_has_the_opposit
 
 
 def test_a_class_without_labels_has_a_row_without_figures():
-    found = weigh(PHOTO, TWIN, TWIN).set_index("kind").loc["shadow"]
+    found = effect_of(PHOTO, TWIN, TWIN).set_index("kind").loc["shadow"]
     assert found["pairs"] == 0
     assert found[["ipd", "map50", "alarms"]].isna().all()
 
@@ -123,7 +123,7 @@ def dataset(folder: Path, keys) -> Path:
     return folder
 
 
-def test_the_ledger_has_a_row_an_ingredient_detector_and_class(tmp_path):
+def test_the_ablation_has_a_row_a_component_detector_and_class(tmp_path):
     domains = {"analog": PHOTO, "hapke": TWIN, "pose": seen({(ONE, 1): 0.7, (OTHER, 1): 0.4}), "labels": TWIN}
     labels, predictions, datasets = {}, {}, {}
     for name, domain in domains.items():
@@ -137,31 +137,31 @@ def test_the_ledger_has_a_row_an_ingredient_detector_and_class(tmp_path):
             predictions[trained, name] = tmp_path / f"{trained}_on_{name}.parquet"
             tables.write_parquet(predictions[trained, name], domain.predictions.drop(columns="rock"))
     replaced = {"pose": "cameras: truth", "labels": "labels: carried"}
-    write_ledger(
+    write_ablation(
         predictions=predictions, labels=labels, datasets=datasets, photo="analog", twin="hapke", replaced=replaced,
-        ledger=tmp_path / "ledger.parquet", options=OPTIONS, training=TrainingOptions(), imgsz=320,
+        ablation=tmp_path / "ablation.parquet", options=OPTIONS, training=TrainingOptions(), imgsz=320,
     )  # fmt: skip
-    table = tables.read_parquet(tmp_path / "ledger.parquet", LEDGER_COLUMNS)
-    assert list(zip(table["trained"], table["ingredient"], table["kind"], strict=True)) == [
-        (trained, ingredient, kind)
+    table = tables.read_parquet(tmp_path / "ablation.parquet", ABLATION_COLUMNS)
+    assert list(zip(table["trained"], table["component"], table["kind"], strict=True)) == [
+        (trained, component, kind)
         for trained in ("analog", "hapke")
-        for ingredient in ("pose", "labels")
+        for component in ("pose", "labels")
         for kind in ("rock", "shadow")
     ]
     assert (table["images"] == 1).all()  # the photo that every data set has
-    pose = table[(table["ingredient"] == "pose") & (table["kind"] == "rock")]
+    pose = table[(table["component"] == "pose") & (table["kind"] == "rock")]
     assert pose["ipd_change"].tolist() == pytest.approx([-0.2] * 2)
     assert pose["ipd_change_low"].isna().all()  # one view has no spread
 
 
-def test_an_ingredient_says_what_it_replaces_and_whether_it_needs_pictures():
-    labels, glare = Ingredient(labels="carried"), Ingredient(cameras="truth", render={"noise": True, "bounces": 2})
+def test_a_component_says_what_it_replaces_and_whether_it_needs_pictures():
+    labels, glare = Component(labels="carried"), Component(cameras="truth", render={"noise": True, "bounces": 2})
     assert (labels.told(), labels.is_rendered, labels.needs_truth) == ("labels: carried", False, False)
     assert (glare.told(), glare.is_rendered, glare.needs_truth) == ("cameras: truth, noise: on, bounces: 2", True, True)
 
 
 @pytest.mark.parametrize(
-    ("ingredients", "told"),
+    ("components", "told"),
     [
         ({"pose": {}}, "replaces nothing"),
         ({"twin": {"labels": "carried"}}, "expected a name"),
@@ -169,6 +169,6 @@ def test_an_ingredient_says_what_it_replaces_and_whether_it_needs_pictures():
         ({"model": {"render": {"models": ["lambert"]}}}, "keys of their own"),
     ],
 )
-def test_an_impossible_ingredient_is_refused(ingredients, told):
+def test_an_impossible_component_is_refused(components, told):
     with pytest.raises(ValueError, match=told):
-        GapOptions(ingredients=ingredients)
+        GapOptions(components=components)

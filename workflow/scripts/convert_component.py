@@ -1,4 +1,4 @@
-"""Convert the test pictures of an ingredient's twins."""
+"""Convert the test pictures of a component's twins."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     make_dataset(
-        domain=snakemake.wildcards.ingredient,
+        domain=snakemake.wildcards.component,
         pictures=Path(snakemake.input.pictures[0]).parent,
         labels=Path(snakemake.input.labels),
         split=Path(snakemake.input.split),
