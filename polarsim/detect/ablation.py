@@ -27,7 +27,8 @@ from polarsim.progress import track
 
 ABLATION_COLUMNS = (
     "component", "replaced", "model", "trained", "kind", "detector", "epochs", "imgsz", "images", "units", "unit",
-    "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "alarms_photo", "alarm_area_photo", *FIGURE_COLUMNS,
+    "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "false_positives_photo", "false_positive_area_photo",
+    *FIGURE_COLUMNS,
 )  # fmt: skip
 _DIGITS = 6
 
@@ -44,7 +45,9 @@ def effect_of(photo: Seen, twin: Seen, replaced: Seen) -> pd.DataFrame:
         row: dict[str, object] = {**facts, **ipd_change(kind, photo, twin, replaced)}
         row |= {"map50_photo": float(photo.precision[kind][0])}
         row |= change("map50", twin.precision[kind], replaced.precision[kind], units)
-        for name, column in (("alarms", "alarms"), ("alarm_area", "area")) if kind == ROCK else ():
+        for name, column in (
+            (("false_positives", "false_positives"), ("false_positive_area", "area")) if kind == ROCK else ()
+        ):
             row |= {f"{name}_photo": float(photo.rates(column)[0])}
             row |= change(name, twin.rates(column), replaced.rates(column), units)
         rows.append(row)

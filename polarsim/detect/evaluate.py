@@ -21,7 +21,7 @@ from polarsim.detect.breakdown import (
 from polarsim.detect.dataset import BOX_COLUMNS, count_left_out, read_pictures
 from polarsim.detect.detectors import detector_name
 from polarsim.detect.differences import DIFFERENCE_COLUMNS, paired_differences
-from polarsim.detect.false_alarms import FALSE_ALARM_COLUMNS, false_alarms
+from polarsim.detect.false_positives import FALSE_POSITIVE_COLUMNS, false_positives
 from polarsim.detect.ipd import (
     ROCK_COLUMNS,
     Rules,
@@ -61,7 +61,7 @@ class Evaluation:
     detection: Path  # DETECTION_COLUMNS
     breakdown: Path  # trained, evaluated, BREAKDOWN_COLUMNS
     curves: Path  # CURVES
-    false_alarms: Path  # trained, evaluated, FALSE_ALARM_COLUMNS
+    false_positives: Path  # trained, evaluated, FALSE_POSITIVE_COLUMNS
     ipd: Path  # IPD_COLUMNS
     rocks: Path  # trained, first, second, ROCK_COLUMNS
     instances: Path  # INSTANCES
@@ -109,7 +109,7 @@ def evaluate(
             raise DetectError(f"domain {domain!r} is predicted on, but has no labels or no data set")
         keys[domain] = read_pictures(datasets[domain], TEST)
         truth[domain] = read_labels(labels[domain])
-    parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_alarms": []}
+    parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_positives": []}
     performances: dict[tuple[str, str], pd.DataFrame] = {}
     seen: dict[tuple[str, str], Seen] = {}
     common = sorted(set.intersection(*map(set, keys.values()))) if keys else []
@@ -126,7 +126,7 @@ def evaluate(
     facts = {"split": by, "leaks_views": leaked, **detector_facts(training, imgsz), "unit": options.resampled}
     _write(tables_of.detection, _detection_table(matched, left_out, facts))
     _write(tables_of.curves, _joined(parts["curves"], CURVES.columns))
-    _write(tables_of.false_alarms, _joined(parts["false_alarms"], (*SIDES, *FALSE_ALARM_COLUMNS)))
+    _write(tables_of.false_positives, _joined(parts["false_positives"], (*SIDES, *FALSE_POSITIVE_COLUMNS)))
     _write(tables_of.ipd, _ipd_table(performances, options))
     _write(tables_of.rocks, _rock_table(performances, options))
     compared = paired_differences(seen) if common else pd.DataFrame(columns=list(DIFFERENCE_COLUMNS))
@@ -168,7 +168,7 @@ def _figures(
     found = predictions[predictions["key"].isin(keys)]
     performance = instance_performance(own, found, options.iou_confidence)
     matched = match_predictions(keys, own, found, performance, options.resampled)
-    alarms = false_alarms(
+    found_wrong = false_positives(
         keys,
         labels,
         found,
@@ -180,7 +180,7 @@ def _figures(
         "instances": performance,
         "breakdown": breakdown(matched, **drawing),
         "curves": curves(matched),
-        "false_alarms": alarms,
+        "false_positives": found_wrong,
     }
 
 

@@ -128,7 +128,7 @@ class ComparisonOptions(BaseModel, extra="forbid", frozen=True):
         0.25,
         ge=0,
         lt=1,
-        description="Least confidence of a prediction in IOU_mean, IPD and false alarms; the paper states none.",
+        description="Least confidence of a prediction in IOU_mean, IPD and false positives; the paper states none.",
     )
     undetected: Literal["zero", "left_out"] = Field(
         "zero", description="In IPD, a labelled rock that no prediction overlaps: IoU 0, or left out."

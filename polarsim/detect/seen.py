@@ -11,7 +11,7 @@ import pandas as pd
 
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.breakdown import rank_by_kind
-from polarsim.detect.false_alarms import alarms_of_photos
+from polarsim.detect.false_positives import false_positives_of_photos
 from polarsim.detect.ipd import Rules, instance_performance, pair
 from polarsim.detect.options import ComparisonOptions
 from polarsim.formats.gap_ablation import ENDS
@@ -45,8 +45,8 @@ class Seen:
         return instance_performance(labels, found, self.options.iou_confidence)
 
     @cached_property
-    def alarms(self) -> pd.DataFrame:
-        return alarms_of_photos(
+    def false_positives(self) -> pd.DataFrame:
+        return false_positives_of_photos(
             self.keys,
             self.labels,
             self.predictions,
@@ -66,9 +66,9 @@ class Seen:
         return found
 
     def rates(self, column: str) -> np.ndarray:
-        """(1 + resamples,) a column of `alarms` over the rock-free area: as it is, then of each draw."""
+        """(1 + resamples,) a column of `false_positives` over the rock-free area: as it is, then of each draw."""
         unit, drawn = self.draws
-        total, free = (np.bincount(unit, self.alarms[name], drawn.shape[1]) for name in (column, "free"))
+        total, free = (np.bincount(unit, self.false_positives[name], drawn.shape[1]) for name in (column, "free"))
         every = np.concatenate([np.ones((1, drawn.shape[1])), drawn])
         return np.divide(every @ total, every @ free, out=np.full(len(every), np.nan), where=every @ free > 0)
 

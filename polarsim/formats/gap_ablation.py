@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-FIGURES = ("ipd", "ipd_abs", "map50", "alarms", "alarm_area")
+FIGURES = ("ipd", "ipd_abs", "map50", "false_positives", "false_positive_area")
 ENDS = (
     "_twin",
     "",

@@ -15,7 +15,8 @@ from polarsim.report.seeds import by_splits, over_seeds, seed_notes
 
 COLUMNS = (
     "split", "seed", "component", "replaced", "model", "trained", "kind", "detector", "epochs", "imgsz", "images",
-    "units", "unit", "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "alarms_photo", "alarm_area_photo",
+    "units", "unit", "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "false_positives_photo",
+    "false_positive_area_photo",
     *FIGURE_COLUMNS,
 )  # fmt: skip
 CAPTION = (
@@ -30,7 +31,7 @@ NOTES = (
     "Detectors are those of the run and were not trained again: the ablation tells what of the gap they see, not "
     "what a "
     "training on better twins would bring. Components interact, so changes do not add up.",
-    "False alarms: rocks seen where none is labelled, per area of a whole photo, over their rock-free area.",
+    "False positives: rocks seen where none is labelled, per area of a whole photo, over their rock-free area.",
 )
 
 
@@ -83,11 +84,11 @@ def lay_out_gap(table: pd.DataFrame) -> pd.DataFrame:
                 "change of mAP@0.5": change(part, "map50"),
             }
             if (part["kind"] == ROCK).all():
-                row["false alarms: photos, twin"] = " ".join(
-                    over_seeds(part[name], 2) for name in ("alarms_photo", "alarms_twin")
+                row["false positives: photos, twin"] = " ".join(
+                    over_seeds(part[name], 2) for name in ("false_positives_photo", "false_positives_twin")
                 )
-                row["change of false alarms"] = change(part, "alarms", 2)
-                row["change of their area, %"] = change(part, "alarm_area", 2, 100)
+                row["change of false positives"] = change(part, "false_positives", 2)
+                row["change of their area, %"] = change(part, "false_positive_area", 2, 100)
             rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["component", "T"])
 

@@ -26,11 +26,13 @@ def boxes(rows, **columns):
     return pd.DataFrame(table, columns=["key", "kind", "rock", *COLUMNS]).assign(**columns)
 
 
-def seen(performance, alarms=(), keys=(ONE, OTHER), options=OPTIONS):
-    """A domain in which the rocks (key, rock) are found with these IoU, and `alarms` are seen below, per key."""
+def seen(performance, false_positives=(), keys=(ONE, OTHER), options=OPTIONS):
+    """A domain in which the rocks (key, rock) are found with these IoU, and `false_positives` are seen below, per
+    key.
+    """
     labels = boxes([(key, rock, SIDE * rock, SIDE) for key, rock in performance])
     found = boxes([(key, rock, SIDE * rock, SIDE * iou) for (key, rock), iou in performance.items()])
-    false = [(key, "rock", 0, 0.0, HEIGHT - 50.0, 40.0, float(HEIGHT)) for key in alarms]
+    false = [(key, "rock", 0, 0.0, HEIGHT - 50.0, 40.0, float(HEIGHT)) for key in false_positives]
     predictions = pd.concat([found, pd.DataFrame(false, columns=found.columns)], ignore_index=True)
     return Seen(keys, labels, predictions.assign(confidence=0.9), options)
 
@@ -75,14 +77,14 @@ def test_only_rocks_that_all_three_have_are_weighed():
     assert found["ipd_twin"] == pytest.approx(0)
 
 
-def test_false_alarms_change_by_photo_and_by_area():
-    found = rocks(PHOTO, seen({(ONE, 1): 0.5, (OTHER, 1): 0.4}, alarms=[ONE]), TWIN)
+def test_false_positives_change_by_photo_and_by_area():
+    found = rocks(PHOTO, seen({(ONE, 1): 0.5, (OTHER, 1): 0.4}, false_positives=[ONE]), TWIN)
     free = 2 * 31 / 32  # in photos: each has a rock in one of its 32 tiles
-    assert found["alarms_twin"] == pytest.approx(1 / free)
-    assert found[["alarms", "alarms_photo"]].tolist() == [0, 0]
-    assert found["alarms_change_low"] == pytest.approx(-2 / free)  # the view with it twice
-    assert found["alarms_change_high"] == 0
-    assert found["alarm_area_change"] == pytest.approx(-40 * 50 / (WIDTH * HEIGHT) / free)
+    assert found["false_positives_twin"] == pytest.approx(1 / free)
+    assert found[["false_positives", "false_positives_photo"]].tolist() == [0, 0]
+    assert found["false_positives_change_low"] == pytest.approx(-2 / free)  # the view with it twice
+    assert found["false_positives_change_high"] == 0
+    assert found["false_positive_area_change"] == pytest.approx(-40 * 50 / (WIDTH * HEIGHT) / free)
 
 
 def test_mean_average_precision_changes_with_rocks_that_are_found():
@@ -115,7 +117,7 @@ def test_what_changes_nothing_is_exactly_zero_and_what_is_undone_has_the_opposit
 def test_a_class_without_labels_has_a_row_without_figures():
     found = effect_of(PHOTO, TWIN, TWIN).set_index("kind").loc["shadow"]
     assert found["pairs"] == 0
-    assert found[["ipd", "map50", "alarms"]].isna().all()
+    assert found[["ipd", "map50", "false_positives"]].isna().all()
 
 
 def dataset(folder: Path, keys) -> Path:

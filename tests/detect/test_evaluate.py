@@ -135,7 +135,7 @@ def test_a_strict_split_that_leaks_is_refused(tested):
 
 
 def test_every_table_names_its_detector_and_its_domains(tested):
-    for name in ("detection", "breakdown", "curves", "false_alarms", "instances"):
+    for name in ("detection", "breakdown", "curves", "false_positives", "instances"):
         table = tables.read_parquet(tested / f"{name}.parquet", ["trained", "evaluated"])
         assert set(zip(table["trained"], table["evaluated"], strict=True)) == {("real", "real"), ("real", "hapke")}
     for name in ("ipd", "rocks"):

@@ -1,7 +1,7 @@
 import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
-from polarsim.report import breakdown_table, false_alarms_table, ipd_rocks_table
+from polarsim.report import breakdown_table, false_positives_table, ipd_rocks_table
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 
@@ -38,10 +38,12 @@ def test_a_breakdown_of_several_seeds_shows_their_spread(tmp_path):
     assert "| 0.300 ± 0.141 |" in (tmp_path / "t.md").read_text()
 
 
-def test_false_alarms_are_shown_a_photo_and_in_percent_of_the_area(tmp_path):
+def test_false_positives_are_shown_a_photo_and_in_percent_of_the_area(tmp_path):
     row = ("hapke", "real", "rock-free terrain", "06", 45, 4, 45.0, 24, 0.5, 0.25, 0.75, 0.01, 0.005, 0.02)
-    write_parquet(tmp_path / "f.parquet", pd.DataFrame([row], columns=list(false_alarms_table.COLUMNS)))
-    false_alarms_table.tabulate_false_alarms(false_alarms=tmp_path / "f.parquet", stem=tmp_path / "t", origin=ORIGIN)
+    write_parquet(tmp_path / "f.parquet", pd.DataFrame([row], columns=list(false_positives_table.COLUMNS)))
+    false_positives_table.tabulate_false_positives(
+        false_positives=tmp_path / "f.parquet", stem=tmp_path / "t", origin=ORIGIN
+    )
     text = (tmp_path / "t.md").read_text()
     shown = "| rock-free terrain | Hapke | Analog | 06 | 45 | 0.500 [0.250, 0.750] | 1.000 [0.500, 2.000] |"
     assert shown in text
@@ -65,7 +67,7 @@ def test_the_rocks_that_differ_most_are_shown_and_pairs_are_in_the_papers_order(
 def test_tables_without_a_row_are_written_with_their_columns(tmp_path):
     for module, name, write in (
         (breakdown_table, "breakdown", breakdown_table.tabulate_breakdown),
-        (false_alarms_table, "false_alarms", false_alarms_table.tabulate_false_alarms),
+        (false_positives_table, "false_positives", false_positives_table.tabulate_false_positives),
         (ipd_rocks_table, "rocks", ipd_rocks_table.tabulate_ipd_rocks),
     ):
         write_parquet(tmp_path / "e.parquet", pd.DataFrame(columns=list(module.COLUMNS)))

@@ -22,7 +22,12 @@ def ablation(seeds=(0,), components=CHANGES):
                     figures = dict(zip(ENDS, (0.3, 0.3 + change, change, change - 0.05, change + 0.05), strict=True))
                     row = {f"{name}{end}": value for name in FIGURES for end, value in figures.items()}
                     row |= {"iou_photo": 0.6, "iou_twin": 0.3, "iou": 0.3 - change, "map50_photo": 0.5}
-                    row |= {"alarms_photo": 0.2, "alarm_area_photo": 0.01, "seed": seed, "split": "photo"}
+                    row |= {
+                        "false_positives_photo": 0.2,
+                        "false_positive_area_photo": 0.01,
+                        "seed": seed,
+                        "split": "photo",
+                    }
                     row |= {"component": component, "replaced": "noise: on", "model": "hapke", "trained": trained}
                     row |= {"kind": kind, "detector": "compact", "epochs": 20, "imgsz": 288, "images": 144, "units": 16}
                     rows.append(row | {"unit": "view", "pairs": 700})

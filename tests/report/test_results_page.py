@@ -18,7 +18,7 @@ def run(tmp_path):
     dataset.mkdir(parents=True)
     write_json(dataset / "dataset.json", {"pictures": {"train": 7, "val": 1, "test": 3}})
     tables = {}
-    for name in ("detection", "ipd", "differences", "detection_breakdown", "false_alarms"):
+    for name in ("detection", "ipd", "differences", "detection_breakdown", "false_positives"):
         tables[name] = tmp_path / f"{name}.md"
         tables[name].write_text(TABLE.replace("Detection", name))
     figures = {}

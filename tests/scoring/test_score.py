@@ -27,7 +27,7 @@ def write(folder, key, found: Labels):
     yolo.write_boxes(folder / f"{key}.txt", found.classes, found.boxes)
 
 
-def test_an_equal_box_is_a_hit_a_far_one_a_miss_and_a_false_alarm():
+def test_an_equal_box_is_a_hit_a_far_one_a_miss_and_a_false_positive():
     counts = count_boxes(np.array([square(0, 0), square(100, 0)]), np.array([square(0, 0), square(300, 0)]))
     assert (counts.tp, counts.fp, counts.fn) == (1, 1, 1)
     assert counts.figures() == {
@@ -63,7 +63,7 @@ def test_a_photo_without_labels_misses_all_its_boxes():
     assert score({KEY: labels(square(0, 0), square(50, 0))}, {})["classes"]["rock"]["fn"] == 2
 
 
-def test_labels_where_the_truth_has_none_are_false_alarms():
+def test_labels_where_the_truth_has_none_are_false_positives():
     rock = score({KEY: Labels.none()}, {KEY: labels(square(0, 0))})["classes"]["rock"]
     assert (rock["fp"], rock["precision"], rock["recall"], rock["miou"]) == (1, 0.0, None, None)
 

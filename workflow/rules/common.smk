@@ -311,7 +311,7 @@ TABLES_OF_DETECTORS = (
     "detection",
     "differences",
     "detection_breakdown",
-    "false_alarms",
+    "false_positives",
     "ipd",
 )
 

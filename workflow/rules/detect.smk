@@ -4,7 +4,7 @@ EVALUATED = [  # tables of `evaluate`
     "detection",
     "breakdown",
     "curves",
-    "false_alarms",
+    "false_positives",
     "ipd",
     "rocks",
     "instances",
@@ -176,7 +176,7 @@ rule predict:
 
 
 rule evaluate:
-    """mAP, IOU_mean, false alarms and IPD of every detector of a split and seed on every domain, and paired differences."""
+    """mAP, IOU_mean, false positives and IPD of every detector of a split and seed on every domain, and paired differences."""
     input:
         predictions=expand(
             "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{evaluated}.parquet",
@@ -192,7 +192,7 @@ rule evaluate:
         detection="results/{run}/detect/{split}/seed{seed}/detection.parquet",
         breakdown="results/{run}/detect/{split}/seed{seed}/breakdown.parquet",
         curves="results/{run}/detect/{split}/seed{seed}/curves.parquet",
-        false_alarms="results/{run}/detect/{split}/seed{seed}/false_alarms.parquet",
+        false_positives="results/{run}/detect/{split}/seed{seed}/false_positives.parquet",
         ipd="results/{run}/detect/{split}/seed{seed}/ipd.parquet",
         rocks="results/{run}/detect/{split}/seed{seed}/rocks.parquet",
         instances="results/{run}/detect/{split}/seed{seed}/instances.parquet",

@@ -168,7 +168,7 @@ rule predict_component:
 
 
 rule run_ablation:
-    """Change of IPD, mAP and false alarms by every component, with intervals, for a split and seed."""
+    """Change of IPD, mAP and false positives by every component, with intervals, for a split and seed."""
     input:
         predictions=ablation_predictions(),
         labels=ablation_labels(),
@@ -251,7 +251,7 @@ rule tabulate_gap:
 
 
 rule draw_gap:
-    """Bars of the change of IPD and of false alarms by every component."""
+    """Bars of the change of IPD and of false positives by every component."""
     input:
         ablation="results/{run}/gap/ablation.parquet",
     output:

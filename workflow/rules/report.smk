@@ -206,7 +206,7 @@ rule tabulate_detectors:
         detection="results/{run}/detect/detection.parquet",
         differences="results/{run}/detect/differences.parquet",
         breakdown="results/{run}/detect/breakdown.parquet",
-        false_alarms="results/{run}/detect/false_alarms.parquet",
+        false_positives="results/{run}/detect/false_positives.parquet",
         ipd="results/{run}/detect/ipd.parquet",
         rocks="results/{run}/detect/rocks.parquet",
     output:
@@ -228,11 +228,11 @@ rule tabulate_detectors:
             category="Tables",
             labels={"table": "detection, broken down"},
         ),
-        false_alarms=report(
-            "results/{run}/tables/false_alarms.csv",
-            caption="../report/false_alarms_table.rst",
+        false_positives=report(
+            "results/{run}/tables/false_positives.csv",
+            caption="../report/false_positives_table.rst",
             category="Tables",
-            labels={"table": "false alarms"},
+            labels={"table": "false positives"},
         ),
         ipd=report(
             "results/{run}/tables/ipd.csv",

@@ -1,4 +1,4 @@
-"""The ablation as bars: what every component of the twin changes of IPD and of false alarms."""
+"""The ablation as bars: what every component of the twin changes of IPD and of false positives."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from polarsim.report.seeds import averaged, panels, title_words
 PANELS = {
     "ipd": "change of IPD\n|mean difference|",
     "ipd_abs": "change of IPD\nmean |difference|",
-    "alarms": "change of false alarms\nper photo",
+    "false_positives": "change of false positives\nper image",
 }
 _THICK = 0.8  # of the bars of one component together
 
@@ -61,7 +61,7 @@ def _draw_panel(axes: Any, rocks: pd.DataFrame, components: list[str], name: str
         bounds = own[[f"{name}_change_low", f"{name}_change_high"]].to_numpy(float).T
         errors = np.nan_to_num(np.abs(bounds - value))
         place = np.arange(len(components)) + _THICK * ((number + 0.5) / len(detectors) - 0.5)
-        gap = own[f"{name}_twin"].iloc[0] if name != "alarms" else np.nan
+        gap = own[f"{name}_twin"].iloc[0] if name != "false_positives" else np.nan
         text = f"detector trained on {paper.title(trained)}" + (
             "" if np.isnan(gap) else f" (IPD of the twin {gap:.3f})"
         )

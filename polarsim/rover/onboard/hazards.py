@@ -134,12 +134,12 @@ def false_stops(truth: pd.DataFrame, found: pd.DataFrame, ride: Ride, options: O
     predicted = of_frames(_sure(found, options))
     streak = stops = 0
     for frame in ride.frames:
-        streak = streak + 1 if _false_alarm(frame, labels.get(frame), predicted.get(frame), ride, options) else 0
+        streak = streak + 1 if _false_positive(frame, labels.get(frame), predicted.get(frame), ride, options) else 0
         stops += streak == STABLE_FRAMES
     return stops
 
 
-def _false_alarm(
+def _false_positive(
     frame: int, labels: pd.DataFrame | None, predicted: pd.DataFrame | None, ride: Ride, options: OnboardOptions
 ) -> bool:
     if predicted is None:

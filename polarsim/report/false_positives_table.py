@@ -1,4 +1,4 @@
-"""The table of false alarms: rocks that detectors see where no rock is labelled."""
+"""The table of false positives: rocks that detectors see where no rock is labelled."""
 
 from __future__ import annotations
 
@@ -13,23 +13,25 @@ from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.report.seeds import by_splits, seed_notes, shown
 
 COLUMNS = (
-    "trained", "evaluated", "place", "terrains", "images", "units", "photo_areas", "alarms",
+    "trained", "evaluated", "place", "terrains", "images", "units", "photo_areas", "false_positives",
     "per_photo", "per_photo_low", "per_photo_high", "area_share", "area_share_low", "area_share_high",
 )  # fmt: skip
-CAPTION = "False alarms: rocks seen where no rock is labelled, lower is better (T: trained on, E: evaluated on)."
+CAPTION = "False positives: rocks seen where no rock is labelled, lower is better (T: trained on, E: evaluated on)."
 NOTES = (
-    "A predicted rock is a false alarm if it covers less than a tenth of the smaller one of it "
+    "A predicted rock is a false positive if it covers less than a tenth of the smaller one of it "
     "and each rock label; `detect.comparison.iou_confidence` is its least confidence.",
     "Rock-free tiles: of 8 x 4 tiles of each photo those that no rock label reaches into; rates are per whole photo's "
     "area. Rocks that nobody labelled count as false. In brackets 95 % intervals, bootstrapped.",
 )
 
 
-def tabulate_false_alarms(
-    *, false_alarms: Path, stem: Path, origin: dict[str, str], detection: Path | None = None
+def tabulate_false_positives(
+    *, false_positives: Path, stem: Path, origin: dict[str, str], detection: Path | None = None
 ) -> None:
-    """Write tables/false_alarms.{csv,md,tex,parquet} from detect/false_alarms.parquet, detectors by `detection`."""
-    table = paper.with_own_names(read_parquet(false_alarms, COLUMNS), ("trained", "evaluated"), origin["source"])
+    """Write tables/false_positives.{csv,md,tex,parquet} from detect/false_positives.parquet, detectors by
+    `detection`.
+    """
+    table = paper.with_own_names(read_parquet(false_positives, COLUMNS), ("trained", "evaluated"), origin["source"])
     table = table.sort_values(
         ["place", "trained", "evaluated"],
         key=lambda column: column if column.name == "place" else column.map(paper.rank),
@@ -39,10 +41,10 @@ def tabulate_false_alarms(
     notes = [*NOTES, *seed_notes(table), *notes_of_detectors(detection), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
-    write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_false_alarms(table), notes=notes)
+    write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_false_positives(table), notes=notes)
 
 
-def lay_out_false_alarms(table: pd.DataFrame) -> pd.DataFrame:
+def lay_out_false_positives(table: pd.DataFrame) -> pd.DataFrame:
     """A row a place, detector and domain."""
     columns = ["where", "T", "E", "terrains", "photos", "per photo", "share of area, %"]
     rows = []

@@ -1,7 +1,7 @@
 """Rocks that a detector sees where no rock is labelled: how many a photo, and on which share of its area.
 
-mAP mixes false alarms with misses and looks only at photos that have rocks. Here places without rocks are asked: whole
-photos of terrains without a rock label, and rock-free tiles of all others.
+mAP mixes false positives with misses and looks only at photos that have rocks. Here places without rocks are asked:
+whole photos of terrains without a rock label, and rock-free tiles of all others.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 
 TERRAIN, TILES = PLACES = ("rock-free terrain", "rock-free tiles")
 COLUMNS_OF_TILES, ROWS_OF_TILES = 8, 4  # 242 x 304 px each
-# A predicted rock is a false alarm if it covers less of the smaller one of it and each rock label.
+# A predicted rock is a false positive if it covers less of the smaller one of it and each rock label.
 OVERLAP = 0.1
 RATES = ("per_photo", "area_share")
-FALSE_ALARM_COLUMNS = (
-    "place", "terrains", "images", "units", "photo_areas", "alarms",
+FALSE_POSITIVE_COLUMNS = (
+    "place", "terrains", "images", "units", "photo_areas", "false_positives",
     *(f"{name}{bound}" for name in RATES for bound in ("", "_low", "_high")),
 )  # fmt: skip
 
 
-def false_alarms(
+def false_positives(
     keys: Sequence[str],
     labels: pd.DataFrame,
     predictions: pd.DataFrame,
@@ -39,7 +39,7 @@ def false_alarms(
     seed: int = 0,
     resamples: int = 1000,
 ) -> pd.DataFrame:
-    """`FALSE_ALARM_COLUMNS`, a row a place that there is.
+    """`FALSE_POSITIVE_COLUMNS`, a row a place that there is.
 
     Parameters
     ----------
@@ -50,27 +50,30 @@ def false_alarms(
     confidence
         Predictions below it do not count.
     overlap
-        A predicted rock is a false alarm if it covers less than this share of the smaller one of it and each rock
+        A predicted rock is a false positive if it covers less than this share of the smaller one of it and each rock
         label, so neither a label's part nor a box around it is one.
 
     Returns
     -------
     DataFrame
-        `photo_areas`: rock-free area in photos (a whole photo is 1). `per_photo`: alarms over it; an alarm belongs to
-        the tile in which its middle lies. `area_share`: share of that area that alarms cover, overlaps counted once.
+        `photo_areas`: rock-free area in photos (a whole photo is 1). `per_photo`: false_positives over it; an
+        false_positive belongs to
+        the tile in which its middle lies. `area_share`: share of that area that false_positives cover, overlaps
+        counted once.
     """
-    found = alarms_of_photos(keys, labels, predictions, confidence=confidence, overlap=overlap)
+    found = false_positives_of_photos(keys, labels, predictions, confidence=confidence, overlap=overlap)
     parts = [(place, found[found["place"] == place]) for place in PLACES]
     rows = [_rates(place, part, unit, seed, resamples) for place, part in parts if len(part)]
-    return pd.DataFrame(rows, columns=list(FALSE_ALARM_COLUMNS))
+    return pd.DataFrame(rows, columns=list(FALSE_POSITIVE_COLUMNS))
 
 
-def alarms_of_photos(
+def false_positives_of_photos(
     keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, *, confidence: float, overlap: float = OVERLAP
 ) -> pd.DataFrame:
-    """What rates are sums of, a row a photo: key, place, free, alarms, area; arguments as in `false_alarms`.
+    """What rates are sums of, a row a photo: key, place, free, false_positives, area; arguments as in
+    `false_positives`.
 
-    `free` and `area` are the photo's rock-free area and what of it alarms cover, in photos.
+    `free` and `area` are the photo's rock-free area and what of it false_positives cover, in photos.
     """
     rocks = _by_photo(labels[labels["kind"] == ROCK])
     sure = predictions[(predictions["kind"] == ROCK) & (predictions["confidence"] >= confidence)]
@@ -81,17 +84,17 @@ def alarms_of_photos(
     for key in keys:
         label, predicted = rocks.get(key, nothing), found.get(key, nothing)
         free = _free_tiles(label)
-        alarms = predicted[boxes.largest_covered_share(predicted, label) < overlap]
+        false_positives = predicted[boxes.largest_covered_share(predicted, label) < overlap]
         place = TILES if PhotoKey.parse(key).terrain in with_rocks else TERRAIN
-        area = _area_on(alarms, free) / (WIDTH * HEIGHT)
-        rows.append((key, place, float(free.mean()), _on(alarms, free), area))
-    return pd.DataFrame(rows, columns=["key", "place", "free", "alarms", "area"])
+        area = _area_on(false_positives, free) / (WIDTH * HEIGHT)
+        rows.append((key, place, float(free.mean()), _on(false_positives, free), area))
+    return pd.DataFrame(rows, columns=["key", "place", "free", "false_positives", "area"])
 
 
 def _rates(place: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, resamples: int) -> dict[str, object]:
     """One row; rates are sums over sums, so photos count by their rock-free area."""
     keys = rows["key"].tolist()
-    free, alarms, area = rows[["free", "alarms", "area"]].to_numpy(float).T
+    free, false_positives, area = rows[["free", "false_positives", "area"]].to_numpy(float).T
     owner = bootstrap.units_of(keys, unit)
     units = int(owner.max()) + 1
     drawn = bootstrap.draws(units, resamples, seed)
@@ -102,10 +105,10 @@ def _rates(place: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, resa
         "images": len(keys),
         "units": units,
         "photo_areas": float(free.sum()),
-        "alarms": int(alarms.sum()),
+        "false_positives": int(false_positives.sum()),
     }
     frees = drawn @ np.bincount(owner, free, units)
-    for name, values in zip(RATES, (alarms, area), strict=True):
+    for name, values in zip(RATES, (false_positives, area), strict=True):
         totals = drawn @ np.bincount(owner, values, units)
         again = np.divide(totals, frees, out=np.full(len(totals), np.nan), where=frees > 0)
         low, high = bootstrap.interval(again, units)
@@ -122,26 +125,29 @@ def _free_tiles(rocks: np.ndarray) -> np.ndarray:
     return np.asarray(~(down[:, :, None] & across[:, None, :]).any(axis=0))
 
 
-def _on(alarms: np.ndarray, free: np.ndarray) -> int:
-    """Alarms whose middle lies in a free tile."""
+def _on(false_positives: np.ndarray, free: np.ndarray) -> int:
+    """FalsePositives whose middle lies in a free tile."""
     x, y = _edges()
-    middle = boxes.centres(alarms)
+    middle = boxes.centres(false_positives)
     column = (np.searchsorted(x, middle[:, 0], side="right") - 1).clip(0, COLUMNS_OF_TILES - 1)
     row = (np.searchsorted(y, middle[:, 1], side="right") - 1).clip(0, ROWS_OF_TILES - 1)
     return int(free[row, column].sum())
 
 
-def _area_on(alarms: np.ndarray, free: np.ndarray) -> float:
-    """Area of the alarms' union inside free tiles, px^2: boxes and tiles cut the photo into cells that are whole."""
-    if not len(alarms):
+def _area_on(false_positives: np.ndarray, free: np.ndarray) -> float:
+    """Area of the false_positives' union inside free tiles, px^2: boxes and tiles cut the photo into cells that are
+    whole.
+    """
+    if not len(false_positives):
         return 0.0
     tiles_x, tiles_y = _edges()
     x, y = (
-        np.unique(np.concatenate([edges, alarms[:, n], alarms[:, n + 2]])) for n, edges in enumerate((tiles_x, tiles_y))
+        np.unique(np.concatenate([edges, false_positives[:, n], false_positives[:, n + 2]]))
+        for n, edges in enumerate((tiles_x, tiles_y))
     )
     middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
-    across = (alarms[:, None, 0] <= middle_x) & (alarms[:, None, 2] >= middle_x)
-    down = (alarms[:, None, 1] <= middle_y) & (alarms[:, None, 3] >= middle_y)
+    across = (false_positives[:, None, 0] <= middle_x) & (false_positives[:, None, 2] >= middle_x)
+    down = (false_positives[:, None, 1] <= middle_y) & (false_positives[:, None, 3] >= middle_y)
     covered = (down[:, :, None] & across[:, None, :]).any(axis=0)
     column, row = (
         np.searchsorted(edges, middle, side="right") - 1 for edges, middle in ((tiles_x, middle_x), (tiles_y, middle_y))

@@ -1,7 +1,7 @@
 import pandas as pd
 import pytest
 
-from polarsim.detect.false_alarms import TERRAIN, TILES, false_alarms
+from polarsim.detect.false_positives import TERRAIN, TILES, false_positives
 from polarsim.photo import HEIGHT, WIDTH
 
 EMPTY, ROCKY, OTHER_VIEW = "06_A_off_180_L_0256", "01_A_off_180_L_0256", "06_A_off_180_R_0256"
@@ -20,40 +20,40 @@ LABELS = table((ROCKY, "rock", (300, 350, 400, 450)), (EMPTY, "shadow", (0, 0, 5
 def rates(*rows, keys=(EMPTY, OTHER_VIEW, ROCKY), **options):
     options = {"confidence": 0.25, "overlap": 0.1, "resamples": 200} | options
     found = table(*rows, confidence=0.9)
-    return false_alarms(list(keys), LABELS, found, **options).set_index("place")
+    return false_positives(list(keys), LABELS, found, **options).set_index("place")
 
 
 def test_a_photo_without_rocks_counts_whole_and_one_with_rocks_by_its_free_tiles():
     found = rates()
-    assert found.loc[TERRAIN, ["terrains", "images", "photo_areas", "alarms"]].tolist() == ["06", 2, 2, 0]
+    assert found.loc[TERRAIN, ["terrains", "images", "photo_areas", "false_positives"]].tolist() == ["06", 2, 2, 0]
     assert found.loc[TILES, ["terrains", "images", "photo_areas"]].tolist() == ["01", 1, 31 / 32]
 
 
-def test_rates_are_alarms_over_photos_and_covered_over_free_area():
+def test_rates_are_false_positives_over_photos_and_covered_over_free_area():
     found = rates((EMPTY, "rock", (100, 100, 200, 300)), (EMPTY, "rock", (100, 200, 200, 400))).loc[TERRAIN]
-    assert found["alarms"] == 2
+    assert found["false_positives"] == 2
     assert found["per_photo"] == 1  # of two photos
     assert found["area_share"] == pytest.approx(100 * 300 / (2 * WIDTH * HEIGHT))  # their common part once
     assert (found["per_photo_low"], found["per_photo_high"]) == (0, 2)  # either view alone
 
 
 def test_shadows_and_unsure_boxes_are_no_false_rocks():
-    assert rates((EMPTY, "shadow", (100, 100, 200, 300))).loc[TERRAIN, "alarms"] == 0
-    assert rates((EMPTY, "rock", (100, 100, 200, 300)), confidence=0.95).loc[TERRAIN, "alarms"] == 0
+    assert rates((EMPTY, "shadow", (100, 100, 200, 300))).loc[TERRAIN, "false_positives"] == 0
+    assert rates((EMPTY, "rock", (100, 100, 200, 300)), confidence=0.95).loc[TERRAIN, "false_positives"] == 0
 
 
-def test_an_alarm_lies_in_the_tile_of_its_middle_and_covers_free_tiles_only():
+def test_an_false_positive_lies_in_the_tile_of_its_middle_and_covers_free_tiles_only():
     aside = (484 - 42, 350, 484 + 142, 400)  # from the rock's tile, whose right border is 484, into the next one
     found = rates((ROCKY, "rock", aside)).loc[TILES]
-    assert found["alarms"] == 1
+    assert found["false_positives"] == 1
     assert found["area_share"] == pytest.approx(142 * 50 / (31 / 32 * WIDTH * HEIGHT))
     inside = rates((ROCKY, "rock", (250, 310, 290, 340))).loc[TILES]
-    assert inside[["alarms", "area_share"]].tolist() == [0, 0]
+    assert inside[["false_positives", "area_share"]].tolist() == [0, 0]
 
 
-def test_a_box_on_a_label_or_around_one_is_no_false_alarm():
-    assert rates((ROCKY, "rock", (310, 360, 330, 380))).loc[TILES, "alarms"] == 0
-    assert rates((ROCKY, "rock", (0, 0, 1900, 1200))).loc[TILES, "alarms"] == 0
+def test_a_box_on_a_label_or_around_one_is_no_false_positive():
+    assert rates((ROCKY, "rock", (310, 360, 330, 380))).loc[TILES, "false_positives"] == 0
+    assert rates((ROCKY, "rock", (0, 0, 1900, 1200))).loc[TILES, "false_positives"] == 0
 
 
 def test_photos_of_a_terrain_with_rocks_elsewhere_are_tiles_even_without_a_label():
