@@ -71,11 +71,11 @@ class Grid:
 
     def photos(self, layers: Layers, keys: Sequence[PhotoKey]) -> list[np.ndarray]:
         """Photos of one camera in both models."""
-        sets = sorted({(model, key.photo_set) for key in keys for model in MODELS}, key=str)
+        sets = sorted({(model, key.bracket) for key in keys for model in MODELS}, key=str)
 
         def exposed(model_and_set: tuple[Model, tuple[object, ...]]) -> list[np.ndarray]:
-            model, photo_set = model_and_set
-            own = [key for key in keys if key.photo_set == photo_set]
+            model, bracket = model_and_set
+            own = [key for key in keys if key.bracket == bracket]
             radiance = np.sum([layers[model, name] for name in lit_by(own[0])], axis=0)
             gain = default_gain(model, self.options)
             return [expose(radiance, key.exposure_ms * gain, self.options) for key in own]

@@ -3,8 +3,9 @@
 `python benchmarks/shadow_causes.py RELEASE WORK [--config config/release.yaml] [--terrains 1 3 4 8 11 12]`
 
 RELEASE and WORK are those of `benchmarks/transfers.py`, whose placed runs below WORK are taken up. The first table has
-shadows as a renderer makes them (ground that a rock hides from the lamp), against the fullest drawn file of each photo
-set under a Sun lamp, rover light off, both cameras. The second has the Left drawing's shadows in the Right photos,
+shadows as a renderer makes them (ground that a rock hides from the lamp), against the fullest drawn file of each
+exposure
+bracket under a Sun lamp, rover light off, both cameras. The second has the Left drawing's shadows in the Right photos,
 every published file, with what nobody can know replaced by what the Right drawing says.
 """
 
@@ -167,7 +168,7 @@ def carried(run: Run, options: LabelsOptions) -> Carried:
 
 
 def fullest(truth: Truth) -> dict[tuple[str, CameraSide, Azimuth], np.ndarray]:
-    """Shadows (n, 4) of the fullest file of each photo set under a Sun lamp, rover light off."""
+    """Shadows (n, 4) of the fullest file of each exposure bracket under a Sun lamp, rover light off."""
     found: dict[tuple[str, CameraSide, Azimuth], np.ndarray] = {}
     for key, drawn in sorted(truth.items(), key=lambda item: len(item[1][ROCK]) + len(item[1][SHADOW])):
         if key.light == "off" and key.azimuth in SUNS and len(drawn[SHADOW]):

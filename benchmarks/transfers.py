@@ -373,19 +373,19 @@ class RoverLit:
 
 
 def rover_lit(run: Run, truth: Truth, options: LabelsOptions) -> RoverLit:
-    """Every rock that people drew under Sun lamps, in every photo set that only the rover light shines on."""
+    """Every rock that people drew under Sun lamps, in every exposure bracket that only the rover light shines on."""
     run.place()
     drawings = read_drawings(run.folder / "seeds", run.terrain)
     placed = rigs.read_all_placed(run.folder / "cameras")
     suns = lamps.read_suns(run.folder / "cameras", placed)
     seeds = choose_seeds(drawings, {}, shadow_starts(drawings, options.shadow_start(run.terrain)))
     known = gather(read_terrain(run.folder / "meshes", run.terrain), placed, suns, seeds, options)
-    photo_sets: dict[tuple[str, CameraSide], list[np.ndarray]] = {}
+    brackets: dict[tuple[str, CameraSide], list[np.ndarray]] = {}
     for key, drawn in truth.items():
         if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= options.no_sun_start_ms:
-            photo_sets.setdefault((key.position, key.camera), []).append(drawn[ROCK])
+            brackets.setdefault((key.position, key.camera), []).append(drawn[ROCK])
     terms, hit = [np.zeros((0, len(rover_light.TERMS)))], [np.zeros(0)]
-    for (position, camera), files in photo_sets.items():
+    for (position, camera), files in brackets.items():
         rocks = PositionRocks(known, position, options)
         boxes = rocks.fused(camera)
         found = [np.isin(np.arange(len(boxes)), match(iou(drawn, boxes))[1]) for drawn in files]

@@ -85,7 +85,7 @@ class PhotoKey:
         return self.terrain, self.position, self.camera
 
     @property
-    def photo_set(self) -> tuple[int, str, Light, Azimuth, CameraSide]:
+    def bracket(self) -> tuple[int, str, Light, Azimuth, CameraSide]:
         """All but the exposure."""
         return self.terrain, self.position, self.light, self.azimuth, self.camera
 

@@ -24,9 +24,10 @@ PAIRING_COLUMNS = ("key", "shown", "light", "azimuth", "camera", "drawn", "label
 def pair_covers(root: Path, keys: Sequence[PhotoKey], pairing: Path) -> None:
     """Write how well the boxes drawn into each cover photo fit the labels of every photo of its position.
 
-    A row a cover photo and photo set (`shown`: the one that the keys name): boxes drawn, labels of rocks, pairs of the
+    A row a cover photo and exposure bracket (`shown`: the one that the keys name): boxes drawn, labels of rocks,
+    pairs of the
     best assignment that overlap at all, and `score`, the summed IoU of these over the larger of the two numbers.
-    Exposures of a photo set share their labels, so the named key's stands for all.
+    Exposures of an exposure bracket share their labels, so the named key's stands for all.
     """
     rows = []
     for key in keys:

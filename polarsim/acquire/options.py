@@ -77,7 +77,8 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
     )
     exposure: Literal["best"] | int = Field(
         default="best",
-        description="'best': the file of a photo set with most boxes, then nearest 256 ms; or an exposure in ms.",
+        description="'best': the file of an exposure bracket with most boxes, then nearest 256 ms; or an exposure "
+        "in ms.",
     )
 
     @field_validator("light", "azimuths", mode="before")

@@ -18,7 +18,7 @@ log = logging.getLogger("polarsim")
 
 
 def best_exposure(boxes: Mapping[PhotoKey, int]) -> PhotoKey:
-    """The photo of a photo set with most boxes; then that nearest the usual one, then the longer."""
+    """The photo of an exposure bracket with most boxes; then that nearest the usual one, then the longer."""
 
     def rank(key: PhotoKey) -> tuple[int, float, int]:
         return boxes[key], -key.stops_off_usual, key.exposure_ms
@@ -41,7 +41,7 @@ def find_labels(root: Path, terrain: int) -> tuple[dict[PhotoKey, Path], Path]:
 def choose_seeds(
     files: Mapping[PhotoKey, Path], positions: Sequence[str], options: SeedOptions
 ) -> list[tuple[PhotoKey, Path]]:
-    """At most one file a photo set, by key.
+    """At most one file an exposure bracket, by key.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def choose_seeds(
             and key.azimuth in options.azimuths
             and options.exposure in ("best", key.exposure_ms)
         ):
-            sets.setdefault(key.photo_set, []).append(key)
+            sets.setdefault(key.bracket, []).append(key)
     chosen = [
         best_exposure({key: len(yolo.read_boxes_or_polygons(files[key])[0]) for key in keys}) for keys in sets.values()
     ]

@@ -64,6 +64,6 @@ def polygons_of(run: Path, key: PhotoKey) -> Path:
 
 
 def instances_of(run: Path, key: PhotoKey) -> Path:
-    """What the twins of a photo set show, pixel by pixel."""
-    photo_set = str(key).rpartition("_")[0]
-    return run / "renders" / "instances" / f"Terrain{key.terrain:02d}" / f"{photo_set}.png"
+    """What the twins of an exposure bracket show, pixel by pixel."""
+    bracket = str(key).rpartition("_")[0]
+    return run / "renders" / "instances" / f"Terrain{key.terrain:02d}" / f"{bracket}.png"

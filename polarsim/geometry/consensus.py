@@ -35,7 +35,7 @@ def consensus_boxes(drawn: Sequence[np.ndarray], share: float = 0.3, same_iou: f
 
 
 def consensus_of_sets(sets: Sequence[Sequence[np.ndarray]], share: float = 0.3, same_iou: float = 0.5) -> np.ndarray:
-    """(m, 4) boxes that the photo sets of one view agree on, one set for each light and azimuth.
+    """(m, 4) boxes that the exposure brackets of one view agree on, one set for each light and azimuth.
 
     Each set speaks with one voice, the medians over its exposures, however many of them were labelled.
     """

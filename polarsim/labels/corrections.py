@@ -39,7 +39,7 @@ def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Drawn]
 
 
 def as_drawn(drawn: Drawn, labels: Sequence[Label]) -> list[Label]:
-    """The boxes of a person, with the rocks of the propagated labels of the same photo set that they lie on."""
+    """The boxes of a person, with the rocks of the propagated labels of the same exposure bracket that they lie on."""
     found = []
     for kind, boxes in ((ROCK, drawn.rocks), (SHADOW, drawn.shadows)):
         if boxes is None:

@@ -11,7 +11,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from polarsim.labels.known import Known
-from polarsim.labels.photos import Brightness, PhotoSet
+from polarsim.labels.photos import Bracket, Brightness
 from polarsim.labels.shadows import sightlines
 from polarsim.photo import CENTRE_GREY_PER_MS, Azimuth, CameraSide
 from polarsim.survey import ROVER_LIGHT_SHARE, SUN_LAMPS
@@ -39,12 +39,12 @@ class LightLayers:
         self._seen = lru_cache(maxsize=KEPT)(self._look)
         self._layer = lru_cache(maxsize=KEPT * (len(SUN_LAMPS) + 1))(self._lit)
 
-    def brightness(self, photo_set: PhotoSet) -> Brightness | None:
+    def brightness(self, bracket: Bracket) -> Brightness | None:
         """Sum of the layers of the lamps that are on; black in the dark. No photo was taken: no exposures.
 
         None where nobody knows from where the meshes are seen.
         """
-        position, camera, light, azimuth = photo_set
+        position, camera, light, azimuth = bracket
         if position in self.known.apart:
             return None
         layers = [self._layer(position, camera, azimuth)] if azimuth != "no" else []

@@ -58,7 +58,7 @@ class Backdrop:
 
 @dataclass(frozen=True)
 class Drawing:
-    """What is to be seen of the labels of a photo set, in the order in which it is painted."""
+    """What is to be seen of the labels of an exposure bracket, in the order in which it is painted."""
 
     parts: dict[Thing, Shape | None]
     backdrop: Backdrop
@@ -172,7 +172,7 @@ def draw_masks(
 ) -> None:
     """Write `polygons`/KEY.txt and `masks`/KEY.png for every key, and the COCO file `annotations`.
 
-    Polygons and grey maps are one drawing a photo set, of its fullest labels; COCO has each photo's own labels.
+    Polygons and grey maps are one drawing an exposure bracket, of its fullest labels; COCO has each photo's own labels.
     """
     labels = tables.read_parquet(table, tables.LABEL_COLUMNS)
     placed = rigs.read_all_placed(cameras)
@@ -188,13 +188,13 @@ def draw_masks(
             shown = bare if placed[position].surveyed else world
             outlines = ViewOutlines(shown, placed[position], camera, in_view, options)
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
-            for own in _photo_sets(members):
+            for own in _brackets(members):
                 rows_of = {key: of_photo.get(str(key), in_view[:0]) for key in own}
-                photos |= _draw_photo_set(outlines, rows_of, polygon_folder, mask_folder)
+                photos |= _draw_bracket(outlines, rows_of, polygon_folder, mask_folder)
     coco.write_coco(annotations, photos)
 
 
-def _draw_photo_set(
+def _draw_bracket(
     outlines: ViewOutlines, rows_of: Mapping[PhotoKey, pd.DataFrame], polygon_folder: Path, mask_folder: Path
 ) -> dict[PhotoKey, list[coco.Annotation]]:
     """Write what all exposures share; the annotations of each."""
@@ -236,9 +236,9 @@ def _by_view(keys: Sequence[PhotoKey]) -> Iterator[list[PhotoKey]]:
         yield sorted(key for key in keys if key.view == view)
 
 
-def _photo_sets(keys: Sequence[PhotoKey]) -> Iterator[list[PhotoKey]]:
-    for photo_set in sorted({key.photo_set for key in keys}):
-        yield [key for key in keys if key.photo_set == photo_set]
+def _brackets(keys: Sequence[PhotoKey]) -> Iterator[list[PhotoKey]]:
+    for bracket in sorted({key.bracket for key in keys}):
+        yield [key for key in keys if key.bracket == bracket]
 
 
 def _of_view(labels: pd.DataFrame, key: PhotoKey) -> pd.DataFrame:

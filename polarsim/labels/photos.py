@@ -1,4 +1,4 @@
-"""What the photos of a terrain tell about brightness: all exposures of a photo set as one picture."""
+"""What the photos of a terrain tell about brightness: all exposures of an exposure bracket as one picture."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from polarsim.photo import (
 
 log = logging.getLogger("polarsim")
 
-PhotoSet = tuple[str, CameraSide, Light, Azimuth]  # of one terrain: position, camera, light, azimuth
+Bracket = tuple[str, CameraSide, Light, Azimuth]  # of one terrain: position, camera, light, azimuth
 
 READ_NOISE_DN = READ_NOISE_ELECTRONS / ELECTRONS_PER_DN
 KEPT = 4  # pictures in memory: 10 MB each
@@ -33,7 +33,7 @@ FULL = WHITE_LEVEL - BLACK_LEVEL - 100.0  # above this a pixel may be clipped
 
 @dataclass(frozen=True)
 class Brightness:
-    """(h, w) float32 grey values above black a millisecond, and the exposures (ms) that the photo set has."""
+    """(h, w) float32 grey values above black a millisecond, and the exposures (ms) that the exposure bracket has."""
 
     rate: np.ndarray
     exposures_ms: tuple[int, ...]
@@ -53,7 +53,7 @@ class Photos:
 
     def __init__(self, index: Path, terrain: int) -> None:
         table = tables.read_parquet(index, ("key", "path"))
-        self.sets: dict[PhotoSet, list[tuple[int, Path]]] = {}
+        self.sets: dict[Bracket, list[tuple[int, Path]]] = {}
         for name, path in sorted(zip(table["key"], table["path"], strict=True)):
             key = PhotoKey.parse(str(name))
             if key.terrain == terrain:
@@ -62,11 +62,11 @@ class Photos:
 
         self.brightness = lru_cache(maxsize=KEPT)(self._brightness)
 
-    def _brightness(self, photo_set: PhotoSet) -> Brightness | None:
+    def _brightness(self, bracket: Bracket) -> Brightness | None:
         """Every pixel from the longest exposure that did not clip it; None without a readable photo."""
         rate: np.ndarray | None = None
         found = []
-        for exposure, path in sorted(self.sets.get(photo_set, [])):
+        for exposure, path in sorted(self.sets.get(bracket, [])):
             try:
                 signal = png.read_photo(path).astype(np.float32) - BLACK_LEVEL
             except PolarsimError as error:

@@ -20,7 +20,7 @@ from polarsim.labels.known import Known, gather
 from polarsim.labels.label import Label
 from polarsim.labels.light import LightLayers
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.photos import Brightness, Photos, PhotoSet
+from polarsim.labels.photos import Bracket, Brightness, Photos
 from polarsim.labels.position import PositionLabels
 from polarsim.labels.seeds import Drawings, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.shadow_starts import ShadowStarts
@@ -45,7 +45,7 @@ class Starts:
 def visible(
     labels: list[Label], key: PhotoKey, brightness: Brightness | None, starts: Starts, options: LabelsOptions
 ) -> list[Label]:
-    """The labels of a photo set that one of its photos shows; without brightness, as people draw them."""
+    """The labels of an exposure bracket that one of its photos shows; without brightness, as people draw them."""
     if brightness is None:
         return at_exposure(labels, key, starts, options)
     return [label for label in labels if stands_out(label, brightness, key.exposure_ms, options)]
@@ -140,14 +140,14 @@ def grid_labels(
         seeded = "its labels stay in the image" if position in known.seeds else "no labels, for it has no seed"
         log.warning("position %s: nothing but the survey places its cameras: %s", position, seeded)
     labels: dict[PhotoKey, list[Label]] = {key: [] for key in keys}
-    sets: dict[PhotoSet, list[PhotoKey]] = {}
+    sets: dict[Bracket, list[PhotoKey]] = {}
     for key in keys:
         if key.position in positions:
             sets.setdefault((key.position, key.camera, key.light, key.azimuth), []).append(key)
-    for photo_set, members in sorted(sets.items(), key=lambda item: item[0]):
-        position, camera, light, azimuth = photo_set
+    for bracket, members in sorted(sets.items(), key=lambda item: item[0]):
+        position, camera, light, azimuth = bracket
         shared = positions[position].labels(camera, light, azimuth)
-        brightness = _first_known(photo_set, photos if is_unlit(light, azimuth) else asked, layers)
+        brightness = _first_known(bracket, photos if is_unlit(light, azimuth) else asked, layers)
         for key in members:
             if key in corrections:
                 labels[key] = as_drawn(corrections[key], shared)
@@ -159,8 +159,8 @@ def grid_labels(
     return labels
 
 
-def _first_known(photo_set: PhotoSet, *sources: Photos | LightLayers | None) -> Brightness | None:
-    found = (source.brightness(photo_set) for source in sources if source is not None)
+def _first_known(bracket: Bracket, *sources: Photos | LightLayers | None) -> Brightness | None:
+    found = (source.brightness(bracket) for source in sources if source is not None)
     return next((brightness for brightness in found if brightness is not None), None)
 
 

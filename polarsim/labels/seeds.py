@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import yolo
-from polarsim.labels.photos import PhotoSet
+from polarsim.labels.photos import Bracket
 from polarsim.labels.shadow_starts import ShadowStarts
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
 
@@ -59,11 +59,11 @@ def read_drawings(folder: Path, terrain: int) -> Drawings:
 
 def shadow_starts(drawings: Drawings, usual_ms: int) -> ShadowStarts:
     """Where shadows begin under Sun lamps: at `usual_ms`, or where somebody drew some at a shorter exposure."""
-    drawn_ms: dict[PhotoSet, int] = {}
+    drawn_ms: dict[Bracket, int] = {}
     for key, drawn in drawings.items():
         if key.azimuth in SUNS and drawn.shadows is not None and len(drawn.shadows):
-            photo_set = (key.position, key.camera, key.light, key.azimuth)
-            drawn_ms[photo_set] = min(drawn_ms.get(photo_set, usual_ms), key.exposure_ms)
+            bracket = (key.position, key.camera, key.light, key.azimuth)
+            drawn_ms[bracket] = min(drawn_ms.get(bracket, usual_ms), key.exposure_ms)
     return ShadowStarts(usual_ms, drawn_ms)
 
 

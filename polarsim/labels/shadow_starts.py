@@ -1,4 +1,4 @@
-"""From which exposure on people drew the shadows of a photo set, by what the seeds show."""
+"""From which exposure on people drew the shadows of an exposure bracket, by what the seeds show."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import statistics
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from polarsim.labels.photos import PhotoSet
+from polarsim.labels.photos import Bracket
 from polarsim.photo import PhotoKey
 
-LEAST_VOTES = 3  # of photo sets that tell of another: one odd seed shall move nothing but its own photos
+LEAST_VOTES = 3  # of exposure brackets that tell of another: one odd seed shall move nothing but its own photos
 
 
 @dataclass(frozen=True)
 class ShadowStarts:
-    """Shortest exposures with shadow labels: of photo sets that tell, and of all others."""
+    """Shortest exposures with shadow labels: of exposure brackets that tell, and of all others."""
 
     usual_ms: int  # where nobody drew anything that tells
-    drawn_ms: Mapping[PhotoSet, int] = field(default_factory=dict)
+    drawn_ms: Mapping[Bracket, int] = field(default_factory=dict)
 
     def of(self, key: PhotoKey) -> int:
-        """The start for a photo: its own photo set's, else the median of its position, else of the terrain.
+        """The start for a photo: its own exposure bracket's, else the median of its position, else of the terrain.
 
         On six terrains of the release, Left seeds alone, 45 of 1,956 photos under a Sun get shadows though people drew
         none, or the other way round; 53 with the median of position and azimuth, 143 with the terrain's shortest.

@@ -1,4 +1,4 @@
-"""What the other exposures of a photo set show: only the exposure changes, so labels should not."""
+"""What the other exposures of an exposure bracket show: only the exposure changes, so labels should not."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from polarsim.lint.rules import Defect
 from polarsim.photo import BOX_CLASSES, Azimuth, CameraSide, Light, PhotoKey, exposures
 
 FOUND, UNMOVED = 0.1, 0.9  # IoU of a box with its like in another exposure, and of one that did not move
-PhotoSet = tuple[int, str, Light, Azimuth, CameraSide]  # see `PhotoKey.photo_set`
+Bracket = tuple[int, str, Light, Azimuth, CameraSide]  # see `PhotoKey.bracket`
 Found = Iterator[tuple[PhotoKey, Defect]]
 
 
 def set_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
-    """Defects of the files of one photo set, against what most of them hold."""
+    """Defects of the files of one exposure bracket, against what most of them hold."""
     filled = {key: boxes for key, boxes in files.items() if len(boxes[0])}
     if filled:
         for key in sorted(set(files) - set(filled)):
@@ -36,18 +36,20 @@ def set_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 
 def missing_exposures(there: set[PhotoKey]) -> list[PhotoKey]:
-    """Photos that one Sun's nearly complete photo set has no file of; a set of which most is missing is no defect."""
+    """Photos that one Sun's nearly complete exposure bracket has no file of; a set of which most is missing is no
+    defect.
+    """
     key = next(iter(there))
     whole = {key.with_exposure(exposure) for exposure in exposures(key.terrain, key.azimuth)}
     missing = whole - there
     return sorted(missing) if key.azimuth != "no" and len(missing) < len(whole) / 2 else []
 
 
-def photo_sets(keys: Iterable[PhotoKey]) -> list[list[PhotoKey]]:
-    """Keys by photo set, both in order."""
+def brackets(keys: Iterable[PhotoKey]) -> list[list[PhotoKey]]:
+    """Keys by exposure bracket, both in order."""
     sets: dict[tuple[object, ...], list[PhotoKey]] = {}
     for key in sorted(keys):
-        sets.setdefault(key.photo_set, []).append(key)
+        sets.setdefault(key.bracket, []).append(key)
     return list(sets.values())
 
 
@@ -66,9 +68,9 @@ def modal(boxes: Mapping[PhotoKey, np.ndarray]) -> np.ndarray:
     return np.array(max(times, key=lambda content: (times[content], -len(content)))).reshape(-1, 4)
 
 
-def modals(boxes: Mapping[PhotoKey, np.ndarray]) -> dict[PhotoSet, np.ndarray]:
-    """(n, 4) the content that most files of each photo set share."""
-    return {keys[0].photo_set: modal({key: boxes[key] for key in keys}) for keys in photo_sets(boxes)}
+def modals(boxes: Mapping[PhotoKey, np.ndarray]) -> dict[Bracket, np.ndarray]:
+    """(n, 4) the content that most files of each exposure bracket share."""
+    return {keys[0].bracket: modal({key: boxes[key] for key in keys}) for keys in brackets(boxes)}
 
 
 def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Found:

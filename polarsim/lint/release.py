@@ -11,7 +11,7 @@ from pathlib import Path
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, release, yolo
 from polarsim.lint.boxes import Boxes, box_defects, count_defects
-from polarsim.lint.exposures import missing_exposures, photo_sets, set_defects
+from polarsim.lint.exposures import brackets, missing_exposures, set_defects
 from polarsim.lint.findings import Finding, Findings, Report
 from polarsim.lint.polygons import Polygons, against_boxes, file_defects, other_camera, ring_defects
 from polarsim.lint.rules import Defect
@@ -82,7 +82,7 @@ def _lint_boxes(
         counts = count_defects(labels[0]) if key.azimuth in SUNS else ()
         for defect in (*box_defects(*labels), *counts):
             found.add(files[key], defect)
-    for keys in photo_sets(files):
+    for keys in brackets(files):
         for key in missing_exposures(set(keys)):
             found.add(folder / f"{key}.txt", Defect("missing_file", f"{len(keys)} other exposures are there"))
         for key, defect in set_defects({key: boxes[key] for key in keys if key in boxes}):
@@ -102,7 +102,7 @@ def _lint_polygons(
     boxes: Mapping[PhotoKey, Boxes],
     found: Findings,
 ) -> dict[str, int]:
-    own: dict[int, list[Defect]] = {}  # by content: most exposures of a photo set share one
+    own: dict[int, list[Defect]] = {}  # by content: most exposures of an exposure bracket share one
     for key, drawn in polygons.items():
         if id(drawn) not in own:
             own[id(drawn)] = [*ring_defects(drawn), *file_defects(drawn)]

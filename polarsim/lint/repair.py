@@ -16,7 +16,7 @@ from polarsim.formats import release, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.boxes import clip
 from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
-from polarsim.lint.exposures import modal, of_class, photo_sets
+from polarsim.lint.exposures import brackets, modal, of_class
 from polarsim.lint.findings import Finding
 from polarsim.lint.polygons import BACKGROUND, GROUND, Polygons
 from polarsim.lint.rules import RULES
@@ -97,7 +97,7 @@ class _Repairs:
             if any(finding.defect == "malformed" for finding in found.get(key, ())):
                 _drop_malformed(there[key], yolo.read_boxes)
         sound = {key: yolo.read_boxes(path) for key, path in there.items()}
-        for keys in photo_sets({*there, *found}):
+        for keys in brackets({*there, *found}):
             files = {key: sound[key] for key in keys if key in sound}
             for key in (key for key in keys if key in found):
                 labels = _repaired_boxes(sound.get(key, _NOTHING), found[key])
@@ -155,7 +155,7 @@ def _repaired_boxes(labels: Boxes, found: Sequence[Finding]) -> Boxes:
 
 
 def _as_in_set(labels: Boxes, key: PhotoKey, files: Mapping[PhotoKey, Boxes], names: set[str]) -> Boxes:
-    """Boxes of the classes that have defects as most exposures of the photo set have them.
+    """Boxes of the classes that have defects as most exposures of the exposure bracket have them.
 
     A photo of a missing or empty file gets shadows where a shorter exposure shows some.
     """

@@ -32,7 +32,7 @@ class Defect:
     places: tuple[tuple[float, ...], ...] = ()  # boxes that ought to be there, pixels
 
 
-_MODAL = "takes what most exposures of the photo set show"
+_MODAL = "takes what most exposures of the exposure bracket show"
 _DROP = "leaves the file out"
 
 RULES: dict[str, Rule] = {
@@ -41,7 +41,7 @@ RULES: dict[str, Rule] = {
     "system_file": Rule("F102", "warning", "a file that an operating system left", _DROP),
     "impossible_exposure": Rule("F103", "warning", "an exposure that no photo has", "names it as the next one"),
     "wrong_folder": Rule("F104", "warning", "a photo key in another terrain's folder", _DROP),
-    "missing_file": Rule("F105", "warning", "a gap in a nearly complete photo set", _MODAL),
+    "missing_file": Rule("F105", "warning", "a gap in a nearly complete exposure bracket", _MODAL),
     "empty_file": Rule("F106", "warning", "no box, though other exposures have some", _MODAL),
     "missing_right": Rule("F107", "warning", "a photo without Sun whose Left is labelled and whose Right is not"),
     "missing_picture": Rule("F108", "warning", "labels without a picture (folders with images)"),
@@ -54,7 +54,7 @@ RULES: dict[str, Rule] = {
     "out_of_photo": Rule("B204", "error", "beyond the photo's border", "cuts it at the border"),
     "sliver": Rule("B205", "note", "a side below 6 px"),
     "giant": Rule("B206", "warning", "over 60 % of a side or 20 % of the area of the photo"),
-    # Exposures of one photo set
+    # Exposures of one exposure bracket
     "rock_missing": Rule("E301", "warning", "a rock that most exposures show is not there", _MODAL),
     "rock_extra": Rule("E302", "warning", "a rock that most exposures do not show", _MODAL),
     "rock_moved": Rule("E303", "warning", "a rock lies elsewhere than in most exposures (IoU below 0.9)", _MODAL),

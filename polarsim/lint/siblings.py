@@ -10,7 +10,7 @@ import numpy as np
 from polarsim.geometry.boxes import largest_iou
 from polarsim.geometry.swapped import SAME_ROCK, rocks_called_shadows
 from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
-from polarsim.lint.exposures import Found, changed, modal, of_class, photo_sets
+from polarsim.lint.exposures import Found, brackets, changed, modal, of_class
 from polarsim.lint.rules import Defect
 from polarsim.photo import SUNS, PhotoKey
 
@@ -75,9 +75,11 @@ def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 
 def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Found:
-    """Photo sets of one view with the rover light on, against the same ones with it off; named by their best file."""
-    sets = {keys[0].photo_set: {key: files[key] for key in keys} for keys in photo_sets(files)}
-    best = {key.photo_set: key for key in _best(files)}
+    """Exposure brackets of one view with the rover light on, against the same ones with it off; named by their best
+    file.
+    """
+    sets = {keys[0].bracket: {key: files[key] for key in keys} for keys in brackets(files)}
+    best = {key.bracket: key for key in _best(files)}
     for name, lit in sets.items():
         terrain, position, light, azimuth, camera = name
         dark = sets.get((terrain, position, "off", azimuth, camera))
@@ -95,8 +97,8 @@ def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 
 def _best(files: Mapping[PhotoKey, Boxes]) -> list[PhotoKey]:
-    """The file with most boxes of each photo set, the shortest exposure of equals."""
-    return [max(keys, key=lambda key: (len(files[key][0]), -key.exposure_ms)) for keys in photo_sets(files)]
+    """The file with most boxes of each exposure bracket, the shortest exposure of equals."""
+    return [max(keys, key=lambda key: (len(files[key][0]), -key.exposure_ms)) for keys in brackets(files)]
 
 
 def _rocks(labels: Boxes) -> np.ndarray:

@@ -13,7 +13,7 @@ from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
-from polarsim.lint.exposures import Found, PhotoSet, modals, of_class
+from polarsim.lint.exposures import Bracket, Found, modals, of_class
 from polarsim.lint.rules import Defect
 from polarsim.photo import CAMERAS, SUNS, PhotoKey
 
@@ -40,18 +40,16 @@ def view_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 
 def _of_other_views(files: Mapping[PhotoKey, Boxes]) -> Found:
-    """Rocks of a file against the photo sets of all views, its own set left out; the median over sets counts."""
+    """Rocks of a file against the exposure brackets of all views, its own set left out; the median over sets counts."""
     rocks = of_class(files, ROCK_CLASS)
     sets = modals(rocks)
     fits: dict[tuple[object, ...], dict[tuple[int, str, str], float]] = {}
     for key, boxes in sorted(rocks.items()):
         if len(boxes) < LEAST_BOXES:
             continue
-        content = (key.photo_set, boxes.tobytes())
+        content = (key.bracket, boxes.tobytes())
         if content not in fits:  # most exposures have the same
-            fits[content] = _fits_of_views(
-                boxes, {name: drawn for name, drawn in sets.items() if name != key.photo_set}
-            )
+            fits[content] = _fits_of_views(boxes, {name: drawn for name, drawn in sets.items() if name != key.bracket})
         found = fits[content]
         best = max(found, key=lambda view: found[view], default=None)
         own = found.get(key.view)
@@ -60,7 +58,7 @@ def _of_other_views(files: Mapping[PhotoKey, Boxes]) -> Found:
             yield key, Defect("other_view", detail)
 
 
-def _fits_of_views(boxes: np.ndarray, sets: Mapping[PhotoSet, np.ndarray]) -> dict[tuple[int, str, str], float]:
+def _fits_of_views(boxes: np.ndarray, sets: Mapping[Bracket, np.ndarray]) -> dict[tuple[int, str, str], float]:
     fits: dict[tuple[int, str, str], list[float]] = {}
     for name, drawn in sets.items():
         fits.setdefault(_view(name), []).append(_fit(boxes, drawn))
@@ -68,7 +66,7 @@ def _fits_of_views(boxes: np.ndarray, sets: Mapping[PhotoSet, np.ndarray]) -> di
 
 
 def _of_other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
-    """Shadows of a photo set against those under the same lamp with the other light, and under other lamps."""
+    """Shadows of an exposure bracket against those under the same lamp with the other light, and under other lamps."""
     shadows = of_class(files, SHADOW_CLASS)
     sets = modals(shadows)
     for key, boxes in sorted(shadows.items()):
@@ -85,8 +83,8 @@ def _of_other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
             yield key, Defect("other_azimuth", f"shadows of azimuth {best}: mean IoU {other[best]:.2f}, own {own:.2f}")
 
 
-def _view(photo_set: PhotoSet) -> tuple[int, str, str]:
-    terrain, position, _, _, camera = photo_set
+def _view(bracket: Bracket) -> tuple[int, str, str]:
+    terrain, position, _, _, camera = bracket
     return terrain, position, camera
 
 

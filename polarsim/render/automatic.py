@@ -102,7 +102,8 @@ def label_view(
     instances: Path,
     options: RenderOptions,
 ) -> dict[PhotoKey, list[coco.Annotation]]:
-    """Write the labels of one view's twins, the same for all models and all exposures of a photo set, and return them.
+    """Write the labels of one view's twins, the same for all models and all exposures of an exposure bracket, and
+    return them.
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ def label_view(
     boxes : Path
         Folder for `KEY.txt`; empty where no lamp is on, for nothing is to be seen there.
     instances : Path
-        Folder for `TT_P_light_az_C.png`, the ids of a photo set.
+        Folder for `TT_P_light_az_C.png`, the ids of an exposure bracket.
     """
     occluded = whole_rocks(ids[NO_LAMP], hidden, options)
     rocks = annotations_of(ids[NO_LAMP], options, occluded)
@@ -131,8 +132,8 @@ def label_view(
             np.array([BOX_CLASSES.index(label.kind) for label in own], int),
             np.array([label.box for label in own], float),
         )
-        if key.photo_set not in written:
-            written.add(key.photo_set)
+        if key.bracket not in written:
+            written.add(key.bracket)
             name = str(key).rsplit("_", 1)[0]
             png.write(instances / f"{name}.png", ids[lamps[0] if lamps else NO_LAMP])
     return labels

@@ -41,11 +41,11 @@ def lamps_of_maps(names: Collection[str], throwing: Collection[str]) -> list[str
 def write_view_maps(folder: Path, keys: Sequence[PhotoKey], maps: Maps, names: Collection[str]) -> None:
     """Write the maps of one view that are asked for, `RenderOptions.maps`, each kind into a folder of its own.
 
-    `TT_P_C.png` is of a view, `TT_P_light_az_C.png` of a photo set: under the lamp that throws its labelled shadows;
-    photo sets without any lamp have none.
+    `TT_P_C.png` is of a view, `TT_P_light_az_C.png` of an exposure bracket: under the lamp that throws its labelled
+    shadows; exposure brackets without any lamp have none.
     """
     asked = {single for name in names for single in (_ANGLES if name == "angles" else (name,))}
-    photo_sets = {str(key).rpartition("_")[0]: lit_by(key)[0] for key in keys if lit_by(key)}
+    brackets = {str(key).rpartition("_")[0]: lit_by(key)[0] for key in keys if lit_by(key)}
     for key in keys[:1]:
         view = f"{key.terrain:02d}_{key.position}_{key.camera}"
         if "depth_float" in asked:
@@ -53,9 +53,9 @@ def write_view_maps(folder: Path, keys: Sequence[PhotoKey], maps: Maps, names: C
         for name in sorted(asked & {"depth", "normal", "emergence"}):
             png.write(folder / name / f"{view}.png", _of_view(maps, name))
     for name in sorted(asked & {"incidence", "phase", "lit", "shading"}):
-        content = {lamp: png.encode(_of_lamp(maps.by_lamp[lamp], name)) for lamp in set(photo_sets.values())}
-        for photo_set, lamp in photo_sets.items():
-            write_bytes(folder / name / f"{photo_set}.png", content[lamp])
+        content = {lamp: png.encode(_of_lamp(maps.by_lamp[lamp], name)) for lamp in set(brackets.values())}
+        for bracket, lamp in brackets.items():
+            write_bytes(folder / name / f"{bracket}.png", content[lamp])
 
 
 def _of_view(maps: Maps, name: str) -> np.ndarray:

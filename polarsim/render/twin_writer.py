@@ -86,15 +86,15 @@ def write_photos(
 ) -> None:
     """Write the photos of one view, `folder/KEY.png`, from its layers by lamp."""
     dark = np.zeros(lens.shape, np.float32)
-    photo_sets: dict[tuple[object, ...], list[PhotoKey]] = {}
+    brackets: dict[tuple[object, ...], list[PhotoKey]] = {}
     for key in keys:
-        photo_sets.setdefault(key.photo_set, []).append(key)
+        brackets.setdefault(key.bracket, []).append(key)
 
-    def write(photo_set: list[PhotoKey]) -> None:
-        radiance = sum((layers[name] for name in lit_by(photo_set[0])), dark)
-        for key in photo_set:
+    def write(bracket: list[PhotoKey]) -> None:
+        radiance = sum((layers[name] for name in lit_by(bracket[0])), dark)
+        for key in bracket:
             noise = noise_of(options, key)
             png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        list(pool.map(write, photo_sets.values()))
+        list(pool.map(write, brackets.values()))

@@ -27,7 +27,7 @@ SIZES = ("<25", "25-35", "35-50", "50-80", "80-120", ">120")  # square root of a
 
 RELIABILITY_CAPTION = (
     "How often labels are right, by their confidence: bins of equal numbers of labels, 95 % intervals. "
-    "Copies of a label on the exposures of its photo set count as one."
+    "Copies of a label on the exposures of its exposure bracket count as one."
 )
 NOTE = (
     "Photos that were seeds are left out. F1 counts pairs with IoU of 0.5 and more; mIoU is over true boxes, without "

@@ -52,13 +52,13 @@ def extreme_places(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[P
     lamps = read_suns(cameras, rigs)
     found: dict[tuple[object, ...], tuple[Place, Place]] = {}
     for key in sorted(keys):
-        if key.position not in rigs or not lit_by_one_lamp(key) or key.photo_set in found:
+        if key.position not in rigs or not lit_by_one_lamp(key) or key.bracket in found:
             continue
         rig = rigs[key.position]
         lamp = lamps.get(key.azimuth) if key.light == "off" else rig.rover_light
         angles = None if lamp is None else _angles(rig, key, lamp, half_px)
         if angles is not None:
-            found[key.photo_set] = angles
+            found[key.bracket] = angles
     if not found:
         return None
     nearest = min((near for near, _ in found.values()), key=lambda place: (place.phase_deg, place.key))

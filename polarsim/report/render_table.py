@@ -23,7 +23,7 @@ LIKENESS = ("log2_twin_over_photo", "log2_difference", "ssim")
 BOXES = ("f1", "miou")
 _OF_ALL = ": all"  # end of the subjects of box scores that are over both cameras
 
-NOTE = "Medians over photos of one exposure a photo set. A difference of 1 stop is a factor of two."
+NOTE = "Medians over photos of one exposure an exposure bracket. A difference of 1 stop is a factor of two."
 
 
 def tabulate_render(*, pairs: Sequence[Path], quality: Sequence[Path], table: Path, origin: Mapping[str, str]) -> None:

@@ -148,7 +148,7 @@ def against_drawn(
 
 
 def agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str) -> np.ndarray:
-    """(m, 4) rock boxes of one view that its photo sets agree on."""
+    """(m, 4) rock boxes of one view that its exposure brackets agree on."""
     sets: dict[tuple[str, str], list[np.ndarray]] = {}
     for key, labels in drawn.items():
         if (key.position, key.camera) == (position, camera):

@@ -120,7 +120,7 @@ def _pair_photos(
     """The pairs of all photos one after another: (n,) photos, pairs, (n,) rows of the label table, -1: no label."""
     found, rows_of = labels_by_photo(table), table.groupby("key").indices
     none, no_rows = Labels.none(), np.zeros(0, int)
-    known: dict[tuple[bytes, ...], PhotoPairs] = {}  # most photos of a photo set are copies of one another
+    known: dict[tuple[bytes, ...], PhotoPairs] = {}  # most photos of an exposure bracket are copies of one another
     photo, pairs, row = [no_rows], [pair_photo(none, none, threshold)], [no_rows]
     for number, key in enumerate(keys):
         truth, labels = wanted[key], found.get(key, none)

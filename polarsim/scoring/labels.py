@@ -141,9 +141,10 @@ def read_truth(
 
 
 def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
-    """The true labels that a person could have drawn: large enough, and clear in some exposure of their photo set.
+    """The true labels that a person could have drawn: large enough, and clear in some exposure of their exposure
+    bracket.
 
-    People copy labels over all exposures of a photo set, so one that shows the object is enough. The columns
+    People copy labels over all exposures of an exposure bracket, so one that shows the object is enough. The columns
     `visible_px` and `contrast` (DN) may be missing.
     """
     if "visible_px" in truth.columns:

@@ -20,5 +20,7 @@ class ScoringOptions(BaseModel, extra="forbid", frozen=True):
         12, ge=0, description="True labels with fewer visible pixels are left out, px; people do not draw them."
     )
     min_contrast_dn: float = Field(
-        10, ge=0, description="True labels that no exposure of the photo set shows this clearly are left out, DN."
+        10,
+        ge=0,
+        description="True labels that no exposure of the exposure bracket shows this clearly are left out, DN.",
     )

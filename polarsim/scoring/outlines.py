@@ -61,7 +61,8 @@ def score_outlines(
 ) -> None:
     """Write the quality of a terrain's outlines under the Sun lamps, and how well people's polygons fit their boxes.
 
-    People drew one set of polygons for all exposures of a photo set: the fullest file is compared with the fullest
+    People drew one set of polygons for all exposures of an exposure bracket: the fullest file is compared with the
+    fullest
     labels. Their boxes are the yardstick: the boxes around polygons against the boxes of the same photo. Shadows
     count there only where shadow boxes were drawn: at short exposures there are none.
 
@@ -74,16 +75,16 @@ def score_outlines(
     root
         Of a release; a terrain without polygons there has no figures.
     """
-    drawn = _of_photo_sets(read_polygon_files(root, terrain), keys)
-    found = _of_photo_sets(read_coco(annotations), keys)
+    drawn = _of_brackets(read_polygon_files(root, terrain), keys)
+    found = _of_brackets(read_coco(annotations), keys)
     boxes = read_drawn(release.label_folder(root, terrain), terrain)
     total: dict[str, Counts] = {}
-    for photo_set in sorted(set(drawn) & set(found)):
-        key, polygons = drawn[photo_set]
+    for bracket in sorted(set(drawn) & set(found)):
+        key, polygons = drawn[bracket]
         task = TASKS[key.camera]
         for kind in BOX_CLASSES:
             people = _painted(polygons, kind)
-            counts = count_overlaps(overlaps(people, _masks(found[photo_set][1], kind)), options.iou_threshold)
+            counts = count_overlaps(overlaps(people, _masks(found[bracket][1], kind)), options.iou_threshold)
             subject = f"{kind} outline: {task}"
             total[subject] = total.get(subject, Counts()) + counts
             yardstick = _yardstick(people, boxes.get(key), kind, options)
@@ -124,15 +125,15 @@ def region_iou(first: Region, second: Region) -> float:
     return common / float(first.mask.sum() + second.mask.sum() - common)
 
 
-def _of_photo_sets(
+def _of_brackets(
     files: Mapping[PhotoKey, list[Thing]], keys: Sequence[PhotoKey]
 ) -> dict[tuple[object, ...], tuple[PhotoKey, list[Thing]]]:
-    """The fullest of each photo set under a Sun lamp; of several the one exposed longest."""
+    """The fullest of each exposure bracket under a Sun lamp; of several the one exposed longest."""
     fullest: dict[tuple[object, ...], tuple[PhotoKey, list[Thing]]] = {}
-    sets = {key.photo_set for key in keys if key.azimuth != "no"}
+    sets = {key.bracket for key in keys if key.azimuth != "no"}
     for key, things in sorted(files.items(), key=lambda item: (len(item[1]), item[0].exposure_ms)):
-        if key.photo_set in sets:
-            fullest[key.photo_set] = key, things
+        if key.bracket in sets:
+            fullest[key.bracket] = key, things
     return fullest
 
 

@@ -1,7 +1,7 @@
 """Whether labels are right as often as their confidence says.
 
 A label is right where it has a partner among the true boxes of its own photo. Copies of a label on the exposures of its
-photo set are one drawing and one try: together they weigh as much as one label, so that intervals stay honest.
+exposure bracket are one drawing and one try: together they weigh as much as one label, so that intervals stay honest.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Told:
 
     confidence: np.ndarray  # (n,)
     right: np.ndarray  # (n,) bool
-    weight: np.ndarray  # (n,) 1 over the number of copies in the photo set
+    weight: np.ndarray  # (n,) 1 over the number of copies in the exposure bracket
 
 
 def told_labels(pairs: pd.DataFrame) -> Told:

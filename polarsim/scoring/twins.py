@@ -21,7 +21,7 @@ from polarsim.scoring.quality import Figure, summary, write_quality
 
 LIT_DN = 40  # above black: darker pixels hold too much noise for a ratio
 FULL_DN = 4000  # above black: brighter ones are clipped
-COMPARED_PHOTOS = 32  # of a terrain, one a photo set at most
+COMPARED_PHOTOS = 32  # of a terrain, one an exposure bracket at most
 WINDOW = 11  # pixels of the structural similarity's window
 
 
@@ -88,14 +88,14 @@ def score_twins(
 
 
 def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:
-    """Up to n photos under a Sun lamp, of middle exposure, spread evenly over the photo sets."""
+    """Up to n photos under a Sun lamp, of middle exposure, spread evenly over the exposure brackets."""
     middle: dict[tuple[object, ...], PhotoKey] = {}
     for key in sorted(keys):
         if key.azimuth == "no":
             continue
-        best = middle.get(key.photo_set)
+        best = middle.get(key.bracket)
         if best is None or key.stops_off_usual < best.stops_off_usual:
-            middle[key.photo_set] = key
+            middle[key.bracket] = key
     found = sorted(middle.values())
     if len(found) <= n:
         return found

@@ -43,7 +43,7 @@ def test_the_best_exposure_does_not_depend_on_the_order_of_files(order, counts):
     assert boxes[best] == max(boxes.values())
 
 
-def test_one_seed_a_photo_set_of_left_light_off_and_the_chosen_suns(tmp_path):
+def test_one_seed_a_bracket_of_left_light_off_and_the_chosen_suns(tmp_path):
     names = ["03_A_off_30_L_0256", "03_A_off_350_L_0256", "03_B_off_30_L_0064"]
     others = [
         "03_A_off_30_L_0032",

@@ -25,7 +25,7 @@ def best_boxes(root, terrain, position, camera):
     files = release.label_files(root, terrain)
     drawn = []
     for sun in SUNS:
-        of_set = [key for key in files if key.photo_set == (terrain, position, "off", sun, camera)]
+        of_set = [key for key in files if key.bracket == (terrain, position, "off", sun, camera)]
         rocks = [boxes[classes == 0] for classes, boxes in (yolo.read_boxes(files[key]) for key in of_set)]
         drawn.append(max(rocks, key=len))
     return drawn

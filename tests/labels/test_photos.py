@@ -9,7 +9,9 @@ from polarsim.photo import BLACK_LEVEL, HEIGHT, WHITE_LEVEL, WIDTH
 
 @pytest.fixture
 def index(tmp_path):
-    """Two exposures of a photo set: 2 DN a millisecond on the left, 20 on the right, which the longer one clips."""
+    """Two exposures of an exposure bracket: 2 DN a millisecond on the left, 20 on the right, which the longer one
+    clips.
+    """
     rows = []
     for exposure in (64, 256):
         signal = np.repeat([[2.0, 20.0]], WIDTH // 2, axis=1) * exposure
@@ -34,7 +36,7 @@ def test_an_exposure_is_clipped_as_its_photo_was(index):
     np.testing.assert_allclose(brightness.at(256)[5, [10, 1900]], [512, WHITE_LEVEL - BLACK_LEVEL], rtol=1e-3)
 
 
-def test_a_photo_set_without_readable_photo_has_no_brightness(index, caplog):
+def test_a_bracket_without_readable_photo_has_no_brightness(index, caplog):
     photos = Photos(index, 3)
     assert photos.brightness(("A", "R", "off", "30")) is None
     assert "missing.png" in caplog.text

@@ -61,7 +61,7 @@ def starts_of(folder, key):
     return shadow_starts(read_drawings(folder, 3), 128).of(PhotoKey.parse(key))
 
 
-def test_shadows_of_a_photo_set_begin_where_its_drawing_shows_some_or_as_usual(tmp_path):
+def test_shadows_of_a_bracket_begin_where_its_drawing_shows_some_or_as_usual(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
     write(tmp_path, "03_A_off_30_L_0016", shadows=0)
     write(tmp_path, "03_A_on_no_L_0016")  # the rover light's shadows tell nothing of the Sun's

@@ -7,7 +7,7 @@ from tests.lint.test_boxes import ROCK, SHADOW, SOUND, box, labels
 KEY = PhotoKey.parse("03_A_off_180_L_0256")
 
 
-def photo_set(changed):
+def bracket(changed):
     """Five exposures with the sound boxes; those of `changed` (exposure -> rows) have others."""
     rows = dict.fromkeys((128, 256, 512, 1024, 2048), SOUND) | changed
     return {KEY.with_exposure(exposure): labels(*found) for exposure, found in rows.items()}
@@ -26,20 +26,20 @@ def photo_set(changed):
     ],
 )
 def test_one_exposure_that_differs_from_the_others_is_found(rows, defects):
-    found = list(set_defects(photo_set({512: rows})))
+    found = list(set_defects(bracket({512: rows})))
     assert [defect.name for _, defect in found] == defects
     assert {key.exposure_ms for key, _ in found} == {512}
 
 
 def test_shadows_that_begin_late_are_no_defect():
     rocks = [SOUND[0], SOUND[2]]
-    assert list(set_defects(photo_set({32: rocks, 64: rocks}))) == []
+    assert list(set_defects(bracket({32: rocks, 64: rocks}))) == []
 
 
 def test_a_file_with_some_of_the_shadows_lacks_the_others():
     two = [*SOUND, (SHADOW, box(540, 610))]
     changed = dict.fromkeys((128, 256, 512, 1024), two)
-    ((key, defect),) = set_defects(photo_set(changed))
+    ((key, defect),) = set_defects(bracket(changed))
     assert (key.exposure_ms, defect.name) == (2048, "shadow_missing")
 
 
@@ -52,17 +52,17 @@ def test_where_two_contents_are_as_frequent_the_one_with_fewer_boxes_counts():
     ]
 
 
-def test_photo_sets_without_any_box_have_no_defect():
+def test_brackets_without_any_box_have_no_defect():
     assert list(set_defects({KEY: labels(), KEY.with_exposure(512): labels()})) == []
 
 
-def test_a_gap_in_a_nearly_complete_photo_set_is_found():
+def test_a_gap_in_a_nearly_complete_bracket_is_found():
     whole = {KEY.with_exposure(exposure) for exposure in exposures(3, "180")}
     assert missing_exposures(whole) == []
     assert missing_exposures(whole - {KEY}) == [KEY]
-    assert missing_exposures({KEY}) == []  # a folder of seeds has one file a photo set by intent
+    assert missing_exposures({KEY}) == []  # a folder of seeds has one file an exposure bracket by intent
 
 
-def test_photo_sets_without_sun_are_never_complete():
+def test_brackets_without_sun_are_never_complete():
     key = PhotoKey.parse("03_A_on_no_L_4096")
     assert missing_exposures({key.with_exposure(e) for e in exposures(3, "no") if e != 4096}) == []

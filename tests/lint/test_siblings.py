@@ -44,7 +44,7 @@ def labels(key, rng):
 
 @pytest.fixture
 def files():
-    """One file a photo set; the rover light changes no label."""
+    """One file an exposure bracket; the rover light changes no label."""
     found = {}
     for position in "AB":
         for camera in "LR":

@@ -35,7 +35,7 @@ def test_only_what_is_asked_for_is_written(folders):
     assert files_of(make(folders, ("depth",))) == {"depth": ["01_A_L.png"]}
 
 
-def test_views_have_what_no_lamp_changes_and_photo_sets_the_rest(folders):
+def test_views_have_what_no_lamp_changes_and_brackets_the_rest(folders):
     maps = make(folders, ("depth", "depth_float", "normal", "angles", "shading", "lit"))
     of_views = {name: ["01_A_L.png"] for name in ("depth", "normal", "emergence")} | {"depth_float": ["01_A_L.tif"]}
     of_sets = dict.fromkeys(("incidence", "phase", "shading", "lit"), SETS)

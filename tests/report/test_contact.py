@@ -42,8 +42,8 @@ def drawn(folder, name, rows, keys=KEYS, pictures=(), width=800):
         ({"0064": 3, "0256": 2, "1024": 2}, "0064"),
     ],
 )
-def test_the_exposure_with_the_most_labels_stands_for_its_photo_set(labels, chosen):
-    exposures = [key for key in KEYS if key.photo_set == KEYS[0].photo_set]
+def test_the_exposure_with_the_most_labels_stands_for_its_bracket(labels, chosen):
+    exposures = [key for key in KEYS if key.bracket == KEYS[0].bracket]
     table = label_table([label(key) for key in exposures for _ in range(labels.get(str(key)[-4:], 0))])
     assert str(contact.most_labelled(exposures, table)).endswith(chosen)
 

@@ -145,7 +145,7 @@ def test_rocks_copied_to_another_azimuth_score_as_measured_before(release_root):
         sets = {}
         for key, path in release.label_files(release_root, terrain).items():
             if key.camera == "L" and key.light == "off" and key.azimuth != "no":
-                sets.setdefault(key.photo_set, {})[key] = Labels(*yolo.read_boxes(path))
+                sets.setdefault(key.bracket, {})[key] = Labels(*yolo.read_boxes(path))
         for files in sets.values():
             best = max(files, key=lambda k: (len(files[k].classes), -abs(np.log2(k.exposure_ms / 256)), k.exposure_ms))
             seeds[best.set_up, best.azimuth] = files[best]

@@ -428,7 +428,7 @@ def test_a_twin_of_another_size_is_named(tmp_path):
         compare_pictures(tmp_path / "photo.png", tmp_path / "twin.png")
 
 
-def test_an_object_that_one_exposure_shows_counts_at_all_of_its_photo_set():
+def test_an_object_that_one_exposure_shows_counts_at_all_of_its_bracket():
     keys = [PhotoKey.parse(f"03_A_off_30_L_{ms}") for ms in ("0064", "0256")]
     rows = [
         dict(key_columns(key), kind="rock", rock=rock, contrast=contrast)

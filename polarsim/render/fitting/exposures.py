@@ -1,4 +1,4 @@
-"""One linear picture from the photos of a photo set, and those of single lamps from sums of lamps."""
+"""One linear picture from the photos of an exposure bracket, and those of single lamps from sums of lamps."""
 
 from __future__ import annotations
 
@@ -27,13 +27,15 @@ _READ = 0.9  # sd of the read noise and of rounding, grey values
 
 @dataclass(frozen=True)
 class Linear:
-    """Light of a photo set, (h, w) float32: grey values per ms, and its variance; infinite where nothing is known."""
+    """Light of an exposure bracket, (h, w) float32: grey values per ms, and its variance; infinite where nothing is
+    known.
+    """
 
     rate: np.ndarray
     variance: np.ndarray
 
     def less(self, other: Linear) -> Linear:
-        """The light that the other photo set lacks."""
+        """The light that the other exposure bracket lacks."""
         return Linear(self.rate - other.rate, self.variance + other.variance)
 
 

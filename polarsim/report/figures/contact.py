@@ -1,4 +1,4 @@
-"""All photo sets of a set-up on one sheet, labels drawn in: what a person looks through to find wrong labels."""
+"""All exposure brackets of a set-up on one sheet, labels drawn in: what a person looks through to find wrong labels."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _CODE = np.array([1 << 16, 1 << 8, 1])  # a colour as one number
 
 @dataclass(frozen=True)
 class Tile:
-    """One photo set: the exposure that stands for it, its labels, and what it is drawn on."""
+    """One exposure bracket: the exposure that stands for it, its labels, and what it is drawn on."""
 
     key: PhotoKey
     labels: pd.DataFrame
@@ -60,8 +60,8 @@ def draw_contact(
 ) -> None:
     """Write the sheet: a row a Sun azimuth, columns for both cameras with the rover light off and on.
 
-    Of each photo set stands the exposure with the most labels, of these the nearest to 256 ms. Dashed are labels of a
-    confidence below 0.5 or among the lowest tenth of the terrain's.
+    Of each exposure bracket stands the exposure with the most labels, of these the nearest to 256 ms. Dashed are
+    labels of a confidence below 0.5 or among the lowest tenth of the terrain's.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def draw_contact(
     table = read_parquet(labels, LABEL_COLUMNS)
     places = [pictures_at(place) for place in pictures]
     doubtful_below = doubtful_confidence(table["confidence"])
-    by_set = groupby(sorted(keys, key=lambda key: (key.photo_set, key)), key=lambda key: key.photo_set)
+    by_set = groupby(sorted(keys, key=lambda key: (key.bracket, key)), key=lambda key: key.bracket)
     shown = [most_labelled(list(exposures), table) for _, exposures in by_set]
     tiles = [Tile(key, rows_of(table, key), _picture(places, key)) for key in shown]
     _write(figure, _sheet(tiles, doubtful_below, width))
@@ -86,7 +86,7 @@ def _picture(places: Iterable[Mapping[PhotoKey, Path]], key: PhotoKey) -> Path |
 
 
 def most_labelled(exposures: Sequence[PhotoKey], labels: pd.DataFrame) -> PhotoKey:
-    """Of the exposures of a photo set the one with the most labels; of several the nearest to 256 ms."""
+    """Of the exposures of an exposure bracket the one with the most labels; of several the nearest to 256 ms."""
     counts = labels["key"].value_counts()
     return min(exposures, key=lambda key: (-int(counts.get(str(key), 0)), key.stops_off_usual, key))
 

@@ -62,7 +62,7 @@ def draw_opposition(
     with page(figure, width, 2 * (cell + _ROW_PX)) as sheet:
         grid = sheet.subplots(2, len(domains), squeeze=False)
         for axes, place in zip(grid, places, strict=True):
-            alike = [key for key in pictured if key.photo_set == place.key.photo_set]
+            alike = [key for key in pictured if key.bracket == place.key.bracket]
             crops_of = {key: [_crop(picture_of(domain, key), place) for domain in domains] for key in alike}
             key = min(crops_of, key=lambda key: (_off_grey(crops_of[key]), key))
             crops = crops_of[key]
