@@ -49,7 +49,7 @@ def true_albedo(terrain: int, truth: Path, positions: list[str], options: Analog
     textures = make_textures(generator(options.seed, "textures", terrain))
     for position in positions:
         for camera in CAMERAS:
-            found.add(look(made.scene, made.caster, textures, made.set_up.camera(position, camera), 1))
+            found.add(look(made.scene, made.caster, textures, made.stations.camera(position, camera), 1))
     return found.table()
 
 

@@ -75,7 +75,7 @@ class PhotoKey:
         return cls(int(terrain), position, light, azimuth, camera, int(exposure))  # type: ignore[arg-type]
 
     @property
-    def set_up(self) -> tuple[int, str]:
+    def station(self) -> tuple[int, str]:
         """Terrain and position: one place of the tripod."""
         return self.terrain, self.position
 

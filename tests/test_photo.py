@@ -69,9 +69,9 @@ def test_only_terrain_13_has_more_than_three_positions():
     assert {positions(terrain) for terrain in range(1, 13)} == {("A", "B", "C")}
 
 
-def test_parts_of_a_key_name_set_up_view_and_bracket():
+def test_parts_of_a_key_name_station_view_and_bracket():
     key = PhotoKey.parse("11_C_on_350_R_0064")
-    assert (key.set_up, key.view, key.bracket) == ((11, "C"), (11, "C", "R"), (11, "C", "on", "350", "R"))
+    assert (key.station, key.view, key.bracket) == ((11, "C"), (11, "C", "R"), (11, "C", "on", "350", "R"))
     assert str(key.with_exposure(2048)) == "11_C_on_350_R_2048"
 
 

@@ -65,7 +65,7 @@ def generate_terrain(
             name: stack.enter_context(writing_folder(folder))
             for name, folder in (("raw", raw), ("ranges", ranges), ("seeds", seeds), ("truth", truth))
         }
-        nasa.write_calibration(into["raw"] / nasa.CALIBRATION_NAME, made.set_up.calibration)
+        nasa.write_calibration(into["raw"] / nasa.CALIBRATION_NAME, made.stations.calibration)
         calibration = nasa.read_calibration(into["raw"] / nasa.CALIBRATION_NAME)  # with the file's rounding
         _write_scans(made, calibration, into["raw"], into["ranges"], options, threads)
         write_truth(made, into["truth"], options)
@@ -84,7 +84,7 @@ def _write_scans(
     surfaces = []
     for position in scanner.SCANNED:
         rng = generator(options.seed, "scan", made.terrain, position)
-        left = made.set_up.sandbox_from_left[position]
+        left = made.stations.sandbox_from_left[position]
         centre = left.translation + rng.normal(0, _SCANNER_OFFSET, 3)
         level = looking(centre, yaw_pitch_roll(left)[0], 0.0)
         found = scanner.scan(made.scene, made.caster, level @ _CAMERA_FROM_UPRIGHT, rng, options, threads)
@@ -95,14 +95,14 @@ def _write_scans(
         points = grid_from_sandbox.apply(found.points[valid])
         nasa.write_cloud(raw / f"Pos{position}.xyz", points, found.intensity[valid])
         _write_map(ranges, position, [surface], grid, grid_from_sandbox, threads)
-    if "B" in made.set_up.sandbox_from_left:
+    if "B" in made.stations.sandbox_from_left:
         rng = generator(options.seed, "scan", made.terrain, "B")
         _write_map(ranges, "B", surfaces, grid, _registered(made, "B", grid, rng), threads)
 
 
 def _registered(made: Terrain, position: str, grid: RectifiedGrid, rng: np.random.Generator) -> Pose:
     """Rectified left frame from sandbox as NASA's registration found it."""
-    exact = (made.set_up.sandbox_from_left[position] @ grid.left_from_rectified).inverse()
+    exact = (made.stations.sandbox_from_left[position] @ grid.left_from_rectified).inverse()
     return scanner.registration_error(rng) @ exact
 
 

@@ -19,7 +19,7 @@ from polarsim.analog.options import AnalogOptions
 from polarsim.analog.regions import Region, contrast, rock_regions, shadow_regions
 from polarsim.analog.sandbox import GROUND_OBJECT
 from polarsim.analog.sensor import expose, fixed_pattern, lamp_glare, through_lens
-from polarsim.analog.setup import ROVER, SetUp
+from polarsim.analog.stations import ROVER, Stations
 from polarsim.analog.terrain import Terrain
 from polarsim.analog.view import Textures, look, make_textures
 from polarsim.formats import nasa, png, tables, yolo
@@ -78,7 +78,7 @@ def take_photos(
 ) -> pd.DataFrame:
     """Write the photos and the seed labels; the true labels of all photos. `albedo` collects what they show."""
     at = sorted({key.position for key in keys})
-    lamps = {position: _lamps(made.set_up, position, options) for position in at}
+    lamps = {position: _lamps(made.stations, position, options) for position in at}
     bounces = gather_bounce(
         made.scene, made.caster, _named(lamps), generator(options.seed, "bounce", made.terrain), threads
     )
@@ -95,11 +95,11 @@ def take_photos(
     return _label_table(rows)
 
 
-def _lamps(set_up: SetUp, position: str, options: AnalogOptions) -> dict[str, Lamp]:
+def _lamps(stations: Stations, position: str, options: AnalogOptions) -> dict[str, Lamp]:
     """The lamps of a position by azimuth, and its rover light."""
-    left = set_up.sandbox_from_left[position]
+    left = stations.sandbox_from_left[position]
     lamps = {}
-    for name, place in set_up.lamps_at(position).items():
+    for name, place in stations.lamps_at(position).items():
         target = left.apply(np.array([0, 0.0, 4.0])) if name == ROVER else np.zeros(3)
         lamps[name] = Lamp(place, target, options.lamp_radius_mm / 1000, LAMP_OUTPUT[name])
     return lamps
@@ -123,7 +123,7 @@ def _layers(
     made: Terrain, position: str, camera: str, lamps: Mapping[str, Lamp], bounces: Bounce, albedo: AlbedoMap,
     options: AnalogOptions, threads: int,
 ) -> Layers:  # fmt: skip
-    scene, placed = made.scene, made.set_up.camera(position, camera)
+    scene, placed = made.scene, made.stations.camera(position, camera)
     view = look(scene, made.caster, _textures(options.seed, made.terrain), placed, threads)
     albedo.add(view)
     rock_caster = scene.rock_caster() if scene.rocks else None

@@ -12,7 +12,7 @@ from polarsim.analog.placement import place_rocks
 from polarsim.analog.presets import PRESETS
 from polarsim.analog.rays import Caster
 from polarsim.analog.sandbox import Scene, build_scene
-from polarsim.analog.setup import SetUp, make_set_up
+from polarsim.analog.stations import Stations, make_stations
 from polarsim.randomness import generator
 
 
@@ -23,7 +23,7 @@ class Terrain:
     terrain: int
     scene: Scene
     caster: Caster
-    set_up: SetUp
+    stations: Stations
 
 
 def build_terrain(terrain: int, options: AnalogOptions) -> Terrain:
@@ -38,4 +38,4 @@ def build_terrain(terrain: int, options: AnalogOptions) -> Terrain:
     radii = np.array([rock.radius for rock in rocks])
     ground = pile_sand(ground, generator(seed, "piles", own), places[standing, :2], radii[standing])
     scene = build_scene(preset, ground, rocks, options.rock_detail, generator(seed, "box", terrain))
-    return Terrain(terrain, scene, scene.caster(), make_set_up(terrain, options))
+    return Terrain(terrain, scene, scene.caster(), make_stations(terrain, options))

@@ -23,10 +23,10 @@ _COLUMN_STEP = 0.002  # metres
 
 def write_truth(made: Terrain, folder: Path, options: AnalogOptions) -> None:
     """Write all of a terrain's truth but its labels. Meshes of rocks are their parts above the sand."""
-    set_up, scene, terrain = made.set_up, made.scene, made.terrain
-    for position, pose in set_up.sandbox_from_left.items():
-        write_placed(folder / "cameras" / f"Pos{position}.json", PlacedRig(set_up.rig, pose, "truth"))
-    write_json(folder / "lamps.json", {name: place.tolist() for name, place in set_up.lamps.items()})
+    stations, scene, terrain = made.stations, made.scene, made.terrain
+    for position, pose in stations.sandbox_from_left.items():
+        write_placed(folder / "cameras" / f"Pos{position}.json", PlacedRig(stations.rig, pose, "truth"))
+    write_json(folder / "lamps.json", {name: place.tolist() for name, place in stations.lamps.items()})
     faces = icosphere(options.rock_detail)[1]
     rows = []
     for rock in scene.rocks:

@@ -11,7 +11,7 @@ from polarsim.geometry.poses import Pose, looking
 
 
 def surveyed_pose(position: str) -> Pose | None:
-    """`sandbox_from_left` of a position's nominal set-up; None for positions that the survey does not have."""
+    """`sandbox_from_left` of a position's nominal station; None for positions that the survey does not have."""
     if position not in survey.SURVEYED_LEFT:
         return None
     return looking(

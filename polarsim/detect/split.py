@@ -21,11 +21,11 @@ PHOTO, TERRAIN = "photo", "terrain"
 
 
 def unit(key: PhotoKey, by: str) -> Any:
-    """What is drawn as a whole: the photo, its view, its set-up, or its terrain. Units of one kind have an order."""
+    """What is drawn as a whole: the photo, its view, its station, or its terrain. Units of one kind have an order."""
     if by == "view":
         return key.view
     if by == "position":
-        return key.set_up
+        return key.station
     return key.terrain if by == TERRAIN else key
 
 

@@ -1,4 +1,4 @@
-"""What other azimuths, lights and the other camera of a set-up show of the same scene."""
+"""What other azimuths, lights and the other camera of a station show of the same scene."""
 
 from __future__ import annotations
 

@@ -95,18 +95,18 @@ def _fit(boxes: np.ndarray, known: np.ndarray) -> float:
 
 
 def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Found:
-    """Rocks of a Right file that lie above or below where all pairs of the set-up put the Left one."""
+    """Rocks of a Right file that lie above or below where all pairs of the station put the Left one."""
     rocks = of_class(files, ROCK_CLASS)
     sets = modals(rocks)
-    for set_up in sorted({key.set_up for key in rocks}):
+    for station in sorted({key.station for key in rocks}):
         seen = {
-            camera: consensus_boxes([boxes for name, boxes in sets.items() if _view(name) == (*set_up, camera)])
+            camera: consensus_boxes([boxes for name, boxes in sets.items() if _view(name) == (*station, camera)])
             for camera in CAMERAS
         }
         plane = _right_from_left(seen["L"], seen["R"])
         if plane is None:
             continue
-        for key in sorted(key for key in rocks if (key.set_up, key.camera) == (set_up, "R")):
+        for key in sorted(key for key in rocks if (key.station, key.camera) == (station, "R")):
             left = replace(key, camera="L")
             if left in rocks:
                 rows = _off_line(_moved(rocks[left], plane), rocks[key])

@@ -71,7 +71,7 @@ def task_of(key: PhotoKey, seeds: Iterable[PhotoKey]) -> str | None:
 
     A photo counts for the hardest step that it needs: no Sun, then another azimuth, Left to Right, light on.
     """
-    near = [seed for seed in seeds if seed.set_up == key.set_up]
+    near = [seed for seed in seeds if seed.station == key.station]
     if key in near:
         return None
     if not near:

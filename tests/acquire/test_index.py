@@ -266,7 +266,7 @@ def test_tables_of_terrains_become_one_also_where_some_are_empty(tmp_path, polar
 
 
 @pytest.mark.release
-def test_every_set_up_of_the_release_has_a_seed_under_every_sun(release_root, tmp_path):
+def test_every_station_of_the_release_has_a_seed_under_every_sun(release_root, tmp_path):
     source = SourceOptions(kind="release", root=release_root)
     for terrain in (1, 3, 4, 8, 11):
         out = index(tmp_path, source, terrain=terrain)

@@ -1,4 +1,4 @@
-"""Pictures of a run that has one set-up: photos of one lamp, twins of one model."""
+"""Pictures of a run that has one station: photos of one lamp, twins of one model."""
 
 import numpy as np
 import pandas as pd

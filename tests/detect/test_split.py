@@ -50,7 +50,7 @@ def test_no_view_is_on_both_sides_of_a_strict_split(keys, by, seed):
     assert set(parts.values()) == {"train", "val", "test"}
 
 
-@pytest.mark.parametrize(("by", "parts_of_unit"), [("view", lambda k: k.view), ("position", lambda k: k.set_up)])
+@pytest.mark.parametrize(("by", "parts_of_unit"), [("view", lambda k: k.view), ("position", lambda k: k.station)])
 def test_whole_units_are_drawn_a_third_of_them(by, parts_of_unit):
     parts = draw_split(GRID, by, OPTIONS)
     tested = {parts_of_unit(key) for key, part in parts.items() if part == "test"}

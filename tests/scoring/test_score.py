@@ -148,12 +148,12 @@ def test_rocks_copied_to_another_azimuth_score_as_measured_before(release_root):
                 sets.setdefault(key.bracket, {})[key] = Labels(*yolo.read_boxes(path))
         for files in sets.values():
             best = max(files, key=lambda k: (len(files[k].classes), -abs(np.log2(k.exposure_ms / 256)), k.exposure_ms))
-            seeds[best.set_up, best.azimuth] = files[best]
-    set_ups = sorted({set_up for set_up, _ in seeds})
+            seeds[best.station, best.azimuth] = files[best]
+    stations = sorted({station for station, _ in seeds})
     truth_boxes, hits, iou_sum = 0, 0, 0.0
-    for set_up in set_ups:
+    for station in stations:
         for source, target in itertools.permutations(SUNS, 2):
-            truth, found = seeds[set_up, target], seeds[set_up, source]
+            truth, found = seeds[station, target], seeds[station, source]
             counts = count_boxes(truth.boxes[truth.classes == 0], found.boxes[found.classes == 0])
             truth_boxes, hits, iou_sum = truth_boxes + counts.tp + counts.fn, hits + counts.tp, iou_sum + counts.iou_sum
     assert truth_boxes == 3216

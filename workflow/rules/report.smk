@@ -442,7 +442,7 @@ rule draw_reflectance:
 
 
 rule draw_contact:
-    """All exposure brackets of a set-up on one sheet, their labels drawn in, for review."""
+    """All exposure brackets of a station on one sheet, their labels drawn in, for review."""
     input:
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         labels="results/{run}/labels/tables/Terrain{terrain}.parquet",

@@ -1,4 +1,4 @@
-"""Draw the contact sheet of a set-up."""
+"""Draw the contact sheet of a station."""
 
 from pathlib import Path
 

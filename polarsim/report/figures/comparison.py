@@ -109,7 +109,7 @@ def _red(cover: np.ndarray) -> np.ndarray:
 def _shown_on(cover: np.ndarray, table: pd.DataFrame, key: PhotoKey) -> PhotoKey | None:
     """The photo that a cover photo of a key's position shows, told by its red boxes."""
     keys = [PhotoKey.parse(str(name)) for name in sorted(set(table["key"]))]
-    alike = [k for k in keys if k.set_up == key.set_up and k.exposure_ms == key.exposure_ms and k.light == key.light]
+    alike = [k for k in keys if k.station == key.station and k.exposure_ms == key.exposure_ms and k.light == key.light]
     return cover_key(cover, table, sorted(alike, key=lambda other: (other.azimuth != key.azimuth, other)))
 
 

@@ -1,4 +1,6 @@
-"""All exposure brackets of a set-up on one sheet, labels drawn in: what a person looks through to find wrong labels."""
+"""All exposure brackets of a station on one sheet, labels drawn in: what a person looks through to find wrong
+labels.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +68,7 @@ def draw_contact(
     Parameters
     ----------
     keys
-        The photos of one set-up.
+        The photos of one station.
     labels
         Label table of the terrain.
     pictures
@@ -125,7 +127,7 @@ def _sheet(tiles: Sequence[Tile], doubtful_below: float, width: int) -> Any:
 
 
 def _legend(tiles: Sequence[Tile], doubtful_below: float) -> str:
-    places = sorted({tile.key.set_up for tile in tiles})
+    places = sorted({tile.key.station for tile in tiles})
     name = ", ".join(f"Terrain {terrain:02d}, position {position}" for terrain, position in places)
     marks = "yellow: rocks with their ids; blue: shadows, a line to their rock"
     return f"{name}. {marks}; dashed: confidence below {doubtful_below:.2f}"

@@ -27,7 +27,7 @@ _TRIPODS = {"A": np.array([3.60, -0.38, 1.55]), "B": np.array([6.10, -0.45, 1.55
 
 
 @dataclass(frozen=True)
-class SetUp:
+class Stations:
     """What only the analog knows, and `calibration`, which is all that the outside is told."""
 
     rig: StereoRig
@@ -44,8 +44,8 @@ class SetUp:
         return {**{azimuth: self.lamps[azimuth] for azimuth in SUNS}, ROVER: self.lamps[f"{ROVER}_{position}"]}
 
 
-def make_set_up(terrain: int, options: AnalogOptions) -> SetUp:
-    """Draw a terrain's set-up."""
+def make_stations(terrain: int, options: AnalogOptions) -> Stations:
+    """Draw a terrain's station."""
     rng = generator(options.seed, "set-up", terrain)
     rig = _true_rig(rng)
     calibration = _calibrated(rig, rng)
@@ -57,7 +57,7 @@ def make_set_up(terrain: int, options: AnalogOptions) -> SetUp:
         lamps[azimuth] = SUN_LAMPS[azimuth] + distance * away / np.linalg.norm(away)
     for position, pose in poses.items():
         lamps[f"{ROVER}_{position}"] = pose.apply(ROVER_LIGHT_FROM_LEFT + rng.normal(0, 0.005, 3))
-    return SetUp(rig, calibration, poses, lamps)
+    return Stations(rig, calibration, poses, lamps)
 
 
 def _true_rig(rng: np.random.Generator) -> StereoRig:

@@ -2,49 +2,52 @@ import numpy as np
 import pytest
 
 from polarsim.analog.options import AnalogOptions
-from polarsim.analog.setup import make_set_up
+from polarsim.analog.stations import make_stations
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.survey import SUN_LAMPS
 
 
 @pytest.mark.parametrize("terrain", [1, 3, 6, 11, 13])
 def test_lamps_stand_one_to_two_decimetres_off_the_survey(terrain):
-    lamps = make_set_up(terrain, AnalogOptions()).lamps
+    lamps = make_stations(terrain, AnalogOptions()).lamps
     for azimuth, surveyed in SUN_LAMPS.items():
         assert 0.1 <= np.linalg.norm(lamps[azimuth] - surveyed) <= 0.2
 
 
 def test_tripods_stand_where_fits_to_the_real_labels_found_them():
-    set_up = make_set_up(1, AnalogOptions())
+    stations = make_stations(1, AnalogOptions())
     for position, (x, y) in {"A": (3.6, -0.4), "B": (6.1, -0.45), "C": (0.8, -3.65)}.items():
-        pose = set_up.sandbox_from_left[position]
+        pose = stations.sandbox_from_left[position]
         np.testing.assert_allclose(pose.translation[:2], [x, y], atol=0.11)
         assert 1.4 < pose.translation[2] < 1.7
         assert 22 <= np.degrees(yaw_pitch_roll(pose)[1]) <= 28
 
 
-def test_each_terrain_has_its_own_set_up_and_each_seed_another():
+def test_each_terrain_has_its_own_stations_and_each_seed_another():
     places = [
-        make_set_up(terrain, AnalogOptions(seed=seed)).sandbox_from_left["A"].translation
+        make_stations(terrain, AnalogOptions(seed=seed)).sandbox_from_left["A"].translation
         for terrain, seed in ((1, 1), (3, 1), (1, 2))
     ]
     assert np.linalg.norm(places[0] - places[1]) > 0.005
     assert np.linalg.norm(places[0] - places[2]) > 0.005
-    np.testing.assert_array_equal(places[0], make_set_up(1, AnalogOptions()).sandbox_from_left["A"].translation)
+    np.testing.assert_array_equal(places[0], make_stations(1, AnalogOptions()).sandbox_from_left["A"].translation)
 
 
 def test_the_calibration_is_near_the_rig_but_not_the_rig():
-    set_up = make_set_up(1, AnalogOptions())
-    for true, stated in ((set_up.rig.left, set_up.calibration.left), (set_up.rig.right, set_up.calibration.right)):
+    stations = make_stations(1, AnalogOptions())
+    for true, stated in (
+        (stations.rig.left, stations.calibration.left),
+        (stations.rig.right, stations.calibration.right),
+    ):
         assert 0 < abs(true.fx - stated.fx) < 5
         assert 0 < abs(true.cx - stated.cx) < 5
         assert 0 < abs(true.distortion[0] - stated.distortion[0]) < 0.01
-    moved = set_up.rig.left_from_right.translation - set_up.calibration.left_from_right.translation
+    moved = stations.rig.left_from_right.translation - stations.calibration.left_from_right.translation
     assert 0 < np.linalg.norm(moved) < 0.002
 
 
 def test_the_rover_light_stands_between_the_cameras():
-    set_up = make_set_up(3, AnalogOptions())
-    left, right = (set_up.camera("A", camera).centre for camera in "LR")
-    lamp = set_up.lamps_at("A")["rover"]
+    stations = make_stations(3, AnalogOptions())
+    left, right = (stations.camera("A", camera).centre for camera in "LR")
+    lamp = stations.lamps_at("A")["rover"]
     assert np.linalg.norm(lamp - (left + right) / 2) < 0.03
