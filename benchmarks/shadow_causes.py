@@ -1,4 +1,5 @@
-"""Why automatic and carried-over shadow boxes differ from drawn ones: one component replaced at a time, and ceilings.
+"""Why automatic and propagated-over shadow boxes differ from drawn ones: one component replaced at a time, and
+ceilings.
 
 `python benchmarks/shadow_causes.py RELEASE WORK [--config config/release.yaml] [--terrains 1 3 4 8 11 12]`
 
@@ -150,21 +151,21 @@ def causes(
 
 
 @dataclass(frozen=True)
-class Carried:
+class Propagated:
     """A terrain's knowledge, and from which exposures on its people drew shadows."""
 
     known: Known
     starts: ShadowStarts
 
 
-def carried(run: Run, options: LabelsOptions) -> Carried:
+def propagated(run: Run, options: LabelsOptions) -> Propagated:
     run.place()
     placed = rigs.read_all_placed(run.folder / "cameras")
     drawings = read_drawings(run.folder / "seeds", run.terrain)
     starts = shadow_starts(drawings, options.shadow_start(run.terrain))
     suns = lamps.read_suns(run.folder / "cameras", placed)
     terrain = read_terrain(run.folder / "meshes", run.terrain)
-    return Carried(gather(terrain, placed, suns, choose_seeds(drawings, {}, starts), options), starts)
+    return Propagated(gather(terrain, placed, suns, choose_seeds(drawings, {}, starts), options), starts)
 
 
 def fullest(truth: Truth) -> dict[tuple[str, CameraSide, Azimuth], np.ndarray]:
@@ -246,7 +247,7 @@ def main() -> None:
     options = LabelsOptions(**config.labels.stage_options())
     counts: dict[str, dict[int, Counts]] = defaultdict(partial(defaultdict, Counts))
     for terrain in args.terrains:
-        own = carried(Run(args.release, args.work, terrain, config, config.labels.seeds.azimuths), options)
+        own = propagated(Run(args.release, args.work, terrain, config, config.labels.seeds.azimuths), options)
         truth = read_truth(args.release, terrain)
         print(f"terrain {terrain:02d}: {len(truth)} files", flush=True)
         for name, found in score_causes(own.known, truth, options):

@@ -3,7 +3,7 @@
 `python benchmarks/transfers.py RELEASE WORK [--config config/release.yaml] [--terrains 1 3 4 8 11 12] [--fit]`
 
 RELEASE is the release's folder (Labels, TerrainMeshes). Every choice of seeds goes through the stages as a run does:
-raw files taken in, cameras located, meshes adopted, labels carried over, all with the options of the configuration, in
+raw files taken in, cameras located, meshes adopted, labels propagated, all with the options of the configuration, in
 folders below WORK, which a second call takes up again. Seeds are the configuration's: Left, rover light off, of each
 azimuth the exposure with most boxes. Truth is every published file that can be read; the others are named.
 

@@ -55,7 +55,7 @@ class LabelsSection(LabelsOptions):
 
     seeds: SeedChoice = Field(
         SeedOptions(),
-        description="The label files that a person drew and that are carried on; 'none': no file is read, rocks and "
+        description="The label files that a person drew and that are propagated; 'none': no file is read, rocks and "
         "shadows are labelled from scans, light and photos alone.",
     )
 

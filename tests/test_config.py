@@ -100,7 +100,7 @@ def test_a_component_changes_its_own_options_and_no_others():
     found = ablation({"render": {"noise": True}})
     assert found.render_options_of("one") == found.render.model_copy(update={"noise": True, "models": ("hapke",)})
     assert found.ablation_detectors == ("analog", "hapke")
-    assert ablation({"labels": "carried"}, trained_on=["principled"]).ablation_detectors == ("principled",)
+    assert ablation({"labels": "propagated"}, trained_on=["principled"]).ablation_detectors == ("principled",)
 
 
 @pytest.mark.parametrize(
@@ -110,8 +110,8 @@ def test_a_component_changes_its_own_options_and_no_others():
         ({"render": {"nose": True}}, {}, "gap.components.one.render.nose: unknown key"),
         ({"render": {"samples": 5}}, {}, "gap.components.one.render.samples"),
         ({"materials": "fitted", "meshes": "thinned"}, {}, "materials are fitted to the run's meshes"),
-        ({"labels": "carried"}, {"model": "lambert"}, "gap.model: lambert has no twins"),
-        ({"labels": "carried"}, {"trained_on": ["real"]}, "gap.trained_on: 'real', expected analog"),
+        ({"labels": "propagated"}, {"model": "lambert"}, "gap.model: lambert has no twins"),
+        ({"labels": "propagated"}, {"trained_on": ["real"]}, "gap.trained_on: 'real', expected analog"),
         ({}, {}, "replaces nothing"),
     ],
 )

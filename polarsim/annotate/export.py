@@ -32,7 +32,7 @@ def export(
 ) -> int:
     """Write the folder; how many pictures it has.
 
-    The labels are those that the run carried to its photos, also where twins stand in for the photos.
+    The labels are those that the run propagated to its photos, also where twins stand in for the photos.
 
     Parameters
     ----------

@@ -25,8 +25,8 @@ class Component(BaseModel, extra="forbid", frozen=True):
     materials: Literal["run", "constant", "fitted"] = Field(
         "run", description="Reflectance: the options' constants, or fitted to the terrain's photos."
     )
-    labels: Literal["run", "carried"] = Field(
-        "run", description="Boxes of the twins. carried: those of the photos, carried on from what people drew."
+    labels: Literal["run", "propagated"] = Field(
+        "run", description="Boxes of the twins. propagated: those of the photos, propagated from what people drew."
     )
     render: dict[str, Any] = Field({}, description="Keys of `render` with other values.")
 

@@ -59,7 +59,7 @@ def pictures_of(run: Path, domain: str, terrain: int) -> dict[PhotoKey, Path]:
 
 
 def polygons_of(run: Path, key: PhotoKey) -> Path:
-    """Outlines of the labels that were carried to a photo."""
+    """Outlines of the labels that were propagated to a photo."""
     return run / "labels" / "polygons" / f"Terrain{key.terrain:02d}" / f"{key}.txt"
 
 

@@ -12,7 +12,7 @@ from polarsim.labels.habits import COEFFICIENTS
 
 
 class LabelsOptions(BaseModel, extra="forbid", frozen=True):
-    """How seed boxes are carried over the photo grid, and how their outlines are drawn."""
+    """How seed boxes are propagated the photo grid, and how their outlines are drawn."""
 
     corrections: Path | None = Field(
         None,

@@ -1,4 +1,4 @@
-"""Seed boxes of a terrain, carried to every exposure, light, azimuth and camera of its grid."""
+"""Seed boxes of a terrain, propagated to every exposure, light, azimuth and camera of its grid."""
 
 from __future__ import annotations
 

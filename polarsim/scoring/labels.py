@@ -1,4 +1,4 @@
-"""How well carried labels agree with hand-drawn or true ones, task by task: what had to be carried how far."""
+"""How well propagated labels agree with hand-drawn or true ones, task by task: how far a label had to be propagated."""
 
 from __future__ import annotations
 

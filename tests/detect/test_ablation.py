@@ -138,7 +138,7 @@ def test_the_ablation_has_a_row_a_component_detector_and_class(tmp_path):
         for trained in ("analog", "hapke"):
             predictions[trained, name] = tmp_path / f"{trained}_on_{name}.parquet"
             tables.write_parquet(predictions[trained, name], domain.predictions.drop(columns="rock"))
-    replaced = {"pose": "cameras: truth", "labels": "labels: carried"}
+    replaced = {"pose": "cameras: truth", "labels": "labels: propagated"}
     write_ablation(
         predictions=predictions, labels=labels, datasets=datasets, photo="analog", twin="hapke", replaced=replaced,
         ablation=tmp_path / "ablation.parquet", options=OPTIONS, training=TrainingOptions(), imgsz=320,
@@ -157,8 +157,8 @@ def test_the_ablation_has_a_row_a_component_detector_and_class(tmp_path):
 
 
 def test_a_component_says_what_it_replaces_and_whether_it_needs_pictures():
-    labels, glare = Component(labels="carried"), Component(cameras="truth", render={"noise": True, "bounces": 2})
-    assert (labels.told(), labels.is_rendered, labels.needs_truth) == ("labels: carried", False, False)
+    labels, glare = Component(labels="propagated"), Component(cameras="truth", render={"noise": True, "bounces": 2})
+    assert (labels.told(), labels.is_rendered, labels.needs_truth) == ("labels: propagated", False, False)
     assert (glare.told(), glare.is_rendered, glare.needs_truth) == ("cameras: truth, noise: on, bounces: 2", True, True)
 
 
@@ -166,8 +166,8 @@ def test_a_component_says_what_it_replaces_and_whether_it_needs_pictures():
     ("components", "told"),
     [
         ({"pose": {}}, "replaces nothing"),
-        ({"twin": {"labels": "carried"}}, "expected a name"),
-        ({"A pose": {"labels": "carried"}}, "expected a name"),
+        ({"twin": {"labels": "propagated"}}, "expected a name"),
+        ({"A pose": {"labels": "propagated"}}, "expected a name"),
         ({"model": {"render": {"models": ["lambert"]}}}, "keys of their own"),
     ],
 )

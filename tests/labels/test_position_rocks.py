@@ -107,15 +107,15 @@ def test_a_drawing_in_the_dark_does_not_speak_against_a_rock():
     assert {label.rock for label in rocks_at("A", drawn, SHADED).labels("L", "350")} == {BARRIER}
 
 
-@pytest.mark.parametrize(("elsewhere", "carried"), [(False, False), (True, True), (None, True)])
-def test_a_box_of_one_drawing_alone_is_carried_over_only_if_another_position_knows_it(elsewhere, carried):
+@pytest.mark.parametrize(("elsewhere", "propagated"), [(False, False), (True, True), (None, True)])
+def test_a_box_of_one_drawing_alone_is_propagated_over_only_if_another_position_knows_it(elsewhere, propagated):
     """`elsewhere`: whether C drew the rock; None: nobody drew anything at C."""
     drawn = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
     drawn["A"]["L", "30"].append(box_of(FAR))
     if elsewhere is not None:
         drawn["C"] = {("L", "30"): [box_of(rock, "C") for rock in ((NEAR, FAR) if elsewhere else (NEAR,))]}
     shown = {label.rock for label in rocks_at("A", drawn).labels("R", "30")}
-    assert shown == ({NEAR, FAR} if carried else {NEAR})
+    assert shown == ({NEAR, FAR} if propagated else {NEAR})
 
 
 def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_the_habits_say(monkeypatch):

@@ -1,4 +1,4 @@
-"""Hand-drawn labels of the published release: left ones, carried over, against those of the other photos."""
+"""Hand-drawn labels of the published release: left ones, propagated, against those of the other photos."""
 
 import numpy as np
 import pandas as pd

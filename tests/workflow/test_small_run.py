@@ -29,7 +29,7 @@ SMALL = {
         "components": {
             "nothing": {"render": {"seed": 0}},
             "scene": {"cameras": "truth", "lamps": "truth", "meshes": "truth"},
-            "labels": {"labels": "carried"},
+            "labels": {"labels": "propagated"},
         },
     },
 }

@@ -176,7 +176,7 @@ def pictures_place(wildcards):
 
 
 def labels_of(domain):
-    """Photos are evaluated by the labels that were carried to them, twins by their exact ones."""
+    """Photos are evaluated by the labels that were propagated to them, twins by their exact ones."""
     return of_run(
         "results/{run}/labels/labels.parquet"
         if domain == CONFIG.photo_domain

@@ -85,9 +85,9 @@ def ablation_labels():
     """Labels of the same domains."""
     paths = []
     for domain in ABLATION_DOMAINS:
-        carried = domain in COMPONENTS and COMPONENTS[domain].labels == "carried"
-        if domain in PICTURED and not carried:
+        propagated = domain in COMPONENTS and COMPONENTS[domain].labels == "propagated"
+        if domain in PICTURED and not propagated:
             paths += [f"results/{{run}}/gap/twins/{domain}/labels.parquet"]
         else:
-            paths += labels_of(CONFIG.photo_domain if carried else twin_behind(domain))
+            paths += labels_of(CONFIG.photo_domain if propagated else twin_behind(domain))
     return paths

@@ -1,4 +1,4 @@
-"""Stage 4: seed labels carried to every photo of the grid."""
+"""Stage 4: seed labels propagated to every photo of the grid."""
 
 
 rule labels:

@@ -80,7 +80,7 @@ rule check_consistency:
 
 
 rule score_labels:
-    """Labels of every photo against truth, or against what people drew, by what it took to carry them there."""
+    """Labels of every photo against truth, or against what people drew, by what it took to propagate them there."""
     input:
         raw=raw_data,
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",

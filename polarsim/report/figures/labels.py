@@ -1,4 +1,4 @@
-"""How far the edges of carried boxes lie from the true ones."""
+"""How far the edges of propagated boxes lie from the true ones."""
 
 from __future__ import annotations
 
