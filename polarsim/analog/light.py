@@ -85,11 +85,11 @@ def visibility(view: GBuffer, caster: Caster, lamp: Lamp, rng: np.random.Generat
         facing &= view.material[rows] != Material.DARK  # black cloth: not worth a ray
         at = np.full(facing.shape, np.inf, np.float32)
         at[facing] = caster.first_hits(rays_from(places[facing], to_disc[facing]), threads)["t_hit"]
-        blocked = at < 0.995
-        seen[rows] = ~blocked & facing
+        occluded = at < 0.995
+        seen[rows] = ~occluded & facing
         share = np.clip(at, 0.0, 0.9)
         width = 2 * lamp.radius * share / (1 - share) / view.footprint[rows]
-        penumbra[rows] = np.where(blocked, width, 0)
+        penumbra[rows] = np.where(occluded, width, 0)
     wide = cv2.dilate(cv2.blur(penumbra, (5, 5)), np.ones((15, 15), np.uint8))
     smooth = cv2.blur(seen, (3, 3))
     for size, least in ((5, 5), (11, 12), (21, 30)):

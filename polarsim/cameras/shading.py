@@ -43,7 +43,7 @@ class Seen:
         square = np.einsum("nk,nk->n", to_lamp, to_lamp)
         light = np.einsum("nk,nk->n", self.normal, to_lamp) / square**1.5  # cosine over distance squared
         lit = np.flatnonzero(light > 0)
-        lit = lit[~self.surface.rays.blocked(self.place[lit], to_lamp[lit], 1.0)]
+        lit = lit[~self.surface.rays.occluded(self.place[lit], to_lamp[lit], 1.0)]
         image = np.zeros(self.points.shape[:2], np.float32)
         image.ravel()[np.flatnonzero(self.met)[lit]] = light[lit]
         return image

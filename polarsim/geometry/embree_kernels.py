@@ -62,7 +62,7 @@ def _fill(rays, integers, valid, origins, directions, first, mask):  # type: ign
     f"int64(intp, int64[::1], uint32, {_RAYS}, {_RAYS}, int64[::1], float32[::1], int64[::1], {_RAYS}, {_RAYS})",
     nogil=True,
 )
-def meet(  # type: ignore[no-untyped-def]
+def intersect(  # type: ignore[no-untyped-def]
     scene, first_face, mask, origins, directions, number, distance, face, weights, normal
 ):
     """Write what rays meet to the front of the arrays, in the order of rays; how many do.
@@ -92,7 +92,7 @@ def meet(  # type: ignore[no-untyped-def]
 
 
 @njit(f"void(intp, uint32, {_RAYS}, {_RAYS}, float32[::1], float32, boolean[::1])", nogil=True)
-def blocked(scene, mask, origins, directions, far, near_metres, hit):  # type: ignore[no-untyped-def]
+def occluded(scene, mask, origins, directions, far, near_metres, hit):  # type: ignore[no-untyped-def]
     """Whether a triangle lies between `near_metres` and `far` (n,), in units of the direction's length."""
     rays, integers, valid = _packet()
     arguments = COHERENT.copy()

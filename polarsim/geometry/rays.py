@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 NO_FACE = -1  # face number of a ray that meets nothing
-START_OFFSET = 1e-4  # metres: `blocked` passes over surfaces nearer than this, so that no surface shades itself
+START_OFFSET = 1e-4  # metres: `occluded` passes over surfaces nearer than this, so that no surface shades itself
 _PAIRS = 1 << 20  # ray-triangle pairs tested at once: bounds the memory of the NumPy engine at about 200 MB
 
 RayEngine = Literal["embree", "taichi", "numpy"]
@@ -20,7 +20,7 @@ Device = Literal["cpu", "cuda", "vulkan"]  # what Taichi runs on
 
 
 @dataclass(frozen=True)
-class Met:
+class RayHits:
     """Where rays first meet triangles: the m rays of n that meet one."""
 
     ray: np.ndarray  # (m,) numbers of the rays, ascending
@@ -50,7 +50,7 @@ class Caster(Protocol):
         """
         ...
 
-    def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
+    def occluded(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
         """(n,) bool: a triangle between `START_OFFSET` metres from the origin and `far` (n,) or scalar.
 
         `far` is in units of the direction's length: 1 where `directions` reach from the origin to the lamp.
@@ -61,7 +61,7 @@ class Caster(Protocol):
 class Surveyor(Caster, Protocol):
     """A caster that knows where on a triangle a ray meets it."""
 
-    def meet(self, origins: np.ndarray, directions: np.ndarray) -> Met:
+    def intersect(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:
         """`nearest`, with the place on the triangle."""
         ...
 
@@ -86,11 +86,11 @@ class Joined:
         distance[nearer], face[nearer] = other[nearer], other_face[nearer] + self._first_faces
         return distance, face
 
-    def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
-        hit = self._first.blocked(origins, directions, far)
+    def occluded(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
+        hit = self._first.occluded(origins, directions, far)
         passed = np.flatnonzero(~hit)
         far = np.broadcast_to(np.asarray(far), len(origins))[passed]
-        hit[passed] = self._second.blocked(origins[passed], directions[passed], far)
+        hit[passed] = self._second.occluded(origins[passed], directions[passed], far)
         return hit
 
 
@@ -113,7 +113,7 @@ class NumpyCaster:
             face[part] = np.where(np.isfinite(distance[part]), best, NO_FACE)
         return distance, face
 
-    def meet(self, origins: np.ndarray, directions: np.ndarray) -> Met:
+    def intersect(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:
         distance, face = self.nearest(origins, directions)
         ray = np.flatnonzero(face >= 0)
         distance, face = distance[ray], face[ray]
@@ -124,9 +124,9 @@ class NumpyCaster:
         from_corner = place - self._corner[face]
         second = np.einsum("nk,nk->n", np.cross(from_corner, edge2), normal) / area2
         third = np.einsum("nk,nk->n", np.cross(edge1, from_corner), normal) / area2
-        return Met(ray, distance, face, np.stack([second, third], axis=1), normal)
+        return RayHits(ray, distance, face, np.stack([second, third], axis=1), normal)
 
-    def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
+    def occluded(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
         origins, directions = np.asarray(origins, float), np.asarray(directions, float)
         near = START_OFFSET / np.linalg.norm(directions, axis=1)
         far = np.broadcast_to(np.asarray(far, float), len(origins))

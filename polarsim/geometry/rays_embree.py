@@ -10,7 +10,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from polarsim.geometry.embree_library import Scene
-from polarsim.geometry.rays import NO_FACE, START_OFFSET, Met
+from polarsim.geometry.rays import NO_FACE, START_OFFSET, RayHits
 
 T = TypeVar("T")
 ALL = np.uint32(0xFFFFFFFF)  # mask of rays that meet every shape
@@ -33,14 +33,14 @@ class EmbreeCaster:
         self._scene: Castable | None = Scene(np.asarray(vertices).reshape(-1, 3), faces) if len(faces) else None
 
     def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        met = self.meet(origins, directions)
+        met = self.intersect(origins, directions)
         distance = np.full(len(origins), np.inf)
         face = np.full(len(origins), NO_FACE, np.int64)
         distance[met.ray], face[met.ray] = met.distance, met.face
         return distance, face
 
-    def meet(self, origins: np.ndarray, directions: np.ndarray) -> Met:
-        def cast(scene: int, part: slice) -> Met:
+    def intersect(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:
+        def cast(scene: int, part: slice) -> RayHits:
             from polarsim.geometry import embree_kernels
 
             count = part.stop - part.start
@@ -48,15 +48,15 @@ class EmbreeCaster:
             distance = np.empty(count, np.float32)
             weights, normal = np.empty((count, 2), np.float32), np.empty((count, 3), np.float32)
             lines = _float32(origins[part]), _float32(directions[part])
-            met = embree_kernels.meet(
+            met = embree_kernels.intersect(
                 scene, self._first_face, self._mask, *lines, rays, distance, faces, weights, normal
             )
-            return Met(rays[:met] + part.start, distance[:met], faces[:met], weights[:met], normal[:met])
+            return RayHits(rays[:met] + part.start, distance[:met], faces[:met], weights[:met], normal[:met])
 
-        parts = self._in_strips(cast, len(origins)) or [_nothing_met()]
-        return Met(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Met)))
+        parts = self._in_strips(cast, len(origins)) or [_no_hits()]
+        return RayHits(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(RayHits)))
 
-    def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
+    def occluded(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
         far = np.broadcast_to(np.asarray(far), len(origins))
         hit = np.zeros(len(origins), bool)
 
@@ -64,7 +64,7 @@ class EmbreeCaster:
             from polarsim.geometry import embree_kernels
 
             lines = _float32(origins[part]), _float32(directions[part])
-            embree_kernels.blocked(scene, self._mask, *lines, _float32(far[part]), np.float32(START_OFFSET), hit[part])
+            embree_kernels.occluded(scene, self._mask, *lines, _float32(far[part]), np.float32(START_OFFSET), hit[part])
 
         self._in_strips(cast, len(origins))
         return hit
@@ -81,9 +81,9 @@ class EmbreeCaster:
             return list(pool.map(lambda strip: cast(scene, strip), strips))
 
 
-def _nothing_met() -> Met:
+def _no_hits() -> RayHits:
     none = np.zeros(0, np.int64)
-    return Met(none, np.zeros(0, np.float32), none, np.zeros((0, 2), np.float32), np.zeros((0, 3), np.float32))
+    return RayHits(none, np.zeros(0, np.float32), none, np.zeros((0, 2), np.float32), np.zeros((0, 3), np.float32))
 
 
 def _float32(values: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry import bvh, taichi_device
-from polarsim.geometry.rays import NO_FACE, START_OFFSET, Device, Met
+from polarsim.geometry.rays import NO_FACE, START_OFFSET, Device, RayHits
 from polarsim.geometry.taichi_device import on_its_thread, ti
 from polarsim.geometry.taichi_walk import FAR, VECTORS, walk
 from polarsim.geometry.vectors import length
@@ -55,7 +55,7 @@ class TaichiCaster:
             face[part][hit] = self._tree.order.take(slot.take(hit))
         return distance, face
 
-    def meet(self, origins: np.ndarray, directions: np.ndarray) -> Met:
+    def intersect(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:
         none = np.zeros(0, np.int64)
         parts = [(none, np.zeros(0, np.float32), none, np.zeros((0, 2), np.float32))]
         for part, (found, slot, weights) in self._first(origins, directions):
@@ -63,12 +63,12 @@ class TaichiCaster:
             parts.append((ray + part.start, found.take(ray), slot.take(ray), weights.take(ray, axis=0)))
         ray, distance, slot, weights = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         if self._tree is None:
-            return Met(ray, distance, slot, weights, np.zeros((0, 3), np.float32))
+            return RayHits(ray, distance, slot, weights, np.zeros((0, 3), np.float32))
         face = self._tree.order.take(slot).astype(np.int64)
         first, second, third = (self._corners[:, corner].take(face, axis=0) for corner in range(3))
-        return Met(ray, distance, face, weights, np.cross(second - first, third - first))
+        return RayHits(ray, distance, face, weights, np.cross(second - first, third - first))
 
-    def blocked(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
+    def occluded(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
         hit = np.zeros(len(origins), np.int32)
         far = np.broadcast_to(np.asarray(far), len(origins))
         for part in self._strips(len(origins)):
@@ -76,7 +76,7 @@ class TaichiCaster:
             near = _float32(START_OFFSET / length(along))
             limit = _float32(np.minimum(far[part], FAR))
             rays = _float32(origins[part]), _float32(along), near, limit
-            self._call(_blocked, *rays, hit[part])
+            self._call(_occluded, *rays, hit[part])
         return hit > 0
 
     @on_its_thread
@@ -156,7 +156,7 @@ def _nearest(
 
 
 @ti.kernel
-def _blocked(
+def _occluded(
     boxes: ti.types.ndarray(dtype=ti.math.vec3, ndim=2), children: ti.types.ndarray(dtype=ti.i32, ndim=2),
     corners: ti.types.ndarray(dtype=ti.math.vec3, ndim=2), origins: VECTORS, directions: VECTORS,
     near: _VALUES, far: _VALUES, hit: _NUMBERS,

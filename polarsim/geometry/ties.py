@@ -50,7 +50,7 @@ def look_with_both(rays: Caster, sandbox_from_left: Pose, rig: StereoRig) -> Bot
     pixels = rig.right.project(rig.left_from_right.inverse().apply(points_left))
     inside = ((pixels > 0) & (pixels < [rig.right.width, rig.right.height])).all(axis=1)
     shown = np.flatnonzero(inside)
-    shown = shown[~rays.blocked(np.broadcast_to(eye, (len(shown), 3)), points[shown] - eye, NEARER)]
+    shown = shown[~rays.occluded(np.broadcast_to(eye, (len(shown), 3)), points[shown] - eye, NEARER)]
     all_points = np.full((lens.height * lens.width, 3), np.nan)
     in_right = np.full((lens.height * lens.width, 2), np.nan, np.float32)
     all_points[met], in_right[met[shown]] = points_left, pixels[shown]

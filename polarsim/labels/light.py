@@ -71,9 +71,9 @@ class LightLayers:
         to_lamp = (rover if azimuth == "no" else world.suns[azimuth]) - seen.places
         cosine = np.einsum("nk,nk->n", seen.normals, to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True))
         facing = np.flatnonzero(cosine > 0)
-        lit = facing[~world.everything.blocked(seen.places[facing], to_lamp[facing], 1.0)]
+        lit = facing[~world.everything.occluded(seen.places[facing], to_lamp[facing], 1.0)]
         if world.walls is not None:
-            lit = lit[~world.walls.blocked(seen.places[lit], to_lamp[lit], 1.0)]
+            lit = lit[~world.walls.occluded(seen.places[lit], to_lamp[lit], 1.0)]
         light = STRAY / 2 * (1 + seen.normals[:, 2])
         light[lit] += cosine[lit]
         layer = np.zeros(seen.met.shape, np.float32)

@@ -31,7 +31,7 @@ def shaded(world: World, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
     """(n,) bool: ground, a rock or a wall stands between points (n, 3) and a lamp (3,)."""
     to_lamp = lamp - points
     starts = points + LIFT * to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
-    dark = world.everything.blocked(starts, to_lamp, 1.0)
+    dark = world.everything.occluded(starts, to_lamp, 1.0)
     if world.walls is not None and not dark.all():
-        dark |= world.walls.blocked(starts, to_lamp, 1.0)
+        dark |= world.walls.occluded(starts, to_lamp, 1.0)
     return np.asarray(dark)

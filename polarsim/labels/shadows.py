@@ -93,9 +93,9 @@ class Ids:
         meshes may be wider than their rocks (skirts, back sides that no scan saw).
         """
         distance, face = world.rocks.nearest(self.places, lamp_place - self.places)
-        blocked = distance < 1
+        occluded = distance < 1
         rock = np.full(len(self.places), NO_ROCK)
-        rock[blocked] = world.rock_of_rocks_face[face[blocked]]
+        rock[occluded] = world.rock_of_rocks_face[face[occluded]]
         shadow = np.full(self.shape, NO_ROCK)
         shadow[self.ground] = rock
         shadow[(self.rock != NO_ROCK) & (self.rock != shadow)] = NO_ROCK

@@ -105,7 +105,7 @@ class World:
         distance, face = self.rocks.nearest(eyes, directions)
         other = self.rock_of_rocks_face[face]
         hidden = (distance < 1) & (other != rock) & (other != NO_ROCK)
-        return hidden if self.walls is None else hidden | self.walls.blocked(eyes, directions, 1.0)
+        return hidden if self.walls is None else hidden | self.walls.occluded(eyes, directions, 1.0)
 
 
 def build_worlds(

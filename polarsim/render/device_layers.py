@@ -163,7 +163,9 @@ def _see(
     slot: _NUMBERS, weights: _WEIGHTS, point: VECTORS, to_viewer: VECTORS, normal: VECTORS, plane: VECTORS,
     upward: _VALUES, seen: _VALUES,
 ):  # fmt: skip
-    """`hits.meet` of rays along directions in the camera's frame; and how much of the sky's half each pixel faces."""
+    """`hits.intersect` of rays along directions in the camera's frame; and how much of the sky's half each pixel
+    faces.
+    """
     for n in slot:
         along = rotation @ directions[n]
         met = walk(boxes, children, corners, origin, along, 0.0, FAR, 0)

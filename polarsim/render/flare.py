@@ -54,6 +54,6 @@ def _strength() -> float:
 def _seen_share(surfaces: Surfaces, place: np.ndarray, to_lamp: np.ndarray, lamp: Lamp, samples: int) -> float:
     """Share of the lamp that is seen from a place (1, 3)."""
     if not lamp.radius_m:
-        return float(not surfaces.all.blocked(place, to_lamp, 1.0)[0])
+        return float(not surfaces.all.occluded(place, to_lamp, 1.0)[0])
     place, to_lamp = place.astype(np.float32), to_lamp.astype(np.float32)
     return float(visible_share(surfaces, place, to_lamp, lamp.radius_m, samples, np.zeros(1))[0])

@@ -12,7 +12,7 @@ from threadpoolctl import ThreadpoolController
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.pixel_rays import pixel_directions
-from polarsim.geometry.rays import Met
+from polarsim.geometry.rays import RayHits
 from polarsim.geometry.vectors import dot, moved, rotated, scaled, unit
 from polarsim.render.surfaces import Surfaces
 
@@ -51,15 +51,17 @@ def cast_strip(
     """Cast a ray through every pixel of the rows, `offset` pixels off its centre; normals are flat unless `smooth`."""
     directions = pixel_directions(camera.lens, rows, offset).reshape(-1, 3)
     directions = rotated(camera.world_from_camera.rotation, directions)
-    return meet(surfaces, rows, camera.centre, directions, smooth=smooth)
+    return intersect(surfaces, rows, camera.centre, directions, smooth=smooth)
 
 
-def meet(surfaces: Surfaces, rows: slice, origins: np.ndarray, directions: np.ndarray, *, smooth: bool = True) -> Hits:
+def intersect(
+    surfaces: Surfaces, rows: slice, origins: np.ndarray, directions: np.ndarray, *, smooth: bool = True
+) -> Hits:
     """What rays along directions (n, 3) meet first; `pixel` numbers the rays, the viewer is where they came from.
 
     Origins are (3,), the same for all, or (n, 3).
     """
-    met = surfaces.all.meet(np.broadcast_to(origins, directions.shape), directions)
+    met = surfaces.all.intersect(np.broadcast_to(origins, directions.shape), directions)
     directions = directions.take(met.ray, axis=0)
     if origins.ndim > 1:
         origins = origins.take(met.ray, axis=0)
@@ -76,7 +78,7 @@ def meet(surfaces: Surfaces, rows: slice, origins: np.ndarray, directions: np.nd
     return Hits(rows, met.ray, met.face, point, to_viewer, normal, plane, met.weights)
 
 
-def _smooth_normals(surfaces: Surfaces, met: Met) -> np.ndarray:
+def _smooth_normals(surfaces: Surfaces, met: RayHits) -> np.ndarray:
     """(m, 3) unit normals between those of the corners; zero where these cancel out."""
     corners = surfaces.corner_normals.take(met.face, axis=0)  # (m, 3, 3)
     second, third = (met.weights[:, number].astype(np.float32) for number in range(2))

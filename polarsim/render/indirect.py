@@ -19,7 +19,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.rays import START_OFFSET
 from polarsim.geometry.vectors import dot, unit
 from polarsim.randomness import generator
-from polarsim.render.hits import Hits, cast_strip, for_strips, meet
+from polarsim.render.hits import Hits, cast_strip, for_strips, intersect
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import lighting
 from polarsim.render.materials import Materials
@@ -98,7 +98,7 @@ class Paths:
         for number in range(self._options.bounces):
             point, plane = start.point.take(going, axis=0), start.plane.take(going, axis=0)
             origins = point + np.float32(START_OFFSET) * plane
-            met = meet(self._surfaces, start.rows, origins, direction.take(going, axis=0))
+            met = intersect(self._surfaces, start.rows, origins, direction.take(going, axis=0))
             if self._options.ambient:
                 lost = np.delete(np.arange(len(path)), met.pixel)
                 radiance[:, :, path[lost]] += carried[:, None, lost] * self._ambient

@@ -35,7 +35,7 @@ def lighting(
         irradiance[lit] *= seen
         lit = lit[seen > 0]
     else:
-        lit = lit[~surfaces.all.blocked(hits.point.take(lit, axis=0), to_lamp.take(lit, axis=0), 1.0)]
+        lit = lit[~surfaces.all.occluded(hits.point.take(lit, axis=0), to_lamp.take(lit, axis=0), 1.0)]
     to_lamp = to_lamp.take(lit, axis=0)
     nearness = 1 / length(to_lamp)
     return lit, scaled(to_lamp, nearness), irradiance.take(lit) * along_normal.take(lit) * nearness

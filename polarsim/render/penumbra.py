@@ -30,7 +30,7 @@ def visible_share(
     points, to_lamp : (n, 3) float32
         Places, and vectors to the disc's centre, metres.
     samples : int
-        Rays a point, where some of the first ones are blocked and some are not.
+        Rays a point, where some of the first ones are occluded and some are not.
     turn : (n,) float
         Radians by which the pattern of rays is turned: another one for each point makes grain of what would be bands.
     every : int
@@ -41,10 +41,10 @@ def visible_share(
     unsure = np.arange(len(points))
     if every > 1:
         unsure = _sparsely(surfaces, points, to_lamp, radius_m, turn, every, share)
-    share[unsure] = 1 - _blocked_share(surfaces, *_rows(unsure, points, to_lamp), radius_m, _rim(), turn[unsure])
+    share[unsure] = 1 - _occluded_share(surfaces, *_rows(unsure, points, to_lamp), radius_m, _rim(), turn[unsure])
     soft = np.flatnonzero((share > 0) & (share < 1))
     if len(soft):
-        share[soft] = 1 - _blocked_share(
+        share[soft] = 1 - _occluded_share(
             surfaces, points[soft], to_lamp[soft], radius_m, _sunflower(samples), turn[soft]
         )
     return share
@@ -62,12 +62,12 @@ def _sparsely(
     """Write the share of points (n,) that lie among alike ones; numbers of the others."""
     count = len(points)
     probed = np.minimum(np.arange(0, count + every - 1, every), max(count - 1, 0)) if count else np.zeros(0, np.int64)
-    found = 1 - _blocked_share(surfaces, *_rows(probed, points, to_lamp), radius_m, _rim(), turn[probed])
+    found = 1 - _occluded_share(surfaces, *_rows(probed, points, to_lamp), radius_m, _rim(), turn[probed])
     between = np.minimum(np.arange(count) // every, len(probed) - 2) if len(probed) > 1 else np.zeros(count, np.int64)
     first, second = found[between], found[np.minimum(between + 1, len(probed) - 1)]
     alike = np.flatnonzero((first == second) & ((first == 0) | (first == 1)))
     differs = np.zeros(count + 2 * every, np.int64)  # a margin on both sides
-    open_centre = ~surfaces.all.blocked(*_rows(alike, points, to_lamp), 1.0)
+    open_centre = ~surfaces.all.occluded(*_rows(alike, points, to_lamp), 1.0)
     differs[every + alike[open_centre != (first[alike] == 1)]] = 1
     so_far = np.concatenate([[0], differs.cumsum()])
     near = so_far[every + every // 2 + 1 :][:count] - so_far[every - every // 2 :][:count] > 0
@@ -95,13 +95,13 @@ def _sunflower(samples: int) -> np.ndarray:
     return np.stack([np.sqrt((number + 0.5) / samples), number * _GOLDEN], axis=1)
 
 
-def _blocked_share(
+def _occluded_share(
     surfaces: Surfaces, points: np.ndarray, to_lamp: np.ndarray, radius_m: float, pattern: np.ndarray, turn: np.ndarray
 ) -> np.ndarray:
-    blocked = np.zeros(len(points), np.float32)
+    occluded = np.zeros(len(points), np.float32)
     for towards in _on_disc(to_lamp, radius_m, pattern, turn):
-        blocked += surfaces.all.blocked(points, towards, 1.0)
-    return blocked / np.float32(len(pattern))
+        occluded += surfaces.all.occluded(points, towards, 1.0)
+    return occluded / np.float32(len(pattern))
 
 
 def to_disc(to_lamp: np.ndarray, radius_m: float, samples: int, turn: np.ndarray) -> Iterator[np.ndarray]:

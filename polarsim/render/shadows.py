@@ -69,7 +69,7 @@ def on_ground(surfaces: Surfaces, point: np.ndarray, plane: np.ndarray, to_lamp:
     behind = np.flatnonzero(distance < far)
     towards = along.take(behind, axis=0)
     start = moved(point.take(behind, axis=0), towards, np.float32(_RELIEF_REACH))
-    dark_anyway = surfaces.rest.blocked(start, towards, far[behind] - _RELIEF_REACH)
+    dark_anyway = surfaces.rest.occluded(start, towards, far[behind] - _RELIEF_REACH)
     behind = behind[~dark_anyway]
     rock_id = surfaces.id_of_face[surfaces.rock_faces[face[behind]]] if len(behind) else np.zeros(0, np.int32)
     ids[behind] = rock_id - ROCK_IDS + SHADOW_IDS
@@ -77,6 +77,6 @@ def on_ground(surfaces: Surfaces, point: np.ndarray, plane: np.ndarray, to_lamp:
     facing = dot(plane.take(others, axis=0), along.take(others, axis=0)) > 0
     dark = ~facing
     lit = others[facing]
-    dark[facing] = surfaces.rest.blocked(point.take(lit, axis=0), along.take(lit, axis=0), far[lit])
+    dark[facing] = surfaces.rest.occluded(point.take(lit, axis=0), along.take(lit, axis=0), far[lit])
     ids[others[dark]] = RELIEF_SHADOW
     return ids

@@ -72,7 +72,7 @@ class Surface:
         facing = np.einsum("nk,nk->n", towards, normals) > 0
         starts = points + _LIFT * normals
         seen = np.zeros(len(points), bool)
-        seen[facing] = ~self._rays.blocked(starts[facing], eye - starts[facing], 1.0)
+        seen[facing] = ~self._rays.occluded(starts[facing], eye - starts[facing], 1.0)
         return seen
 
 

@@ -79,10 +79,10 @@ def test_the_shadow_of_a_ball_lies_where_geometry_says(ball_view, ball_caster, r
     to_ball = np.array([0, 0, BALL_HEIGHT]) - ball_view.places
     along = np.einsum("...k,...k->...", to_ball, to_lamp)
     miss = np.linalg.norm(to_ball - along[..., None] * to_lamp, axis=-1)
-    blocked = (along > 0) & (miss < BALL_RADIUS - 0.02)
+    occluded = (along > 0) & (miss < BALL_RADIUS - 0.02)
     clear = (miss > BALL_RADIUS + 0.02) | (along < 0)
-    assert (sand & blocked).sum() > 100
-    assert seen[sand & blocked].mean() < 0.05
+    assert (sand & occluded).sum() > 100
+    assert seen[sand & occluded].mean() < 0.05
     assert seen[sand & clear].mean() > 0.97
 
 

@@ -63,7 +63,7 @@ def test_the_nearer_of_two_triangles_wins(engine):
 def test_a_meeting_tells_the_place_on_the_triangle(rng, engine):
     vertices, faces, origins, directions = random_scene(rng)
     cast = caster(vertices, faces, engine=engine)
-    met = cast.meet(origins, directions)
+    met = cast.intersect(origins, directions)
     distance, face = cast.nearest(origins, directions)
     np.testing.assert_array_equal(met.ray, np.flatnonzero(face >= 0))
     np.testing.assert_array_equal(met.face, face[met.ray])
@@ -77,27 +77,27 @@ def test_a_meeting_tells_the_place_on_the_triangle(rng, engine):
 
 @engines
 def test_no_triangle_is_met_by_nothing(engine):
-    met = caster(np.zeros((0, 3)), np.zeros((0, 3), int), engine=engine).meet(np.zeros((2, 3)), np.ones((2, 3)))
+    met = caster(np.zeros((0, 3)), np.zeros((0, 3), int), engine=engine).intersect(np.zeros((2, 3)), np.ones((2, 3)))
     assert len(met.ray) == len(met.face) == 0
     assert met.weights.shape == (0, 2)
 
 
 @engines
-def test_blocked_looks_between_the_start_offset_and_far(engine):
+def test_occluded_looks_between_the_start_offset_and_far(engine):
     cast = caster(*GROUND, engine=engine)
     heights = np.array([1.0, 1.0, 1.0, 0.0, START_OFFSET / 2, 2 * START_OFFSET, 1.0])
     far = np.array([0.9, 1.1, np.inf, 1.0, 1.0, 1.0, 0.0])
     origins = np.stack([np.full(7, 0.2), np.full(7, 0.2), heights], axis=1)
-    blocked = cast.blocked(origins, np.tile(DOWN, (7, 1)), far)
-    assert blocked.tolist() == [False, True, True, False, False, True, False]
+    occluded = cast.occluded(origins, np.tile(DOWN, (7, 1)), far)
+    assert occluded.tolist() == [False, True, True, False, False, True, False]
 
 
 @engines
-def test_blocked_takes_one_far_for_all_and_any_direction_length(engine):
+def test_occluded_takes_one_far_for_all_and_any_direction_length(engine):
     cast = caster(*GROUND, engine=engine)
     directions = np.array([[0, 0, -0.01], [0, 0, -1], [0, 0, -100.0]])
     origins = np.tile([0.2, 0.2, 0.5], (3, 1))
-    assert cast.blocked(origins, directions, 1.0).tolist() == [False, True, True]
+    assert cast.occluded(origins, directions, 1.0).tolist() == [False, True, True]
 
 
 @engines
@@ -109,7 +109,7 @@ def test_no_rays_and_no_triangles_are_fine(engine):
     distance, face = cast.nearest(np.ones((2, 3)), np.ones((2, 3)))
     assert np.isinf(distance).all()
     assert (face == NO_FACE).all()
-    assert not cast.blocked(np.ones((2, 3)), np.ones((2, 3)), np.inf).any()
+    assert not cast.occluded(np.ones((2, 3)), np.ones((2, 3)), np.inf).any()
 
 
 @fast_engines
@@ -125,9 +125,9 @@ def test_fast_engines_obey_the_reference(engine, rng):
 @fast_engines
 def test_fast_engines_block_what_the_reference_blocks(engine, rng):
     vertices, faces, origins, directions = random_scene(rng)
-    expected = caster(vertices, faces, "numpy").blocked(origins, directions, 1.0)
+    expected = caster(vertices, faces, "numpy").occluded(origins, directions, 1.0)
     assert 0.05 < expected.mean() < 0.95
-    assert (caster(vertices, faces, engine).blocked(origins, directions, 1.0) != expected).mean() < 1e-3
+    assert (caster(vertices, faces, engine).occluded(origins, directions, 1.0) != expected).mean() < 1e-3
 
 
 def closed_grid(side=60):
@@ -162,7 +162,7 @@ def test_no_ray_slips_through_a_vertex_or_an_edge(engine, direction):
     origins = targets - 0.25 * directions / np.abs(directions[:, 2:])
     cast = caster(vertices, faces, engine)
     assert (cast.nearest(origins, directions)[1] != NO_FACE).all()
-    assert cast.blocked(origins, directions, np.inf).all()
+    assert cast.occluded(origins, directions, np.inf).all()
 
 
 @fast_engines
@@ -171,7 +171,7 @@ def test_fast_engines_give_the_same_with_one_and_two_threads(engine, rng):
     found = []
     for threads in (1, 2):
         cast = caster(vertices, faces, engine, threads)
-        found.append((*cast.nearest(origins, directions), cast.blocked(origins, directions, 1.0)))
+        found.append((*cast.nearest(origins, directions), cast.occluded(origins, directions, 1.0)))
     for first, second in zip(*found, strict=True):
         np.testing.assert_array_equal(first, second)
 
@@ -183,7 +183,7 @@ def test_two_sets_of_triangles_cast_at_as_one(engine):
     joined = Joined(caster(vertices, faces[:150], engine=engine), caster(vertices, faces[150:], engine=engine), 150)
     for mine, expected in zip(joined.nearest(origins, directions), whole.nearest(origins, directions), strict=True):
         np.testing.assert_array_equal(mine, expected)
-    np.testing.assert_array_equal(joined.blocked(origins, directions, 2.0), whole.blocked(origins, directions, 2.0))
+    np.testing.assert_array_equal(joined.occluded(origins, directions, 2.0), whole.occluded(origins, directions, 2.0))
 
 
 @engines
@@ -203,9 +203,10 @@ def test_arrays_that_must_not_be_written_can_be_cast(engine):
         array.flags.writeable = False
     cast = caster(*GROUND, engine=engine)
     assert (
-        cast.meet(origins.astype(np.float32), directions).face.tolist() == cast.nearest(origins, directions)[1].tolist()
+        cast.intersect(origins.astype(np.float32), directions).face.tolist()
+        == cast.nearest(origins, directions)[1].tolist()
     )
-    assert cast.blocked(origins, directions, far).shape == (1,)
+    assert cast.occluded(origins, directions, far).shape == (1,)
 
 
 def test_taichi_casts_from_any_thread(rng):

@@ -38,7 +38,7 @@ def test_parts_are_met_as_all_triangles_at_once(seed, sizes, moved):
     np.testing.assert_array_equal(ours[1], theirs[1])
     np.testing.assert_allclose(ours[0], theirs[0], rtol=1e-5)
     np.testing.assert_array_equal(
-        scene.caster().blocked(origins, directions, 1.0), whole.blocked(origins, directions, 1.0)
+        scene.caster().occluded(origins, directions, 1.0), whole.occluded(origins, directions, 1.0)
     )
 
 

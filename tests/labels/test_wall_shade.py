@@ -25,9 +25,9 @@ def test_light_passes_the_walls_at_the_height_of_a_hand_calculation(place, lamp,
 def test_what_passes_lower_than_the_walls_is_what_rays_find_shaded(rng):
     places = np.column_stack([rng.uniform(-1.99, 1.99, (2000, 2)), rng.uniform(-0.05, 0.05, 2000)])
     lamp = np.array([3.4, 1.8, 0.8])
-    blocked = wall_caster(BOUNDS, 0.0, 0.3).blocked(places, lamp - places, 1.0)
-    np.testing.assert_array_equal(passing_heights(places, lamp, BOUNDS) < 0.3, blocked)
-    assert 0.1 < blocked.mean() < 0.9
+    occluded = wall_caster(BOUNDS, 0.0, 0.3).occluded(places, lamp - places, 1.0)
+    np.testing.assert_array_equal(passing_heights(places, lamp, BOUNDS) < 0.3, occluded)
+    assert 0.1 < occluded.mean() < 0.9
 
 
 def ground(rng, edge, dark=2.0, lit=20.0):

@@ -113,7 +113,7 @@ def test_cast_shadows_are_the_ground_that_turns_lit_without_the_rock(surfaces, h
 def blocking(surfaces, hits, towards):
     """By id of a thing, (n,) bool: it alone stands between the hits and what `towards` leads to."""
     return {
-        number: of(surfaces, [number]).all.blocked(hits.point, towards, 1.0)
+        number: of(surfaces, [number]).all.occluded(hits.point, towards, 1.0)
         for number in np.unique(surfaces.id_of_face).tolist()
     }
 

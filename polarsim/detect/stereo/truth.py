@@ -36,7 +36,7 @@ def depth_truth(mesh: TerrainMesh, caster: Caster, placed: PlacedRig, rig: Recti
     size = np.array([placed.rig.right.width, placed.rig.right.height])
     inside = (pixels >= 0).all(axis=1) & (pixels < size).all(axis=1)  # NaN behind the camera is not
     back = placed.sandbox_from("R").translation - points
-    shared[met] = inside & ~caster.blocked(points, back, 1.0)
+    shared[met] = inside & ~caster.occluded(points, back, 1.0)
     rock = np.full(len(depth), NO_ROCK)
     rock[met] = mesh.rock_of_face[face[met]]
     depth = np.where(np.isfinite(depth), depth, np.nan)

@@ -123,7 +123,7 @@ def slanted_view(scene: TerrainMesh, rays: Caster, width: int) -> np.ndarray:
     points = origins[hit] + distance[hit, None] * directions[hit]
     to_lamp = lamp_position("30", lift=scene.sand_level) - points
     flat, smooth = _normals(scene, face[hit], points)
-    lit = ~rays.blocked(points + 1e-3 * flat, to_lamp, 1.0)
+    lit = ~rays.occluded(points + 1e-3 * flat, to_lamp, 1.0)
     towards = to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
     shade = AMBIENT * (0.6 + 0.4 * smooth[:, 2]) + lit * np.einsum("nk,nk->n", smooth, towards).clip(0) * 1.6
     colour = np.where((scene.rock_of_face[face[hit]] == NO_ROCK)[:, None], SAND, STONE)

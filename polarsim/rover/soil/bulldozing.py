@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, ROCK, START, Ground
-from polarsim.rover.soil.shapes import Bodies, half_extent, meet
+from polarsim.rover.soil.shapes import Bodies, half_extent, intersect
 
 TAPS = 5.0  # the spread is followed so many times as far as it is wide
 MOVED = 0.2  # of the excess height between two neighbours in one sweep; 0.25 is where sweeps start to swing
@@ -88,7 +88,9 @@ def _push(
     state, owner, normals = ground.state[part], ground.owner[part], ground.normals[part]
     pressed = np.where(owner == ROCK, 0.0, state[..., FLOW] / normals[..., 2])
     y, x = np.meshgrid(ground.y[part[0]], ground.x[part[1]], indexing="ij")
-    hits = meet(bodies.numbers[body], bodies.centres[body], bodies.rotations[body], x.ravel(), y.ravel(), ground.cell)
+    hits = intersect(
+        bodies.numbers[body], bodies.centres[body], bodies.rotations[body], x.ravel(), y.ravel(), ground.cell
+    )
     surface = hits.level.reshape(owner.shape)
     below = hits.hit.reshape(owner.shape) & (surface - state[..., LEVEL] < rule.headroom)
     room = ((owner == FREE) & ~below).astype(float)

@@ -10,7 +10,7 @@ from polarsim.kernels import njit
 from polarsim.rover.soil.bulldozing import DISTURBED, MOVED, Bulldozing, taps
 from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, ROCK, START, Ground
 from polarsim.rover.soil.shapes import Bodies
-from polarsim.rover.soil.shapes_numba import clear, meet, window
+from polarsim.rover.soil.shapes_numba import clear, intersect, window
 
 
 def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
@@ -81,7 +81,7 @@ def _push(  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
                     shape, rotation, dx + cell * column, dy + cell * row, height - headroom - part[row, column, LEVEL]
                 ):
                     continue
-                met = meet(shape, rotation, dx + cell * column, dy + cell * row, cell)
+                met = intersect(shape, rotation, dx + cell * column, dy + cell * row, cell)
                 if met[0] > 0 and height + met[1] - part[row, column, LEVEL] < headroom:
                     room[row, column] = 0.0
     reached = _blur_at(pressed, room, weights)

@@ -22,7 +22,7 @@ from polarsim.rover.soil.shapes import (
     WHEEL,
     Bodies,
     half_extent,
-    meet,
+    intersect,
 )
 
 STEEPEST = (
@@ -101,7 +101,7 @@ def _press_one(
     rows, columns = ground.window(centre, half_extent(numbers, rotation))
     owner = ground.owner[rows, columns]
     y, x = np.meshgrid(ground.y[rows], ground.x[columns], indexing="ij")
-    hits = meet(numbers, centre, rotation, x.ravel(), y.ravel(), ground.cell)
+    hits = intersect(numbers, centre, rotation, x.ravel(), y.ravel(), ground.cell)
     shape = owner.shape
     usable = owner != ROCK
     hit, surface = hits.hit.reshape(shape) & usable, hits.level.reshape(shape)

@@ -32,7 +32,7 @@ from polarsim.rover.soil.shapes import (
     WHEEL,
     Bodies,
 )
-from polarsim.rover.soil.shapes_numba import clear, dot, low_window, meet, meet_rim
+from polarsim.rover.soil.shapes_numba import clear, dot, intersect, intersect_rim, low_window
 
 _SIZE = len(READINGS)
 
@@ -109,11 +109,11 @@ def _press(  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, 
                     along = dx * ax + dy * ay - depth * az
                     if not held and depth > 0 and dx * dx + dy * dy + depth * depth - along * along > tip2:
                         continue
-                    weight, h, nx, ny, nz = meet_rim(ax, ay, az, radius, half, dx, dy, cell)
+                    weight, h, nx, ny, nz = intersect_rim(ax, ay, az, radius, half, dx, dy, cell)
                 else:
                     if not held and clear(shape, rotation, dx, dy, depth):
                         continue
-                    weight, h, nx, ny, nz = meet(shape, rotation, dx, dy, cell)
+                    weight, h, nx, ny, nz = intersect(shape, rotation, dx, dy, cell)
                 lx, ly, lz = normals[row, column, 0], normals[row, column, 1], normals[row, column, 2]
                 plastic, surface = state[row, column, PLASTIC], height + h
                 s = lz * (start - surface)

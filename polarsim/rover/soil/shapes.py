@@ -116,7 +116,7 @@ class Hits:
     weight: np.ndarray  # share of a node's cell below the body
 
 
-def meet(
+def intersect(
     numbers: np.ndarray, centre: np.ndarray, rotation: np.ndarray, x: np.ndarray, y: np.ndarray, cell: float
 ) -> Hits:
     """Lowest points of a body above the nodes (x, y).
@@ -131,10 +131,10 @@ def meet(
         Nodes.
     """
     if numbers[KIND] == PLATE:
-        return _meet_plate(numbers, centre, rotation, x, y, cell)
-    hits = _meet_rim(numbers, centre, rotation, x, y, cell)
+        return _intersect_plate(numbers, centre, rotation, x, y, cell)
+    hits = _intersect_rim(numbers, centre, rotation, x, y, cell)
     for number in range(int(numbers[GROUSERS])):
-        hits = _lower(hits, _meet_grouser(number, numbers, centre, rotation, x, y, cell))
+        hits = _lower(hits, _intersect_grouser(number, numbers, centre, rotation, x, y, cell))
     return hits
 
 
@@ -146,7 +146,7 @@ def _covered(distance: np.ndarray, half: float, cell: float) -> np.ndarray:
     return np.clip((half - np.abs(distance)) / cell + 0.5, 0.0, 1.0)
 
 
-def _meet_plate(
+def _intersect_plate(
     numbers: np.ndarray, centre: np.ndarray, rotation: np.ndarray, x: np.ndarray, y: np.ndarray, cell: float
 ) -> Hits:
     forward, left, up = rotation.T
@@ -160,7 +160,7 @@ def _meet_plate(
     return Hits(weight > 0, centre[2] + h, np.broadcast_to(up, (len(x), 3)).copy(), weight)
 
 
-def _meet_rim(
+def _intersect_rim(
     numbers: np.ndarray, centre: np.ndarray, rotation: np.ndarray, x: np.ndarray, y: np.ndarray, cell: float
 ) -> Hits:
     radius, half = numbers[RADIUS], numbers[HALF_WIDTH]
@@ -188,7 +188,7 @@ def _meet_rim(
     return Hits(hit, centre[2] + h, normal, np.where(hit, weight, 0.0))
 
 
-def _meet_grouser(
+def _intersect_grouser(
     number: int,
     numbers: np.ndarray,
     centre: np.ndarray,

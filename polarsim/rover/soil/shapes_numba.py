@@ -1,4 +1,4 @@
-"""`shapes.meet` and `Ground.window` compiled: one node and one body at a time."""
+"""`shapes.intersect` and `Ground.window` compiled: one node and one body at a time."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _covered(distance, half, cell):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def meet_rim(ax, ay, az, radius, half, dx, dy, cell):  # type: ignore[no-untyped-def]
+def intersect_rim(ax, ay, az, radius, half, dx, dy, cell):  # type: ignore[no-untyped-def]
     """Share of the cell (0: no hit), height over the centre, normal."""
     e = dx * ax + dy * ay
     A, C = 1 - az**2, dx * dx + dy * dy - e * e - radius**2
@@ -94,7 +94,7 @@ def _grouser(number, shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-
 
 
 @njit()
-def meet(shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
+def intersect(shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
     if shape[KIND] == PLATE:
         fx, fy, fz = rotation[0, 0], rotation[1, 0], rotation[2, 0]
         ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
@@ -103,7 +103,7 @@ def meet(shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-def]
         weight = _covered(dx * fx + dy * fy + h * fz, shape[HALF_LENGTH], cell)
         return weight * _covered(dx * ax + dy * ay + h * az, shape[HALF_WIDTH], cell), h, ux, uy, uz
     ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
-    best = meet_rim(ax, ay, az, shape[RADIUS], shape[HALF_WIDTH], dx, dy, cell)
+    best = intersect_rim(ax, ay, az, shape[RADIUS], shape[HALF_WIDTH], dx, dy, cell)
     for number in range(int(shape[GROUSERS])):
         other = _grouser(number, shape, rotation, dx, dy, cell)
         if other[0] > 0 and (best[0] == 0 or other[1] < best[1]):
