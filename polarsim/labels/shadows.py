@@ -23,7 +23,7 @@ ROCK_ELLIPSE = 0.8  # of a rock's label box: the ellipse in which people see roc
 
 
 def lamp(world: World, placed: PlacedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
-    """(3,) place of the lamp that throws the shadows, sandbox frame; None in the dark.
+    """(3,) place of the lamp that casts the shadows, sandbox frame; None in the dark.
 
     A Sun lamp outshines the rover light.
     """

@@ -27,7 +27,7 @@ _CENTRE = (0.0, 0.0)  # of a pixel: ids are those of what it meets
 
 @dataclass(frozen=True)
 class Rendering:
-    """A view: its layers by model and lamp, and its ids by the lamp that throws the shadows.
+    """A view: its layers by model and lamp, and its ids by the lamp that casts the shadows.
 
     layers : (h, w) float32
         Radiance; 1 is what unit reflectance f_r sends back under a Sun lamp that stands 4 m off, straight above the
@@ -56,11 +56,12 @@ def render_view(
     camera: Camera,
     lamps: Mapping[str, Lamp],
     models: Sequence[Model],
-    throwing: Collection[str] | None,
+    shadow_lamps: Collection[str] | None,
     options: RenderOptions,
     threads: int = 1,
 ) -> Rendering:
-    """Layers of every model under every lamp, and ids with the shadows of the lamps named in `throwing`; None: no ids.
+    """Layers of every model under every lamp, and ids with the shadows of the lamps named in `shadow_lamps`; None:
+    no ids.
 
     Raises
     ------
@@ -69,10 +70,10 @@ def render_view(
     """
     reflectance = reflectance_engine(options, threads)
     offsets = sample_offsets(options)
-    surfaces.prepare(shadows=bool(throwing), threads=threads)
+    surfaces.prepare(shadows=bool(shadow_lamps), threads=threads)
     size = camera.lens.shape
     layers = {(model, name): np.zeros(size, np.float32) for model in models for name in lamps}
-    ids = {} if throwing is None else {name: np.zeros(size, np.uint16) for name in (NO_LAMP, *throwing)}
+    ids = {} if shadow_lamps is None else {name: np.zeros(size, np.uint16) for name in (NO_LAMP, *shadow_lamps)}
     materials = Materials(surfaces, options, reflectance)
     surroundings = Surroundings(options, materials, models, size)
     samples_lit = {name: np.zeros(size, np.uint8) for name in lamps}

@@ -33,9 +33,9 @@ def write_maps(folder: Path, maps: Maps) -> None:
                 png.write(out / f"{name}.png", _of_lamp(lamp, name))
 
 
-def lamps_of_maps(names: Collection[str], throwing: Collection[str]) -> list[str]:
+def lamps_of_maps(names: Collection[str], shadow_lamps: Collection[str]) -> list[str]:
     """Names of the lamps that maps are needed of, of those that throw labelled shadows."""
-    return sorted(throwing) if _BY_LAMP & set(names) else []
+    return sorted(shadow_lamps) if _BY_LAMP & set(names) else []
 
 
 def write_view_maps(folder: Path, keys: Sequence[PhotoKey], maps: Maps, names: Collection[str]) -> None:

@@ -56,12 +56,14 @@ class TwinWriter:
         """Write `KEY.png` and `KEY.json` of one view into the folder of every model."""
         for model, folder in self._twins.items():
             gain = self._gain(model, layers)
-            shining = as_bright_as_fitted(lamps, self._fitted, model)
+            active_lamps = as_bright_as_fitted(lamps, self._fitted, model)
             own = {name: layer for (of, name), layer in layers.items() if of == model}
-            if shining is not lamps:
-                own = {name: layer * (shining[name].intensity / lamps[name].intensity) for name, layer in own.items()}
+            if active_lamps is not lamps:
+                own = {
+                    name: layer * (active_lamps[name].intensity / lamps[name].intensity) for name, layer in own.items()
+                }
             write_photos(folder, keys, own, camera.lens, gain, self._options, self._threads)
-            self._sidecars.write(folder, keys, Shot(camera, shining, 0, model), gain)
+            self._sidecars.write(folder, keys, Shot(camera, active_lamps, 0, model), gain)
 
     def _gain(self, model: Model, layers: Layers) -> float:
         """Of the options, else as bright as the photos, else built in."""

@@ -125,15 +125,15 @@ def render_twins(
         if not own and view not in first:
             continue
         camera = rig.camera(view[1])
-        shining = _lamps(suns, rig, [*own, *(key for key in references if view in first)], options)
-        throwing = sorted({lit_by(key)[0] for key in own if lit_by(key)})
-        rendering = render_view(surfaces, camera, shining, list(twins), throwing, options, threads)
-        whole = through_lens(rendering.whole, shining, surfaces, camera, options, threads)
-        writer.write(own, whole, shining, camera)
+        active_lamps = _lamps(suns, rig, [*own, *(key for key in references if view in first)], options)
+        shadow_lamps = sorted({lit_by(key)[0] for key in own if lit_by(key)})
+        rendering = render_view(surfaces, camera, active_lamps, list(twins), shadow_lamps, options, threads)
+        whole = through_lens(rendering.whole, active_lamps, surfaces, camera, options, threads)
+        writer.write(own, whole, active_lamps, camera)
         hidden = hidden_parts(surfaces, camera, rendering.ids[NO_LAMP])
         found_labels |= label_view(own, rendering.ids, hidden, labels.boxes, labels.instances, options)
         if options.maps and labels.maps:
-            mapped = {name: shining[name] for name in lamps_of_maps(options.maps, throwing)}
+            mapped = {name: active_lamps[name] for name in lamps_of_maps(options.maps, shadow_lamps)}
             write_view_maps(labels.maps, own, maps_of(surfaces, camera, mapped, options, threads), options.maps)
     _write_labels(labels, found_labels, rigs)
 

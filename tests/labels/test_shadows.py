@@ -35,7 +35,7 @@ def box_of_shadow(shadow, rock, rock_box, step):
 
 @pytest.mark.parametrize("azimuth", ["30", "180", "270", "350"])
 @pytest.mark.parametrize("rock", list(BLOCKS))
-def test_a_block_throws_its_shadow_where_its_top_corners_are_projected_from_the_lamp(world, ids, azimuth, rock):
+def test_a_block_casts_its_shadow_where_its_top_corners_are_projected_from_the_lamp(world, ids, azimuth, rock):
     place = lamp_position(azimuth)
     centre, size = BLOCKS[rock]
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2

@@ -65,7 +65,7 @@ def test_a_thin_line_of_dark_pixels_does_not_widen_a_shadows_box(plain):
     assert every["shadow"] == [10, 20, 80, 40]
 
 
-def test_each_rock_has_the_shadow_that_it_throws(blocks, above, lens, plain, ids_of):
+def test_each_rock_has_the_shadow_that_it_casts(blocks, above, lens, plain, ids_of):
     surfaces = surfaces_of(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
     ids = ids_of(surfaces, above, lens, {"sun": SUN})["sun"]
     found = {(kind, rock): box for kind, rock, box in boxes_of(ids, plain)}
@@ -155,7 +155,7 @@ def test_without_any_lamp_there_is_nothing_to_see(labelled):
     assert set(np.unique(ids)) == {0, 1, 1001}
 
 
-def test_the_sun_throws_the_shadows_where_it_is_on_and_the_rover_light_where_it_is_alone(labelled):
+def test_the_sun_casts_the_shadows_where_it_is_on_and_the_rover_light_where_it_is_alone(labelled):
     texts = {key: (labelled / "boxes" / f"03_A_{key}_L_0256.txt").read_text() for key in ("off_30", "on_30", "on_no")}
     assert texts["off_30"] == texts["on_30"]
     assert texts["off_30"] != texts["on_no"]

@@ -15,10 +15,10 @@ DEVICE = {"engine": "taichi", "rays": "taichi"}
 LAMPS = {"sun": Lamp(np.array([1.2, 0.9, 1.1])), "rover": Lamp(np.array([2.4, -0.5, 1.6]), 0.4)}
 
 
-def both(mesh, pose, lens, options, models, albedo=None, throwing=("sun",)):
+def both(mesh, pose, lens, options, models, albedo=None, shadow_lamps=("sun",)):
     """Renderings of a view by NumPy and Embree, and by the device."""
     return [
-        render_view(surfaces_of(mesh, each, albedo), Camera(pose, lens), LAMPS, models, throwing, each)
+        render_view(surfaces_of(mesh, each, albedo), Camera(pose, lens), LAMPS, models, shadow_lamps, each)
         for each in (options, options.model_copy(update=DEVICE))
     ]
 

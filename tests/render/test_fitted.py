@@ -123,8 +123,8 @@ def test_lamps_keep_their_shares_of_the_sun_lamps_median():
     found = FittedMaterials(
         True, True, {"lambert": fit_of({}, **{"30": 2.0, "180": 12.0, "270": 3.0, "rover": 6.0})}, np.ones(4)
     )
-    shining = as_bright_as_fitted(lamps, found, "lambert")
-    brightness = {name: lamp.intensity for name, lamp in shining.items()}
+    active_lamps = as_bright_as_fitted(lamps, found, "lambert")
+    brightness = {name: lamp.intensity for name, lamp in active_lamps.items()}
     assert brightness == pytest.approx({"30": 2 / 3, "180": 4, "350": 1, ROVER: 1})  # no photo shows 350
     assert as_bright_as_fitted(lamps, None, "lambert") is lamps
     assert as_bright_as_fitted(lamps, found, "hapke") is lamps

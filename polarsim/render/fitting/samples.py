@@ -122,8 +122,8 @@ def samples_of_view(
         on_grid &= clear_of_rim(hits.point, camera.centre, surfaces, options)
         for name in photos:
             lamp = lamps[name]
-            shining = Lamp(lamp.position)
-            numbers, to_lamp, cosine = lighting(surfaces, hits, shining, falloff=False)
+            active_lamps = Lamp(lamp.position)
+            numbers, to_lamp, cosine = lighting(surfaces, hits, active_lamps, falloff=False)
             lit[name][rows].reshape(-1)[hits.pixel[numbers]] = True
             kept = np.flatnonzero(on_grid[numbers] & (cosine > _LEAST_COSINE))
             kept = kept[clear_of_rim(hits.point[numbers[kept]], lamp.position, surfaces, options)]

@@ -15,9 +15,9 @@ def auto_exposure(radiance: np.ndarray, gain: float, options: AutoExposure) -> f
 
     Of a picture without light it is the longest. `gain`: grey values per ms and unit radiance.
     """
-    shining = radiance[radiance > 0]
-    if not len(shining):
+    positive = radiance[radiance > 0]
+    if not len(positive):
         return options.longest_ms
-    lit = shining[shining > _LIT * np.median(shining)]
+    lit = positive[positive > _LIT * np.median(positive)]
     exposure = (options.grey - BLACK_LEVEL) / (gain * float(np.percentile(lit, options.percentile)))
     return float(f"{np.clip(exposure, options.shortest_ms, options.longest_ms):.6g}")

@@ -99,14 +99,16 @@ class Sight:
         Shadows among the ids are those that the Sun throws: at night there are none.
         """
         camera = self.camera(view, self._frame)
-        shining = {name: lamp for name in suns if (lamp := self.suns[name].lamp) is not None}
+        active_lamps = {name: lamp for name in suns if (lamp := self.suns[name].lamp) is not None}
         spots = headlights(self.lights, self._links)
         own = {f"light {name}": spot for name, spot in spots.items()}  # no Sun is named so
         options, models = self.render_options, self.options.models
-        found = render_view(self.stage.surfaces, camera, shining | own, models, list(shining), options, threads)
+        found = render_view(
+            self.stage.surfaces, camera, active_lamps | own, models, list(active_lamps), options, threads
+        )
         light = {(model, name): _sum(found.whole, model, name, own) for model in models for name in suns}
-        layers = through_lens(light, shining, self.stage.surfaces, camera, options, threads)
-        ids = {name: found.ids[name if name in shining else NO_LAMP] for name in (NO_LAMP, *suns)}
+        layers = through_lens(light, active_lamps, self.stage.surfaces, camera, options, threads)
+        ids = {name: found.ids[name if name in active_lamps else NO_LAMP] for name in (NO_LAMP, *suns)}
         if self._sky is not None:
             empty = ids[NO_LAMP] == BACKGROUND
             for name in suns:

@@ -39,7 +39,7 @@ def test_the_third_person_sees_the_rover_in_the_middle(sight):
     assert (ids == GROUND).mean() > 0.4
 
 
-def test_the_rover_throws_its_shadow_on_the_ground(sight):
+def test_the_rover_casts_its_shadow_on_the_ground(sight):
     ids = sight.render("CamBirdViewLeft", ["2"]).ids
     layer = sight.render("CamBirdViewLeft", ["2"]).layers["hapke", "2"]
     dark = (ids[NO_LAMP] == GROUND) & (layer == 0)
