@@ -28,8 +28,8 @@ from made_terrain import made_terrain, surveyed_rig
 
 from polarsim.geometry.camera import Camera
 from polarsim.photo import PhotoKey
-from polarsim.render.automatic import boxes_of
 from polarsim.render.gain import default_gain
+from polarsim.render.ground_truth import boxes_of
 from polarsim.render.lamps import lamps_of
 from polarsim.render.layers import reflectance_engine, render_view
 from polarsim.render.optics import through_lens

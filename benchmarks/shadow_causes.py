@@ -1,4 +1,4 @@
-"""Why automatic and propagated-over shadow boxes differ from drawn ones: one component replaced at a time, and
+"""Why rendered and propagated-over shadow boxes differ from drawn ones: one component replaced at a time, and
 ceilings.
 
 `python benchmarks/shadow_causes.py RELEASE WORK [--config config/release.yaml] [--terrains 1 3 4 8 11 12]`
@@ -45,7 +45,7 @@ from polarsim.photo import NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, CameraSide, Pho
 from polarsim.scoring.score import Counts, count_boxes
 
 STEP = 2  # px between the rays
-LEAST_PX, LEAST_PART_PX, WIDTH_PX = 60, 20, 3  # of automatic shadows, as `render` has them
+LEAST_PX, LEAST_PART_PX, WIDTH_PX = 60, 20, 3  # of rendered shadows, as `render` has them
 DISC_M, DISC_RAYS = 0.05, 12
 WALL_M = LabelsOptions().wall_height_m
 
@@ -133,8 +133,8 @@ def causes(
     """(name, boxes) of every component."""
     camera, azimuth = sight
     plain = seen.shadows(lamp)
-    automatic = boxes_of(plain)
-    yield "automatic", automatic
+    rendered = boxes_of(plain)
+    yield "rendered", rendered
     yield "thin parts count", boxes_of(plain, 1)
     yield "ground 10 mm lower", boxes_of(seen.shadows(lamp, lifted=-0.01))
     yield "ground 10 mm higher", boxes_of(seen.shadows(lamp, lifted=0.01))
@@ -145,7 +145,7 @@ def causes(
     yield "own dark side too", boxes_of(seen.with_rocks(plain, lamp, own=True))
     yield "touching ones as one", boxes_of(touching(plain))
     yield "walls shade nothing", boxes_of(seen.shadows(lamp, walls=0.0))
-    yield "labelled rocks alone", {rock: box for rock, box in automatic.items() if rock in labels}
+    yield "labelled rocks alone", {rock: box for rock, box in rendered.items() if rock in labels}
     cast = {rock: shadow.box for rock, shadow in shadows.cast(camera, "off", azimuth, labels).items()}
     yield "as labels cast them, of labelled rocks", cast
 

@@ -21,7 +21,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, ROCK, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.randomness import generator
-from polarsim.render.automatic import boxes_of
+from polarsim.render.ground_truth import boxes_of
 from polarsim.render.lamps import Lamp, lamps_of
 from polarsim.render.layers import NO_LAMP, render_view
 from polarsim.render.optics import through_lens

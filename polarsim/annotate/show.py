@@ -33,7 +33,7 @@ def show_of_run(
     kinds: Sequence[str] = BOX_CLASSES,
     masks: bool = False,
 ) -> None:
-    """Draw a photo (domain `photo`) with its propagated labels, or a model's twin with its automatic ones.
+    """Draw a photo (domain `photo`) with its propagated labels, or a model's twin with its rendered ones.
 
     Where a run has no photos a twin of the same key stands in; cover photos show another light, often another camera.
 

@@ -165,7 +165,7 @@ class FittingOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class RenderOptions(SensorOptions):
-    """Twins and automatic labels."""
+    """Twins and rendered ground-truth labels."""
 
     models: tuple[Model, ...] = Field(("principled", "hapke"), description="Reflectance models that twins are made in.")
     engine: Literal["numpy", "taichi"] = Field("numpy", description="What evaluates reflectance; both in float32.")

@@ -18,9 +18,9 @@ from polarsim.formats.scene import read_terrain
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, View
 from polarsim.progress import track
 from polarsim.render.amodal import hidden_parts
-from polarsim.render.automatic import label_row, label_view
 from polarsim.render.fitted import with_fit
 from polarsim.render.gain import calibration_photos
+from polarsim.render.ground_truth import label_row, label_view
 from polarsim.render.lamps import Lamp, lamps_of, lit_by
 from polarsim.render.layers import NO_LAMP, render_view
 from polarsim.render.map_files import lamps_of_maps, write_view_maps
@@ -36,7 +36,8 @@ log = logging.getLogger("polarsim.render")
 
 @dataclass(frozen=True)
 class LabelPaths:
-    """Where a terrain's automatic labels go: folders of boxes `KEY.txt` and of ids, COCO file, table of label rows.
+    """Where a terrain's rendered ground-truth labels go: folders of boxes `KEY.txt` and of ids, COCO file, table of
+    label rows.
 
     `maps`: folder of the maps that the options ask for.
     """
@@ -91,7 +92,7 @@ def render_twins(
         `photos.parquet`; twins get the brightness of its photos. Without it, or without usable photos, NASA's best
         exposures set the brightness; a gain in the options goes before both.
     labels : LabelPaths
-        Where the automatic labels go.
+        Where the rendered ground-truth labels go.
     materials : Path or None
         Folder with the terrain's fitted materials and lamps; they go before the options.
     lamps : Path or None

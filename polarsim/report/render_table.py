@@ -1,4 +1,4 @@
-"""The table of twins: how near they come to their photos, and their automatic boxes to true ones."""
+"""The table of twins: how near they come to their photos, and their rendered ground-truth boxes to true ones."""
 
 from __future__ import annotations
 
@@ -48,7 +48,9 @@ def likeness_rows(pairs: pd.DataFrame) -> pd.DataFrame:
 
 
 def box_rows(scores: pd.DataFrame) -> pd.DataFrame:
-    """Rows with `COLUMNS` of automatic boxes by kind and terrain, out of quality rows; n counts true boxes."""
+    """Rows with `COLUMNS` of rendered ground-truth boxes by kind and terrain, out of quality rows; n counts true
+    boxes.
+    """
     chosen = scores[scores["figure"].isin(BOXES) & scores["subject"].str.endswith(_OF_ALL)]
     rows = [
         {

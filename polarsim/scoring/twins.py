@@ -1,4 +1,6 @@
-"""How well twins agree with what they copy: automatic boxes with drawn or true ones, pixels with those of photos."""
+"""How well twins agree with what they copy: rendered ground-truth boxes with drawn or true ones, pixels with those of
+photos.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,7 @@ def score_twins(
     Parameters
     ----------
     boxes
-        Folder of the automatic boxes, KEY.txt.
+        Folder of the rendered ground-truth boxes, KEY.txt.
     truth
         Folder of hand-drawn KEY.txt files, or the analog's labels.parquet; None where there is none.
     twins
@@ -158,6 +160,6 @@ def similarity(photo: np.ndarray, twin: np.ndarray) -> float:
 
 
 def _renamed(figure: Figure) -> Figure:
-    """Automatic boxes know no seeds: all photos count."""
-    subject = "automatic " + figure.subject.replace(ALL, "all")
+    """Rendered ground-truth boxes know no seeds: all photos count."""
+    subject = "rendered " + figure.subject.replace(ALL, "all")
     return Figure(subject, figure.figure, figure.value, figure.unit, figure.n, figure.against)

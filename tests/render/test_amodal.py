@@ -10,7 +10,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.photo import NO_ROCK
 from polarsim.render.amodal import hidden_parts
-from polarsim.render.automatic import annotations_of, whole_rocks
+from polarsim.render.ground_truth import annotations_of, whole_rocks
 from polarsim.render.layers import NO_LAMP
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of

@@ -234,7 +234,7 @@ def test_a_comparison_shows_what_is_there(tmp_path):
     arguments = {
         "key": KEY,
         "labels": tmp_path / "labels.parquet",
-        "automatic": None,
+        "rendered": None,
         "width": NARROW,
     }
     known = described(tmp_path, {KEY: tmp_path / "photo.png"})

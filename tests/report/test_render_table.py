@@ -40,15 +40,15 @@ def test_groups_tell_where_twins_lie_off(pairs):
 def test_the_table_holds_pictures_and_boxes(tmp_path, pairs):
     write_parquet(tmp_path / "pairs.parquet", pairs)
     figures = [
-        Figure("automatic rock: all", name, value, "1", 7, "truth") for name, value in (("f1", 0.8), ("miou", 0.6))
+        Figure("rendered rock: all", name, value, "1", 7, "truth") for name, value in (("f1", 0.8), ("miou", 0.6))
     ]
     write_csv(tmp_path / "q.csv", quality_table("render", 3, figures))
     tabulate_render(
         pairs=[tmp_path / "pairs.parquet"], quality=[tmp_path / "q.csv"], table=tmp_path / "render", origin=ORIGIN
     )
     rows = read_csv(tmp_path / "render.csv").set_index(["subject", "group"])
-    assert rows.loc[("automatic rock", "terrain"), ["n", "f1", "miou"]].tolist() == [7, 0.8, 0.6]
-    assert np.isnan(rows.loc[("automatic rock", "terrain"), "ssim"])
+    assert rows.loc[("rendered rock", "terrain"), ["n", "f1", "miou"]].tolist() == [7, 0.8, 0.6]
+    assert np.isnan(rows.loc[("rendered rock", "terrain"), "ssim"])
     text = (tmp_path / "render.md").read_text()
     assert "+0.50 / 0.25 / 0.700" in text
     assert "0.800 / 0.600" in text

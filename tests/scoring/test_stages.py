@@ -412,7 +412,7 @@ def test_twins_are_scored_by_boxes_and_pixels_where_there_are_any(tmp_path):
     }
     score_twins(**arguments, photos=tmp_path / "photos.parquet")
     found = figures(tmp_path / "q.csv")
-    assert found["automatic rock: all", "recall"] == found["automatic rock: camera L", "recall"] == 0.5
+    assert found["rendered rock: all", "recall"] == found["rendered rock: camera L", "recall"] == 0.5
     assert found["hapke", "log2_twin_over_photo_median"] == pytest.approx(1)
     assert not [subject for subject, _ in found if subject == "principled"]
     pair = read_parquet(tmp_path / "pairs.parquet").iloc[0]

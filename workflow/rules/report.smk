@@ -392,7 +392,7 @@ rule draw_comparison:
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
         labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
-        automatic="results/{run}/renders/tables/Terrain{terrain}.parquet",
+        rendered="results/{run}/renders/tables/Terrain{terrain}.parquet",
     output:
         figure=report(
             "results/{run}/figures/comparison_Terrain{terrain}_Pos{position}.png",

@@ -133,7 +133,7 @@ rule score_outlines:
 
 
 rule score_twins:
-    """Automatic boxes against truth or against what people drew, and twins against photos where there are any."""
+    """Rendered ground-truth boxes against truth or against what people drew, and twins against photos where there are any."""
     input:
         raw=raw_data,
         boxes="results/{run}/renders/boxes/Terrain{terrain}",

@@ -13,6 +13,6 @@ with reporting(log=snakemake.log[0]):
         inventory=Path(snakemake.input.inventory),
         twins=dict(zip(snakemake.params.models, map(Path, snakemake.input.twins), strict=True)),
         labels=Path(snakemake.input.labels),
-        automatic=Path(snakemake.input.automatic),
+        rendered=Path(snakemake.input.rendered),
         figure=Path(snakemake.output.figure),
     )

@@ -12,7 +12,7 @@ import numpy as np
 from polarsim.formats import coco, png
 from polarsim.progress import track
 from polarsim.render.amodal import hidden_parts
-from polarsim.render.automatic import annotations_of, whole_rocks
+from polarsim.render.ground_truth import annotations_of, whole_rocks
 from polarsim.render.lamps import ROVER
 from polarsim.render.layers import render_view
 from polarsim.render.optics import imaged, through_lens

@@ -32,7 +32,7 @@ def draw_comparison(
     inventory: Path,
     twins: Mapping[str, Path],
     labels: Path,
-    automatic: Path | None,
+    rendered: Path | None,
     figure: Path,
     width: int = FIGURE_WIDTH,
 ) -> None:
@@ -51,12 +51,12 @@ def draw_comparison(
         Folder of the terrain's twins by model; missing twins are left out.
     labels
         Label table with the photo's labels.
-    automatic
+    rendered
         Label table of the twins; None draws the photo's labels there too.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
     own = rows_of(table, key)
-    of_twins = own if automatic is None else rows_of(read_parquet(automatic, LABEL_COLUMNS), key)
+    of_twins = own if rendered is None else rows_of(read_parquet(rendered, LABEL_COLUMNS), key)
     width //= 2  # two panels stand side by side
     panels, differences = [], []
     pictured = _read(twins, key)

@@ -17,7 +17,7 @@ from polarsim.detect.parts import digest
 from polarsim.digest import code_digest
 from polarsim.formats import png, tables
 from polarsim.progress import track
-from polarsim.render.automatic import annotations_of
+from polarsim.render.ground_truth import annotations_of
 from polarsim.render.layers import Rendering
 from polarsim.render.options import Model
 from polarsim.rover.drive.trace import DRIVE, TRACE, TRACKS, WORLD, read_trace

@@ -44,7 +44,7 @@ def test_the_example_makes_one_thousand_pictures_of_one_terrain():
         ),
         ({"lights": [{**LIGHT, "elevation_deg": [0]}]}, "lights.0.sun.elevation_deg.0: .* found 0"),
         ({"lights": [{**LIGHT, "azimuth_deg": [float("nan")]}]}, "lights.0.sun.azimuth_deg.0: .*finite"),
-        ({"exposures_ms": [64, "automatic"]}, "exposures_ms.1"),
+        ({"exposures_ms": [64, "rendered"]}, "exposures_ms.1"),
         ({"exposures_ms": [64, 64]}, "exposures_ms: 64.0 comes twice"),
         ({"scenes": VIEWS["scenes"] * 2}, "scenes: name 'one' comes twice"),
         ({"render": {"modles": ["hapke"]}}, "render.modles: unknown key"),

@@ -10,7 +10,7 @@ from polarsim.errors import ConfigError
 from polarsim.formats import png, tables, yolo
 from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES
-from polarsim.render.automatic import boxes_of
+from polarsim.render.ground_truth import boxes_of
 from polarsim.render.scene import Scene
 from polarsim.render.views import run
 from polarsim.render.views.exposure import auto_exposure

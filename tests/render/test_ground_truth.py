@@ -7,7 +7,7 @@ from polarsim.formats.instances import RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.boxes import of_mask
 from polarsim.geometry.camera import Camera
 from polarsim.photo import PhotoKey
-from polarsim.render.automatic import box_of_parts, boxes_of
+from polarsim.render.ground_truth import box_of_parts, boxes_of
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
 from polarsim.render.layers import NO_LAMP
