@@ -7,7 +7,7 @@ Last figures, CPU seconds on one thread (two cores shared with other work, which
     a photo, exposed and written 0.041
 
 Ten layers (five lamps, two models) through the lens, measured later on cores less shared, where both models took 3.1:
-blur, halo and veil 0.6, vignetting 0.4, flare 0.7.
+blur, halo and veiling glare 0.6, vignetting 0.4, lens flare 0.7.
 
 So a terrain with 4 views and 96 photos in two models takes 35 CPU seconds, 8 of them for its PNG files.
 
@@ -67,7 +67,7 @@ def main() -> None:
         "both, with ids",
         lambda: render_view(surfaces, Camera(pose, lens), lamps, models, list(lamps), options, threads),
     )
-    for faults in ({"blur_px": 0.6, "bloom": 0.01, "veiling_glare": 0.01}, {"vignetting": True}, {"flare": 0.001}):
+    for faults in ({"blur_px": 0.6, "bloom": 0.01, "veiling_glare": 0.01}, {"vignetting": True}, {"lens_flare": 0.001}):
         faulty = options.model_copy(update=faults)
         timed(
             f"ten layers through a lens: {', '.join(faults)}",

@@ -48,7 +48,7 @@ class VariantOptions(BaseModel, extra="forbid", frozen=True):
     ambient: Range = Field((0.0, 0.03), description="Even light over a lamp's irradiance.")
     hall: HallOptions | None = Field(HallOptions(), description="What is around the sand; none: dark and bare.")
     blur_px: Range = Field((0.0, 1.0), description="Lens blur, pixels of the picture.")
-    flare: Range = Field((0.0, 0.003), description="Share of a lamp's light that the lens scatters.")
+    lens_flare: Range = Field((0.0, 0.003), description="Share of a lamp's light that the lens scatters.")
     noise: bool = Field(True, description="Shot and read noise.")
     electrons_per_grey_value: Range = Field((3, 20), description="The fewer, the noisier.")
     exposure: Range = Field((0.15, 1.0), description="Grey value of bright sand (90th percentile) over white.")
@@ -130,7 +130,7 @@ def _draw_options(model: Model, options: VariantOptions, random: np.random.Gener
         falloff=bool(random.random() < 0.5),
         ambient=draw(options.ambient),
         blur_px=draw(options.blur_px),
-        flare=draw(options.flare),
+        lens_flare=draw(options.lens_flare),
         noise=options.noise,
         electrons_per_grey_value=draw(options.electrons_per_grey_value),
         min_rock_px=max(1, round(60 * options.scale**2)),

@@ -12,9 +12,9 @@ from scipy import fft
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.pixel_rays import pixel_directions
-from polarsim.render.flare import flare_of
 from polarsim.render.indirect import Layers
 from polarsim.render.lamps import Lamp
+from polarsim.render.lens_flare import lens_flare_of
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor_options import SensorOptions
 from polarsim.render.surfaces import Surfaces
@@ -28,14 +28,14 @@ def through_lens(
     options: RenderOptions,
     threads: int = 1,
 ) -> Layers:
-    """Layers (h, w) by model and lamp, as radiance that the sensor gets: spread, darkened, with the lamps' flare.
+    """Layers (h, w) by model and lamp, as radiance that the sensor gets: spread, darkened, with the lamps' lens_flare.
 
     Layers of what is no lamp have none.
     """
     flares = {}
-    if options.flare:
+    if options.lens_flare:
         names = dict.fromkeys(name for _, name in layers)
-        flares = {name: flare_of(surfaces, camera, lamps[name], options) for name in names if name in lamps}
+        flares = {name: lens_flare_of(surfaces, camera, lamps[name], options) for name in names if name in lamps}
 
     def seen(layer: np.ndarray, lamp: str) -> np.ndarray:
         image = imaged(layer, camera.lens, options)
@@ -53,7 +53,7 @@ def imaged(image: np.ndarray, lens: Lens, options: SensorOptions) -> np.ndarray:
 
 
 def spread(image: np.ndarray, options: SensorOptions) -> np.ndarray:
-    """(h, w) float32 image blurred, with halo and veil; without any of these the image itself.
+    """(h, w) float32 image blurred, with halo and veiling glare; without any of these the image itself.
 
     The light of a point goes to three places: `blur_px` about it, `bloom_px` about it, and everywhere. What leaves the
     picture comes back in as if the scene went on mirrored, so that its light stays the same and its rim does not

@@ -25,7 +25,7 @@ class SensorOptions(BaseModel, extra="forbid", frozen=True):
     veiling_glare: float = Field(
         0, ge=0, le=1, description="Share of the picture's light that the lens spreads evenly over it."
     )
-    flare: float = Field(
+    lens_flare: float = Field(
         0,
         ge=0,
         le=1,

@@ -7,9 +7,9 @@ from scipy import ndimage
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.render.flare import flare_of
 from polarsim.render.lamps import Lamp
 from polarsim.render.layers import render_view
+from polarsim.render.lens_flare import lens_flare_of
 from polarsim.render.optics import spread, through_lens, vignette
 from polarsim.render.sensor_options import SensorOptions
 
@@ -57,14 +57,14 @@ def test_wide_blur_is_that_of_another_program(rng):
     np.testing.assert_allclose(spread(image, SensorOptions(blur_px=5.0)), expected, rtol=2e-3)
 
 
-def test_halo_and_veil_have_their_shares_of_a_point():
+def test_halo_and_veiling_glare_have_their_shares_of_a_point():
     seen = spread(POINT, SensorOptions(bloom=0.2, bloom_px=6, veiling_glare=0.1))
-    veil = 0.1 / POINT.size
-    assert seen[40, 50] == pytest.approx(0.7 + 0.2 / (2 * np.pi * 6**2) + veil, rel=1e-4)
-    assert seen[0, 0] == pytest.approx(veil, rel=1e-3)
+    glare = 0.1 / POINT.size
+    assert seen[40, 50] == pytest.approx(0.7 + 0.2 / (2 * np.pi * 6**2) + glare, rel=1e-4)
+    assert seen[0, 0] == pytest.approx(glare, rel=1e-3)
     rows, columns = np.indices(POINT.shape)
     within = (rows - 40) ** 2 + (columns - 50) ** 2 <= 12**2
-    assert (seen - veil)[within].sum() - 0.7 == pytest.approx(0.2 * (1 - np.exp(-2)), rel=0.02)  # two sd of a disc
+    assert (seen - glare)[within].sum() - 0.7 == pytest.approx(0.2 * (1 - np.exp(-2)), rel=0.02)  # two sd of a disc
 
 
 def test_more_than_all_light_cannot_be_spread():
@@ -73,19 +73,19 @@ def test_more_than_all_light_cannot_be_spread():
 
 
 def test_a_lens_sees_the_sum_of_two_lamps_as_the_sum_of_what_it_sees_of_each(surfaces, camera, lens, plain):
-    faults = {"blur_px": 0.7, "bloom": 0.02, "veiling_glare": 0.01, "flare": 0.01, "vignetting": True}
+    faults = {"blur_px": 0.7, "bloom": 0.02, "veiling_glare": 0.01, "lens_flare": 0.01, "vignetting": True}
     options = plain.model_copy(update=faults)
     layers = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert"], None, plain).layers
     seen = through_lens(layers, LAMPS, surfaces, Camera(camera, lens), options)
     both = layers["lambert", "front"] + layers["lambert", "seen"]
-    flares = [flare_of(surfaces, Camera(camera, lens), lamp, options) for lamp in LAMPS.values()]
+    flares = [lens_flare_of(surfaces, Camera(camera, lens), lamp, options) for lamp in LAMPS.values()]
     expected = spread(both, options) * vignette(lens) + sum(flares)
-    assert all(flare.any() for flare in flares)
+    assert all(glare.any() for glare in flares)
     np.testing.assert_allclose(sum(seen.values()), expected, rtol=1e-5, atol=1e-6 * both.max())
 
 
 def test_threads_do_not_change_a_bit(surfaces, camera, lens, plain):
-    options = plain.model_copy(update={"blur_px": 0.7, "bloom": 0.02, "flare": 0.01})
+    options = plain.model_copy(update={"blur_px": 0.7, "bloom": 0.02, "lens_flare": 0.01})
     layers = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert", "hapke"], None, plain).layers
     one, two = (through_lens(layers, LAMPS, surfaces, Camera(camera, lens), options, threads) for threads in (1, 2))
     for key, layer in one.items():

@@ -67,7 +67,7 @@ def test_the_rover_light_only_adds(folders):
 
 
 def test_the_same_bytes_with_one_thread_and_two(folders):
-    faults = {"noise": True, "vignetting": True, "blur_px": 0.6, "bloom": 0.02, "flare": 0.005}
+    faults = {"noise": True, "vignetting": True, "blur_px": 0.6, "bloom": 0.02, "lens_flare": 0.005}
     options = OPTIONS.model_copy(update=faults)
     render(folders, "one", options=options)
     render(folders, "two", options=options, threads=2)

@@ -68,7 +68,7 @@ def test_a_rock_behind_another_is_labelled_whole_too(tmp_path, folders, views_of
 
 
 @pytest.mark.parametrize(
-    "faults", [{}, {"blur_px": 1.0, "bloom": 0.05, "veiling_glare": 0.01, "flare": 0.01, "vignetting": True}]
+    "faults", [{}, {"blur_px": 1.0, "bloom": 0.05, "veiling_glare": 0.01, "lens_flare": 0.01, "vignetting": True}]
 )
 def test_pictures_are_those_that_a_scene_renders(tmp_path, folders, views_of, tone, faults):
     views = views_of()

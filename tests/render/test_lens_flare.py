@@ -3,15 +3,15 @@ import pytest
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
-from polarsim.render.flare import flare_of, scattering
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
+from polarsim.render.lens_flare import lens_flare_of, scattering
 
 SEEN = Lamp(np.array([-1.0, 0.2, 0.5]))  # by the camera, behind the block
 
 
 @pytest.fixture
 def options(plain):
-    return plain.model_copy(update={"flare": 0.01})
+    return plain.model_copy(update={"lens_flare": 0.01})
 
 
 def test_all_scattered_light_falls_into_the_half_space_before_the_lens():
@@ -21,51 +21,53 @@ def test_all_scattered_light_falls_into_the_half_space_before_the_lens():
     assert (scattering(middle) * rings).sum() == pytest.approx(1, rel=1e-6)
 
 
-def test_the_veil_thins_out_as_stiles_and_holladay_measured():
+def test_the_veiling_glare_thins_out_as_stiles_and_holladay_measured():
     degrees = np.array([5.0, 10, 20, 30])
     law = 10 / degrees**2  # cd/m^2 per lux, from 1 to 30 degrees
     found = scattering(np.radians(degrees)) / law
     np.testing.assert_allclose(found / found[-1], 1, atol=0.04)
 
 
-def test_the_veil_is_brightest_where_the_lamp_is_seen(surfaces, camera, lens, options):
-    veil = flare_of(surfaces, Camera(camera, lens), SEEN, options)
+def test_the_veiling_glare_is_brightest_where_the_lamp_is_seen(surfaces, camera, lens, options):
+    glare = lens_flare_of(surfaces, Camera(camera, lens), SEEN, options)
     column, row = np.floor(lens.project(camera.inverse().apply(SEEN.position)))
-    assert np.unravel_index(veil.argmax(), veil.shape) == (row, column)
+    assert np.unravel_index(glare.argmax(), glare.shape) == (row, column)
 
 
 def test_a_lamp_outside_the_picture_veils_the_side_towards_it(surfaces, camera, lens, options):
     place = camera.apply(np.array([2.0, 0.0, 2.0]))  # 45 degrees to the right, the picture ends at 25
-    veil = flare_of(surfaces, Camera(camera, lens), Lamp(place), options)
-    assert (veil.argmax(axis=1) == lens.width - 1).all()
-    assert veil.min() > 0
+    glare = lens_flare_of(surfaces, Camera(camera, lens), Lamp(place), options)
+    assert (glare.argmax(axis=1) == lens.width - 1).all()
+    assert glare.min() > 0
 
 
-def test_the_veil_is_the_share_of_the_light_that_enters_the_lens(surfaces, lens, options):
+def test_the_veiling_glare_is_the_share_of_the_light_that_enters_the_lens(surfaces, lens, options):
     pose = looking(np.array([2.0, 0.0, 1.0]), np.pi, 0.0)
     lamp = Lamp(np.array([-1.0, 0.0, 1.0]), intensity=2.0)  # straight ahead, 3 m away
-    middle = flare_of(surfaces, Camera(pose, lens), lamp, options)[70, 100]
+    middle = lens_flare_of(surfaces, Camera(pose, lens), lamp, options)[70, 100]
     angle = np.arctan(np.hypot(0.5, 0.5) / 220)
     light = 2.0 * (REFERENCE_DISTANCE / 3) ** 2
     assert middle == pytest.approx(0.01 * light * scattering(np.array(angle)), rel=1e-3)
     even = options.model_copy(update={"falloff": False})
-    assert flare_of(surfaces, Camera(pose, lens), lamp, even)[70, 100] == pytest.approx(middle / (4 / 3) ** 2, rel=1e-5)
+    assert lens_flare_of(surfaces, Camera(pose, lens), lamp, even)[70, 100] == pytest.approx(
+        middle / (4 / 3) ** 2, rel=1e-5
+    )
 
 
 @pytest.mark.parametrize("radius_m", [0.0, 0.02])
-def test_no_veil_of_a_lamp_that_is_hidden_or_behind(surfaces, lens, options, radius_m):
+def test_no_veiling_glare_of_a_lamp_that_is_hidden_or_behind(surfaces, lens, options, radius_m):
     pose = looking(np.array([1.5, 0.0, 0.1]), np.pi, 0.0)  # level, towards the block, which is 0.2 m high
     hidden, behind = Lamp(np.array([-1.0, 0, 0.1]), 1.0, radius_m), Lamp(np.array([2.0, 0, 0.1]), 1.0, radius_m)
     for lamp in (hidden, behind):
-        assert not flare_of(surfaces, Camera(pose, lens), lamp, options).any()
-    assert flare_of(surfaces, Camera(pose, lens), Lamp(np.array([-1.0, 0, 0.4]), 1.0, radius_m), options).all()
+        assert not lens_flare_of(surfaces, Camera(pose, lens), lamp, options).any()
+    assert lens_flare_of(surfaces, Camera(pose, lens), Lamp(np.array([-1.0, 0, 0.4]), 1.0, radius_m), options).all()
 
 
-def test_a_lamp_that_is_half_hidden_makes_half_the_veil(surfaces, lens, options):
+def test_a_lamp_that_is_half_hidden_makes_half_the_veiling_glare(surfaces, lens, options):
     pose = looking(np.array([1.5, 0.0, 0.2]), np.pi, 0.0)  # level with the block's top
     options = options.model_copy(update={"lamp_samples": 2000, "falloff": False})
     half, whole = (
-        flare_of(surfaces, Camera(pose, lens), Lamp(np.array([-1.0, 0, height]), 1.0, 0.05), options).max()
+        lens_flare_of(surfaces, Camera(pose, lens), Lamp(np.array([-1.0, 0, height]), 1.0, 0.05), options).max()
         for height in (0.2, 0.27)
     )
     assert half / whole == pytest.approx(0.5, abs=0.03)

@@ -1,4 +1,4 @@
-"""Light of lamps in or beside the picture that scatters in the lens: a veil that thins out with the angle."""
+"""Light of lamps in or beside the picture that scatters in the lens: a veiling glare that thins out with the angle."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from polarsim.render.options import RenderOptions
 from polarsim.render.penumbra import visible_share
 from polarsim.render.surfaces import Surfaces
 
-CORE = float(np.radians(1))  # angle within which the veil flattens: the law was measured down to here
+CORE = float(np.radians(1))  # angle within which the veiling glare flattens: the law was measured down to here
 
 
-def flare_of(surfaces: Surfaces, camera: Camera, lamp: Lamp, options: RenderOptions) -> np.ndarray:
-    """(h, w) float32 radiance of the veil that a lamp of the scene draws over the picture; 1 as in layers.
+def lens_flare_of(surfaces: Surfaces, camera: Camera, lamp: Lamp, options: RenderOptions) -> np.ndarray:
+    """(h, w) float32 radiance of the veiling glare that a lamp of the scene draws over the picture; 1 as in layers.
 
-    The lamp's irradiance on the lens, in so far as nothing hides the lamp, times the share `options.flare`, times
-    `scattering`. The lamp's own image is the veil's core, which most exposures clip.
+    The lamp's irradiance on the lens, in so far as nothing hides the lamp, times the share `options.lens_flare`, times
+    `scattering`. The lamp's own image is the veiling glare's core, which most exposures clip.
     """
     place, lens = camera.centre[None], camera.lens
     to_lamp, irradiance = lamp.light_at(place, falloff=options.falloff)
@@ -33,7 +33,7 @@ def flare_of(surfaces: Surfaces, camera: Camera, lamp: Lamp, options: RenderOpti
         return np.zeros(lens.shape, np.float32)
     directions = pixel_directions(lens, slice(None))
     cosine = directions @ towards / np.sqrt((directions**2).sum(axis=-1))
-    return (options.flare * light * scattering(np.arccos(np.clip(cosine, -1, 1)))).astype(np.float32)
+    return (options.lens_flare * light * scattering(np.arccos(np.clip(cosine, -1, 1)))).astype(np.float32)
 
 
 def scattering(angle: np.ndarray) -> np.ndarray:
