@@ -94,7 +94,9 @@ def outlines_of(meshes: dict[int, Mesh], trim: float = TRIM, trim_share: float =
 
 
 def largest_island(mesh: Mesh) -> np.ndarray:
-    """(n, 3) vertices of the largest connected part: cut-out scans carry crumbs and vertices that no face uses."""
+    """(n, 3) vertices of the largest connected part: cut-out scans carry small components and vertices that no face
+    uses.
+    """
     part = part_of_vertex(mesh.faces, len(mesh.vertices))
     return np.asarray(mesh.vertices[part == np.bincount(part).argmax()])
 

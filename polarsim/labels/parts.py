@@ -1,4 +1,4 @@
-"""Parts of pictures: where each rock lies, and crumbs that people do not see as belonging to a mask."""
+"""Parts of pictures: where each rock lies, and small components that people do not see as belonging to a mask."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from scipy.ndimage import find_objects
 from polarsim.photo import NO_ROCK
 
 Window = tuple[slice, slice]  # rows and columns of a picture
-SMALL_PART = 0.15  # of a mask's largest connected part: smaller ones are crumbs that nobody would outline or box
+SMALL_PART = (
+    0.15  # of a mask's largest connected part: smaller ones are small components that nobody would outline or box
+)
 
 
 def windows_of(ids: np.ndarray) -> dict[int, Window]:
@@ -17,7 +19,7 @@ def windows_of(ids: np.ndarray) -> dict[int, Window]:
     return {rock: (window[0], window[1]) for rock, window in enumerate(windows, 1 + NO_ROCK) if window}
 
 
-def without_crumbs(mask: np.ndarray, connectivity: int = 4) -> np.ndarray:
+def without_small_components(mask: np.ndarray, connectivity: int = 4) -> np.ndarray:
     """A mask (h, w) less the parts that are much smaller than its largest one; parts hang together by edges.
 
     With a connectivity of 8 corners hold too.

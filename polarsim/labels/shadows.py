@@ -13,7 +13,7 @@ from polarsim.geometry.boxes import of_mask
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.thin_parts import without_thin_parts
-from polarsim.labels.parts import Window, without_crumbs
+from polarsim.labels.parts import Window, without_small_components
 from polarsim.labels.wall_shade import passing_heights
 from polarsim.labels.world import World
 from polarsim.photo import NO_ROCK, Azimuth, Light
@@ -136,5 +136,5 @@ def shadow_box(
         centre = (rock_box[2:] + rock_box[:2]) / 2
         mask = mask & ((((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 > 1)
     core = without_thin_parts(mask, round(THIN_PX / step))
-    box = of_mask(without_crumbs(core, connectivity=8))
+    box = of_mask(without_small_components(core, connectivity=8))
     return None if box is None else (box + np.tile([left, top], 2)) * step

@@ -12,7 +12,7 @@ from polarsim.formats import rle
 from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import outlines
-from polarsim.labels.parts import windows_of, without_crumbs
+from polarsim.labels.parts import windows_of, without_small_components
 
 LIKE_ITS_BOX = 0.2  # smallest IoU of a shape's own box with its label's for the shape to be believed
 
@@ -56,9 +56,11 @@ class Shape:
 
 
 def shapes_of(ids: np.ndarray) -> dict[int, Shape]:
-    """Where a picture of ids (h, w) shows its rocks, as a person would outline them: without holes and crumbs."""
+    """Where a picture of ids (h, w) shows its rocks, as a person would outline them: without holes and small
+    components.
+    """
     return {
-        rock: _trimmed(Shape(_filled(without_crumbs(ids[rows, columns] == rock)), columns.start, rows.start))
+        rock: _trimmed(Shape(_filled(without_small_components(ids[rows, columns] == rock)), columns.start, rows.start))
         for rock, (rows, columns) in windows_of(ids).items()
     }
 
@@ -103,13 +105,17 @@ def rounded(box: np.ndarray, power: float = 2.5) -> Shape:
 
 
 def visible(shapes: Sequence[Shape], width: int, height: int) -> list[Shape | None]:
-    """What is left of shapes that are painted one over the other, the last on top, without crumbs; None for nothing."""
+    """What is left of shapes that are painted one over the other, the last on top, without small components; None for
+    nothing.
+    """
     painted = np.full((height, width), -1, np.int16)
     inside = [shape.cut(width, height) for shape in shapes]
     for number, shape in enumerate(inside):
         painted[shape.window][shape.mask] = number
     left = [(shape, painted[shape.window] == number) for number, shape in enumerate(inside)]
-    return [Shape(without_crumbs(mask), shape.left, shape.top) if mask.any() else None for shape, mask in left]
+    return [
+        Shape(without_small_components(mask), shape.left, shape.top) if mask.any() else None for shape, mask in left
+    ]
 
 
 def _filled(mask: np.ndarray) -> np.ndarray:

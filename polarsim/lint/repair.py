@@ -173,7 +173,9 @@ def _as_in_set(labels: Boxes, key: PhotoKey, files: Mapping[PhotoKey, Boxes], na
 
 
 def _repaired_polygons(polygons: Polygons, found: Sequence[Finding]) -> Polygons:
-    """Outlines made valid and cut at the photo's border, crumbs left out, ground painted first and as ground."""
+    """Outlines made valid and cut at the photo's border, small components left out, ground painted first and as
+    ground.
+    """
     rows = {finding.defect: set(finding.rows) for finding in found}
     dropped = rows.get("tiny_polygon", set()) | rows.get("thin_polygon", set())
     reshaped = rows.get("invalid_ring", set()) | rows.get("out_of_photo", set())

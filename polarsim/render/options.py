@@ -244,7 +244,7 @@ class RenderOptions(SensorOptions):
         description="Paths start at every so many-th pixel of a row and of a column; pixels between take the light of "
         "alike neighbours. 1: at every pixel, unsmoothed.",
     )
-    seat_m: float = Field(
+    skirt_m: float = Field(
         0.05,
         ge=0,
         description="Open feet of rock meshes are drawn out downwards so far, metres: no light beneath them.",

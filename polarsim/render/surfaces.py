@@ -15,7 +15,7 @@ from polarsim.geometry.casters import caster
 from polarsim.geometry.rays import Caster, Device, RayEngine, Surveyor
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.seats import seated
+from polarsim.render.skirts import with_skirts
 
 _WALL_THICKNESS = 0.05  # metres
 _WALL_FOOT = 0.5  # metres that walls reach below the median ground
@@ -92,11 +92,12 @@ class Surfaces:
 def surfaces_of(
     mesh: TerrainMesh, options: RenderOptions, albedo: Mapping[Model, np.ndarray] | None = None
 ) -> Surfaces:
-    """The terrain's triangles, rocks seated in the sand, with the sandbox's walls where the options ask for them.
+    """The terrain's triangles, rocks with skirts that reach into the sand, with the sandbox's walls where the
+    options ask for them.
 
     `albedo`: by model, factors (v,) of the mesh's vertices.
     """
-    given, mesh = mesh, seated(mesh, options.seat_m) if options.seat_m else mesh
+    given, mesh = mesh, with_skirts(mesh, options.skirt_m) if options.skirt_m else mesh
     id_of_face = np.where(mesh.rock_of_face == NO_ROCK, GROUND, ROCK_IDS + mesh.rock_of_face).astype(np.int32)
     vertices, faces, normals = mesh.vertices, mesh.faces, mesh.normals
     if options.rim:

@@ -72,7 +72,7 @@ def adopt_rocks(
 
 
 def cleaned(mesh: Mesh) -> Mesh:
-    """The largest island; crumbs, doubled and unused vertices go."""
+    """The largest island; small components, doubled and unused vertices go."""
     return largest_island(merged_vertices(mesh))
 
 

@@ -1,4 +1,6 @@
-"""What is wrong with published rock meshes, and copies without it: closed below the ground, no skirt, no crumbs."""
+"""What is wrong with published rock meshes, and copies without it: closed below the ground, no skirt, no small
+components.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from polarsim.rocks.surfaces import closed_rock
 
 FILE = "defects.csv"
 COLUMNS = (
-    "rock", "vertices", "faces", "unused_vertices", "doubled_vertices", "islands", "crumb_faces", "watertight",
+    "rock", "vertices", "faces", "unused_vertices", "doubled_vertices", "islands", "small_component_faces",
+    "watertight",
     "holes", "rim_m", "skirt_share",
 )  # fmt: skip
 SKIRT = 0.004  # metres above the plane through a rock's rim: what lies lower is sand that was cut out with the rock
@@ -48,7 +51,7 @@ def defects(mesh: Mesh) -> dict[str, object]:
         "unused_vertices": len(mesh.vertices) - len(used),
         "doubled_vertices": len(used) - len(np.unique(mesh.vertices[used], axis=0)),
         "islands": int(part.max(initial=-1)) + 1,
-        "crumb_faces": len(joined.faces) - len(main.faces),
+        "small_component_faces": len(joined.faces) - len(main.faces),
         "watertight": is_watertight(main.faces),
         "holes": max(0, len(loops) - 1),  # the longest loop is the rim
         "rim_m": round(float(loops.max(initial=0.0)), 4),

@@ -8,7 +8,7 @@ import numpy as np
 
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight, part_of_vertex
-from polarsim.rocks.parting import parted
+from polarsim.rocks.non_manifold import split_non_manifold
 
 
 def compacted(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
@@ -58,7 +58,7 @@ def decimated(mesh: Mesh, share: float) -> Mesh:
     while share < 1:
         faces = max(12, round(share * len(mesh.faces)))
         fewer = source.simplify_quadric_decimation(faces)
-        copy = parted(_from_open3d(fewer))
+        copy = split_non_manifold(_from_open3d(fewer))
         if len(copy.faces) and (is_watertight(copy.faces) or not closed):
             return largest_island(copy)
         share *= 1.25

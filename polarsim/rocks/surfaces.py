@@ -13,7 +13,7 @@ from polarsim.geometry.topology import is_watertight
 from polarsim.rocks.closing import closing_points, hull_mesh, hull_points
 from polarsim.rocks.clouds import tangents
 from polarsim.rocks.heights import FloorGrid, upward_normals
-from polarsim.rocks.parting import parted
+from polarsim.rocks.non_manifold import split_non_manifold
 from polarsim.rocks.solids import compacted, largest_island
 
 log = logging.getLogger("polarsim")
@@ -110,7 +110,7 @@ def closed_rock(
 def _closed(cloud: Cloud, cell: float) -> Mesh | None:
     """The largest part of the surface through a cloud, where some cell gives one without holes."""
     for share in CELL_SHARES:
-        mesh = largest_island(parted(poisson(cloud, share * cell)))
+        mesh = largest_island(split_non_manifold(poisson(cloud, share * cell)))
         if is_watertight(mesh.faces):
             return mesh
     return None

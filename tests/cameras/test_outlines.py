@@ -23,7 +23,7 @@ def skirted_cube(skirt: float) -> Mesh:
     return Mesh(vertices, np.concatenate([FACES, faces]))
 
 
-def test_crumbs_and_unused_vertices_do_not_count():
+def test_small_components_and_unused_vertices_do_not_count():
     crumb = np.array([[1.0, 1, 1], [1.1, 1, 1], [1, 1.1, 1]])
     mesh = Mesh(np.concatenate([CUBE, crumb, [[9.0, 9, 9]]]), np.concatenate([FACES, [[8, 9, 10]]]))
     np.testing.assert_array_equal(largest_island(mesh), CUBE)

@@ -56,7 +56,7 @@ def test_a_label_far_from_its_mesh_gets_a_rounded_box(own):
     np.testing.assert_array_equal(fitted(own, box).mask, rounded(box).mask)
 
 
-def test_a_shape_has_neither_holes_nor_crumbs():
+def test_a_shape_has_neither_holes_nor_small_components():
     ids = np.full((20, 30), -1)
     ids[2:12, 3:13] = 5
     ids[5:7, 6:9] = -1
@@ -77,7 +77,7 @@ def test_a_rock_in_two_large_parts_keeps_both():
 
 @settings(deadline=None)
 @given(shapes=st.lists(any_shape, max_size=5))
-def test_what_is_visible_of_a_shape_is_what_no_later_one_covers_less_crumbs(shapes):
+def test_what_is_visible_of_a_shape_is_what_no_later_one_covers_less_small_components(shapes):
     expected = [[-1] * 10 for _ in range(8)]  # pixel by pixel
     for number, shape in enumerate(shapes):
         for row, column in zip(*np.nonzero(shape.mask), strict=True):

@@ -104,7 +104,7 @@ def test_annotations_say_how_much_is_seen(ids_of):
     for rock, label in labels.items():
         shown, all_of_it = label.mask.mask(), label.amodal.mask.mask()
         assert (all_of_it | ~shown).all()
-        assert (all_of_it & expected[rock]).sum() >= 0.98 * expected[rock].sum()  # crumbs are left out
+        assert (all_of_it & expected[rock]).sum() >= 0.98 * expected[rock].sum()  # small components are left out
         assert label.visible_share == shown.sum() / all_of_it.sum()
         rows, columns = np.nonzero(all_of_it)
         np.testing.assert_array_equal(label.amodal.box, [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])

@@ -190,5 +190,5 @@ def test_coco_has_the_boxes_and_the_pixels_of_instances(labelled, lens):
             number = {"rock": 1000, "shadow": 2000}[annotation.kind] + annotation.rock
             shown = annotation.mask.mask()
             assert (ids[shown] == number).all()
-            assert shown.sum() >= 0.95 * (ids == number).sum()  # crumbs outside the box are left out
+            assert shown.sum() >= 0.95 * (ids == number).sum()  # small components outside the box are left out
             np.testing.assert_array_equal(of_mask(shown), annotation.box)

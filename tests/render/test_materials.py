@@ -132,7 +132,7 @@ def test_feet_that_are_drawn_out_have_their_rocks_mean_and_walls_one(blocks, pla
     )
     mesh = type(mesh)(mesh.vertices, mesh.faces[kept], mesh.rock_of_face[kept], mesh.given_normals)
     factor = np.where(np.arange(len(mesh.vertices)) < 4, 1.0, 0.7)
-    surfaces = surfaces_of(mesh, with_(plain, rim=True, seat_m=0.05), {"lambert": factor})
+    surfaces = surfaces_of(mesh, with_(plain, rim=True, skirt_m=0.05), {"lambert": factor})
     added = surfaces.albedo["lambert"][len(mesh.vertices) :]
     walls = np.unique(surfaces.faces[surfaces.id_of_face == BACKGROUND]) - len(mesh.vertices)
     np.testing.assert_array_equal(added[walls], 1)

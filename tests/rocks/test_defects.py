@@ -45,7 +45,7 @@ def test_a_clean_half_ball_is_open_at_its_rim_alone():
         "unused_vertices": 0,
         "doubled_vertices": 0,
         "islands": 1,
-        "crumb_faces": 0,
+        "small_component_faces": 0,
         "holes": 0,
         "watertight": False,
     }
@@ -63,7 +63,7 @@ def test_what_was_spoiled_is_counted():
     spoiled[0, 0] = corner + 3  # a corner of its own, at the same place
     vertices = np.concatenate([ball.vertices, crumb, twin, [[5.0, 5, 5]]])  # the last one is used by nobody
     found = defects(Mesh(vertices, np.concatenate([spoiled, [[corner, corner + 1, corner + 2]]])))
-    expected = {"unused_vertices": 1, "doubled_vertices": 1, "islands": 2, "crumb_faces": 1, "holes": 1}
+    expected = {"unused_vertices": 1, "doubled_vertices": 1, "islands": 2, "small_component_faces": 1, "holes": 1}
     assert {name: found[name] for name in expected} == expected
 
 

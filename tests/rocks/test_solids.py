@@ -122,7 +122,7 @@ def test_a_decimated_solid_stays_closed_and_keeps_its_volume():
     assert volume(copy) == pytest.approx(volume(ball), rel=0.02)
 
 
-def test_crumbs_doubles_and_loose_vertices_go():
+def test_small_components_doubles_and_loose_vertices_go():
     box = as_mesh(trimesh.creation.box())
     soup = box.vertices[box.faces].reshape(-1, 3)  # every triangle with corners of its own
     crumb = np.array([[5, 5, 5], [5, 6, 5], [6, 5, 5.0]])

@@ -132,7 +132,7 @@ class Sight:
         changed[self.trace.tracks.cell] = True
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
         tracks = Tracks(lattice, changed.reshape(world.level.shape), options.finer)
-        return Stage(tracks, rocks_of(world), self.body, seat_m=self.render_options.seat_m, far_m=options.far_m)
+        return Stage(tracks, rocks_of(world), self.body, skirt_m=self.render_options.skirt_m, far_m=options.far_m)
 
     @cached_property
     def _sky(self) -> Sky | None:

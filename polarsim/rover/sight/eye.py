@@ -57,7 +57,7 @@ class Eye:
         self._render = options_of(sight, body)
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
         tracks = Tracks(lattice, _near(world, path), sight.finer)
-        self._stage = Stage(tracks, rocks_of(world), body, seat_m=self._render.seat_m, far_m=sight.far_m)
+        self._stage = Stage(tracks, rocks_of(world), body, skirt_m=self._render.skirt_m, far_m=sight.far_m)
         self._lamps = {SUN: Lamp.sun(options.sun_azimuth_deg, options.sun_elevation_deg)}
 
     def picture(self, state: State, level: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster, Surveyor
 from polarsim.geometry.rays_parts import Part, Parts
 from polarsim.render.options import Material, RenderOptions
-from polarsim.render.seats import seated
+from polarsim.render.skirts import with_skirts
 from polarsim.render.surfaces import Surfaces
 from polarsim.rover.sight.bodywork import Body
 from polarsim.rover.sight.options import SightOptions
@@ -65,11 +65,11 @@ class MovingSurfaces(Surfaces):
 class Stage:
     """All that is seen on a drive; `show` moves it to a moment."""
 
-    def __init__(self, tracks: Tracks, rocks: Rocks, body: Body, *, seat_m: float, far_m: float) -> None:
+    def __init__(self, tracks: Tracks, rocks: Rocks, body: Body, *, skirt_m: float, far_m: float) -> None:
         """
         Parameters
         ----------
-        seat_m : float
+        skirt_m : float
             Open feet of rocks are drawn out downwards so far: no light beneath them.
         far_m : float
             The ground goes on so far beyond the drive's grid.
@@ -83,7 +83,7 @@ class Stage:
         still = still_ground(tracks.fine, tracks.covered, far_m)
         tiles = [tracks.mesh(number) for number in range(len(tracks.tiles))]
         here = {link: Pose.identity() for link in body.links}
-        standing = seated_rocks(rocks, seat_m)
+        standing = rocks_with_skirts(rocks, skirt_m)
         faces = [still[1], *(tile_faces(tracks.side) for _ in tiles), body.faces, standing.faces]
         vertices = [still[0], *(tile[0] for tile in tiles), body.posed(here)[0], standing.vertices]
         normals = [still[2], *(tile[1] for tile in tiles), body.posed(here)[1], standing.normals]
@@ -177,8 +177,8 @@ def options_of(options: SightOptions, body: Body) -> RenderOptions:
     return render.model_copy(update={"models": options.models, "materials": {**own, **render.materials}})
 
 
-def seated_rocks(rocks: Rocks, seat_m: float) -> TerrainMesh:
-    """Rocks with smooth normals of their own, seated in the sand."""
+def rocks_with_skirts(rocks: Rocks, skirt_m: float) -> TerrainMesh:
+    """Rocks with smooth normals of their own, with skirts that reach into the sand."""
     parts = []
     for number in np.unique(rocks.number_of_face):
         used, faces = np.unique(rocks.faces[rocks.number_of_face == number], return_inverse=True)
@@ -192,7 +192,7 @@ def seated_rocks(rocks: Rocks, seat_m: float) -> TerrainMesh:
         np.concatenate([mesh.faces + start for (_, mesh), start in zip(parts, starts, strict=False)]),
         np.concatenate([np.full(len(mesh.faces), number) for number, mesh in parts]),
     )
-    return seated(mesh, seat_m) if seat_m else mesh
+    return with_skirts(mesh, skirt_m) if skirt_m else mesh
 
 
 def _beyond_rim(level: np.ndarray, cells: np.ndarray) -> np.ndarray:

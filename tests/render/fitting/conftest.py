@@ -93,7 +93,7 @@ def shoot(mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, places:
 @pytest.fixture(scope="package")
 def studio() -> Studio:
     options = RenderOptions(
-        models=("lambert",), rim=False, bounce=0, falloff=True, seat_m=0,
+        models=("lambert",), rim=False, bounce=0, falloff=True, skirt_m=0,
         fitting=FittingOptions(step_px=1, border_px=1, parameters={}),
     )  # fmt: skip
     mesh = sandbox()

@@ -91,7 +91,7 @@ def test_a_shadow_that_the_meshes_do_not_know_does_little_harm(studio, engine, f
 def test_parameters_come_back_whatever_the_albedo(engine):
     mesh = sandbox()
     options = RenderOptions(
-        models=("hapke",), rim=False, bounce=0, falloff=True, seat_m=0,
+        models=("hapke",), rim=False, bounce=0, falloff=True, skirt_m=0,
         fitting=FittingOptions(step_px=1, border_px=1, parameters={"hapke": ("theta_bar_deg",)}),
     )  # fmt: skip
     samples = shoot(mesh, pattern(mesh), options)

@@ -10,7 +10,7 @@ from polarsim.render.views.scenes import Ensemble
 from polarsim.render.views.sections import SceneSection
 
 SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
-BARE = RenderOptions(rim=False, seat_m=0)
+BARE = RenderOptions(rim=False, skirt_m=0)
 
 
 def ensemble(folder, *places, options=BARE):

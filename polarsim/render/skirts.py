@@ -14,7 +14,7 @@ _LOWER_PART = 0.5  # of a rock's height: rims above it are holes in its back, no
 _SAME_PLACE = 1e-6  # metres: vertices nearer than this are one, or seams between them would count as rims
 
 
-def seated(mesh: TerrainMesh, depth: float) -> TerrainMesh:
+def with_skirts(mesh: TerrainMesh, depth: float) -> TerrainMesh:
     """The terrain with an upright skirt of `depth` metres under the low rims of every open rock."""
     vertices, faces, normals, rocks = [mesh.vertices], [mesh.faces], [mesh.normals], [mesh.rock_of_face]
     count = len(mesh.vertices)

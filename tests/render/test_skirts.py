@@ -4,7 +4,7 @@ import pytest
 from polarsim.formats.scene import TerrainMesh
 from polarsim.render.lamps import Lamp
 from polarsim.render.layers import NO_LAMP
-from polarsim.render.seats import hang, low_rim, seated
+from polarsim.render.skirts import hang, low_rim, with_skirts
 from polarsim.render.surfaces import surfaces_of
 
 GAP = 0.03  # metres between the ground and the block's open foot
@@ -29,7 +29,7 @@ def test_the_rim_of_a_block_without_underside_is_its_foot_and_not_its_seams(floa
 
 def test_a_closed_rock_is_left_as_it_is(blocks):
     mesh = blocks()
-    assert len(seated(mesh, 0.05).faces) == len(mesh.faces)
+    assert len(with_skirts(mesh, 0.05).faces) == len(mesh.faces)
 
 
 def test_strips_look_to_the_side_that_the_faces_above_look_to():
@@ -45,7 +45,7 @@ def test_strips_look_to_the_side_that_the_faces_above_look_to():
 def test_no_light_passes_beneath_a_seated_rock(floating, camera, lens, plain, ids_of):
     lamp = Lamp(np.array([-3.5, 0.0, 0.1]))  # behind the block, low: shines through the gap towards the camera
     for depth, leaks in ((0.0, True), (0.05, False)):
-        surfaces = surfaces_of(floating, plain.model_copy(update={"seat_m": depth}))
+        surfaces = surfaces_of(floating, plain.model_copy(update={"skirt_m": depth}))
         ids = ids_of(surfaces, camera, lens, {"sun": lamp})
         edge = lens.project(camera.inverse().apply(np.array([0.23, 0.0, 0.0])))  # ground in front of the foot
         column, row = np.floor(edge).astype(int)

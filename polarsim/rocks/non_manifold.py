@@ -14,7 +14,7 @@ FLAT = 1e-6  # radians: sheets that lie on each other have nothing between them,
 PARTING = 1e-5  # metres that touching sheets of a surface are set apart
 
 
-def parted(mesh: Mesh) -> Mesh:
+def split_non_manifold(mesh: Mesh) -> Mesh:
     """Sheets of a closed surface that touch along an edge or in a vertex, set a little apart: each edge has two faces.
 
     Where four faces meet in an edge, the edge is halved, and those two go together that have solid between them.

@@ -4,7 +4,7 @@ import trimesh
 
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight
-from polarsim.rocks.parting import PARTING, parted
+from polarsim.rocks.non_manifold import PARTING, split_non_manifold
 from polarsim.rocks.solids import islands, volume
 
 
@@ -20,7 +20,7 @@ def joined(*boxes):
 def test_two_boxes_that_touch_become_two_solids(far):
     low = np.array(far) - 1
     touching = joined([(0, 0, 0), (1, 1, 1)], [tuple(low), far])
-    apart = parted(touching)
+    apart = split_non_manifold(touching)
     assert is_watertight(apart.faces)
     assert islands(apart).max() == 1
     assert volume(apart) == pytest.approx(2, abs=20 * PARTING)
@@ -30,7 +30,7 @@ def test_two_boxes_that_touch_become_two_solids(far):
 
 def test_a_solid_stays_what_it_is():
     box = joined([(0, 0, 0), (1, 1, 1)])
-    assert parted(box) is box
+    assert split_non_manifold(box) is box
 
 
 def test_sheets_that_lie_on_each_other_are_closed_one_way_or_the_other():
@@ -39,7 +39,7 @@ def test_sheets_that_lie_on_each_other_are_closed_one_way_or_the_other():
     other.apply_transform(trimesh.transformations.reflection_matrix([1.5, 0.5, 0.5], [0, 1, 0]))
     whole = trimesh.util.concatenate([one, other])
     whole.merge_vertices()
-    apart = parted(Mesh(np.asarray(whole.vertices, float), np.asarray(whole.faces, np.int64)))
+    apart = split_non_manifold(Mesh(np.asarray(whole.vertices, float), np.asarray(whole.faces, np.int64)))
     assert is_watertight(apart.faces)
     assert volume(apart) == pytest.approx(2, abs=1e-3)
 
@@ -49,6 +49,6 @@ def test_a_ball_with_pinched_places_is_mended(rng):
     number = np.arange(len(ball.vertices))
     for one, other in rng.choice(len(number), (6, 2), replace=False):
         number[number == number[other]] = number[one]  # far vertices become one: the surface touches itself
-    apart = parted(Mesh(np.asarray(ball.vertices, float), number[np.asarray(ball.faces, np.int64)]))
+    apart = split_non_manifold(Mesh(np.asarray(ball.vertices, float), number[np.asarray(ball.faces, np.int64)]))
     assert is_watertight(apart.faces)
     assert len(np.unique(apart.faces)) == len(ball.vertices)
