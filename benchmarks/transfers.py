@@ -7,9 +7,9 @@ raw files taken in, cameras located, meshes adopted, labels propagated, all with
 folders below WORK, which a second call takes up again. Seeds are the configuration's: Left, rover light off, of each
 azimuth the exposure with most boxes. Truth is every published file that can be read; the others are named.
 
-`--fit` prints the coefficients of `polarsim/labels/habits.py`, `polarsim/labels/rover_light.py` and
-`polarsim/labels/confidence.py`, fitted to all terrains given, and scores each terrain with the habits that the others
-taught.
+`--fit` prints the coefficients of `polarsim/labels/annotator_model.py`, `polarsim/labels/rover_light.py` and
+`polarsim/labels/confidence.py`, fitted to all terrains given, and scores each terrain with the annotator model that
+the others taught.
 
 `--ceilings` scores what no method can beat instead: boxes at the mean of infinitely many drawings of a rock, present
 as other people's drawings have it, or as the truth has it.
@@ -37,7 +37,7 @@ from polarsim.formats import lamps, release, rigs, yolo
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.boxes import area, clip, iou, match
-from polarsim.labels import confidence, habits, rover_light
+from polarsim.labels import annotator_model, confidence, rover_light
 from polarsim.labels.known import Known, gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position import PositionLabels
@@ -241,7 +241,7 @@ class CastPairs:
 def cast_pairs(run: Run, options: LabelsOptions) -> CastPairs:
     """Every drawn shadow of the seeds beside the one that geometry alone gives."""
     run.place()
-    plain = options.model_copy(update={"shadow_habits": (0.0,) * len(habits.TERMS)})
+    plain = options.model_copy(update={"annotator_shadows": (0.0,) * len(annotator_model.TERMS)})
     placed = rigs.read_all_placed(run.folder / "cameras")
     drawings = read_drawings(run.folder / "seeds", run.terrain)
     seeds = choose_seeds(drawings, {}, shadow_starts(drawings, plain.shadow_start(run.terrain)))
@@ -258,17 +258,19 @@ def cast_pairs(run: Run, options: LabelsOptions) -> CastPairs:
                 if label.kind == SHADOW and label.rock in cast:
                     shown = own.rocks.projected("L", label.rock)
                     rock, box = rocks[label.rock], cast[label.rock].box
-                    terms = habits.terms(box, rock, shown.box if shown else rock, own.rocks.px_per_m("L", label.rock))
+                    terms = annotator_model.terms(
+                        box, rock, shown.box if shown else rock, own.rocks.px_per_m("L", label.rock)
+                    )
                     rows.append((terms, box, label.box))
     terms, cast_boxes, drawn = (np.array(column) for column in zip(*rows, strict=True))
     return CastPairs(terms, cast_boxes, drawn)
 
 
 def fitted(pairs: Iterable[CastPairs], rounds: int = 20, scale: float = 1.5) -> tuple[float, ...]:
-    """Coefficients of the habits' terms by iterated least squares with Cauchy weights."""
+    """Coefficients of the annotator model' terms by iterated least squares with Cauchy weights."""
     known = list(pairs)
-    terms = np.concatenate([one.terms for one in known]).reshape(-1, len(habits.TERMS))
-    moved = np.concatenate([(one.drawn - one.cast) * habits.OUTWARD.sum(axis=1) for one in known]).reshape(-1)
+    terms = np.concatenate([one.terms for one in known]).reshape(-1, len(annotator_model.TERMS))
+    moved = np.concatenate([(one.drawn - one.cast) * annotator_model.OUTWARD.sum(axis=1) for one in known]).reshape(-1)
     found = np.zeros(terms.shape[1])
     for _ in range(rounds):
         error = moved - terms @ found
@@ -461,7 +463,7 @@ def main() -> None:
         if args.fit:  # what the others taught
             habit = fitted(pairs[other] for other in pairs if other != terrain)
             by_rover = fitted_rover_light(lit[other] for other in lit if other != terrain)
-            own = options.model_copy(update={"shadow_habits": habit, "rover_light_habits": by_rover})
+            own = options.model_copy(update={"annotator_shadows": habit, "annotator_rover_light": by_rover})
         truth = read_truth(args.release, terrain)
         print(f"terrain {terrain:02d}: {len(truth)} files", flush=True)
         score_run(run, truth, None, own, scores)
@@ -469,7 +471,7 @@ def main() -> None:
             score_run(part, wanted, task, own, scores)
     scores.show()
     if args.fit:
-        print("COEFFICIENTS", dict(zip(habits.TERMS, fitted(pairs.values()), strict=True)))
+        print("COEFFICIENTS", dict(zip(annotator_model.TERMS, fitted(pairs.values()), strict=True)))
         print("COEFFICIENTS", dict(zip(rover_light.TERMS, fitted_rover_light(lit.values()), strict=True)))
         fit_confidence(pd.concat(scores.labels, ignore_index=True))
 

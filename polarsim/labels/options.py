@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import BaseModel, Field
 
 from polarsim.labels import rover_light
-from polarsim.labels.habits import COEFFICIENTS
+from polarsim.labels.annotator_model import COEFFICIENTS
 
 
 class LabelsOptions(BaseModel, extra="forbid", frozen=True):
@@ -50,7 +50,7 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         2048, gt=0, description="Shortest exposure with labels where only the rover light shines, ms."
     )
 
-    rover_light_habits: tuple[float, ...] = Field(
+    annotator_rover_light: tuple[float, ...] = Field(
         rover_light.COEFFICIENTS,
         min_length=len(rover_light.COEFFICIENTS),
         max_length=len(rover_light.COEFFICIENTS),
@@ -70,11 +70,12 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     ray_step_px: int = Field(2, ge=1, le=8, description="Shadows are cast at every n-th pixel along rows and columns.")
     min_shadow_px: float = Field(12.0, gt=0, description="Smallest cast shadow that is labelled, sqrt(area), px.")
 
-    shadow_habits: tuple[float, ...] = Field(
+    annotator_shadows: tuple[float, ...] = Field(
         COEFFICIENTS,
         min_length=len(COEFFICIENTS),
         max_length=len(COEFFICIENTS),
-        description="How people box shadows, one coefficient a term of polarsim/labels/habits.py: they move the edges "
+        description="How people box shadows, one coefficient a term of polarsim/labels/annotator_model.py: they "
+        "move the edges "
         "of a cast shadow's box; all 0 leaves it as geometry has it.",
     )
 

@@ -85,7 +85,7 @@ class PositionRocks:
         """Rocks that people draw without a Sun lamp."""
         labels = []
         for row, box in enumerate(boxes):
-            sure = rover_light.probability(self.rover_light_terms(camera, row), self.options.rover_light_habits)
+            sure = rover_light.probability(self.rover_light_terms(camera, row), self.options.annotator_rover_light)
             if sure >= rover_light.PRESENCE:
                 label = label_of(ROCK, self.ids[row], self.moved_source(camera), box)
                 labels.append(replace(label, confidence=round(sure, 3)))

@@ -9,8 +9,8 @@ import numpy as np
 
 from polarsim.geometry.boxes import area, iou
 from polarsim.geometry.matching import MATCH_GATE_PX
+from polarsim.labels.annotator_model import as_people_draw
 from polarsim.labels.edges import snapped
-from polarsim.labels.habits import as_people_draw
 from polarsim.labels.identity import match_boxes
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.options import LabelsOptions
@@ -161,7 +161,7 @@ class PositionShadows:
             if dark is None and rock_box is not None:
                 shown = self.rocks.projected(camera, rock) if rock in self.world.bodies else None
                 mesh_box, scale = shown.box if shown else rock_box, self.rocks.px_per_m(camera, rock)
-                box = as_people_draw(box, rock_box, mesh_box, scale, self.options.shadow_habits)
+                box = as_people_draw(box, rock_box, mesh_box, scale, self.options.annotator_shadows)
             if area(box) > 0:
                 found[rock] = CastShadow(box if dark is None else dark, dark is not None)
         return found

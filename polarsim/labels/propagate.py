@@ -127,8 +127,8 @@ def grid_labels(
 ) -> dict[PhotoKey, list[Label]]:
     """Labels of every key; what photos share is computed once.
 
-    Where people's habits decide what is seen, photos that no lamp lights are looked at all the same, if they are there.
-    A photo that was drawn itself keeps its boxes as they are; others may be added, but not to a correction.
+    Where the annotator model decide what is seen, photos that no lamp lights are looked at all the same, if they are
+    there. A photo that was drawn itself keeps its boxes as they are; others may be added, but not to a correction.
     """
     by_people = options.visibility == "annotator"
     asked = None if by_people else photos

@@ -118,7 +118,7 @@ def test_a_box_of_one_drawing_alone_is_propagated_over_only_if_another_position_
     assert shown == ({NEAR, FAR} if propagated else {NEAR})
 
 
-def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_the_habits_say(monkeypatch):
+def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_the_annotator_model_says(monkeypatch):
     blocks = {
         1: (np.array([0.9, -0.5, 0.0]), np.array([0.1, 0.1, 0.05])),
         2: (np.array([-1.9, -0.5, 0.0]), np.array([0.05, 0.05, 0.03])),
