@@ -23,11 +23,11 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import png
+from polarsim.rover.cameras.frames import truth_of
+from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.suite import CameraSuite
+from polarsim.rover.cameras.truth import write_truth
 from polarsim.rover.drive.trace import Trace, read_trace
-from polarsim.rover.sight.cameras import Sight
-from polarsim.rover.sight.frames import truth_of
-from polarsim.rover.sight.options import SightOptions
-from polarsim.rover.sight.truth import write_truth
 from polarsim.rover.vehicle.table import read_vehicle
 
 
@@ -40,41 +40,41 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=5, help="how many, in the drive's second half")
     parser.add_argument("--threads", type=int, default=1)
     chosen = parser.parse_args()
-    options = SightOptions(views=(chosen.view,), suns=(chosen.sun,))
-    sight = Sight(_trace(chosen.drive), read_vehicle(chosen.vehicle), options)
+    options = CameraSuiteOptions(views=(chosen.view,), suns=(chosen.sun,))
+    suite = CameraSuite(_trace(chosen.drive), read_vehicle(chosen.vehicle), options)
     start = time.process_time()
-    first = len(sight.frames) // 2
-    sight.show(first)
-    sight.render(chosen.view, [chosen.sun], chosen.threads)  # what is built once
-    print(f"start: {time.process_time() - start:.2f} s, {len(sight.stage.surfaces.faces):,} triangles")
+    first = len(suite.frames) // 2
+    suite.show(first)
+    suite.render(chosen.view, [chosen.sun], chosen.threads)  # what is built once
+    print(f"start: {time.process_time() - start:.2f} s, {len(suite.stage.surfaces.faces):,} triangles")
     began = time.perf_counter()
-    rows = [_frame(sight, chosen, first + 1 + number) for number in range(chosen.frames)]
+    rows = [_frame(suite, chosen, first + 1 + number) for number in range(chosen.frames)]
     wall = (time.perf_counter() - began) / chosen.frames
     names = ("ground", "render", "expose", "labels", "files")
     median = np.median(rows, axis=0)
     parts = ", ".join(f"{name} {value:.2f}" for name, value in zip(names, median, strict=True))
-    lens = sight.mounts[chosen.view].lens
+    lens = suite.mounts[chosen.view].lens
     print(f"{chosen.view}, {lens.width} x {lens.height}, {len(rows)} frames, CPU s: {parts}; all {median.sum():.2f}")
     whole = np.sum(rows, axis=1)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     print(f"from {whole.min():.2f} to {whole.max():.2f}; {wall:.2f} s a frame by the clock; {memory:.2f} GiB")
 
 
-def _frame(sight: Sight, chosen: argparse.Namespace, frame: int) -> list[float]:
+def _frame(suite: CameraSuite, chosen: argparse.Namespace, frame: int) -> list[float]:
     """CPU seconds of each part."""
-    view, sun, options = chosen.view, chosen.sun, sight.options
+    view, sun, options = chosen.view, chosen.sun, suite.options
     marks = [time.process_time()]
-    sight.show(frame)
+    suite.show(frame)
     marks.append(time.process_time())
-    rendering = sight.render(view, [sun], chosen.threads)
+    rendering = suite.render(view, [sun], chosen.threads)
     marks.append(time.process_time())
     pictures = [
-        sight.exposed(rendering, view, sun, model, exposure)
+        suite.exposed(rendering, view, sun, model, exposure)
         for model in options.models
         for exposure in options.exposures_ms
     ]
     marks.append(time.process_time())
-    truth = truth_of(sight, rendering, sun, frame)
+    truth = truth_of(suite, rendering, sun, frame)
     marks.append(time.process_time())
     with tempfile.TemporaryDirectory() as folder:
         for number, picture in enumerate(pictures):

@@ -87,7 +87,7 @@ def park(
     return Parked(dt * np.arange(1, steps + 1), slid, sinkage)
 
 
-class SoilBed:
+class SoilBin:
     """Ground and the law by which it gives way; `steps` counts the steps so far."""
 
     def __init__(self, ground: Ground, law: Law, bulldozing_rule: Bulldozing | None = None) -> None:

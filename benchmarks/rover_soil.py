@@ -21,7 +21,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from rover_rigs import SoilBed, park, patch_inverse_width, rest_plate
+from rover_rigs import SoilBin, park, patch_inverse_width, rest_plate
 from scipy.optimize import least_squares
 
 from polarsim.rover.soil import contact_numba
@@ -50,7 +50,7 @@ def step_costs(seconds: float) -> None:
         ("1 cm, bulldozing every 10 steps", 0.01, Bulldozing()),
     ):
         ground = make_ground(np.zeros((round(4 / cell), round(12 / cell))), cell, -2.0, -2.0)
-        bed = SoilBed(ground, soil.law(), bulldozing_rule=rule)
+        bed = SoilBin(ground, soil.law(), bulldozing_rule=rule)
         numbers, turns = np.repeat(wheel.numbers(cell)[None], 4, 0), np.repeat(np.eye(3)[None], 4, 0)
         spins, speed = np.tile([0.0, 0.2 / wheel.radius, 0.0], (4, 1)), 0.195
         centres = np.column_stack([corners, np.full(4, wheel.radius)])

@@ -480,7 +480,7 @@ def drive(
             meshes=run / "meshes",
             folder=folder,
             options=rover,
-            sight=rover.sight_with(weights, chosen.detect if weights else None),
+            suite=rover.cameras_with(weights, chosen.detect if weights else None),
             seed=number,
             progress=progress,
             pictures=pictures,

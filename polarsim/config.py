@@ -46,7 +46,7 @@ MOVED = {
     **{f"cameras.{key}": f"cameras.placement.{key}" for key in PlacementOptions.model_fields},
     "cameras.photo_scales": "cameras.refinement.scales",
     "detect.seed": "detect.split.seed and detect.comparison.seed",
-    "rover.sight.onboard.detect": "rover.sight.onboard.pictures and rover.sight.onboard.prediction",
+    "rover.cameras.onboard.detect": "rover.cameras.onboard.pictures and rover.cameras.onboard.prediction",
 }
 
 

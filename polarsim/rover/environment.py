@@ -18,11 +18,11 @@ import numpy as np
 from gymnasium import spaces
 
 from polarsim.errors import RoverError
-from polarsim.rover.drive.control import Command, Driver, Law, Path
+from polarsim.rover.cameras.live_camera import LiveCamera, LiveCameraOptions
+from polarsim.rover.drive.control import Command, Driver, Path, SteeringLaw
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import Start, State
 from polarsim.rover.drive.trace import CONTACTS
-from polarsim.rover.sight.eye import Eye, EyeOptions
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import WHEELS, read_vehicle
@@ -52,7 +52,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     ----------
     world : folder of a drive's world, or the world; none: a new practice ground for every episode.
     path_m : points x, y to follow; none: the middle line from the east to the west.
-    image : make pictures; `eye` says from where and in what light.
+    image : make pictures; `camera` says from where and in what light.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": ACTION_HZ}  # noqa: RUF012
@@ -66,7 +66,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         path_m: list[tuple[float, float]] | None = None,
         practice: PracticeGround | None = None,
         image: bool = False,
-        eye: EyeOptions | None = None,
+        camera: LiveCameraOptions | None = None,
         seconds: float = 60.0,
         offset_cost: float = 0.1,
         render_mode: str | None = None,
@@ -78,7 +78,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._soil = read_soil(self.options.table, self.options.soil)
         self._world = read_world(world) if isinstance(world, (str, FilePath)) else world
         self._practice, self._points = practice or PracticeGround(), path_m
-        self._eye_options = eye or EyeOptions()
+        self._camera_options = camera or LiveCameraOptions()
         self._image, self._seconds, self._offset_cost = image, seconds, offset_cost
         self.action_space = spaces.Box(-np.array(TOP, np.float32), np.array(TOP, np.float32), dtype=np.float32)
         self.observation_space: Any = spaces.Dict(self._spaces())
@@ -98,8 +98,8 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         start = Start(float(x), float(y), heading + turned)
         self._simulation = Simulation(world, self.vehicle, self._soil, self.options, start)
         # Only where it is along the path is asked of this driver; it commands nothing.
-        self._driver = Driver(path, Law(TOP[0], 0.0, 0.0, TOP[1]))
-        self._eye = Eye(world, self.vehicle, path, self._eye_options) if self._sees else None
+        self._driver = Driver(path, SteeringLaw(TOP[0], 0.0, 0.0, TOP[1]))
+        self._camera = LiveCamera(world, self.vehicle, path, self._camera_options) if self._sees else None
         self._simulation.advance(SETTLE_S)
         self._simulation.zero()
         state = self._simulation.state()
@@ -146,7 +146,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     def _spaces(self) -> dict[str, spaces.Space[Any]]:
         found: dict[str, spaces.Space[Any]] = {"state": spaces.Box(-np.inf, np.inf, (len(STATE),), np.float32)}
         if self._image:
-            width, height = self._eye_options.size(self.vehicle)
+            width, height = self._camera_options.size(self.vehicle)
             found["image"] = spaces.Box(0, 255, (height, width, 1), np.uint8)
         return found
 
@@ -170,9 +170,9 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         return found
 
     def _picture(self, state: State) -> np.ndarray:
-        assert self._eye is not None
+        assert self._camera is not None
         assert self._simulation is not None
-        return self._eye.picture(state, self._simulation.ground.level)
+        return self._camera.picture(state, self._simulation.ground.level)
 
     def _told(self, state: State) -> dict[str, Any]:
         assert self._simulation is not None

@@ -7,10 +7,10 @@ from pathlib import Path
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from polarsim.detect.options import DetectOptions
+from polarsim.rover.cameras.layout import picture_set
+from polarsim.rover.cameras.options import REAL, CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.exchange.options import BagOptions
-from polarsim.rover.sight.layout import picture_set
-from polarsim.rover.sight.options import REAL, SightOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, FRONT
 from polarsim.rover.world.options import WorldOptions
@@ -29,7 +29,9 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
     world: WorldOptions = Field(WorldOptions(), description="What is driven over.")
     soil: SoilOptions = Field(SoilOptions(), description="The soil and its law.")
     drive: DriveOptions = Field(DriveOptions(), description="Where the rover goes and how it is steered.")
-    sight: SightOptions = Field(SightOptions(), description="Pictures, and what is made of them on board.")
+    cameras: CameraSuiteOptions = Field(
+        CameraSuiteOptions(), description="Pictures, and what is made of them on board."
+    )
     bag: BagOptions = Field(BagOptions(), description="What goes into the bags.")
 
     @field_validator("seeds")
@@ -41,30 +43,30 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
 
     @model_validator(mode="after")
     def _bag_of_pictures(self) -> RoverOptions:
-        sight, bag = self.sight, self.bag
+        suite, bag = self.cameras, self.bag
         for name, value, known in (
             ("sun", bag.sun, self.suns),
-            ("model", bag.model, sight.models),
-            ("exposure_ms", bag.exposure_ms, sight.exposures_ms),
+            ("model", bag.model, suite.models),
+            ("exposure_ms", bag.exposure_ms, suite.exposures_ms),
         ):
             if self.run and self.bags and value not in known:
-                raise ValueError(f"bag.{name}: {value!r} is not among sight's, {', '.join(map(str, known))}")
+                raise ValueError(f"bag.{name}: {value!r} is not among rover.cameras', {', '.join(map(str, known))}")
         return self
 
     @property
     def suns(self) -> tuple[str, ...]:
         """Names of all Suns."""
-        return (*self.sight.suns, *([REAL] if self.sight.real_sun else []))
+        return (*self.cameras.suns, *([REAL] if self.cameras.real_sun else []))
 
     @property
     def picture_sets(self) -> tuple[str, ...]:
         """Names of the sets of pictures that every view has."""
-        sight = self.sight
+        suite = self.cameras
         return tuple(
             picture_set(sun, model, exposure)
             for sun in self.suns
-            for model in sight.models
-            for exposure in sight.exposures_ms
+            for model in suite.models
+            for exposure in suite.exposures_ms
         )
 
     @property
@@ -76,18 +78,18 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
     @property
     def shown_view(self) -> str:
         """The view that the figure of the drive shows: one that follows the rover where there is one."""
-        return next((view for view in self.sight.views if view in FOLLOWING), self.sight.views[0])
+        return next((view for view in self.cameras.views if view in FOLLOWING), self.cameras.views[0])
 
     @property
     def onboard(self) -> bool:
         """Whether the front camera takes pictures: what is seen on board is seen by it."""
-        return FRONT in self.sight.views
+        return FRONT in self.cameras.views
 
-    def sight_with(self, weights: Path | None, detect: DetectOptions | None) -> SightOptions:
-        """Sight's options with a detector of the run in them."""
+    def cameras_with(self, weights: Path | None, detect: DetectOptions | None) -> CameraSuiteOptions:
+        """CameraSuite's options with a detector of the run in them."""
         if weights is None:
-            return self.sight
+            return self.cameras
         detector: dict[str, object] = {"weights": weights}
         if detect is not None:
             detector |= {"pictures": detect.pictures, "prediction": detect.prediction}
-        return self.sight.model_copy(update={"onboard": self.sight.onboard.model_copy(update=detector)})
+        return self.cameras.model_copy(update={"onboard": self.cameras.onboard.model_copy(update=detector)})

@@ -8,6 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats.files import read_json
+from polarsim.rover.cameras.frames import render_frames
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.job import job_of
 from polarsim.rover.drive.ride import drive_to_end
 from polarsim.rover.drive.table import figures_of
@@ -18,8 +20,6 @@ from polarsim.rover.exchange.video import make_videos
 from polarsim.rover.onboard.detections import detect_drive
 from polarsim.rover.onboard.measure import measure_drive
 from polarsim.rover.options import RoverOptions
-from polarsim.rover.sight.frames import render_frames
-from polarsim.rover.sight.options import SightOptions
 from polarsim.rover.vehicle.table import read_vehicle
 
 BAG, URDF = "drive.mcap", "rover.urdf"
@@ -30,7 +30,7 @@ def run_all(
     meshes: Path,
     folder: Path,
     options: RoverOptions,
-    sight: SightOptions,
+    suite: CameraSuiteOptions,
     seed: int,
     progress: Callable[[float], None] | None = None,
     pictures: bool = True,
@@ -49,13 +49,13 @@ def run_all(
     vehicle = read_vehicle(options.drive.vehicle)
     write_urdf(folder / URDF, vehicle)
     if pictures:
-        render_frames(folder, vehicle, sight, seed, threads)
+        render_frames(folder, vehicle, suite, seed, threads)
         if options.onboard:
-            if sight.onboard.weights is not None:
-                detect_drive(folder, vehicle, sight, seed, threads)
-            measure_drive(folder, vehicle, sight, seed)
-        if sight.videos:
-            make_videos(folder, vehicle, sight, seed, threads)
+            if suite.onboard.weights is not None:
+                detect_drive(folder, vehicle, suite, seed, threads)
+            measure_drive(folder, vehicle, suite, seed)
+        if suite.videos:
+            make_videos(folder, vehicle, suite, seed, threads)
     if options.bags:
         write_bag(folder, folder / BAG, vehicle, options.bag, seed)
     return figures_of(trace)

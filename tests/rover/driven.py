@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks
-from polarsim.rover.sight.options import SightOptions
 from polarsim.rover.vehicle.table import Vehicle, read_vehicle
 from polarsim.rover.world.surface import ROCK_COLUMNS, World
 
@@ -22,9 +22,9 @@ def vehicle() -> Vehicle:
     return read_vehicle(Path(__file__).parents[2] / "config" / "viper.yaml")
 
 
-def options(**changes) -> SightOptions:
+def options(**changes) -> CameraSuiteOptions:
     """Pictures small enough for tests."""
-    return SightOptions(**{"scale": 0.08, "finer": 2, "far_m": 10.0, "suns": ("2",), **changes})
+    return CameraSuiteOptions(**{"scale": 0.08, "finer": 2, "far_m": 10.0, "suns": ("2",), **changes})
 
 
 def level(x, y):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from polarsim.rover.sight.tracks import Lattice, Tracks
+from polarsim.rover.cameras.tracks import Lattice, Tracks
 
 CELL = 0.02
 

@@ -11,8 +11,8 @@ from polarsim.rover.drive.trace import CONTACTS
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is not installed")
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
+from polarsim.rover.cameras.live_camera import LiveCameraOptions  # noqa: E402
 from polarsim.rover.environment import STATE, DriveEnvironment  # noqa: E402
-from polarsim.rover.sight.eye import EyeOptions  # noqa: E402
 from polarsim.rover.soil.options import SoilOptions  # noqa: E402
 from polarsim.rover.world.practice import PracticeGround, practice_world  # noqa: E402
 
@@ -43,7 +43,7 @@ def test_gymnasium_finds_nothing_to_complain_about(image):
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # bounds of a state that has none
-        check_env(made(image=image, eye=EyeOptions(scale=1 / 32)), skip_render_check=True)
+        check_env(made(image=image, camera=LiveCameraOptions(scale=1 / 32)), skip_render_check=True)
 
 
 def test_it_is_made_by_its_name():

@@ -184,7 +184,7 @@ rule run_ablation:
         mem_mb=2000,
         runtime=60,
     params:
-        sights=ABLATION_SIGHTS,
+        evaluated=ABLATION_PAIRS,
         domains=ABLATION_DOMAINS,
         photo=CONFIG.photo_domain,
         twin=CONFIG.gap.model,

@@ -3,7 +3,7 @@
 COMPONENTS = CONFIG.gap.components
 PICTURED = [name for name, found in COMPONENTS.items() if found.is_rendered]
 ABLATION_DOMAINS = [CONFIG.photo_domain, CONFIG.gap.model, *COMPONENTS]
-ABLATION_SIGHTS = [
+ABLATION_PAIRS = [
     (trained, domain) for trained in CONFIG.ablation_detectors for domain in ABLATION_DOMAINS
 ]
 
@@ -65,7 +65,7 @@ def ablation_predictions():
             if domain in PICTURED
             else f"results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{twin_behind(domain)}.parquet"
         )
-        for trained, domain in ABLATION_SIGHTS
+        for trained, domain in ABLATION_PAIRS
     ]
 
 

@@ -8,7 +8,7 @@ rule rover:
         of_drives("{view}/poses.parquet", view=VIEWS_DRIVEN),
         of_drives("{view}/{sun}_coco.json", view=VIEWS_DRIVEN, sun=SUNS),
         of_drives("drive.mcap") if ROVER.bags else [],
-        of_drives("videos") if ROVER.sight.videos else [],
+        of_drives("videos") if ROVER.cameras.videos else [],
         of_run("results/{run}/rover/rover.urdf") if RIDES else [],
         of_run("results/{run}/tables/{name}.csv", name=ROVER_TABLES) if RIDES else [],
         of_run("results/{run}/figures/{name}.png", name=ROVER_FIGURES) if RIDES else [],
@@ -67,7 +67,7 @@ rule see_drive:
         mem_mb=4000,
         runtime=720,
     params:
-        sight=sight_options(*AFTER_PICTURES),
+        cameras=camera_suite_options(*AFTER_PICTURES),
         code=code_of("see_drive"),
     script:
         "../scripts/see_drive.py"
@@ -91,7 +91,7 @@ rule detect_drive:
         mem_mb=3000,
         runtime=240,
     params:
-        sight=sight_options(),
+        cameras=camera_suite_options(),
         code=code_of("detect_drive"),
     script:
         "../scripts/detect_drive.py"
@@ -117,7 +117,7 @@ rule measure_drive:
         mem_mb=2000,
         runtime=30,
     params:
-        sight=sight_options(),
+        cameras=camera_suite_options(),
         code=code_of("measure_drive"),
     script:
         "../scripts/measure_drive.py"
@@ -140,7 +140,7 @@ rule film_drive:
         mem_mb=2000,
         runtime=720,
     params:
-        sight=sight_options(),
+        cameras=camera_suite_options(),
         code=code_of("film_drive"),
     script:
         "../scripts/film_drive.py"
@@ -249,7 +249,7 @@ rule summarise_onboard:
         mem_mb=1000,
         runtime=20,
     params:
-        options=sight_options()["onboard"],
+        options=camera_suite_options()["onboard"],
         code=code_of("summarise_onboard"),
     script:
         "../scripts/summarise_onboard.py"
@@ -402,7 +402,7 @@ rule draw_front:
         runtime=5,
     params:
         pictures=ROVER.shown_set,
-        confidence=ROVER.sight.onboard.confidence,
+        confidence=ROVER.cameras.onboard.confidence,
         code=code_of("draw_front"),
     script:
         "../scripts/draw_front.py"

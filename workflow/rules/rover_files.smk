@@ -8,7 +8,7 @@ ROVER_TABLES = ["rover", "rover_drives", "rover_soil"]
 ROVER_TABLES += ["rover_onboard"] if ROVER.onboard else []
 ROVER_FIGURES = ["rover_sequence", "rover_drive", "rover_soil"]
 ROVER_FIGURES += ["rover_front"] if ROVER.onboard else []
-VIEWS_DRIVEN, SUNS = list(ROVER.sight.views), list(ROVER.suns)
+VIEWS_DRIVEN, SUNS = list(ROVER.cameras.views), list(ROVER.suns)
 
 
 wildcard_constraints:
@@ -19,16 +19,16 @@ wildcard_constraints:
 AFTER_PICTURES = ("views", "onboard", "videos", "video_speed")
 
 
-def sight_options(*left_out):
+def camera_suite_options(*left_out):
     """Options of a drive's pictures and of what a detector sees in them, without some."""
-    sight = ROVER.sight_with(detector_weights(RUN), CONFIG.detect if ROVER.detector else None)
-    return sight.model_dump(mode="json", exclude=set(left_out))
+    cameras = ROVER.cameras_with(detector_weights(RUN), CONFIG.detect if ROVER.detector else None)
+    return cameras.model_dump(mode="json", exclude=set(left_out))
 
 
 def detector_weights(run):
     """The detector that is taken along: one of the run, or another that the configuration names, or none."""
     if ROVER.detector is None:
-        return ROVER.sight.onboard.weights
+        return ROVER.cameras.onboard.weights
     return Path(f"results/{run}/{CONFIG.first_training}/detectors/{ROVER.detector}.pt")
 
 

@@ -9,7 +9,9 @@ from polarsim.reporting import reporting
 with reporting(log=snakemake.log[0]):
     domains = snakemake.params.domains
     write_ablation(
-        predictions=dict(zip(map(tuple, snakemake.params.sights), map(Path, snakemake.input.predictions), strict=True)),
+        predictions=dict(
+            zip(map(tuple, snakemake.params.evaluated), map(Path, snakemake.input.predictions), strict=True)
+        ),
         labels=dict(zip(domains, map(Path, snakemake.input.labels), strict=True)),
         datasets=dict(zip(domains, map(Path, snakemake.input.datasets), strict=True)),
         photo=snakemake.params.photo,

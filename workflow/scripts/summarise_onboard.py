@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
+from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.onboard.table import summarise_onboard
-from polarsim.rover.sight.options import OnboardOptions
 
 with reporting(log=snakemake.log[0]):
     summarise_onboard(

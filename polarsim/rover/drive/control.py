@@ -99,7 +99,7 @@ class Path:
 
 
 @dataclass(frozen=True)
-class Law:
+class SteeringLaw:
     """How a driver steers; see `options.DriveOptions`."""
 
     speed: float
@@ -121,7 +121,7 @@ class Driver:
     """
 
     path: Path
-    law: Law
+    law: SteeringLaw
     line: int = 0
     turning: bool = False
     offset: float = 0.0

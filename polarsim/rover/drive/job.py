@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.randomness import generator
-from polarsim.rover.drive.control import Law, Steering
 from polarsim.rover.drive.control import Path as Route
+from polarsim.rover.drive.control import Steering, SteeringLaw
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.state import EDGE, OffGridError, Start
 from polarsim.rover.soil.law import Soil, read_soil
@@ -110,12 +110,12 @@ def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:
                 )
 
 
-def law_of(options: DriveOptions) -> Law:
+def law_of(options: DriveOptions) -> SteeringLaw:
     limit, turn_above = math.radians(options.steer_limit_deg), math.radians(TURN_ABOVE_DEG)
     if options.control == "P-only":
         steering: Steering = "crab" if options.steering == "crab" else "ackermann"
-        return Law(options.speed_m_s, P_ONLY_GAIN_RAD_M, 0.0, limit, steering, turn_above=turn_above)
-    return Law(
+        return SteeringLaw(options.speed_m_s, P_ONLY_GAIN_RAD_M, 0.0, limit, steering, turn_above=turn_above)
+    return SteeringLaw(
         options.speed_m_s,
         GAIN_RAD_M,
         HEADING_GAIN,

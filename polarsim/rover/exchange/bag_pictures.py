@@ -12,9 +12,9 @@ import pandas as pd
 from polarsim.errors import FormatError, about
 from polarsim.formats import png, tables
 from polarsim.geometry.lens import Lens
+from polarsim.rover.cameras.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_set
 from polarsim.rover.exchange import messages
 from polarsim.rover.exchange.options import BagOptions
-from polarsim.rover.sight.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_set
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
 from polarsim.rover.vehicle.table import CameraPart, Vehicle
 

@@ -26,10 +26,10 @@ from polarsim.formats.tone import to_8bit
 from polarsim.photo import BLACK_LEVEL, ROCK, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.render.options import Model
+from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder
+from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
-from polarsim.rover.sight.cameras import Sight
-from polarsim.rover.sight.layout import BOX, DETECTION_COLUMNS, picture_folder
-from polarsim.rover.sight.options import SightOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 
@@ -44,7 +44,7 @@ def video_name(view: str, sun: str, model: Model, exposure_ms: float) -> str:
     return f"{view}_{sun}_{_BRDF.get(model, model)}_{exposure_ms:04g}.webm"
 
 
-def make_videos(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int, threads: int = 1) -> int:
+def make_videos(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1) -> int:
     """Write the videos of a drive's pictures into `videos/`, but for those that are there already; how many.
 
     `threads`: so many are made at once; they change no byte.
@@ -56,20 +56,20 @@ def make_videos(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int
     PolarsimError
         A picture is missing or broken.
     """
-    sight = Sight(read_trace(folder), vehicle, options, seed=seed)
-    times = np.asarray(sight.trace.tracks.time)[sight.frames]
+    suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
+    times = np.asarray(suite.trace.tracks.time)[suite.frames]
     rate = frame_rate(times, options.video_speed)
     wanted = [
         (view, sun, model, exposure)
         for view in options.views
-        for sun in sight.suns
+        for sun in suite.suns
         for model in options.models
         for exposure in options.exposures_ms
     ]
 
     def make(what: tuple[str, str, Model, float]) -> int:
         pictures, video = picture_folder(folder, *what), folder / "videos" / video_name(*what)
-        return _make(video, pictures, sight.frames, _detections(pictures, what[0]), rate, options.onboard.confidence)
+        return _make(video, pictures, suite.frames, _detections(pictures, what[0]), rate, options.onboard.confidence)
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
         jobs = [pool.submit(make, what) for what in wanted]

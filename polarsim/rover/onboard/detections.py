@@ -21,10 +21,10 @@ from polarsim.formats import png
 from polarsim.formats.files import write_text
 from polarsim.photo import BOX_CLASSES, WIDTH
 from polarsim.render.options import Model
+from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder
+from polarsim.rover.cameras.options import CameraSuiteOptions, OnboardOptions
+from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
-from polarsim.rover.sight.cameras import Sight
-from polarsim.rover.sight.layout import BOX, DETECTION_COLUMNS, picture_folder
-from polarsim.rover.sight.options import OnboardOptions, SightOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 
@@ -41,18 +41,18 @@ class Setting:
     exposure_ms: float
 
 
-def settings_of(sight: Sight) -> list[Setting]:
+def settings_of(suite: CameraSuite) -> list[Setting]:
     """All sets of pictures."""
-    options = sight.options
+    options = suite.options
     return [
         Setting(sun, model, exposure)
-        for sun in sight.suns
+        for sun in suite.suns
         for model in options.models
         for exposure in options.exposures_ms
     ]
 
 
-def detect_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int, threads: int = 1) -> None:
+def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1) -> None:
     """Write what the detector finds in the front camera's pictures, set by set; sets that are there stay.
 
     Raises
@@ -64,12 +64,12 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: in
     weights = onboard.weights
     if weights is None:
         raise RoverError("onboard: no weights of a detector are named")
-    sight = Sight(read_trace(folder), vehicle, options, seed=seed)
+    suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
     detector = detectors.read_detector(weights)
     loaded: detectors.LoadedDetector | None = None
-    for setting in settings_of(sight):
+    for setting in settings_of(suite):
         pictures = picture_folder(folder, FRONT, setting.sun, setting.model, setting.exposure_ms)
-        paths = {f"{frame:05d}": pictures / f"{frame:05d}.png" for frame in sight.frames}
+        paths = {f"{frame:05d}": pictures / f"{frame:05d}.png" for frame in suite.frames}
         _require(paths.values())
         identity = digest(
             [weights, *paths.values()],

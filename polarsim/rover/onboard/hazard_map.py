@@ -15,10 +15,10 @@ import pandas as pd
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.casters import caster
 from polarsim.photo import ROCK
+from polarsim.rover.cameras.layout import BOX
+from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.onboard.ground_view import Estimate, estimate
 from polarsim.rover.onboard.hazards import MAP_FARTHEST_M, MAP_NEAREST_M, Ride, of_frames
-from polarsim.rover.sight.layout import BOX
-from polarsim.rover.sight.options import OnboardOptions
 from polarsim.rover.world.surface import World
 
 _VOTES = 0.5  # share of the looks at a cell that must show a rock
@@ -142,7 +142,7 @@ def _window(grid: Grid, camera: Camera) -> tuple[slice, slice]:
 
 
 def _looked_at(places: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (..., 2) that show places (..., 3) on the ground, and what a look at each counts; 0 out of sight."""
+    """Pixels (..., 2) that show places (..., 3) on the ground, and what a look at each counts; 0 out of suite."""
     pixel = camera.project(places)
     distance = np.linalg.norm((places - camera.centre)[..., :2], axis=-1)
     inside = camera.inside(pixel)

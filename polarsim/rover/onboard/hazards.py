@@ -15,9 +15,9 @@ from polarsim.geometry import boxes
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import ROCK
+from polarsim.rover.cameras.layout import BOX
+from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.onboard.ground_view import Heights, estimate, plane_under
-from polarsim.rover.sight.layout import BOX
-from polarsim.rover.sight.options import OnboardOptions
 from polarsim.rover.vehicle.mounts import levelled
 
 STABLE_FRAMES = 3  # detections in so many pictures in a row are stable

@@ -15,12 +15,12 @@ import pandas as pd
 
 from polarsim.formats import tables
 from polarsim.photo import ROCK
+from polarsim.rover.cameras.layout import DETECTION_COLUMNS, TRUTH_COLUMNS, picture_folder
+from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
 from polarsim.rover.onboard import hazard_map, hazards
 from polarsim.rover.onboard.hazards import Ride
-from polarsim.rover.sight.cameras import Sight
-from polarsim.rover.sight.layout import DETECTION_COLUMNS, TRUTH_COLUMNS, picture_folder
-from polarsim.rover.sight.options import SightOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 
@@ -29,7 +29,7 @@ SETTING = ["seed", "sun", "model", "exposure_ms", "source"]  # what a figure is 
 DETECTOR, TRUTH = "detector", "truth"
 
 
-def measure_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int) -> dict[str, pd.DataFrame]:
+def measure_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int) -> dict[str, pd.DataFrame]:
     """Write the tables of a drive and return them by name.
 
     Raises
@@ -37,13 +37,13 @@ def measure_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: i
     PolarsimError
         The pictures' labels, or a detector's detections that are asked for, are missing.
     """
-    sight = Sight(read_trace(folder), vehicle, options, seed=seed)
-    ride = ride_of(sight)
-    world, own = sight.trace.world, options.onboard
+    suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
+    ride = ride_of(suite)
+    world, own = suite.trace.world, options.onboard
     grid = hazard_map.grid_over(world, own)
     true = hazard_map.true_map(world, grid)
     found: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
-    for row, truth, boxes in _cases(folder, sight):
+    for row, truth, boxes in _cases(folder, suite):
         seen = hazards.sightings(truth, boxes, own)
         stable = hazards.first_stable(seen, ride.frames)
         gaps = {
@@ -65,16 +65,16 @@ def measure_drive(folder: Path, vehicle: Vehicle, options: SightOptions, seed: i
     return joined
 
 
-def ride_of(sight: Sight) -> Ride:
+def ride_of(suite: CameraSuite) -> Ride:
     """What the figures need to know of a drive."""
-    mount, vehicle, table = sight.mounts[FRONT], sight.vehicle, sight.trace.table
+    mount, vehicle, table = suite.mounts[FRONT], suite.vehicle, suite.trace.table
     wheels = vehicle.wheels
     paths = [table[[f"{wheel.code}_x_m", f"{wheel.code}_y_m"]].to_numpy() for wheel in wheels]
     way = table[["x_m", "y_m"]].to_numpy()
     front = max(wheel.position_m[0] + wheel.radius_m + wheel.grouser_height_m for wheel in wheels)
     return Ride(
-        frames=sight.frames,
-        cameras={frame: sight.camera(FRONT, frame) for frame in sight.frames},
+        frames=suite.frames,
+        cameras={frame: suite.camera(FRONT, frame) for frame in suite.frames},
         base_from_camera=mount.base_from_camera,
         ground_m=float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in wheels])),
         front_m=front - float(mount.base_from_camera.translation[0]),
@@ -83,20 +83,20 @@ def ride_of(sight: Sight) -> Ride:
         wheel_half_m=max(wheel.width_m for wheel in wheels) / 2,
         length_m=float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum()),
         speed_m_s=float(np.abs(table["command_speed_m_s"]).max()),
-        surveyed=sight.trace.world.height_at if sight.options.onboard.ground == "surveyed" else None,
+        surveyed=suite.trace.world.height_at if suite.options.onboard.ground == "surveyed" else None,
     )
 
 
-def _cases(folder: Path, sight: Sight) -> Iterator[tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]]:
+def _cases(folder: Path, suite: CameraSuite) -> Iterator[tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]]:
     """Setting, truth and boxes: of each Sun the truth itself, then what the detector found in each set of pictures."""
-    for sun in sight.suns:
+    for sun in suite.suns:
         truth = tables.read_parquet(folder / FRONT / f"{sun}_truth.parquet", TRUTH_COLUMNS)
         labels = truth[truth["kind"] == ROCK].assign(confidence=1.0)[list(DETECTION_COLUMNS)]
         yield {"sun": sun, "model": "", "exposure_ms": 0.0, "source": TRUTH}, truth, labels
-        if sight.options.onboard.weights is None:
+        if suite.options.onboard.weights is None:
             continue
-        for model in sight.options.models:
-            for exposure in sight.options.exposures_ms:
+        for model in suite.options.models:
+            for exposure in suite.options.exposures_ms:
                 path = picture_folder(folder, FRONT, sun, model, exposure) / "detections.parquet"
                 row = {"sun": sun, "model": model, "exposure_ms": float(exposure), "source": DETECTOR}
                 yield row, truth, tables.read_parquet(path, DETECTION_COLUMNS)

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.rover.drive.control import Command, Driver, Law, steer
+from polarsim.rover.drive.control import Command, Driver, SteeringLaw, steer
 from polarsim.rover.drive.control import Path as Route
 from polarsim.rover.vehicle.table import read_vehicle
 
 VIPER = read_vehicle(Path(__file__).parents[3] / "config" / "viper.yaml")
 PLACES = VIPER.wheel_centres[:, :2]
-LAW = Law(0.2, 5.0, 3.0, math.radians(30))
+LAW = SteeringLaw(0.2, 5.0, 3.0, math.radians(30))
 
 
 def wheel_commands(command: Command) -> tuple[np.ndarray, np.ndarray]:
@@ -71,7 +71,7 @@ def test_a_turn_on_the_spot_stays_on_it(speed):
 
 
 def kinematic_drive(
-    law: Law, route: Route, x: float, y: float, heading: float, seconds: float, slide: float = 0.0
+    law: SteeringLaw, route: Route, x: float, y: float, heading: float, seconds: float, slide: float = 0.0
 ) -> tuple[list, Driver]:
     """A rover whose wheels do as they are told, but for a slide to its left, m/s."""
     driver, places = Driver(route, law), []
@@ -106,7 +106,7 @@ def test_with_the_heading_term_a_rover_comes_back_to_its_line_and_stays():
 
 
 def test_crab_and_bend_together_come_back_without_a_swing():
-    places, _ = kinematic_drive(Law(0.2, 4.0, 2.0, math.radians(30), "combined"), WEST, 10, 0.1, math.pi, 40)
+    places, _ = kinematic_drive(SteeringLaw(0.2, 4.0, 2.0, math.radians(30), "combined"), WEST, 10, 0.1, math.pi, 40)
     offsets = np.array([place[3] for place in places])
     assert np.abs(offsets[len(offsets) // 4 :]).max() < 0.001
     assert offsets.max() < 0.001  # it starts to the right of a westward line
@@ -118,7 +118,7 @@ def test_the_integral_holds_the_line_where_the_ground_slides_aside(steering):
     """As on a slope across the path: 1 cm/s is an angle of 3 degrees."""
     worst = []
     for integral in (0.0, 4.0):
-        law = Law(0.2, 4.0, 3.0, math.radians(30), steering, integral)
+        law = SteeringLaw(0.2, 4.0, 3.0, math.radians(30), steering, integral)
         places, _ = kinematic_drive(law, WEST, 10, 0.0, math.pi, 45, slide=0.01)
         worst.append(max(abs(place[3]) for place in places[600:]))
     assert worst[0] > 0.01
@@ -126,14 +126,14 @@ def test_the_integral_holds_the_line_where_the_ground_slides_aside(steering):
 
 
 def test_the_integral_is_bounded():
-    law = Law(0.2, 4.0, 3.0, math.radians(30), "combined", 4.0, drift_limit=math.radians(10))
+    law = SteeringLaw(0.2, 4.0, 3.0, math.radians(30), "combined", 4.0, drift_limit=math.radians(10))
     _, driver = kinematic_drive(law, WEST, 10, 0.0, math.pi, 20, slide=0.2)
     assert abs(driver.drift) == pytest.approx(math.radians(10))
 
 
 def test_steering_by_the_offset_alone_swings():
     """An undamped swing: with nothing that damps it in soil, its size stays."""
-    places, _ = kinematic_drive(Law(0.2, 1.0472, 0.0, math.radians(30)), WEST, 10, 0.3, math.pi, 45)
+    places, _ = kinematic_drive(SteeringLaw(0.2, 1.0472, 0.0, math.radians(30)), WEST, 10, 0.3, math.pi, 45)
     offsets = np.array([place[3] for place in places])
     assert offsets.min() < -0.25
     assert offsets[len(offsets) // 2 :].max() > 0.25
@@ -154,7 +154,7 @@ def test_a_sharp_corner_is_taken_by_a_turn_on_the_spot():
 
 def test_a_crab_keeps_its_heading_round_a_corner():
     corner = Route(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]))
-    places, driver = kinematic_drive(Law(0.2, 2.0, 0.0, 0.5, "crab"), corner, 0.0, 0.0, 0.0, 60)
+    places, driver = kinematic_drive(SteeringLaw(0.2, 2.0, 0.0, 0.5, "crab"), corner, 0.0, 0.0, 0.0, 60)
     assert driver.finished
     assert max(abs(place[2]) for place in places) < 1e-9
     assert abs(places[-1][3]) < 0.01

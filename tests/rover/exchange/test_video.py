@@ -12,12 +12,12 @@ import pytest
 
 from polarsim.errors import RoverError
 from polarsim.formats import tables
+from polarsim.rover.cameras.frames import render_frames
+from polarsim.rover.cameras.layout import picture_folder
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.trace import write_trace
 from polarsim.rover.exchange.video import drawn, frame_rate, make_videos, shown, video_name, write_video
 from polarsim.rover.onboard.detections import detection_table
-from polarsim.rover.sight.frames import render_frames
-from polarsim.rover.sight.layout import picture_folder
-from polarsim.rover.sight.options import SightOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from tests.rover import driven
 
@@ -114,7 +114,7 @@ def test_no_picture_makes_no_file(av, tmp_path):
 
 def test_a_drives_videos_are_made_once_and_again_where_detections_change(av, tmp_path):
     write_trace(tmp_path, driven.trace(seconds=1.0))
-    options = SightOptions(
+    options = CameraSuiteOptions(
         views=(FRONT,), suns=("2",), models=("hapke",), exposures_ms=(512,), scale=0.1, finer=1, far_m=5.0
     )
     render_frames(tmp_path, driven.vehicle(), options, 0)
@@ -131,7 +131,7 @@ def test_a_drives_videos_are_made_once_and_again_where_detections_change(av, tmp
 
 def test_threads_change_no_byte_of_videos(av, tmp_path):
     write_trace(tmp_path, driven.trace(seconds=1.0))
-    options = SightOptions(views=(FRONT,), suns=("2",), scale=0.1, finer=1, far_m=5.0)
+    options = CameraSuiteOptions(views=(FRONT,), suns=("2",), scale=0.1, finer=1, far_m=5.0)
     render_frames(tmp_path, driven.vehicle(), options, 0)
     made = []
     for threads in (1, 3):
@@ -143,6 +143,6 @@ def test_threads_change_no_byte_of_videos(av, tmp_path):
 
 def test_a_missing_picture_is_named(tmp_path):
     write_trace(tmp_path, driven.trace(seconds=0.2))
-    options = SightOptions(views=(FRONT,), suns=("2",), models=("hapke",), exposures_ms=(512,), scale=0.1)
+    options = CameraSuiteOptions(views=(FRONT,), suns=("2",), models=("hapke",), exposures_ms=(512,), scale=0.1)
     with pytest.raises(RoverError, match=r"00000\.png: the picture is missing"):
         make_videos(tmp_path, driven.vehicle(), options, 0)

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 
 from polarsim.geometry.poses import Pose
+from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.onboard.detections import detection_table
 from polarsim.rover.onboard.hazards import Ride
-from polarsim.rover.sight.options import OnboardOptions
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from tests.rover import driven
 

@@ -1,8 +1,8 @@
 import pytest
 
+from polarsim.rover.cameras.frames import render_frames
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.trace import write_trace
-from polarsim.rover.sight.frames import render_frames
-from polarsim.rover.sight.options import SightOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from tests.rover import driven
 from tests.rover.onboard.boxes import OPTIONS
@@ -12,7 +12,7 @@ from tests.rover.onboard.boxes import OPTIONS
 def drive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("seed3")
     write_trace(folder, driven.trace(seconds=8.0))
-    options = SightOptions(
+    options = CameraSuiteOptions(
         views=(FRONT,), suns=("1", "2"), models=("hapke",), exposures_ms=(256,), scale=0.2, finer=1, far_m=5.0,
         every=4, onboard=OPTIONS,
     )  # fmt: skip

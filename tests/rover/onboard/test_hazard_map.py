@@ -1,8 +1,8 @@
 """Maps of rocks, as they are and as boxes tell."""
 
+from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.onboard import hazard_map
 from polarsim.rover.onboard.measure import ride_of
-from polarsim.rover.sight.cameras import Sight
 from tests.rover import driven
 from tests.rover.onboard.boxes import OPTIONS, table
 
@@ -22,10 +22,10 @@ def test_the_true_map_has_the_rocks_where_they_stand():
 
 def test_ground_is_looked_at_only_where_the_camera_passed(drive):
     folder, options = drive
-    sight = Sight(driven.trace(seconds=8.0), driven.vehicle(), options)
-    grid = hazard_map.grid_over(sight.trace.world, OPTIONS)
+    suite = CameraSuite(driven.trace(seconds=8.0), driven.vehicle(), options)
+    grid = hazard_map.grid_over(suite.trace.world, OPTIONS)
     nothing = table([])
-    seen = hazard_map.mapped(nothing, ride_of(sight), grid, OPTIONS)
+    seen = hazard_map.mapped(nothing, ride_of(suite), grid, OPTIONS)
     assert 0.1 < seen.looked.mean() < 0.9
     assert not seen.looked[:, -3:].any()  # behind the start
     assert not seen.rock.any()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.rover_rigs import SoilBed
+from benchmarks.rover_rigs import SoilBin
 from polarsim.errors import RoverError
 from polarsim.rover.soil.bulldozing import Bulldozing, settle
 from polarsim.rover.soil.nodes import FLOW, PLASTIC, Ground, flat_ground, make_ground
@@ -21,7 +21,7 @@ def pressed_volume(ground: Ground) -> float:
     return float((ground.state[..., PLASTIC] / ground.normals[..., 2]).sum()) * ground.cell**2
 
 
-def roll(bed: SoilBed, metres: float, start: float = 0.4, load: float = 174.15, speed: float = 0.2) -> None:
+def roll(bed: SoilBin, metres: float, start: float = 0.4, load: float = 174.15, speed: float = 0.2) -> None:
     """Roll a wheel along +x, its height held back by a damper, then lift it off."""
     cell, dt, height, sinking = bed.ground.cell, 1e-3, WHEEL.radius, 0.0
     spin = np.array([[0.0, speed / WHEEL.radius, 0.0]])
@@ -39,7 +39,7 @@ def roll(bed: SoilBed, metres: float, start: float = 0.4, load: float = 174.15, 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_a_share_of_what_is_pressed_moves_aside_and_no_more(lunar, share):
-    bed = SoilBed(flat_ground(1.5, 0.8, 0.02), lunar.law(), bulldozing_rule=Bulldozing(share=share))
+    bed = SoilBin(flat_ground(1.5, 0.8, 0.02), lunar.law(), bulldozing_rule=Bulldozing(share=share))
     roll(bed, 0.5)
     pressed = pressed_volume(bed.ground)
     assert pressed > 1e-3
@@ -50,7 +50,7 @@ def test_a_share_of_what_is_pressed_moves_aside_and_no_more(lunar, share):
 @pytest.mark.parametrize("cell", [0.01, 0.02])
 def test_berms_have_no_teeth(lunar, cell):
     """What alternates from node to node along a rut, against the berm's height."""
-    bed = SoilBed(flat_ground(1.8, 0.7, cell), lunar.law(), bulldozing_rule=Bulldozing())
+    bed = SoilBin(flat_ground(1.8, 0.7, cell), lunar.law(), bulldozing_rule=Bulldozing())
     roll(bed, 0.9)
     level = bed.ground.level[:, round(0.7 / cell) : round(1.1 / cell)]
     teeth = np.abs(level[:, 2:] - 2 * level[:, 1:-1] + level[:, :-2]).max() / 4
@@ -59,7 +59,7 @@ def test_berms_have_no_teeth(lunar, cell):
 
 
 def test_berms_stand_on_both_sides_of_a_rut(lunar):
-    bed = SoilBed(flat_ground(1.5, 0.8, 0.02), lunar.law(), bulldozing_rule=Bulldozing())
+    bed = SoilBin(flat_ground(1.5, 0.8, 0.02), lunar.law(), bulldozing_rule=Bulldozing())
     roll(bed, 0.6)
     profile = bed.ground.level[:, round(0.7 / 0.02)]
     y = bed.ground.y
@@ -93,13 +93,13 @@ def test_ground_that_no_wheel_touched_does_not_slide():
 def test_two_runs_leave_the_same_ground(lunar):
     grounds = []
     for _ in range(2):
-        bed = SoilBed(flat_ground(1.2, 0.6, 0.02), lunar.law(), bulldozing_rule=Bulldozing())
+        bed = SoilBin(flat_ground(1.2, 0.6, 0.02), lunar.law(), bulldozing_rule=Bulldozing())
         roll(bed, 0.2)
         grounds.append(bed.ground.state.tobytes())
     assert grounds[0] == grounds[1]
 
 
 def test_a_wheel_that_leaves_the_ground_is_named(lunar):
-    bed = SoilBed(flat_ground(1.2, 0.6, 0.02), lunar.law())
+    bed = SoilBin(flat_ground(1.2, 0.6, 0.02), lunar.law())
     with pytest.raises(RoverError, match=r"a wheel at \(0\.93, 0\.00\) m leaves the ground, x 0\.00 to 1\.20 m"):
         roll(bed, 0.6)

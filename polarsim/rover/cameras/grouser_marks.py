@@ -1,6 +1,6 @@
 """What grousers leave in a rut: a groove across it wherever one of them stood straight down.
 
-The drive's soil knows smooth wheels; prints are added to the pictures' ground alone. They lie as far apart as the wheel
+The drive's soil knows smooth wheels; marks are added to the pictures' ground alone. They lie as far apart as the wheel
 really rolled and slipped, and a wheel that comes second wipes out those of the first.
 """
 
@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from polarsim.rover.sight.tracks import Tracks
+from polarsim.rover.cameras.tracks import Tracks
 
-DEPTH_M, SD_M = 0.006, 0.006  # of a print, and the standard deviation of its profile along the rut
-_EDGE_M = 0.01  # over which a print ends at the wheel's side
+DEPTH_M, SD_M = 0.006, 0.006  # of a mark, and the standard deviation of its profile along the rut
+_EDGE_M = 0.01  # over which a mark ends at the wheel's side
 
 
 @dataclass(frozen=True)
-class Print:
+class GrouserMark:
     """One groove: when, where (2,), and which way (2,) the wheel was heading there."""
 
     time_s: float
@@ -39,14 +39,14 @@ class Tread:
 
     @property
     def spacing(self) -> float:
-        """Of prints where the wheel does not slip."""
+        """Of marks where the wheel does not slip."""
         return 2 * np.pi * self.radius / self.grousers
 
 
-def prints_of(
+def marks_of(
     time_s: np.ndarray, spin: np.ndarray, centres: np.ndarray, quaternions: np.ndarray, soil: np.ndarray, grousers: int
-) -> list[Print]:
-    """The prints of a wheel along its way.
+) -> list[GrouserMark]:
+    """The marks of a wheel along its way.
 
     Parameters
     ----------
@@ -68,12 +68,12 @@ def prints_of(
         share = (whole - turns[row]) / (turns[row + 1] - turns[row])
         place = centres[row, :2] + share * (centres[row + 1, :2] - centres[row, :2])
         direction = ahead[row] / max(np.linalg.norm(ahead[row]), 1e-9)
-        found.append(Print(float(time_s[row] + share * (time_s[row + 1] - time_s[row])), place, direction))
+        found.append(GrouserMark(float(time_s[row] + share * (time_s[row + 1] - time_s[row])), place, direction))
     return found
 
 
-def stamp(tracks: Tracks, events: Sequence[Print], tread: Tread) -> None:
-    """Write prints into the tracks, in their order."""
+def stamp(tracks: Tracks, events: Sequence[GrouserMark], tread: Tread) -> None:
+    """Write marks into the tracks, in their order."""
     lattice, fine, shape = tracks.lattice, tracks.fine.cell, np.array(tracks.fine.level.shape)
     reach = np.hypot(tread.spacing, tread.width) / 2 + fine
     for event in events:

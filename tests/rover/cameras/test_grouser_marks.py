@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.rover.sight.prints import Print, Tread, prints_of, stamp
+from polarsim.rover.cameras.grouser_marks import GrouserMark, Tread, marks_of, stamp
 from tests.rover.ruts import CELL, hills, tracks
 
 TREAD = Tread(24, 0.25, 0.2, 0.006, 0.006)
@@ -15,7 +15,7 @@ def test_prints_lie_as_far_apart_as_the_wheel_rolls_and_slips(slip):
     spin = 0.8 * time
     centres = np.stack([spin * 0.25 * (1 - slip), 0 * time, 0.25 + 0 * time], axis=1)
     quaternions = np.stack([np.cos(spin / 2), 0 * spin, np.sin(spin / 2), 0 * spin], axis=1)  # turning about y
-    found = prints_of(time, spin, centres, quaternions, np.ones(1001, bool), 24)
+    found = marks_of(time, spin, centres, quaternions, np.ones(1001, bool), 24)
     gaps = np.diff([event.place[0] for event in found])
     np.testing.assert_allclose(gaps, TREAD.spacing * (1 - slip), rtol=1e-6)
     np.testing.assert_allclose([event.ahead for event in found], np.tile([1.0, 0], (len(found), 1)), atol=1e-9)
@@ -24,19 +24,19 @@ def test_prints_lie_as_far_apart_as_the_wheel_rolls_and_slips(slip):
 def test_a_wheel_on_a_rock_prints_nothing():
     time = np.linspace(0, 1, 11)
     still = np.tile([1.0, 0, 0, 0], (11, 1))
-    assert prints_of(time, 5 * time, np.zeros((11, 3)), still, np.zeros(11, bool), 24) == []
+    assert marks_of(time, 5 * time, np.zeros((11, 3)), still, np.zeros(11, bool), 24) == []
 
 
 def test_a_print_is_a_groove_across_the_rut_and_the_next_wheel_wipes_it_out():
     own = tracks(hills(), finer=4)
     place = np.array([0.5, 1.2])
-    stamp(own, [Print(0, place, np.array([-1.0, 0]))], TREAD)
+    stamp(own, [GrouserMark(0, place, np.array([-1.0, 0]))], TREAD)
     fine = CELL / 4
     row, column = np.rint((place[::-1] - [own.lattice.y0, own.lattice.x0]) / fine).astype(int)
-    groove = own.prints[1:-1, 1:-1]
+    groove = own.marks[1:-1, 1:-1]
     np.testing.assert_allclose(groove[row, column], -TREAD.depth, rtol=0.02)
     assert groove[row + round(0.08 / fine), column] < -0.9 * TREAD.depth  # across
     assert abs(groove[row, column + round(0.03 / fine)]) < 1e-6  # along
     assert own.show(own.lattice.level)
-    stamp(own, [Print(1, place + np.array([TREAD.spacing / 2, 0]), np.array([-1.0, 0]))], TREAD)
+    stamp(own, [GrouserMark(1, place + np.array([TREAD.spacing / 2, 0]), np.array([-1.0, 0]))], TREAD)
     assert abs(groove[row, column + 2]) < 0.01 * TREAD.depth  # was a quarter of it

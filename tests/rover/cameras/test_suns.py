@@ -7,12 +7,12 @@ import pytest
 
 from polarsim.errors import RoverError
 from polarsim.render.views.moon import sun_over
-from polarsim.rover.sight.options import RealSun, SightOptions
-from polarsim.rover.sight.suns import suns_of
+from polarsim.rover.cameras.options import CameraSuiteOptions, RealSun
+from polarsim.rover.cameras.suns import suns_of
 
 
 def test_the_paper_names_four_suns_from_east_over_south_to_west():
-    found = suns_of(SightOptions())
+    found = suns_of(CameraSuiteOptions())
     assert [round(sun.azimuth_deg) for sun in found.values()] == [0, 315, 225, 180]
     east, southeast = (found[name].lamp.position for name in "12")
     assert east[0] > 0
@@ -26,7 +26,7 @@ def real_sun(day):
 
 
 def test_the_real_sun_near_the_pole_is_low_and_stands_where_it_does_that_day():
-    sun = suns_of(SightOptions(suns=(), real_sun=real_sun(21)))["real"]
+    sun = suns_of(CameraSuiteOptions(suns=(), real_sun=real_sun(21)))["real"]
     assert 5 < sun.elevation_deg < 6.3  # never above 6.2 at that latitude
     compass, elevation = sun_over(-85.4, 31, datetime(2026, 12, 21, tzinfo=UTC))
     towards = sun.lamp.position / np.linalg.norm(sun.lamp.position)
@@ -36,9 +36,9 @@ def test_the_real_sun_near_the_pole_is_low_and_stands_where_it_does_that_day():
 
 def test_the_real_sun_by_night_is_refused():
     with pytest.raises(RoverError, match=r"3\.1 degrees below the horizon at 2026-12-06"):
-        suns_of(SightOptions(suns=(), real_sun=real_sun(6)))
+        suns_of(CameraSuiteOptions(suns=(), real_sun=real_sun(6)))
 
 
 def test_no_sun_is_refused():
     with pytest.raises(RoverError, match="no Sun"):
-        suns_of(SightOptions(suns=()))
+        suns_of(CameraSuiteOptions(suns=()))

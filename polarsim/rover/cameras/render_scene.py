@@ -22,9 +22,9 @@ from polarsim.geometry.rays_parts import Part, Parts
 from polarsim.render.options import Material, RenderOptions
 from polarsim.render.skirts import with_skirts
 from polarsim.render.surfaces import Surfaces
-from polarsim.rover.sight.bodywork import Body
-from polarsim.rover.sight.options import SightOptions
-from polarsim.rover.sight.tracks import Lattice, Tracks, tile_faces
+from polarsim.rover.cameras.bodywork import Body
+from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.tracks import Lattice, Tracks, tile_faces
 from polarsim.rover.world.surface import World
 
 _REST, _ROCKS = 1, 2  # bits of parts
@@ -62,7 +62,7 @@ class MovingSurfaces(Surfaces):
         return self.parts.caster(_REST)
 
 
-class Stage:
+class RenderScene:
     """All that is seen on a drive; `show` moves it to a moment."""
 
     def __init__(self, tracks: Tracks, rocks: Rocks, body: Body, *, skirt_m: float, far_m: float) -> None:
@@ -169,7 +169,7 @@ def rocks_of(world: World) -> Rocks:
     return Rocks(world.vertices, world.triangles[number > 0], number[number > 0])
 
 
-def options_of(options: SightOptions, body: Body) -> RenderOptions:
+def options_of(options: CameraSuiteOptions, body: Body) -> RenderOptions:
     """The renderer's options with the body's materials in them."""
     factor = _BODY_DARKER / options.ground_albedo
     own = {f"body{n}": Material(albedo=max(albedo, 0.01) * factor) for n, albedo in enumerate(body.albedo)}

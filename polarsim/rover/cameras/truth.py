@@ -21,7 +21,7 @@ from polarsim.formats import coco, rle, tables, yolo
 from polarsim.formats.files import read_json, write_text
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BOX_CLASSES
-from polarsim.rover.sight.layout import POSE_COLUMNS, TRUTH_COLUMNS
+from polarsim.rover.cameras.layout import POSE_COLUMNS, TRUTH_COLUMNS
 from polarsim.rover.world.surface import World
 
 

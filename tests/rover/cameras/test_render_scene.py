@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from polarsim.rover.sight.stage import still_ground
-from polarsim.rover.sight.tracks import Lattice
+from polarsim.rover.cameras.render_scene import still_ground
+from polarsim.rover.cameras.tracks import Lattice
 
 CELL = 0.02
 SHAPE = (120, 150)

@@ -20,17 +20,17 @@ from polarsim.progress import track
 from polarsim.render.ground_truth import annotations_of
 from polarsim.render.layers import Rendering
 from polarsim.render.options import Model
+from polarsim.rover.cameras.layout import labels_folder, picture_folder
+from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.suite import CameraSuite
+from polarsim.rover.cameras.truth import Truth, pose_table, read_truth, write_tables, write_truth
 from polarsim.rover.drive.trace import DRIVE, TRACE, TRACKS, WORLD, read_trace
-from polarsim.rover.sight.cameras import Sight
-from polarsim.rover.sight.layout import labels_folder, picture_folder
-from polarsim.rover.sight.options import SightOptions
-from polarsim.rover.sight.truth import Truth, pose_table, read_truth, write_tables, write_truth
 from polarsim.rover.vehicle.table import Vehicle
 
 log = logging.getLogger("polarsim.rover")
 
 
-def render_frames(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int, threads: int = 1) -> int:
+def render_frames(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1) -> int:
     """Render what is not there yet of a drive's pictures and labels; how many pictures were made.
 
     Pictures made with other options or code, or of another drive, are made anew. Their bytes depend neither on
@@ -41,29 +41,29 @@ def render_frames(folder: Path, vehicle: Vehicle, options: SightOptions, seed: i
     PolarsimError
         No drive in the folder, an unknown camera, a full disk.
     """
-    sight = Sight(read_trace(folder), vehicle, options, seed=seed)
+    suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
     identity = _identity(folder, vehicle, options, seed)
     made = 0
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        for frame in track(sight.frames, f"pictures in {folder}"):
+        for frame in track(suite.frames, f"pictures in {folder}"):
             shown = False
             for view in options.views:
-                missing = [sun for sun in sight.suns if not _complete(folder, view, sun, frame, options, identity)]
+                missing = [sun for sun in suite.suns if not _complete(folder, view, sun, frame, options, identity)]
                 if not missing:
                     continue
                 if not shown:
-                    sight.show(frame)
+                    suite.show(frame)
                     shown = True
-                rendering = sight.render(view, missing, threads)
+                rendering = suite.render(view, missing, threads)
                 for sun in missing:
-                    made += _write(folder, sight, rendering, view, sun, frame, identity, pool)
+                    made += _write(folder, suite, rendering, view, sun, frame, identity, pool)
     for view in options.views:
-        _write_tables(folder, sight, view)
+        _write_tables(folder, suite, view)
     log.info("%s: %d pictures made", folder, made)
     return made
 
 
-def _complete(folder: Path, view: str, sun: str, frame: int, options: SightOptions, identity: str) -> bool:
+def _complete(folder: Path, view: str, sun: str, frame: int, options: CameraSuiteOptions, identity: str) -> bool:
     if read_truth(labels_folder(folder, view, sun), frame, identity) is None:
         return False
     return all(
@@ -75,7 +75,7 @@ def _complete(folder: Path, view: str, sun: str, frame: int, options: SightOptio
 
 def _write(
     folder: Path,
-    sight: Sight,
+    suite: CameraSuite,
     rendering: Rendering,
     view: str,
     sun: str,
@@ -84,43 +84,43 @@ def _write(
     pool: ThreadPoolExecutor,
 ) -> int:
     """Write a frame's pictures under a Sun, and then its labels: where these are, the pictures are."""
-    options = sight.options
+    options = suite.options
 
     def write(what: tuple[Model, float]) -> None:
         path = picture_folder(folder, view, sun, *what) / f"{frame:05d}.png"
-        png.write(path, sight.exposed(rendering, view, sun, *what))
+        png.write(path, suite.exposed(rendering, view, sun, *what))
 
     wanted = [(model, exposure) for model in options.models for exposure in options.exposures_ms]
     list(pool.map(write, wanted))
-    write_truth(labels_folder(folder, view, sun), truth_of(sight, rendering, sun, frame), _size(sight, view), identity)
+    write_truth(labels_folder(folder, view, sun), truth_of(suite, rendering, sun, frame), _size(suite, view), identity)
     return len(wanted)
 
 
-def truth_of(sight: Sight, rendering: Rendering, sun: str, frame: int) -> Truth:
+def truth_of(suite: CameraSuite, rendering: Rendering, sun: str, frame: int) -> Truth:
     """Labels of a frame as the renderer makes them; its rocks are places in the world's table, those here are rocks."""
-    numbers = sight.trace.world.rocks["rock"].to_numpy()
-    found = annotations_of(rendering.ids[sun], sight.render_options)
+    numbers = suite.trace.world.rocks["rock"].to_numpy()
+    found = annotations_of(rendering.ids[sun], suite.render_options)
     labels = [
         type(label)(label.kind, int(numbers[label.rock - 1]), label.box, label.mask, label.source) for label in found
     ]
-    return Truth(frame, float(sight.trace.tracks.time[frame]), tuple(labels))
+    return Truth(frame, float(suite.trace.tracks.time[frame]), tuple(labels))
 
 
-def _write_tables(folder: Path, sight: Sight, view: str) -> None:
-    cameras = {frame: sight.camera(view, frame).world_from_camera for frame in sight.frames}
-    tables.write_parquet(folder / view / "poses.parquet", pose_table(cameras, np.asarray(sight.trace.tracks.time)))
-    for sun in sight.suns:
-        truths = [read_truth(labels_folder(folder, view, sun), frame) for frame in sight.frames]
+def _write_tables(folder: Path, suite: CameraSuite, view: str) -> None:
+    cameras = {frame: suite.camera(view, frame).world_from_camera for frame in suite.frames}
+    tables.write_parquet(folder / view / "poses.parquet", pose_table(cameras, np.asarray(suite.trace.tracks.time)))
+    for sun in suite.suns:
+        truths = [read_truth(labels_folder(folder, view, sun), frame) for frame in suite.frames]
         there: Sequence[Truth] = [truth for truth in truths if truth is not None]
-        write_tables(folder / view, sun, there, sight.trace.world, cameras, _size(sight, view))
+        write_tables(folder / view, sun, there, suite.trace.world, cameras, _size(suite, view))
 
 
-def _size(sight: Sight, view: str) -> tuple[int, int]:
-    lens = sight.mounts[view].lens
+def _size(suite: CameraSuite, view: str) -> tuple[int, int]:
+    lens = suite.mounts[view].lens
     return lens.width, lens.height
 
 
-def _identity(folder: Path, vehicle: Vehicle, options: SightOptions, seed: int) -> str:
+def _identity(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int) -> str:
     """Digest of all that decides a drive's pictures, code included; which views, Suns, exposures there are does not."""
     which = {"views", "suns", "exposures_ms", "every", "onboard", "videos", "video_speed"}
     names = (TRACE, TRACKS, DRIVE, f"{WORLD}/ground.npz", f"{WORLD}/rocks.npz", f"{WORLD}/rocks.parquet")

@@ -18,25 +18,25 @@ from polarsim.render.options import Model
 from polarsim.render.sensor import expose, noise_of
 from polarsim.render.views.sections import StarField
 from polarsim.render.views.stars import Sky, sky_of, star_radiance
+from polarsim.rover.cameras import grouser_marks
+from polarsim.rover.cameras.bodywork import body_of, links_at
+from polarsim.rover.cameras.grouser_marks import GrouserMark, Tread
+from polarsim.rover.cameras.headlights import headlights
+from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.render_scene import RenderScene, options_of, rocks_of
+from polarsim.rover.cameras.suns import suns_of
+from polarsim.rover.cameras.tracks import Lattice, Tracks
 from polarsim.rover.drive.trace import Trace
-from polarsim.rover.sight import prints
-from polarsim.rover.sight.bodywork import body_of, links_at
-from polarsim.rover.sight.headlights import headlights
-from polarsim.rover.sight.options import SightOptions
-from polarsim.rover.sight.prints import Print, Tread
-from polarsim.rover.sight.stage import Stage, options_of, rocks_of
-from polarsim.rover.sight.suns import suns_of
-from polarsim.rover.sight.tracks import Lattice, Tracks
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import Vehicle
 
 BRIGHT_STARS = 300.0  # flux of the stars of the paper's videos over that of real ones
 
 
-class Sight:
+class CameraSuite:
     """A drive's pictures. Frames are the drive's picture times; `show` moves on to one, from the one before or not."""
 
-    def __init__(self, trace: Trace, vehicle: Vehicle, options: SightOptions, *, seed: int = 0) -> None:
+    def __init__(self, trace: Trace, vehicle: Vehicle, options: CameraSuiteOptions, *, seed: int = 0) -> None:
         """
         Raises
         ------
@@ -62,9 +62,9 @@ class Sight:
         return list(range(0, len(self.trace.tracks.time), self.options.every))
 
     def show(self, frame: int) -> None:
-        """Bring ground, prints and rover to a frame."""
+        """Bring ground, marks and rover to a frame."""
         if frame < self._frame:
-            self.__dict__.pop("stage", None)  # prints cannot be taken back
+            self.__dict__.pop("render_scene", None)  # marks cannot be taken back
             self._frame = -1
         if self._frame < 0:
             self._level = self.trace.world.level.copy()
@@ -74,8 +74,8 @@ class Sight:
         now = float(self.trace.tracks.time[frame])
         self._links = self.links_at(now)
         new = [event for event in self._events if before < event.time_s <= now]
-        prints.stamp(self.stage.tracks, new, self._tread)
-        self.stage.show(self._level, self._links)
+        grouser_marks.stamp(self.render_scene.tracks, new, self._tread)
+        self.render_scene.show(self._level, self._links)
         self._frame = frame
 
     def links_at(self, time_s: float) -> dict[str, Pose]:
@@ -104,10 +104,10 @@ class Sight:
         own = {f"light {name}": spot for name, spot in spots.items()}  # no Sun is named so
         options, models = self.render_options, self.options.models
         found = render_view(
-            self.stage.surfaces, camera, active_lamps | own, models, list(active_lamps), options, threads
+            self.render_scene.surfaces, camera, active_lamps | own, models, list(active_lamps), options, threads
         )
         light = {(model, name): _sum(found.whole, model, name, own) for model in models for name in suns}
-        layers = through_lens(light, active_lamps, self.stage.surfaces, camera, options, threads)
+        layers = through_lens(light, active_lamps, self.render_scene.surfaces, camera, options, threads)
         ids = {name: found.ids[name if name in active_lamps else NO_LAMP] for name in (NO_LAMP, *suns)}
         if self._sky is not None:
             empty = ids[NO_LAMP] == BACKGROUND
@@ -125,14 +125,14 @@ class Sight:
         return expose(rendering.layers[model, sun], exposure_ms * gain, options, noise)
 
     @cached_property
-    def stage(self) -> Stage:
+    def render_scene(self) -> RenderScene:
         """The scene; built on first use."""
         world, options = self.trace.world, self.options
         changed = np.zeros(world.level.size, bool)
         changed[self.trace.tracks.cell] = True
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
         tracks = Tracks(lattice, changed.reshape(world.level.shape), options.finer)
-        return Stage(tracks, rocks_of(world), self.body, skirt_m=self.render_options.skirt_m, far_m=options.far_m)
+        return RenderScene(tracks, rocks_of(world), self.body, skirt_m=self.render_options.skirt_m, far_m=options.far_m)
 
     @cached_property
     def _sky(self) -> Sky | None:
@@ -147,14 +147,14 @@ def _sum(layers: Mapping[tuple[Model, str], np.ndarray], model: Model, sun: str,
     return np.sum(parts, axis=0) if len(parts) > 1 else parts[0]
 
 
-def _events(trace: Trace, vehicle: Vehicle) -> list[Print]:
+def _events(trace: Trace, vehicle: Vehicle) -> list[GrouserMark]:
     """Prints of all wheels in the order of time."""
     table = trace.table
     found = []
     for wheel in vehicle.wheels:
         if wheel.grousers:
             code = wheel.code
-            found += prints.prints_of(
+            found += grouser_marks.marks_of(
                 table["time_s"].to_numpy(),
                 table[f"{code}_spin_rad"].to_numpy(),
                 table[[f"{code}_{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy(),
@@ -167,4 +167,4 @@ def _events(trace: Trace, vehicle: Vehicle) -> list[Print]:
 
 def _tread(vehicle: Vehicle) -> Tread:
     wheel = vehicle.wheels[0]
-    return Tread(max(wheel.grousers, 1), wheel.radius_m, wheel.width_m, prints.DEPTH_M, prints.SD_M)
+    return Tread(max(wheel.grousers, 1), wheel.radius_m, wheel.width_m, grouser_marks.DEPTH_M, grouser_marks.SD_M)

@@ -9,7 +9,7 @@ import numpy as np
 from polarsim.errors import RoverError
 from polarsim.render.lamps import SUN_RADIUS_DEG, Lamp
 from polarsim.render.views.moon import local_from_celestial, sun_over
-from polarsim.rover.sight.options import NIGHT, REAL, SUN_AZIMUTHS_DEG, SightOptions
+from polarsim.rover.cameras.options import NIGHT, REAL, SUN_AZIMUTHS_DEG, CameraSuiteOptions
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Sun:
     world_from_celestial: np.ndarray  # (3, 3) rotation
 
 
-def suns_of(options: SightOptions) -> dict[str, Sun]:
+def suns_of(options: CameraSuiteOptions) -> dict[str, Sun]:
     """All Suns by name, in the order of the options.
 
     Raises
@@ -37,13 +37,13 @@ def suns_of(options: SightOptions) -> dict[str, Sun]:
         compass, height = sun_over(real.latitude_deg, real.longitude_deg, real.moment_utc)
         if height < -SUN_RADIUS_DEG:
             raise RoverError(
-                f"sight: the Sun is {-height:.1f} degrees below the horizon at {real.moment_utc:%Y-%m-%d %H:%M}"
+                f"suite: the Sun is {-height:.1f} degrees below the horizon at {real.moment_utc:%Y-%m-%d %H:%M}"
             )
         azimuth = (90 - compass) % 360
         sky = local_from_celestial(real.latitude_deg, real.longitude_deg, real.moment_utc)
         found[REAL] = Sun(REAL, Lamp.sun(azimuth, height), azimuth, height, sky)
     if not found:
-        raise RoverError("sight: no Sun is asked for")
+        raise RoverError("suite: no Sun is asked for")
     return found
 
 

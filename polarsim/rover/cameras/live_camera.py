@@ -15,12 +15,12 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.layers import render_view
 from polarsim.render.options import Model
 from polarsim.render.sensor import expose
+from polarsim.rover.cameras.bodywork import body_of, links_at
+from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.render_scene import RenderScene, options_of, rocks_of
+from polarsim.rover.cameras.tracks import Lattice, Tracks
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State
-from polarsim.rover.sight.bodywork import body_of, links_at
-from polarsim.rover.sight.options import SightOptions
-from polarsim.rover.sight.stage import Stage, options_of, rocks_of
-from polarsim.rover.sight.tracks import Lattice, Tracks
 from polarsim.rover.vehicle.mounts import FRONT, mount_of, pose_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.surface import World
@@ -30,7 +30,7 @@ BESIDE_M = 1.5  # from the path: farther away the ground is drawn as it was befo
 
 
 @dataclass(frozen=True)
-class EyeOptions:
+class LiveCameraOptions:
     """Which camera, how large its pictures are, and in what light."""
 
     camera: str = FRONT
@@ -46,27 +46,27 @@ class EyeOptions:
         return lens.width, lens.height
 
 
-class Eye:
+class LiveCamera:
     """A camera; the ground is followed within `BESIDE_M` of a path."""
 
-    def __init__(self, world: World, vehicle: Vehicle, path: Path, options: EyeOptions) -> None:
+    def __init__(self, world: World, vehicle: Vehicle, path: Path, options: LiveCameraOptions) -> None:
         self._vehicle, self._options = vehicle, options
         self._mount = mount_of(vehicle.camera(options.camera), options.scale)
-        sight = SightOptions(models=(options.model,), finer=1)
+        suite = CameraSuiteOptions(models=(options.model,), finer=1)
         body = body_of(vehicle)
-        self._render = options_of(sight, body)
+        self._render = options_of(suite, body)
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
-        tracks = Tracks(lattice, _near(world, path), sight.finer)
-        self._stage = Stage(tracks, rocks_of(world), body, skirt_m=self._render.skirt_m, far_m=sight.far_m)
+        tracks = Tracks(lattice, _near(world, path), suite.finer)
+        self._scene = RenderScene(tracks, rocks_of(world), body, skirt_m=self._render.skirt_m, far_m=suite.far_m)
         self._lamps = {SUN: Lamp.sun(options.sun_azimuth_deg, options.sun_elevation_deg)}
 
     def picture(self, state: State, level: np.ndarray) -> np.ndarray:
         """(h, w, 1) uint8 of the rover's state and the ground's levels; by the detectors' tone curve `gamma`."""
         base = pose_of(state.position, state.rotation)
-        self._stage.show(level, self._links(state, base))
+        self._scene.show(level, self._links(state, base))
         options, render = self._options, self._render
         models: tuple[Model, ...] = (options.model,)
-        found = render_view(self._stage.surfaces, self._mount.at(base), self._lamps, models, [SUN], render, 1)
+        found = render_view(self._scene.surfaces, self._mount.at(base), self._lamps, models, [SUN], render, 1)
         gain = render.gain.get(options.model, default_gain(options.model, render))
         grey = expose(found.layers[options.model, SUN], options.exposure_ms * gain, render, None)
         return to_8_bits(grey, PicturesOptions(tone="gamma"))[..., None]

@@ -1,6 +1,6 @@
 """The paper's views."""
 
-from polarsim.rover.sight.options import PAPER_VIEWS
+from polarsim.rover.cameras.options import PAPER_VIEWS
 from tests.rover import driven
 
 

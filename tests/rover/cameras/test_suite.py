@@ -6,7 +6,7 @@ import pytest
 from polarsim.errors import ConfigError
 from polarsim.formats.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.render.layers import NO_LAMP
-from polarsim.rover.sight.cameras import Sight
+from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.vehicle.mounts import FRONT
 from tests.rover import driven
 from tests.rover.driven import options
@@ -14,65 +14,67 @@ from tests.rover.driven import options
 
 @pytest.fixture(scope="module")
 def sight(drive):
-    own = Sight(drive, driven.vehicle(), options(views=(FRONT, "CamBirdViewLeft", "WheelCam_LeftBack"), scale=0.12))
+    own = CameraSuite(
+        drive, driven.vehicle(), options(views=(FRONT, "CamBirdViewLeft", "WheelCam_LeftBack"), scale=0.12)
+    )
     own.show(10)
     return own
 
 
 def test_an_unknown_camera_is_refused(drive):
     with pytest.raises(ConfigError, match="no camera 'eye'"):
-        Sight(drive, driven.vehicle(), options(views=("eye",)))
+        CameraSuite(drive, driven.vehicle(), options(views=("eye",)))
 
 
-def test_the_front_camera_sees_the_rock_ahead_where_it_stands(sight):
-    ids = sight.render(FRONT, ["2"]).ids[NO_LAMP]
+def test_the_front_camera_sees_the_rock_ahead_where_it_stands(suite):
+    ids = suite.render(FRONT, ["2"]).ids[NO_LAMP]
     x, y, height, _ = driven.ROCKS[0]
     middle = np.array([x, y, driven.level(x, y) + height / 2])
-    column, row = sight.camera(FRONT, 10).project(middle).astype(int)
+    column, row = suite.camera(FRONT, 10).project(middle).astype(int)
     assert ids[row, column] == ROCK_IDS + 1
 
 
-def test_the_third_person_sees_the_rover_in_the_middle(sight):
-    ids = sight.render("CamBirdViewLeft", ["2"]).ids[NO_LAMP]
+def test_the_third_person_sees_the_rover_in_the_middle(suite):
+    ids = suite.render("CamBirdViewLeft", ["2"]).ids[NO_LAMP]
     height, width = ids.shape
     assert BODY <= ids[height // 2, width // 2] < ROCK_IDS
     assert (ids == GROUND).mean() > 0.4
 
 
-def test_the_rover_casts_its_shadow_on_the_ground(sight):
-    ids = sight.render("CamBirdViewLeft", ["2"]).ids
-    layer = sight.render("CamBirdViewLeft", ["2"]).layers["hapke", "2"]
+def test_the_rover_casts_its_shadow_on_the_ground(suite):
+    ids = suite.render("CamBirdViewLeft", ["2"]).ids
+    layer = suite.render("CamBirdViewLeft", ["2"]).layers["hapke", "2"]
     dark = (ids[NO_LAMP] == GROUND) & (layer == 0)
     assert dark.mean() > 0.01
     assert ((ids["2"] >= SHADOW_IDS) <= (ids[NO_LAMP] == GROUND)).all()
 
 
-def test_an_exposure_twice_as_long_is_twice_as_bright_where_it_does_not_clip(sight):
-    rendering = sight.render(FRONT, ["2"])
-    short, long = (sight.exposed(rendering, FRONT, "2", "hapke", ms).astype(float) - 16 for ms in (256, 512))
+def test_an_exposure_twice_as_long_is_twice_as_bright_where_it_does_not_clip(suite):
+    rendering = suite.render(FRONT, ["2"])
+    short, long = (suite.exposed(rendering, FRONT, "2", "hapke", ms).astype(float) - 16 for ms in (256, 512))
     open_pixels = (long < 4000) & (short > 50)
     np.testing.assert_allclose(long[open_pixels], 2 * short[open_pixels], atol=1.5)
 
 
-def test_the_wheel_lies_before_its_camera(sight):
-    wheel = sight.trace.pose_at(2.0, "lr").translation
-    camera = sight.camera("WheelCam_LeftBack", 10)
+def test_the_wheel_lies_before_its_camera(suite):
+    wheel = suite.trace.pose_at(2.0, "lr").translation
+    camera = suite.camera("WheelCam_LeftBack", 10)
     assert camera.inside(camera.project(wheel))
 
 
-def test_ruts_show_behind_the_wheels_and_nowhere_else(sight):
-    vertices = sight.stage.surfaces.vertices
+def test_ruts_show_behind_the_wheels_and_nowhere_else(suite):
+    vertices = suite.stage.surfaces.vertices
     x, y, z = vertices.T
     ground = np.zeros(len(vertices), bool)
-    ground[np.unique(sight.stage.surfaces.faces[sight.stage.surfaces.id_of_face == GROUND])] = True
+    ground[np.unique(suite.stage.surfaces.faces[suite.stage.surfaces.id_of_face == GROUND])] = True
     behind = ground & (abs(x - 5.4) < 0.3) & (abs(y - 0.61) < 0.02)
     ahead = ground & (x > 2.5) & (x < 4.0) & (abs(y - 0.61) < 0.02)
-    np.testing.assert_allclose((z - driven.level(x, y))[behind], -driven.SINKAGE - 0.003, atol=0.0045)  # with prints
+    np.testing.assert_allclose((z - driven.level(x, y))[behind], -driven.SINKAGE - 0.003, atol=0.0045)  # with marks
     np.testing.assert_allclose((z - driven.level(x, y))[ahead], 0, atol=1e-4)
 
 
 def test_a_frame_is_the_same_whether_frames_before_it_were_shown_or_not(drive):
-    one, other = (Sight(drive, driven.vehicle(), options(views=(FRONT,))) for _ in range(2))
+    one, other = (CameraSuite(drive, driven.vehicle(), options(views=(FRONT,))) for _ in range(2))
     for frame in (2, 5, 9):
         one.show(frame)
     other.show(9)
@@ -86,7 +88,7 @@ def test_a_frame_is_the_same_whether_frames_before_it_were_shown_or_not(drive):
 
 def test_stars_shine_in_the_sky_alone_and_physical_ones_hardly(drive):
     dark, plain, bright = (
-        Sight(drive, driven.vehicle(), options(views=("ncl",), stars=stars, scale=0.06))
+        CameraSuite(drive, driven.vehicle(), options(views=("ncl",), stars=stars, scale=0.06))
         for stars in ("none", "physical", "bright")
     )
     layers, ids = [], None

@@ -12,10 +12,10 @@ from polarsim.geometry.vectors import length
 from polarsim.render.lamps import Lamp, Spot
 from polarsim.render.layers import NO_LAMP, made_by_device
 from polarsim.render.options import RenderOptions
-from polarsim.rover.sight.bodywork import body_of
-from polarsim.rover.sight.cameras import Sight
-from polarsim.rover.sight.headlights import SUN_IN_BAND_W_M2, headlights
-from polarsim.rover.sight.options import SightOptions
+from polarsim.rover.cameras.bodywork import body_of
+from polarsim.rover.cameras.headlights import SUN_IN_BAND_W_M2, headlights
+from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import LightPart
 from tests.rover import driven
@@ -88,8 +88,8 @@ def drive():
 
 def seen(drive, vehicle=None, **changes):
     """What the front camera sees under Sun 1, behind the rover, unless changed."""
-    options = SightOptions(**{**SMALL, "suns": ("1",), **changes})
-    own = Sight(drive, vehicle or driven.vehicle(), options)
+    options = CameraSuiteOptions(**{**SMALL, "suns": ("1",), **changes})
+    own = CameraSuite(drive, vehicle or driven.vehicle(), options)
     own.show(3)
     return own.render(FRONT, options.suns)
 
@@ -128,9 +128,9 @@ def test_at_night_rocks_are_known_and_no_shadows(drive):
 
 def test_a_night_without_lights_is_refused():
     with pytest.raises(ValueError, match=r"at night the rover sees by `lights` alone, and none is named"):
-        SightOptions(suns=("night",))
+        CameraSuiteOptions(suns=("night",))
 
 
 def test_an_unknown_light_is_refused(drive):
     with pytest.raises(ConfigError, match="no light 'torch' on viper, there are navlight_left"):
-        Sight(drive, driven.vehicle(), SightOptions(lights=("torch",)))
+        CameraSuite(drive, driven.vehicle(), CameraSuiteOptions(lights=("torch",)))

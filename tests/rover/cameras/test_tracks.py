@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from polarsim.rover.sight.tracks import TILE, Lattice, Tracks, spline_weights, tile_faces
+from polarsim.rover.cameras.tracks import TILE, Lattice, Tracks, spline_weights, tile_faces
 from polarsim.rover.soil import bulldozing
 from polarsim.rover.soil.bulldozing_numba import settle as fast_settle
 from polarsim.rover.soil.nodes import LEVEL, make_ground

@@ -71,7 +71,7 @@ class Tracks:
         # Where nothing may change; settling takes it for rock.
         self._bound = ~_inside(self.tiles, lattice.level.shape)
         self._change = np.zeros((rows + 2, columns + 2))  # with a rim, which splines reach into
-        self.prints = np.zeros(((rows - 1) * finer + 3, (columns - 1) * finer + 3), np.float32)  # with a rim of one
+        self.marks = np.zeros(((rows - 1) * finer + 3, (columns - 1) * finer + 3), np.float32)  # with a rim of one
         self._printed = np.zeros(self._whole, bool)
         side = TILE * finer + 1
         self.side = side
@@ -101,8 +101,8 @@ class Tracks:
         return found
 
     def stamp(self, rows: slice, columns: slice, depth: np.ndarray, where: np.ndarray) -> None:
-        """Write prints, metres above the ground, into a window of fine nodes (rows, columns) where `where` is true."""
-        window = self.prints[1 + rows.start : 1 + rows.stop, 1 + columns.start : 1 + columns.stop]
+        """Write marks, metres above the ground, into a window of fine nodes (rows, columns) where `where` is true."""
+        window = self.marks[1 + rows.start : 1 + rows.stop, 1 + columns.start : 1 + columns.stop]
         window[where] = depth[where]
         side = TILE * self.finer
         top, bottom = max(rows.start - 1, 0) // side, rows.stop // side + 1
@@ -117,10 +117,10 @@ class Tracks:
         top, left, fine = row * self.finer, column * self.finer, cell / self.finer
         window = (slice(top, top + self.side), slice(left, left + self.side))
         level, along_y, along_x = (field[window] for field in (self.fine.level, *self.fine.slopes))
-        prints = self.prints[top : top + self.side + 2, left : left + self.side + 2].astype(float)
-        z = level + w @ nodes @ w.T + prints[1:-1, 1:-1]
-        slope_y = along_y + d @ nodes @ w.T / cell + (prints[2:, 1:-1] - prints[:-2, 1:-1]) / (2 * fine)
-        slope_x = along_x + w @ nodes @ d.T / cell + (prints[1:-1, 2:] - prints[1:-1, :-2]) / (2 * fine)
+        marks = self.marks[top : top + self.side + 2, left : left + self.side + 2].astype(float)
+        z = level + w @ nodes @ w.T + marks[1:-1, 1:-1]
+        slope_y = along_y + d @ nodes @ w.T / cell + (marks[2:, 1:-1] - marks[:-2, 1:-1]) / (2 * fine)
+        slope_x = along_x + w @ nodes @ d.T / cell + (marks[1:-1, 2:] - marks[1:-1, :-2]) / (2 * fine)
         y, x = np.meshgrid(
             self.lattice.y0 + cell * (row + np.arange(self.side) / self.finer),
             self.lattice.x0 + cell * (column + np.arange(self.side) / self.finer),

@@ -65,7 +65,7 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     )
 
 
-class SightOptions(BaseModel, extra="forbid", frozen=True):
+class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
     """Pictures of a drive."""
 
     views: tuple[str, ...] = Field(
@@ -116,7 +116,7 @@ class SightOptions(BaseModel, extra="forbid", frozen=True):
         return values
 
     @model_validator(mode="after")
-    def _light_at_night(self) -> SightOptions:
+    def _light_at_night(self) -> CameraSuiteOptions:
         if NIGHT in self.suns and not self.lights:
             raise ValueError("suns: at night the rover sees by `lights` alone, and none is named")
         return self
