@@ -417,8 +417,8 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
 def scored(folder: Path) -> pd.DataFrame:
     """Figures of cameras and rocks against the truth."""
     common = {"terrain": TERRAIN, "cameras": folder / "cameras", "truth": folder / "truth", "meshes": folder / "meshes"}
-    score_cameras(**common, matches=None, drawn=None, quality=folder / "cameras.csv")
-    rocks = {"rocks": folder / "rocks.parquet", "quality": folder / "rocks.csv", "scores": folder / "scores.csv"}
+    score_cameras(**common, matches=None, drawn=None, evaluation=folder / "cameras.csv")
+    rocks = {"rocks": folder / "rocks.parquet", "evaluation": folder / "rocks.csv", "scores": folder / "scores.csv"}
     rocks |= {"inventory": folder / "inventory.json", "offsets": folder / "offsets.parquet"}
     score_rocks(**common, **rocks, located=folder / "cameras")
     return pd.concat([pd.read_csv(folder / f"{name}.csv") for name in ("cameras", "rocks")], ignore_index=True)
@@ -460,7 +460,7 @@ def main() -> None:
     print("CPU seconds:", {name: round(value, 1) for name, value in reconstruct(folder).items()})
     print(small_finds(folder))
     if "--bare" not in sys.argv:
-        print(scored(folder)[["stage", "subject", "figure", "value", "unit", "n"]].to_string(index=False))
+        print(scored(folder)[["stage", "subject", "metric", "value", "unit", "n"]].to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ from polarsim.randomness import generator
 from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.options import FittingOptions, RenderOptions
 from polarsim.scoring.cameras import read_gauge
-from polarsim.scoring.materials import ALBEDO_COLUMNS, albedo_figures
+from polarsim.scoring.materials import ALBEDO_COLUMNS, albedo_metrics
 
 MODELS = ("principled", "hapke")
 
@@ -74,7 +74,7 @@ def measure(terrain: int, run: Path, analog: Path, held_out: list[str], photos: 
         print(
             f"{name}, {azimuth} held out: {seconds:.0f} CPU s, falloff {found.falloff}, vignetting {found.vignetting}"
         )
-        for figure in albedo_figures(found, mesh, true, places):
+        for figure in albedo_metrics(found, mesh, true, places):
             print(f"  {figure.subject}: {figure.figure} {100 * figure.value:.1f} % ({figure.n} places)")
         for model, fit in sorted(found.models.items()):
             print(f"  {model}: lamps over 30's { ({k: round(v / fit.lamps['30'], 3) for k, v in fit.lamps.items()}) }")

@@ -510,7 +510,7 @@ def compare(
     out: Annotated[Path, typer.Option(help="Table to write, without its ending.")] = Path("comparison"),
     results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
 ) -> None:
-    """Put the quality of several runs side by side: of other seeds, options, versions. In four forms."""
+    """Put the evaluation of several runs side by side: of other seeds, options, versions. In four forms."""
     from polarsim.report.compare import compare_runs
 
     compare_runs(runs=[results / run for run in runs], stem=out)

@@ -56,16 +56,16 @@ PREDICTIONS = _schema(
 )
 CURVES = _schema("detect/curves.parquet", "trained:s evaluated:s kind:s iou:f recall:f precision:f")
 INSTANCES = _schema("detect/instances.parquet", "trained:s evaluated:s key:s kind:s rock:i iou:f area_px:f:px2")
-OFFSETS = _schema("quality/offsets_TerrainTT.parquet", "rock:i x:f:m y:f:m z:f:m offset_mm:f:mm")
+OFFSETS = _schema("evaluation/offsets_TerrainTT.parquet", "rock:i x:f:m y:f:m z:f:m offset_mm:f:mm")
 LABEL_PAIRS = _schema(
-    "quality/label_pairs_TerrainTT.parquet",
+    "evaluation/label_pairs_TerrainTT.parquet",
     _KEY,
     "task:s kind:s drawn:b hit:b iou:f iou_best:f truth_px:f:px label_px:f:px rock:i source:s confidence:f",
     _BOX,
     "true_x0:f:px true_y0:f:px true_x1:f:px true_y1:f:px against:s",
 )
 TWIN_PAIRS = _schema(
-    "quality/twin_pairs_TerrainTT.parquet",
+    "evaluation/twin_pairs_TerrainTT.parquet",
     _KEY,
     "model:s lit_px:i:px log2_twin_over_photo:f:stops log2_difference:f:stops ssim:f",
 )

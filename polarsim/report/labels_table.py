@@ -13,7 +13,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import AZIMUTHS, BOX_CLASSES
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks, write_table
 from polarsim.scoring.labels import ALL, DRAWN, TASKS
-from polarsim.scoring.quality import TRUTH_NAMES
+from polarsim.scoring.metrics import TRUTH_NAMES
 from polarsim.scoring.reliability import reliability_table
 
 COLUMNS = {
@@ -72,7 +72,7 @@ def label_scores(pairs: pd.DataFrame) -> pd.DataFrame:
         found = of_truth.agg(truth_boxes=("hit", "size"), found=("hit", "sum"), iou=("iou_best", "sum"))
         told = of_labels.agg(label_boxes=("hit", "size"), right=("hit", "sum"), told=("confidence", "sum"))
         parts.append(found.join(told, how="outer").fillna(0).reset_index().assign(group=group))
-    return _in_order(_figures(pd.concat(parts, ignore_index=True)))
+    return _in_order(_metrics(pd.concat(parts, ignore_index=True)))
 
 
 def size_class(size_px: np.ndarray) -> np.ndarray:
@@ -102,7 +102,7 @@ def _values(boxes: pd.DataFrame, group: str, size: str) -> np.ndarray | pd.Serie
     return boxes[group].map("{:02d}".format) if group == "terrain" else boxes[group]
 
 
-def _figures(sums: pd.DataFrame) -> pd.DataFrame:
+def _metrics(sums: pd.DataFrame) -> pd.DataFrame:
     truth, labels = sums["truth_boxes"], sums["label_boxes"]
     return sums.assign(
         precision=sums["right"] / labels,  # 0 / 0 is NaN: it cannot be said

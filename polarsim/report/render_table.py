@@ -11,8 +11,8 @@ import pandas as pd
 from polarsim.formats.schemas import TWIN_PAIRS
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
-from polarsim.scoring.quality import COLUMNS as QUALITY_COLUMNS
-from polarsim.scoring.quality import TRUTH_NAMES
+from polarsim.scoring.metrics import COLUMNS as METRIC_COLUMNS
+from polarsim.scoring.metrics import TRUTH_NAMES
 
 COLUMNS = {
     "subject": "str", "group": "str", "value": "str", "n": "int64", "log2_twin_over_photo": "float64",
@@ -26,10 +26,12 @@ _OF_ALL = ": all"  # end of the subjects of box scores that are over both camera
 NOTE = "Medians over photos of one exposure an exposure bracket. A difference of 1 stop is a factor of two."
 
 
-def tabulate_render(*, pairs: Sequence[Path], quality: Sequence[Path], table: Path, origin: Mapping[str, str]) -> None:
-    """Write the table of twins from the terrains' pairs and quality files; `table` is a stem: four forms."""
+def tabulate_render(
+    *, pairs: Sequence[Path], evaluation: Sequence[Path], table: Path, origin: Mapping[str, str]
+) -> None:
+    """Write the table of twins from the terrains' pairs and metric files; `table` is a stem: four forms."""
     likeness = pd.concat([read_parquet(path, TWIN_PAIRS.columns) for path in pairs], ignore_index=True)
-    scores = pd.concat([read_csv(path, QUALITY_COLUMNS) for path in quality], ignore_index=True)
+    scores = pd.concat([read_csv(path, METRIC_COLUMNS) for path in evaluation], ignore_index=True)
     boxes = box_rows(scores)
     rows = pd.concat([likeness_rows(likeness), boxes], ignore_index=True).astype(COLUMNS)
     against = " and ".join(TRUTH_NAMES[name] for name in TRUTH_NAMES if name in set(scores["against"]))
@@ -48,17 +50,17 @@ def likeness_rows(pairs: pd.DataFrame) -> pd.DataFrame:
 
 
 def box_rows(scores: pd.DataFrame) -> pd.DataFrame:
-    """Rows with `COLUMNS` of rendered ground-truth boxes by kind and terrain, out of quality rows; n counts true
+    """Rows with `COLUMNS` of rendered ground-truth boxes by kind and terrain, out of metric rows; n counts true
     boxes.
     """
-    chosen = scores[scores["figure"].isin(BOXES) & scores["subject"].str.endswith(_OF_ALL)]
+    chosen = scores[scores["metric"].isin(BOXES) & scores["subject"].str.endswith(_OF_ALL)]
     rows = [
         {
             "subject": str(subject).removesuffix(_OF_ALL),
             "group": "terrain",
             "value": f"{terrain:02d}",
             "n": int(part["n"].max()),
-            **dict(zip(part["figure"], part["value"], strict=True)),
+            **dict(zip(part["metric"], part["value"], strict=True)),
         }
         for (subject, terrain), part in chosen.groupby(["subject", "terrain"])
     ]
@@ -80,12 +82,12 @@ def lay_out(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return blocks or {"Twins: neither photos nor boxes to compare with.": rows}
 
 
-def _cells(rows: pd.DataFrame, figures: Sequence[str], forms: Sequence[str]) -> pd.DataFrame:
+def _cells(rows: pd.DataFrame, metrics: Sequence[str], forms: Sequence[str]) -> pd.DataFrame:
     """A row a subject, a column a value of the group."""
     text = {
         (row["subject"], row["value"]): " / ".join(
             MISSING if np.isnan(row[name]) else form.format(row[name])
-            for name, form in zip(figures, forms, strict=True)
+            for name, form in zip(metrics, forms, strict=True)
         )
         for row in rows.to_dict("records")
     }

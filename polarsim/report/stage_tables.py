@@ -14,7 +14,7 @@ from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import CAMERAS
 from polarsim.report.layout import origin_note, with_origin, write_table
-from polarsim.scoring.quality import COLUMNS as QUALITY_COLUMNS
+from polarsim.scoring.metrics import COLUMNS as METRIC_COLUMNS
 
 CAMERA_QUALITY = ("sd_mm", "sd_deg", "off_survey_m", "off_survey_deg", "median_off_before_px", "median_off_px")
 CAMERA_ERRORS = {"position_error_aligned": "error_mm", "angle_error_aligned": "error_deg"}
@@ -31,7 +31,7 @@ ALIGNMENT_COLUMNS = {
     "median_dx_px": "float64", "median_dy_px": "float64",
 }  # fmt: skip
 ALIGNMENT_FILE = "alignment.csv"  # of the cameras stage
-LABEL_FIGURES = ("matched", "mean_iou", "median_dx_px", "median_dy_px")
+LABEL_METRICS = ("matched", "mean_iou", "median_dx_px", "median_dy_px")
 
 CAMERA_CAPTION = (
     "Left cameras: place and heading in the sandbox, formal standard deviations, distance from the survey; how far "
@@ -52,15 +52,15 @@ MESH_CAPTION = (
 
 
 def tabulate_cameras(
-    *, cameras: Mapping[int, Path], quality: Sequence[Path], table: Path, alignment: Path, origin: Mapping[str, str]
+    *, cameras: Mapping[int, Path], evaluation: Sequence[Path], table: Path, alignment: Path, origin: Mapping[str, str]
 ) -> None:
-    """Write the tables of cameras and of alignment, from the terrains' camera folders and their quality files.
+    """Write the tables of cameras and of alignment, from the terrains' camera folders and their metric files.
 
     `table` and `alignment` are stems: four forms each.
     """
     placed = {terrain: read_all_placed(folder) for terrain, folder in sorted(cameras.items())}
-    figures = pd.concat([read_csv(path, QUALITY_COLUMNS) for path in quality], ignore_index=True)
-    rows = [_camera_row(terrain, *item, figures) for terrain, rigs in placed.items() for item in sorted(rigs.items())]
+    metrics = pd.concat([read_csv(path, METRIC_COLUMNS) for path in evaluation], ignore_index=True)
+    rows = [_camera_row(terrain, *item, metrics) for terrain, rigs in placed.items() for item in sorted(rigs.items())]
     _write(table, rows, CAMERA_COLUMNS, CAMERA_CAPTION, origin)
     rows = [row for terrain, folder in sorted(cameras.items()) for row in _alignment_rows(terrain, folder)]
     _write(alignment, rows, ALIGNMENT_COLUMNS, ALIGNMENT_CAPTION, origin)
@@ -92,18 +92,18 @@ def _rocks(path: Path) -> pd.DataFrame:
     return read_parquet(path, ["rock", "source"]).rename(columns={"source": "found_by"})
 
 
-def _camera_row(terrain: int, position: str, rig: PlacedRig, figures: pd.DataFrame) -> dict[str, Any]:
+def _camera_row(terrain: int, position: str, rig: PlacedRig, metrics: pd.DataFrame) -> dict[str, Any]:
     x, y, z = rig.sandbox_from_left.translation
     angles = np.degrees(yaw_pitch_roll(rig.sandbox_from_left))
-    mine = figures[
-        (figures["terrain"] == terrain) & figures["subject"].isin([position, f"{position} L", f"{position} R"])
+    mine = metrics[
+        (metrics["terrain"] == terrain) & metrics["subject"].isin([position, f"{position} L", f"{position} R"])
     ]
-    value = {(row.subject, row.figure): row.value for row in mine.itertuples()}
+    value = {(row.subject, row.metric): row.value for row in mine.itertuples()}
     return {
         "terrain": terrain, "position": position, "method": rig.method, "x_m": x, "y_m": y, "z_m": z,
         **dict(zip(("yaw_deg", "pitch_deg", "roll_deg"), angles, strict=True)),
         **{name: rig.quality.get(name, np.nan) for name in CAMERA_QUALITY},
-        **{column: value.get((position, figure), np.nan) for figure, column in CAMERA_ERRORS.items()},
+        **{column: value.get((position, metric), np.nan) for metric, column in CAMERA_ERRORS.items()},
         **{
             f"{name}_{camera.lower()}_px": value.get((f"{position} {camera}", f"{name}_median"), np.nan)
             for name in REPROJECTIONS
@@ -123,7 +123,7 @@ def _alignment_rows(terrain: int, folder: Path) -> list[dict[str, Any]]:
             "terrain": terrain,
             "evidence": "labels",
             "between": f"{position} and its boxes",
-            **{name: rig.quality.get(name, np.nan) for name in LABEL_FIGURES},
+            **{name: rig.quality.get(name, np.nan) for name in LABEL_METRICS},
         }
         for position, rig in sorted(read_all_placed(folder).items())
     ]

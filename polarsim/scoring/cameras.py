@@ -21,7 +21,7 @@ from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, PhotoKey
 from polarsim.scoring.gauge import fit_gauge
 from polarsim.scoring.labels import read_drawn
 from polarsim.scoring.lamps import lamps_against_truth
-from polarsim.scoring.quality import Figure, summary, write_quality
+from polarsim.scoring.metrics import Metric, summary, write_metrics
 from polarsim.scoring.score import Labels
 
 MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
@@ -37,9 +37,9 @@ def score_cameras(
     matches: Path | None,
     drawn: Path | None,
     meshes: Path,
-    quality: Path,
+    evaluation: Path,
 ) -> None:
-    """Write the quality of a terrain's cameras.
+    """Write the evaluation of a terrain's cameras.
 
     Parameters
     ----------
@@ -55,26 +55,26 @@ def score_cameras(
         Folder of the terrain's meshes.
     """
     placed = read_all_placed(cameras)
-    figures = stated(placed)
+    metrics = stated(placed)
     if truth is not None:
         true = read_all_placed(truth / "cameras")
-        figures += against_truth(placed, true, true_points(truth, terrain))
+        metrics += against_truth(placed, true, true_points(truth, terrain))
         if set(placed) & set(true) and (truth / lamps.FILE).exists():  # sandboxes without photos have no lamps
-            figures += lamps_against_truth(cameras, truth, _gauge(placed, true))
+            metrics += lamps_against_truth(cameras, truth, _gauge(placed, true))
     if matches is not None and matches.exists():
-        figures += against_boxes(matches)
+        metrics += against_boxes(matches)
     if drawn is not None:
-        figures += against_drawn(placed, obj.rock_files(meshes), read_drawn(drawn, terrain))
-    write_quality(quality, "cameras", terrain, figures)
+        metrics += against_drawn(placed, obj.rock_files(meshes), read_drawn(drawn, terrain))
+    write_metrics(evaluation, "cameras", terrain, metrics)
 
 
 def against_truth(
     placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig], points_truth: np.ndarray
-) -> list[Figure]:
+) -> list[Metric]:
     """Errors of the poses before and after one alignment of the terrain, of the rig, and of points in the pictures.
 
     Of every two positions the pose of one in the other's frame is compared too, which needs no alignment.
-    With a single position the alignment takes up the whole error: then only the figures before it are given.
+    With a single position the alignment takes up the whole error: then only the metrics before it are given.
 
     Parameters
     ----------
@@ -89,27 +89,27 @@ def against_truth(
     frames = {"before": Pose.identity()}
     if len(common) > 1:
         frames["aligned"] = fit_gauge(estimated, wanted)
-    figures = []
+    metrics = []
     for position in common:
         for name, truth_from_sandbox in frames.items():
-            figures += _pose_errors(position, name, truth_from_sandbox @ estimated[position], wanted[position])
+            metrics += _pose_errors(position, name, truth_from_sandbox @ estimated[position], wanted[position])
             if name == "aligned" or len(frames) == 1:
-                figures += projection_errors(
+                metrics += projection_errors(
                     "reprojection", position, placed[position], true[position], points_truth, truth_from_sandbox
                 )
-        figures += _rig_errors(position, placed[position], true[position])
+        metrics += _rig_errors(position, placed[position], true[position])
     for one, other in combinations(common, 2):
         found, meant = estimated[one].inverse() @ estimated[other], wanted[one].inverse() @ wanted[other]
-        figures += _pose_errors(f"{one} to {other}", "between", found, meant)
+        metrics += _pose_errors(f"{one} to {other}", "between", found, meant)
     for name in frames:
-        errors = [figure for figure in figures if figure.figure.endswith(f"_error_{name}")]
+        errors = [metric for metric in metrics if metric.metric.endswith(f"_error_{name}")]
         for kind, unit in (("position", "mm"), ("angle", "deg")):
-            worst = max(figure.value for figure in errors if figure.figure == f"{kind}_error_{name}")
-            figures.append(Figure("worst position", f"{kind}_error_{name}", worst, unit, len(common), "truth"))
-    return figures
+            worst = max(metric.value for metric in errors if metric.metric == f"{kind}_error_{name}")
+            metrics.append(Metric("worst position", f"{kind}_error_{name}", worst, unit, len(common), "truth"))
+    return metrics
 
 
-def against_boxes(path: Path) -> list[Figure]:
+def against_boxes(path: Path) -> list[Metric]:
     """IoU and offsets of the projected meshes and the consensus boxes of the seeds, by position and over all.
 
     Raises
@@ -118,22 +118,22 @@ def against_boxes(path: Path) -> list[Figure]:
         A column is missing.
     """
     table = read_parquet(path, MATCH_COLUMNS)
-    figures = []
+    metrics = []
     parts = [(str(position), part) for position, part in table.groupby("position")]
     for subject, part in [*parts, ("all positions", table)]:
         offset_px = part[["dx_px", "dy_px"]].abs().to_numpy(float)
-        figures += _overlap_figures(subject, part["iou"].to_numpy(float), offset_px)
-    return figures
+        metrics += _overlap_metrics(subject, part["iou"].to_numpy(float), offset_px)
+    return metrics
 
 
 def against_drawn(
     placed: Mapping[str, PlacedRig],
     meshes: Mapping[int, Path],
     drawn: Mapping[PhotoKey, Labels],
-) -> list[Figure]:
+) -> list[Metric]:
     """Overlap of the projected meshes with what all drawn boxes of a view agree on; fits know of no right photo."""
     outlines = outlines_of({rock: obj.read(path) for rock, path in meshes.items()})
-    figures = []
+    metrics = []
     for camera in CAMERAS:
         pairs = [np.zeros((0, 2, 4))]  # projected and drawn
         for position, rig in placed.items():
@@ -143,8 +143,8 @@ def against_drawn(
             pairs.append(np.stack([projected[rows], boxes[columns]], axis=1))
         first, second = np.concatenate(pairs).swapaxes(0, 1)
         offset_px = np.abs(first[:, :2] + first[:, 2:] - second[:, :2] - second[:, 2:]) / 2
-        figures += _overlap_figures(f"all boxes of {camera}", np.diag(iou(first, second)), offset_px)
-    return figures
+        metrics += _overlap_metrics(f"all boxes of {camera}", np.diag(iou(first, second)), offset_px)
+    return metrics
 
 
 def agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str) -> np.ndarray:
@@ -157,62 +157,62 @@ def agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str) -
     return consensus_of_sets(list(sets.values()))
 
 
-def _overlap_figures(subject: str, overlap: np.ndarray, offset_px: np.ndarray) -> list[Figure]:
+def _overlap_metrics(subject: str, overlap: np.ndarray, offset_px: np.ndarray) -> list[Metric]:
     """Mean IoU, and medians of the offsets (n, 2) along x and y; none for no pair."""
     n = len(overlap)
     if not n:
         return []
     across, down = np.median(offset_px, axis=0)
     return [
-        Figure(subject, "box_iou_mean", float(overlap.mean()), "1", n, "labels"),
-        Figure(subject, "box_dx_median", float(across), "px", n, "labels"),
-        Figure(subject, "box_dy_median", float(down), "px", n, "labels"),
+        Metric(subject, "box_iou_mean", float(overlap.mean()), "1", n, "labels"),
+        Metric(subject, "box_dx_median", float(across), "px", n, "labels"),
+        Metric(subject, "box_dy_median", float(down), "px", n, "labels"),
     ]
 
 
-def stated(placed: Mapping[str, PlacedRig]) -> list[Figure]:
+def stated(placed: Mapping[str, PlacedRig]) -> list[Metric]:
     """What the cameras stage itself says of each fit (`quality` of PosX.json)."""
-    figures = []
+    metrics = []
     for position, rig in placed.items():
         for name, value in sorted(rig.quality.items()):
             unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "1")
             subject = f"{position} ({rig.method})" if rig.method else position
-            figures.append(Figure(subject, name, float(value), unit, 1, "own"))
-    return figures
+            metrics.append(Metric(subject, name, float(value), unit, 1, "own"))
+    return metrics
 
 
-def _pose_errors(position: str, name: str, estimated: Pose, true: Pose) -> list[Figure]:
+def _pose_errors(position: str, name: str, estimated: Pose, true: Pose) -> list[Metric]:
     shift_mm = 1000 * float(np.linalg.norm(estimated.translation - true.translation))
     turn_deg = float(np.degrees(angle_between(estimated, true)))
     return [
-        Figure(position, f"position_error_{name}", shift_mm, "mm", 1, "truth"),
-        Figure(position, f"angle_error_{name}", turn_deg, "deg", 1, "truth"),
+        Metric(position, f"position_error_{name}", shift_mm, "mm", 1, "truth"),
+        Metric(position, f"angle_error_{name}", turn_deg, "deg", 1, "truth"),
     ]
 
 
-def _rig_errors(position: str, placed: PlacedRig, true: PlacedRig) -> list[Figure]:
+def _rig_errors(position: str, placed: PlacedRig, true: PlacedRig) -> list[Metric]:
     """Errors that came with the calibration file."""
     ours, theirs = placed.rig.left_from_right, true.rig.left_from_right
     shift_mm = 1000 * float(np.linalg.norm(ours.translation - theirs.translation))
     return [
-        Figure(position, "rig_baseline_error", shift_mm, "mm", 1, "truth"),
-        Figure(position, "rig_angle_error", float(np.degrees(angle_between(ours, theirs))), "deg", 1, "truth"),
+        Metric(position, "rig_baseline_error", shift_mm, "mm", 1, "truth"),
+        Metric(position, "rig_angle_error", float(np.degrees(angle_between(ours, theirs))), "deg", 1, "truth"),
     ]
 
 
 def projection_errors(
     name: str, position: str, placed: PlacedRig, true: PlacedRig, points_truth: np.ndarray, truth_from_sandbox: Pose
-) -> list[Figure]:
-    """Distances in the picture between true points (n, 3) seen by the true and by our camera, as figures `name_*`."""
-    figures: list[Figure] = []
+) -> list[Metric]:
+    """Distances in the picture between true points (n, 3) seen by the true and by our camera, as metrics `name_*`."""
+    metrics: list[Metric] = []
     for camera in CAMERAS:
         lens = true.rig.lens(camera)
         wanted = true.project(camera, points_truth)
         inside = ((wanted > 0) & (wanted < [lens.width, lens.height])).all(axis=-1)  # NaN behind the camera: outside
         found = placed.project(camera, truth_from_sandbox.inverse().apply(points_truth[inside]))
         error_px = np.linalg.norm(found - wanted[inside], axis=-1)
-        figures += summary(f"{position} {camera}", name, error_px, "px", "truth")
-    return figures
+        metrics += summary(f"{position} {camera}", name, error_px, "px", "truth")
+    return metrics
 
 
 def true_points(truth: Path, terrain: int) -> np.ndarray:

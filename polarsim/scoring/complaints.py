@@ -1,4 +1,4 @@
-"""Plain sentences on what does not agree in a run, from the figures of its consistency."""
+"""Plain sentences on what does not agree in a run, from the metrics of its consistency."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ STAGE = "consistency"
 
 @dataclass(frozen=True)
 class _Limit:
-    """From where on a figure is a complaint; `above` tells which side is bad."""
+    """From where on a metric is a complaint; `above` tells which side is bad."""
 
     value: float
     sentence: str
@@ -41,15 +41,15 @@ LIMITS = {
 
 
 def complaints(table: pd.DataFrame) -> list[str]:
-    """A sentence for each row of a quality table whose files do not agree."""
+    """A sentence for each row of a metric table whose files do not agree."""
     return [
         f"Terrain {row['terrain']}: {sentence}."
         for row in table[table["stage"] == STAGE].to_dict("records")
-        for sentence in complaint(str(row["subject"]), str(row["figure"]), float(row["value"]))
+        for sentence in complaint(str(row["subject"]), str(row["metric"]), float(row["value"]))
     ]
 
 
-def complaint(subject: str, figure: str, value: float) -> list[str]:
-    """The sentence on one figure; none where it holds."""
-    limit = LIMITS.get(figure)
+def complaint(subject: str, metric: str, value: float) -> list[str]:
+    """The sentence on one metric; none where it holds."""
+    limit = LIMITS.get(metric)
     return [f"{subject}: {limit.sentence.format(value=value)}"] if limit and limit.broken(value) else []

@@ -29,7 +29,7 @@ from polarsim.scoring.complaints import STAGE, complaint
 from polarsim.scoring.gauge import fit_gauge, refine_gauge
 from polarsim.scoring.labels import read_drawn
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
-from polarsim.scoring.quality import Figure, write_quality
+from polarsim.scoring.metrics import Metric, write_metrics
 from polarsim.scoring.surface import Surface
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
@@ -49,7 +49,7 @@ def check_consistency(
     meshes: Path,
     photos: Path | None,
     drawn: Path | None,
-    quality: Path,
+    evaluation: Path,
 ) -> None:
     """Write how far a terrain's scans, cameras, meshes and boxes agree, and warn where they do not.
 
@@ -70,22 +70,22 @@ def check_consistency(
         for position in known.scanned
         if position in placed and not placed[position].surveyed
     }
-    figures = []
+    metrics = []
     scene, last = read_terrain(meshes, terrain), read_all_placed(cameras)
     if scans:
-        figures += scans_on_meshes(scans, scene)
-    figures += cameras_together(placed, last)
+        metrics += scans_on_meshes(scans, scene)
+    metrics += cameras_together(placed, last)
     if (located / "matches.parquet").exists():
-        figures += boxes_met(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
+        metrics += boxes_met(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
     both = photos_of_both(last, caster(scene.vertices, scene.faces), best_pictures(terrain, photos)) if photos else []
     if not both and drawn is not None:
         outlines = outlines_of({rock: obj.read(path) for rock, path in obj.rock_files(meshes).items()})
         both = boxes_of_both(last, outlines, read_drawn(drawn, terrain))
-    figures += both
-    for figure in figures:
-        for sentence in complaint(figure.subject, figure.figure, figure.value):
+    metrics += both
+    for metric in metrics:
+        for sentence in complaint(metric.subject, metric.metric, metric.value):
             log.warning("terrain %02d: %s", terrain, sentence)
-    write_quality(quality, STAGE, terrain, figures)
+    write_metrics(evaluation, STAGE, terrain, metrics)
 
 
 def on_sand(placed: PlacedRig, points_left: np.ndarray) -> np.ndarray:
@@ -95,14 +95,14 @@ def on_sand(placed: PlacedRig, points_left: np.ndarray) -> np.ndarray:
     return points[inside][:: max(1, inside.sum() // POINTS)]
 
 
-def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list[Figure]:
+def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list[Metric]:
     """How scans (n, 3) in the sandbox would still have to move to lie on the meshes: all together, and by pairs."""
     surface = Surface(scene.vertices, scene.faces)
     everything = np.concatenate(list(scans.values()))
     turn, shift = _size(_further(everything, surface), everything.mean(axis=0))
-    figures = [
-        Figure("all scans on the meshes", "common_turn", turn, "deg", len(scans), "own"),
-        Figure("all scans on the meshes", "common_shift", shift, "mm", len(scans), "own"),
+    metrics = [
+        Metric("all scans on the meshes", "common_turn", turn, "deg", len(scans), "own"),
+        Metric("all scans on the meshes", "common_shift", shift, "mm", len(scans), "own"),
     ]
     moves = {}
     for position, points in sorted(scans.items()):
@@ -111,19 +111,19 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
         place, face = surface.nearest(settled)
         above = ((settled - place) * surface.normals[face]).sum(axis=1)
         left_mm = 1000 * float(np.median(np.abs(above)))
-        figures.append(Figure(f"scan {position} on the meshes", "distance_median", left_mm, "mm", len(points), "own"))
+        metrics.append(Metric(f"scan {position} on the meshes", "distance_median", left_mm, "mm", len(points), "own"))
     for one, other in combinations(sorted(moves), 2):
         turn, shift = _size(moves[one].inverse() @ moves[other], everything.mean(axis=0))
         subject = f"scans {one} and {other}"
-        figures.append(Figure(subject, "turn_between", turn, "deg", 2, "own"))
-        figures.append(Figure(subject, "shift_between", shift, "mm", 2, "own"))
-    return figures
+        metrics.append(Metric(subject, "turn_between", turn, "deg", 2, "own"))
+        metrics.append(Metric(subject, "shift_between", shift, "mm", 2, "own"))
+    return metrics
 
 
-def cameras_together(before: Mapping[str, PlacedRig], after: Mapping[str, PlacedRig]) -> list[Figure]:
+def cameras_together(before: Mapping[str, PlacedRig], after: Mapping[str, PlacedRig]) -> list[Metric]:
     """What all cameras of a terrain did in common since the meshes were made, and which none but the survey places."""
-    figures = [
-        Figure(f"camera {position}", "surveyed", float(rig.surveyed), "1", 1, "own")
+    metrics = [
+        Metric(f"camera {position}", "surveyed", float(rig.surveyed), "1", 1, "own")
         for position, rig in sorted(after.items())
     ]
     if len(set(before) & set(after)) > 1:
@@ -132,14 +132,14 @@ def cameras_together(before: Mapping[str, PlacedRig], after: Mapping[str, Placed
             {position: rig.sandbox_from_left for position, rig in before.items()},
         )
         turn = float(np.degrees(angle_between(common, Pose.identity())))
-        figures.append(Figure("cameras since the meshes", "cameras_turn", turn, "deg", len(after), "own"))
-    return figures
+        metrics.append(Metric("cameras since the meshes", "cameras_turn", turn, "deg", len(after), "own"))
+    return metrics
 
 
-def boxes_met(matches: pd.DataFrame) -> list[Figure]:
+def boxes_met(matches: pd.DataFrame) -> list[Metric]:
     """Mean IoU of projected meshes and the boxes that placed the cameras, by position."""
     return [
-        Figure(f"meshes on boxes, position {position}", "boxes_iou", float(part["iou"].mean()), "1", len(part), "own")
+        Metric(f"meshes on boxes, position {position}", "boxes_iou", float(part["iou"].mean()), "1", len(part), "own")
         for position, part in matches.groupby("position")
     ]
 

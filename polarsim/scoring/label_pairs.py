@@ -12,8 +12,8 @@ from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import LABEL_COLUMNS, key_columns
 from polarsim.geometry.boxes import area, iou, match, match_sum
 from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, SHADOWS_DRAWN_FROM_MS, PhotoKey
+from polarsim.scoring.metrics import Against
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.quality import Against
 from polarsim.scoring.score import Labels
 
 EDGES = ("x0", "y0", "x1", "y1")

@@ -14,8 +14,8 @@ from polarsim.formats import release
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet, write_parquet
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
 from polarsim.scoring.label_pairs import labels_by_photo, pair_labels, shadows_drawn
+from polarsim.scoring.metrics import Against, Metric, write_metrics
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.quality import Against, Figure, write_quality
 from polarsim.scoring.reliability import ANY_SOURCE, brier_score, calibration_error, reliability_table
 from polarsim.scoring.score import Counts, Labels, count_photo, read
 
@@ -34,11 +34,11 @@ def score_labels(
     table: Path,
     truth: Path,
     seeds: Path,
-    quality: Path,
+    evaluation: Path,
     pairs: Path,
     options: ScoringOptions,
 ) -> None:
-    """Write the quality of a terrain's labels, and every true box beside its label.
+    """Write the evaluation of a terrain's labels, and every true box beside its label.
 
     Parameters
     ----------
@@ -56,14 +56,14 @@ def score_labels(
     wanted = read_truth(truth, terrain, found, options)
     seed_keys = set(release.key_files(seeds).files)
     tasks = {key: task_of(key, seed_keys) for key in wanted}
-    figures = [Figure("seeds", "photos_drawn", len(seed_keys), "photos", len(found), "own")]
-    figures += score_tasks(wanted, found, tasks, TASKS, against(truth), options)
+    metrics = [Metric("seeds", "photos_drawn", len(seed_keys), "photos", len(found), "own")]
+    metrics += score_tasks(wanted, found, tasks, TASKS, against(truth), options)
     unlabelled = len([key for key, task in tasks.items() if task is not None and key not in found])
-    figures.append(Figure("photos with truth", "without_label_file", unlabelled, "photos", len(wanted), against(truth)))
+    metrics.append(Metric("photos with truth", "without_label_file", unlabelled, "photos", len(wanted), against(truth)))
     compared = {key: true for key, true in wanted.items() if key in found}
     paired = pair_labels(compared, labels, tasks, against(truth), options)
     write_parquet(pairs, paired)
-    write_quality(quality, "labels", terrain, figures + confidence_figures(paired, against(truth)))
+    write_metrics(evaluation, "labels", terrain, metrics + confidence_metrics(paired, against(truth)))
 
 
 def task_of(key: PhotoKey, seeds: Iterable[PhotoKey]) -> str | None:
@@ -93,7 +93,7 @@ def score_tasks(
     order: Iterable[str],
     against: Against,
     options: ScoringOptions,
-) -> list[Figure]:
+) -> list[Metric]:
     """Precision, recall, F1 and mIoU by kind and task, pooled over the photos that are in both."""
     total: dict[tuple[str, str], Counts] = {}
     for key in sorted(set(wanted) & set(found)):
@@ -105,12 +105,12 @@ def score_tasks(
             for name in [kind, DRAWN] if drawn else [kind]:
                 for part in (task, ALL):
                     total[name, part] = total.get((name, part), Counts()) + counts
-    figures = []
+    metrics = []
     for kind in (*BOX_CLASSES, DRAWN):
         for task in order:
             if (kind, task) in total:
-                figures += box_figures(f"{kind}: {task}", total[kind, task], against)
-    return figures
+                metrics += box_metrics(f"{kind}: {task}", total[kind, task], against)
+    return metrics
 
 
 def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
@@ -173,30 +173,30 @@ def against(truth: Path) -> Against:
     return "truth" if truth.is_file() else "labels"
 
 
-def confidence_figures(pairs: pd.DataFrame, against: Against) -> list[Figure]:
+def confidence_metrics(pairs: pd.DataFrame, against: Against) -> list[Metric]:
     """How far the confidence of labels is from the share of them that are right, by kind."""
     table = reliability_table(pairs)
-    figures = []
+    metrics = []
     for kind in BOX_CLASSES:
         bins = table[(table["kind"] == kind) & (table["label_source"] == ANY_SOURCE)]
         if len(bins):
             n = round(bins["labels"].sum())
             for name, value in (("ece", calibration_error(bins)), ("brier", brier_score(bins))):
-                figures.append(Figure(f"{kind}: confidence", name, value, "1", n, against))
-    return figures
+                metrics.append(Metric(f"{kind}: confidence", name, value, "1", n, against))
+    return metrics
 
 
-def box_figures(subject: str, counts: Counts, against: Against) -> list[Figure]:
+def box_metrics(subject: str, counts: Counts, against: Against) -> list[Metric]:
     """Precision, recall, F1 and mean IoU; NaN where there is nothing to divide by."""
-    figures = counts.figures()
+    metrics = counts.metrics()
     sizes = {"precision": "label_boxes", "recall": "truth_boxes", "f1": "truth_boxes", "miou": "truth_boxes"}
     return [
-        Figure(
+        Metric(
             subject,
             name,
-            float("nan") if figures[name] is None else float(figures[name] or 0),
+            float("nan") if metrics[name] is None else float(metrics[name] or 0),
             "1",
-            int(figures[n] or 0),
+            int(metrics[n] or 0),
             against,
         )
         for name, n in sizes.items()

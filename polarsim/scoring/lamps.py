@@ -11,10 +11,10 @@ from polarsim.formats.lamps import FILE, read_suns, surveyed_suns
 from polarsim.formats.rigs import read_all_placed
 from polarsim.geometry.poses import Pose
 from polarsim.photo import SUNS
-from polarsim.scoring.quality import Figure
+from polarsim.scoring.metrics import Metric
 
 
-def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) -> list[Figure]:
+def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) -> list[Metric]:
     """The angle at the sandbox's middle between where a lamp is taken to stand and where it stood.
 
     Shadows tell a lamp's direction and hardly its distance, so the angle is what counts.
@@ -27,17 +27,17 @@ def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) ->
         The analog's truth/TerrainTT.
     """
     placed, true = read_all_placed(cameras), read_json(truth / FILE)
-    figures, worst = [], {}
+    metrics, worst = [], {}
     for name, suns in (("surveyed_direction", surveyed_suns(placed)), ("direction", read_suns(cameras, placed))):
         found = [
-            Figure(f"lamp {azimuth}", f"{name}_error", off_deg, "deg", 1, "truth")
+            Metric(f"lamp {azimuth}", f"{name}_error", off_deg, "deg", 1, "truth")
             for azimuth in SUNS
             for off_deg in [_angle_deg(truth_from_sandbox.apply(suns[azimuth]), np.array(true[azimuth], float))]
         ]
-        worst[name] = max(figure.value for figure in found)
-        figures += found
-    return figures + [
-        Figure("worst lamp", f"{name}_error", value, "deg", len(SUNS), "truth") for name, value in worst.items()
+        worst[name] = max(metric.value for metric in found)
+        metrics += found
+    return metrics + [
+        Metric("worst lamp", f"{name}_error", value, "deg", len(SUNS), "truth") for name, value in worst.items()
     ]
 
 

@@ -23,7 +23,7 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.geometry.ties import Ties, find_ties, look_with_both
 from polarsim.photo import CAMERAS, PhotoKey
 from polarsim.scoring.cameras import agreed_boxes
-from polarsim.scoring.quality import Figure
+from polarsim.scoring.metrics import Metric
 from polarsim.scoring.score import Labels
 
 SCALE = 0.5  # of the photos that are compared: noise is less there, and a search goes farther
@@ -34,9 +34,9 @@ LEAST_BOXES = 5  # rocks that boxes of both cameras show
 SPREAD = 1.4826  # standard deviations of a normal distribution in its median distance from the middle
 
 
-def photos_of_both(placed: Mapping[str, PlacedRig], surface: Caster, pictures: Pictures) -> list[Figure]:
+def photos_of_both(placed: Mapping[str, PlacedRig], surface: Caster, pictures: Pictures) -> list[Metric]:
     """How far windows of the left photos lie across and along the rows of the right ones, by position."""
-    figures = []
+    metrics = []
     for position, rig in sorted(placed.items()):
         left, right = (pictures.get((position, camera), {}) for camera in CAMERAS)
         azimuths = sorted(set(left) & set(right))
@@ -49,18 +49,18 @@ def photos_of_both(placed: Mapping[str, PlacedRig], surface: Caster, pictures: P
                 )
                 for azimuth in azimuths
             ]
-            figures += ties_met(f"left and right photos, position {position}", rig.rig, ties)
-    return figures
+            metrics += ties_met(f"left and right photos, position {position}", rig.rig, ties)
+    return metrics
 
 
-def ties_met(subject: str, rig: StereoRig, ties: list[Ties]) -> list[Figure]:
+def ties_met(subject: str, rig: StereoRig, ties: list[Ties]) -> list[Metric]:
     """What windows of a position's pairs of photos, shrunk by `SCALE`, say of its rig."""
     tried, found = sum(one.tried for one in ties), sum(len(one.right) for one in ties)
     if tried < LEAST_TRIED:
         return []
-    figures = [Figure(subject, "windows_found", found / tried, "1", tried, "photos")]
+    metrics = [Metric(subject, "windows_found", found / tried, "1", tried, "photos")]
     if found < LEAST_TIES:
-        return figures
+        return metrics
     off = np.concatenate([one.right - one.expected for one in ties]) / SCALE
     points = np.concatenate([one.points_left for one in ties])
     rows = _along_rows(rig, points)
@@ -68,10 +68,10 @@ def ties_met(subject: str, rig: StereoRig, ties: list[Ties]) -> list[Figure]:
     middle = float(np.median(across))
     spread = float(SPREAD * np.median(np.abs(across - middle)))
     return [
-        *figures,
-        Figure(subject, "across_rows", abs(middle), "px", found, "photos"),
-        Figure(subject, "across_rows_spread", spread, "px", found, "photos"),
-        Figure(subject, "along_rows", abs(float(np.median(along))), "px", found, "photos"),
+        *metrics,
+        Metric(subject, "across_rows", abs(middle), "px", found, "photos"),
+        Metric(subject, "across_rows_spread", spread, "px", found, "photos"),
+        Metric(subject, "along_rows", abs(float(np.median(along))), "px", found, "photos"),
     ]
 
 
@@ -84,9 +84,9 @@ def _along_rows(rig: StereoRig, points_left: np.ndarray) -> np.ndarray:
 
 def boxes_of_both(
     placed: Mapping[str, PlacedRig], outlines: Outlines, drawn: Mapping[PhotoKey, Labels]
-) -> list[Figure]:
+) -> list[Metric]:
     """How otherwise projected meshes meet the boxes of the right camera than those of the left one, by position."""
-    figures = []
+    metrics = []
     for position, rig in sorted(placed.items()):
         boxes = {camera: agreed_boxes(drawn, position, camera) for camera in CAMERAS}
         if min(map(len, boxes.values())) < LEAST_BOXES or rig.surveyed:
@@ -100,9 +100,9 @@ def boxes_of_both(
             share[camera] = float(np.diag(iou(projected[rocks], own[rows])).sum()) / len(own)
         subject = f"left and right boxes, position {position}"
         n = min(map(len, boxes.values()))
-        figures.append(Figure(subject, "iou_lost", share["L"] - share["R"], "1", n, "labels"))
+        metrics.append(Metric(subject, "iou_lost", share["L"] - share["R"], "1", n, "labels"))
         both = sorted(set(down["L"]) & set(down["R"]))
         if len(both) >= LEAST_BOXES:
             apart = abs(float(np.median([down["R"][rock] - down["L"][rock] for rock in both])))
-            figures.append(Figure(subject, "boxes_across_rows", apart, "px", len(both), "labels"))
-    return figures
+            metrics.append(Metric(subject, "boxes_across_rows", apart, "px", len(both), "labels"))
+    return metrics

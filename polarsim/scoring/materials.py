@@ -15,7 +15,7 @@ from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK
 from polarsim.scoring.cameras import read_gauge
-from polarsim.scoring.quality import Figure, summary, write_quality
+from polarsim.scoring.metrics import Metric, summary, write_metrics
 
 ALBEDO_COLUMNS = ("rock", "x", "y", "z", "albedo", "pixels")
 _REACH = 0.02  # metres from a true place to the vertices that tell of it
@@ -24,8 +24,10 @@ _PIXELS = 4  # that a true mean must rest on
 _STEPS = ("unfitted", "constant_albedo", "fitted")
 
 
-def score_materials(*, terrain: int, materials: Path, meshes: Path, cameras: Path, truth: Path, quality: Path) -> None:
-    """Write the quality of a terrain's fitted materials.
+def score_materials(
+    *, terrain: int, materials: Path, meshes: Path, cameras: Path, truth: Path, evaluation: Path
+) -> None:
+    """Write the evaluation of a terrain's fitted materials.
 
     Parameters
     ----------
@@ -36,18 +38,18 @@ def score_materials(*, terrain: int, materials: Path, meshes: Path, cameras: Pat
     """
     mesh = read_terrain(meshes, terrain)
     found = read_materials(materials, mesh)
-    figures = [figure for model, fit in sorted(found.models.items()) for figure in held_out_figures(model, fit.check)]
+    metrics = [metric for model, fit in sorted(found.models.items()) for metric in held_out_metrics(model, fit.check)]
     if (truth / "albedo.parquet").exists() and found.models:
         true = read_parquet(truth / "albedo.parquet", ALBEDO_COLUMNS)
         places = read_gauge(cameras, truth).inverse().apply(true[["x", "y", "z"]].to_numpy(float))
-        figures += albedo_figures(found, mesh, true, places)
-    write_quality(quality, "materials", terrain, figures)
+        metrics += albedo_metrics(found, mesh, true, places)
+    write_metrics(evaluation, "materials", terrain, metrics)
 
 
-def held_out_figures(model: str, check: Mapping[str, Any]) -> list[Figure]:
+def held_out_metrics(model: str, check: Mapping[str, Any]) -> list[Metric]:
     """Errors on the azimuth that was held out, in stops, one brightness of its lamp taken out."""
     return [
-        Figure(f"{model}, held-out {scale}", f"{step}_{kind}", check[scale][step][f"{kind}_stops"], "stops",
+        Metric(f"{model}, held-out {scale}", f"{step}_{kind}", check[scale][step][f"{kind}_stops"], "stops",
                int(check[scale]["count"]), "photos")
         for scale in ("pixels", "texels") if scale in check
         for step in _STEPS
@@ -55,7 +57,7 @@ def held_out_figures(model: str, check: Mapping[str, Any]) -> list[Figure]:
     ]  # fmt: skip
 
 
-def albedo_figures(found: FittedMaterials, mesh: TerrainMesh, true: pd.DataFrame, places: np.ndarray) -> list[Figure]:
+def albedo_metrics(found: FittedMaterials, mesh: TerrainMesh, true: pd.DataFrame, places: np.ndarray) -> list[Metric]:
     """Relative errors of albedo at true places (n, 3), on one scale a model, at vertices that photos show lit.
 
     Beside them the errors of one constant albedo. The scale is the median over the ground, for brightness of lamps and
@@ -65,7 +67,7 @@ def albedo_figures(found: FittedMaterials, mesh: TerrainMesh, true: pd.DataFrame
     on_ground = true["rock"].to_numpy() == NO_ROCK
     albedo = true["albedo"].to_numpy(float)
     is_ground = rock_of_vertex(mesh) == NO_ROCK
-    figures: list[Figure] = []
+    metrics: list[Metric] = []
     parts = {}
     for name, ours, theirs in (("ground", is_ground, on_ground & enough), ("rocks", ~is_ground, ~on_ground & enough)):
         vertices = np.flatnonzero(ours)
@@ -77,13 +79,13 @@ def albedo_figures(found: FittedMaterials, mesh: TerrainMesh, true: pd.DataFrame
         if known.any():
             parts[name] = near[known], albedo[theirs][known]
     if "ground" not in parts:
-        return figures
+        return metrics
     for model, fit in sorted(found.models.items()):
         ratios = {name: fit.albedo[near].mean(axis=1) / own for name, (near, own) in parts.items()}
         scale = float(np.median(ratios["ground"]))
         for name, ratio in ratios.items():
             own = parts[name][1]
             constant = own / np.median(parts["ground"][1]) - 1
-            figures += summary(f"{model}, {name}", "albedo_error", np.abs(ratio / scale - 1), "1", "truth")
-            figures += summary(f"{model}, {name}", "constant_error", np.abs(constant), "1", "truth", p90=False)
-    return figures
+            metrics += summary(f"{model}, {name}", "albedo_error", np.abs(ratio / scale - 1), "1", "truth")
+            metrics += summary(f"{model}, {name}", "constant_error", np.abs(constant), "1", "truth", p90=False)
+    return metrics

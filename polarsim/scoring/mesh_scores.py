@@ -46,13 +46,13 @@ def soundness_rows(
         row = {**_named(path.name, rock, mesh, sources), "contact_share": contact_share(mesh, level)}
         copy = path.with_name(obj.rock_name(terrain, rock, decimated=True))
         if copy.exists() and copy != path:
-            row |= _copy_figures(mesh, obj.read(copy), rng, samples)
+            row |= _copy_metrics(mesh, obj.read(copy), rng, samples)
         rows.append(row)
     return rows
 
 
 def accuracy(there: Samples, back: Samples, true_of_found: Mapping[int, int]) -> dict[int, dict[str, float]]:
-    """Figures by found rock, the ground's under `NO_ROCK`.
+    """Metrics by found rock, the ground's under `NO_ROCK`.
 
     Parameters
     ----------
@@ -61,19 +61,19 @@ def accuracy(there: Samples, back: Samples, true_of_found: Mapping[int, int]) ->
     true_of_found
         True rock by found rock.
     """
-    figures = {}
+    metrics = {}
     for found, true in {NO_ROCK: NO_ROCK, **true_of_found}.items():
         wanted, given = there.rock == true, back.rock == found
         if wanted.any():
             far = there.distance[wanted]
-            figures[found] = {
+            metrics[found] = {
                 "true_rock": float(true),
                 "surface_median_mm": 1000 * float(np.median(far)),
                 "surface_p90_mm": 1000 * float(np.percentile(far, 90)),
                 "f_score_5mm": f_score(far, back.distance[given]),
                 "surface_iou": surface_iou(there, back, true, found),
             }
-    return figures
+    return metrics
 
 
 def surface_iou(there: Samples, back: Samples, true: int, found: int) -> float:
@@ -122,7 +122,7 @@ def _counts(mesh: Mesh) -> dict[str, object]:
     }
 
 
-def _copy_figures(mesh: Mesh, copy: Mesh, rng: np.random.Generator, samples: int) -> dict[str, float]:
+def _copy_metrics(mesh: Mesh, copy: Mesh, rng: np.random.Generator, samples: int) -> dict[str, float]:
     """Size, closedness and Hausdorff distance of a thinned copy, from all vertices and points on both surfaces."""
     full, thin = Surface(mesh.vertices, mesh.faces), Surface(copy.vertices, copy.faces)
     there = thin.distance(np.concatenate([mesh.vertices, full.sample(samples, rng)[0]]))

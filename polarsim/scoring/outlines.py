@@ -16,9 +16,9 @@ from polarsim.formats.coco import Annotation, read_coco
 from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.polygons import rasterised
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, CameraSide, PhotoKey
-from polarsim.scoring.labels import box_figures, read_drawn
+from polarsim.scoring.labels import box_metrics, read_drawn
+from polarsim.scoring.metrics import write_metrics
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.quality import write_quality
 from polarsim.scoring.score import Counts, Labels, count_boxes, count_overlaps
 
 TASKS: dict[CameraSide, str] = {"L": "seeds' camera", "R": "Left to Right"}
@@ -57,9 +57,9 @@ log = logging.getLogger("polarsim")
 
 
 def score_outlines(
-    *, terrain: int, keys: Sequence[PhotoKey], annotations: Path, root: Path, quality: Path, options: ScoringOptions
+    *, terrain: int, keys: Sequence[PhotoKey], annotations: Path, root: Path, evaluation: Path, options: ScoringOptions
 ) -> None:
-    """Write the quality of a terrain's outlines under the Sun lamps, and how well people's polygons fit their boxes.
+    """Write the evaluation of a terrain's outlines under the Sun lamps, and how well people's polygons fit their boxes.
 
     People drew one set of polygons for all exposures of an exposure bracket: the fullest file is compared with the
     fullest
@@ -73,7 +73,7 @@ def score_outlines(
     annotations
         The terrain's COCO file.
     root
-        Of a release; a terrain without polygons there has no figures.
+        Of a release; a terrain without polygons there has no metrics.
     """
     drawn = _of_brackets(read_polygon_files(root, terrain), keys)
     found = _of_brackets(read_coco(annotations), keys)
@@ -91,8 +91,8 @@ def score_outlines(
             if yardstick is not None:
                 subject = f"{kind} polygon's box against drawn box: {task}"
                 total[subject] = total.get(subject, Counts()) + yardstick
-    figures = [figure for subject in sorted(total) for figure in box_figures(subject, total[subject], "labels")]
-    write_quality(quality, "labels", terrain, figures)
+    metrics = [metric for subject in sorted(total) for metric in box_metrics(subject, total[subject], "labels")]
+    write_metrics(evaluation, "labels", terrain, metrics)
 
 
 def read_polygon_files(root: Path, terrain: int) -> dict[PhotoKey, Polygons]:

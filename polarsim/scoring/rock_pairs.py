@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import linear_sum_assignment
 
-from polarsim.scoring.quality import Figure, summary
+from polarsim.scoring.metrics import Metric, summary
 
 MATCH_RADIUS = 0.5  # of the true size: how far the centre of a found rock may be off
 SMALLEST_RADIUS = 0.03  # metres
@@ -40,13 +40,13 @@ def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:
     return RockPairs(rows[good], columns[good])
 
 
-def recall_and_precision(true: pd.DataFrame, found: pd.DataFrame, pairs: RockPairs, seen: np.ndarray) -> list[Figure]:
+def recall_and_precision(true: pd.DataFrame, found: pd.DataFrame, pairs: RockPairs, seen: np.ndarray) -> list[Metric]:
     """Share of true rocks found and of found rocks true, by size, and how sizes differ.
 
     A rock counts by its own size: a true one for recall, a found one for precision. True rocks that scans `seen`
     (n,) saw have a recall of their own: what hides behind another rock no scan can find.
     """
-    figures = []
+    metrics = []
     true_cm, found_cm = (100 * table["size_m"].to_numpy(float) for table in (true, found))
     for number, subject in enumerate(size_names()):
         wanted, given = size_classes(true_cm)[number], size_classes(found_cm)[number]
@@ -57,12 +57,12 @@ def recall_and_precision(true: pd.DataFrame, found: pd.DataFrame, pairs: RockPai
         ):
             if members.any():
                 share = float(np.isin(np.flatnonzero(members), hits).mean())
-                figures.append(Figure(subject, name, share, "1", int(members.sum()), "truth"))
+                metrics.append(Metric(subject, name, share, "1", int(members.sum()), "truth"))
     for column, name in (("size_m", "size_error"), ("height_m", "height_error")):
         difference = found[column].to_numpy(float)[pairs.found] - true[column].to_numpy(float)[pairs.true]
-        figures += summary("paired rocks", name, 1000 * np.abs(difference), "mm", "truth")
+        metrics += summary("paired rocks", name, 1000 * np.abs(difference), "mm", "truth")
     ratio = found["volume_m3"].to_numpy(float)[pairs.found] / true["volume_m3"].to_numpy(float)[pairs.true]
-    return figures + summary("paired rocks", "volume_ratio", ratio, "1", "truth", p90=False)
+    return metrics + summary("paired rocks", "volume_ratio", ratio, "1", "truth", p90=False)
 
 
 def size_classes(size_cm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

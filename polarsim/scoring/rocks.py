@@ -16,7 +16,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.scoring.cameras import projection_errors, true_points
 from polarsim.scoring.mesh_scores import accuracy, f_score, mesh_table, soundness_rows
-from polarsim.scoring.quality import Figure, summary, write_quality
+from polarsim.scoring.metrics import Metric, summary, write_metrics
 from polarsim.scoring.rock_pairs import pair_rocks, recall_and_precision, size_classes, size_names
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.true_surface import SEED, Comparison, compare
@@ -36,15 +36,15 @@ def score_rocks(
     cameras: Path,
     truth: Path | None,
     inventory: Path | None,
-    quality: Path,
+    evaluation: Path,
     scores: Path,
     offsets: Path,
 ) -> None:
-    """Write the quality of a terrain's rocks and meshes, a row of scores for every mesh, and where meshes are off.
+    """Write the evaluation of a terrain's rocks and meshes, a row of scores for every mesh, and where meshes are off.
 
     Frames are brought together by the poses that the meshes were made with: there, meshes and cameras must agree. What
     the surfaces are worth by themselves is measured after one more small rigid ICP of the terrain's ground; how far
-    that went is a figure of its own. In this frame of the meshes the refined cameras are asked where they put true
+    that went is a metric of its own. In this frame of the meshes the refined cameras are asked where they put true
     rocks.
 
     Parameters
@@ -65,7 +65,7 @@ def score_rocks(
     """
     found = read_parquet(rocks, ROCK_COLUMNS)
     scene = read_terrain(meshes, terrain)
-    against_truth: list[Figure] = []
+    against_truth: list[Metric] = []
     off = pd.DataFrame(columns=list(OFFSETS.columns)).astype(OFFSETS.dtypes)
     rows = soundness_rows(scene, meshes, terrain, generator(SEED, "mesh samples", terrain), HAUSDORFF_SAMPLES)
     if truth is not None:
@@ -77,13 +77,13 @@ def score_rocks(
         off = compared.ours.table().astype(OFFSETS.dtypes)
         rows = [{**row, **own.get(int(str(row["rock"])), {})} for row in rows]
     table = mesh_table(rows)
-    figures = counts(found) + soundness(table) + against_truth + _copies(table) + _by_rock(table)
-    write_quality(quality, "rocks", terrain, figures)
+    metrics = counts(found) + soundness(table) + against_truth + _copies(table) + _by_rock(table)
+    write_metrics(evaluation, "rocks", terrain, metrics)
     write_csv(scores, table)
     write_parquet(offsets, off)
 
 
-def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Comparison, surface: Surface) -> list[Figure]:
+def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Comparison, surface: Surface) -> list[Metric]:
     """Distances of the true surface from ours where the cameras put it: nothing is laid on anything by surfaces."""
     sandbox_from_truth = compared.by_cameras.inverse()
     distance_mm = 1000 * surface.distance(sandbox_from_truth.apply(compared.true.points))
@@ -103,100 +103,100 @@ def _moved(found: pd.DataFrame, truth_from_sandbox: Pose) -> pd.DataFrame:
     return found.assign(x=places[:, 0], y=places[:, 1], z=places[:, 2])
 
 
-def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison) -> list[Figure]:
+def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison) -> list[Metric]:
     """How far from its true pixel a true rock's point is seen, with the meshes laid on the true surface."""
     placed, true = read_all_placed(cameras), read_all_placed(truth / "cameras")
     points = true_points(truth, terrain)
     return [
-        figure
+        metric
         for position in sorted(set(placed) & set(true))
-        for figure in projection_errors(
+        for metric in projection_errors(
             "rock_reprojection", position, placed[position], true[position], points, compared.truth_from_sandbox
         )
     ]
 
 
-def counts(found: pd.DataFrame) -> list[Figure]:
+def counts(found: pd.DataFrame) -> list[Metric]:
     """How many rocks of which size there are."""
     size_cm = 100 * found["size_m"].to_numpy(float)
     (large, small), names = size_classes(size_cm), size_names()
     n = len(found)
     return [
-        Figure("rocks", "count", n, "rocks", n, "own"),
-        Figure(names[0], "count", int(large.sum()), "rocks", n, "own"),
-        Figure(names[1], "count", int(small.sum()), "rocks", n, "own"),
+        Metric("rocks", "count", n, "rocks", n, "own"),
+        Metric(names[0], "count", int(large.sum()), "rocks", n, "own"),
+        Metric(names[1], "count", int(small.sum()), "rocks", n, "own"),
     ]
 
 
-def soundness(table: pd.DataFrame) -> list[Figure]:
+def soundness(table: pd.DataFrame) -> list[Metric]:
     """Closedness, islands and sizes of the full meshes, from their rows."""
-    figures: list[Figure] = []
+    metrics: list[Metric] = []
     rocks, ground = table[table["rock"] != NO_ROCK], table[table["rock"] == NO_ROCK].iloc[0]
     if len(rocks):
         n = len(rocks)
-        figures += [
-            Figure("rock meshes", "watertight_share", float(rocks["watertight"].mean()), "1", n, "own"),
-            Figure("rock meshes", "one_island_share", float((rocks["islands"] == 1).mean()), "1", n, "own"),
-            Figure("rock meshes", "vertices_median", float(rocks["vertices"].median()), "vertices", n, "own"),
+        metrics += [
+            Metric("rock meshes", "watertight_share", float(rocks["watertight"].mean()), "1", n, "own"),
+            Metric("rock meshes", "one_island_share", float((rocks["islands"] == 1).mean()), "1", n, "own"),
+            Metric("rock meshes", "vertices_median", float(rocks["vertices"].median()), "vertices", n, "own"),
         ]
-    figures.append(Figure("ground mesh", "islands", int(ground["islands"]), "islands", 1, "own"))
-    figures.append(Figure("ground mesh", "vertices", int(ground["vertices"]), "vertices", 1, "own"))
-    return figures
+    metrics.append(Metric("ground mesh", "islands", int(ground["islands"]), "islands", 1, "own"))
+    metrics.append(Metric("ground mesh", "vertices", int(ground["vertices"]), "vertices", 1, "own"))
+    return metrics
 
 
-def _copies(table: pd.DataFrame) -> list[Figure]:
+def _copies(table: pd.DataFrame) -> list[Metric]:
     """How rocks meet the ground, and how near their thinned copies are."""
     rocks = table[table["rock"] != NO_ROCK]
     if not len(rocks):
         return []
     n, copies = len(rocks), rocks.dropna(subset=["copy_hausdorff_mm"])
-    figures = [Figure("rock meshes", "contact_share", float(rocks["contact_share"].mean()), "1", n, "own")]
+    metrics = [Metric("rock meshes", "contact_share", float(rocks["contact_share"].mean()), "1", n, "own")]
     if len(copies):
         worst, sound = copies["copy_hausdorff_mm"].max(), copies["copy_watertight"].mean()
         share = copies["copy_vertex_share"].median()
-        figures += [
-            Figure("thinned copies", "hausdorff_max", float(worst), "mm", len(copies), "own"),
-            Figure("thinned copies", "watertight_share", float(sound), "1", len(copies), "own"),
-            Figure("thinned copies", "vertex_share_median", float(share), "1", len(copies), "own"),
+        metrics += [
+            Metric("thinned copies", "hausdorff_max", float(worst), "mm", len(copies), "own"),
+            Metric("thinned copies", "watertight_share", float(sound), "1", len(copies), "own"),
+            Metric("thinned copies", "vertex_share_median", float(share), "1", len(copies), "own"),
         ]
-    return figures
+    return metrics
 
 
-def _by_rock(table: pd.DataFrame) -> list[Figure]:
-    """Medians over rocks of each rock's own figures, by true size; and the ground's F-score."""
-    figures = []
+def _by_rock(table: pd.DataFrame) -> list[Metric]:
+    """Medians over rocks of each rock's own metrics, by true size; and the ground's F-score."""
+    metrics = []
     scored = table.dropna(subset=["surface_median_mm"])
     members = size_classes(100 * scored["true_size_m"].to_numpy(float))
     for name, mine in zip(size_names(), members, strict=True):
         for column, unit in BY_ROCK if mine.any() else ():
             value = float(scored.loc[mine, column].median())
-            figures.append(Figure(name, f"{column.removesuffix('_mm')}_by_rock", value, unit, int(mine.sum()), "truth"))
+            metrics.append(Metric(name, f"{column.removesuffix('_mm')}_by_rock", value, unit, int(mine.sum()), "truth"))
     ground = scored[scored["rock"] == NO_ROCK]
     if len(ground):
-        figures.append(Figure("ground", "f_score_5mm", float(ground["f_score_5mm"].iloc[0]), "1", 1, "truth"))
-    return figures
+        metrics.append(Metric("ground", "f_score_5mm", float(ground["f_score_5mm"].iloc[0]), "1", 1, "truth"))
+    return metrics
 
 
 def _against_truth(
     true: pd.DataFrame, found: pd.DataFrame, compared: Comparison
-) -> tuple[list[Figure], dict[int, dict[str, float]]]:
-    """Figures of the terrain, and those of each found rock and of the ground."""
+) -> tuple[list[Metric], dict[int, dict[str, float]]]:
+    """Metrics of the terrain, and those of each found rock and of the ground."""
     in_truth = _moved(found, compared.truth_from_sandbox)
     pairs = pair_rocks(true, in_truth)
     there, back = compared.true, compared.ours
-    figures = recall_and_precision(true, in_truth, pairs, _wide_seen(true, there.points, there.rock))
+    metrics = recall_and_precision(true, in_truth, pairs, _wide_seen(true, there.points, there.rock))
     true_rocks, found_rocks = true["rock"].to_numpy()[pairs.true], found["rock"].to_numpy()[pairs.found]
     paired, level = np.isin(there.rock, true_rocks), there.rock == NO_ROCK
-    figures += summary("paired rocks", "surface_distance", 1000 * there.distance[paired], "mm", "truth")
-    figures += summary("ground", "surface_distance", 1000 * there.distance[level], "mm", "truth")
+    metrics += summary("paired rocks", "surface_distance", 1000 * there.distance[paired], "mm", "truth")
+    metrics += summary("ground", "surface_distance", 1000 * there.distance[level], "mm", "truth")
     if paired.any():
         score = f_score(there.distance[paired], back.distance[np.isin(back.rock, found_rocks)])
-        figures.append(Figure("paired rocks", "f_score_5mm", score, "1", int(paired.sum()), "truth"))
+        metrics.append(Metric("paired rocks", "f_score_5mm", score, "1", int(paired.sum()), "truth"))
     own = accuracy(there, back, dict(zip(found_rocks.tolist(), true_rocks.tolist(), strict=True)))
     sizes = true["size_m"].to_numpy(float)[pairs.true]
     for rock, size in zip(found_rocks.tolist(), sizes.tolist(), strict=True):
         own.setdefault(rock, {})["true_size_m"] = size
-    return figures + _gauge_figures(compared), own
+    return metrics + _gauge_metrics(compared), own
 
 
 def _wide_seen(true: pd.DataFrame, points: np.ndarray, rock: np.ndarray) -> np.ndarray:
@@ -205,11 +205,11 @@ def _wide_seen(true: pd.DataFrame, points: np.ndarray, rock: np.ndarray) -> np.n
     return np.array(width) >= SEEN_WIDTH * true["size_m"].to_numpy(float)
 
 
-def _gauge_figures(compared: Comparison) -> list[Figure]:
+def _gauge_metrics(compared: Comparison) -> list[Metric]:
     points, gauge, by_cameras = compared.true.points, compared.truth_from_sandbox, compared.by_cameras
     moved_mm = 1000 * np.linalg.norm(gauge.inverse().apply(points) - by_cameras.inverse().apply(points), axis=1)
     turned_deg = float(np.degrees(angle_between(by_cameras, gauge)))
     return [
-        Figure("frame", "icp_shift_median", float(np.median(moved_mm)), "mm", len(points), "truth"),
-        Figure("frame", "icp_turn", turned_deg, "deg", len(points), "truth"),
+        Metric("frame", "icp_shift_median", float(np.median(moved_mm)), "mm", len(points), "truth"),
+        Metric("frame", "icp_turn", turned_deg, "deg", len(points), "truth"),
     ]

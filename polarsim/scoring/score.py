@@ -59,7 +59,7 @@ class Counts:
             self.iou_sum + other.iou_sum,
         )
 
-    def figures(self) -> dict[str, float | int | None]:
+    def metrics(self) -> dict[str, float | int | None]:
         """Ratios of the sums; None where the divisor is 0."""
         truth, labels = self.tp + self.fn, self.tp + self.fp
         return {
@@ -102,14 +102,14 @@ def count_photo(truth: Labels, labels: Labels, threshold: float = 0.5) -> dict[s
 
 
 def score(truth: Mapping[Name, Labels], labels: Mapping[Name, Labels], threshold: float = 0.5) -> dict[str, Any]:
-    """Figures by class, over all photos of the truth and, where they have photo keys, by part of the key.
+    """Metrics by class, over all photos of the truth and, where they have photo keys, by part of the key.
 
     A photo of the truth without labels has all its boxes missed; labels of photos without truth are not looked at.
 
     Returns
     -------
     dict
-        `classes`: class -> figures; `by`: group -> value -> class -> figures. Figures are those of `Counts.figures`.
+        `classes`: class -> metrics; `by`: group -> value -> class -> metrics. Metrics are those of `Counts.metrics`.
     """
     if not 0 < threshold <= 1:
         raise LabelError(f"IoU threshold {threshold:g}, expected more than 0 and at most 1")
@@ -123,9 +123,9 @@ def score(truth: Mapping[Name, Labels], labels: Mapping[Name, Labels], threshold
                 part[name] += counts
     return {
         "threshold": threshold,
-        "classes": _figures(total),
+        "classes": _metrics(total),
         "by": {
-            group: {value: _figures(part) for value, part in sorted(values.items())} for group, values in groups.items()
+            group: {value: _metrics(part) for value, part in sorted(values.items())} for group, values in groups.items()
         },
     }
 
@@ -244,8 +244,8 @@ def _names(paths: list[Path], folder: Path) -> list[str]:
     return [path.relative_to(folder).as_posix() for path in paths]
 
 
-def _figures(parts: Mapping[str, Counts]) -> dict[str, dict[str, float | int | None]]:
-    return {name: counts.figures() for name, counts in parts.items()}
+def _metrics(parts: Mapping[str, Counts]) -> dict[str, dict[str, float | int | None]]:
+    return {name: counts.metrics() for name, counts in parts.items()}
 
 
 def _ratio(part: float, whole: float) -> float | None:

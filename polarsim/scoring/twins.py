@@ -18,8 +18,8 @@ from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, wr
 from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.scoring.labels import ALL, against, read_folder, read_truth, score_tasks
+from polarsim.scoring.metrics import Metric, summary, write_metrics
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.quality import Figure, summary, write_quality
 
 LIT_DN = 40  # above black: darker pixels hold too much noise for a ratio
 FULL_DN = 4000  # above black: brighter ones are clipped
@@ -44,11 +44,11 @@ def score_twins(
     truth: Path | None,
     twins: Mapping[str, Path],
     photos: Path | None,
-    quality: Path,
+    evaluation: Path,
     pairs: Path,
     options: ScoringOptions,
 ) -> None:
-    """Write the quality of a terrain's twins, and how alike each twin and its photo are, a row a pair.
+    """Write the evaluation of a terrain's twins, and how alike each twin and its photo are, a row a pair.
 
     Parameters
     ----------
@@ -60,18 +60,18 @@ def score_twins(
         Folder of the twins, KEY.png, by model.
     photos
         photos.parquet; it may have no row.
-    quality, pairs
-        What to write: quality CSV; Parquet with the columns of `TWIN_PAIRS`.
+    evaluation, pairs
+        What to write: metrics CSV; Parquet with the columns of `TWIN_PAIRS`.
     """
-    figures: list[Figure] = []
+    metrics: list[Metric] = []
     compared: list[dict[str, object]] = []
     if truth is not None:
         found = read_folder(boxes, terrain)
         wanted = read_truth(truth, terrain, found, options)
         tasks = {key: f"camera {key.camera}" for key in wanted}
         order = ("camera L", "camera R", ALL)
-        for figure in score_tasks(wanted, found, tasks, order, against(truth), options):
-            figures.append(_renamed(figure))
+        for metric in score_tasks(wanted, found, tasks, order, against(truth), options):
+            metrics.append(_renamed(metric))
     if photos is not None:
         table = read_parquet(photos, PHOTO_COLUMNS)
         paths = {
@@ -83,9 +83,9 @@ def score_twins(
                 key: compare_pictures(paths[key], folder / f"{key}.png")
                 for key in typical_photos(there, COMPARED_PHOTOS)
             }
-            figures += likeness_figures(model, list(alike.values()))
+            metrics += likeness_metrics(model, list(alike.values()))
             compared += [{**key_columns(key), "model": model, **asdict(likeness)} for key, likeness in alike.items()]
-    write_quality(quality, "render", terrain, figures)
+    write_metrics(evaluation, "render", terrain, metrics)
     write_parquet(pairs, pd.DataFrame(compared, columns=list(TWIN_PAIRS.columns)).astype(TWIN_PAIRS.dtypes))
 
 
@@ -120,13 +120,13 @@ def compare_pictures(photo_path: Path, twin_path: Path) -> Likeness:
     return Likeness(ratio.size, *middle, similarity(photo, twin))
 
 
-def likeness_figures(model: str, found: Sequence[Likeness]) -> list[Figure]:
+def likeness_metrics(model: str, found: Sequence[Likeness]) -> list[Metric]:
     """Medians over the pairs of a model."""
-    figures: list[Figure] = []
+    metrics: list[Metric] = []
     for name, unit in (("log2_twin_over_photo", "stops"), ("log2_difference", "stops"), ("ssim", "1")):
         values = np.array([getattr(likeness, name) for likeness in found], float)
-        figures += summary(model, name, values, unit, "photos", p90=False)
-    return figures
+        metrics += summary(model, name, values, unit, "photos", p90=False)
+    return metrics
 
 
 def log_ratio(photo: np.ndarray, twin: np.ndarray) -> np.ndarray:
@@ -159,7 +159,7 @@ def similarity(photo: np.ndarray, twin: np.ndarray) -> float:
     return float(value.mean())
 
 
-def _renamed(figure: Figure) -> Figure:
+def _renamed(metric: Metric) -> Metric:
     """Rendered ground-truth boxes know no seeds: all photos count."""
-    subject = "rendered " + figure.subject.replace(ALL, "all")
-    return Figure(subject, figure.figure, figure.value, figure.unit, figure.n, figure.against)
+    subject = "rendered " + metric.subject.replace(ALL, "all")
+    return Metric(subject, metric.metric, metric.value, metric.unit, metric.n, metric.against)

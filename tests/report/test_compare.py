@@ -6,28 +6,28 @@ from polarsim.errors import PolarsimError
 from polarsim.formats.tables import read_csv, write_csv
 from polarsim.report.compare import compare_runs
 from polarsim.scoring.mesh_scores import mesh_table
-from polarsim.scoring.quality import Figure, write_quality
+from polarsim.scoring.metrics import Metric, write_metrics
 
 
 def measured(folder, run, terrain, value):
-    figure = Figure("A", "position_error_aligned", value, "mm", 1, "truth")
-    write_quality(folder / run / f"quality/cameras_Terrain{terrain:02d}.csv", "cameras", terrain, [figure])
+    metric = Metric("A", "position_error_aligned", value, "mm", 1, "truth")
+    write_metrics(folder / run / f"evaluation/cameras_Terrain{terrain:02d}.csv", "cameras", terrain, [metric])
 
 
 def test_runs_follow_each_other_in_the_cells_of_a_terrain(tmp_path):
     measured(tmp_path, "seed1", 3, 1.0)
     measured(tmp_path, "seed1", 1, 2.0)
     measured(tmp_path, "seed2", 1, 4.0)
-    write_csv(tmp_path / "seed1/quality/meshes_Terrain01.csv", mesh_table([]))  # no figures of quality
+    write_csv(tmp_path / "seed1/evaluation/meshes_Terrain01.csv", mesh_table([]))  # no metrics of quality
     compare_runs(runs=[tmp_path / "seed1", tmp_path / "seed2"], stem=tmp_path / "both")
     assert "| mm | truth | 2.00 / 4.00 | 1.00 / – | 2.00 |" in (tmp_path / "both.md").read_text()
     table = read_csv(tmp_path / "both.csv")
     assert table[["run", "terrain", "value"]].values.tolist() == [["seed1", 1, 2], ["seed2", 1, 4], ["seed1", 3, 1]]
 
 
-def test_a_run_without_figures_is_named(tmp_path):
+def test_a_run_without_metrics_is_named(tmp_path):
     measured(tmp_path, "seed1", 1, 1.0)
-    with pytest.raises(PolarsimError, match="seed2/quality: no figures"):
+    with pytest.raises(PolarsimError, match="seed2/evaluation: no metrics"):
         compare_runs(runs=[tmp_path / "seed1", tmp_path / "seed2"], stem=tmp_path / "both")
     assert not list(tmp_path.glob("both.*"))
 

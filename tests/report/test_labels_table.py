@@ -48,28 +48,28 @@ def pairs_of(wanted, found, tasks, against="labels"):
 @pytest.fixture(scope="module")
 def scored():
     """Pairs of two terrains, and what the scores of quality say of each."""
-    pairs, figures = [], {}
+    pairs, metrics = [], {}
     for terrain in (3, 11):
         wanted, found = made_up(terrain, terrain)
         tasks = {key: task_of(key, SEEDS) for key in wanted}
         pairs.append(pairs_of(wanted, found, tasks))
-        for figure in score_tasks(wanted, found, tasks, TASKS, "labels", OPTIONS):
-            figures[f"{terrain:02d}", figure.subject, figure.figure] = figure
-    return pairs, figures
+        for metric in score_tasks(wanted, found, tasks, TASKS, "labels", OPTIONS):
+            metrics[f"{terrain:02d}", metric.subject, metric.metric] = metric
+    return pairs, metrics
 
 
 def test_rows_of_terrains_say_what_the_quality_says(scored):
-    pairs, figures = scored
+    pairs, metrics = scored
     rows = label_scores(pd.concat(pairs))
     of_terrains = rows[rows["group"] == "terrain"]
     seen = set()
     for row in of_terrains.to_dict("records"):
         for name, n in (("precision", "label_boxes"), ("recall", "truth_boxes"), ("f1", None), ("miou", "truth_boxes")):
-            figure = figures[row["value"], f"{row['kind']}: {row['task']}", name]
-            assert row[name] == pytest.approx(figure.value, nan_ok=True)
-            assert n is None or row[n] == figure.n
-            seen.add((row["value"], figure.subject, name))
-    assert {place for place, figure in figures.items() if figure.n} <= seen
+            metric = metrics[row["value"], f"{row['kind']}: {row['task']}", name]
+            assert row[name] == pytest.approx(metric.value, nan_ok=True)
+            assert n is None or row[n] == metric.n
+            seen.add((row["value"], metric.subject, name))
+    assert {place for place, metric in metrics.items() if metric.n} <= seen
 
 
 def test_every_group_parts_the_same_boxes(scored):

@@ -6,7 +6,7 @@ from polarsim.formats.schemas import TWIN_PAIRS
 from polarsim.formats.tables import key_columns, read_csv, write_csv, write_parquet
 from polarsim.photo import PhotoKey
 from polarsim.report.render_table import likeness_rows, tabulate_render
-from polarsim.scoring.quality import Figure, quality_table
+from polarsim.scoring.metrics import Metric, metrics_table
 
 ORIGIN = {"run": "test", "source": "analog", "config": "0123"}
 
@@ -39,12 +39,12 @@ def test_groups_tell_where_twins_lie_off(pairs):
 
 def test_the_table_holds_pictures_and_boxes(tmp_path, pairs):
     write_parquet(tmp_path / "pairs.parquet", pairs)
-    figures = [
-        Figure("rendered rock: all", name, value, "1", 7, "truth") for name, value in (("f1", 0.8), ("miou", 0.6))
+    metrics = [
+        Metric("rendered rock: all", name, value, "1", 7, "truth") for name, value in (("f1", 0.8), ("miou", 0.6))
     ]
-    write_csv(tmp_path / "q.csv", quality_table("render", 3, figures))
+    write_csv(tmp_path / "q.csv", metrics_table("render", 3, metrics))
     tabulate_render(
-        pairs=[tmp_path / "pairs.parquet"], quality=[tmp_path / "q.csv"], table=tmp_path / "render", origin=ORIGIN
+        pairs=[tmp_path / "pairs.parquet"], evaluation=[tmp_path / "q.csv"], table=tmp_path / "render", origin=ORIGIN
     )
     rows = read_csv(tmp_path / "render.csv").set_index(["subject", "group"])
     assert rows.loc[("rendered rock", "terrain"), ["n", "f1", "miou"]].tolist() == [7, 0.8, 0.6]
@@ -56,9 +56,9 @@ def test_the_table_holds_pictures_and_boxes(tmp_path, pairs):
 
 def test_a_run_without_photos_and_truth_has_an_empty_table(tmp_path, pairs):
     write_parquet(tmp_path / "pairs.parquet", pairs[:0])
-    write_csv(tmp_path / "q.csv", quality_table("render", 3, []))
+    write_csv(tmp_path / "q.csv", metrics_table("render", 3, []))
     tabulate_render(
-        pairs=[tmp_path / "pairs.parquet"], quality=[tmp_path / "q.csv"], table=tmp_path / "render", origin=ORIGIN
+        pairs=[tmp_path / "pairs.parquet"], evaluation=[tmp_path / "q.csv"], table=tmp_path / "render", origin=ORIGIN
     )
     assert len(read_csv(tmp_path / "render.csv")) == 0
     assert "neither photos nor boxes" in (tmp_path / "render.md").read_text()

@@ -8,7 +8,7 @@ from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.report.stage_tables import tabulate_cameras, tabulate_rocks
 from polarsim.scoring.mesh_scores import mesh_table
-from polarsim.scoring.quality import Figure, write_quality
+from polarsim.scoring.metrics import Metric, write_metrics
 
 ORIGIN = {"run": "here", "source": "analog", "config": "abc"}
 POSE = looking(np.array([3.5, -0.3, 1.5]), np.radians(178), np.radians(25), np.radians(1))
@@ -17,7 +17,7 @@ POSE = looking(np.array([3.5, -0.3, 1.5]), np.radians(178), np.radians(25), np.r
 def tabulated(folder):
     tabulate_cameras(
         cameras={1: folder / "cameras"},
-        quality=[folder / "quality.csv"],
+        evaluation=[folder / "evaluation.csv"],
         table=folder / "tables/cameras",
         alignment=folder / "tables/alignment",
         origin=ORIGIN,
@@ -28,11 +28,11 @@ def tabulated(folder):
 def test_a_camera_placed_by_scans_has_its_errors_beside_it(tmp_path):
     write_placed(tmp_path / "cameras/PosA.json", PlacedRig(stated_rig(), POSE, "scans", {"sd_mm": 0.3}))
     write_csv(tmp_path / "cameras/alignment.csv", pd.DataFrame([{"pair": "A-C", "fitness": 0.8, "rmse_mm": 1.2}]))
-    figures = [
-        Figure("A", "position_error_aligned", 1.25, "mm", 1, "truth"),
-        Figure("A R", "reprojection_median", 0.4, "px", 9, "truth"),
+    metrics = [
+        Metric("A", "position_error_aligned", 1.25, "mm", 1, "truth"),
+        Metric("A R", "reprojection_median", 0.4, "px", 9, "truth"),
     ]
-    write_quality(tmp_path / "quality.csv", "cameras", 1, figures)
+    write_metrics(tmp_path / "evaluation.csv", "cameras", 1, metrics)
     cameras, alignment = tabulated(tmp_path)
     row = cameras.iloc[0]
     assert (row["run"], row["terrain"], row["position"], row["method"]) == ("here", 1, "A", "scans")
@@ -43,9 +43,9 @@ def test_a_camera_placed_by_scans_has_its_errors_beside_it(tmp_path):
 
 
 def test_a_camera_placed_by_labels_is_aligned_with_its_boxes(tmp_path):
-    quality = {"matched": 9.0, "mean_iou": 0.8, "median_dx_px": 1.0, "median_dy_px": 0.9}
-    write_placed(tmp_path / "cameras/PosB.json", PlacedRig(stated_rig(), POSE, "labels", quality))
-    write_quality(tmp_path / "quality.csv", "cameras", 1, [])
+    evaluation = {"matched": 9.0, "mean_iou": 0.8, "median_dx_px": 1.0, "median_dy_px": 0.9}
+    write_placed(tmp_path / "cameras/PosB.json", PlacedRig(stated_rig(), POSE, "labels", evaluation))
+    write_metrics(tmp_path / "evaluation.csv", "cameras", 1, [])
     _, alignment = tabulated(tmp_path)
     assert alignment.iloc[0][["evidence", "between", "mean_iou"]].tolist() == ["labels", "B and its boxes", 0.8]
 

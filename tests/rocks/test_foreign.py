@@ -73,6 +73,6 @@ def test_a_rock_under_the_sand_is_none_of_the_true_rocks(foreign, tmp_path):
 def test_foreign_scans_become_true_cameras_rocks_and_meshes(foreign, tmp_path):
     foreign.make(tmp_path, seed=5, meshes=None, count=10)
     foreign.reconstruct(tmp_path, RocksOptions(rock_cell_mm=3, ground_mesh_cell_mm=12))
-    found = foreign.scored(tmp_path).set_index(["subject", "figure"])["value"]
+    found = foreign.scored(tmp_path).set_index(["subject", "metric"])["value"]
     assert {name: found[name] for name, bound in AT_MOST.items() if not found[name] <= bound} == {}
     assert {name: found[name] for name, bound in AT_LEAST.items() if not found[name] >= bound} == {}

@@ -18,7 +18,7 @@ from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
 from polarsim.scoring.complaints import complaints
 from polarsim.scoring.consistency import boxes_met, cameras_together, scans_on_meshes
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
-from polarsim.scoring.quality import quality_table
+from polarsim.scoring.metrics import metrics_table
 from polarsim.scoring.score import Labels
 from polarsim.scoring.surface import Surface
 
@@ -44,8 +44,8 @@ def scans(scene, rng):
     return seen
 
 
-def said(figures):
-    return complaints(quality_table("consistency", 3, figures))
+def said(metrics):
+    return complaints(metrics_table("consistency", 3, metrics))
 
 
 def rotated(points, degrees, axis, shift_mm=(0, 0, 0)):
@@ -141,9 +141,9 @@ def turned_right(rig, degrees):
 
 
 def test_photos_of_one_rig_have_nothing_to_say(stereo):
-    figures = photos_of_both({"A": STANDING}, *stereo)
-    assert said(figures) == []
-    known = {figure.figure: figure.value for figure in figures}
+    metrics = photos_of_both({"A": STANDING}, *stereo)
+    assert said(metrics) == []
+    known = {metric.metric: metric.value for metric in metrics}
     assert known["windows_found"] > 0.8
     assert known["across_rows"] < 0.1
     assert known["across_rows_spread"] < 0.3
@@ -190,9 +190,9 @@ def rocky(rng):
 
 
 def test_boxes_of_both_cameras_on_their_meshes_have_nothing_to_say(rocky):
-    figures = boxes_of_both({"A": STANDING}, *rocky)
-    assert {figure.figure for figure in figures} == {"iou_lost", "boxes_across_rows"}
-    assert said(figures) == []
+    metrics = boxes_of_both({"A": STANDING}, *rocky)
+    assert {metric.metric for metric in metrics} == {"iou_lost", "boxes_across_rows"}
+    assert said(metrics) == []
 
 
 def test_boxes_tell_of_a_right_camera_that_is_turned(rocky):

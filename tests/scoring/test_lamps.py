@@ -9,8 +9,8 @@ OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.0, 0.0, 0.3]), np.array([0.1, -0
 
 
 def errors(folder, truth_from_sandbox):
-    figures = lamps_against_truth(folder / "own/cameras", folder / "truth", truth_from_sandbox)
-    return {(figure.subject, figure.figure): figure.value for figure in figures}
+    metrics = lamps_against_truth(folder / "own/cameras", folder / "truth", truth_from_sandbox)
+    return {(metric.subject, metric.metric): metric.value for metric in metrics}
 
 
 def test_a_lamp_found_in_its_true_direction_has_no_error_however_far_it_is(tmp_path, world, sun_lamps):

@@ -9,7 +9,7 @@ from polarsim.formats.scene import read_terrain
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import stated_rig
-from polarsim.scoring.materials import held_out_figures, score_materials
+from polarsim.scoring.materials import held_out_metrics, score_materials
 
 SHIFT = np.array([0.3, -0.1, 0.05])  # of the true frame
 STEPS = ("unfitted", "constant_albedo", "fitted")
@@ -54,20 +54,20 @@ def scored(tmp_path):
             table.to_parquet(tmp_path / "truth" / "albedo.parquet")
         score_materials(
             terrain=1, materials=tmp_path / "materials", meshes=tmp_path / "meshes", cameras=tmp_path / "cameras",
-            truth=tmp_path / "truth", quality=tmp_path / "quality.csv",
+            truth=tmp_path / "truth", evaluation=tmp_path / "evaluation.csv",
         )  # fmt: skip
-        table = pd.read_csv(tmp_path / "quality.csv")
-        return {(row.subject, row.figure): row.value for row in table.itertuples()}
+        table = pd.read_csv(tmp_path / "evaluation.csv")
+        return {(row.subject, row.metric): row.value for row in table.itertuples()}
 
     return score
 
 
 def test_true_albedo_on_any_scale_and_in_any_frame_is_without_error(scored):
-    figures = scored(0, 0)
+    metrics = scored(0, 0)
     for thing in ("ground", "rocks"):
-        assert figures[f"hapke, {thing}", "albedo_error_median"] < 0.003  # means of neighbours
-    assert figures["hapke, ground", "constant_error_median"] == pytest.approx(0.0125 / 0.225, rel=0.05)
-    assert figures["hapke, rocks", "constant_error_median"] == pytest.approx(0.4 / 0.225 - 1, rel=0.01)
+        assert metrics[f"hapke, {thing}", "albedo_error_median"] < 0.003  # means of neighbours
+    assert metrics["hapke, ground", "constant_error_median"] == pytest.approx(0.0125 / 0.225, rel=0.05)
+    assert metrics["hapke, rocks", "constant_error_median"] == pytest.approx(0.4 / 0.225 - 1, rel=0.01)
 
 
 def test_rocks_have_no_scale_of_their_own(scored):
@@ -80,12 +80,12 @@ def test_vertices_that_no_photo_shows_lit_are_not_scored(scored):
 
 
 def test_without_true_albedo_errors_on_photos_are_told(scored):
-    figures = scored(0, 0, albedo_known=False)
-    assert set(figures) == {
+    metrics = scored(0, 0, albedo_known=False)
+    assert set(metrics) == {
         ("hapke, held-out pixels", f"{step}_{kind}") for step in STEPS for kind in ("median", "rms")
     }
-    assert figures["hapke, held-out pixels", "fitted_rms"] == 2.5
+    assert metrics["hapke, held-out pixels", "fitted_rms"] == 2.5
 
 
-def test_a_fit_without_a_check_has_no_such_figures():
-    assert held_out_figures("hapke", {}) == []
+def test_a_fit_without_a_check_has_no_such_metrics():
+    assert held_out_metrics("hapke", {}) == []

@@ -60,7 +60,7 @@ def samples(rock, offset, beside, area=1.0):
     return Samples(np.zeros((count, 3)), np.array(rock), np.array(offset), np.array(beside), np.full(count, area))
 
 
-def test_figures_go_to_the_found_rock_of_each_true_one():
+def test_metrics_go_to_the_found_rock_of_each_true_one():
     there = samples([7, 7, -1], [0.001, -0.003, 0.0005], [2, 2, -1])
     own = accuracy(there, samples([2, -1], [0.001, 0.0], [7, -1]), {2: 7, 3: 9})
     assert own[2]["true_rock"] == 7

@@ -5,9 +5,9 @@ from polarsim.formats import coco, rle, yolo
 from polarsim.formats.release import label_folder, polygon_folder
 from polarsim.formats.tables import read_csv
 from polarsim.photo import PhotoKey
+from polarsim.scoring.metrics import COLUMNS
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.outlines import Region, overlaps, region_iou, score_outlines
-from polarsim.scoring.quality import COLUMNS
 
 ROCK_POLYGON, SHADOW_POLYGON = 2, 3
 LEFT, RIGHT = (PhotoKey.parse(f"03_A_off_30_{camera}_0256") for camera in "LR")
@@ -26,7 +26,7 @@ def annotation(kind, box, rock=4):
 
 @pytest.fixture
 def scores(tmp_path):
-    """Figures by subject and name, of polygons and annotations by photo."""
+    """Metrics by subject and name, of polygons and annotations by photo."""
 
     def run(polygons, annotations, boxes=None):
         for key, drawn in polygons.items():
@@ -39,11 +39,11 @@ def scores(tmp_path):
             keys=[LEFT, RIGHT],
             annotations=tmp_path / "coco.json",
             root=tmp_path,
-            quality=tmp_path / "quality.csv",
+            evaluation=tmp_path / "evaluation.csv",
             options=ScoringOptions(),
         )
-        table = read_csv(tmp_path / "quality.csv", COLUMNS)
-        return {(row["subject"], row["figure"]): row["value"] for row in table.to_dict("records")}
+        table = read_csv(tmp_path / "evaluation.csv", COLUMNS)
+        return {(row["subject"], row["metric"]): row["value"] for row in table.to_dict("records")}
 
     return run
 
@@ -66,26 +66,26 @@ def test_regions_overlap_where_both_have_pixels():
 def test_outlines_like_the_drawn_ones_score_one(scores):
     drawn = [(ROCK_POLYGON, ring(ROCK)), (SHADOW_POLYGON, ring(SHADOW))]
     found = [annotation("rock", ROCK), annotation("shadow", SHADOW)]
-    figures = scores({LEFT: drawn, RIGHT: drawn}, {LEFT: found, RIGHT: found})
+    metrics = scores({LEFT: drawn, RIGHT: drawn}, {LEFT: found, RIGHT: found})
     for subject in ("rock outline: seeds' camera", "rock outline: Left to Right", "shadow outline: Left to Right"):
-        assert figures[subject, "f1"] == figures[subject, "miou"] == 1
-    assert not any("drawn box" in subject for subject, _ in figures)  # nobody drew boxes
+        assert metrics[subject, "f1"] == metrics[subject, "miou"] == 1
+    assert not any("drawn box" in subject for subject, _ in metrics)  # nobody drew boxes
 
 
 def test_an_outline_that_is_missing_or_elsewhere_is_none(scores):
     found = {LEFT: [annotation("rock", ROCK + 100)], RIGHT: []}
-    figures = scores({LEFT: [(ROCK_POLYGON, ring(ROCK))], RIGHT: [(ROCK_POLYGON, ring(ROCK))]}, found)
-    assert figures["rock outline: seeds' camera", "precision"] == 0
-    assert figures["rock outline: Left to Right", "recall"] == 0
+    metrics = scores({LEFT: [(ROCK_POLYGON, ring(ROCK))], RIGHT: [(ROCK_POLYGON, ring(ROCK))]}, found)
+    assert metrics["rock outline: seeds' camera", "precision"] == 0
+    assert metrics["rock outline: Left to Right", "recall"] == 0
 
 
 def test_people_s_own_boxes_are_the_yardstick(scores):
     drawn = {LEFT: [(ROCK_POLYGON, ring(ROCK)), (SHADOW_POLYGON, ring(SHADOW))]}
     boxes = {LEFT: ([0], [ROCK + np.array([0, 0, 10, 0])])}  # 50 px wide, and no shadow box: nothing to compare
-    figures = scores(drawn, {LEFT: []}, boxes)
-    assert figures["rock polygon's box against drawn box: seeds' camera", "miou"] == pytest.approx(0.8, abs=1e-3)
-    assert ("shadow polygon's box against drawn box: seeds' camera", "miou") not in figures
+    metrics = scores(drawn, {LEFT: []}, boxes)
+    assert metrics["rock polygon's box against drawn box: seeds' camera", "miou"] == pytest.approx(0.8, abs=1e-3)
+    assert ("shadow polygon's box against drawn box: seeds' camera", "miou") not in metrics
 
 
-def test_a_terrain_without_polygons_has_no_figures(scores):
+def test_a_terrain_without_polygons_has_no_metrics(scores):
     assert scores({}, {LEFT: []}) == {}

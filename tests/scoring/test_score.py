@@ -30,7 +30,7 @@ def write(folder, key, found: Labels):
 def test_an_equal_box_is_a_hit_a_far_one_a_miss_and_a_false_positive():
     counts = count_boxes(np.array([square(0, 0), square(100, 0)]), np.array([square(0, 0), square(300, 0)]))
     assert (counts.tp, counts.fp, counts.fn) == (1, 1, 1)
-    assert counts.figures() == {
+    assert counts.metrics() == {
         "files": 1, "truth_boxes": 2, "label_boxes": 2, "tp": 1, "fp": 1, "fn": 1,
         "precision": 0.5, "recall": 0.5, "f1": 0.5, "miou": 0.5,
     }  # fmt: skip
@@ -46,7 +46,7 @@ def test_more_pairs_win_over_a_larger_sum():
 def test_the_mean_iou_has_an_assignment_without_threshold():
     counts = count_boxes(np.array([square(0, 0)]), np.array([[0, 0, 10, 4]]))  # IoU 0.4
     assert counts.tp == 0
-    assert counts.figures()["miou"] == pytest.approx(0.4)
+    assert counts.metrics()["miou"] == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize(("side", "hits"), [(5.0, 1), (4.9, 0)])

@@ -26,9 +26,9 @@ OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1
 BOX = [100.0, 200.0, 160.0, 240.0]
 
 
-def figures(path):
+def metrics(path):
     table = read_csv(path)
-    return {(row["subject"], row["figure"]): row["value"] for row in table.to_dict("records")}
+    return {(row["subject"], row["metric"]): row["value"] for row in table.to_dict("records")}
 
 
 # cameras
@@ -43,9 +43,13 @@ def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path, w
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own", OTHER_FROM_TRUTH)
     cameras_scored(
-        tmp_path, cameras=tmp_path / "own/cameras", truth=tmp_path / "truth", matches=None, quality=tmp_path / "q.csv"
+        tmp_path,
+        cameras=tmp_path / "own/cameras",
+        truth=tmp_path / "truth",
+        matches=None,
+        evaluation=tmp_path / "q.csv",
     )
-    found = figures(tmp_path / "q.csv")
+    found = metrics(tmp_path / "q.csv")
     assert found["worst position", "position_error_aligned"] < 1e-3  # mm
     assert found["worst position", "angle_error_aligned"] < 1e-4
     assert found["A", "angle_error_before"] == pytest.approx(np.degrees(np.linalg.norm([0.01, -0.02, 0.05])), rel=1e-4)
@@ -56,12 +60,12 @@ def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path, w
 def test_a_truth_without_lamps_says_nothing_of_lamps(tmp_path, world):
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own")
-    scored = {"cameras": tmp_path / "own/cameras", "truth": tmp_path / "truth", "quality": tmp_path / "q.csv"}
+    scored = {"cameras": tmp_path / "own/cameras", "truth": tmp_path / "truth", "evaluation": tmp_path / "q.csv"}
     cameras_scored(tmp_path, **scored)
-    assert ("worst lamp", "direction_error") in figures(tmp_path / "q.csv")
+    assert ("worst lamp", "direction_error") in metrics(tmp_path / "q.csv")
     (tmp_path / "truth/lamps.json").unlink()
     cameras_scored(tmp_path, **scored)
-    assert ("worst lamp", "direction_error") not in figures(tmp_path / "q.csv")
+    assert ("worst lamp", "direction_error") not in metrics(tmp_path / "q.csv")
 
 
 def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path, world):
@@ -73,9 +77,13 @@ def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path, wor
     up = Pose(left.rotation, left.translation + np.array([0, 0, 0.01]))
     write_placed(path, PlacedRig(placed.rig, up))
     cameras_scored(
-        tmp_path, cameras=tmp_path / "own/cameras", truth=tmp_path / "truth", matches=None, quality=tmp_path / "q.csv"
+        tmp_path,
+        cameras=tmp_path / "own/cameras",
+        truth=tmp_path / "truth",
+        matches=None,
+        evaluation=tmp_path / "q.csv",
     )
-    found = figures(tmp_path / "q.csv")
+    found = metrics(tmp_path / "q.csv")
     assert found["A", "position_error_before"] == pytest.approx(10)
     assert 3 < found["A", "position_error_aligned"] < 7  # the frame takes up half of it
     assert found["A L", "reprojection_median"] > 1
@@ -85,9 +93,13 @@ def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path, 
     world.write(tmp_path / "truth")
     replace(world, poses={"A": world.poses["A"]}).write(tmp_path / "own")
     cameras_scored(
-        tmp_path, cameras=tmp_path / "own/cameras", truth=tmp_path / "truth", matches=None, quality=tmp_path / "q.csv"
+        tmp_path,
+        cameras=tmp_path / "own/cameras",
+        truth=tmp_path / "truth",
+        matches=None,
+        evaluation=tmp_path / "q.csv",
     )
-    assert not [name for _, name in figures(tmp_path / "q.csv") if name.endswith("aligned")]
+    assert not [name for _, name in metrics(tmp_path / "q.csv") if name.endswith("aligned")]
 
 
 def test_cameras_are_scored_on_the_boxes_that_all_photos_of_a_view_agree_on(tmp_path, cube):
@@ -103,8 +115,8 @@ def test_cameras_are_scored_on_the_boxes_that_all_photos_of_a_view_agree_on(tmp_
             path = tmp_path / "drawn" / f"03_A_off_{azimuth}_{camera}_0256.txt"
             path.parent.mkdir(exist_ok=True)
             yolo.write_boxes(path, np.zeros(3, int), moved)
-    cameras_scored(tmp_path, cameras=tmp_path / "cameras", drawn=tmp_path / "drawn", quality=tmp_path / "q.csv")
-    found = figures(tmp_path / "q.csv")
+    cameras_scored(tmp_path, cameras=tmp_path / "cameras", drawn=tmp_path / "drawn", evaluation=tmp_path / "q.csv")
+    found = metrics(tmp_path / "q.csv")
     for camera in "LR":
         assert found[f"all boxes of {camera}", "box_iou_mean"] > 0.95  # sides are trimmed at the foot
         assert found[f"all boxes of {camera}", "box_dy_median"] < 0.5
@@ -128,12 +140,12 @@ def test_matches_of_meshes_and_boxes_give_iou_and_offsets_and_may_be_missing(tmp
             cameras=tmp_path / "cameras",
             truth=None,
             matches=tmp_path / name,
-            quality=tmp_path / f"{name}.csv",
+            evaluation=tmp_path / f"{name}.csv",
         )
-    found = figures(tmp_path / "matches.parquet.csv")
+    found = metrics(tmp_path / "matches.parquet.csv")
     assert found["A", "box_iou_mean"] == pytest.approx(0.7)
     assert found["all positions", "box_dx_median"] == 3
-    assert not [name for _, name in figures(tmp_path / "none.parquet.csv") if name.startswith("box")]
+    assert not [name for _, name in metrics(tmp_path / "none.parquet.csv") if name.startswith("box")]
 
 
 # rocks
@@ -179,7 +191,7 @@ def test_a_terrain_without_rocks_is_scored_by_its_ground(tmp_path, world):
 
 def test_without_truth_there_are_counts_and_soundness(tmp_path, world):
     world.write(tmp_path)
-    quality = tmp_path / "q.csv"
+    evaluation = tmp_path / "q.csv"
     score_rocks(
         terrain=3,
         rocks=tmp_path / "rocks.parquet",
@@ -188,13 +200,13 @@ def test_without_truth_there_are_counts_and_soundness(tmp_path, world):
         cameras=tmp_path / "cameras",
         truth=None,
         inventory=None,
-        quality=quality,
+        evaluation=evaluation,
         scores=tmp_path / "scores.csv",
         offsets=tmp_path / "offsets.parquet",
     )
-    assert set(read_csv(quality)["against"]) == {"own"}
+    assert set(read_csv(evaluation)["against"]) == {"own"}
     assert read_csv(tmp_path / "scores.csv")["rock"].tolist() == [-1, 1, 2]
-    assert figures(quality)["rocks", "count"] == 2
+    assert metrics(evaluation)["rocks", "count"] == 2
 
 
 def test_rocks_are_paired_one_to_one_within_half_their_size():
@@ -203,8 +215,8 @@ def test_rocks_are_paired_one_to_one_within_half_their_size():
     pairs = pair_rocks(true, found)
     assert (pairs.true.tolist(), pairs.found.tolist()) == ([0], [0])
     seen = np.array([True, False])
-    figures = recall_and_precision(true, found, pairs, seen)
-    shares = {(figure.subject, figure.figure): figure.value for figure in figures}
+    metrics = recall_and_precision(true, found, pairs, seen)
+    shares = {(metric.subject, metric.metric): metric.value for metric in metrics}
     assert shares["rocks of 8 cm and more", "recall"] == 0.5
     assert shares["rocks of 8 cm and more", "recall_seen"] == 1
     assert shares["rocks of 8 cm and more", "precision"] == 0.5
@@ -216,7 +228,7 @@ def test_rocks_are_paired_one_to_one_within_half_their_size():
 
 
 def scored_rocks(folder):
-    quality = folder / "q.csv"
+    evaluation = folder / "q.csv"
     own = folder / "own"
     score_rocks(
         terrain=3,
@@ -226,11 +238,11 @@ def scored_rocks(folder):
         cameras=own / "cameras",
         truth=folder / "truth",
         inventory=None,
-        quality=quality,
+        evaluation=evaluation,
         scores=folder / "scores.csv",
         offsets=folder / "offsets.parquet",
     )
-    return figures(quality)
+    return metrics(evaluation)
 
 
 def rock_rows(rocks):
@@ -280,11 +292,11 @@ def labels_scored(folder, keys, rows, truth="truth"):
         table=folder / "labels.parquet",
         truth=folder / truth,
         seeds=folder / "seeds",
-        quality=folder / "q.csv",
+        evaluation=folder / "q.csv",
         pairs=folder / "pairs.parquet",
         options=OPTIONS,
     )
-    return figures(folder / "q.csv")
+    return metrics(folder / "q.csv")
 
 
 def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
@@ -304,7 +316,7 @@ def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
     assert np.isnan(found["shadow: Left to Right", "precision"])
     assert found["photos with truth", "without_label_file"] == 1
     table = read_csv(tmp_path / "q.csv")
-    assert table.loc[(table["subject"] == "rock: all but seeds") & (table["figure"] == "f1"), "n"].tolist() == [3]
+    assert table.loc[(table["subject"] == "rock: all but seeds") & (table["metric"] == "f1"), "n"].tolist() == [3]
     assert found["seeds", "photos_drawn"] == 1
     assert set(table.loc[table["subject"] != "seeds", "against"]) == {"labels"}
     pairs = read_parquet(tmp_path / "pairs.parquet", list(LABEL_PAIRS.dtypes))
@@ -356,7 +368,7 @@ def test_a_broken_hand_drawn_file_is_left_out_but_a_broken_result_is_an_error(tm
             table=tmp_path / "torn.parquet",
             truth=tmp_path / "truth",
             seeds=tmp_path / "seeds",
-            quality=tmp_path / "q.csv",
+            evaluation=tmp_path / "q.csv",
             pairs=tmp_path / "pairs.parquet",
             options=OPTIONS,
         )
@@ -406,12 +418,12 @@ def test_twins_are_scored_by_boxes_and_pixels_where_there_are_any(tmp_path):
         "boxes": tmp_path / "boxes",
         "truth": tmp_path / "truth",
         "twins": twins,
-        "quality": tmp_path / "q.csv",
+        "evaluation": tmp_path / "q.csv",
         "pairs": tmp_path / "pairs.parquet",
         "options": OPTIONS,
     }
     score_twins(**arguments, photos=tmp_path / "photos.parquet")
-    found = figures(tmp_path / "q.csv")
+    found = metrics(tmp_path / "q.csv")
     assert found["rendered rock: all", "recall"] == found["rendered rock: camera L", "recall"] == 0.5
     assert found["hapke", "log2_twin_over_photo_median"] == pytest.approx(1)
     assert not [subject for subject, _ in found if subject == "principled"]

@@ -39,7 +39,7 @@ def test_every_configuration_plans_its_jobs(checkout, snakemake, release_like, n
         "propagate_labels",
         "render_twins",
         "draw_contact",
-        "gather_quality",
+        "gather_evaluation",
     } <= set(jobs)
     scored = {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
     assert len(scored) == (3 if name in ("config", "release") else 0)  # the others' labels are not in this folder

@@ -66,7 +66,7 @@ def test_a_small_run_ends_and_repeats(checkout, snakemake, tmp_path):
         for evaluated in ("analog", "hapke")
     }
     assert detection.groupby("split")["leaks_views"].all().to_dict() == {"photo": True, "position": False}
-    for name in ("detection", "ipd", "gap", "quality"):
+    for name in ("detection", "ipd", "gap", "evaluation"):
         for form in ("csv", "md", "tex", "parquet"):
             assert (results / f"tables/{name}.{form}").stat().st_size
 

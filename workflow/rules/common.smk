@@ -254,15 +254,15 @@ def can_score_materials(terrain):
 SCORED_TERRAINS = list(filter(can_score_labels, TERRAINS))
 
 
-def quality_parts(wildcards):
-    """The quality of each stage and terrain; labels only where there is something to compare them with."""
+def evaluation_parts(wildcards):
+    """The evaluation of each stage and terrain; labels only where there is something to compare them with."""
     scored = {
         "labels": can_score_labels,
         "outlines": drawn_polygons,
         "materials": can_score_materials,
     }
     return [
-        f"results/{wildcards.run}/quality/{stage}_Terrain{terrain}.csv"
+        f"results/{wildcards.run}/evaluation/{stage}_Terrain{terrain}.csv"
         for terrain in TERRAINS
         for stage in (
             "cameras",

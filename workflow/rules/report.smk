@@ -2,7 +2,7 @@
 
 
 rule geometry:
-    """Tables of cameras, alignments, rocks and meshes with their quality: no labels, no twins."""
+    """Tables of cameras, alignments, rocks and meshes with their evaluation: no labels, no twins."""
     input:
         of_run("results/{run}/tables/{name}.csv", name=["cameras", "rocks"]),
         every_figure("residuals_Terrain{terrain}"),
@@ -13,7 +13,7 @@ rule tables:
     """Everything of this stage."""
     input:
         rules.geometry.input,
-        of_run("results/{run}/tables/{name}.csv", name=["quality", "render"]),
+        of_run("results/{run}/tables/{name}.csv", name=["evaluation", "render"]),
         tables_of_detectors(),
         figures_of_detectors(),
         of_run("results/{run}/tables/stereo.csv") if STEREO else [],
@@ -32,39 +32,39 @@ rule tables:
         of_run("results/{run}/figures/reliability.png") if SCORED_TERRAINS else [],
 
 
-rule gather_quality:
-    """The quality of every stage in one table."""
+rule gather_evaluation:
+    """The evaluation of every stage in one table."""
     input:
-        parts=quality_parts,
+        parts=evaluation_parts,
     output:
         table=report(
-            "results/{run}/tables/quality.csv",
-            caption="../report/quality.rst",
+            "results/{run}/tables/evaluation.csv",
+            caption="../report/evaluation.rst",
             category="Tables",
-            labels={"table": "quality of every stage"},
+            labels={"table": "evaluation of every stage"},
         ),
-        others=multiext("results/{run}/tables/quality", ".md", ".tex", ".parquet"),
+        others=multiext("results/{run}/tables/evaluation", ".md", ".tex", ".parquet"),
     log:
-        "results/{run}/logs/report/gather_quality.log",
+        "results/{run}/logs/report/gather_evaluation.log",
     benchmark:
-        "results/{run}/benchmarks/report/gather_quality.tsv"
+        "results/{run}/benchmarks/report/gather_evaluation.tsv"
     threads: 1
     resources:
         mem_mb=500,
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("gather_quality"),
+        code=code_of("gather_evaluation"),
     script:
-        "../scripts/gather_quality.py"
+        "../scripts/gather_evaluation.py"
 
 
 rule tabulate_cameras:
     """Every camera, and how scans or labels and meshes lie on each other."""
     input:
         cameras=expand("results/{{run}}/cameras/Terrain{terrain}", terrain=TERRAINS),
-        quality=expand(
-            "results/{{run}}/quality/{stage}_Terrain{terrain}.csv",
+        evaluation=expand(
+            "results/{{run}}/evaluation/{stage}_Terrain{terrain}.csv",
             stage=["cameras", "rocks"],
             terrain=TERRAINS,
         ),
@@ -101,7 +101,7 @@ rule tabulate_rocks:
             "results/{{run}}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS
         ),
         scores=expand(
-            "results/{{run}}/quality/meshes_Terrain{terrain}.csv", terrain=TERRAINS
+            "results/{{run}}/evaluation/meshes_Terrain{terrain}.csv", terrain=TERRAINS
         ),
     output:
         table=report(
@@ -138,7 +138,7 @@ rule tabulate_labels:
     """How good labels are by task, terrain, position, azimuth and size, and how often they are right as they say."""
     input:
         pairs=expand(
-            "results/{{run}}/quality/label_pairs_Terrain{terrain}.parquet",
+            "results/{{run}}/evaluation/label_pairs_Terrain{terrain}.parquet",
             terrain=SCORED_TERRAINS,
         ),
     output:
@@ -171,11 +171,11 @@ rule tabulate_render:
     """How near twins come to their photos and their boxes to true ones, by terrain, position, azimuth, light, camera."""
     input:
         pairs=expand(
-            "results/{{run}}/quality/twin_pairs_Terrain{terrain}.parquet",
+            "results/{{run}}/evaluation/twin_pairs_Terrain{terrain}.parquet",
             terrain=TERRAINS,
         ),
-        quality=expand(
-            "results/{{run}}/quality/twins_Terrain{terrain}.csv", terrain=TERRAINS
+        evaluation=expand(
+            "results/{{run}}/evaluation/twins_Terrain{terrain}.csv", terrain=TERRAINS
         ),
     output:
         table=report(
@@ -507,7 +507,7 @@ rule draw_terrain:
 rule draw_offsets:
     """Our meshes coloured by their distance from the true surface."""
     input:
-        offsets="results/{run}/quality/offsets_Terrain{terrain}.parquet",
+        offsets="results/{run}/evaluation/offsets_Terrain{terrain}.parquet",
     output:
         figure=report(
             "results/{run}/figures/offsets_Terrain{terrain}.png",
@@ -561,7 +561,7 @@ rule draw_residuals:
 rule draw_label_errors:
     """How far the edges of our boxes lie from the true or hand-drawn ones."""
     input:
-        pairs="results/{run}/quality/label_pairs_Terrain{terrain}.parquet",
+        pairs="results/{run}/evaluation/label_pairs_Terrain{terrain}.parquet",
     output:
         figure=report(
             "results/{run}/figures/label_errors_Terrain{terrain}.png",

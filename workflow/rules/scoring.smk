@@ -8,7 +8,7 @@ rule score_cameras:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
     output:
-        quality="results/{run}/quality/cameras_Terrain{terrain}.csv",
+        evaluation="results/{run}/evaluation/cameras_Terrain{terrain}.csv",
     log:
         "results/{run}/logs/scoring/score_cameras_{terrain}.log",
     benchmark:
@@ -35,9 +35,9 @@ rule score_rocks:
         located="results/{run}/cameras/located/Terrain{terrain}",
         cameras="results/{run}/cameras/Terrain{terrain}",
     output:
-        quality="results/{run}/quality/rocks_Terrain{terrain}.csv",
-        scores="results/{run}/quality/meshes_Terrain{terrain}.csv",
-        offsets="results/{run}/quality/offsets_Terrain{terrain}.parquet",
+        evaluation="results/{run}/evaluation/rocks_Terrain{terrain}.csv",
+        scores="results/{run}/evaluation/meshes_Terrain{terrain}.csv",
+        offsets="results/{run}/evaluation/offsets_Terrain{terrain}.parquet",
     log:
         "results/{run}/logs/scoring/score_rocks_{terrain}.log",
     benchmark:
@@ -63,7 +63,7 @@ rule check_consistency:
         meshes="results/{run}/meshes/Terrain{terrain}",
         photos=photos_of_terrain,
     output:
-        quality="results/{run}/quality/consistency_Terrain{terrain}.csv",
+        evaluation="results/{run}/evaluation/consistency_Terrain{terrain}.csv",
     log:
         "results/{run}/logs/scoring/check_consistency_{terrain}.log",
     benchmark:
@@ -86,8 +86,8 @@ rule score_labels:
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
     output:
-        quality="results/{run}/quality/labels_Terrain{terrain}.csv",
-        pairs="results/{run}/quality/label_pairs_Terrain{terrain}.parquet",
+        evaluation="results/{run}/evaluation/labels_Terrain{terrain}.csv",
+        pairs="results/{run}/evaluation/label_pairs_Terrain{terrain}.parquet",
     log:
         "results/{run}/logs/scoring/score_labels_{terrain}.log",
     benchmark:
@@ -113,7 +113,7 @@ rule score_outlines:
         polygons=lambda wildcards: drawn_polygons(wildcards.terrain) or [],
         annotations="results/{run}/labels/coco/Terrain{terrain}.json",
     output:
-        quality="results/{run}/quality/outlines_Terrain{terrain}.csv",
+        evaluation="results/{run}/evaluation/outlines_Terrain{terrain}.csv",
     log:
         "results/{run}/logs/scoring/score_outlines_{terrain}.log",
     benchmark:
@@ -140,8 +140,8 @@ rule score_twins:
         twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
     output:
-        quality="results/{run}/quality/twins_Terrain{terrain}.csv",
-        pairs="results/{run}/quality/twin_pairs_Terrain{terrain}.parquet",
+        evaluation="results/{run}/evaluation/twins_Terrain{terrain}.csv",
+        pairs="results/{run}/evaluation/twin_pairs_Terrain{terrain}.parquet",
     log:
         "results/{run}/logs/scoring/score_twins_{terrain}.log",
     benchmark:
@@ -167,7 +167,7 @@ rule score_materials:
         meshes="results/{run}/meshes/Terrain{terrain}",
         cameras="results/{run}/cameras/Terrain{terrain}",
     output:
-        quality="results/{run}/quality/materials_Terrain{terrain}.csv",
+        evaluation="results/{run}/evaluation/materials_Terrain{terrain}.csv",
     log:
         "results/{run}/logs/scoring/score_materials_{terrain}.log",
     benchmark:

@@ -14,5 +14,5 @@ with reporting(log=snakemake.log[0]):
         meshes=Path(snakemake.input.meshes),
         photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
         drawn=Path(snakemake.params.drawn) if snakemake.params.drawn else None,
-        quality=Path(snakemake.output.quality),
+        evaluation=Path(snakemake.output.evaluation),
     )

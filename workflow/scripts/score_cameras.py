@@ -13,5 +13,5 @@ with reporting(log=snakemake.log[0]):
         matches=Path(snakemake.input.cameras) / "matches.parquet",
         drawn=Path(snakemake.params.drawn) if snakemake.params.drawn else None,
         meshes=Path(snakemake.input.meshes),
-        quality=Path(snakemake.output.quality),
+        evaluation=Path(snakemake.output.evaluation),
     )

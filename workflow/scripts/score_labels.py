@@ -15,7 +15,7 @@ with reporting(log=snakemake.log[0]):
         table=Path(snakemake.input.table),
         truth=Path(snakemake.params.truth),
         seeds=Path(snakemake.input.seeds),
-        quality=Path(snakemake.output.quality),
+        evaluation=Path(snakemake.output.evaluation),
         pairs=Path(snakemake.output.pairs),
         options=ScoringOptions(**snakemake.params.options),
     )

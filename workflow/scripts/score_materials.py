@@ -12,5 +12,5 @@ with reporting(log=snakemake.log[0]):
         meshes=Path(snakemake.input.meshes),
         cameras=Path(snakemake.input.cameras),
         truth=Path(snakemake.params.truth),
-        quality=Path(snakemake.output.quality),
+        evaluation=Path(snakemake.output.evaluation),
     )

@@ -14,6 +14,6 @@ with reporting(log=snakemake.log[0]):
         keys=selected_grid(terrain, snakemake.params.positions, GridOptions(**snakemake.params.grid)),
         annotations=Path(snakemake.input.annotations),
         root=Path(snakemake.params.root),
-        quality=Path(snakemake.output.quality),
+        evaluation=Path(snakemake.output.evaluation),
         options=ScoringOptions(**snakemake.params.options),
     )

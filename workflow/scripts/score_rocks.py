@@ -14,7 +14,7 @@ with reporting(log=snakemake.log[0]):
         cameras=Path(snakemake.input.cameras),
         truth=Path(snakemake.params.truth) if snakemake.params.truth else None,
         inventory=Path(snakemake.input.inventory),
-        quality=Path(snakemake.output.quality),
+        evaluation=Path(snakemake.output.evaluation),
         scores=Path(snakemake.output.scores),
         offsets=Path(snakemake.output.offsets),
     )

@@ -13,7 +13,7 @@ with reporting(log=snakemake.log[0]):
         truth=Path(snakemake.params.truth) if snakemake.params.truth else None,
         twins=dict(zip(snakemake.params.models, map(Path, snakemake.input.twins), strict=True)),
         photos=Path(snakemake.input.photos),
-        quality=Path(snakemake.output.quality),
+        evaluation=Path(snakemake.output.evaluation),
         pairs=Path(snakemake.output.pairs),
         options=ScoringOptions(**snakemake.params.options),
     )

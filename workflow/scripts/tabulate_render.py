@@ -8,7 +8,7 @@ from polarsim.reporting import reporting
 with reporting(log=snakemake.log[0]):
     tabulate_render(
         pairs=[Path(path) for path in snakemake.input.pairs],
-        quality=[Path(path) for path in snakemake.input.quality],
+        evaluation=[Path(path) for path in snakemake.input.evaluation],
         table=Path(snakemake.output.table).with_suffix(""),
         origin=snakemake.params.origin,
     )

@@ -15,7 +15,7 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, note, page
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.labels import EXPOSURES, LIGHT, TASKS
-from polarsim.scoring.quality import TRUTH_NAMES
+from polarsim.scoring.metrics import TRUTH_NAMES
 
 SIDES = ("left", "top", "right", "bottom")
 REACH = 20  # pixels to both sides that the histograms show

@@ -28,7 +28,7 @@ def trace(seed: int, offset: float, control: str = "heading") -> Trace:
 
 
 def value(table, figure: str, wheel: str = "all", column: str = "value") -> float:
-    return float(table[(table["figure"] == figure) & (table["wheel"] == wheel)][column].iloc[0])
+    return float(table[(table["metric"] == figure) & (table["wheel"] == wheel)][column].iloc[0])
 
 
 def test_slip_counts_on_soil_and_time_on_rocks_where_any_wheel_is():

@@ -17,13 +17,13 @@ def test_figures_have_intervals_over_rides(drive):
     summary = pd.read_parquet(folder / "figures.parquet")
     assert summary.dtypes.astype(str).to_dict() == ONBOARD.dtypes
     assert (summary["rides"] <= 2).all()
-    recall = summary[summary["figure"] == "recall"]
+    recall = summary[summary["metric"] == "recall"]
     assert (recall["value"] == 1).all()
     known = summary.dropna(subset=["value", "low", "high"])
     assert (known["low"] <= known["value"] + 1e-12).all()
     assert (known["value"] <= known["high"] + 1e-12).all()
     assert {"rock cell F1", "height error m", "false stops per 100 m", "first stable distance m"} <= set(
-        summary["figure"]
+        summary["metric"]
     )
 
 

@@ -1,4 +1,4 @@
-"""The quality of every stage in one table, over terrains."""
+"""The evaluation of every stage in one table, over terrains."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ import pandas as pd
 from polarsim.formats.tables import read_csv
 from polarsim.report.layout import MISSING, format_value, origin_note, with_origin, write_table
 from polarsim.scoring.complaints import complaints
-from polarsim.scoring.quality import BOX_FIGURES, COLUMNS, STAGES, quality_table
+from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
 
-CAPTION = "Quality of every stage. Unit 1: a share or ratio; against: what a figure is measured against."
-ROW_NAMES = ("stage", "subject", "figure", "unit", "against")
+CAPTION = "Quality of every stage. Unit 1: a share or ratio; against: what a metric is measured against."
+ROW_NAMES = ("stage", "subject", "metric", "unit", "against")
 _SHOWN = {"mm": 2, "px": 2, "deg": 4, "1": 3, "%": 1, "m": 3}  # decimals by unit
 
 
-def gather_quality(*, parts: list[Path], stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/quality.{csv,md,tex,parquet} from the quality files of all stages and terrains.
+def gather_evaluation(*, parts: list[Path], stem: Path, origin: dict[str, str]) -> None:
+    """Write tables/evaluation.{csv,md,tex,parquet} from the metric files of all stages and terrains.
 
     What does not agree with itself is said below the table.
     """
-    table = join_quality([read_csv(path, COLUMNS) for path in parts])
+    table = join_metrics([read_csv(path, COLUMNS) for path in parts])
     notes = ["Terrains stand side by side; n is in the CSV form.", *complaints(table), origin_note(origin)]
-    write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_quality(table), notes=notes)
+    write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_evaluation(table), notes=notes)
 
 
-def join_quality(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+def join_metrics(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """All rows in the order of the stages, then of the terrains."""
     parts = [part for part in parts if len(part)]
     if not parts:
-        return quality_table("", 0, [])
+        return metrics_table("", 0, [])
     table = pd.concat(parts, ignore_index=True)[list(COLUMNS)]
     table = table.astype({"unit": "str", "subject": "str", "value": "float64", "terrain": "int64", "n": "int64"})
     return in_order(table)
@@ -46,8 +46,8 @@ def in_order(table: pd.DataFrame) -> pd.DataFrame:
     return table.iloc[order].reset_index(drop=True)
 
 
-def lay_out_quality(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a figure, a column a terrain; the four figures of a box score share a row."""
+def lay_out_evaluation(table: pd.DataFrame) -> pd.DataFrame:
+    """A row a metric, a column a terrain; the four metrics of a box score share a row."""
     terrains = sorted(set(table["terrain"]))
     order: list[tuple[str, ...]] = []
     shown: dict[tuple[tuple[str, ...], int], str] = {}
@@ -66,17 +66,17 @@ def lay_out_quality(table: pd.DataFrame) -> pd.DataFrame:
 def _shown_rows(table: pd.DataFrame) -> list[tuple[tuple[str, ...], str]]:
     """What names a row, and its cell, for one terrain in order."""
     found: dict[tuple[str, ...], list[str]] = {}
-    scored = {(row["stage"], row["subject"]) for row in table.to_dict("records") if row["figure"] == "f1"}
+    scored = {(row["stage"], row["subject"]) for row in table.to_dict("records") if row["metric"] == "f1"}
     for entry in table.to_dict("records"):
-        joined = entry["figure"] in BOX_FIGURES and (entry["stage"], entry["subject"]) in scored
-        names = {**entry, "figure": " / ".join(BOX_FIGURES) if joined else entry["figure"]}
+        joined = entry["metric"] in BOX_METRICS and (entry["stage"], entry["subject"]) in scored
+        names = {**entry, "metric": " / ".join(BOX_METRICS) if joined else entry["metric"]}
         text = shown_value(float(entry["value"]), str(entry["unit"]))
         found.setdefault(tuple(str(names[name]) for name in ROW_NAMES), []).append(text)
     return [(place, " / ".join(texts)) for place, texts in found.items()]
 
 
 def shown_value(value: float, unit: str) -> str:
-    """Text of a figure, with the decimals of its unit."""
+    """Text of a metric, with the decimals of its unit."""
     if math.isnan(value):
         return MISSING
     counted = unit == "1" and value > 1 and value == round(value)  # no share is larger

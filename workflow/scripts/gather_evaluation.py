@@ -1,12 +1,12 @@
-"""Gather the quality of every stage."""
+"""Gather the evaluation of every stage."""
 
 from pathlib import Path
 
-from polarsim.report.quality_table import gather_quality
+from polarsim.report.evaluation_table import gather_evaluation
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
-    gather_quality(
+    gather_evaluation(
         parts=[Path(path) for path in snakemake.input.parts],
         stem=Path(snakemake.output.table).with_suffix(""),
         origin=snakemake.params.origin,

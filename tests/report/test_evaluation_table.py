@@ -1,0 +1,79 @@
+import numpy as np
+import pandas as pd
+
+from polarsim.formats.tables import read_csv, read_parquet
+from polarsim.report.evaluation_table import gather_evaluation, join_metrics, lay_out_evaluation, shown_value
+from polarsim.scoring.metrics import COLUMNS, Metric, metrics_table, summary, write_metrics
+
+ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
+
+
+def test_metrics_of_all_terrains_and_stages_end_in_one_table(tmp_path):
+    write_metrics(tmp_path / "labels_03.csv", "labels", 3, [Metric("rock: all", "f1", float("nan"), "1", 0, "truth")])
+    write_metrics(
+        tmp_path / "cameras_03.csv", "cameras", 3, [Metric("A", "position_error_aligned", 1.5, "mm", 1, "truth")]
+    )
+    write_metrics(
+        tmp_path / "cameras_01.csv", "cameras", 1, [Metric("A", "position_error_aligned", 0.25, "mm", 1, "truth")]
+    )
+    parts = [tmp_path / name for name in ("labels_03.csv", "cameras_03.csv", "cameras_01.csv")]
+    gather_evaluation(parts=parts, stem=tmp_path / "evaluation", origin=ORIGIN)
+    table = read_parquet(tmp_path / "evaluation.parquet", ["run", "source", "config", *COLUMNS])
+    assert list(table["stage"]) == ["cameras", "cameras", "labels"]
+    assert list(table["terrain"]) == [1, 3, 3]
+    assert (
+        "| cameras | A | position\\_error\\_aligned | mm | truth | 0.25 | 1.50 |"
+        in (tmp_path / "evaluation.md").read_text()
+    )
+
+
+def test_a_terrain_without_a_metric_leaves_no_trace_and_none_at_all_an_empty_table(tmp_path):
+    write_metrics(tmp_path / "rocks_06.csv", "rocks", 6, [])
+    assert list(read_csv(tmp_path / "rocks_06.csv").columns) == list(COLUMNS)
+    gather_evaluation(parts=[tmp_path / "rocks_06.csv"], stem=tmp_path / "evaluation", origin=ORIGIN)
+    assert len(read_csv(tmp_path / "evaluation.csv", list(COLUMNS))) == 0
+
+
+def test_rows_that_only_a_later_terrain_has_stand_where_it_has_them():
+    first = metrics_table("labels", 1, [Metric("a", "x", 1, "mm", 1, "own"), Metric("c", "x", 1, "mm", 1, "own")])
+    second = metrics_table("labels", 4, [Metric(name, "x", 1, "mm", 1, "own") for name in "abc"])
+    shown = lay_out_evaluation(join_metrics([first, second]))
+    assert list(shown["subject"]) == ["a", "b", "c"]
+    assert list(shown["T01"]) == ["1.00", "–", "1.00"]
+
+
+def test_the_four_metrics_of_a_box_score_share_a_row():
+    metrics = [
+        Metric("rock", name, share, "1", 9, "truth")
+        for name, share in (("precision", 1), ("recall", 0.5), ("f1", 2 / 3), ("miou", 0.4))
+    ]
+    shown = lay_out_evaluation(metrics_table("labels", 1, metrics))
+    assert shown["T01"].tolist() == ["1.000 / 0.500 / 0.667 / 0.400"]
+
+
+def test_recall_and_precision_without_f1_keep_their_own_rows():
+    metrics = [Metric("rocks of 8 cm and more", name, 0.5, "1", 9, "truth") for name in ("recall", "precision")]
+    assert lay_out_evaluation(metrics_table("rocks", 1, metrics))["metric"].tolist() == ["recall", "precision"]
+
+
+def test_a_summary_gives_median_and_p90_of_what_is_finite():
+    found = summary("rocks", "distance", np.array([*range(11), np.nan]), "mm", "truth")
+    assert [(metric.metric, metric.value, metric.n) for metric in found] == [
+        ("distance_median", 5, 11),
+        ("distance_p90", 9, 11),
+    ]
+    assert summary("rocks", "distance", np.full(3, np.nan), "mm", "truth") == []
+
+
+def test_empty_parts_do_not_change_column_types():
+    table = join_metrics(
+        [metrics_table("rocks", 6, []), metrics_table("rocks", 1, [Metric("a", "x", 1, "mm", 1, "own")])]
+    )
+    assert table.dtypes["terrain"] == np.int64
+    assert isinstance(table, pd.DataFrame)
+
+
+def test_counts_have_no_decimals_and_shares_have():
+    shown = [shown_value(value, "1") for value in (1.0, 0.5, 2190130.0, float("nan"))]
+    assert shown == ["1.000", "0.500", "2190130", "–"]
+    assert (shown_value(2.0, "mm"), shown_value(12.0, "rocks")) == ("2.00", "12")
