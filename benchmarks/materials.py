@@ -35,7 +35,7 @@ from polarsim.photo import CAMERAS
 from polarsim.randomness import generator
 from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.options import FittingOptions, RenderOptions
-from polarsim.scoring.cameras import read_gauge
+from polarsim.scoring.cameras import read_alignment
 from polarsim.scoring.materials import ALBEDO_COLUMNS, albedo_metrics
 
 MODELS = ("principled", "hapke")
@@ -60,7 +60,7 @@ def measure(terrain: int, run: Path, analog: Path, held_out: list[str], photos: 
     mesh = read_terrain(meshes, terrain)
     positions = sorted({key.split("_")[1] for key in read_parquet(photos, ["key"])["key"]})
     true = true_albedo(terrain, truth, positions, AnalogOptions())
-    places = read_gauge(cameras, truth).inverse().apply(true[["x", "y", "z"]].to_numpy(float))
+    places = read_alignment(cameras, truth).inverse().apply(true[["x", "y", "z"]].to_numpy(float))
     for azimuth in held_out:
         with tempfile.TemporaryDirectory() as folder:
             start = time.process_time()

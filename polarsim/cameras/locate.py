@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.cameras.gauge import find_gauge
 from polarsim.cameras.labels import LabelPlacement
 from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.placements import Placements, place_all, unshifted_fits
 from polarsim.cameras.rounding import rounded, rounded_figures
+from polarsim.cameras.sandbox_frame import find_sandbox_frame
 from polarsim.cameras.scans import Pair, register_scans
 from polarsim.cameras.shifts import shift_table
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
@@ -97,14 +97,14 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
     network = register_scans(scans)
     for reason in network.refused:
         log.warning("%s; the scan is left out", reason)
-    gauge = find_gauge(network.points, network.normals, network.level_from_left)
-    if not gauge.walls:
+    frame = find_sandbox_frame(network.points, network.normals, network.level_from_left)
+    if not frame.walls:
         log.warning("no two walls of the box are seen in the scans: origin and heading are the survey's")
     placed = {}
     for position, level_from_left in network.level_from_left.items():
-        pose = gauge.sandbox_from_level @ level_from_left
+        pose = frame.sandbox_from_level @ level_from_left
         mine = [pair for pair in network.pairs if position in (pair.fixed, pair.moving)]
-        quality = {"walls": float(gauge.walls), "points": float(len(scans[position])), **_off_survey(position, pose)}
+        quality = {"walls": float(frame.walls), "points": float(len(scans[position])), **_off_survey(position, pose)}
         if mine:
             quality |= {
                 "fitness": max(pair.alignment.fitness for pair in mine),

@@ -18,7 +18,7 @@ from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, PhotoKey
-from polarsim.scoring.gauge import fit_gauge
+from polarsim.scoring.alignment import fit_alignment
 from polarsim.scoring.labels import read_drawn
 from polarsim.scoring.lamps import lamps_against_truth
 from polarsim.scoring.metrics import Metric, summary, write_metrics
@@ -60,7 +60,7 @@ def score_cameras(
         true = read_all_placed(truth / "cameras")
         metrics += against_truth(placed, true, true_points(truth, terrain))
         if set(placed) & set(true) and (truth / lamps.FILE).exists():  # sandboxes without photos have no lamps
-            metrics += lamps_against_truth(cameras, truth, _gauge(placed, true))
+            metrics += lamps_against_truth(cameras, truth, _alignment(placed, true))
     if matches is not None and matches.exists():
         metrics += against_boxes(matches)
     if drawn is not None:
@@ -88,7 +88,7 @@ def against_truth(
     wanted = {position: true[position].sandbox_from_left for position in common}
     frames = {"before": Pose.identity()}
     if len(common) > 1:
-        frames["aligned"] = fit_gauge(estimated, wanted)
+        frames["aligned"] = fit_alignment(estimated, wanted)
     metrics = []
     for position in common:
         for name, truth_from_sandbox in frames.items():
@@ -226,7 +226,7 @@ def true_points(truth: Path, terrain: int) -> np.ndarray:
     return points[:: max(1, len(points) // _POINTS)]
 
 
-def read_gauge(cameras: Path, truth: Path) -> Pose:
+def read_alignment(cameras: Path, truth: Path) -> Pose:
     """`truth_from_sandbox` of a terrain by its cameras.
 
     Raises
@@ -240,12 +240,12 @@ def read_gauge(cameras: Path, truth: Path) -> Pose:
     if not true:
         raise FormatError("no PosX.json", path=truth / "cameras")
     with about(cameras):
-        return _gauge(placed, true)
+        return _alignment(placed, true)
 
 
-def _gauge(placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig]) -> Pose:
+def _alignment(placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig]) -> Pose:
     """`truth_from_sandbox` by the left cameras of all common positions."""
-    return fit_gauge(
+    return fit_alignment(
         {position: rig.sandbox_from_left for position, rig in placed.items()},
         {position: rig.sandbox_from_left for position, rig in true.items()},
     )

@@ -25,8 +25,8 @@ from polarsim.formats.tables import read_parquet
 from polarsim.geometry.casters import caster
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
+from polarsim.scoring.alignment import fit_alignment, refine_alignment
 from polarsim.scoring.complaints import STAGE, complaint
-from polarsim.scoring.gauge import fit_gauge, refine_gauge
 from polarsim.scoring.labels import read_drawn
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, write_metrics
@@ -127,7 +127,7 @@ def cameras_together(before: Mapping[str, PlacedRig], after: Mapping[str, Placed
         for position, rig in sorted(after.items())
     ]
     if len(set(before) & set(after)) > 1:
-        common = fit_gauge(
+        common = fit_alignment(
             {position: rig.sandbox_from_left for position, rig in after.items()},
             {position: rig.sandbox_from_left for position, rig in before.items()},
         )
@@ -146,7 +146,7 @@ def boxes_met(matches: pd.DataFrame) -> list[Metric]:
 
 def _further(points: np.ndarray, surface: Surface) -> Pose:
     """The motion that brings points (n, 3) onto a surface."""
-    return refine_gauge(Pose.identity(), points, surface).inverse()
+    return refine_alignment(Pose.identity(), points, surface).inverse()
 
 
 def _size(motion: Pose, place: np.ndarray) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from polarsim.formats.materials import FittedMaterials, read_materials, rock_of_
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK
-from polarsim.scoring.cameras import read_gauge
+from polarsim.scoring.cameras import read_alignment
 from polarsim.scoring.metrics import Metric, summary, write_metrics
 
 ALBEDO_COLUMNS = ("rock", "x", "y", "z", "albedo", "pixels")
@@ -41,7 +41,7 @@ def score_materials(
     metrics = [metric for model, fit in sorted(found.models.items()) for metric in held_out_metrics(model, fit.check)]
     if (truth / "albedo.parquet").exists() and found.models:
         true = read_parquet(truth / "albedo.parquet", ALBEDO_COLUMNS)
-        places = read_gauge(cameras, truth).inverse().apply(true[["x", "y", "z"]].to_numpy(float))
+        places = read_alignment(cameras, truth).inverse().apply(true[["x", "y", "z"]].to_numpy(float))
         metrics += albedo_metrics(found, mesh, true, places)
     write_metrics(evaluation, "materials", terrain, metrics)
 

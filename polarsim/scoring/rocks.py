@@ -196,7 +196,7 @@ def _against_truth(
     sizes = true["size_m"].to_numpy(float)[pairs.true]
     for rock, size in zip(found_rocks.tolist(), sizes.tolist(), strict=True):
         own.setdefault(rock, {})["true_size_m"] = size
-    return metrics + _gauge_metrics(compared), own
+    return metrics + _alignment_metrics(compared), own
 
 
 def _wide_seen(true: pd.DataFrame, points: np.ndarray, rock: np.ndarray) -> np.ndarray:
@@ -205,10 +205,10 @@ def _wide_seen(true: pd.DataFrame, points: np.ndarray, rock: np.ndarray) -> np.n
     return np.array(width) >= SEEN_WIDTH * true["size_m"].to_numpy(float)
 
 
-def _gauge_metrics(compared: Comparison) -> list[Metric]:
-    points, gauge, by_cameras = compared.true.points, compared.truth_from_sandbox, compared.by_cameras
-    moved_mm = 1000 * np.linalg.norm(gauge.inverse().apply(points) - by_cameras.inverse().apply(points), axis=1)
-    turned_deg = float(np.degrees(angle_between(by_cameras, gauge)))
+def _alignment_metrics(compared: Comparison) -> list[Metric]:
+    points, alignment, by_cameras = compared.true.points, compared.truth_from_sandbox, compared.by_cameras
+    moved_mm = 1000 * np.linalg.norm(alignment.inverse().apply(points) - by_cameras.inverse().apply(points), axis=1)
+    turned_deg = float(np.degrees(angle_between(by_cameras, alignment)))
     return [
         Metric("frame", "icp_shift_median", float(np.median(moved_mm)), "mm", len(points), "truth"),
         Metric("frame", "icp_turn", turned_deg, "deg", len(points), "truth"),

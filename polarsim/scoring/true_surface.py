@@ -14,8 +14,8 @@ from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.geometry.poses import Pose
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
-from polarsim.scoring.cameras import read_gauge
-from polarsim.scoring.gauge import refine_gauge
+from polarsim.scoring.alignment import refine_alignment
+from polarsim.scoring.cameras import read_alignment
 from polarsim.scoring.sight import Sight, sights
 from polarsim.scoring.surface import Surface
 from polarsim.survey import SANDBOX_HALF_WIDTH
@@ -60,17 +60,17 @@ def compare(terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, invent
 
     What nobody saw nobody can measure: undersides, and ground below rocks. A strip along the walls is left out too.
     """
-    by_cameras, views = read_gauge(cameras, truth), _sights(cameras, truth, inventory)
+    by_cameras, views = read_alignment(cameras, truth), _sights(cameras, truth, inventory)
     true_scene = read_terrain(truth / "meshes", terrain)
     true_surface = Surface(true_scene.vertices, true_scene.faces)
     rng = generator(SEED, "surface samples", terrain)
     points, rock, area = _seen_points(true_surface, true_scene.rock_of_face, views, SURFACE_SAMPLES, rng)
-    gauge = refine_gauge(by_cameras, points[rock == NO_ROCK], Surface(scene.vertices, scene.faces))
-    our_surface = Surface(gauge.apply(scene.vertices), scene.faces)
+    alignment = refine_alignment(by_cameras, points[rock == NO_ROCK], Surface(scene.vertices, scene.faces))
+    our_surface = Surface(alignment.apply(scene.vertices), scene.faces)
     true = Samples(points, rock, *_beside(our_surface, scene.rock_of_face, points), area)
     points, rock, area = _seen_points(our_surface, scene.rock_of_face, views, SURFACE_SAMPLES, rng)
     ours = Samples(points, rock, *_beside(true_surface, true_scene.rock_of_face, points), area)
-    return Comparison(true, ours, gauge, by_cameras)
+    return Comparison(true, ours, alignment, by_cameras)
 
 
 def _sights(cameras: Path, truth: Path, inventory: Path | None) -> list[Sight]:

@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from polarsim.cameras import scans as registration
-from polarsim.cameras.gauge import find_gauge
 from polarsim.cameras.heightmaps import agreement, height_map, relief_correlation, turned_and_shifted
 from polarsim.cameras.icp import Surface, align_jointly, covariances, measure, surface
+from polarsim.cameras.sandbox_frame import find_sandbox_frame
 from polarsim.cameras.scans import level_pose, register_scans
 from polarsim.errors import RegistrationError
 from polarsim.geometry.poses import Pose, angle_between, looking
@@ -49,34 +49,34 @@ def test_scans_come_to_lie_as_their_tripods_stood(network, true_poses):
 
 
 def test_the_walls_give_origin_and_heading(network, true_poses):
-    gauge = find_gauge(network.points, network.normals, network.level_from_left)
-    assert gauge.walls >= 3
+    frame = find_sandbox_frame(network.points, network.normals, network.level_from_left)
+    assert frame.walls >= 3
     for position, pose in network.level_from_left.items():
-        found = gauge.sandbox_from_level @ pose
+        found = frame.sandbox_from_level @ pose
         assert np.linalg.norm(found.translation - true_poses[position].translation) < 0.015
         assert np.degrees(angle_between(found, true_poses[position])) < 0.4  # the relief tilts the sand's plane
 
 
 def test_walls_are_found_though_the_scans_common_frame_lies_far_off(network, true_poses):
     level_from_far = Pose.from_rotvec(np.array([0, 0, 0.15]), np.array([-0.9, 0.9, 0.0]))
-    gauge = find_gauge(
+    frame = find_sandbox_frame(
         {position: level_from_far.apply(points) for position, points in network.points.items()},
         {position: level_from_far.rotate(normals) for position, normals in network.normals.items()},
         {position: level_from_far @ pose for position, pose in network.level_from_left.items()},
     )
-    assert gauge.walls >= 3
+    assert frame.walls >= 3
     for position, pose in network.level_from_left.items():
-        found = gauge.sandbox_from_level @ level_from_far @ pose
+        found = frame.sandbox_from_level @ level_from_far @ pose
         assert np.linalg.norm(found.translation - true_poses[position].translation) < 0.015
 
 
 def test_without_walls_the_tripods_go_to_their_surveyed_places(network, true_poses):
     low = {p: points[points[:, 2] < 0.05] for p, points in network.points.items()}
     normals = {p: network.normals[p][network.points[p][:, 2] < 0.05] for p in low}
-    gauge = find_gauge(low, normals, network.level_from_left)
-    assert gauge.walls == 0
+    frame = find_sandbox_frame(low, normals, network.level_from_left)
+    assert frame.walls == 0
     for position, pose in network.level_from_left.items():
-        found = gauge.sandbox_from_level @ pose
+        found = frame.sandbox_from_level @ pose
         # The survey itself is off by 0.1 m (A) and 0.6 m (C) here.
         assert np.linalg.norm(found.translation - true_poses[position].translation) < 0.45
 

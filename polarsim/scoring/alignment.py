@@ -23,7 +23,7 @@ ICP_STEPS = 12
 ICP_GATES = (0.03, 0.003)  # metres: pairs farther apart are left out, at the first and at the last step
 
 
-def fit_gauge(estimated: Mapping[str, Pose], true: Mapping[str, Pose]) -> Pose:
+def fit_alignment(estimated: Mapping[str, Pose], true: Mapping[str, Pose]) -> Pose:
     """`truth_from_sandbox` that best brings estimated camera poses onto the true ones, over their common positions.
 
     Centres alone leave a turn about their line free. So each camera counts as its centre and the ends of arms of length
@@ -43,8 +43,9 @@ def fit_gauge(estimated: Mapping[str, Pose], true: Mapping[str, Pose]) -> Pose:
     )
 
 
-def refine_gauge(truth_from_sandbox: Pose, ground_truth: np.ndarray, surface_sandbox: Surface) -> Pose:
-    """The gauge that brings our surface onto points of the true ground (n, 3): point-to-plane ICP with a closing gate.
+def refine_alignment(truth_from_sandbox: Pose, ground_truth: np.ndarray, surface_sandbox: Surface) -> Pose:
+    """The alignment that brings our surface onto points of the true ground (n, 3): point-to-plane ICP with a closing
+    gate.
 
     Errors of camera poses would count as errors of shape without this step: a turn of 0.02 degrees moves a rock at
     three metres by a millimetre. Rocks are left out, for those that are all too large would pull the frame along. Level

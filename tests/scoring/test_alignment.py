@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from polarsim.errors import RegistrationError
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, angle_between, looking
-from polarsim.scoring.gauge import fit_gauge, refine_gauge
+from polarsim.scoring.alignment import fit_alignment, refine_alignment
 from polarsim.scoring.surface import Surface, islands
 
 A = looking(np.array([3.6, -0.4, 1.5]), np.pi, 0.4)
@@ -15,22 +15,22 @@ numbers = st.floats(-1, 1)
 
 
 @given(st.tuples(numbers, numbers, numbers), st.tuples(numbers, numbers, numbers))
-def test_the_gauge_undoes_any_rigid_motion_of_the_frame(turn, shift):
+def test_the_alignment_undoes_any_rigid_motion_of_the_frame(turn, shift):
     moved = Pose.from_rotvec(np.array(turn), np.array(shift))
-    gauge = fit_gauge({"A": moved @ A, "C": moved @ C}, {"A": A, "B": A, "C": C})
-    np.testing.assert_allclose((gauge @ moved).matrix, np.eye(4), atol=1e-9)
+    alignment = fit_alignment({"A": moved @ A, "C": moved @ C}, {"A": A, "B": A, "C": C})
+    np.testing.assert_allclose((alignment @ moved).matrix, np.eye(4), atol=1e-9)
 
 
 def test_cameras_set_too_far_apart_keep_their_error():
     off = 0.004 * (C.translation - A.translation) / np.linalg.norm(C.translation - A.translation)
     apart = {"A": Pose(A.rotation, A.translation - off), "C": Pose(C.rotation, C.translation + off)}
-    gauge = fit_gauge(apart, {"A": A, "C": C})
-    assert np.linalg.norm(gauge.apply(A.translation - off) - A.translation) == pytest.approx(0.004, rel=1e-6)
+    alignment = fit_alignment(apart, {"A": A, "C": C})
+    assert np.linalg.norm(alignment.apply(A.translation - off) - A.translation) == pytest.approx(0.004, rel=1e-6)
 
 
 def test_frames_without_a_common_position_cannot_be_compared():
     with pytest.raises(RegistrationError, match="no common position"):
-        fit_gauge({"A": A}, {"B": A})
+        fit_alignment({"A": A}, {"B": A})
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_icp_finds_a_small_motion_of_the_whole_terrain(turn, shift, sand):
     surface = Surface(sand.vertices, sand.faces)
     points, _ = surface.sample(4000, np.random.default_rng(1))
     truth_from_sandbox = Pose.from_rotvec(np.array(turn), np.array(shift))
-    found = refine_gauge(Pose.identity(), truth_from_sandbox.apply(points), surface)
+    found = refine_alignment(Pose.identity(), truth_from_sandbox.apply(points), surface)
     assert angle_between(found, truth_from_sandbox) < 1e-4
     np.testing.assert_allclose(found.apply(points), truth_from_sandbox.apply(points), atol=1e-4)
 
@@ -86,6 +86,6 @@ def test_level_ground_leaves_motions_along_it_to_the_cameras(sand):
     flat = Mesh(sand.vertices * [1, 1, 0], sand.faces)
     points, _ = Surface(flat.vertices, flat.faces).sample(2000, np.random.default_rng(1))
     start = Pose(np.eye(3), np.array([0.004, -0.003, 0.002]))
-    found = refine_gauge(start, points, Surface(flat.vertices, flat.faces))
+    found = refine_alignment(start, points, Surface(flat.vertices, flat.faces))
     np.testing.assert_allclose(found.translation[:2], start.translation[:2], atol=1e-5)
     assert abs(found.translation[2]) < 1e-5

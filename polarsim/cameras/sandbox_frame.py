@@ -38,16 +38,16 @@ TRIPOD_SD, HEADING_SD = 0.3, np.radians(3.0)  # of the survey
 
 
 @dataclass(frozen=True)
-class Gauge:
+class SandboxFrame:
     """`sandbox_from_level`, and what it rests on."""
 
     sandbox_from_level: Pose
     walls: int  # inner walls that were found; 0: the survey alone
 
 
-def find_gauge(
+def find_sandbox_frame(
     points: Mapping[str, np.ndarray], normals: Mapping[str, np.ndarray], level_from_left: Mapping[str, Pose]
-) -> Gauge:
+) -> SandboxFrame:
     """The sandbox frame from scans (n, 3) and their normals (n, 3) in one nearly level frame near it."""
     all_points = np.concatenate([points[position] for position in sorted(points)])
     all_normals = np.concatenate([normals[position] for position in sorted(points)])
@@ -62,7 +62,7 @@ def find_gauge(
     # The plane's height is meant at the origin, which has moved since; its slope is nil, so any place will do.
     ground = _ground(settled.apply(all_points))
     down = Pose(np.eye(3), np.array([0, 0, -ground[2]]))
-    return Gauge(down @ settled, len(walls))
+    return SandboxFrame(down @ settled, len(walls))
 
 
 @dataclass(frozen=True)
