@@ -417,7 +417,7 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
 def scored(folder: Path) -> pd.DataFrame:
     """Figures of cameras and rocks against the truth."""
     common = {"terrain": TERRAIN, "cameras": folder / "cameras", "truth": folder / "truth", "meshes": folder / "meshes"}
-    score_cameras(**common, matches=None, drawn=None, evaluation=folder / "cameras.csv")
+    score_cameras(**common, matches=None, annotated=None, evaluation=folder / "cameras.csv")
     rocks = {"rocks": folder / "rocks.parquet", "evaluation": folder / "rocks.csv", "scores": folder / "scores.csv"}
     rocks |= {"inventory": folder / "inventory.json", "offsets": folder / "offsets.parquet"}
     score_rocks(**common, **rocks, located=folder / "cameras")

@@ -1,10 +1,10 @@
-"""Why rendered and propagated-over shadow boxes differ from drawn ones: one component replaced at a time, and
+"""Why rendered and propagated-over shadow boxes differ from annotated ones: one component replaced at a time, and
 ceilings.
 
 `python benchmarks/shadow_causes.py RELEASE WORK [--config config/release.yaml] [--terrains 1 3 4 8 11 12]`
 
 RELEASE and WORK are those of `benchmarks/transfers.py`, whose placed runs below WORK are taken up. The first table has
-shadows as a renderer makes them (ground that a rock hides from the lamp), against the fullest drawn file of each
+shadows as a renderer makes them (ground that a rock hides from the lamp), against the fullest annotated file of each
 exposure
 bracket under a Sun lamp, rover light off, both cameras. The second has the Left drawing's shadows in the Right photos,
 every published file, with what nobody can know replaced by what the Right drawing says.
@@ -171,14 +171,14 @@ def propagated(run: Run, options: LabelsOptions) -> Propagated:
 def fullest(truth: Truth) -> dict[tuple[str, CameraSide, Azimuth], np.ndarray]:
     """Shadows (n, 4) of the fullest file of each exposure bracket under a Sun lamp, rover light off."""
     found: dict[tuple[str, CameraSide, Azimuth], np.ndarray] = {}
-    for key, drawn in sorted(truth.items(), key=lambda item: len(item[1][ROCK]) + len(item[1][SHADOW])):
-        if key.light == "off" and key.azimuth in SUNS and len(drawn[SHADOW]):
-            found[key.position, key.camera, key.azimuth] = drawn[SHADOW]
+    for key, annotated in sorted(truth.items(), key=lambda item: len(item[1][ROCK]) + len(item[1][SHADOW])):
+        if key.light == "off" and key.azimuth in SUNS and len(annotated[SHADOW]):
+            found[key.position, key.camera, key.azimuth] = annotated[SHADOW]
     return found
 
 
 def score_causes(known: Known, truth: Truth, options: LabelsOptions) -> Iterator[tuple[str, Counts]]:
-    drawn = fullest(truth)
+    annotated = fullest(truth)
     suns = known.world.suns
     meshes = build_world(known.terrain, TRIM, suns, options.wall_height_m)  # without stand-ins
     for position in sorted(known.placed):
@@ -186,11 +186,11 @@ def score_causes(known: Known, truth: Truth, options: LabelsOptions) -> Iterator
         for camera in ("L", "R"):
             seen = Seen(meshes, labels.rocks.view(camera))
             for azimuth in SUNS:
-                if (position, camera, azimuth) in drawn:
+                if (position, camera, azimuth) in annotated:
                     rocks = {label.rock: label.box for label in labels.rocks.labels(camera, azimuth)}
                     for name, boxes in causes(seen, suns[azimuth], rocks, labels.shadows, (camera, azimuth)):
                         found = np.array(list(boxes.values())).reshape(-1, 4)
-                        yield name, count_boxes(drawn[position, camera, azimuth], found)
+                        yield name, count_boxes(annotated[position, camera, azimuth], found)
 
 
 def score_ceilings(
@@ -200,12 +200,12 @@ def score_ceilings(
         labels = PositionLabels(known, position, options)
         left, right = labels.rocks.view("L"), labels.rocks.view("R")
         for azimuth in SUNS:
-            drawn = labels.shadows.drawn("L", azimuth)
-            if drawn is None:
+            annotated = labels.shadows.annotated("L", azimuth)
+            if annotated is None:
                 continue
             rocks = labels.rocks.labels("R", azimuth)
             found = clip(np.array([own.box for own in labels.shadows.labels("R", "off", azimuth, rocks, None)]))
-            moved = move_flat(known.world, left, right, drawn)
+            moved = move_flat(known.world, left, right, annotated)
             for key, boxes in truth.items():
                 if (key.position, key.camera, key.azimuth) == (position, "R", azimuth):
                     yield from _ceilings(key, boxes[SHADOW], found, moved, starts)

@@ -43,7 +43,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position import PositionLabels
 from polarsim.labels.position_rocks import PositionRocks
 from polarsim.labels.propagate import propagate_labels
-from polarsim.labels.seeds import Drawn, Seeds, Sight, choose_seeds, read_drawings, shadow_starts
+from polarsim.labels.seeds import Annotated, Seeds, Sight, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.tracks import Track
 from polarsim.labels.view import move_rocks
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
@@ -52,7 +52,7 @@ from polarsim.scoring.score import Counts, count_boxes
 
 POSITIONS = "ABC"
 EDGES = ["x0", "y0", "x1", "y1"]
-SAME_ROCK = 0.1  # least IoU of a drawn box with the mean of a rock's other drawings
+SAME_ROCK = 0.1  # least IoU of an annotated box with the mean of a rock's other drawings
 
 Truth = dict[PhotoKey, dict[str, np.ndarray]]  # boxes (n, 4) by kind
 
@@ -162,12 +162,12 @@ class Scores:
     labels: list[pd.DataFrame] = field(default_factory=list)
 
     def add(self, task: str, key: PhotoKey, truth: dict[str, np.ndarray], labels: pd.DataFrame) -> None:
-        for kind, drawn in truth.items():
+        for kind, annotated in truth.items():
             found = labels[labels["kind"] == kind]
             boxes = found[EDGES].to_numpy(float)
             name = task, kind, key.terrain
-            self.counts[name] = self.counts.get(name, Counts()) + count_boxes(drawn, boxes)
-            hits = np.isin(np.arange(len(found)), match(iou(drawn, boxes))[1])
+            self.counts[name] = self.counts.get(name, Counts()) + count_boxes(annotated, boxes)
+            hits = np.isin(np.arange(len(found)), match(iou(annotated, boxes))[1])
             self.labels.append(found.assign(hit=hits, size=np.sqrt(area(boxes)), no_lamp=key.azimuth == "no"))
 
     def show(self) -> None:
@@ -194,25 +194,25 @@ def task_of(key: PhotoKey) -> str:
 def score_run(run: Run, truth: Truth, task: str | None, options: LabelsOptions, scores: Scores) -> None:
     """Every file that is no seed, of the photos that `truth` holds."""
     run.place()
-    wanted = {key: drawn for key, drawn in truth.items() if key not in run.seeds}
+    wanted = {key: annotated for key, annotated in truth.items() if key not in run.seeds}
     table = run.labels(sorted(wanted), options, run.folder)
     rows = dict(iter(table.groupby("key")))
-    for key, drawn in wanted.items():
-        scores.add(task or task_of(key), key, drawn, rows.get(str(key), table[:0]))
+    for key, annotated in wanted.items():
+        scores.add(task or task_of(key), key, annotated, rows.get(str(key), table[:0]))
 
 
 def partial_runs(run: Run, truth: Truth) -> Iterator[tuple[Run, Truth, str]]:
     """Seeds of one azimuth, of three, and of two positions: what they are asked for, in the Left photos, light off."""
-    left = {key: drawn for key, drawn in truth.items() if (key.camera, key.light) == ("L", "off")}
+    left = {key: annotated for key, annotated in truth.items() if (key.camera, key.light) == ("L", "off")}
     for azimuth in SUNS:
         others = tuple(other for other in SUNS if other != azimuth)
-        rocks = {key: {ROCK: drawn[ROCK]} for key, drawn in left.items()}
-        elsewhere = {key: drawn for key, drawn in rocks.items() if key.azimuth in others}
-        there = {key: drawn for key, drawn in rocks.items() if key.azimuth == azimuth}
+        rocks = {key: {ROCK: annotated[ROCK]} for key, annotated in left.items()}
+        elsewhere = {key: annotated for key, annotated in rocks.items() if key.azimuth in others}
+        there = {key: annotated for key, annotated in rocks.items() if key.azimuth == azimuth}
         yield with_seeds(run, (azimuth,), POSITIONS), elsewhere, "one azimuth to another"
         yield with_seeds(run, others, POSITIONS), there, "from the other three azimuths"
     for position in POSITIONS:
-        own = {key: drawn for key, drawn in left.items() if key.position == position and key.azimuth in SUNS}
+        own = {key: annotated for key, annotated in left.items() if key.position == position and key.azimuth in SUNS}
         yield with_seeds(run, run.azimuths, POSITIONS.replace(position, "")), own, "position without seed"
         yield from unplaced_run(run, truth, position)
 
@@ -220,9 +220,9 @@ def partial_runs(run: Run, truth: Truth) -> Iterator[tuple[Run, Truth, str]]:
 def unplaced_run(run: Run, truth: Truth, position: str) -> Iterator[tuple[Run, Truth, str]]:
     """A position whose cameras were not found."""
     lost = replace(run, unplaced=position)
-    suns = {key: drawn for key, drawn in truth.items() if key.position == position and key.azimuth in SUNS}
+    suns = {key: annotated for key, annotated in truth.items() if key.position == position and key.azimuth in SUNS}
     for camera, task in (("L", "not placed, other Left photos"), ("R", "not placed, Left to Right")):
-        yield lost, {key: drawn for key, drawn in suns.items() if key.camera == camera}, task
+        yield lost, {key: annotated for key, annotated in suns.items() if key.camera == camera}, task
 
 
 def with_seeds(run: Run, azimuths: tuple[Azimuth, ...], seeded: str) -> Run:
@@ -231,15 +231,15 @@ def with_seeds(run: Run, azimuths: tuple[Azimuth, ...], seeded: str) -> Run:
 
 @dataclass(frozen=True)
 class CastPairs:
-    """Shadows as cast and as drawn by the same rock: terms (n, 4, t), boxes (n, 4) each."""
+    """Shadows as cast and as annotated by the same rock: terms (n, 4, t), boxes (n, 4) each."""
 
     terms: np.ndarray
     cast: np.ndarray
-    drawn: np.ndarray
+    annotated: np.ndarray
 
 
 def cast_pairs(run: Run, options: LabelsOptions) -> CastPairs:
-    """Every drawn shadow of the seeds beside the one that geometry alone gives."""
+    """Every annotated shadow of the seeds beside the one that geometry alone gives."""
     run.place()
     plain = options.model_copy(update={"annotator_shadows": (0.0,) * len(annotator_model.TERMS)})
     placed = rigs.read_all_placed(run.folder / "cameras")
@@ -262,15 +262,17 @@ def cast_pairs(run: Run, options: LabelsOptions) -> CastPairs:
                         box, rock, shown.box if shown else rock, own.rocks.px_per_m("L", label.rock)
                     )
                     rows.append((terms, box, label.box))
-    terms, cast_boxes, drawn = (np.array(column) for column in zip(*rows, strict=True))
-    return CastPairs(terms, cast_boxes, drawn)
+    terms, cast_boxes, annotated = (np.array(column) for column in zip(*rows, strict=True))
+    return CastPairs(terms, cast_boxes, annotated)
 
 
 def fitted(pairs: Iterable[CastPairs], rounds: int = 20, scale: float = 1.5) -> tuple[float, ...]:
     """Coefficients of the annotator model' terms by iterated least squares with Cauchy weights."""
     known = list(pairs)
     terms = np.concatenate([one.terms for one in known]).reshape(-1, len(annotator_model.TERMS))
-    moved = np.concatenate([(one.drawn - one.cast) * annotator_model.OUTWARD.sum(axis=1) for one in known]).reshape(-1)
+    moved = np.concatenate([(one.annotated - one.cast) * annotator_model.OUTWARD.sum(axis=1) for one in known]).reshape(
+        -1
+    )
     found = np.zeros(terms.shape[1])
     for _ in range(rounds):
         error = moved - terms @ found
@@ -301,16 +303,17 @@ def both_cameras(run: Run, truth: Truth, options: LabelsOptions) -> Known:
     fullest = sorted(truth, key=lambda key: (len(truth[key][ROCK]), -abs(np.log2(key.exposure_ms / 256)), key))
     for key in fullest:
         if key.light == "off" and key.azimuth in SUNS:
-            seeds.setdefault(key.position, {})[key.camera, key.azimuth] = Drawn(truth[key][ROCK], None)
+            seeds.setdefault(key.position, {})[key.camera, key.azimuth] = Annotated(truth[key][ROCK], None)
     suns = lamps.read_suns(run.folder / "cameras", placed)
     return gather(read_terrain(run.folder / "meshes", run.terrain), placed, suns, seeds, options)
 
 
-def best_boxes(known: Known, key: PhotoKey, drawn: np.ndarray, options: LabelsOptions) -> Drawing:
-    """The rocks that any drawing of a position shows, for a file with boxes `drawn` (m, 4).
+def best_boxes(known: Known, key: PhotoKey, annotated: np.ndarray, options: LabelsOptions) -> Drawing:
+    """The rocks that any drawing of a position shows, for a file with boxes `annotated` (m, 4).
 
-    The mean of n other drawings lies off a drawn box by sqrt((n + 1) / n) times the noise of one drawing; the mean of
-    infinitely many would by the noise alone. So the mean is moved towards the drawn box until its distance is that.
+    The mean of n other drawings lies off an annotated box by sqrt((n + 1) / n) times the noise of one drawing; the
+    mean of
+    infinitely many would by the noise alone. So the mean is moved towards the annotated box until its distance is that.
     """
     rocks = PositionRocks(known, key.position, options)
     means, counts, tracks = [], [], []
@@ -326,18 +329,18 @@ def best_boxes(known: Known, key: PhotoKey, drawn: np.ndarray, options: LabelsOp
         counts.append(len(sights))
         tracks.append(track)
     boxes, others = np.array(means).reshape(-1, 4), np.array(counts, float)[:, None]
-    rows, columns = match(iou(drawn, boxes), SAME_ROCK)
-    boxes[columns] = drawn[rows] + np.sqrt(others / (others + 1))[columns] * (boxes[columns] - drawn[rows])
+    rows, columns = match(iou(annotated, boxes), SAME_ROCK)
+    boxes[columns] = annotated[rows] + np.sqrt(others / (others + 1))[columns] * (boxes[columns] - annotated[rows])
     return Drawing(clip(boxes), tracks, np.isin(np.arange(len(boxes)), columns))
 
 
 def score_ceilings(run: Run, truth: Truth, options: LabelsOptions, scores: Scores) -> None:
-    """Perfect boxes of every drawn file, chosen in several ways."""
+    """Perfect boxes of every annotated file, chosen in several ways."""
     known = both_cameras(run, truth, options)
-    for key, drawn in truth.items():
+    for key, annotated in truth.items():
         if key.position not in known.tracks:
             continue
-        best = best_boxes(known, key, drawn[ROCK], options)
+        best = best_boxes(known, key, annotated[ROCK], options)
         others = [azimuth for azimuth in SUNS if azimuth != key.azimuth]
         chosen = {"presence known": best.shown}
         if key.azimuth == "no":
@@ -354,11 +357,11 @@ def score_ceilings(run: Run, truth: Truth, options: LabelsOptions, scores: Score
             chosen["in two of the three others"] = best.under(("L", azimuth) for azimuth in others) >= 2
             for azimuth in others:
                 in_one = best.under([("L", azimuth)]) == 1
-                scores.add(f"{task}, as one other has it", key, {ROCK: drawn[ROCK]}, as_labels(best.boxes[in_one]))
+                scores.add(f"{task}, as one other has it", key, {ROCK: annotated[ROCK]}, as_labels(best.boxes[in_one]))
         else:
             continue
         for name, rows in chosen.items():
-            scores.add(f"{task}, {name}", key, {ROCK: drawn[ROCK]}, as_labels(best.boxes[rows]))
+            scores.add(f"{task}, {name}", key, {ROCK: annotated[ROCK]}, as_labels(best.boxes[rows]))
 
 
 def as_labels(boxes: np.ndarray) -> pd.DataFrame:
@@ -383,14 +386,14 @@ def rover_lit(run: Run, truth: Truth, options: LabelsOptions) -> RoverLit:
     seeds = choose_seeds(drawings, {}, shadow_starts(drawings, options.shadow_start(run.terrain)))
     known = gather(read_terrain(run.folder / "meshes", run.terrain), placed, suns, seeds, options)
     brackets: dict[tuple[str, CameraSide], list[np.ndarray]] = {}
-    for key, drawn in truth.items():
+    for key, annotated in truth.items():
         if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= options.no_sun_start_ms:
-            brackets.setdefault((key.position, key.camera), []).append(drawn[ROCK])
+            brackets.setdefault((key.position, key.camera), []).append(annotated[ROCK])
     terms, hit = [np.zeros((0, len(rover_light.TERMS)))], [np.zeros(0)]
     for (position, camera), files in brackets.items():
         rocks = PositionRocks(known, position, options)
         boxes = rocks.fused(camera)
-        found = [np.isin(np.arange(len(boxes)), match(iou(drawn, boxes))[1]) for drawn in files]
+        found = [np.isin(np.arange(len(boxes)), match(iou(annotated, boxes))[1]) for annotated in files]
         terms.append(np.array([rocks.rover_light_terms(camera, row) for row in range(len(boxes))]))
         hit.append(np.mean(found, axis=0))
     return RoverLit(np.concatenate(terms), np.concatenate(hit))

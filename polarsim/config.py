@@ -169,11 +169,11 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return RenderOptions.model_validate(self.render.model_dump() | changed | fixed)
 
     @property
-    def drawn_root(self) -> Path:
+    def annotated_root(self) -> Path:
         """Folder of the labels that people drew, which scores are measured against: the seeds' where there are some."""
         seeds = self.labels.seeds
         own = seeds.root if isinstance(seeds, SeedOptions) else None
-        return self.scoring.drawn_root or own or self.source.root
+        return self.scoring.annotated_root or own or self.source.root
 
     @property
     def ablation_detectors(self) -> tuple[str, ...]:

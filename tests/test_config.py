@@ -182,6 +182,6 @@ def test_impossible_seeds_are_told_in_one_line(seeds, kind, told):
 
 
 def test_scores_are_measured_against_the_folder_that_is_named_or_that_of_the_seeds():
-    assert seeded("none").drawn_root == Path("data")
-    assert seeded({"root": "drawn"}).drawn_root == Path("drawn")
-    assert seeded("none", scoring={"drawn_root": "drawn"}).drawn_root == Path("drawn")
+    assert seeded("none").annotated_root == Path("data")
+    assert seeded({"root": "annotated"}).annotated_root == Path("annotated")
+    assert seeded("none", scoring={"annotated_root": "annotated"}).annotated_root == Path("annotated")

@@ -98,7 +98,7 @@ SeedChoice = SeedOptions | Literal["none"]
 
 
 def told_seeds(seeds: SeedChoice) -> str:
-    """Which photos the seeds were drawn in, in a few words for tables."""
+    """Which photos the seeds were annotated in, in a few words for tables."""
     if not isinstance(seeds, SeedOptions):
         return NO_SEEDS
     exposure = seeds.exposure if seeds.exposure == "best" else f"{seeds.exposure} ms"

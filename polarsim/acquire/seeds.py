@@ -69,19 +69,19 @@ def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
 
     Shadows that other azimuths show to be rocks become rocks: one such file would mislead cameras and labels alike.
     """
-    drawn = {key: yolo.read_boxes_or_polygons(path) for key, path in chosen}
+    annotated = {key: yolo.read_boxes_or_polygons(path) for key, path in chosen}
     with writing_folder(seeds) as folder:
-        for key, (_, boxes) in drawn.items():
-            yolo.write_boxes(folder / f"{key}.txt", _unswapped(key, drawn), boxes)
+        for key, (_, boxes) in annotated.items():
+            yolo.write_boxes(folder / f"{key}.txt", _unswapped(key, annotated), boxes)
 
 
-def _unswapped(key: PhotoKey, drawn: Mapping[PhotoKey, tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+def _unswapped(key: PhotoKey, annotated: Mapping[PhotoKey, tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """(n,) classes of a seed, put right where at least two other azimuths of its view tell otherwise."""
     rock, shadow = BOX_CLASSES.index(ROCK), BOX_CLASSES.index(SHADOW)
-    classes, boxes = drawn[key]
+    classes, boxes = annotated[key]
     elsewhere = [
         others[numbers == rock]
-        for other, (numbers, others) in drawn.items()
+        for other, (numbers, others) in annotated.items()
         if other.view == key.view and other.light == key.light and other.azimuth != key.azimuth
     ]
     shadows = np.flatnonzero(classes == shadow)

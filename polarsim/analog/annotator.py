@@ -1,4 +1,4 @@
-"""A model of the person who drew the labels: which things are drawn, and how far off their edges are.
+"""A model of the person who drew the labels: which things are annotated, and how far off their edges are.
 
 Numbers: scatter of the published labels, `edges of one drawing` by size of the rock and of shadows (robust and plain
 standard deviations of x0, y0, x1, y1 in px), and the share of rocks in the Left photo that the Right one lacks.
@@ -40,14 +40,14 @@ def draw_rock(region: Region, photo: np.ndarray, rng: np.random.Generator) -> np
         return None
     if (x1 - x0 < _TINY_PX and tiny < _TINY_MISSED) or chance < _FORGOTTEN[size_class]:
         return None
-    return _drawn(np.array(region.box, float), noise)
+    return _annotated(np.array(region.box, float), noise)
 
 
 def draw_shadow(region: Region, rng: np.random.Generator) -> np.ndarray | None:
     """(4,) the box around a shadow's visible part; None where it is forgotten."""
     forgotten = rng.random() < _SHADOW_FORGOTTEN
     noise = _edge_noise(_SHADOW_ROBUST, _SHADOW_TAIL * 1.8, rng)
-    return None if forgotten else _drawn(np.array(region.box, float), noise)
+    return None if forgotten else _annotated(np.array(region.box, float), noise)
 
 
 def _edge_noise(robust: np.ndarray, tail: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -55,7 +55,7 @@ def _edge_noise(robust: np.ndarray, tail: np.ndarray, rng: np.random.Generator) 
     return rng.standard_normal(4) * np.where(far, tail, robust)
 
 
-def _drawn(box: np.ndarray, noise: np.ndarray) -> np.ndarray | None:
+def _annotated(box: np.ndarray, noise: np.ndarray) -> np.ndarray | None:
     sides = np.array([box[2] - box[0], box[3] - box[1]])
     limit = np.tile(np.maximum(_SHARE_OF_SIDE * sides, 1.0), 2) * 2
     edges = np.round(box + np.clip(noise, -limit, limit))
@@ -73,7 +73,7 @@ def annotate(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Class numbers (n,) and boxes (n, 4), px, that a person draws into a photo: rocks first, in no order.
 
-    Shadows are drawn of rocks that were drawn, where the photo shows them darker than the sand around.
+    Shadows are annotated of rocks that were annotated, where the photo shows them darker than the sand around.
     """
     rock_boxes, seen = [], set()
     for region in (rocks[index] for index in rng.permutation(len(rocks))):

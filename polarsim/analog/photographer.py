@@ -23,7 +23,7 @@ from polarsim.analog.stations import ROVER, Stations
 from polarsim.analog.terrain import Terrain
 from polarsim.analog.view import Textures, look, make_textures
 from polarsim.formats import nasa, png, tables, yolo
-from polarsim.photo import BLACK_LEVEL, CAMERAS, HEIGHT, ROCK, SHADOW, SHADOWS_DRAWN_FROM_MS, WIDTH, PhotoKey
+from polarsim.photo import BLACK_LEVEL, CAMERAS, HEIGHT, ROCK, SHADOW, SHADOWS_ANNOTATED_FROM_MS, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.survey import ROVER_LIGHT_SHARE
@@ -165,14 +165,14 @@ def _shoot(
                 rows += found
                 if photo is None:
                     continue
-                rank = (key.exposure_ms >= SHADOWS_DRAWN_FROM_MS, quality)  # a person likes a photo with shadows
+                rank = (key.exposure_ms >= SHADOWS_ANNOTATED_FROM_MS, quality)  # a person likes a photo with shadows
                 if key.azimuth not in best or rank > best[key.azimuth][0]:
                     best[key.azimuth] = rank, key, photo
     for _, key, photo in best.values():
         rng = generator(options.seed, "annotator", key.with_exposure(16))
-        with_shadows = key.exposure_ms >= SHADOWS_DRAWN_FROM_MS
-        drawn = annotate(layers.rocks, layers.shadows_of(key), photo, rng, with_shadows=with_shadows)
-        yolo.write_boxes(seeds / f"{key}.txt", *drawn)
+        with_shadows = key.exposure_ms >= SHADOWS_ANNOTATED_FROM_MS
+        annotated = annotate(layers.rocks, layers.shadows_of(key), photo, rng, with_shadows=with_shadows)
+        yolo.write_boxes(seeds / f"{key}.txt", *annotated)
     return rows
 
 

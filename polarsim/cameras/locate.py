@@ -146,8 +146,8 @@ def _locate_by_labels(
 ) -> Located:
     meshes = {rock: obj.read(path) for rock, path in known.rock_meshes().items()}
     outlines = outlines_of(meshes)
-    drawn = read_rock_boxes(seeds, known.terrain)
-    seen = {position: consensus_boxes(drawn.get(position, [])) for position in positions}
+    annotated = read_rock_boxes(seeds, known.terrain)
+    seen = {position: consensus_boxes(annotated.get(position, [])) for position in positions}
     found = place_all(seen, outlines, rig.left, options)
     _tell_refused(found)
     details = {}
@@ -211,9 +211,9 @@ def _match_rows(
     return rows
 
 
-def _offsets(projected: np.ndarray, drawn: np.ndarray) -> np.ndarray:
-    """(n, 2) of the projected boxes' middles from the drawn ones, pixels."""
-    return np.asarray((projected[:, :2] + projected[:, 2:] - drawn[:, :2] - drawn[:, 2:]) / 2)
+def _offsets(projected: np.ndarray, annotated: np.ndarray) -> np.ndarray:
+    """(n, 2) of the projected boxes' middles from the annotated ones, pixels."""
+    return np.asarray((projected[:, :2] + projected[:, 2:] - annotated[:, :2] - annotated[:, 2:]) / 2)
 
 
 def _completed(placed: dict[str, PlacedRig], positions: Sequence[str], rig: StereoRig) -> dict[str, PlacedRig]:

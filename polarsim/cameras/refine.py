@@ -23,7 +23,7 @@ MIN_IN_VIEW = 0.5  # a rock with less of its box inside the photo is out of view
 class EdgeNoise:
     """What a fit takes for likely."""
 
-    edge_px: float  # standard deviation of a drawn edge
+    edge_px: float  # standard deviation of an annotated edge
     border_px: float  # edges this near to the photo's border are not measured
     loss: Literal["soft_l1", "cauchy"] = "soft_l1"
     loss_scale: float = 1.0

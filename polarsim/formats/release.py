@@ -74,12 +74,12 @@ def mesh_folder(root: str | Path, terrain: int) -> Path:
 
 
 def label_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
-    """The hand-drawn boxes of a terrain."""
+    """The hand-annotated boxes of a terrain."""
     return key_files(label_folder(root, terrain)).files
 
 
 def polygon_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
-    """The hand-drawn polygons of a terrain."""
+    """The hand-annotated polygons of a terrain."""
     return _polygons(root, terrain).files
 
 
@@ -96,7 +96,7 @@ def ground_file(root: str | Path, terrain: int) -> Path | None:
 
 
 def cover_photos(root: str | Path, terrain: int) -> dict[str, Path]:
-    """Pictures with rock ids drawn in, by position."""
+    """Pictures with rock ids ANNOTATED_IN, by position."""
     found = {}
     for path in sorted((Path(root) / COVERS).glob("*.png")):
         name = _COVER.fullmatch(path.name)

@@ -60,7 +60,7 @@ OFFSETS = _schema("evaluation/offsets_TerrainTT.parquet", "rock:i x:f:m y:f:m z:
 LABEL_PAIRS = _schema(
     "evaluation/label_pairs_TerrainTT.parquet",
     _KEY,
-    "task:s kind:s drawn:b hit:b iou:f iou_best:f truth_px:f:px label_px:f:px rock:i source:s confidence:f",
+    "task:s kind:s annotated:b hit:b iou:f iou_best:f truth_px:f:px label_px:f:px rock:i source:s confidence:f",
     _BOX,
     "true_x0:f:px true_y0:f:px true_x1:f:px true_y1:f:px against:s",
 )

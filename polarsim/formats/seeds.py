@@ -24,6 +24,6 @@ def read_rock_boxes(seeds: Path, terrain: int) -> dict[str, list[np.ndarray]]:
         with about(path):
             key = PhotoKey.parse(path.stem)
         if key.terrain == terrain and key.camera == "L":
-            classes, drawn = yolo.read_boxes(path)
-            boxes.setdefault(key.position, []).append(drawn[classes == BOX_CLASSES.index(ROCK)])
+            classes, annotated = yolo.read_boxes(path)
+            boxes.setdefault(key.position, []).append(annotated[classes == BOX_CLASSES.index(ROCK)])
     return boxes

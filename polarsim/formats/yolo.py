@@ -122,10 +122,10 @@ def read_boxes_or_polygons(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     if not lines or len(lines[0][1]) <= 5:
         return read_boxes(path)
     found = [(POLYGON_CLASSES[number], ring) for number, ring in read_polygons(path)]
-    drawn = [(BOX_CLASSES.index(kind), np.clip(ring, 0, _SIZE)) for kind, ring in found if kind in BOX_CLASSES]
-    boxes = np.array([[*ring.min(axis=0), *ring.max(axis=0)] for _, ring in drawn]).reshape(-1, 4)
+    annotated = [(BOX_CLASSES.index(kind), np.clip(ring, 0, _SIZE)) for kind, ring in found if kind in BOX_CLASSES]
+    boxes = np.array([[*ring.min(axis=0), *ring.max(axis=0)] for _, ring in annotated]).reshape(-1, 4)
     has_area = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
-    return np.array([number for number, _ in drawn], int)[has_area], boxes[has_area]
+    return np.array([number for number, _ in annotated], int)[has_area], boxes[has_area]
 
 
 def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]]) -> None:

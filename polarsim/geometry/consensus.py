@@ -9,15 +9,15 @@ import numpy as np
 from polarsim.geometry.boxes import iou
 
 
-def consensus_boxes(drawn: Sequence[np.ndarray], share: float = 0.3, same_iou: float = 0.5) -> np.ndarray:
+def consensus_boxes(annotated: Sequence[np.ndarray], share: float = 0.3, same_iou: float = 0.5) -> np.ndarray:
     """Boxes that enough of the photos agree on.
 
     Parameters
     ----------
-    drawn : sequence of (n, 4) float
+    annotated : sequence of (n, 4) float
         Rock boxes of one view in pixels, one array a photo (an azimuth each).
     share : float
-        A rock counts when it was drawn in at least this part of the photos.
+        A rock counts when it was annotated in at least this part of the photos.
     same_iou : float
         Boxes of two photos that overlap by more are one rock's.
 
@@ -27,10 +27,10 @@ def consensus_boxes(drawn: Sequence[np.ndarray], share: float = 0.3, same_iou: f
         Median box of each rock, in order of first sight; none at all for no photos.
     """
     clusters: list[list[np.ndarray]] = []
-    for boxes in drawn:
+    for boxes in annotated:
         _add_photo(clusters, np.asarray(boxes, float).reshape(-1, 4), same_iou)
     clusters = _merged(clusters, same_iou)
-    kept = [_median(cluster) for cluster in clusters if len(cluster) >= share * len(drawn)]
+    kept = [_median(cluster) for cluster in clusters if len(cluster) >= share * len(annotated)]
     return np.array(kept).reshape(-1, 4)
 
 
@@ -39,7 +39,7 @@ def consensus_of_sets(sets: Sequence[Sequence[np.ndarray]], share: float = 0.3, 
 
     Each set speaks with one voice, the medians over its exposures, however many of them were labelled.
     """
-    return consensus_boxes([consensus_boxes(drawn, 0.0, same_iou) for drawn in sets], share, same_iou)
+    return consensus_boxes([consensus_boxes(annotated, 0.0, same_iou) for annotated in sets], share, same_iou)
 
 
 def _add_photo(clusters: list[list[np.ndarray]], boxes: np.ndarray, same_iou: float) -> None:

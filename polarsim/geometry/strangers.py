@@ -40,18 +40,18 @@ class Stranger:
         )
 
 
-def find_strangers(drawn: Mapping[str, np.ndarray], projected: Mapping[str, np.ndarray]) -> list[Stranger]:
+def find_strangers(annotated: Mapping[str, np.ndarray], projected: Mapping[str, np.ndarray]) -> list[Stranger]:
     """Positions whose boxes belong to another one.
 
     Parameters
     ----------
-    drawn : position -> (b, 4) float
+    annotated : position -> (b, 4) float
         Rock boxes of its left photos, one a rock, pixels.
     projected : position -> (m, 4) float
         Boxes of the terrain's rocks in the left photos that are taken from its pose; NaN for those that are not seen.
     """
     found = []
-    for position, boxes in sorted(drawn.items()):
+    for position, boxes in sorted(annotated.items()):
         if len(boxes) < LEAST_BOXES or position not in projected:
             continue
         met = {pose: float((largest_iou(boxes, _seen(rocks)) >= MET).mean()) for pose, rocks in projected.items()}
@@ -63,14 +63,14 @@ def find_strangers(drawn: Mapping[str, np.ndarray], projected: Mapping[str, np.n
 
 
 def positions_of_strangers(
-    drawn: Mapping[str, np.ndarray], cameras: Mapping[str, Camera], rocks: Sequence[np.ndarray]
+    annotated: Mapping[str, np.ndarray], cameras: Mapping[str, Camera], rocks: Sequence[np.ndarray]
 ) -> set[str]:
     """The positions that `find_strangers` names, by rocks' points (n, 3) and the left cameras; warns of each."""
     projected = {
         position: np.array([camera.box_around(points) for points in rocks]).reshape(-1, 4)
         for position, camera in cameras.items()
     }
-    strangers = find_strangers(drawn, projected)
+    strangers = find_strangers(annotated, projected)
     for stranger in strangers:
         log.warning("%s", stranger)
     return {stranger.position for stranger in strangers}

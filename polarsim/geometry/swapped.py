@@ -1,4 +1,4 @@
-"""Boxes whose class was swapped: a shadow drawn where other lamps show a rock is that rock."""
+"""Boxes whose class was swapped: a shadow annotated where other lamps show a rock is that rock."""
 
 from __future__ import annotations
 

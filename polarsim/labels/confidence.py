@@ -1,6 +1,7 @@
 """How likely a label and the box that a person draws there overlap by IoU >= 0.5.
 
-Logistic in the share of the drawn azimuths that show the rock, of those that could, and in the logarithm of the label's
+Logistic in the share of the annotated azimuths that show the rock, of those that could, and in the logarithm of the
+label's
 size. The coefficients were fitted by `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published
 labels, where one person's drawing is the truth; those of fused rocks (under Sun lamps; without one `rover_light` tells)
 and of `shifted` to 12 too, for the latter the pose of each position in turn forgotten.
@@ -31,8 +32,8 @@ def confidence(kind: str, source: str, share: float, size_px: float, *, by_rover
     Parameters
     ----------
     share
-        Of the azimuths drawn at the label's position whose lamps light the rock, those that show it; 1 where that says
-        nothing.
+        Of the azimuths annotated at the label's position whose lamps light the rock, those that show it; 1 where
+        that says nothing.
     size_px
         sqrt(width * height) of the label.
     by_rover_light

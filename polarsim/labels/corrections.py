@@ -12,13 +12,13 @@ from polarsim.formats.annotated import read_annotated
 from polarsim.formats.coco import read_coco
 from polarsim.geometry.boxes import iou, match
 from polarsim.labels.label import Label, label_of
-from polarsim.labels.seeds import Drawn
+from polarsim.labels.seeds import Annotated
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, PhotoKey
 
 SAME_LABEL = 0.1  # least IoU of a person's box with a propagated one whose rock it takes over
 
 
-def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Drawn]:
+def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Annotated]:
     """What people drew in photos of a terrain, as `KEY.txt` or as COCO files (`*.json`); nothing without a folder.
 
     Raises
@@ -30,18 +30,18 @@ def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Drawn]
         return {}
     found = read_annotated(folder)
     for path in sorted(Path(folder).rglob("*.json")):
-        for key, drawn in read_coco(path).items():
+        for key, annotated in read_coco(path).items():
             if key in found:
                 raise FormatError(f"{key} is corrected in another file of {folder} too", path=path)
-            classes = np.array([BOX_CLASSES.index(one.kind) for one in drawn], int)
-            found[key] = classes, np.array([one.box for one in drawn]).reshape(-1, 4)
-    return {key: Drawn.of(*found[key]) for key in sorted(found) if key.terrain == terrain}
+            classes = np.array([BOX_CLASSES.index(one.kind) for one in annotated], int)
+            found[key] = classes, np.array([one.box for one in annotated]).reshape(-1, 4)
+    return {key: Annotated.of(*found[key]) for key in sorted(found) if key.terrain == terrain}
 
 
-def as_drawn(drawn: Drawn, labels: Sequence[Label]) -> list[Label]:
+def as_annotated(annotated: Annotated, labels: Sequence[Label]) -> list[Label]:
     """The boxes of a person, with the rocks of the propagated labels of the same exposure bracket that they lie on."""
     found = []
-    for kind, boxes in ((ROCK, drawn.rocks), (SHADOW, drawn.shadows)):
+    for kind, boxes in ((ROCK, annotated.rocks), (SHADOW, annotated.shadows)):
         if boxes is None:
             continue
         near = [label for label in labels if label.kind == kind]

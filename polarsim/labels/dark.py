@@ -19,9 +19,11 @@ FARTHEST = np.diag([0.6, 0.6, 0.3])  # metres, x y z: twice the survey's standar
 PLACES = np.concatenate([np.zeros((1, 3)), FARTHEST, -FARTHEST])  # of a lamp about the surveyed one
 
 
-def hidden_by_dark(world: World, rock: int, azimuth: Azimuth, drawn: Iterable[Azimuth]) -> bool:
-    """A rock that people do not draw under a Sun lamp, for it is dark there; `drawn`: azimuths where they drew it."""
-    return in_the_dark(world, rock, azimuth) and not any(in_the_dark(world, rock, other) for other in drawn)
+def hidden_by_dark(world: World, rock: int, azimuth: Azimuth, annotated: Iterable[Azimuth]) -> bool:
+    """A rock that people do not draw under a Sun lamp, for it is dark there; `annotated`: azimuths where they drew
+    it.
+    """
+    return in_the_dark(world, rock, azimuth) and not any(in_the_dark(world, rock, other) for other in annotated)
 
 
 def in_the_dark(world: World, rock: int, azimuth: Azimuth) -> bool:

@@ -1,4 +1,4 @@
-"""Which rock a drawn box shows: its mesh where one projects there, a numbered stand-in elsewhere."""
+"""Which rock an annotated box shows: its mesh where one projects there, a numbered stand-in elsewhere."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ SAME_PLACE = 0.06  # metres: two stand-ins nearer than this, or than half a radi
 FORBIDDEN = 1e3
 
 
-def match_boxes(drawn: np.ndarray, expected: np.ndarray, gate_px: float, smallest_iou: float = 0.2) -> np.ndarray:
-    """(n,) row of `expected` (m, 4) for each box of `drawn` (n, 4), -1 for none: one-to-one, nearest and likest first.
+def match_boxes(annotated: np.ndarray, expected: np.ndarray, gate_px: float, smallest_iou: float = 0.2) -> np.ndarray:
+    """(n,) row of `expected` (m, 4) for each box of `annotated` (n, 4), -1 for none: one-to-one, nearest and likest
+    first.
 
     A pair farther apart than the gate, centre to centre, counts only if its boxes overlap by `smallest_iou`: large
     boxes may be off by more.
     """
-    found = np.full(len(drawn), -1)
-    if not len(drawn) or not len(expected):
+    found = np.full(len(annotated), -1)
+    if not len(annotated) or not len(expected):
         return found
-    overlap = iou(drawn, expected)
-    distance = np.linalg.norm(centres(drawn)[:, None] - centres(expected)[None], axis=-1)
+    overlap = iou(annotated, expected)
+    distance = np.linalg.norm(centres(annotated)[:, None] - centres(expected)[None], axis=-1)
     cost = distance / gate_px - overlap
     cost[(distance > gate_px) & (overlap < smallest_iou)] = FORBIDDEN
     rows, columns = linear_sum_assignment(cost)

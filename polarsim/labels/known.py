@@ -12,7 +12,7 @@ from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.matching import MATCH_GATE_PX
 from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.seeds import Drawn, Seeds, Sight, cameras_first
+from polarsim.labels.seeds import Annotated, Seeds, Sight, cameras_first
 from polarsim.labels.tracks import Track, find_tracks
 from polarsim.labels.view import move_rocks, project_rock
 from polarsim.labels.world import Dome, World, build_worlds, with_domes
@@ -21,7 +21,7 @@ from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK, CameraSide
 
 @dataclass(frozen=True)
 class Known:
-    """A terrain's rocks as bodies, and for each position the drawn tracks with their rock ids."""
+    """A terrain's rocks as bodies, and for each position the annotated tracks with their rock ids."""
 
     terrain: TerrainMesh
     domes: dict[int, Dome]  # stand-ins of rocks without a mesh
@@ -44,7 +44,7 @@ def gather(
     seeds: Seeds,
     options: LabelsOptions,
 ) -> Known:
-    """Give every drawn rock its id: that of the mesh that projects there, or the number of a stand-in.
+    """Give every annotated rock its id: that of the mesh that projects there, or the number of a stand-in.
 
     Meshes projected through a surveyed pose meet other rocks. A position that nothing else places keeps to its image:
     its rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
@@ -78,11 +78,11 @@ def _gathered(
         view = placed[position].camera(side)
         boxes = _in_one_camera(world, placed[position], side, seeds[position])
         tracks[position] = find_tracks(boxes)
-        drawn = np.array([track.mean for track in tracks[position]]).reshape(-1, 4)
+        annotated = np.array([track.mean for track in tracks[position]]).reshape(-1, 4)
         shown = {rock: found for rock in world.bodies if (found := project_rock(world, view, rock))}
-        rows = match_boxes(drawn, np.array([found.box for found in shown.values()]).reshape(-1, 4), MATCH_GATE_PX)
+        rows = match_boxes(annotated, np.array([found.box for found in shown.values()]).reshape(-1, 4), MATCH_GATE_PX)
         matched[position] = np.where(rows >= 0, np.array([*shown, NO_ROCK])[rows], NO_ROCK)
-        domes.append([dome_behind(world, view, box) for box in drawn[rows < 0]])
+        domes.append([dome_behind(world, view, box) for box in annotated[rows < 0]])
     numbers, stand_ins = number_domes(domes, first)
     for position, own in zip(tracks, numbers, strict=True):
         matched[position][matched[position] == NO_ROCK] = own
@@ -90,12 +90,12 @@ def _gathered(
 
 
 def _in_one_camera(
-    world: World, placed: PlacedRig, side: CameraSide, drawings: Mapping[Sight, Drawn]
+    world: World, placed: PlacedRig, side: CameraSide, drawings: Mapping[Sight, Annotated]
 ) -> dict[Sight, np.ndarray]:
     """Rock boxes (n, 4) of drawings of both cameras as one camera sees them, moved with the ground at their feet."""
     moved = {}
-    for (own, azimuth), drawn in drawings.items():
-        boxes, nameless = drawn.rocks, np.full(len(drawn.rocks), NO_ROCK)
+    for (own, azimuth), annotated in drawings.items():
+        boxes, nameless = annotated.rocks, np.full(len(annotated.rocks), NO_ROCK)
         if own != side:
             boxes = move_rocks(world, placed.camera(own), placed.camera(side), boxes, nameless)
         moved[own, azimuth] = boxes

@@ -24,7 +24,7 @@ class Label:
 def label_of(
     kind: str, rock: int, source: str, box: np.ndarray, share: float = 1.0, *, by_rover_light: bool = False
 ) -> Label:
-    """A label with its confidence; `share` of the drawn azimuths show its rock. Seeds are not cut at the border."""
+    """A label with its confidence; `share` of the annotated azimuths show its rock. Seeds are not cut at the border."""
     box = box if source == "seed" else clip(box)
     size = float(np.sqrt(area(box)))
     sure = confidence(kind, source, share, size, by_rover_light=by_rover_light)

@@ -2,7 +2,7 @@
 
 A box says where a person saw a thing, the meshes say which shape it has: the visible shape of the rock's mesh, or of
 the shadow that it casts, is stretched from its own box towards the label's. People outline without dents and box
-loosely: shapes are convex and keep a share of their own box. A view and lamp is drawn once for all exposures.
+loosely: shapes are convex and keep a share of their own box. A view and lamp is ANNOTATED_X once for all exposures.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class ViewOutlines:
         self._backdrop = Backdrop([(POLYGON_CLASSES.index(name), ring) for name, ring in rings])
         self._rocks = _convex_shapes(self.ids.rock)
         self._shadows: dict[bytes, dict[int, Shape]] = {}  # by lamp
-        self._drawn: dict[tuple[bytes, frozenset[Thing]], Drawing] = {}
+        self._annotated: dict[tuple[bytes, frozenset[Thing]], Drawing] = {}
 
     def drawing(self, light: Light, azimuth: Azimuth, labels: pd.DataFrame) -> Drawing:
         """Shadows and rocks of labels, each hidden by those that are painted over it.
@@ -109,13 +109,13 @@ class ViewOutlines:
             return Drawing({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]), self.options.simplify_px)
         things = dict(zip(things_of(labels), _boxes(labels), strict=True))
         content = (b"" if place is None else place.tobytes(), frozenset(things))
-        if content not in self._drawn:
+        if content not in self._annotated:
             order = sorted(things, key=lambda thing: (thing[0] == ROCK, things[thing][3], thing))
             parts = visible([self._shape(thing, things[thing], place) for thing in order], *self._size)
-            self._drawn[content] = Drawing(
+            self._annotated[content] = Drawing(
                 dict(zip(order, parts, strict=True)), self._backdrop, self.options.simplify_px
             )
-        return self._drawn[content]
+        return self._annotated[content]
 
     def _shape(self, thing: Thing, box: np.ndarray, place: np.ndarray | None) -> Shape:
         """All of a label's rock or shadow, whatever hides it."""

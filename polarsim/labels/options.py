@@ -12,7 +12,7 @@ from polarsim.labels.annotator_model import COEFFICIENTS
 
 
 class LabelsOptions(BaseModel, extra="forbid", frozen=True):
-    """How seed boxes are propagated the photo grid, and how their outlines are drawn."""
+    """How seed boxes are propagated the photo grid, and how their outlines are annotated."""
 
     corrections: Path | None = Field(
         None,

@@ -26,7 +26,7 @@ class PositionLabels:
     def labels(self, camera: CameraSide, light: Light, azimuth: Azimuth) -> list[Label]:
         """What the photos of a camera under a lamp show, longest exposure.
 
-        Where there are photos to tell what is seen, also what was not drawn: people forget, and draw by azimuth.
+        Where there are photos to tell what is seen, also what was not annotated: people forget, and draw by azimuth.
         """
         lamps: tuple[CameraSide, Light, Azimuth] = (camera, light if azimuth == "no" else "off", azimuth)
         if lamps not in self._known:  # a Sun lamp outshines the rover light
@@ -39,13 +39,13 @@ class PositionLabels:
         if self.options.visibility == "annotator" and azimuth not in self.rocks.azimuths:
             labels = [label for label in labels if not self._hidden_by_dark(label.rock, azimuth)]
         if brightness is not None:
-            labels += self.rocks.undrawn(camera, labels)
+            labels += self.rocks.unannotated(camera, labels)
         if lamp(self.rocks.world, self.rocks.placed, light, azimuth) is not None:
             labels += self.shadows.labels(camera, light, azimuth, labels, brightness)
         return [label for label in labels if area(label.box) > 0]
 
     def _hidden_by_dark(self, rock: int, azimuth: Azimuth) -> bool:
-        return hidden_by_dark(self.rocks.world, rock, azimuth, self.rocks.drawn_azimuths(rock))
+        return hidden_by_dark(self.rocks.world, rock, azimuth, self.rocks.annotated_azimuths(rock))
 
     def _brightness(self, camera: CameraSide, light: Light, azimuth: Azimuth) -> Brightness | None:
         """What photos show under a Sun lamp: without rover light where there are such, for it brightens shadows."""

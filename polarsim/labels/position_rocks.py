@@ -1,4 +1,4 @@
-"""Rocks of one position of the tripod in any camera's photos: as drawn, fused of several drawings, or projected.
+"""Rocks of one position of the tripod in any camera's photos: as annotated, fused of several drawings, or projected.
 
 What a drawing lacks tells something only of rocks that its photo could show: neither beyond the border nor in the dark.
 """
@@ -24,8 +24,10 @@ from polarsim.photo import ROCK, SUNS, Azimuth, CameraSide
 
 # Fitted to the published labels: what they give elsewhere, `benchmarks/transfers.py` tells.
 PRESENCE = 0.6  # share of the azimuths with seeds whose lamps light a rock that must show it, for labels elsewhere
-SAME_LAMP_WEIGHT = 2.0  # in a fused box, of what was drawn in the other camera under the same lamp; else 1
-MESH_WEIGHT = 1.0  # of a projected mesh in a fused box, for edges that agree with the drawn ones; a drawn box has 1
+SAME_LAMP_WEIGHT = 2.0  # in a fused box, of what was annotated in the other camera under the same lamp; else 1
+MESH_WEIGHT = (
+    1.0  # of a projected mesh in a fused box, for edges that agree with the annotated ones; an annotated box has 1
+)
 ROCK_MARGIN_PX = 1.0  # people draw rocks this much larger on every side
 LIT = 0.1  # least share of a rock that a lamp must light for people to see it
 LONE_OF = 3  # lamps at least that must have lit a rock which people drew under one of them alone, to doubt it
@@ -41,8 +43,8 @@ class PositionRocks:
         known = self._known
         self.world, self.options = known.world, options
         self.placed = known.placed[position]
-        self.drawn = known.seeds.get(position, {})
-        self.azimuths = {azimuth for _, azimuth in self.drawn}
+        self.annotated = known.seeds.get(position, {})
+        self.azimuths = {azimuth for _, azimuth in self.annotated}
         self.tracks, self.ids = known.tracks.get(position, []), known.rocks.get(position, np.zeros(0, int))
         self._fused_boxes: dict[tuple[CameraSide, Azimuth | None], np.ndarray] = {}
         self._lit: dict[tuple[int, Azimuth], bool] = {}
@@ -52,11 +54,14 @@ class PositionRocks:
         return self.placed.camera(camera)
 
     def labels(self, camera: CameraSide, azimuth: Azimuth) -> list[Label]:
-        """Rocks that people drew, or would have drawn, under a lamp."""
-        if not self.drawn:
+        """Rocks that people drew, or would have annotated, under a lamp."""
+        if not self.annotated:
             return self._projected_rocks(camera)
-        if (camera, azimuth) in self.drawn:
-            boxes, shown = self.drawn[camera, azimuth].rocks, [(camera, azimuth) in track.rows for track in self.tracks]
+        if (camera, azimuth) in self.annotated:
+            boxes, shown = (
+                self.annotated[camera, azimuth].rocks,
+                [(camera, azimuth) in track.rows for track in self.tracks],
+            )
             own = [(row, boxes[self.tracks[row].rows[camera, azimuth]]) for row in np.flatnonzero(shown)]
             return [label_of(ROCK, self.ids[row], "seed", box) for row, box in own]
         boxes = self.fused(camera, azimuth)
@@ -93,11 +98,11 @@ class PositionRocks:
 
     def _share(self, row: int) -> float:
         """Of the azimuths whose drawings could show a track's rock, those that do."""
-        drawn = self.tracks[row].azimuths
-        return len(drawn) / len(drawn | self._lighting(int(self.ids[row])))
+        annotated = self.tracks[row].azimuths
+        return len(annotated) / len(annotated | self._lighting(int(self.ids[row])))
 
     def _lighting(self, rock: int) -> set[Azimuth]:
-        """Drawn azimuths whose lamp lights a rock."""
+        """Annotated azimuths whose lamp lights a rock."""
         return {azimuth for azimuth in self.azimuths if self._is_lit(rock, azimuth)}
 
     def _is_lit(self, rock: int, azimuth: Azimuth) -> bool:
@@ -109,8 +114,8 @@ class PositionRocks:
 
     def _lone(self, row: int) -> bool:
         """A rock of one azimuth's drawings alone, here and at other positions, though other photos could show it."""
-        drawn, rock = self.tracks[row].azimuths, int(self.ids[row])
-        return len(drawn) == 1 and len(drawn | self._lighting(rock)) >= LONE_OF and self._elsewhere(rock) == 0
+        annotated, rock = self.tracks[row].azimuths, int(self.ids[row])
+        return len(annotated) == 1 and len(annotated | self._lighting(rock)) >= LONE_OF and self._elsewhere(rock) == 0
 
     def _elsewhere(self, rock: int) -> float | None:
         """Share of the Sun azimuths at which other positions' drawings show a rock; None where their photos cannot."""
@@ -118,39 +123,39 @@ class PositionRocks:
         for position, ids in self._known.rocks.items():
             if position != self._position:
                 tracks = self._known.tracks[position]
-                drawn = {azimuth for row in np.flatnonzero(ids == rock) for azimuth in tracks[row].azimuths}
-                if drawn or self._in_view(position, rock):
+                annotated = {azimuth for row in np.flatnonzero(ids == rock) for azimuth in tracks[row].azimuths}
+                if annotated or self._in_view(position, rock):
                     suns = {azimuth for _, azimuth in self._known.seeds[position]} & set(SUNS)
-                    shares.append(len(drawn & suns) / max(len(suns), 1))
+                    shares.append(len(annotated & suns) / max(len(suns), 1))
         return float(np.mean(shares)) if shares else None
 
     def _in_view(self, position: str, rock: int) -> bool:
-        """Whether the drawn photos of another position show a rock."""
+        """Whether the annotated photos of another position show a rock."""
         view = self._known.placed[position].camera(cameras_first(list(self._known.seeds[position]))[0][0])
         shown = project_rock(self.world, view, rock) if rock in self.world.bodies else None
         return shown is not None and shown.seen >= IN_VIEW
 
     def _beyond_border(self, camera: CameraSide, azimuth: Azimuth, fused: np.ndarray) -> list[Label]:
-        """Projected rocks that a Sun lamp lights, beyond the border of all drawn photos of this position."""
+        """Projected rocks that a Sun lamp lights, beyond the border of all annotated photos of this position."""
         found = []
         for label in self._projected_rocks(camera) if azimuth in SUNS else []:
             rock = label.rock
-            beyond = all(self.projected(own, rock) is None for own, _ in self.drawn)
-            drawn_as_another = iou(label.box[None], fused).max(initial=0.0) >= SAME_ROCK_IOU
-            if rock not in self.ids and beyond and self._is_lit(rock, azimuth) and not drawn_as_another:
+            beyond = all(self.projected(own, rock) is None for own, _ in self.annotated)
+            annotated_as_another = iou(label.box[None], fused).max(initial=0.0) >= SAME_ROCK_IOU
+            if rock not in self.ids and beyond and self._is_lit(rock, azimuth) and not annotated_as_another:
                 found.append(label)
         return found
 
     def moved_source(self, camera: CameraSide) -> str:
         """Source of labels that other drawings tell: `shifted` where no pose says how far things move to a camera."""
-        drawn_here = any(own == camera for own, _ in self.drawn)
-        return "shifted" if self.in_image and not drawn_here else "fused"
+        annotated_here = any(own == camera for own, _ in self.annotated)
+        return "shifted" if self.in_image and not annotated_here else "fused"
 
-    def drawn_azimuths(self, rock: int) -> set[Azimuth]:
+    def annotated_azimuths(self, rock: int) -> set[Azimuth]:
         """Under which lamps people drew a rock here."""
         return {azimuth for row in np.flatnonzero(self.ids == rock) for azimuth in self.tracks[row].azimuths}
 
-    def undrawn(self, camera: CameraSide, rocks: list[Label]) -> list[Label]:
+    def unannotated(self, camera: CameraSide, rocks: list[Label]) -> list[Label]:
         """Rocks that other azimuths, other positions or scans know, as far as no label shows them yet."""
         known = {label.rock for label in rocks}
         fused = self.fused(camera) if self.tracks else np.zeros((0, 4))
@@ -160,8 +165,8 @@ class PositionRocks:
         source = self.moved_source(camera)
         found = [label_of(ROCK, rock, source, box, share[rock] / len(self.azimuths)) for rock, box in elsewhere.items()]
         for label in self._projected_rocks(camera):
-            drawn_as_another = iou(label.box[None], taken).max(initial=0.0) >= SAME_ROCK_IOU
-            if label.rock not in known and label.rock not in elsewhere and not drawn_as_another:
+            annotated_as_another = iou(label.box[None], taken).max(initial=0.0) >= SAME_ROCK_IOU
+            if label.rock not in known and label.rock not in elsewhere and not annotated_as_another:
                 found.append(label)
         return found
 
@@ -190,8 +195,8 @@ class PositionRocks:
         if name not in self._fused_boxes:
             total, weight = np.zeros((len(self.tracks), 4)), np.zeros((len(self.tracks), 4))
             shown = [self._mesh_box(camera, int(rock)) for rock in self.ids]
-            for source in sorted({own for own, _ in self.drawn}):
-                rows, count, boxes = self._drawn_means(source, name[1])
+            for source in sorted({own for own, _ in self.annotated}):
+                rows, count, boxes = self._annotated_means(source, name[1])
                 moved = self._moved(boxes, self.ids[rows], source, camera)
                 # The border of one photo is none of the other's, where a mesh tells how things go on.
                 has_mesh = np.array([shown[row] is not None for row in rows], bool)[:, None]
@@ -200,24 +205,26 @@ class PositionRocks:
                 weight[rows] += count * ~cut
             meshed = np.flatnonzero([box is not None for box in shown])
             mesh = np.array([shown[row] for row in meshed]).reshape(-1, 4)
-            count, drawn = weight[meshed], total[meshed] / np.maximum(weight[meshed], 1)
-            own = mesh_weights(drawn, count, mesh, MESH_WEIGHT)
+            count, annotated = weight[meshed], total[meshed] / np.maximum(weight[meshed], 1)
+            own = mesh_weights(annotated, count, mesh, MESH_WEIGHT)
             total[meshed] += own * mesh
             weight[meshed] += own
             self._fused_boxes[name] = total / weight
         return self._fused_boxes[name]
 
-    def _drawn_means(self, camera: CameraSide, azimuth: Azimuth | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _annotated_means(
+        self, camera: CameraSide, azimuth: Azimuth | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Tracks (n,) that a camera's drawings show, the weight of these (n, 1), and the mean box there (n, 4)."""
         rows, weights, boxes = [], [], []
         for row, track in enumerate(self.tracks):
             sights = [sight for sight in track.rows if sight[0] == camera]
             if sights:
                 own = [SAME_LAMP_WEIGHT if sight[1] == azimuth else 1.0 for sight in sights]
-                drawn = [self.drawn[sight].rocks[track.rows[sight]] for sight in sights]
+                annotated = [self.annotated[sight].rocks[track.rows[sight]] for sight in sights]
                 rows.append(row)
                 weights.append(sum(own))
-                boxes.append(np.average(drawn, axis=0, weights=own))
+                boxes.append(np.average(annotated, axis=0, weights=own))
         return np.array(rows, int), np.array(weights)[:, None], np.array(boxes).reshape(-1, 4)
 
     def _cut(self, boxes: np.ndarray, rocks: np.ndarray, camera: CameraSide) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Shadows of one position of the tripod in any camera's photos: as drawn, averaged with geometry, or cast by it."""
+"""Shadows of one position of the tripod in any camera's photos: as annotated, averaged with geometry, or cast by it."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from polarsim.labels.view import at_border, move_flat
 from polarsim.labels.wall_shade import shading_height
 from polarsim.photo import NO_ROCK, SHADOW, Azimuth, CameraSide, Light
 
-CAST_WEIGHT = 0.3  # of a cast shadow in a box fused with one drawn in the other camera, which has 1
+CAST_WEIGHT = 0.3  # of a cast shadow in a box fused with one annotated in the other camera, which has 1
 MIN_ROVER_SHADOW_PX = 35.0  # smallest shadow under the rover light, sqrt(area): they are mostly hidden slivers
 SHADOW_GATE = 2.0  # shadows are long: they are matched within this many times the gate of rocks
 FAR_APART, FAR_APART_PX = 0.3, 6.0  # of a box's sides, and at least pixels: so far apart edges are not the same one
 OF_WALL = NO_ROCK - 1  # in pictures of who throws a shadow: a wall of the sandbox does
-SAME_SHADOW = 0.2  # least IoU of a drawn and a cast box of one shadow for both to be believed
+SAME_SHADOW = 0.2  # least IoU of an annotated and a cast box of one shadow for both to be believed
 
 
 @dataclass(frozen=True)
@@ -38,24 +38,25 @@ class CastShadow:
     in_photo: bool
 
 
-def mean_shadow(drawn: np.ndarray, cut: np.ndarray, cast: CastShadow | None, cast_weight: float) -> np.ndarray:
-    """(4,) mean of a drawn box (4,) as it lies in a photo, and of the cast one: errors of pen and of geometry even out.
+def mean_shadow(annotated: np.ndarray, cut: np.ndarray, cast: CastShadow | None, cast_weight: float) -> np.ndarray:
+    """(4,) mean of an annotated box (4,) as it lies in a photo, and of the cast one: errors of pen and of geometry
+    even out.
 
-    An edge that was cut (4,) by the drawn photo's border needs no mean. One that the photo shows far from where it was
-    drawn does not count: there a dark patch of the ground goes on where the shadow ends.
+    An edge that was cut (4,) by the annotated photo's border needs no mean. One that the photo shows far from where
+    it was annotated does not count: there a dark patch of the ground goes on where the shadow ends.
 
     Parameters
     ----------
     cast_weight
-        Weight of a shadow that geometry alone casts; a drawn one has 1, one whose edges a photo shows too.
+        Weight of a shadow that geometry alone casts; an annotated one has 1, one whose edges a photo shows too.
     """
-    if cast is None or iou(drawn[None], cast.box[None])[0, 0] < SAME_SHADOW:
-        return drawn
+    if cast is None or iou(annotated[None], cast.box[None])[0, 0] < SAME_SHADOW:
+        return annotated
     weight = 1.0 if cast.in_photo else cast_weight
-    mean = (drawn + weight * cast.box) / (1 + weight)
+    mean = (annotated + weight * cast.box) / (1 + weight)
     if cast.in_photo:
-        apart = np.maximum(FAR_APART * np.tile(drawn[2:] - drawn[:2], 2), FAR_APART_PX)
-        mean = np.where(np.abs(cast.box - drawn) < apart, mean, drawn)
+        apart = np.maximum(FAR_APART * np.tile(annotated[2:] - annotated[:2], 2), FAR_APART_PX)
+        mean = np.where(np.abs(cast.box - annotated) < apart, mean, annotated)
     return np.where(cut, cast.box, mean)
 
 
@@ -74,13 +75,14 @@ class PositionShadows:
         boxes = {} if self.rocks.in_image else {label.rock: label.box for label in rocks}  # nobody knows where they end
         cast = self.cast(camera, light, azimuth, boxes, brightness)
         shadows = self._known(camera, light, azimuth, cast)
-        return shadows if brightness is None else shadows + self._undrawn(azimuth, shadows, cast)
+        return shadows if brightness is None else shadows + self._unannotated(azimuth, shadows, cast)
 
     def _known(self, camera: CameraSide, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
-        """Shadows as drawn in this camera, edges in its photo averaged in; or in the other, averaged with cast ones; or
+        """Shadows as annotated in this camera, edges in its photo averaged in; or in the other, averaged with cast
+        ones; or
         cast.
         """
-        own = self.drawn(camera, azimuth)
+        own = self.annotated(camera, azimuth)
         if own is not None:
             throwers = self.throwers(camera, own, light, azimuth)
             dark = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo}
@@ -91,20 +93,20 @@ class PositionShadows:
             ]
             return [label_of(SHADOW, rock, "seed", box) for rock, box in zip(throwers, boxes, strict=True)]
         other: CameraSide = "R" if camera == "L" else "L"
-        drawn = self.drawn(other, azimuth)
-        if drawn is None:
+        annotated = self.annotated(other, azimuth)
+        if annotated is None:
             return self._cast_labels(azimuth, cast)
-        throwers = self.throwers(other, drawn, light, azimuth)
-        moved = move_flat(self.world, self.rocks.view(other), self.rocks.view(camera), drawn)
+        throwers = self.throwers(other, annotated, light, azimuth)
+        moved = move_flat(self.world, self.rocks.view(other), self.rocks.view(camera), annotated)
         boxes = [
             mean_shadow(box, cut, cast.get(int(rock)), CAST_WEIGHT)
-            for rock, box, cut in zip(throwers, moved, at_border(drawn, self.rocks.view(other).size), strict=True)
+            for rock, box, cut in zip(throwers, moved, at_border(annotated, self.rocks.view(other).size), strict=True)
         ]
         source = self.rocks.moved_source(camera)
         return [label_of(SHADOW, rock, source, box) for rock, box in zip(throwers, boxes, strict=True)]
 
-    def _undrawn(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
-        """Shadows that the photo shows and nobody drew, each of a rock without one, where no other was drawn."""
+    def _unannotated(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
+        """Shadows that the photo shows and nobody drew, each of a rock without one, where no other was annotated."""
         known = {label.rock for label in shadows}
         taken = np.array([label.box for label in shadows]).reshape(-1, 4)
         found = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo and rock not in known}
@@ -120,12 +122,14 @@ class PositionShadows:
         large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= least}
         return [label_of(SHADOW, rock, "cast", box, by_rover_light=rover) for rock, box in large.items()]
 
-    def drawn(self, camera: CameraSide, azimuth: Azimuth) -> np.ndarray | None:
-        drawn = self.rocks.drawn.get((camera, azimuth))
-        return drawn.shadows if drawn is not None else None
+    def annotated(self, camera: CameraSide, azimuth: Azimuth) -> np.ndarray | None:
+        annotated = self.rocks.annotated.get((camera, azimuth))
+        return annotated.shadows if annotated is not None else None
 
     def throwers(self, camera: CameraSide, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
-        """(n,) rock that throws each shadow drawn in a camera's photo, by the shadows that the bodies cast there."""
+        """(n,) rock that throws each shadow annotated in a camera's photo, by the shadows that the bodies cast
+        there.
+        """
         cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
         expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
         rows = match_boxes(boxes, expected, SHADOW_GATE * MATCH_GATE_PX, smallest_iou=0.1)

@@ -15,7 +15,7 @@ from polarsim.formats import lamps, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.scene import read_terrain
-from polarsim.labels.corrections import as_drawn, read_corrections
+from polarsim.labels.corrections import as_annotated, read_corrections
 from polarsim.labels.known import Known, gather
 from polarsim.labels.label import Label
 from polarsim.labels.light import LightLayers
@@ -31,7 +31,7 @@ from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
 
 log = logging.getLogger(__name__)
 
-NOTHING_DRAWN: Drawings = MappingProxyType({})
+NOTHING_ANNOTATED: Drawings = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -122,13 +122,13 @@ def grid_labels(
     options: LabelsOptions,
     starts: Starts,
     photos: Photos | None = None,
-    drawings: Drawings = NOTHING_DRAWN,
-    corrections: Drawings = NOTHING_DRAWN,
+    drawings: Drawings = NOTHING_ANNOTATED,
+    corrections: Drawings = NOTHING_ANNOTATED,
 ) -> dict[PhotoKey, list[Label]]:
     """Labels of every key; what photos share is computed once.
 
     Where the annotator model decide what is seen, photos that no lamp lights are looked at all the same, if they are
-    there. A photo that was drawn itself keeps its boxes as they are; others may be added, but not to a correction.
+    there. A photo that was annotated itself keeps its boxes as they are; others may be added, but not to a correction.
     """
     by_people = options.visibility == "annotator"
     asked = None if by_people else photos
@@ -150,12 +150,12 @@ def grid_labels(
         brightness = _first_known(bracket, photos if is_unlit(light, azimuth) else asked, layers)
         for key in members:
             if key in corrections:
-                labels[key] = as_drawn(corrections[key], shared)
+                labels[key] = as_annotated(corrections[key], shared)
                 continue
             labels[key] = visible(shared, key, brightness, starts, options)
             if key in drawings:
                 added = [label for label in labels[key] if label.source != "seed"]
-                labels[key] = as_drawn(drawings[key], shared) + added
+                labels[key] = as_annotated(drawings[key], shared) + added
     return labels
 
 

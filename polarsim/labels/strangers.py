@@ -18,11 +18,11 @@ def without_strangers(drawings: Drawings, terrain: TerrainMesh, placed: Mapping[
 
     Poses of the survey tell nothing, and neither do they of their own position's drawings.
     """
-    drawn: dict[str, list[np.ndarray]] = {}
+    annotated: dict[str, list[np.ndarray]] = {}
     for key, one in drawings.items():
         if key.camera == "L":
-            drawn.setdefault(key.position, []).append(one.rocks)
-    agreed = {position: consensus_boxes(own) for position, own in drawn.items()}
+            annotated.setdefault(key.position, []).append(one.rocks)
+    agreed = {position: consensus_boxes(own) for position, own in annotated.items()}
     cameras = {position: rig.camera("L") for position, rig in placed.items() if not rig.surveyed}
     names = positions_of_strangers(agreed, cameras, [terrain.rock_vertices(rock) for rock in terrain.rocks])
     return {key: one for key, one in drawings.items() if key.position not in names}

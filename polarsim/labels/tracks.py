@@ -23,7 +23,9 @@ class Track:
 
     @property
     def mean(self) -> np.ndarray:
-        """(4,) mean of every edge: edges are drawn with nearly independent errors, and the mean beats the median."""
+        """(4,) mean of every edge: edges are annotated with nearly independent errors, and the mean beats the
+        median.
+        """
         return np.mean(list(self.boxes.values()), axis=0)
 
     @property
@@ -31,14 +33,14 @@ class Track:
         return {azimuth for _, azimuth in self.rows}
 
 
-def find_tracks(drawn: Mapping[Sight, np.ndarray], same_rock_iou: float = SAME_ROCK_IOU) -> list[Track]:
+def find_tracks(annotated: Mapping[Sight, np.ndarray], same_rock_iou: float = SAME_ROCK_IOU) -> list[Track]:
     """Group rock boxes (n, 4) of several drawings, all moved into one view; one box a drawing at most.
 
     Drawings join in the order of their number of boxes, most first, so that the fullest one sets the pattern.
     """
     tracks: list[Track] = []
-    for sight in sorted(drawn, key=lambda name: (-len(drawn[name]), name)):
-        boxes = drawn[sight]
+    for sight in sorted(annotated, key=lambda name: (-len(annotated[name]), name)):
+        boxes = annotated[sight]
         means = np.array([track.mean for track in tracks]).reshape(-1, 4)
         rows, columns = match(iou(means, boxes), same_rock_iou)
         for row, column in zip(rows, columns, strict=True):

@@ -18,18 +18,18 @@ def is_unlit(light: Light, azimuth: Azimuth) -> bool:
 class UnlitStarts:
     """Shortest exposure with rocks that people drew without any lamp, by position."""
 
-    drawn_ms: Mapping[str, int]
+    annotated_ms: Mapping[str, int]
 
     @classmethod
     def of(cls, drawings: Drawings) -> UnlitStarts:
         """Each position speaks for itself: a light leak at one does not reach the others."""
-        drawn_ms: dict[str, int] = {}
-        for key, drawn in drawings.items():
-            if is_unlit(key.light, key.azimuth) and len(drawn.rocks):
-                drawn_ms[key.position] = min(drawn_ms.get(key.position, key.exposure_ms), key.exposure_ms)
-        return cls(drawn_ms)
+        annotated_ms: dict[str, int] = {}
+        for key, annotated in drawings.items():
+            if is_unlit(key.light, key.azimuth) and len(annotated.rocks):
+                annotated_ms[key.position] = min(annotated_ms.get(key.position, key.exposure_ms), key.exposure_ms)
+        return cls(annotated_ms)
 
     def shown(self, key: PhotoKey) -> bool:
         """Whether an unlit photo shows anything, as far as somebody drew it; nobody did: it is black."""
-        start = self.drawn_ms.get(key.position)
+        start = self.annotated_ms.get(key.position)
         return start is not None and key.exposure_ms >= start

@@ -89,11 +89,11 @@ def _lint_boxes(
             found.add(files[key], defect)
     for key, defect in (*sibling_defects(boxes), *view_defects(boxes)):
         found.add(files[key], defect)
-    drawn = {
+    annotated = {
         f"{name}_boxes": sum(int((classes == number).sum()) for classes, _ in boxes.values())
         for number, name in enumerate(BOX_CLASSES)
     }
-    return {"label_files": len(files), **drawn}
+    return {"label_files": len(files), **annotated}
 
 
 def _lint_polygons(
@@ -103,11 +103,11 @@ def _lint_polygons(
     found: Findings,
 ) -> dict[str, int]:
     own: dict[int, list[Defect]] = {}  # by content: most exposures of an exposure bracket share one
-    for key, drawn in polygons.items():
-        if id(drawn) not in own:
-            own[id(drawn)] = [*ring_defects(drawn), *file_defects(drawn)]
-        beside = against_boxes(drawn, boxes[key]) if key in boxes else ()
-        for defect in (*own[id(drawn)], *beside, *other_camera(drawn, key, boxes)):
+    for key, annotated in polygons.items():
+        if id(annotated) not in own:
+            own[id(annotated)] = [*ring_defects(annotated), *file_defects(annotated)]
+        beside = against_boxes(annotated, boxes[key]) if key in boxes else ()
+        for defect in (*own[id(annotated)], *beside, *other_camera(annotated, key, boxes)):
             found.add(files[key], defect)
     return {"polygon_files": len(files)}
 

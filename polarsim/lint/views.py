@@ -49,7 +49,9 @@ def _of_other_views(files: Mapping[PhotoKey, Boxes]) -> Found:
             continue
         content = (key.bracket, boxes.tobytes())
         if content not in fits:  # most exposures have the same
-            fits[content] = _fits_of_views(boxes, {name: drawn for name, drawn in sets.items() if name != key.bracket})
+            fits[content] = _fits_of_views(
+                boxes, {name: annotated for name, annotated in sets.items() if name != key.bracket}
+            )
         found = fits[content]
         best = max(found, key=lambda view: found[view], default=None)
         own = found.get(key.view)
@@ -60,8 +62,8 @@ def _of_other_views(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 def _fits_of_views(boxes: np.ndarray, sets: Mapping[Bracket, np.ndarray]) -> dict[tuple[int, str, str], float]:
     fits: dict[tuple[int, str, str], list[float]] = {}
-    for name, drawn in sets.items():
-        fits.setdefault(_view(name), []).append(_fit(boxes, drawn))
+    for name, annotated in sets.items():
+        fits.setdefault(_view(name), []).append(_fit(boxes, annotated))
     return {view: float(np.median(found)) for view, found in fits.items()}
 
 
@@ -73,8 +75,8 @@ def _of_other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
         if key.azimuth not in SUNS or len(boxes) < LEAST_BOXES:
             continue
         other = {
-            name[3]: _fit(boxes, drawn)
-            for name, drawn in sets.items()
+            name[3]: _fit(boxes, annotated)
+            for name, annotated in sets.items()
             if _view(name) == key.view and name[3] in SUNS and name[2] != key.light
         }
         own = other.pop(key.azimuth, None)

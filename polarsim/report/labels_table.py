@@ -12,7 +12,7 @@ from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import AZIMUTHS, BOX_CLASSES
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks, write_table
-from polarsim.scoring.labels import ALL, DRAWN, TASKS
+from polarsim.scoring.labels import ALL, ANNOTATED, TASKS
 from polarsim.scoring.metrics import TRUTH_NAMES
 from polarsim.scoring.reliability import reliability_table
 
@@ -20,7 +20,7 @@ COLUMNS = {
     "kind": "str", "task": "str", "group": "str", "value": "str", "truth_boxes": "int64", "label_boxes": "int64",
     "precision": "float64", "recall": "float64", "f1": "float64", "miou": "float64", "confidence": "float64",
 }  # fmt: skip
-KINDS = (*BOX_CLASSES, DRAWN)
+KINDS = (*BOX_CLASSES, ANNOTATED)
 GROUPS = ("all", "terrain", "position", "azimuth", "size")
 SIZE_EDGES_PX = (25, 35, 50, 80, 120)
 SIZES = ("<25", "25-35", "35-50", "50-80", "80-120", ">120")  # square root of a box's area, px
@@ -61,8 +61,8 @@ def label_scores(pairs: pd.DataFrame) -> pd.DataFrame:
 
     Groups go by the photo; `size` goes by the box: truth counts by its own size, labels by theirs.
     """
-    pairs = pairs[[*_USED, "drawn"]]
-    pairs = pd.concat([pairs, pairs[pairs["drawn"]].assign(kind=DRAWN)])
+    pairs = pairs[[*_USED, "annotated"]]
+    pairs = pd.concat([pairs, pairs[pairs["annotated"]].assign(kind=ANNOTATED)])
     pairs = pd.concat([pairs, pairs.assign(task=ALL)])
     truth, labels = pairs[pairs["truth_px"].notna()], pairs[pairs["label_px"].notna()]
     parts = []

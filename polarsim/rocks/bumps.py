@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from polarsim.rocks.drawn import raised
+from polarsim.rocks.annotated import raised
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import FOOT_MARGIN, Sand
 from polarsim.rocks.heights import filled

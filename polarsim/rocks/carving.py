@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from polarsim.rocks.annotated import raised
 from polarsim.rocks.creases import neighbours
-from polarsim.rocks.drawn import raised
 from polarsim.rocks.evidence import PEN_IOU, Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.grouping import grouped
@@ -137,15 +137,15 @@ def _cut(
 
 def _fits_as_before(evidence: Evidence, before: np.ndarray, after: np.ndarray) -> bool:
     """Whether points (m, 3) that are left of a rock (n, 3) fit its boxes about as well as it did; not without a box."""
-    drawn_somewhere = False
-    for position, drawn in evidence.agreed.items():
-        fit = evidence.fit(position, before, drawn)
+    annotated_somewhere = False
+    for position, annotated in evidence.agreed.items():
+        fit = evidence.fit(position, before, annotated)
         if fit < evidence.min_iou:
             continue
-        drawn_somewhere = True
-        if evidence.fit(position, after, drawn) < fit - PEN_IOU:
+        annotated_somewhere = True
+        if evidence.fit(position, after, annotated) < fit - PEN_IOU:
             return False
-    return drawn_somewhere
+    return annotated_somewhere
 
 
 def _surfaces(sand: Sand, regions: Sequence[Region]) -> list[np.ndarray]:

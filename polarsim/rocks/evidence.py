@@ -21,29 +21,31 @@ class Evidence:
     """What people drew in the left photos of a terrain's positions."""
 
     placed: Mapping[str, PlacedRig]
-    drawn: Mapping[str, Sequence[np.ndarray]]  # position -> rock boxes (n, 4) in pixels, one array a seed file
-    min_iou: float  # of a drawn box and a rock's own that belong together
+    annotated: Mapping[str, Sequence[np.ndarray]]  # position -> rock boxes (n, 4) in pixels, one array a seed file
+    min_iou: float  # of an annotated box and a rock's own that belong together
 
     @cached_property
     def agreed(self) -> dict[str, np.ndarray]:
         """(n, 4) one box a rock by position, where there are any."""
-        boxes = {position: consensus_boxes(drawn) for position, drawn in sorted(self.drawn.items())}
+        boxes = {position: consensus_boxes(annotated) for position, annotated in sorted(self.annotated.items())}
         return {position: found for position, found in boxes.items() if position in self.placed and len(found)}
 
     def of_their_place(self, rocks: Sequence[np.ndarray]) -> Evidence:
         """The same without positions whose boxes are another one's, by rocks (n, 3) that shape alone tells; warns."""
         cameras = {position: rig.camera("L") for position, rig in self.placed.items() if not rig.surveyed}
         names = positions_of_strangers(self.agreed, cameras, rocks)
-        return replace(self, drawn={position: boxes for position, boxes in self.drawn.items() if position not in names})
+        return replace(
+            self, annotated={position: boxes for position, boxes in self.annotated.items() if position not in names}
+        )
 
     def confirming(self, points: np.ndarray) -> list[str]:
         """Positions of which some seed shows a rock, by its points (n, 3) in the sandbox, metres."""
         found = []
-        for position, drawn in sorted(self.drawn.items()):
-            if position not in self.placed or not len(drawn):
+        for position, annotated in sorted(self.annotated.items()):
+            if position not in self.placed or not len(annotated):
                 continue
             box = self._box(position, points)
-            if box is not None and iou(box[None], np.concatenate(drawn)).max(initial=0) >= self.min_iou:
+            if box is not None and iou(box[None], np.concatenate(annotated)).max(initial=0) >= self.min_iou:
                 found.append(position)
         return found
 
@@ -63,10 +65,10 @@ class Evidence:
     def unexplained(self, rocks: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
         """(n, 4) agreed boxes by position on which none of the rocks, given by points (n, 3), lies."""
         left = {}
-        for position, drawn in self.agreed.items():
+        for position, annotated in self.agreed.items():
             boxes = [box for box in (self._box(position, points) for points in rocks) if box is not None]
-            overlap = iou(drawn, np.array(boxes).reshape(-1, 4)).max(axis=1, initial=0)
-            left[position] = drawn[overlap < self.min_iou]
+            overlap = iou(annotated, np.array(boxes).reshape(-1, 4)).max(axis=1, initial=0)
+            left[position] = annotated[overlap < self.min_iou]
         return left
 
     def _box(self, position: str, points: np.ndarray) -> np.ndarray | None:

@@ -20,11 +20,11 @@ from polarsim.formats.scans import read_scan
 from polarsim.formats.seeds import read_rock_boxes
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import table
+from polarsim.rocks.annotated import with_annotated
 from polarsim.rocks.bumps import Bumps, with_bumps
 from polarsim.rocks.carving import carved
 from polarsim.rocks.clouds import surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
-from polarsim.rocks.drawn import with_drawn
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
 from polarsim.rocks.heights import upward_normals
@@ -80,7 +80,7 @@ def find_rocks(
     cut = cut_by_shape(sand, limits)
     evidence = _of_their_place(sand, limits, evidence, cut)
     bumps = Bumps(BUMP_HEIGHT, options.bump_size_mm / 1000)
-    sand, regions = with_drawn(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
+    sand, regions = with_annotated(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
     sand, regions = carved(sand, regions, limits, evidence)
     sand, regions = with_bumps(sand, regions, limits, evidence, bumps)
     sand, found = crop_rocks(sand, regions, typed, limits.foot)
@@ -101,7 +101,7 @@ def _of_their_place(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut) ->
     """Evidence without seeds under another position's name; what stands out by shape alone tells."""
     if not evidence.agreed or len(evidence.placed) < 2:
         return evidence
-    by_shape = find_regions(sand, limits, replace(evidence, drawn={}), cut)
+    by_shape = find_regions(sand, limits, replace(evidence, annotated={}), cut)
     return evidence.of_their_place([surface_points(sand, region.seen) for region in by_shape])
 
 

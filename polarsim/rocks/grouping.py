@@ -24,13 +24,13 @@ def grouped(
     rock: np.ndarray,
     touching: Sequence[tuple[int, int]],
     boxes: Mapping[str, np.ndarray],
-    drawn: Mapping[str, np.ndarray],
+    annotated: Mapping[str, np.ndarray],
     min_iou: float,
 ) -> np.ndarray:
     """(n,) number of the rock of each of n pieces, after the boxes that people drew were looked at.
 
     Rocks that touch are joined, cut in two, or exchange a piece, the best change first, as long as their boxes fit the
-    drawn ones clearly better by it.
+    annotated ones clearly better by it.
 
     Parameters
     ----------
@@ -39,16 +39,16 @@ def grouped(
     touching : pairs of pieces
     boxes : position -> (n, 4) float
         Around the pieces, in pixels; NaN for one that the photo does not show.
-    drawn : position -> (m, 4) float
+    annotated : position -> (m, 4) float
         One box a rock.
     min_iou : float
-        Least overlap of a rock's box with a drawn one that is its own.
+        Least overlap of a rock's box with an annotated one that is its own.
     """
     result, free = rock.copy(), int(rock.max(initial=0)) + 1
-    for pieces, pairs in _clusters(rock, touching) if drawn else ():
+    for pieces, pairs in _clusters(rock, touching) if annotated else ():
         numbers = np.unique(rock[pieces])
         by_shape = frozenset(frozenset(pieces[rock[pieces] == number].tolist()) for number in numbers)
-        by_boxes = _Cluster(pairs, boxes, drawn, min_iou).improved(by_shape)
+        by_boxes = _Cluster(pairs, boxes, annotated, min_iou).improved(by_shape)
         for group in sorted(by_boxes - by_shape, key=min):
             result[list(group)] = free
             free += 1
@@ -73,11 +73,11 @@ def _clusters(
 
 @dataclass(frozen=True)
 class _Cluster:
-    """Pieces that hang together, and how well groups of them fit the drawn boxes."""
+    """Pieces that hang together, and how well groups of them fit the annotated boxes."""
 
     touching: set[tuple[int, int]]
     boxes: Mapping[str, np.ndarray]
-    drawn: Mapping[str, np.ndarray]
+    annotated: Mapping[str, np.ndarray]
     min_iou: float
     overlaps: dict[Group, dict[str, np.ndarray]] = field(default_factory=dict)
 
@@ -87,31 +87,31 @@ class _Cluster:
         while True:
             tried = [(self._worth(other), other) for other in self._changed(grouping)]
             best, changed = max(tried, key=lambda one: one[0], default=(worth, grouping))
-            if best < worth + PEN_IOU * len(self.drawn):
+            if best < worth + PEN_IOU * len(self.annotated):
                 return grouping
             worth, grouping = best, changed
 
     def _worth(self, grouping: Grouping) -> float:
         """Sum over positions of the IoU of groups with the boxes that are theirs, less what the groups cost."""
-        total = -PRICE * len(self.drawn) * len(grouping)
+        total = -PRICE * len(self.annotated) * len(grouping)
         groups = _ordered(grouping)
-        for position in self.drawn:
+        for position in self.annotated:
             overlap = np.array([self._overlap(group)[position] for group in groups])
             rows, columns = linear_sum_assignment(-overlap)
             total += float(overlap[rows, columns].sum())
         return total
 
     def _overlap(self, group: Group) -> dict[str, np.ndarray]:
-        """(m,) IoU of a group's box with the drawn boxes of each position; 0 where they do not belong together."""
+        """(m,) IoU of a group's box with the annotated boxes of each position; 0 where they do not belong together."""
         if group not in self.overlaps:
             numbers = sorted(group)
             self.overlaps[group] = {
-                position: _overlap(self.boxes[position][numbers], drawn, self.min_iou)
-                for position, drawn in self.drawn.items()
+                position: _overlap(self.boxes[position][numbers], annotated, self.min_iou)
+                for position, annotated in self.annotated.items()
             }
         return self.overlaps[group]
 
-    def _is_drawn(self, group: Group) -> bool:
+    def _is_annotated(self, group: Group) -> bool:
         return any(overlap.any() for overlap in self._overlap(group).values())
 
     def _changed(self, grouping: Grouping) -> Iterator[Grouping]:
@@ -128,7 +128,7 @@ class _Cluster:
                         yield rest | {giver - {piece}, taker | {piece}}
         for group in groups:
             for half in self._halves(group):
-                if self._is_drawn(half) and self._is_drawn(group - half):
+                if self._is_annotated(half) and self._is_annotated(group - half):
                     yield grouping - {group} | {half, group - half}
 
     def _halves(self, group: Group) -> Iterator[Group]:
@@ -157,11 +157,11 @@ def _ordered(grouping: Grouping) -> list[Group]:
     return sorted(grouping, key=min)
 
 
-def _overlap(boxes: np.ndarray, drawn: np.ndarray, min_iou: float) -> np.ndarray:
-    """(m,) IoU of the box around boxes (k, 4) with drawn boxes (m, 4), 0 below `min_iou`."""
+def _overlap(boxes: np.ndarray, annotated: np.ndarray, min_iou: float) -> np.ndarray:
+    """(m,) IoU of the box around boxes (k, 4) with annotated boxes (m, 4), 0 below `min_iou`."""
     shown = boxes[np.isfinite(boxes).all(axis=1)]
     if not len(shown):
-        return np.zeros(len(drawn))
+        return np.zeros(len(annotated))
     whole = np.concatenate([shown[:, :2].min(axis=0), shown[:, 2:].max(axis=0)])
-    overlap = iou(whole[None], drawn)[0]
+    overlap = iou(whole[None], annotated)[0]
     return np.where(overlap >= min_iou, overlap, 0.0)

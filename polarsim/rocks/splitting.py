@@ -83,7 +83,7 @@ def _bridged(labels: np.ndarray, seen: np.ndarray) -> np.ndarray:
 
 
 def slivers_joined(
-    above: np.ndarray, parts: np.ndarray, cell: float, drawn: Callable[[np.ndarray], bool]
+    above: np.ndarray, parts: np.ndarray, cell: float, annotated: Callable[[np.ndarray], bool]
 ) -> np.ndarray:
     """Upright parts that nobody drew made one with a larger one beside: what hides lies between.
 
@@ -95,7 +95,7 @@ def slivers_joined(
         Numbered parts, 0 outside.
     cell : float
         Side of a cell, metres.
-    drawn : mask (rows, columns) -> bool
+    annotated : mask (rows, columns) -> bool
         Whether people drew a part as a rock.
     """
     parts = parts.copy()
@@ -105,7 +105,7 @@ def slivers_joined(
         if box is None:
             continue
         height = np.where(parts[box] == number, above[box], 0.0).max()
-        if not is_upright(height, max(above[box].shape) * cell) or drawn(parts == number):
+        if not is_upright(height, max(above[box].shape) * cell) or annotated(parts == number):
             continue
         window = tuple(slice(max(0, part.start - reach), part.stop + reach) for part in box)
         sliver = parts[window] == number

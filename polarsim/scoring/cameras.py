@@ -19,7 +19,7 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, PhotoKey
 from polarsim.scoring.alignment import fit_alignment
-from polarsim.scoring.labels import read_drawn
+from polarsim.scoring.labels import read_annotated
 from polarsim.scoring.lamps import lamps_against_truth
 from polarsim.scoring.metrics import Metric, summary, write_metrics
 from polarsim.scoring.score import Labels
@@ -35,7 +35,7 @@ def score_cameras(
     cameras: Path,
     truth: Path | None,
     matches: Path | None,
-    drawn: Path | None,
+    annotated: Path | None,
     meshes: Path,
     evaluation: Path,
 ) -> None:
@@ -49,7 +49,7 @@ def score_cameras(
         The analog's truth/TerrainTT; None where there is none.
     matches
         matches.parquet of the cameras stage; may be None or missing.
-    drawn
+    annotated
         Folder of all label files that people drew; None where there is none.
     meshes
         Folder of the terrain's meshes.
@@ -63,8 +63,8 @@ def score_cameras(
             metrics += lamps_against_truth(cameras, truth, _alignment(placed, true))
     if matches is not None and matches.exists():
         metrics += against_boxes(matches)
-    if drawn is not None:
-        metrics += against_drawn(placed, obj.rock_files(meshes), read_drawn(drawn, terrain))
+    if annotated is not None:
+        metrics += against_annotated(placed, obj.rock_files(meshes), read_annotated(annotated, terrain))
     write_metrics(evaluation, "cameras", terrain, metrics)
 
 
@@ -126,18 +126,18 @@ def against_boxes(path: Path) -> list[Metric]:
     return metrics
 
 
-def against_drawn(
+def against_annotated(
     placed: Mapping[str, PlacedRig],
     meshes: Mapping[int, Path],
-    drawn: Mapping[PhotoKey, Labels],
+    annotated: Mapping[PhotoKey, Labels],
 ) -> list[Metric]:
-    """Overlap of the projected meshes with what all drawn boxes of a view agree on; fits know of no right photo."""
+    """Overlap of the projected meshes with what all annotated boxes of a view agree on; fits know of no right photo."""
     outlines = outlines_of({rock: obj.read(path) for rock, path in meshes.items()})
     metrics = []
     for camera in CAMERAS:
-        pairs = [np.zeros((0, 2, 4))]  # projected and drawn
+        pairs = [np.zeros((0, 2, 4))]  # projected and annotated
         for position, rig in placed.items():
-            boxes = agreed_boxes(drawn, position, camera)
+            boxes = agreed_boxes(annotated, position, camera)
             projected = outlines.seen(rig.camera(camera))
             rows, columns = assign(projected, boxes)
             pairs.append(np.stack([projected[rows], boxes[columns]], axis=1))
@@ -147,10 +147,10 @@ def against_drawn(
     return metrics
 
 
-def agreed_boxes(drawn: Mapping[PhotoKey, Labels], position: str, camera: str) -> np.ndarray:
+def agreed_boxes(annotated: Mapping[PhotoKey, Labels], position: str, camera: str) -> np.ndarray:
     """(m, 4) rock boxes of one view that its exposure brackets agree on."""
     sets: dict[tuple[str, str], list[np.ndarray]] = {}
-    for key, labels in drawn.items():
+    for key, labels in annotated.items():
         if (key.position, key.camera) == (position, camera):
             rocks = labels.boxes[labels.classes == BOX_CLASSES.index(ROCK)]
             sets.setdefault((key.light, key.azimuth), []).append(rocks)

@@ -27,7 +27,7 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.scoring.alignment import fit_alignment, refine_alignment
 from polarsim.scoring.complaints import STAGE, complaint
-from polarsim.scoring.labels import read_drawn
+from polarsim.scoring.labels import read_annotated
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, write_metrics
 from polarsim.scoring.surface import Surface
@@ -48,7 +48,7 @@ def check_consistency(
     cameras: Path,
     meshes: Path,
     photos: Path | None,
-    drawn: Path | None,
+    annotated: Path | None,
     evaluation: Path,
 ) -> None:
     """Write how far a terrain's scans, cameras, meshes and boxes agree, and warn where they do not.
@@ -61,7 +61,7 @@ def check_consistency(
         Folder of the terrain's meshes.
     photos
         `photos.parquet`; None where a source has no photos.
-    drawn
+    annotated
         Folder of all label files that people drew, which stand in where no photos show both cameras; may be None.
     """
     known, placed = read_inventory(inventory), read_all_placed(located)
@@ -78,9 +78,9 @@ def check_consistency(
     if (located / "matches.parquet").exists():
         metrics += boxes_met(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
     both = photos_of_both(last, caster(scene.vertices, scene.faces), best_pictures(terrain, photos)) if photos else []
-    if not both and drawn is not None:
+    if not both and annotated is not None:
         outlines = outlines_of({rock: obj.read(path) for rock, path in obj.rock_files(meshes).items()})
-        both = boxes_of_both(last, outlines, read_drawn(drawn, terrain))
+        both = boxes_of_both(last, outlines, read_annotated(annotated, terrain))
     metrics += both
     for metric in metrics:
         for sentence in complaint(metric.subject, metric.metric, metric.value):

@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import LABEL_COLUMNS, key_columns
 from polarsim.geometry.boxes import area, iou, match, match_sum
-from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, SHADOWS_DRAWN_FROM_MS, PhotoKey
+from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, SHADOWS_ANNOTATED_FROM_MS, PhotoKey
 from polarsim.scoring.metrics import Against
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import Labels
@@ -84,20 +84,20 @@ def pair_labels(
     keys = [key for key in sorted(wanted) if tasks[key] is not None]
     photos = pd.DataFrame([key_columns(key) for key in keys], columns=list(LABEL_COLUMNS[:7]))
     photos["task"] = [tasks[key] for key in keys]
-    photos["drawn"] = [shadows_drawn(key, _shadows(wanted[key]), against) for key in keys]
+    photos["annotated"] = [shadows_annotated(key, _shadows(wanted[key]), against) for key in keys]
     photo, pairs, row = _pair_photos(keys, wanted, table, options.iou_threshold)
     whole = photos.iloc[photo].reset_index(drop=True)
     whole["kind"] = np.array(BOX_CLASSES)[pairs.kind]
-    whole["drawn"] = whole["drawn"].astype(bool) & (whole["kind"] == SHADOW)
+    whole["annotated"] = whole["annotated"].astype(bool) & (whole["kind"] == SHADOW)
     whole["iou"], whole["iou_best"] = pairs.iou, pairs.iou_best
     whole[list(TRUE_EDGES)], whole["truth_px"] = pairs.truth, np.sqrt(area(pairs.truth))
     whole["hit"] = whole["iou"].notna()
     return _with_labels(whole, table, row).assign(against=against).astype(LABEL_PAIRS.dtypes)[list(LABEL_PAIRS.columns)]
 
 
-def shadows_drawn(key: PhotoKey, true_shadows: int, against: Against) -> bool:
+def shadows_annotated(key: PhotoKey, true_shadows: int, against: Against) -> bool:
     """Whether people draw shadows in a photo: its truth has some, the analog's from a stated exposure on."""
-    return true_shadows > 0 and (against == "labels" or key.exposure_ms >= SHADOWS_DRAWN_FROM_MS)
+    return true_shadows > 0 and (against == "labels" or key.exposure_ms >= SHADOWS_ANNOTATED_FROM_MS)
 
 
 def labels_by_photo(table: pd.DataFrame) -> dict[PhotoKey, Labels]:

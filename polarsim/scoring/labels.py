@@ -1,4 +1,6 @@
-"""How well propagated labels agree with hand-drawn or true ones, task by task: how far a label had to be propagated."""
+"""How well propagated labels agree with hand-annotated or true ones, task by task: how far a label had to be
+propagated.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import release
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet, write_parquet
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
-from polarsim.scoring.label_pairs import labels_by_photo, pair_labels, shadows_drawn
+from polarsim.scoring.label_pairs import labels_by_photo, pair_labels, shadows_annotated
 from polarsim.scoring.metrics import Against, Metric, write_metrics
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.reliability import ANY_SOURCE, brier_score, calibration_error, reliability_table
@@ -22,7 +24,7 @@ from polarsim.scoring.score import Counts, Labels, count_photo, read
 EXPOSURES, LIGHT, CAMERA = "other exposures", "light on", "Left to Right"
 AZIMUTH, NO_SUN, POSITION, ALL = "another azimuth", "no Sun", "position without seed", "all but seeds"
 TASKS = (EXPOSURES, LIGHT, CAMERA, AZIMUTH, NO_SUN, POSITION, ALL)
-DRAWN = "shadow, where drawn"  # photos whose truth has a shadow: at short exposures nobody draws any
+ANNOTATED = "shadow, where annotated"  # photos whose truth has a shadow: at short exposures nobody draws any
 
 log = logging.getLogger("polarsim")
 
@@ -47,7 +49,7 @@ def score_labels(
     table
         The terrain's label table; a photo without row has nothing to see.
     truth
-        Folder of hand-drawn KEY.txt files (a terrain's, or a release's root), or the analog's labels.parquet.
+        Folder of hand-annotated KEY.txt files (a terrain's, or a release's root), or the analog's labels.parquet.
     seeds
         Folder of the terrain's seeds; these photos themselves are not scored.
     """
@@ -56,7 +58,7 @@ def score_labels(
     wanted = read_truth(truth, terrain, found, options)
     seed_keys = set(release.key_files(seeds).files)
     tasks = {key: task_of(key, seed_keys) for key in wanted}
-    metrics = [Metric("seeds", "photos_drawn", len(seed_keys), "photos", len(found), "own")]
+    metrics = [Metric("seeds", "photos_annotated", len(seed_keys), "photos", len(found), "own")]
     metrics += score_tasks(wanted, found, tasks, TASKS, against(truth), options)
     unlabelled = len([key for key, task in tasks.items() if task is not None and key not in found])
     metrics.append(Metric("photos with truth", "without_label_file", unlabelled, "photos", len(wanted), against(truth)))
@@ -101,12 +103,12 @@ def score_tasks(
         if task is None:
             continue
         for kind, counts in count_photo(wanted[key], found[key], options.iou_threshold).items():
-            drawn = kind == SHADOW and shadows_drawn(key, counts.tp + counts.fn, against)
-            for name in [kind, DRAWN] if drawn else [kind]:
+            annotated = kind == SHADOW and shadows_annotated(key, counts.tp + counts.fn, against)
+            for name in [kind, ANNOTATED] if annotated else [kind]:
                 for part in (task, ALL):
                     total[name, part] = total.get((name, part), Counts()) + counts
     metrics = []
-    for kind in (*BOX_CLASSES, DRAWN):
+    for kind in (*BOX_CLASSES, ANNOTATED):
         for task in order:
             if (kind, task) in total:
                 metrics += box_metrics(f"{kind}: {task}", total[kind, task], against)
@@ -122,13 +124,13 @@ def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
 def read_truth(
     truth: Path, terrain: int, labelled: Iterable[PhotoKey], options: ScoringOptions
 ) -> dict[PhotoKey, Labels]:
-    """True labels by photo: hand-drawn files as they are, or the analog's table.
+    """True labels by photo: hand-annotated files as they are, or the analog's table.
 
-    A photo without hand-drawn file has no truth: nobody looked. The analog knows all: without row, without object.
+    A photo without hand-annotated file has no truth: nobody looked. The analog knows all: without row, without object.
     """
     if not truth.is_file():
         folder = release.label_folder(truth, terrain) if (truth / release.BOXES).is_dir() else truth
-        return read_drawn(folder, terrain)
+        return read_annotated(folder, terrain)
     table = read_parquet(truth, LABEL_COLUMNS)
     table = visible(table[table["terrain"] == terrain], options)
     found = {
@@ -141,7 +143,7 @@ def read_truth(
 
 
 def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
-    """The true labels that a person could have drawn: large enough, and clear in some exposure of their exposure
+    """The true labels that a person could have annotated: large enough, and clear in some exposure of their exposure
     bracket.
 
     People copy labels over all exposures of an exposure bracket, so one that shows the object is enough. The columns
@@ -156,7 +158,7 @@ def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
     return truth
 
 
-def read_drawn(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
+def read_annotated(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
     """As `read_folder`, but a broken file is left out with a warning: the release has one, nobody's result."""
     found = {}
     for key, path in release.key_files(folder).files.items():
@@ -169,7 +171,7 @@ def read_drawn(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
 
 
 def against(truth: Path) -> Against:
-    """What a truth is called: the analog's table is truth, drawn files are labels."""
+    """What a truth is called: the analog's table is truth, annotated files are labels."""
     return "truth" if truth.is_file() else "labels"
 
 

@@ -83,12 +83,12 @@ def _along_rows(rig: StereoRig, points_left: np.ndarray) -> np.ndarray:
 
 
 def boxes_of_both(
-    placed: Mapping[str, PlacedRig], outlines: Outlines, drawn: Mapping[PhotoKey, Labels]
+    placed: Mapping[str, PlacedRig], outlines: Outlines, annotated: Mapping[PhotoKey, Labels]
 ) -> list[Metric]:
     """How otherwise projected meshes meet the boxes of the right camera than those of the left one, by position."""
     metrics = []
     for position, rig in sorted(placed.items()):
-        boxes = {camera: agreed_boxes(drawn, position, camera) for camera in CAMERAS}
+        boxes = {camera: agreed_boxes(annotated, position, camera) for camera in CAMERAS}
         if min(map(len, boxes.values())) < LEAST_BOXES or rig.surveyed:
             continue
         down, share = {}, {}

@@ -18,7 +18,7 @@ STAGES = ("cameras", "rocks", "consistency", "labels", "render", "materials")
 BOX_METRICS = ("precision", "recall", "f1", "miou")  # of every box score, in this order
 
 Against = Literal["truth", "labels", "photos", "own"]
-TRUTH_NAMES = {"truth": "the analog's truth", "labels": "hand-drawn labels"}
+TRUTH_NAMES = {"truth": "the analog's truth", "labels": "hand-annotated labels"}
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,9 @@ class Metric:
     value: float
     unit: str  # "mm", "px", "deg", "1" (a share or ratio), or what is counted
     n: int
-    against: Against  # truth: the analog's own; labels: hand-drawn; photos: pixels; own: what the stage itself reports
+    against: (
+        Against  # truth: the analog's own; labels: hand-annotated; photos: pixels; own: what the stage itself reports
+    )
 
 
 def summary(

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 class ScoringOptions(BaseModel, extra="forbid", frozen=True):
     """How results are scored. None of it changes a result, only what is said about it."""
 
-    drawn_root: Path | None = Field(
+    annotated_root: Path | None = Field(
         None,
         description="Folder in the release's layout with labels that people drew, which ours are scored against; null: "
         "that of the seeds, else the source's.",

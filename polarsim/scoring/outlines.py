@@ -16,7 +16,7 @@ from polarsim.formats.coco import Annotation, read_coco
 from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.polygons import rasterised
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, CameraSide, PhotoKey
-from polarsim.scoring.labels import box_metrics, read_drawn
+from polarsim.scoring.labels import box_metrics, read_annotated
 from polarsim.scoring.metrics import write_metrics
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import Counts, Labels, count_boxes, count_overlaps
@@ -64,7 +64,7 @@ def score_outlines(
     People drew one set of polygons for all exposures of an exposure bracket: the fullest file is compared with the
     fullest
     labels. Their boxes are the yardstick: the boxes around polygons against the boxes of the same photo. Shadows
-    count there only where shadow boxes were drawn: at short exposures there are none.
+    count there only where shadow boxes were annotated: at short exposures there are none.
 
     Parameters
     ----------
@@ -75,12 +75,12 @@ def score_outlines(
     root
         Of a release; a terrain without polygons there has no metrics.
     """
-    drawn = _of_brackets(read_polygon_files(root, terrain), keys)
+    annotated = _of_brackets(read_polygon_files(root, terrain), keys)
     found = _of_brackets(read_coco(annotations), keys)
-    boxes = read_drawn(release.label_folder(root, terrain), terrain)
+    boxes = read_annotated(release.label_folder(root, terrain), terrain)
     total: dict[str, Counts] = {}
-    for bracket in sorted(set(drawn) & set(found)):
-        key, polygons = drawn[bracket]
+    for bracket in sorted(set(annotated) & set(found)):
+        key, polygons = annotated[bracket]
         task = TASKS[key.camera]
         for kind in BOX_CLASSES:
             people = _painted(polygons, kind)
@@ -89,14 +89,14 @@ def score_outlines(
             total[subject] = total.get(subject, Counts()) + counts
             yardstick = _yardstick(people, boxes.get(key), kind, options)
             if yardstick is not None:
-                subject = f"{kind} polygon's box against drawn box: {task}"
+                subject = f"{kind} polygon's box against annotated box: {task}"
                 total[subject] = total.get(subject, Counts()) + yardstick
     metrics = [metric for subject in sorted(total) for metric in box_metrics(subject, total[subject], "labels")]
     write_metrics(evaluation, "labels", terrain, metrics)
 
 
 def read_polygon_files(root: Path, terrain: int) -> dict[PhotoKey, Polygons]:
-    """Hand-drawn polygons of a terrain; broken files are left out with a warning."""
+    """Hand-annotated polygons of a terrain; broken files are left out with a warning."""
     found = {}
     for key, path in release.polygon_files(root, terrain).items():
         try:

@@ -1,4 +1,6 @@
-"""How well label files agree with hand-drawn or true ones: precision, recall, F1 and mean IoU, pooled over files."""
+"""How well label files agree with hand-annotated or true ones: precision, recall, F1 and mean IoU, pooled over
+files.
+"""
 
 from __future__ import annotations
 

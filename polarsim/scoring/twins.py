@@ -1,4 +1,5 @@
-"""How well twins agree with what they copy: rendered ground-truth boxes with drawn or true ones, pixels with those of
+"""How well twins agree with what they copy: rendered ground-truth boxes with annotated or true ones, pixels with
+those of
 photos.
 """
 
@@ -55,7 +56,7 @@ def score_twins(
     boxes
         Folder of the rendered ground-truth boxes, KEY.txt.
     truth
-        Folder of hand-drawn KEY.txt files, or the analog's labels.parquet; None where there is none.
+        Folder of hand-annotated KEY.txt files, or the analog's labels.parquet; None where there is none.
     twins
         Folder of the twins, KEY.png, by model.
     photos

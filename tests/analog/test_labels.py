@@ -88,7 +88,7 @@ def test_small_and_dark_rocks_are_missed_more_often():
     assert missed(90, dark) > 0.5
 
 
-def test_shadows_are_drawn_from_the_usual_exposure_on_and_only_with_their_rocks():
+def test_shadows_are_annotated_from_the_usual_exposure_on_and_only_with_their_rocks():
     photo = BRIGHT.copy()
     photo[600:660, 500:560] = 100
     rocks, shadows = [square(1, 500, 500, 90)], [square(1, 500, 600, 60), square(2, 900, 600, 60)]
@@ -96,5 +96,5 @@ def test_shadows_are_drawn_from_the_usual_exposure_on_and_only_with_their_rocks(
     without, _ = annotate(rocks, shadows, photo, rng, with_shadows=False)
     both = [annotate(rocks, shadows, photo, rng, with_shadows=True)[0].tolist() for _ in range(30)]
     assert set(without) <= {0}
-    assert max(classes.count(1) for classes in both) == 1  # rock 2 was not drawn
+    assert max(classes.count(1) for classes in both) == 1  # rock 2 was not annotated
     assert sum(classes == [0, 1] for classes in both) > 20

@@ -44,7 +44,9 @@ def rocks(rng: np.random.Generator, count: int) -> dict[int, Mesh]:
     return {k: rock(rng, place, rng.uniform(0.08, 0.3)) for k, place in enumerate(places, 1)}
 
 
-def drawn_boxes(meshes: dict[int, Mesh], rig: StereoRig, pose: Pose, rng: np.random.Generator, sd: float) -> np.ndarray:
+def annotated_boxes(
+    meshes: dict[int, Mesh], rig: StereoRig, pose: Pose, rng: np.random.Generator, sd: float
+) -> np.ndarray:
     """(m, 4) boxes that a person would draw: edges off by `sd` px, then whole pixels; NaN for rocks out of sight."""
     made = []
     for mesh in meshes.values():
@@ -150,7 +152,9 @@ class LabelledRocks:
 
 @pytest.fixture(scope="session")
 def labelled() -> LabelledRocks:
-    """Fifteen rocks, edges drawn 2 px off: about what people do."""
+    """Fifteen rocks, edges annotated 2 px off: about what people do."""
     rng = np.random.default_rng(11)
     meshes = rocks(rng, 15)
-    return LabelledRocks(meshes, {p: drawn_boxes(meshes, stated_rig(), TRUE_POSES[p], rng, 2.0) for p in TRUE_POSES})
+    return LabelledRocks(
+        meshes, {p: annotated_boxes(meshes, stated_rig(), TRUE_POSES[p], rng, 2.0) for p in TRUE_POSES}
+    )

@@ -59,7 +59,7 @@ def scanned(tmp_path, range_maps):
 
 
 @pytest.fixture
-def drawn(tmp_path, labelled):
+def annotated(tmp_path, labelled):
     """An inventory of rock meshes, and seeds of one azimuth in a folder: A and B with boxes, C with too few."""
     (tmp_path / "meshes").mkdir()
     meshes = {}
@@ -122,9 +122,9 @@ def test_one_scan_alone_is_placed(tmp_path, scanned, sandbox, true_poses):
     assert len(pd.read_csv(tmp_path / "cameras" / "alignment.csv")) == 0
 
 
-def test_labels_and_meshes_place_rigs(tmp_path, drawn, true_poses, labelled, caplog):
+def test_labels_and_meshes_place_rigs(tmp_path, annotated, true_poses, labelled, caplog):
     with caplog.at_level(logging.WARNING):
-        placed = locate(tmp_path, drawn, stated_rig())
+        placed = locate(tmp_path, annotated, stated_rig())
     assert {position: one.method for position, one in placed.items()} == {"A": "labels", "B": "labels", "C": "survey"}
     assert "position C" in caplog.text
     for position in "AB":
@@ -153,19 +153,19 @@ def test_a_terrain_without_rocks_or_scans_stands_as_surveyed(tmp_path):
     assert placed["A"].sandbox_from_left.translation[0] == pytest.approx(3.541)
 
 
-def test_labels_of_another_terrain_are_refused(tmp_path, drawn, rng):
+def test_labels_of_another_terrain_are_refused(tmp_path, annotated, rng):
     for position in "AB":
         corner = rng.uniform([100, 300], [1700, 1000], (14, 2))
         boxes = np.column_stack([corner, corner + rng.uniform(30, 150, (14, 2))])
         yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(14, int), boxes)
     with pytest.raises(RegistrationError, match=r"Terrain03: position [AB]: the best pose explains 0"):
-        locate(tmp_path, drawn, stated_rig())
+        locate(tmp_path, annotated, stated_rig())
 
 
-def test_a_broken_seed_names_its_file_and_line(tmp_path, drawn):
+def test_a_broken_seed_names_its_file_and_line(tmp_path, annotated):
     (tmp_path / "seeds" / "03_B_off_30_L_0256.txt").write_text("0 0.5 0.5 nonsense 0.1\n")
     with pytest.raises(FormatError, match=r"03_B_off_30_L_0256\.txt:1"):
-        locate(tmp_path, drawn, stated_rig())
+        locate(tmp_path, annotated, stated_rig())
 
 
 def test_rounding_keeps_a_rotation_a_rotation():

@@ -23,12 +23,12 @@ OPTIONS = PlacementOptions()
 def best_boxes(root, terrain, position, camera):
     """Rock boxes of each Sun azimuth, light off, in the exposure that shows most."""
     files = release.label_files(root, terrain)
-    drawn = []
+    annotated = []
     for sun in SUNS:
         of_set = [key for key in files if key.bracket == (terrain, position, "off", sun, camera)]
         rocks = [boxes[classes == 0] for classes, boxes in (yolo.read_boxes(files[key]) for key in of_set)]
-        drawn.append(max(rocks, key=len))
-    return drawn
+        annotated.append(max(rocks, key=len))
+    return annotated
 
 
 @pytest.mark.release
@@ -52,10 +52,10 @@ def test_real_seeds_place_the_rig(release_root, terrain, position, place, least_
     # The right camera's boxes took no part.
     rig = PlacedRig(stated_rig(), pose)
     right = clip(outlines.project(rig.camera("R")))
-    drawn = consensus_boxes(best_boxes(release_root, terrain, position, "R"))
-    rows, columns = assign(right, drawn)
+    annotated = consensus_boxes(best_boxes(release_root, terrain, position, "R"))
+    rows, columns = assign(right, annotated)
     assert len(rows) >= len(placement.fit.iou) - 1
-    assert np.diag(iou(right[rows], drawn[columns])).mean() >= least_right
+    assert np.diag(iou(right[rows], annotated[columns])).mean() >= least_right
 
 
 @pytest.mark.release

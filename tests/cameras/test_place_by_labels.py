@@ -41,9 +41,9 @@ def test_the_pose_is_found_with_missing_and_false_boxes(position, labelled, outl
     assert np.linalg.norm(found.translation - true.translation) < 0.03
     assert np.degrees(angle_between(found, true)) < 0.5
     ids = outlines.rocks[placement.fit.outline]
-    drawn = labelled.boxes[position][ids - 1]
+    annotated = labelled.boxes[position][ids - 1]
     real = placement.fit.box < round(0.8 * len(labelled.seen(position)))
-    np.testing.assert_array_equal(boxes[placement.fit.box][real], drawn[real])  # each rock met its own box
+    np.testing.assert_array_equal(boxes[placement.fit.box][real], annotated[real])  # each rock met its own box
 
 
 def test_the_pose_is_found_without_a_survey(labelled, outlines, true_poses, monkeypatch):

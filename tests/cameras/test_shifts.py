@@ -15,7 +15,7 @@ from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.geometry.stereo import stated_rig
 
-from .conftest import TRUE_POSES, drawn_boxes
+from .conftest import TRUE_POSES, annotated_boxes
 
 OPTIONS = PlacementOptions(rock_shift_sd_mm=10)
 LENS = stated_rig().left
@@ -33,10 +33,10 @@ def quick():
 
 
 @pytest.fixture(scope="module")
-def drawn(labelled):
-    """Boxes of the rocks where they are, drawn well."""
+def annotated(labelled):
+    """Boxes of the rocks where they are, annotated well."""
     rng = np.random.default_rng(3)
-    return {p: drawn_boxes(labelled.meshes, stated_rig(), pose, rng, EDGE_PX) for p, pose in TRUE_POSES.items()}
+    return {p: annotated_boxes(labelled.meshes, stated_rig(), pose, rng, EDGE_PX) for p, pose in TRUE_POSES.items()}
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,10 @@ class Solution:
         return [one.fit for one in self.found.placed.values()]
 
 
-def solved(labelled, drawn, off, options=OPTIONS):
+def solved(labelled, annotated, off, options=OPTIONS):
     """All positions placed when the meshes lie `off` (m, 3) metres from where they belong."""
     outlines = shifted(outlines_of(labelled.meshes, 0.0, 0.0), off)
-    seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in drawn.items()}
+    seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in annotated.items()}
     return Solution(outlines, place_all(seen, outlines, LENS, options))
 
 
@@ -66,8 +66,8 @@ def off():
 
 
 @pytest.fixture(scope="module")
-def solution(labelled, drawn, off):
-    return solved(labelled, drawn, off)
+def solution(labelled, annotated, off):
+    return solved(labelled, annotated, off)
 
 
 def iou_in_right_photos(labelled, outlines, placements):
@@ -108,20 +108,20 @@ def test_the_frame_stays_where_it_is(solution):
     assert np.median(shifts.sd[shifts.boxes >= 2]) < 0.006
 
 
-def test_rocks_that_lie_right_stay(labelled, drawn):
-    shifts = solved(labelled, drawn, np.zeros((15, 3))).found.shifts
+def test_rocks_that_lie_right_stay(labelled, annotated):
+    shifts = solved(labelled, annotated, np.zeros((15, 3))).found.shifts
     assert np.median(np.linalg.norm(shifts.metres, axis=1)) < 0.003
 
 
-def test_a_stronger_prior_shifts_less(labelled, drawn, off, solution):
-    held = solved(labelled, drawn, off, OPTIONS.model_copy(update={"rock_shift_sd_mm": 1.0})).found.shifts
+def test_a_stronger_prior_shifts_less(labelled, annotated, off, solution):
+    held = solved(labelled, annotated, off, OPTIONS.model_copy(update={"rock_shift_sd_mm": 1.0})).found.shifts
     assert np.linalg.norm(held.metres) < 0.7 * np.linalg.norm(solution.found.shifts.metres)
 
 
-def test_a_few_rocks_put_centimetres_off_do_not_pull_the_others(labelled, drawn):
+def test_a_few_rocks_put_centimetres_off_do_not_pull_the_others(labelled, annotated):
     off = np.zeros((15, 3))
     off[[2, 5, 8], 1] = 0.05
-    found = solved(labelled, drawn, off).found
+    found = solved(labelled, annotated, off).found
     assert set(found.placed) == set("ABC")
     for position, one in found.placed.items():
         assert np.linalg.norm(one.fit.sandbox_from_left.translation - TRUE_POSES[position].translation) < 0.02
@@ -130,16 +130,16 @@ def test_a_few_rocks_put_centimetres_off_do_not_pull_the_others(labelled, drawn)
     assert left.max() < 0.02
 
 
-def test_no_rock_moves_further_than_anybody_could_have_put_it(labelled, drawn):
+def test_no_rock_moves_further_than_anybody_could_have_put_it(labelled, annotated):
     off = np.zeros((15, 3))
     off[3] = 0.0, 0.16, 0.0
-    metres = solved(labelled, drawn, off).found.shifts.metres
+    metres = solved(labelled, annotated, off).found.shifts.metres
     assert np.linalg.norm(metres, axis=1).max() <= FARTHEST
 
 
-def test_a_position_that_is_refused_leaves_the_others_as_they_are(labelled, drawn):
+def test_a_position_that_is_refused_leaves_the_others_as_they_are(labelled, annotated):
     outlines = outlines_of(labelled.meshes, 0.0, 0.0)
-    seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in drawn.items()}
+    seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in annotated.items()}
     found = place_all({**seen, "A": seen["B"]}, outlines, LENS, OPTIONS)
     assert set(found.placed) == set("BC")
     assert "another position's boxes" in found.refused["A"]

@@ -5,15 +5,15 @@ from polarsim.geometry.consensus import consensus_boxes
 ROCK, OTHER = np.array([100.0, 100, 140, 130]), np.array([500.0, 300, 520, 315])
 
 
-def test_a_rock_drawn_under_every_lamp_becomes_its_median_box():
-    drawn = [np.array([ROCK + shift]) for shift in (-2, 0, 1, 2)]
-    np.testing.assert_allclose(consensus_boxes(drawn), [ROCK + 0.5])  # median of -2, 0, 1, 2
+def test_a_rock_annotated_under_every_lamp_becomes_its_median_box():
+    annotated = [np.array([ROCK + shift]) for shift in (-2, 0, 1, 2)]
+    np.testing.assert_allclose(consensus_boxes(annotated), [ROCK + 0.5])  # median of -2, 0, 1, 2
 
 
 def test_a_box_that_one_lamp_of_four_shows_is_left_out():
-    drawn = [np.array([ROCK, OTHER]), *[np.array([ROCK])] * 3]
-    np.testing.assert_allclose(consensus_boxes(drawn, share=0.3), [ROCK])
-    assert len(consensus_boxes(drawn, share=0.25)) == 2
+    annotated = [np.array([ROCK, OTHER]), *[np.array([ROCK])] * 3]
+    np.testing.assert_allclose(consensus_boxes(annotated, share=0.3), [ROCK])
+    assert len(consensus_boxes(annotated, share=0.25)) == 2
 
 
 def test_the_boxes_of_a_single_azimuth_are_its_consensus():
@@ -31,6 +31,6 @@ def test_doubles_of_one_rock_become_one_box():
     assert len(consensus_boxes([np.array([ROCK, near])])) == 1
 
 
-def test_nothing_drawn_gives_no_boxes():
+def test_nothing_annotated_gives_no_boxes():
     assert consensus_boxes([]).shape == (0, 4)
     assert consensus_boxes([np.zeros((0, 4))]).shape == (0, 4)

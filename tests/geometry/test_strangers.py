@@ -26,18 +26,18 @@ def projected(rng):
 
 
 @pytest.fixture
-def drawn(projected, rng):
+def annotated(projected, rng):
     """What people draw of them: edges 2 px off."""
     shown = {name: boxes[np.isfinite(boxes).all(axis=1)] for name, boxes in projected.items()}
     return {name: boxes + rng.normal(0, 2, boxes.shape) for name, boxes in shown.items()}
 
 
-def test_boxes_at_their_own_position_are_no_strangers(drawn, projected):
-    assert find_strangers(drawn, projected) == []
+def test_boxes_at_their_own_position_are_no_strangers(annotated, projected):
+    assert find_strangers(annotated, projected) == []
 
 
-def test_boxes_of_another_position_are_named_with_both_shares(drawn, projected):
-    (stranger,) = find_strangers({"A": drawn["A"], "C": drawn["A"]}, projected)
+def test_boxes_of_another_position_are_named_with_both_shares(annotated, projected):
+    (stranger,) = find_strangers({"A": annotated["A"], "C": annotated["A"]}, projected)
     assert (stranger.position, stranger.other) == ("C", "A")
     assert stranger.met < 0.2
     assert stranger.met_from_other > 0.9
@@ -45,24 +45,24 @@ def test_boxes_of_another_position_are_named_with_both_shares(drawn, projected):
     assert "% from that of position A; they are left out" in str(stranger)
 
 
-def test_exchanged_positions_are_both_named(drawn, projected):
-    exchanged = {"A": drawn["C"], "C": drawn["A"]}
+def test_exchanged_positions_are_both_named(annotated, projected):
+    exchanged = {"A": annotated["C"], "C": annotated["A"]}
     assert [stranger.position for stranger in find_strangers(exchanged, projected)] == ["A", "C"]
 
 
 @pytest.mark.parametrize("name", sorted(POSES))
-def test_half_of_the_boxes_missing_makes_no_stranger(name, drawn, projected):
-    assert find_strangers({**drawn, name: drawn[name][::2]}, projected) == []
+def test_half_of_the_boxes_missing_makes_no_stranger(name, annotated, projected):
+    assert find_strangers({**annotated, name: annotated[name][::2]}, projected) == []
 
 
 @pytest.mark.parametrize("name", sorted(POSES))
-def test_half_of_the_rocks_unknown_makes_no_stranger(name, drawn, projected):
+def test_half_of_the_rocks_unknown_makes_no_stranger(name, annotated, projected):
     known = {pose: boxes[::2] for pose, boxes in projected.items()}
-    assert find_strangers(drawn, known) == []
-    assert [one.position for one in find_strangers({name: drawn["A" if name == "C" else "C"]}, known)] == [name]
+    assert find_strangers(annotated, known) == []
+    assert [one.position for one in find_strangers({name: annotated["A" if name == "C" else "C"]}, known)] == [name]
 
 
-def test_few_boxes_and_a_lone_pose_tell_nothing(drawn, projected):
-    assert find_strangers({"C": drawn["A"][:3]}, projected) == []
-    assert find_strangers({"C": drawn["A"]}, {"C": projected["C"]}) == []
-    assert find_strangers({"B": drawn["A"]}, projected) == []
+def test_few_boxes_and_a_lone_pose_tell_nothing(annotated, projected):
+    assert find_strangers({"C": annotated["A"][:3]}, projected) == []
+    assert find_strangers({"C": annotated["A"]}, {"C": projected["C"]}) == []
+    assert find_strangers({"B": annotated["A"]}, projected) == []

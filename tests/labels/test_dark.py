@@ -9,7 +9,7 @@ from polarsim.labels.dark import hidden_by_dark, in_the_dark
 from polarsim.labels.known import gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position import PositionLabels
-from polarsim.labels.seeds import Drawn
+from polarsim.labels.seeds import Annotated
 from polarsim.labels.view import project_rock
 from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK, ROCK
@@ -42,12 +42,12 @@ def world(terrain):
     return build_world(terrain, TRIM)
 
 
-def labelled(terrain, drawn_at, options, azimuth="180"):
-    """Rocks labelled under a lamp where the same boxes were drawn under others."""
+def labelled(terrain, annotated_at, options, azimuth="180"):
+    """Rocks labelled under a lamp where the same boxes were annotated under others."""
     rig = placed("A")
     world = build_world(terrain, TRIM)
     boxes = np.array([project_rock(world, rig.camera("L"), rock).box for rock in ROCKS])
-    drawings = {("L", other): Drawn(boxes, None) for other in drawn_at}
+    drawings = {("L", other): Annotated(boxes, None) for other in annotated_at}
     seeds = {"A": drawings} if drawings else {}
     known = gather(terrain, {"A": rig}, SUN_LAMPS, seeds, options)
     labels = PositionLabels(known, "A", options).labels("L", "off", azimuth)
@@ -94,6 +94,6 @@ def test_people_who_label_what_they_see_leave_out_rocks_in_the_dark(terrain):
     assert labelled(terrain, ["30"], OPTIONS, azimuth="350") == set(ROCKS)
 
 
-def test_drawn_rocks_stay_in_the_other_cameras_photos_and_by_photos_the_photo_decides(terrain):
+def test_annotated_rocks_stay_in_the_other_cameras_photos_and_by_photos_the_photo_decides(terrain):
     assert labelled(terrain, ["180"], OPTIONS) == set(ROCKS)
     assert labelled(terrain, ["30"], OPTIONS.model_copy(update={"visibility": "photo"})) == set(ROCKS)

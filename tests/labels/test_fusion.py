@@ -5,14 +5,14 @@ from hypothesis import strategies as st
 
 from polarsim.labels.fusion import edge_sd_px, mesh_weights
 
-DRAWN = np.array([[300.0, 200.0, 360.0, 250.0]])
+ANNOTATED = np.array([[300.0, 200.0, 360.0, 250.0]])
 counts = st.integers(1, 8)
 weights = st.floats(0.1, 10)
 
 
 def of_mesh(off: float, count: int, weight: float) -> float:
-    """Weight of mesh edges that all lie `off` px to the right of the drawn ones."""
-    found = mesh_weights(DRAWN, np.full((1, 4), float(count)), DRAWN + np.array([off, 0, off, 0]), weight)
+    """Weight of mesh edges that all lie `off` px to the right of the annotated ones."""
+    found = mesh_weights(ANNOTATED, np.full((1, 4), float(count)), ANNOTATED + np.array([off, 0, off, 0]), weight)
     np.testing.assert_allclose(found[0, 0], found[0, 2])
     return float(found[0, 0])
 
@@ -43,19 +43,19 @@ def test_many_drawings_distrust_a_mesh_more_than_one_does(weight, off):
 
 
 def test_one_drawing_and_an_equal_mesh_halve_its_weight_at_the_sd_of_their_difference_times_cauchys_constant():
-    off = 2.385 * float(edge_sd_px(DRAWN)[0, 0]) * np.sqrt(2)
+    off = 2.385 * float(edge_sd_px(ANNOTATED)[0, 0]) * np.sqrt(2)
     np.testing.assert_allclose(of_mesh(off, 1, 1), 0.5)
 
 
 def test_every_edge_is_evaluated_by_itself():
-    found = mesh_weights(DRAWN, np.ones((1, 4)), DRAWN + np.array([0, 0, 80, 0]), 1.0)
+    found = mesh_weights(ANNOTATED, np.ones((1, 4)), ANNOTATED + np.array([0, 0, 80, 0]), 1.0)
     np.testing.assert_allclose(found[0, [0, 1, 3]], 1.0)
     assert found[0, 2] < 0.1
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.5, 1.0])
 def test_an_edge_that_nobody_drew_is_the_meshs(weight):
-    found = mesh_weights(np.zeros((1, 4)), np.zeros((1, 4)), DRAWN, weight)
+    found = mesh_weights(np.zeros((1, 4)), np.zeros((1, 4)), ANNOTATED, weight)
     np.testing.assert_array_equal(found, np.ones((1, 4)))
 
 

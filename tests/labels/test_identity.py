@@ -11,8 +11,8 @@ from .conftest import TERRAIN, placed
 
 def test_each_box_finds_the_nearest_expected_one():
     expected = np.array([[100.0, 100, 150, 150], [200, 100, 250, 150]])
-    drawn = np.array([[205.0, 98, 255, 149], [700, 700, 750, 740], [90, 100, 140, 150]])
-    np.testing.assert_array_equal(match_boxes(drawn, expected, 40), [1, -1, 0])
+    annotated = np.array([[205.0, 98, 255, 149], [700, 700, 750, 740], [90, 100, 140, 150]])
+    np.testing.assert_array_equal(match_boxes(annotated, expected, 40), [1, -1, 0])
 
 
 def test_one_expected_box_is_given_once():

@@ -41,28 +41,28 @@ def draw_table(scene, out, keys):
 
 
 @pytest.fixture(scope="module")
-def drawn(untouched_scene, tmp_path_factory):
-    return draw(untouched_scene, tmp_path_factory.mktemp("drawn"))
+def annotated(untouched_scene, tmp_path_factory):
+    return draw(untouched_scene, tmp_path_factory.mktemp("annotated"))
 
 
-def grey(drawn, name):
-    return png.read(drawn / "masks" / f"{name}.png")
+def grey(annotated, name):
+    return png.read(annotated / "masks" / f"{name}.png")
 
 
-def test_every_photo_gets_polygons_and_a_grey_map(drawn):
+def test_every_photo_gets_polygons_and_a_grey_map(annotated):
     for folder in ("polygons", "masks"):
-        assert {path.stem for path in (drawn / folder).iterdir()} == {str(key) for key in KEYS}
+        assert {path.stem for path in (annotated / folder).iterdir()} == {str(key) for key in KEYS}
 
 
-def test_grey_maps_are_the_painted_polygons_with_the_four_values(drawn):
-    polygons = yolo.read_polygons(drawn / "polygons" / "03_A_off_30_L_0128.txt")
-    picture = grey(drawn, "03_A_off_30_L_0128")
+def test_grey_maps_are_the_painted_polygons_with_the_four_values(annotated):
+    polygons = yolo.read_polygons(annotated / "polygons" / "03_A_off_30_L_0128.txt")
+    picture = grey(annotated, "03_A_off_30_L_0128")
     assert (picture != paint(polygons)).mean() < 1e-5  # the file's six decimals may move a pixel
     assert set(np.unique(picture)) == set(GREY_VALUES.values())
 
 
-def test_polygons_are_valid_and_inside_the_photo(drawn):
-    for number, ring in yolo.read_polygons(drawn / "polygons" / "03_A_off_30_L_0128.txt"):
+def test_polygons_are_valid_and_inside_the_photo(annotated):
+    for number, ring in yolo.read_polygons(annotated / "polygons" / "03_A_off_30_L_0128.txt"):
         assert number in range(4)
         assert Polygon(ring).is_valid
         assert signed_area(ring) > 0
@@ -70,8 +70,8 @@ def test_polygons_are_valid_and_inside_the_photo(drawn):
         assert (ring <= [1936, 1216]).all()
 
 
-def test_rock_masks_fill_the_blocks_as_the_photo_shows_them(untouched_scene, drawn):
-    picture = grey(drawn, "03_A_off_30_L_0128")
+def test_rock_masks_fill_the_blocks_as_the_photo_shows_them(untouched_scene, annotated):
+    picture = grey(annotated, "03_A_off_30_L_0128")
     for rock in BLOCKS:
         x0, y0, x1, y1 = untouched_scene.expected_box("A", "L", rock).round().astype(int)
         share = (picture[y0:y1, x0:x1] == GREY_VALUES["rock"]).mean()
@@ -79,16 +79,16 @@ def test_rock_masks_fill_the_blocks_as_the_photo_shows_them(untouched_scene, dra
         assert (picture[y0 - 20 : y0 - 3, x0:x1] != GREY_VALUES["rock"]).all()
 
 
-def test_sand_is_ground_and_what_lies_behind_the_wall_is_background(drawn):
-    picture = grey(drawn, "03_A_off_30_L_0128")
+def test_sand_is_ground_and_what_lies_behind_the_wall_is_background(annotated):
+    picture = grey(annotated, "03_A_off_30_L_0128")
     assert picture[600, 900] == GREY_VALUES["ground"]
     assert picture[5, 900] == GREY_VALUES["background"]
 
 
-def test_all_exposures_and_lights_share_one_drawing(drawn):
-    whole = grey(drawn, "03_A_off_30_L_0128")
+def test_all_exposures_and_lights_share_one_drawing(annotated):
+    whole = grey(annotated, "03_A_off_30_L_0128")
     for name in ("03_A_off_30_L_0064", "03_A_on_30_L_2048"):
-        np.testing.assert_array_equal(grey(drawn, name), whole)
+        np.testing.assert_array_equal(grey(annotated, name), whole)
 
 
 def test_a_photo_in_which_nothing_is_seen_is_all_background(untouched_scene, tmp_path):
@@ -110,18 +110,18 @@ def test_labels_of_a_rock_without_mesh_still_get_outlines(scene, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def annotated(drawn):
-    return read_coco(drawn / "coco.json")
+def coco_file(annotated):
+    return read_coco(annotated / "coco.json")
 
 
 def key_of(name: str) -> PhotoKey:
     return PhotoKey.parse(name)
 
 
-def test_coco_lists_every_photo_with_its_own_labels(drawn, annotated):
-    assert set(annotated) == set(KEYS)
+def test_coco_lists_every_photo_with_its_own_labels(annotated, coco_file):
+    assert set(coco_file) == set(KEYS)
     for key in KEYS:
-        classes, boxes = yolo.read_boxes(drawn / "boxes" / f"{key}.txt")
+        classes, boxes = yolo.read_boxes(annotated / "boxes" / f"{key}.txt")
         kinds = [BOX_CLASSES[number] for number in classes]
         expected = sorted(zip(kinds, boxes.round(2).tolist(), strict=True))
         found = sorted((own.kind, own.box.round(2).tolist()) for own in annotated[key])
@@ -129,15 +129,15 @@ def test_coco_lists_every_photo_with_its_own_labels(drawn, annotated):
         np.testing.assert_allclose([box for _, box in found], [box for _, box in expected], atol=0.02)
 
 
-def test_photos_too_dark_for_shadows_have_none_in_coco_alone(drawn, annotated):
+def test_photos_too_dark_for_shadows_have_none_in_coco_alone(annotated, coco_file):
     dark, bright = key_of("03_A_off_30_L_0064"), key_of("03_A_off_30_L_0128")
     assert {own.kind for own in annotated[dark]} == {"rock"}
     assert {own.kind for own in annotated[bright]} == {"rock", "shadow"}
-    assert (grey(drawn, dark) == GREY_VALUES["shadow"]).any()
+    assert (grey(annotated, dark) == GREY_VALUES["shadow"]).any()
 
 
-def test_coco_masks_are_the_regions_of_the_grey_map(drawn, annotated):
-    picture = grey(drawn, "03_A_off_30_L_0128")
+def test_coco_masks_are_the_regions_of_the_grey_map(annotated, coco_file):
+    picture = grey(annotated, "03_A_off_30_L_0128")
     for kind in BOX_CLASSES:
         masks = [own.mask.mask() for own in annotated[key_of("03_A_off_30_L_0128")] if own.kind == kind]
         assert np.sum(masks, axis=0).max() == 1  # no pixel is listed twice
@@ -146,7 +146,7 @@ def test_coco_masks_are_the_regions_of_the_grey_map(drawn, annotated):
 
 
 def relabelled(untouched_scene, out, labels, keys):
-    """Drawn from a label table of its own: rows of key, kind, rock and box."""
+    """Annotated from a label table of its own: rows of key, kind, rock and box."""
     named = {"source": "seed", "confidence": 1.0}
     rows = [
         {**tables.key_columns(key), "kind": kind, "rock": rock, **named, **dict(zip(BOX_COLUMNS, box, strict=True))}

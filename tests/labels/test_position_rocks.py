@@ -10,7 +10,7 @@ from polarsim.labels import rover_light
 from polarsim.labels.known import gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position_rocks import PositionRocks
-from polarsim.labels.seeds import Drawn
+from polarsim.labels.seeds import Annotated
 from polarsim.labels.view import project_rock
 from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK, SUNS
@@ -23,7 +23,7 @@ OPTIONS = LabelsOptions(visibility="annotator", wall_height_m=0)
 
 
 @pytest.fixture(autouse=True)
-def drawn_boxes_alone(monkeypatch):
+def annotated_boxes_alone(monkeypatch):
     """Projected meshes weigh nothing, so that expected boxes are those of the drawings."""
     monkeypatch.setattr("polarsim.labels.position_rocks.MESH_WEIGHT", 0.0)
 
@@ -43,11 +43,11 @@ def box_of(rock, position="A", camera="L", blocks=BLOCKS):
     return project_rock(world, placed(position).camera(camera), rock).box
 
 
-def rocks_at(position, drawn, blocks=BLOCKS, options=OPTIONS):
-    """The rocks of a position; `drawn`: position -> (camera, azimuth) -> boxes."""
+def rocks_at(position, annotated, blocks=BLOCKS, options=OPTIONS):
+    """The rocks of a position; `annotated`: position -> (camera, azimuth) -> boxes."""
     seeds = {
-        name: {sight: Drawn(np.array(boxes).reshape(-1, 4), None) for sight, boxes in sights.items()}
-        for name, sights in drawn.items()
+        name: {sight: Annotated(np.array(boxes).reshape(-1, 4), None) for sight, boxes in sights.items()}
+        for name, sights in annotated.items()
     }
     rigs = {name: placed(name) for name in "AC"}
     return PositionRocks(gather(terrain_of(blocks), rigs, SUN_LAMPS, seeds, options), position, options)
@@ -55,10 +55,10 @@ def rocks_at(position, drawn, blocks=BLOCKS, options=OPTIONS):
 
 def test_a_drawing_under_the_same_lamp_weighs_double():
     early, late = box_of(FAR), box_of(FAR) + np.array([0.0, 0.0, 12.0, 0.0])
-    drawn = {"A": {("L", "30"): [early], ("L", "180"): [late]}}
+    annotated = {"A": {("L", "30"): [early], ("L", "180"): [late]}}
     width = {}
     for azimuth in ("30", "180"):
-        (label,) = rocks_at("A", drawn).labels("R", azimuth)
+        (label,) = rocks_at("A", annotated).labels("R", azimuth)
         width[azimuth] = label.box[2] - label.box[0]
     assert width["180"] - width["30"] == pytest.approx(12 / 3)  # a third of 12 px, and two thirds
 
@@ -71,10 +71,10 @@ def beyond_the_left_border():
     return {**BLOCKS, 9: (eye - ray * eye[2] / ray[2], np.array([0.1, 0.1, 0.1]))}
 
 
-def test_a_rock_beyond_the_border_of_the_drawn_photos_is_projected_into_the_other_camera():
+def test_a_rock_beyond_the_border_of_the_annotated_photos_is_projected_into_the_other_camera():
     blocks = beyond_the_left_border()
-    drawn = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
-    labels = {label.rock: label for label in rocks_at("A", drawn, blocks).labels("R", "30")}
+    annotated = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
+    labels = {label.rock: label for label in rocks_at("A", annotated, blocks).labels("R", "30")}
     assert set(labels) == {NEAR, FAR, 9}
     assert labels[9].source == "projected"
     assert iou(labels[9].box[None], box_of(9, camera="R", blocks=blocks)[None])[0, 0] > 0.8
@@ -82,14 +82,14 @@ def test_a_rock_beyond_the_border_of_the_drawn_photos_is_projected_into_the_othe
 
 def test_a_rock_beyond_the_border_is_left_out_under_a_lamp_that_does_not_reach_it(monkeypatch):
     blocks = beyond_the_left_border()
-    drawn = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
+    annotated = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
     monkeypatch.setattr("polarsim.labels.position_rocks.lit_share", lambda *_: 0.05)
-    assert {label.rock for label in rocks_at("A", drawn, blocks).labels("R", "30")} == {NEAR, FAR}
+    assert {label.rock for label in rocks_at("A", annotated, blocks).labels("R", "30")} == {NEAR, FAR}
 
 
 def test_a_rock_in_view_that_nobody_drew_is_not_labelled():
-    drawn = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
-    assert {label.rock for label in rocks_at("A", drawn).labels("R", "30")} == {NEAR}
+    annotated = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
+    assert {label.rock for label in rocks_at("A", annotated).labels("R", "30")} == {NEAR}
 
 
 BEHIND, BARRIER = 1, 3
@@ -101,20 +101,20 @@ SHADED = {  # BARRIER stands between BEHIND and lamp 180, at x = -3.5 m
 
 def test_a_drawing_in_the_dark_does_not_speak_against_a_rock():
     both = [box_of(rock, blocks=SHADED) for rock in (BEHIND, BARRIER)]
-    drawn = {"A": {("L", "180"): both[1:], ("L", "30"): both}}
-    assert {label.rock for label in rocks_at("A", drawn, SHADED).labels("L", "350")} == {BEHIND, BARRIER}
-    drawn = {"A": {("L", "270"): both[1:], ("L", "30"): both}}
-    assert {label.rock for label in rocks_at("A", drawn, SHADED).labels("L", "350")} == {BARRIER}
+    annotated = {"A": {("L", "180"): both[1:], ("L", "30"): both}}
+    assert {label.rock for label in rocks_at("A", annotated, SHADED).labels("L", "350")} == {BEHIND, BARRIER}
+    annotated = {"A": {("L", "270"): both[1:], ("L", "30"): both}}
+    assert {label.rock for label in rocks_at("A", annotated, SHADED).labels("L", "350")} == {BARRIER}
 
 
 @pytest.mark.parametrize(("elsewhere", "propagated"), [(False, False), (True, True), (None, True)])
 def test_a_box_of_one_drawing_alone_is_propagated_over_only_if_another_position_knows_it(elsewhere, propagated):
     """`elsewhere`: whether C drew the rock; None: nobody drew anything at C."""
-    drawn = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
-    drawn["A"]["L", "30"].append(box_of(FAR))
+    annotated = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
+    annotated["A"]["L", "30"].append(box_of(FAR))
     if elsewhere is not None:
-        drawn["C"] = {("L", "30"): [box_of(rock, "C") for rock in ((NEAR, FAR) if elsewhere else (NEAR,))]}
-    shown = {label.rock for label in rocks_at("A", drawn).labels("R", "30")}
+        annotated["C"] = {("L", "30"): [box_of(rock, "C") for rock in ((NEAR, FAR) if elsewhere else (NEAR,))]}
+    shown = {label.rock for label in rocks_at("A", annotated).labels("R", "30")}
     assert shown == ({NEAR, FAR} if propagated else {NEAR})
 
 
@@ -124,9 +124,9 @@ def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_t
         2: (np.array([-1.9, -0.5, 0.0]), np.array([0.05, 0.05, 0.03])),
         3: (np.array([-1.9, 0.6, 0.0]), np.array([0.3, 0.3, 0.2])),
     }
-    drawn = {"A": {("L", azimuth): [box_of(rock, blocks=blocks) for rock in blocks] for azimuth in SUNS}}
-    labels = {label.rock: label.confidence for label in rocks_at("A", drawn, blocks).labels("L", "no")}
+    annotated = {"A": {("L", azimuth): [box_of(rock, blocks=blocks) for rock in blocks] for azimuth in SUNS}}
+    labels = {label.rock: label.confidence for label in rocks_at("A", annotated, blocks).labels("L", "no")}
     assert set(labels) == {1, 3}
     assert labels[1] > labels[3] > rover_light.PRESENCE
     monkeypatch.setattr(rover_light, "PRESENCE", 0.0)
-    assert {label.rock for label in rocks_at("A", drawn, blocks).labels("L", "no")} == set(blocks)
+    assert {label.rock for label in rocks_at("A", annotated, blocks).labels("L", "no")} == set(blocks)

@@ -140,30 +140,30 @@ def test_light_layers_show_rocks_that_have_no_mesh(scene, tmp_path):
     assert len(rocks(labels, "A_off_30_L_1024")) == len(BLOCKS)
 
 
-def test_edges_of_shadows_follow_the_photo_and_the_drawn_photo_keeps_its_boxes(scene, tmp_path):
+def test_edges_of_shadows_follow_the_photo_and_the_annotated_photo_keeps_its_boxes(scene, tmp_path):
     """Photos are rendered of the scene itself: there the dark regions are the cast shadows."""
-    key_drawn, sibling = key("A_off_30_L_0256"), key("A_off_30_L_1024")
-    rocks_only = yolo.read_boxes(scene.seeds / f"{key_drawn}.txt")[1][: len(BLOCKS)]
+    key_annotated, sibling = key("A_off_30_L_0256"), key("A_off_30_L_1024")
+    rocks_only = yolo.read_boxes(scene.seeds / f"{key_annotated}.txt")[1][: len(BLOCKS)]
     placed_rigs = rigs.read_all_placed(scene.cameras)
     suns = surveyed_suns(placed_rigs)
     known = gather(read_terrain(scene.meshes, TERRAIN), placed_rigs, suns, {}, LabelsOptions())
     brightness = LightLayers(known).brightness(("A", "L", "off", "30"))
     rows = []
-    for one in (key_drawn, sibling):
+    for one in (key_annotated, sibling):
         png.write(tmp_path / f"{one}.png", (brightness.at(one.exposure_ms) + BLACK_LEVEL).astype(np.uint16))
         rows.append({"key": str(one), "path": str(tmp_path / f"{one}.png")})
     tables.write_parquet(scene.photos, pd.DataFrame(rows).reindex(columns=list(tables.PHOTO_COLUMNS)))
     shown = Photos(scene.photos, TERRAIN).brightness(("A", "L", "off", "30"))
     shadows = PositionLabels(known, "A", LabelsOptions()).shadows
     cast = shadows.cast("L", "off", "30", dict(zip(BLOCKS, rocks_only, strict=True)), shown)
-    drawn = np.array([cast[rock].box + np.array([-4, 3, 4, 3]) for rock in BLOCKS])
+    annotated = np.array([cast[rock].box + np.array([-4, 3, 4, 3]) for rock in BLOCKS])
     assert all(cast[rock].in_photo for rock in BLOCKS)
-    boxes = np.concatenate([rocks_only, drawn])
-    yolo.write_boxes(scene.seeds / f"{key_drawn}.txt", np.array([0, 0, 1, 1]), boxes)
-    labels = propagate(scene, tmp_path / "out", keys=[key_drawn, sibling], visibility="photo", ray_step_px=2)
-    np.testing.assert_allclose(labels[key_drawn][1], boxes, atol=0.01)
+    boxes = np.concatenate([rocks_only, annotated])
+    yolo.write_boxes(scene.seeds / f"{key_annotated}.txt", np.array([0, 0, 1, 1]), boxes)
+    labels = propagate(scene, tmp_path / "out", keys=[key_annotated, sibling], visibility="photo", ray_step_px=2)
+    np.testing.assert_allclose(labels[key_annotated][1], boxes, atol=0.01)
     found = labels[sibling][1][labels[sibling][0] == 1]
-    np.testing.assert_allclose(found, drawn + np.array([2, -1.5, -2, -1.5]), atol=0.6)
+    np.testing.assert_allclose(found, annotated + np.array([2, -1.5, -2, -1.5]), atol=0.6)
 
 
 def test_under_the_rover_light_alone_only_long_exposures_are_labelled(labels):
@@ -184,7 +184,7 @@ def unlit_keys():
 
 
 def test_without_any_lamp_a_position_is_labelled_from_where_people_drew_it(scene, tmp_path, unlit_keys):
-    """Stray light, as at 04_B: a drawn file says from which exposure on it shows rocks, and at which position."""
+    """Stray light, as at 04_B: an annotated file says from which exposure on it shows rocks, and at which position."""
     expected = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS])
     yolo.write_boxes(scene.seeds / f"{key('A_off_no_L_4096')}.txt", np.array([0, 0]), expected)
     labels = propagate(scene, tmp_path / "out", keys=unlit_keys)
@@ -194,7 +194,7 @@ def test_without_any_lamp_a_position_is_labelled_from_where_people_drew_it(scene
     assert not len(shadows(labels, "A_off_no_R_8192"))  # nothing that could throw one
 
 
-def test_a_drawn_file_without_rocks_says_nothing_of_unlit_photos(scene, tmp_path, unlit_keys):
+def test_an_annotated_file_without_rocks_says_nothing_of_unlit_photos(scene, tmp_path, unlit_keys):
     yolo.write_boxes(scene.seeds / f"{key('A_off_no_L_2048')}.txt", np.zeros(0, int), np.zeros((0, 4)))
     assert not any(len(classes) for classes, _ in propagate(scene, tmp_path / "out", keys=unlit_keys).values())
 
@@ -285,8 +285,8 @@ def test_a_folder_of_corrections_that_is_not_there_is_said_so(scene, tmp_path):
 def test_seeds_of_the_right_camera_alone_label_the_left_one(scene, tmp_path):
     for path in list(scene.seeds.iterdir()):
         path.unlink()
-    drawn = np.array([scene.expected_box("A", "R", rock) for rock in BLOCKS])
-    yolo.write_boxes(scene.seeds / "03_A_off_30_R_0256.txt", np.array([0, 0]), drawn)
+    annotated = np.array([scene.expected_box("A", "R", rock) for rock in BLOCKS])
+    yolo.write_boxes(scene.seeds / "03_A_off_30_R_0256.txt", np.array([0, 0]), annotated)
     found = propagate(scene, tmp_path / "right")
     expected = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS])
     assert iou(rocks(found, "A_off_30_L_0128"), expected).max(axis=1).min() > 0.85
@@ -305,10 +305,10 @@ def test_a_rock_that_the_left_photo_cuts_is_whole_in_the_right_one(scene, tmp_pa
     mesh = block(foot, np.array([0.3, 0.3, 0.16]))
     obj.write(scene.meshes / obj.rock_name(TERRAIN, 4), mesh, "rock4")
     left, right = (place.project(camera, mesh.vertices) for camera in "LR")
-    drawn = np.clip([[*left.min(axis=0), *left.max(axis=0)]], 0, [1936, 1216, 1936, 1216])
-    assert drawn[0, 2] == 1936
+    annotated = np.clip([[*left.min(axis=0), *left.max(axis=0)]], 0, [1936, 1216, 1936, 1216])
+    assert annotated[0, 2] == 1936
     for path in scene.seeds.iterdir():
-        yolo.write_boxes(path, np.array([0]), drawn)
+        yolo.write_boxes(path, np.array([0]), annotated)
     (found,) = rocks(propagate(scene, tmp_path / "cut"), "A_off_30_R_0128")
     np.testing.assert_allclose(found, [*right.min(axis=0), *right.max(axis=0)], atol=8)
 

@@ -1,4 +1,4 @@
-"""Hand-drawn labels of the published release: left ones, propagated, against those of the other photos."""
+"""Hand-annotated labels of the published release: left ones, propagated, against those of the other photos."""
 
 import numpy as np
 import pandas as pd
@@ -38,8 +38,8 @@ def f1(truth: dict, found: dict, number: int) -> float:
     """Pooled over files, pairs at IoU >= 0.5."""
     counts = np.zeros(3)
     for key, (classes, boxes) in truth.items():
-        drawn, own = boxes[classes == number], found[key][1][found[key][0] == number]
-        counts += [len(match(iou(drawn, own))[0]), len(drawn), len(own)]
+        annotated, own = boxes[classes == number], found[key][1][found[key][0] == number]
+        counts += [len(match(iou(annotated, own))[0]), len(annotated), len(own)]
     return 2 * counts[0] / (counts[1] + counts[2])
 
 
@@ -85,7 +85,7 @@ def only(truth: dict, **parts: str) -> dict:
     return {key: value for key, value in truth.items() if all(getattr(key, k) == v for k, v in parts.items())}
 
 
-def test_other_exposures_agree_with_the_hand_drawn_labels(labels):
+def test_other_exposures_agree_with_the_hand_annotated_labels(labels):
     truth = only(labels[0], camera="L", light="off")
     assert f1(truth, labels[1], 0) > 0.97
     assert f1(truth, labels[1], 1) > 0.93
@@ -96,7 +96,7 @@ def test_the_rover_light_changes_no_label(labels):
     assert f1(truth, labels[1], 0) > 0.97
 
 
-def test_right_photos_agree_with_their_own_hand_drawn_labels(labels):
+def test_right_photos_agree_with_their_own_hand_annotated_labels(labels):
     # A person who draws the right photos anew agrees with the left ones to 0.92 (rocks) and 0.88 (shadows) at best.
     truth = only(labels[0], camera="R")
     assert f1(truth, labels[1], 0) > 0.85

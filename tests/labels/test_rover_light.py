@@ -12,7 +12,7 @@ def test_a_probability_is_the_logistic_function_of_the_terms():
     assert len(own) == len(TERMS) == len(COEFFICIENTS)
 
 
-def test_far_small_seldom_drawn_rocks_are_less_likely_and_large_ones_no_likelier_for_their_size():
+def test_far_small_seldom_annotated_rocks_are_less_likely_and_large_ones_no_likelier_for_their_size():
     usual = probability(terms(1.0, 1.0, 40.0, 3.0))
     for other in (terms(1.0, 1.0, 40.0, 6.0), terms(1.0, 1.0, 20.0, 3.0), terms(0.5, 1.0, 40.0, 3.0)):
         assert probability(other) < usual

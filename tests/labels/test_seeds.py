@@ -1,7 +1,7 @@
 import numpy as np
 
 from polarsim.formats import yolo
-from polarsim.labels.seeds import Drawn, cameras_first, choose_seeds, read_drawings, shadow_starts
+from polarsim.labels.seeds import Annotated, cameras_first, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.shadow_starts import ShadowStarts
 from polarsim.photo import PhotoKey
 
@@ -22,7 +22,7 @@ def test_seeds_of_both_cameras_are_kept_by_position_and_sight(tmp_path):
     write(tmp_path, "03_A_off_30_R_0256")
     write(tmp_path, "03_C_off_180_R_0256")
     seeds = read_seeds(tmp_path)
-    assert {position: sorted(drawn) for position, drawn in seeds.items()} == {
+    assert {position: sorted(annotated) for position, annotated in seeds.items()} == {
         "A": [("L", "30"), ("R", "30")],
         "C": [("R", "180")],
     }
@@ -38,11 +38,11 @@ def test_the_fullest_drawing_without_rover_light_wins(tmp_path):
 def test_a_correction_wins_and_takes_the_seeds_shadows_where_it_was_too_dark_for_any(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
     nothing = np.zeros((0, 4))
-    edited = {PhotoKey.parse("03_A_on_30_L_0032"): Drawn(np.array([ROCK + 7, ROCK + 300]), nothing)}
-    drawn = read_seeds(tmp_path, edited, shadow_start_ms=128)["A"]["L", "30"]
-    np.testing.assert_allclose(drawn.rocks[0], ROCK + 7)
-    np.testing.assert_allclose(drawn.shadows, [SHADOW], atol=0.01)
-    edited = {PhotoKey.parse("03_A_on_30_L_0256"): Drawn(np.array([ROCK]), nothing)}
+    edited = {PhotoKey.parse("03_A_on_30_L_0032"): Annotated(np.array([ROCK + 7, ROCK + 300]), nothing)}
+    annotated = read_seeds(tmp_path, edited, shadow_start_ms=128)["A"]["L", "30"]
+    np.testing.assert_allclose(annotated.rocks[0], ROCK + 7)
+    np.testing.assert_allclose(annotated.shadows, [SHADOW], atol=0.01)
+    edited = {PhotoKey.parse("03_A_on_30_L_0256"): Annotated(np.array([ROCK]), nothing)}
     assert len(read_seeds(tmp_path, edited, shadow_start_ms=128)["A"]["L", "30"].shadows) == 0
 
 

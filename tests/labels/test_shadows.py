@@ -152,29 +152,29 @@ def test_the_near_wall_hides_a_rocks_foot_and_all_of_a_low_one(world, walled):
     assert not world.hidden(eye, behind, 4).any()
 
 
-DRAWN, INSIDE = np.array([100.0, 200, 180, 230]), np.zeros(4, bool)
+ANNOTATED, INSIDE = np.array([100.0, 200, 180, 230]), np.zeros(4, bool)
 
 
 def test_an_edge_is_the_mean_of_pen_and_photo_unless_they_lie_far_apart():
-    in_photo = CastShadow(DRAWN + np.array([4, -2, 60, 3]), in_photo=True)  # on the right a dark patch goes on
-    np.testing.assert_allclose(mean_shadow(DRAWN, INSIDE, in_photo, 0.3), DRAWN + np.array([2, -1, 0, 1.5]))
+    in_photo = CastShadow(ANNOTATED + np.array([4, -2, 60, 3]), in_photo=True)  # on the right a dark patch goes on
+    np.testing.assert_allclose(mean_shadow(ANNOTATED, INSIDE, in_photo, 0.3), ANNOTATED + np.array([2, -1, 0, 1.5]))
 
 
-def test_geometry_alone_moves_a_drawn_edge_less():
-    cast = CastShadow(DRAWN + np.array([13, 0, 13, 0]), in_photo=False)
-    np.testing.assert_allclose(mean_shadow(DRAWN, INSIDE, cast, 0.3), DRAWN + np.array([3, 0, 3, 0]))
+def test_geometry_alone_moves_an_annotated_edge_less():
+    cast = CastShadow(ANNOTATED + np.array([13, 0, 13, 0]), in_photo=False)
+    np.testing.assert_allclose(mean_shadow(ANNOTATED, INSIDE, cast, 0.3), ANNOTATED + np.array([3, 0, 3, 0]))
 
 
-def test_an_edge_that_the_drawn_photo_cut_is_the_cast_one():
-    cast = CastShadow(DRAWN + np.array([0, 0, 90, 0]), in_photo=False)
+def test_an_edge_that_the_annotated_photo_cut_is_the_cast_one():
+    cast = CastShadow(ANNOTATED + np.array([0, 0, 90, 0]), in_photo=False)
     np.testing.assert_allclose(
-        mean_shadow(DRAWN, np.array([0, 0, 1, 0], bool), cast, 0.0), DRAWN + np.array([0, 0, 90, 0])
+        mean_shadow(ANNOTATED, np.array([0, 0, 1, 0], bool), cast, 0.0), ANNOTATED + np.array([0, 0, 90, 0])
     )
 
 
 def test_a_shadow_cast_elsewhere_moves_nothing():
-    for cast in (None, CastShadow(DRAWN + 100, in_photo=True)):
-        np.testing.assert_allclose(mean_shadow(DRAWN, INSIDE, cast, 0.3), DRAWN)
+    for cast in (None, CastShadow(ANNOTATED + 100, in_photo=True)):
+        np.testing.assert_allclose(mean_shadow(ANNOTATED, INSIDE, cast, 0.3), ANNOTATED)
 
 
 def test_a_shadow_ends_where_the_photo_shows_a_walls_to_begin(untouched_scene):

@@ -8,7 +8,7 @@ import pytest
 
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.boxes import around
-from polarsim.labels.seeds import Drawn
+from polarsim.labels.seeds import Annotated
 from polarsim.labels.strangers import without_strangers
 from polarsim.photo import NO_ROCK, PhotoKey
 
@@ -36,7 +36,7 @@ def drawings(**view_of):
     for position, view in view_of.items():
         boxes = np.array([around(PLACED[view].project("L", mesh.vertices)) for mesh in ROCKS.values()])
         for azimuth in ("30", "270"):
-            made[PhotoKey(3, position, "off", azimuth, "L", 256)] = Drawn(boxes, boxes + np.array([10, 5, 30, 5]))
+            made[PhotoKey(3, position, "off", azimuth, "L", 256)] = Annotated(boxes, boxes + np.array([10, 5, 30, 5]))
     return made
 
 

@@ -26,13 +26,13 @@ def test_two_boxes_of_one_drawing_are_never_one_rock():
 
 
 def test_the_order_in_which_drawings_are_given_does_not_matter():
-    drawn = {
+    annotated = {
         ("L", "30"): np.array([FIRST]),
         ("L", "180"): np.array([SECOND, FIRST + 2]),
         ("L", "270"): np.array([SECOND - 3]),
     }
-    turned = dict(reversed(drawn.items()))
-    for one, other in zip(find_tracks(drawn, 0.3), find_tracks(turned, 0.3), strict=True):
+    turned = dict(reversed(annotated.items()))
+    for one, other in zip(find_tracks(annotated, 0.3), find_tracks(turned, 0.3), strict=True):
         np.testing.assert_array_equal(one.mean, other.mean)
 
 

@@ -17,7 +17,7 @@ class Counted(HTMLParser):
             self.seen[name] = self.seen.get(name, 0) + 1
 
 
-def drawn(root, tmp_path):
+def annotated(root, tmp_path):
     lint_and_draw(root=root, page=tmp_path / "errata.html", table=tmp_path / "defects.csv", workers=1)
     page = Counted()
     page.feed((tmp_path / "errata.html").read_text())
@@ -27,13 +27,13 @@ def drawn(root, tmp_path):
 def test_each_defect_has_its_picture_with_what_is_wrong_and_what_lacks(root, tmp_path):
     yolo.write_boxes(path(root, 1024), CLASSES[1:], BOXES[1:])  # without the first rock
     yolo.write_boxes(path(root, 512), [*CLASSES, 1], [*BOXES, BOXES[-1]])  # the last shadow twice
-    seen, table = drawn(root, tmp_path)
+    seen, table = annotated(root, tmp_path)
     assert sorted(table["code"]) == ["B201", "E301", "E305"]
     assert (seen["svg"], seen["lacking"], seen["wrong"]) == (3, 1, 2)
     assert seen["shape"] == 5 + 6 + 6
 
 
 def test_a_sound_set_has_an_empty_page(root, tmp_path):
-    seen, table = drawn(root, tmp_path)
+    seen, table = annotated(root, tmp_path)
     assert len(table) == 0
     assert "svg" not in seen

@@ -19,7 +19,7 @@ PLACES = np.array(
 SIDE = 0.16  # metres
 
 
-def drawn(key, places, offset=0.0):
+def annotated(key, places, offset=0.0):
     """Boxes of things of 16 cm on the ground; `offset` metres away from the lamp."""
     left = looking(SURVEYED_LEFT[key.position], np.radians(survey.NOMINAL_YAW_DEG[key.position]), np.radians(25))
     rig = stated_rig()
@@ -37,8 +37,8 @@ def drawn(key, places, offset=0.0):
 
 
 def labels(key, rng):
-    rocks, shadows = drawn(key, PLACES), drawn(key, PLACES, 0.18)
-    rocks += rng.integers(-2, 3, rocks.shape)  # each azimuth was drawn anew
+    rocks, shadows = annotated(key, PLACES), annotated(key, PLACES, 0.18)
+    rocks += rng.integers(-2, 3, rocks.shape)  # each azimuth was annotated anew
     return np.array([ROCK] * len(rocks) + [SHADOW] * len(shadows)), np.concatenate([rocks, shadows])
 
 
@@ -96,7 +96,7 @@ def test_a_rock_that_one_azimuth_lacks_or_has_alone_is_found(files):
     assert (str(KEY), "rock_alone") in names(changed(files, KEY, [*classes, ROCK], more))
 
 
-def test_a_rock_that_was_drawn_as_a_shadow_is_found_with_its_row(files):
+def test_a_rock_that_was_annotated_as_a_shadow_is_found_with_its_row(files):
     classes, boxes = files[KEY]
     swapped = np.array([SHADOW, *classes[1:]])
     found = [one for key, one in sibling_defects(changed(files, KEY, swapped, boxes)) if one.name == "swapped_class"]
@@ -124,7 +124,7 @@ def test_a_rock_off_its_line_between_left_and_right_is_found(files):
 def test_a_shadow_on_the_suns_side_is_found_with_its_row(files):
     classes, boxes = files[KEY]
     boxes = boxes.copy()
-    boxes[8] = drawn(KEY, PLACES[:1], -0.18)[0]
+    boxes[8] = annotated(KEY, PLACES[:1], -0.18)[0]
     found = [one for key, one in view_defects(changed(files, KEY, classes, boxes)) if one.name == "sunward_shadow"]
     assert [one.rows for one in found] == [(8,)]
 

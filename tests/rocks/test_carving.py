@@ -46,8 +46,8 @@ def box(placed, position, rock):
     )
 
 
-def found(sand, placed, **drawn):
-    evidence = Evidence(placed, {name: [np.array(boxes).reshape(-1, 4)] for name, boxes in drawn.items()}, 0.3)
+def found(sand, placed, **annotated):
+    evidence = Evidence(placed, {name: [np.array(boxes).reshape(-1, 4)] for name, boxes in annotated.items()}, 0.3)
     return carved(sand, find_regions(sand, LIMITS, evidence), LIMITS, evidence)[1]
 
 
@@ -94,8 +94,8 @@ def test_regions_that_touch_are_joined_where_boxes_show_one_rock(sand, placed):
         mask = np.zeros(sand.surface.shape, bool)
         mask.ravel()[rock.seen[half]] = True
         halves.append(marked_region(sand, mask))
-    drawn = around(placed["A"].project("L", surface_points(sand, rock.seen)))
-    [joined] = carved(sand, halves, LIMITS, Evidence(placed, {"A": [drawn[None]]}, 0.3))[1]
+    annotated = around(placed["A"].project("L", surface_points(sand, rock.seen)))
+    [joined] = carved(sand, halves, LIMITS, Evidence(placed, {"A": [annotated[None]]}, 0.3))[1]
     np.testing.assert_array_equal(joined.seen, np.sort(rock.seen))
     assert joined.confirmed == ("A",)
     assert len(carved(sand, halves, LIMITS, Evidence({}, {}, 0.3))[1]) == 2

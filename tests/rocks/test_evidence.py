@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.boxes import around
-from polarsim.rocks.drawn import with_drawn
+from polarsim.rocks.annotated import with_annotated
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground
 from polarsim.rocks.regions import Limits, find_regions
@@ -24,9 +24,9 @@ def box(placed, position, points):
     return around(placed[position].project("L", points)) + np.array([-2, -2, 2, 2])
 
 
-def evidence(placed, **drawn):
+def evidence(placed, **annotated):
     """Boxes by position, as two seed files agree on them."""
-    return Evidence(placed, {name: [np.array(boxes).reshape(-1, 4)] * 2 for name, boxes in drawn.items()}, 0.3)
+    return Evidence(placed, {name: [np.array(boxes).reshape(-1, 4)] * 2 for name, boxes in annotated.items()}, 0.3)
 
 
 def test_a_box_around_a_rock_confirms_it(placed):
@@ -35,7 +35,7 @@ def test_a_box_around_a_rock_confirms_it(placed):
     assert found.confirming(rock) == ["A"]  # C drew something else, and nobody knows where B stands
 
 
-def test_parts_have_a_box_in_every_photo_that_was_drawn_in(placed):
+def test_parts_have_a_box_in_every_photo_that_was_annotated_in(placed):
     shown, behind = ball(0.2, 0.0), ball(20.0, 0.0)  # the latter behind tripod A
     boxes = evidence(placed, A=[[0, 0, 9, 9]], B=[]).boxes([shown, behind])
     assert list(boxes) == ["A"]
@@ -81,7 +81,7 @@ def around_place(placed, position, place):
 def looked_into(placed, sand, **places):
     boxes = {name: [around_place(placed, name, place)] for name, place in places.items()}
     shown = evidence(placed, **boxes)
-    return with_drawn(sand, find_regions(sand, LIMITS, shown), LIMITS, shown)
+    return with_annotated(sand, find_regions(sand, LIMITS, shown), LIMITS, shown)
 
 
 def test_a_rock_too_low_for_its_shape_is_found_where_two_positions_show_it(placed, low_rock):
@@ -94,9 +94,9 @@ def test_a_rock_too_low_for_its_shape_is_found_where_two_positions_show_it(place
 
 def test_two_boxes_of_one_low_rock_find_it_once(placed, low_rock):
     shown = evidence(placed, A=[around_place(placed, "A", MOUND)], C=[around_place(placed, "C", MOUND)])
-    twice = Evidence(placed, {"A": shown.drawn["A"], "C": shown.drawn["C"]}, 0.3)
+    twice = Evidence(placed, {"A": shown.annotated["A"], "C": shown.annotated["C"]}, 0.3)
     twice.agreed["C"] = np.concatenate([twice.agreed["C"], twice.agreed["C"] + 1])
-    _, regions = with_drawn(low_rock, [], LIMITS, twice)
+    _, regions = with_annotated(low_rock, [], LIMITS, twice)
     assert len(regions) == 1
 
 

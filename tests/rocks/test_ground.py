@@ -196,11 +196,11 @@ def test_a_rock_that_only_a_box_tells_changes_no_other_id(three_rock_scans):
     lowest = min(region.height for region in find_regions(sand, LIMITS, Evidence({}, {}, 0.3)))
     picky = Limits(foot=0.006, height=lowest + 0.001, confirmed_height=0.010, size=0.035)
 
-    class Drawn(Evidence):
+    class Annotated(Evidence):
         def confirming(self, points):
             return ["A"]
 
-    before, after = (by_id(find_regions(sand, picky, evidence({}, {}, 0.3))) for evidence in (Evidence, Drawn))
+    before, after = (by_id(find_regions(sand, picky, evidence({}, {}, 0.3))) for evidence in (Evidence, Annotated))
     assert len(before) == 2
     assert len(after) == 3
     for rock, one in before.items():

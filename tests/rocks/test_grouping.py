@@ -17,17 +17,17 @@ def row(n):
     return np.array([span(k, k) for k in range(n)])
 
 
-def groups(rock, *drawn, boxes=None, touching=None):
+def groups(rock, *annotated, boxes=None, touching=None):
     """Sets of pieces after the boxes of each photo were looked at."""
     n = len(rock)
-    boxes = [row(n)] * len(drawn) if boxes is None else boxes
+    boxes = [row(n)] * len(annotated) if boxes is None else boxes
     touching = [(k, k + 1) for k in range(n - 1)] if touching is None else touching
-    names = "ABC"[: len(drawn)]
+    names = "ABC"[: len(annotated)]
     found = grouped(
         np.array(rock),
         touching,
         dict(zip(names, boxes, strict=True)),
-        {name: np.array(one, float).reshape(-1, 4) for name, one in zip(names, drawn, strict=True)},
+        {name: np.array(one, float).reshape(-1, 4) for name, one in zip(names, annotated, strict=True)},
         0.3,
     )
     return {frozenset(np.flatnonzero(found == number).tolist()) for number in found}
@@ -37,11 +37,11 @@ def test_without_boxes_shape_decides():
     assert groups([1, 1, 2]) == {frozenset({0, 1}), frozenset({2})}
 
 
-def test_a_rock_that_was_drawn_as_two_is_two():
+def test_a_rock_that_was_annotated_as_two_is_two():
     assert groups([1, 1, 1], [span(0, 1), span(2, 2)]) == {frozenset({0, 1}), frozenset({2})}
 
 
-def test_two_rocks_that_were_drawn_as_one_are_one():
+def test_two_rocks_that_were_annotated_as_one_are_one():
     assert groups([1, 2], [span(0, 1)]) == {frozenset({0, 1})}
 
 
@@ -59,7 +59,7 @@ def test_a_second_photo_can_tell_what_the_first_cannot():
     assert groups([1, 1], one_box, two_boxes, boxes=[behind, row(2)]) == {frozenset({0}), frozenset({1})}
 
 
-def test_an_undrawn_piece_beside_a_drawn_rock_is_its_own_where_the_box_fits_no_worse():
+def test_an_unannotated_piece_beside_an_annotated_rock_is_its_own_where_the_box_fits_no_worse():
     assert groups([1, 2], [span(0, 0)]) == {frozenset({0}), frozenset({1})}
     in_front = np.array([span(0, 0), [2.0, 4, 8, 10]])
     assert groups([1, 2], [span(0, 0)], boxes=[in_front]) == {frozenset({0, 1})}
@@ -85,13 +85,13 @@ def test_rocks_of_many_pieces_are_cut_too(n):
 @given(rock=st.lists(st.integers(1, 3), min_size=2, max_size=6), cut=st.integers(1, 5), data=st.data())
 def test_the_order_of_pieces_does_not_matter(rock, cut, data):
     n = len(rock)
-    drawn = [span(0, min(cut, n - 1) - 1), span(min(cut, n - 1), n - 1)]
+    annotated = [span(0, min(cut, n - 1) - 1), span(min(cut, n - 1), n - 1)]
     order = np.array(data.draw(st.permutations(range(n))))
     place = np.argsort(order)
     shuffled = groups(
         np.array(rock)[order],
-        drawn,
+        annotated,
         boxes=[row(n)[order]],
         touching=[(int(place[k]), int(place[k + 1])) for k in range(n - 1)],
     )
-    assert {frozenset(order[list(group)].tolist()) for group in shuffled} == groups(rock, drawn)
+    assert {frozenset(order[list(group)].tolist()) for group in shuffled} == groups(rock, annotated)

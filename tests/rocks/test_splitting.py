@@ -56,13 +56,13 @@ def test_a_hidden_strip_does_not_cut_a_rock_in_two():
     assert (pieces.numbers[:55, 55:65] > 0).any()  # what the strip hides is the rock's
 
 
-def sliver_beside(distance_cells, drawn=False):
+def sliver_beside(distance_cells, annotated=False):
     """Numbers of a boulder 40 cells wide and of a strip, 3 cells wide and 10 cm high, at a distance from it."""
     parts = np.zeros(X.shape, int)
     parts[20:60, 30:70] = 1
     parts[30:36, 70 + distance_cells : 73 + distance_cells] = 2
     above = np.where(parts > 0, 0.10, 0.0)
-    return slivers_joined(above, parts, 0.005, lambda mask: drawn)
+    return slivers_joined(above, parts, 0.005, lambda mask: annotated)
 
 
 def test_an_upright_strip_beside_a_rock_is_its_edge():
@@ -71,9 +71,9 @@ def test_an_upright_strip_beside_a_rock_is_its_edge():
     assert (joined > 0).sum() == 40 * 40 + 6 * 3
 
 
-def test_an_upright_strip_far_from_any_rock_or_drawn_as_one_stays_alone():
+def test_an_upright_strip_far_from_any_rock_or_annotated_as_one_stays_alone():
     assert (sliver_beside(30) == 2).sum() == 6 * 3
-    assert (sliver_beside(8, drawn=True) == 2).sum() == 6 * 3
+    assert (sliver_beside(8, annotated=True) == 2).sum() == 6 * 3
 
 
 def test_pebbles_are_not_upright():

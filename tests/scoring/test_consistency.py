@@ -180,13 +180,13 @@ def rocky(rng):
         for x, y, size in rng.uniform((-1.2, -1.2, 0.12), (1.2, 1.2, 0.3), (12, 3))
     ]
     outlines = Outlines(np.arange(1, 13), np.array(points), np.array(points))
-    drawn = {}
+    annotated = {}
     for camera in "LR":
         boxes = outlines.seen(STANDING.camera(camera))
         for azimuth in ("30", "180", "270"):
             shown = np.round(boxes + rng.normal(0, 2, boxes.shape))
-            drawn[PhotoKey(3, "A", "off", azimuth, camera, 256)] = Labels(np.zeros(len(boxes), int), shown)
-    return outlines, drawn
+            annotated[PhotoKey(3, "A", "off", azimuth, camera, 256)] = Labels(np.zeros(len(boxes), int), shown)
+    return outlines, annotated
 
 
 def test_boxes_of_both_cameras_on_their_meshes_have_nothing_to_say(rocky):
@@ -201,13 +201,13 @@ def test_boxes_tell_of_a_right_camera_that_is_turned(rocky):
 
 
 def test_boxes_tell_of_cameras_that_were_exchanged(rocky):
-    outlines, drawn = rocky
-    swapped = {replace(key, camera={"L": "R", "R": "L"}[key.camera]): boxes for key, boxes in drawn.items()}
+    outlines, annotated = rocky
+    swapped = {replace(key, camera={"L": "R", "R": "L"}[key.camera]): boxes for key, boxes in annotated.items()}
     seen_left = replace(STANDING, sandbox_from_left=STANDING.sandbox_from("R"))  # as placed by what is called left
     (sentence, *_) = said(boxes_of_both({"A": seen_left}, outlines, swapped))
     assert "of IoU worse than the left one's" in sentence
 
 
 def test_few_boxes_of_a_camera_say_nothing(rocky):
-    outlines, drawn = rocky
-    assert boxes_of_both({"A": STANDING}, outlines, {k: v for k, v in drawn.items() if k.camera == "L"}) == []
+    outlines, annotated = rocky
+    assert boxes_of_both({"A": STANDING}, outlines, {k: v for k, v in annotated.items() if k.camera == "L"}) == []

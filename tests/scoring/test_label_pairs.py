@@ -58,24 +58,24 @@ def test_photos_without_task_are_left_out_and_no_photo_at_all_makes_an_empty_tab
 
 
 @pytest.mark.parametrize(
-    ("key", "against", "drawn"),
+    ("key", "against", "annotated"),
     [
         ("03_A_off_30_R_0128", "truth", True),
         ("03_A_off_30_R_0064", "truth", False),  # nobody draws them there, the analog knows them
         ("03_A_off_30_R_0064", "labels", True),  # somebody did
     ],
 )
-def test_shadows_are_drawn_where_a_person_did_or_would(key, against, drawn):
+def test_shadows_are_annotated_where_a_person_did_or_would(key, against, annotated):
     key = PhotoKey.parse(key)
     true = Labels(np.array([0, 1]), np.array([[0, 0, 10, 10], [50, 0, 90, 10]], float))
     found = paired({key: true}, label_rows(key, [200, 0, 240, 10], kind="shadow"), against=against)
     assert found["kind"].tolist() == ["rock", "shadow", "shadow"]
-    assert found["drawn"].tolist() == [False, drawn, drawn]
+    assert found["annotated"].tolist() == [False, annotated, annotated]
 
 
-def test_a_shadow_in_a_photo_where_nobody_drew_one_is_not_where_they_are_drawn():
+def test_a_shadow_in_a_photo_where_nobody_drew_one_is_not_where_they_are_annotated():
     found = paired({KEY: labels([0, 0, 10, 10])}, label_rows(KEY, [0, 0, 10, 10], kind="shadow"))
-    assert found.loc[found["kind"] == "shadow", "drawn"].tolist() == [False]
+    assert found.loc[found["kind"] == "shadow", "annotated"].tolist() == [False]
 
 
 def test_every_copy_of_a_photo_keeps_its_own_labels():

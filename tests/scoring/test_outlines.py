@@ -29,10 +29,10 @@ def scores(tmp_path):
     """Metrics by subject and name, of polygons and annotations by photo."""
 
     def run(polygons, annotations, boxes=None):
-        for key, drawn in polygons.items():
-            yolo.write_polygons(polygon_folder(tmp_path, 3) / f"{key}.txt", drawn)
-        for key, (classes, drawn) in (boxes or {}).items():
-            yolo.write_boxes(label_folder(tmp_path, 3) / f"{key}.txt", np.array(classes), np.array(drawn))
+        for key, annotated in polygons.items():
+            yolo.write_polygons(polygon_folder(tmp_path, 3) / f"{key}.txt", annotated)
+        for key, (classes, annotated) in (boxes or {}).items():
+            yolo.write_boxes(label_folder(tmp_path, 3) / f"{key}.txt", np.array(classes), np.array(annotated))
         coco.write_coco(tmp_path / "coco.json", annotations)
         score_outlines(
             terrain=3,
@@ -63,13 +63,13 @@ def test_regions_overlap_where_both_have_pixels():
     np.testing.assert_allclose(overlaps([square], []), np.zeros((1, 0)))
 
 
-def test_outlines_like_the_drawn_ones_score_one(scores):
-    drawn = [(ROCK_POLYGON, ring(ROCK)), (SHADOW_POLYGON, ring(SHADOW))]
+def test_outlines_like_the_annotated_ones_score_one(scores):
+    annotated = [(ROCK_POLYGON, ring(ROCK)), (SHADOW_POLYGON, ring(SHADOW))]
     found = [annotation("rock", ROCK), annotation("shadow", SHADOW)]
-    metrics = scores({LEFT: drawn, RIGHT: drawn}, {LEFT: found, RIGHT: found})
+    metrics = scores({LEFT: annotated, RIGHT: annotated}, {LEFT: found, RIGHT: found})
     for subject in ("rock outline: seeds' camera", "rock outline: Left to Right", "shadow outline: Left to Right"):
         assert metrics[subject, "f1"] == metrics[subject, "miou"] == 1
-    assert not any("drawn box" in subject for subject, _ in metrics)  # nobody drew boxes
+    assert not any("annotated box" in subject for subject, _ in metrics)  # nobody drew boxes
 
 
 def test_an_outline_that_is_missing_or_elsewhere_is_none(scores):
@@ -80,11 +80,11 @@ def test_an_outline_that_is_missing_or_elsewhere_is_none(scores):
 
 
 def test_people_s_own_boxes_are_the_yardstick(scores):
-    drawn = {LEFT: [(ROCK_POLYGON, ring(ROCK)), (SHADOW_POLYGON, ring(SHADOW))]}
+    annotated = {LEFT: [(ROCK_POLYGON, ring(ROCK)), (SHADOW_POLYGON, ring(SHADOW))]}
     boxes = {LEFT: ([0], [ROCK + np.array([0, 0, 10, 0])])}  # 50 px wide, and no shadow box: nothing to compare
-    metrics = scores(drawn, {LEFT: []}, boxes)
-    assert metrics["rock polygon's box against drawn box: seeds' camera", "miou"] == pytest.approx(0.8, abs=1e-3)
-    assert ("shadow polygon's box against drawn box: seeds' camera", "miou") not in metrics
+    metrics = scores(annotated, {LEFT: []}, boxes)
+    assert metrics["rock polygon's box against annotated box: seeds' camera", "miou"] == pytest.approx(0.8, abs=1e-3)
+    assert ("shadow polygon's box against annotated box: seeds' camera", "miou") not in metrics
 
 
 def test_a_terrain_without_polygons_has_no_metrics(scores):

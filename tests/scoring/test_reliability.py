@@ -24,7 +24,7 @@ def pair_rows(*labels):
     """Rows of pairs: labels as (key, x0, confidence, hit)."""
     rows = [
         key_columns(PhotoKey.parse(key))
-        | {"task": "light on", "kind": "rock", "drawn": False, "hit": hit, "iou": 0.7 if hit else np.nan, "rock": 1}
+        | {"task": "light on", "kind": "rock", "annotated": False, "hit": hit, "iou": 0.7 if hit else np.nan, "rock": 1}
         | {"iou_best": np.nan, "truth_px": 9.0 if hit else np.nan, "label_px": 10.0, "source": "fused"}
         | {"confidence": confidence, "x0": x0, "y0": 0.0, "x1": x0 + 10.0, "y1": 10.0, "against": "truth"}
         for key, x0, confidence, hit in labels

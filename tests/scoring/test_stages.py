@@ -35,7 +35,7 @@ def metrics(path):
 
 
 def cameras_scored(folder, **changes):
-    paths = {"truth": None, "matches": None, "drawn": None, "meshes": folder / "meshes"}
+    paths = {"truth": None, "matches": None, "annotated": None, "meshes": folder / "meshes"}
     score_cameras(terrain=3, **{**paths, **changes})
 
 
@@ -110,12 +110,14 @@ def test_cameras_are_scored_on_the_boxes_that_all_photos_of_a_view_agree_on(tmp_
         obj.write(tmp_path / "meshes" / obj.rock_name(3, rock), cube(place, 0.15), "rock")
     for camera in "LR":
         around = [box_geometry.around(rig.project(camera, cube(place, 0.15).vertices)) for place in places.values()]
-        for azimuth, off_px in (("30", 0.0), ("180", 0.0), ("270", 30.0)):  # one azimuth drawn badly
+        for azimuth, off_px in (("30", 0.0), ("180", 0.0), ("270", 30.0)):  # one azimuth annotated badly
             moved = np.array(around) + (off_px if camera == "R" else 0.0)
-            path = tmp_path / "drawn" / f"03_A_off_{azimuth}_{camera}_0256.txt"
+            path = tmp_path / "annotated" / f"03_A_off_{azimuth}_{camera}_0256.txt"
             path.parent.mkdir(exist_ok=True)
             yolo.write_boxes(path, np.zeros(3, int), moved)
-    cameras_scored(tmp_path, cameras=tmp_path / "cameras", drawn=tmp_path / "drawn", evaluation=tmp_path / "q.csv")
+    cameras_scored(
+        tmp_path, cameras=tmp_path / "cameras", annotated=tmp_path / "annotated", evaluation=tmp_path / "q.csv"
+    )
     found = metrics(tmp_path / "q.csv")
     for camera in "LR":
         assert found[f"all boxes of {camera}", "box_iou_mean"] > 0.95  # sides are trimmed at the foot
@@ -317,11 +319,11 @@ def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
     assert found["photos with truth", "without_label_file"] == 1
     table = read_csv(tmp_path / "q.csv")
     assert table.loc[(table["subject"] == "rock: all but seeds") & (table["metric"] == "f1"), "n"].tolist() == [3]
-    assert found["seeds", "photos_drawn"] == 1
+    assert found["seeds", "photos_annotated"] == 1
     assert set(table.loc[table["subject"] != "seeds", "against"]) == {"labels"}
     pairs = read_parquet(tmp_path / "pairs.parquet", list(LABEL_PAIRS.dtypes))
     assert "03_A_off_30_L_0256" not in set(pairs["key"])  # the seed
-    assert "03_A_off_30_R_1024" not in set(pairs["key"])  # drawn by a person, but not labelled by the run
+    assert "03_A_off_30_R_1024" not in set(pairs["key"])  # annotated by a person, but not labelled by the run
     assert pairs["hit"].sum() == 4
 
 
@@ -352,7 +354,7 @@ def test_the_analogs_truth_counts_boxes_on_photos_of_nothing_as_wrong(tmp_path):
     assert found["rock: confidence", "brier"] == pytest.approx((0.75**2 + 0.25**2) / 2)
 
 
-def test_a_broken_hand_drawn_file_is_left_out_but_a_broken_result_is_an_error(tmp_path):
+def test_a_broken_hand_annotated_file_is_left_out_but_a_broken_result_is_an_error(tmp_path):
     names = ["03_A_off_30_R_0256", "03_A_off_30_R_0512"]
     for name in names:
         yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX])

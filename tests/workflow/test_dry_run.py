@@ -97,8 +97,10 @@ def test_labels_that_nobody_drew_are_not_scored(checkout, snakemake, tmp_path):
     root = tmp_path / "release"
     (root / "TerrainMeshes/Terrain06").mkdir(parents=True)
     content = yaml.safe_load((checkout / "config/release.yaml").read_text()) | {"terrains": [6]}
-    (checkout / "config/undrawn.yaml").write_text(yaml.safe_dump(content))
-    done = snakemake(checkout, "tables", "--dry-run", "--configfile", "config/undrawn.yaml", POLAR_SIM_ROOT=str(root))
+    (checkout / "config/unannotated.yaml").write_text(yaml.safe_dump(content))
+    done = snakemake(
+        checkout, "tables", "--dry-run", "--configfile", "config/unannotated.yaml", POLAR_SIM_ROOT=str(root)
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
     assert "score_rocks" in jobs

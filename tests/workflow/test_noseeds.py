@@ -17,14 +17,14 @@ SMALL = {
 
 
 @pytest.mark.slow
-def test_rocks_and_shadows_are_labelled_though_no_drawn_file_can_be_read(checkout, snakemake):
+def test_rocks_and_shadows_are_labelled_though_no_annotated_file_can_be_read(checkout, snakemake):
     (checkout / "config/small.yaml").write_text(yaml.safe_dump(SMALL))
     files = ("--configfile", "config/small.yaml", "config/noseeds.yaml")
     made = snakemake(checkout, "data/analog/receipts/Terrain01.json", *files)
     assert made.returncode == 0, made.stderr[-3000:]
-    drawn = sorted((checkout / "data/analog/Labels").rglob("*.txt"))
-    assert drawn
-    for path in drawn:
+    annotated = sorted((checkout / "data/analog/Labels").rglob("*.txt"))
+    assert annotated
+    for path in annotated:
         path.write_text("who opens this file ends with an error\n")
     done = snakemake(checkout, "results/noseeds/tables/labels.csv", "labels", *files)
     assert done.returncode == 0, done.stderr[-3000:]
@@ -40,25 +40,25 @@ def test_rocks_and_shadows_are_labelled_though_no_drawn_file_can_be_read(checkou
     assert whole.loc["shadow", "f1"] > 0.75
 
 
-def test_drawn_files_are_no_input_of_a_run_without_seeds(checkout, snakemake, tmp_path):
-    """NASA's layout with two scans, and a drawn file where seeds would be looked for."""
+def test_annotated_files_are_no_input_of_a_run_without_seeds(checkout, snakemake, tmp_path):
+    """NASA's layout with two scans, and an annotated file where seeds would be looked for."""
     root = tmp_path / "polar"
     for position in "AC":
         scan = root / f"GroundTruth_RectifiedRangeMaps/Terrain01/Pos{position}_org-XYZ.tif"
         scan.parent.mkdir(parents=True, exist_ok=True)
         scan.touch()
-    drawn = root / "Labels/Terrain01/01_A_off_30_L_0256.txt"
-    drawn.parent.mkdir(parents=True)
-    drawn.write_text("0 0.5 0.5 0.1 0.1\n")
+    annotated = root / "Labels/Terrain01/01_A_off_30_L_0256.txt"
+    annotated.parent.mkdir(parents=True)
+    annotated.write_text("0 0.5 0.5 0.1 0.1\n")
     content = {"run": "own", "terrains": [1], "positions": ["A", "C"], "source": {"kind": "polar", "root": str(root)}}
     (checkout / "config/own.yaml").write_text(yaml.safe_dump(content))
     files = ["config/own.yaml", "config/noseeds.yaml"]
     for overlay, read in (([], True), (files[1:], False)):
         done = snakemake(checkout, "labels", "--dry-run", "--configfile", files[0], *overlay)
         assert done.returncode == 0, done.stdout + done.stderr
-        assert (str(drawn) in done.stdout + done.stderr) == read
+        assert (str(annotated) in done.stdout + done.stderr) == read
     scored = snakemake(checkout, "tables", "--dry-run", "--configfile", *files)
-    assert "score_labels" in scored.stdout + scored.stderr  # drawn files still are what labels are scored against
+    assert "score_labels" in scored.stdout + scored.stderr  # annotated files still are what labels are scored against
 
 
 def test_the_overlay_makes_a_run_of_its_own_from_the_same_data(checkout, snakemake):

@@ -36,7 +36,7 @@ STEREO = CONFIG.detect.stereo.run and bool(DOMAINS)
 STAND_INS = [] if KIND == "analog" else MODELS[:1]
 # Trainings are the longest jobs: what they wait for goes first, figures and scores fill the gaps.
 TRAINING_WAITS, TWINS_WAIT = 2, 1
-LABEL_ROOT = CONFIG.drawn_root
+LABEL_ROOT = CONFIG.annotated_root
 SEEDS_TOLD = told_seeds(CONFIG.labels.seeds)
 ORIGIN = {"run": RUN, "source": KIND, "config": CONFIG.digest()}
 
@@ -219,31 +219,31 @@ def truth_of(wildcards):
     return f"{ROOT}/truth/Terrain{wildcards.terrain}" if KIND == "analog" else None
 
 
-def drawn_labels(terrain):
+def annotated_labels(terrain):
     """The folder of boxes that people drew, where there is one; the analog's are made up."""
-    drawn = label_folder(LABEL_ROOT, int(terrain))
-    return str(drawn) if KIND != "analog" and drawn.is_dir() else None
+    annotated = label_folder(LABEL_ROOT, int(terrain))
+    return str(annotated) if KIND != "analog" and annotated.is_dir() else None
 
 
-def drawn_labels_of(wildcards):
-    return drawn_labels(wildcards.terrain)
+def annotated_labels_of(wildcards):
+    return annotated_labels(wildcards.terrain)
 
 
-def drawn_polygons(terrain):
+def annotated_polygons(terrain):
     """The folder of polygons that people drew, where there is one."""
-    drawn = polygon_folder(LABEL_ROOT, int(terrain))
-    return str(drawn) if KIND != "analog" and drawn.is_dir() else None
+    annotated = polygon_folder(LABEL_ROOT, int(terrain))
+    return str(annotated) if KIND != "analog" and annotated.is_dir() else None
 
 
 def true_labels_of(wildcards):
     """The analog's true boxes, or those that people drew; nothing where there is neither."""
     if KIND == "analog":
         return f"{truth_of(wildcards)}/labels.parquet"
-    return drawn_labels_of(wildcards)
+    return annotated_labels_of(wildcards)
 
 
 def can_score_labels(terrain):
-    return KIND == "analog" or drawn_labels(terrain) is not None
+    return KIND == "analog" or annotated_labels(terrain) is not None
 
 
 def can_score_materials(terrain):
@@ -258,7 +258,7 @@ def evaluation_parts(wildcards):
     """The evaluation of each stage and terrain; labels only where there is something to compare them with."""
     scored = {
         "labels": can_score_labels,
-        "outlines": drawn_polygons,
+        "outlines": annotated_polygons,
         "materials": can_score_materials,
     }
     return [

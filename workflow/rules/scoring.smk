@@ -19,7 +19,7 @@ rule score_cameras:
         runtime=10,
     params:
         truth=truth_of,
-        drawn=drawn_labels_of,
+        annotated=annotated_labels_of,
         code=code_of("score_cameras"),
     script:
         "../scripts/score_cameras.py"
@@ -73,7 +73,7 @@ rule check_consistency:
         mem_mb=2500,
         runtime=10,
     params:
-        drawn=drawn_labels_of,
+        annotated=annotated_labels_of,
         code=code_of("check_consistency"),
     script:
         "../scripts/check_consistency.py"
@@ -110,7 +110,7 @@ rule score_outlines:
     """Outlines of rocks and shadows against the polygons that people drew."""
     input:
         raw=raw_data,
-        polygons=lambda wildcards: drawn_polygons(wildcards.terrain) or [],
+        polygons=lambda wildcards: annotated_polygons(wildcards.terrain) or [],
         annotations="results/{run}/labels/coco/Terrain{terrain}.json",
     output:
         evaluation="results/{run}/evaluation/outlines_Terrain{terrain}.csv",

@@ -13,6 +13,6 @@ with reporting(log=snakemake.log[0]):
         cameras=Path(snakemake.input.cameras),
         meshes=Path(snakemake.input.meshes),
         photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
-        drawn=Path(snakemake.params.drawn) if snakemake.params.drawn else None,
+        annotated=Path(snakemake.params.annotated) if snakemake.params.annotated else None,
         evaluation=Path(snakemake.output.evaluation),
     )

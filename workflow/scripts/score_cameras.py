@@ -11,7 +11,7 @@ with reporting(log=snakemake.log[0]):
         cameras=Path(snakemake.input.cameras),
         truth=Path(snakemake.params.truth) if snakemake.params.truth else None,
         matches=Path(snakemake.input.cameras) / "matches.parquet",
-        drawn=Path(snakemake.params.drawn) if snakemake.params.drawn else None,
+        annotated=Path(snakemake.params.annotated) if snakemake.params.annotated else None,
         meshes=Path(snakemake.input.meshes),
         evaluation=Path(snakemake.output.evaluation),
     )

@@ -21,7 +21,7 @@ LOWEST = 0.005  # metres that such a rock must rise above the ground about it: r
 RAISED = 0.001  # metres above the ground from which a cell is the rock's
 
 
-def with_drawn(sand: Sand, regions: list[Region], limits: Limits, evidence: Evidence) -> tuple[Sand, list[Region]]:
+def with_annotated(sand: Sand, regions: list[Region], limits: Limits, evidence: Evidence) -> tuple[Sand, list[Region]]:
     """Sand and regions after boxes that no region explains were looked into, where two positions have such boxes.
 
     Two boxes of different rocks meet somewhere too. A place counts as a rock where it fills both boxes and is higher
@@ -58,7 +58,7 @@ def _shared(pixels: Sequence[np.ndarray], boxes: Sequence[np.ndarray], min_iou: 
 
 
 def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[Sand, Region] | None:
-    """Sand with the ground under flat cells (n,) drawn from around them, and what stands out of it there.
+    """Sand with the ground under flat cells (n,) annotated from around them, and what stands out of it there.
 
     That is what lies higher than `foot` metres, if its highest part is `lowest` metres high; else None.
     """
@@ -72,8 +72,8 @@ def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[S
     if not is_ground[window].any():
         return None
     ground = sand.ground.copy()
-    drawn = filled(np.nan_to_num(sand.surface[window]), is_ground[window])
-    ground[window] = np.where(redrawn[window], drawn, ground[window])
+    annotated = filled(np.nan_to_num(sand.surface[window]), is_ground[window])
+    ground[window] = np.where(redrawn[window], annotated, ground[window])
     below = replace(sand, is_ground=is_ground, ground=ground)
     standing = place & (below.above > foot)
     if not standing.any() or np.quantile(below.above[standing], PEAK_SHARE) < lowest:
