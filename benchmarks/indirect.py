@@ -26,7 +26,7 @@ from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import lamps_of
-from polarsim.render.layers import render_view
+from polarsim.render.olat import render_view
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 
@@ -56,7 +56,7 @@ def main() -> None:
         changed = options.model_copy(update={"bounces": bounces, "bounce_scale": 1})
         view = render_view(surfaces, camera, lamps, MODELS, None, changed)
         for key, whole in view.whole.items():
-            lit, dark = (ground & chosen for chosen in (view.layers[key] > 0, view.layers[key] == 0))
+            lit, dark = (ground & chosen for chosen in (view.olat_images[key] > 0, view.olat_images[key] == 0))
             share, level = view.indirect[key][lit].sum() / whole[lit].sum(), whole[dark].mean() / whole[lit].mean()
             print(f"{bounces} bounces, {key[0]:10s} lamp {key[1]:5s}: {share:.3f} of lit ground, shadows {level:.3f}")
     for bounces in (0, 1, 2, 3) if given.full else ():

@@ -31,9 +31,9 @@ from polarsim.geometry.poses import Pose
 from polarsim.render.amodal import hidden_parts
 from polarsim.render.hits import Hits, cast_strip
 from polarsim.render.lamps import Lamp, lamps_of
-from polarsim.render.layers import NO_LAMP, render_view
 from polarsim.render.lighting import lighting
 from polarsim.render.maps import maps_of
+from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import Surfaces, surfaces_of
 

@@ -3,11 +3,11 @@
 Scene: 1.28 million triangles of ground (5 mm cells), 40 rocks, 1936 x 1216 pixels, five lamps, seen from A.
 Last figures, CPU seconds on one thread (two cores shared with other work, which makes them longer; NumPy 2.4):
 
-    build 7.8    five layers of a view: lambert 4.8, principled 5.0, hapke 5.6, both of these 6.5, and ids as well 6.6
-    a photo, exposed and written 0.041
+    build 7.8    five OLAT images of a view: lambert 4.8, principled 5.0, hapke 5.6, both of these 6.5, and ids as
+    well 6.6 a photo, exposed and written 0.041
 
-Ten layers (five lamps, two models) through the lens, measured later on cores less shared, where both models took 3.1:
-blur, halo and veiling glare 0.6, vignetting 0.4, lens flare 0.7.
+Ten OLAT images (five lamps, two models) through the lens, measured later on cores less shared, where both models
+took 3.1: blur, halo and veiling glare 0.6, vignetting 0.4, lens flare 0.7.
 
 So a terrain with 4 views and 96 photos in two models takes 35 CPU seconds, 8 of them for its PNG files.
 
@@ -31,7 +31,7 @@ from polarsim.photo import PhotoKey
 from polarsim.render.gain import default_gain
 from polarsim.render.ground_truth import boxes_of
 from polarsim.render.lamps import lamps_of
-from polarsim.render.layers import reflectance_engine, render_view
+from polarsim.render.olat import reflectance_engine, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
@@ -55,10 +55,10 @@ def main() -> None:
     timed("build", lambda: surfaces.prepare(shadows=True))
     lamps = lamps_of(SUN_LAMPS, rig)
     for models in (["lambert"], ["principled"], ["hapke"]):
-        layers = timed(
-            f"five layers of a view, {models[0]}",
+        olat_images = timed(
+            f"five OLAT images of a view, {models[0]}",
             lambda models=models: (
-                render_view(surfaces, Camera(pose, lens), lamps, models, None, options, threads).layers
+                render_view(surfaces, Camera(pose, lens), lamps, models, None, options, threads).olat_images
             ),
         )
     models = ["principled", "hapke"]
@@ -70,13 +70,13 @@ def main() -> None:
     for faults in ({"blur_px": 0.6, "bloom": 0.01, "veiling_glare": 0.01}, {"vignetting": True}, {"lens_flare": 0.001}):
         faulty = options.model_copy(update=faults)
         timed(
-            f"ten layers through a lens: {', '.join(faults)}",
-            lambda faulty=faulty: through_lens(view.layers, lamps, surfaces, Camera(pose, lens), faulty, threads),
+            f"ten OLAT images through a lens: {', '.join(faults)}",
+            lambda faulty=faulty: through_lens(view.olat_images, lamps, surfaces, Camera(pose, lens), faulty, threads),
         )
     pictures = view.ids
     timed("boxes of five pictures of ids", lambda: [boxes_of(picture, options) for picture in pictures.values()])
     keys = [PhotoKey(4, "A", "on", azimuth, "L", 2**n) for azimuth in ("30", "180", "350") for n in range(5, 12)]
-    by_lamp = {name: layer for (_, name), layer in layers.items()}
+    by_lamp = {name: olat_image for (_, name), olat_image in olat_images.items()}
     with tempfile.TemporaryDirectory() as folder:
         gain = default_gain("hapke", options)
         timed(

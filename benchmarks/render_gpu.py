@@ -5,7 +5,7 @@
     --samples 4 --cells 500 --scale 1
 
 Without a GPU it prints "skipped: no GPU" and ends well. Both sides make the same 252 photos of 1936 x 1216 pixels in
-memory: rays, shadows and reflectance of ten layers a camera, sums, 12 bits. Left out on both are the build of the
+memory: rays, shadows and reflectance of ten OLAT images a camera, sums, 12 bits. Left out on both are the build of the
 trees and the compilation of kernels (`ready_s`), labels, and PNG files. Those the CPU writes, whatever made the photos:
 `png_bound_photos_per_s` is what all its cores can write. `ratio` is that of the rates before PNG.
 
@@ -36,7 +36,7 @@ from polarsim.formats.scene import TerrainMesh
 from polarsim.photo import PhotoKey
 from polarsim.render.gain import default_gain
 from polarsim.render.lamps import lamps_of, lit_by
-from polarsim.render.layers import render_view
+from polarsim.render.olat import render_view
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import Surfaces, surfaces_of
@@ -44,11 +44,11 @@ from polarsim.survey import SUN_LAMPS
 
 CAMERAS = ("L", "R")
 PNGS = 8  # files written to time one
-FAINT = 1e-3  # of a layer's brightest: a smaller difference counts as none
-MOST_DIFFERENT = 5e-3  # share of a layer's pixels: those at edges
-MOST_OFF = 1e-3  # of a layer's mean brightness
+FAINT = 1e-3  # of an OLAT image's brightest: a smaller difference counts as none
+MOST_DIFFERENT = 5e-3  # share of an OLAT image's pixels: those at edges
+MOST_OFF = 1e-3  # of an OLAT image's mean brightness
 
-Layers = Mapping[tuple[Model, str], np.ndarray]
+OlatImages = Mapping[tuple[Model, str], np.ndarray]
 
 
 class Grid:
@@ -62,21 +62,21 @@ class Grid:
         self.surfaces: Surfaces = surfaces_of(mesh, options)
         start = time.perf_counter()
         self.surfaces.prepare(shadows=False)
-        self.layers("L")  # kernels compile, triangles are laid on the device
+        self.olat_images("L")  # kernels compile, triangles are laid on the device
         self.ready_s = time.perf_counter() - start
 
-    def layers(self, camera: str) -> Layers:
+    def olat_images(self, camera: str) -> OlatImages:
         view = self.rig.camera(camera).scaled(self.scale)
-        return render_view(self.surfaces, view, self.lamps, MODELS, None, self.options, self.threads).layers
+        return render_view(self.surfaces, view, self.lamps, MODELS, None, self.options, self.threads).olat_images
 
-    def photos(self, layers: Layers, keys: Sequence[PhotoKey]) -> list[np.ndarray]:
+    def photos(self, olat_images: OlatImages, keys: Sequence[PhotoKey]) -> list[np.ndarray]:
         """Photos of one camera in both models."""
         sets = sorted({(model, key.bracket) for key in keys for model in MODELS}, key=str)
 
         def exposed(model_and_set: tuple[Model, tuple[object, ...]]) -> list[np.ndarray]:
             model, bracket = model_and_set
             own = [key for key in keys if key.bracket == bracket]
-            radiance = np.sum([layers[model, name] for name in lit_by(own[0])], axis=0)
+            radiance = np.sum([olat_images[model, name] for name in lit_by(own[0])], axis=0)
             gain = default_gain(model, self.options)
             return [expose(radiance, key.exposure_ms * gain, self.options) for key in own]
 
@@ -84,23 +84,23 @@ class Grid:
             return [photo for found in pool.map(exposed, sets) for photo in found]
 
     def timed(self) -> dict[str, Any]:
-        """Seconds of all photos, the last camera's layers, and some photos."""
-        keys, layers_s, photos_s, cpu = grid_keys(), 0.0, 0.0, time.process_time()
+        """Seconds of all photos, the last camera's OLAT images, and some photos."""
+        keys, olat_images_s, photos_s, cpu = grid_keys(), 0.0, 0.0, time.process_time()
         for camera in CAMERAS:
             start = time.perf_counter()
-            layers = self.layers(camera)
+            olat_images = self.olat_images(camera)
             between = time.perf_counter()
-            photos = self.photos(layers, [key for key in keys if key.camera == camera])
-            layers_s, photos_s = layers_s + between - start, photos_s + time.perf_counter() - between
+            photos = self.photos(olat_images, [key for key in keys if key.camera == camera])
+            olat_images_s, photos_s = olat_images_s + between - start, photos_s + time.perf_counter() - between
         number = len(keys) * len(MODELS)
-        rate = number / (layers_s + photos_s)
+        rate = number / (olat_images_s + photos_s)
         return {
             "photos": number,
             "photos_per_s": rate,
-            "layers_s": layers_s,
+            "layers_s": olat_images_s,
             "exposing_s": photos_s,
             "cpu_s": time.process_time() - cpu,
-            "layers": layers,
+            "layers": olat_images,
             "some": photos[:: max(1, len(photos) // PNGS)],
         }
 
@@ -112,10 +112,12 @@ def found_device() -> str | None:
     return next((device for device in ("cuda", "vulkan") if is_there(device)), None)  # type: ignore[arg-type]
 
 
-def compared(cpu: Layers, device: Layers) -> dict[str, float]:
-    """Worst difference of a layer: share of pixels that differ, and of the mean brightness."""
-    different = [np.mean(np.abs(device[key] - layer) > FAINT * layer.max()) for key, layer in cpu.items()]
-    off = [abs(device[key].mean(dtype=float) / layer.mean(dtype=float) - 1) for key, layer in cpu.items()]
+def compared(cpu: OlatImages, device: OlatImages) -> dict[str, float]:
+    """Worst difference of an OLAT image: share of pixels that differ, and of the mean brightness."""
+    different = [
+        np.mean(np.abs(device[key] - olat_image) > FAINT * olat_image.max()) for key, olat_image in cpu.items()
+    ]
+    off = [abs(device[key].mean(dtype=float) / olat_image.mean(dtype=float) - 1) for key, olat_image in cpu.items()]
     return {"different_pixels": float(max(different)), "mean_off": float(max(off))}
 
 

@@ -25,7 +25,7 @@ from made_terrain import made_terrain, surveyed_rig
 
 from polarsim.geometry.camera import Camera
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import render_view
+from polarsim.render.olat import render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
 
@@ -62,7 +62,7 @@ def cost(task: Task) -> Cost:
     view = render_view(
         surfaces, Camera(rig.sandbox_from_left, lens), lamps, ["principled"], None, RenderOptions(), task.threads
     )
-    digest = hashlib.sha256(b"".join(layer.tobytes() for layer in view.layers.values())).hexdigest()
+    digest = hashlib.sha256(b"".join(olat_image.tobytes() for olat_image in view.olat_images.values())).hexdigest()
     seconds = (ready - start, time.process_time() - ready)
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
     return Cost(len(mesh.faces), lens.width * lens.height, *seconds, peak_mb, digest)

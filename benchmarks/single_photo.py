@@ -27,7 +27,7 @@ from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.render.lamps import lamps_of
-from polarsim.render.layers import render_view
+from polarsim.render.olat import render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import surfaces_of
@@ -68,7 +68,7 @@ def ours(mesh: TerrainMesh, lens: Lens, clock: Clock, threads: int) -> None:
 
     def photo() -> np.ndarray:
         view = render_view(surfaces, Camera(rig.sandbox_from_left, lens), lamps, ["principled"], None, OPTIONS, threads)
-        return expose(view.layers["principled", SUN], 1.0, OPTIONS)
+        return expose(view.olat_images["principled", SUN], 1.0, OPTIONS)
 
     clock.photos("our", photo)
 

@@ -151,7 +151,7 @@ def test_the_rovers_rooms_stand_on_each_other():
         ("world.stitch", "rover.soil.nodes"),  # sideways
         ("onboard.measure", "rover.exchange.video"),
         ("sight.cameras", "rover.options"),  # out of the rooms
-        ("drive.ride", "render.layers"),
+        ("drive.ride", "render.olat"),
         ("vehicle.table", "detect.options"),
     ],
 )

@@ -23,7 +23,7 @@ from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.ground_truth import boxes_of
 from polarsim.render.lamps import Lamp, lamps_of
-from polarsim.render.layers import NO_LAMP, render_view
+from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import surfaces_of
@@ -96,7 +96,9 @@ def _pictures(
     rendering = render_view(surfaces, camera, lamps, [model], sorted(lamps), chosen, threads)
     seen = through_lens(rendering.whole, lamps, surfaces, camera, chosen, threads)
     sand, around = (rendering.ids[NO_LAMP] == kind for kind in (GROUND, BACKGROUND))
-    bare = around & ~np.any([layer != 0 for layer in rendering.layers.values()], axis=0)  # or a wall that no lamp meets
+    bare = around & ~np.any(
+        [olat_image != 0 for olat_image in rendering.olat_images.values()], axis=0
+    )  # or a wall that no lamp meets
     walls = (chosen.rim_half_width_m, variant.mesh.sand_level + chosen.rim_height_m)
     for name in lamps:
         radiance, ids = seen[model, name], rendering.ids[name]

@@ -1,4 +1,4 @@
-"""The photographer's day: views lit lamp by lamp, photos as sums of layers, and their labels."""
+"""The photographer's day: views lit lamp by lamp, photos as sums of OLAT images, and their labels."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _SPARSE = 4  # every so many pixels tell how well a photo is exposed
 
 
 @dataclass(frozen=True)
-class Layers:
+class OlatImages:
     """One camera's view: its linear images by lamp, and what is to be seen there."""
 
     images: dict[str, np.ndarray]  # azimuth, ROVER, AMBIENT -> (h, w) float32 radiance
@@ -90,8 +90,8 @@ def take_photos(
         if not here:
             continue
         wanted = {lamp: lamps[position][lamp] for lamp in sorted({name for key in here for name in _lamps_of(key)})}
-        layers = _layers(made, position, camera, wanted, bounces, albedo, options, threads)
-        rows += _shoot(layers, here, tokens, raw, seeds, options, threads)
+        olat_images = _olat_images(made, position, camera, wanted, bounces, albedo, options, threads)
+        rows += _shoot(olat_images, here, tokens, raw, seeds, options, threads)
     return _label_table(rows)
 
 
@@ -119,10 +119,10 @@ def _named(lamps: Mapping[str, Mapping[str, Lamp]]) -> dict[str, Lamp]:
     return {_bounce_name(name, position): lamp for position in lamps for name, lamp in lamps[position].items()}
 
 
-def _layers(
+def _olat_images(
     made: Terrain, position: str, camera: str, lamps: Mapping[str, Lamp], bounces: Bounce, albedo: AlbedoMap,
     options: AnalogOptions, threads: int,
-) -> Layers:  # fmt: skip
+) -> OlatImages:  # fmt: skip
     scene, placed = made.scene, made.stations.camera(position, camera)
     view = look(scene, made.caster, _textures(options.seed, made.terrain), placed, threads)
     albedo.add(view)
@@ -139,11 +139,11 @@ def _layers(
         glare = lamp_glare(lamp, placed, _GLARE * lamp.intensity, rng)
         images[name] = through_lens(lit) + glare
         shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, seen, threads)
-    return Layers(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)
+    return OlatImages(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)
 
 
 def _shoot(
-    layers: Layers, keys: Sequence[PhotoKey], tokens: Mapping[tuple[object, ...], str], raw: Path, seeds: Path,
+    olat_images: OlatImages, keys: Sequence[PhotoKey], tokens: Mapping[tuple[object, ...], str], raw: Path, seeds: Path,
     options: AnalogOptions, threads: int,
 ) -> list[dict[str, object]]:  # fmt: skip
     """Write the photos of one view and the seeds among them; rows of the true labels."""
@@ -151,11 +151,11 @@ def _shoot(
 
     def shoot(key: PhotoKey) -> tuple[list[dict[str, object]], float, np.ndarray | None]:
         rng = generator(options.seed, "sensor", key)
-        photo = expose(layers.lit(key), key.exposure_ms, ELECTRONS, options, rng, pattern)
+        photo = expose(olat_images.lit(key), key.exposure_ms, ELECTRONS, options, rng, pattern)
         png.write(nasa.photo_path(raw, key, tokens[_pair(key)]), photo)
-        sand = photo[::_SPARSE, ::_SPARSE][layers.sand].astype(np.int32) - BLACK_LEVEL
+        sand = photo[::_SPARSE, ::_SPARSE][olat_images.sand].astype(np.int32) - BLACK_LEVEL
         well_exposed = float(((sand > _LEAST_DN) & (sand < _MOST_DN)).mean())
-        return _label_rows(key, layers, photo), well_exposed, photo if _may_be_seed(key) else None
+        return _label_rows(key, olat_images, photo), well_exposed, photo if _may_be_seed(key) else None
 
     rows: list[dict[str, object]] = []
     best: dict[str, tuple[tuple[bool, float], PhotoKey, np.ndarray]] = {}
@@ -171,7 +171,7 @@ def _shoot(
     for _, key, photo in best.values():
         rng = generator(options.seed, "annotator", key.with_exposure(16))
         with_shadows = key.exposure_ms >= SHADOWS_ANNOTATED_FROM_MS
-        annotated = annotate(layers.rocks, layers.shadows_of(key), photo, rng, with_shadows=with_shadows)
+        annotated = annotate(olat_images.rocks, olat_images.shadows_of(key), photo, rng, with_shadows=with_shadows)
         yolo.write_boxes(seeds / f"{key}.txt", *annotated)
     return rows
 
@@ -181,8 +181,10 @@ def _may_be_seed(key: PhotoKey) -> bool:
     return key.camera == "L" and key.light == "off" and key.azimuth != "no"
 
 
-def _label_rows(key: PhotoKey, layers: Layers, photo: np.ndarray) -> list[dict[str, object]]:
-    named = [(ROCK, region) for region in layers.rocks] + [(SHADOW, region) for region in layers.shadows_of(key)]
+def _label_rows(key: PhotoKey, olat_images: OlatImages, photo: np.ndarray) -> list[dict[str, object]]:
+    named = [(ROCK, region) for region in olat_images.rocks] + [
+        (SHADOW, region) for region in olat_images.shadows_of(key)
+    ]
     return [
         {
             **tables.key_columns(key), "kind": kind, "rock": region.rock, "source": "truth", "confidence": 1.0,

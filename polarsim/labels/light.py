@@ -18,7 +18,7 @@ from polarsim.survey import ROVER_LIGHT_SHARE, SUN_LAMPS
 
 LEVEL_COSINE = float(SUN_LAMPS["30"][2] / np.linalg.norm(SUN_LAMPS["30"]))  # of that lamp's incidence there
 STRAY = 0.01  # of a lamp's light that comes from all of the sky
-STEP_PX = 2  # layers have every second pixel along rows and columns: contrast is that of whole boxes
+STEP_PX = 2  # OLAT images have every second pixel along rows and columns: contrast is that of whole boxes
 KEPT = 2  # views in memory: 5 MB for each of their lamps
 
 
@@ -31,26 +31,26 @@ class Seen:
     normals: np.ndarray
 
 
-class LightLayers:
+class OlatLight:
     """What `Photos` tells, without photos: from meshes, stand-ins and lamps."""
 
     def __init__(self, known: Known) -> None:
         self.known = known
         self._seen = lru_cache(maxsize=KEPT)(self._look)
-        self._layer = lru_cache(maxsize=KEPT * (len(SUN_LAMPS) + 1))(self._lit)
+        self._olat_image = lru_cache(maxsize=KEPT * (len(SUN_LAMPS) + 1))(self._lit)
 
     def brightness(self, bracket: Bracket) -> Brightness | None:
-        """Sum of the layers of the lamps that are on; black in the dark. No photo was taken: no exposures.
+        """Sum of the OLAT images of the lamps that are on; black in the dark. No photo was taken: no exposures.
 
         None where nobody knows from where the meshes are seen.
         """
         position, camera, light, azimuth = bracket
         if position in self.known.apart:
             return None
-        layers = [self._layer(position, camera, azimuth)] if azimuth != "no" else []
+        olat_images = [self._olat_image(position, camera, azimuth)] if azimuth != "no" else []
         if light == "on":
-            layers.append(ROVER_LIGHT_SHARE * self._layer(position, camera, "no"))
-        rate = sum(layers, np.zeros(self._seen(position, camera).met.shape, np.float32))
+            olat_images.append(ROVER_LIGHT_SHARE * self._olat_image(position, camera, "no"))
+        rate = sum(olat_images, np.zeros(self._seen(position, camera).met.shape, np.float32))
         return Brightness(rate.repeat(STEP_PX, axis=0).repeat(STEP_PX, axis=1), ())
 
     def _look(self, position: str, camera: CameraSide) -> Seen:
@@ -76,9 +76,9 @@ class LightLayers:
             lit = lit[~world.walls.occluded(seen.places[lit], to_lamp[lit], 1.0)]
         light = STRAY / 2 * (1 + seen.normals[:, 2])
         light[lit] += cosine[lit]
-        layer = np.zeros(seen.met.shape, np.float32)
-        layer[seen.met] = CENTRE_GREY_PER_MS / LEVEL_COSINE * light
-        return layer
+        olat_image = np.zeros(seen.met.shape, np.float32)
+        olat_image[seen.met] = CENTRE_GREY_PER_MS / LEVEL_COSINE * light
+        return olat_image
 
     @cached_property
     def _normals(self) -> np.ndarray:

@@ -24,7 +24,7 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     visibility: Literal["photo", "annotator"] = Field(
         "photo",
         description="Which labels an exposure has: 'photo', those that stand out in the photo, or, without one, in the "
-        "light layers of the meshes; 'annotator', as people labelled the release: rocks always, shadows from an "
+        "OLAT images of the meshes; 'annotator', as people labelled the release: rocks always, shadows from an "
         "exposure on; where no lamp shines nothing, unless the photo shows it or people drew the position's own.",
     )
     min_contrast: float = Field(

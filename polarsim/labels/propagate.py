@@ -18,7 +18,7 @@ from polarsim.formats.scene import read_terrain
 from polarsim.labels.corrections import as_annotated, read_corrections
 from polarsim.labels.known import Known, gather
 from polarsim.labels.label import Label
-from polarsim.labels.light import LightLayers
+from polarsim.labels.light import OlatLight
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Bracket, Brightness, Photos
 from polarsim.labels.position import PositionLabels
@@ -132,7 +132,7 @@ def grid_labels(
     """
     by_people = options.visibility == "annotator"
     asked = None if by_people else photos
-    layers = None if by_people else LightLayers(known)
+    olat_images = None if by_people else OlatLight(known)
     positions = {position: PositionLabels(known, position, options, asked) for position in known.placed}
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
@@ -147,7 +147,7 @@ def grid_labels(
     for bracket, members in sorted(sets.items(), key=lambda item: item[0]):
         position, camera, light, azimuth = bracket
         shared = positions[position].labels(camera, light, azimuth)
-        brightness = _first_known(bracket, photos if is_unlit(light, azimuth) else asked, layers)
+        brightness = _first_known(bracket, photos if is_unlit(light, azimuth) else asked, olat_images)
         for key in members:
             if key in corrections:
                 labels[key] = as_annotated(corrections[key], shared)
@@ -159,7 +159,7 @@ def grid_labels(
     return labels
 
 
-def _first_known(bracket: Bracket, *sources: Photos | LightLayers | None) -> Brightness | None:
+def _first_known(bracket: Bracket, *sources: Photos | OlatLight | None) -> Brightness | None:
     found = (source.brightness(bracket) for source in sources if source is not None)
     return next((brightness for brightness in found if brightness is not None), None)
 

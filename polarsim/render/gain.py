@@ -80,12 +80,12 @@ def calibration_photos(index: Path | None, keys: Iterable[PhotoKey], most: int) 
 
 
 def calibrate(
-    photos: Mapping[PhotoKey, Path], layers: Mapping[tuple[Model, str], np.ndarray], model: Model
+    photos: Mapping[PhotoKey, Path], olat_images: Mapping[tuple[Model, str], np.ndarray], model: Model
 ) -> float | None:
-    """Median gain over photos of the layers' view; None where no photo has a usable pixel."""
+    """Median gain over photos of the OLAT images' view; None where no photo has a usable pixel."""
     ratios = [np.zeros(0)]
     for key, path in photos.items():
-        radiance = layers[model, key.azimuth]
+        radiance = olat_images[model, key.azimuth]
         try:
             photo = png.read_photo(path, (radiance.shape[1], radiance.shape[0]))
         except PolarsimError as error:

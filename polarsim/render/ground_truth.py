@@ -14,7 +14,7 @@ from polarsim.geometry.boxes import of_mask
 from polarsim.geometry.thin_parts import without_thin_parts
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
 from polarsim.render.lamps import lit_by
-from polarsim.render.layers import NO_LAMP
+from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
 
 SOURCE = "rendered"  # of labels that are what rays met

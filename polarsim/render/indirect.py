@@ -34,7 +34,7 @@ _SPAN = float(np.arctan(1 / _HORIZON))
 _STEPS = np.array([0.7548776662, 0.5698402910])
 _LEAST_COSINE = np.float32(1e-6)
 _PIXELS_THICK = 2.0  # surfaces so many coarse pixels off a plane count as others
-Layers = dict[tuple[Model, str], np.ndarray]
+OlatImages = dict[tuple[Model, str], np.ndarray]
 
 
 class Paths:
@@ -157,7 +157,7 @@ def scattered(hits: Hits, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return direction, np.divide(cosine, density, out=np.zeros_like(cosine), where=used)
 
 
-def indirect_layers(
+def indirect_olat_images(
     surfaces: Surfaces,
     camera: Camera,
     lamps: Mapping[str, Lamp],
@@ -165,12 +165,12 @@ def indirect_layers(
     materials: Materials,
     options: RenderOptions,
     threads: int = 1,
-) -> Layers:
-    """(h, w) float32 indirect light of a view by model and lamp, in the units of `Rendering.layers`."""
+) -> OlatImages:
+    """(h, w) float32 indirect light of a view by model and lamp, in the units of `Rendering.OLAT images`."""
     height, width = camera.lens.shape
-    layers = {(model, name): np.zeros((height, width), np.float32) for model in models for name in lamps}
-    if not layers:
-        return layers
+    olat_images = {(model, name): np.zeros((height, width), np.float32) for model in models for name in lamps}
+    if not olat_images:
+        return olat_images
     surfaces.prepare(shadows=False)
     paths = Paths(surfaces, lamps, models, materials, options)
     offsets = sample_offsets(options)
@@ -190,11 +190,11 @@ def indirect_layers(
             else:
                 light, unknown = grid.at(hits, width, offset)
                 light[:, unknown], _ = paths.radiance(hits.part(unknown), rays, rng)
-            for layer, kind in zip(layers.values(), light, strict=True):
-                layer[rows].reshape(-1)[hits.pixel] += kind / np.float32(len(offsets))
+            for olat_image, kind in zip(olat_images.values(), light, strict=True):
+                olat_image[rows].reshape(-1)[hits.pixel] += kind / np.float32(len(offsets))
 
     for_strips(height, threads, work)
-    return layers
+    return olat_images
 
 
 def _gathered(

@@ -18,7 +18,8 @@ CORE = float(np.radians(1))  # angle within which the veiling glare flattens: th
 
 
 def lens_flare_of(surfaces: Surfaces, camera: Camera, lamp: Lamp, options: RenderOptions) -> np.ndarray:
-    """(h, w) float32 radiance of the veiling glare that a lamp of the scene draws over the picture; 1 as in layers.
+    """(h, w) float32 radiance of the veiling glare that a lamp of the scene draws over the picture; 1 as in OLAT
+    images.
 
     The lamp's irradiance on the lens, in so far as nothing hides the lamp, times the share `options.lens_flare`, times
     `scattering`. The lamp's own image is the veiling glare's core, which most exposures clip.

@@ -1,4 +1,6 @@
-"""What the lens does to a view's layers. All of it is linear: done once a layer, it holds for every photo."""
+"""What the lens does to a view's OLAT images. All of it is linear: done once an OLAT image, it holds for every
+photo.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ from scipy import fft
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.pixel_rays import pixel_directions
-from polarsim.render.indirect import Layers
+from polarsim.render.indirect import OlatImages
 from polarsim.render.lamps import Lamp
 from polarsim.render.lens_flare import lens_flare_of
 from polarsim.render.options import Model, RenderOptions
@@ -21,29 +23,30 @@ from polarsim.render.surfaces import Surfaces
 
 
 def through_lens(
-    layers: Mapping[tuple[Model, str], np.ndarray],
+    olat_images: Mapping[tuple[Model, str], np.ndarray],
     lamps: Mapping[str, Lamp],
     surfaces: Surfaces,
     camera: Camera,
     options: RenderOptions,
     threads: int = 1,
-) -> Layers:
-    """Layers (h, w) by model and lamp, as radiance that the sensor gets: spread, darkened, with the lamps' lens_flare.
+) -> OlatImages:
+    """OLAT images (h, w) by model and lamp, as radiance that the sensor gets: spread, darkened, with the lamps'
+    lens_flare.
 
-    Layers of what is no lamp have none.
+    OLAT images of what is no lamp have none.
     """
     flares = {}
     if options.lens_flare:
-        names = dict.fromkeys(name for _, name in layers)
+        names = dict.fromkeys(name for _, name in olat_images)
         flares = {name: lens_flare_of(surfaces, camera, lamps[name], options) for name in names if name in lamps}
 
-    def seen(layer: np.ndarray, lamp: str) -> np.ndarray:
-        image = imaged(layer, camera.lens, options)
+    def seen(olat_image: np.ndarray, lamp: str) -> np.ndarray:
+        image = imaged(olat_image, camera.lens, options)
         return image + flares[lamp] if lamp in flares else image
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        found = pool.map(seen, layers.values(), (lamp for _, lamp in layers))
-        return dict(zip(layers, found, strict=True))
+        found = pool.map(seen, olat_images.values(), (lamp for _, lamp in olat_images))
+        return dict(zip(olat_images, found, strict=True))
 
 
 def imaged(image: np.ndarray, lens: Lens, options: SensorOptions) -> np.ndarray:

@@ -174,7 +174,7 @@ class RenderOptions(SensorOptions):
     )
     device: Device = Field(
         "cpu",
-        description="What Taichi runs on, for `engine` and `rays`. Where both are taichi, layers of lamps that "
+        description="What Taichi runs on, for `engine` and `rays`. Where both are taichi, OLAT images of lamps that "
         "are points are made there from ray to sum.",
     )
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from polarsim.formats.scene import mesh_files, read_terrain
 from polarsim.render.gain import default_gain
-from polarsim.render.layers import render_view
 from polarsim.render.maps import Maps, maps_of
+from polarsim.render.olat import render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of, noise_seed
@@ -57,8 +57,8 @@ class Scene:
         """
         camera, lamps, options = shot.camera, shot.lamps, self.options
         view = render_view(self.surfaces, camera, lamps, [shot.model], None, options, threads)
-        layers = through_lens(view.whole, lamps, self.surfaces, camera, options, threads)
-        radiance = sum(layers.values(), np.zeros(camera.lens.shape, np.float32))
+        olat_images = through_lens(view.whole, lamps, self.surfaces, camera, options, threads)
+        radiance = sum(olat_images.values(), np.zeros(camera.lens.shape, np.float32))
         noise = noise_of(options, "scene", self.terrain, shot.exposure_ms)
         return expose(radiance, shot.exposure_ms * self.gain(shot.model), options, noise)
 

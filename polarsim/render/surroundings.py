@@ -62,14 +62,14 @@ class Surroundings:
             for model, albedo in albedos.items():
                 self._sent[kind, model][hits.rows].reshape(-1)[hits.pixel] += albedo * seen
 
-    def into(self, layers: Mapping[tuple[Model, str], np.ndarray], lamps: Mapping[str, Lamp]) -> None:
-        """Add the light to layers; Chrono's models have none."""
-        for (model, name), layer in layers.items():
+    def into(self, olat_images: Mapping[tuple[Model, str], np.ndarray], lamps: Mapping[str, Lamp]) -> None:
+        """Add the light to OLAT images; Chrono's models have none."""
+        for (model, name), olat_image in olat_images.items():
             for kind, amount in self._amounts.items():
                 irradiance = amount * lamps[name].intensity
                 if model in self._even:
                     for plain in (plain for found, plain in self._shares if found == kind):
                         albedo = self._options.rim_albedo if plain else self._even[model]
-                        layer += np.float32(irradiance * (albedo or 0.0) / np.pi) * self._shares[kind, plain]
+                        olat_image += np.float32(irradiance * (albedo or 0.0) / np.pi) * self._shares[kind, plain]
                 elif model in self._varied:
-                    layer += np.float32(irradiance / np.pi) * self._sent[kind, model]
+                    olat_image += np.float32(irradiance / np.pi) * self._sent[kind, model]

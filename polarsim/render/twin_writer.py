@@ -1,4 +1,6 @@
-"""The files of a terrain's twins: pictures by model, exposed from a view's layers, and what made them beside each."""
+"""The files of a terrain's twins: pictures by model, exposed from a view's OLAT images, and what made them beside
+each.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.photo import PhotoKey
 from polarsim.render.fitted import as_bright_as_fitted
 from polarsim.render.gain import calibrate, default_gain
-from polarsim.render.indirect import Layers
+from polarsim.render.indirect import OlatImages
 from polarsim.render.lamps import Lamp, lit_by
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of
@@ -52,23 +54,26 @@ class TwinWriter:
         self._options, self._threads = options, threads
         self._gains = {model: options.gain[model] for model in twins if options.gain.get(model)}
 
-    def write(self, keys: Sequence[PhotoKey], layers: Layers, lamps: Mapping[str, Lamp], camera: Camera) -> None:
+    def write(
+        self, keys: Sequence[PhotoKey], olat_images: OlatImages, lamps: Mapping[str, Lamp], camera: Camera
+    ) -> None:
         """Write `KEY.png` and `KEY.json` of one view into the folder of every model."""
         for model, folder in self._twins.items():
-            gain = self._gain(model, layers)
+            gain = self._gain(model, olat_images)
             active_lamps = as_bright_as_fitted(lamps, self._fitted, model)
-            own = {name: layer for (of, name), layer in layers.items() if of == model}
+            own = {name: olat_image for (of, name), olat_image in olat_images.items() if of == model}
             if active_lamps is not lamps:
                 own = {
-                    name: layer * (active_lamps[name].intensity / lamps[name].intensity) for name, layer in own.items()
+                    name: olat_image * (active_lamps[name].intensity / lamps[name].intensity)
+                    for name, olat_image in own.items()
                 }
             write_photos(folder, keys, own, camera.lens, gain, self._options, self._threads)
             self._sidecars.write(folder, keys, Shot(camera, active_lamps, 0, model), gain)
 
-    def _gain(self, model: Model, layers: Layers) -> float:
+    def _gain(self, model: Model, olat_images: OlatImages) -> float:
         """Of the options, else as bright as the photos, else built in."""
         if model not in self._gains:
-            found = calibrate(self._references, layers, model)
+            found = calibrate(self._references, olat_images, model)
             if found:
                 self._sidecars.set_gain_by(model, self._references.values())
             self._gains[model] = found or default_gain(model, self._options)
@@ -80,20 +85,20 @@ class TwinWriter:
 def write_photos(
     folder: Path,
     keys: Sequence[PhotoKey],
-    layers: Mapping[str, np.ndarray],
+    olat_images: Mapping[str, np.ndarray],
     lens: Lens,
     gain: float,
     options: RenderOptions,
     threads: int,
 ) -> None:
-    """Write the photos of one view, `folder/KEY.png`, from its layers by lamp."""
+    """Write the photos of one view, `folder/KEY.png`, from its OLAT images by lamp."""
     dark = np.zeros(lens.shape, np.float32)
     brackets: dict[tuple[object, ...], list[PhotoKey]] = {}
     for key in keys:
         brackets.setdefault(key.bracket, []).append(key)
 
     def write(bracket: list[PhotoKey]) -> None:
-        radiance = sum((layers[name] for name in lit_by(bracket[0])), dark)
+        radiance = sum((olat_images[name] for name in lit_by(bracket[0])), dark)
         for key in bracket:
             noise = noise_of(options, key)
             png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))

@@ -1,4 +1,4 @@
-"""Twins of photos: every view rendered once, its layers summed and exposed for every key, its ids made labels."""
+"""Twins of photos: every view rendered once, its OLAT images summed and exposed for every key, its ids made labels."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from polarsim.render.fitted import with_fit
 from polarsim.render.gain import calibration_photos
 from polarsim.render.ground_truth import label_row, label_view
 from polarsim.render.lamps import Lamp, lamps_of, lit_by
-from polarsim.render.layers import NO_LAMP, render_view
 from polarsim.render.map_files import lamps_of_maps, write_view_maps
 from polarsim.render.maps import maps_of
+from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import surfaces_of

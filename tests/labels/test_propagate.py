@@ -12,7 +12,7 @@ from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.poses import Pose
 from polarsim.labels.known import gather
-from polarsim.labels.light import LightLayers
+from polarsim.labels.light import OlatLight
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Photos
 from polarsim.labels.position import PositionLabels
@@ -124,7 +124,7 @@ def test_without_any_seed_all_labels_come_from_geometry(scene, tmp_path):
     assert set(table["source"]) == {"projected", "cast"}
 
 
-def test_without_photos_light_layers_say_what_an_exposure_shows(scene, tmp_path):
+def test_without_photos_olat_images_say_what_an_exposure_shows(scene, tmp_path):
     """Sun lamps light the ground from the shortest exposure on, the rover light is a tenth as strong."""
     labels = propagate(scene, tmp_path, visibility="photo")
     assert len(rocks(labels, "A_off_30_L_0064")) == len(rocks(labels, "A_off_30_L_1024")) == len(BLOCKS)
@@ -133,7 +133,7 @@ def test_without_photos_light_layers_say_what_an_exposure_shows(scene, tmp_path)
     assert len(rocks(labels, "A_on_no_L_0064")) <= len(rocks(labels, "A_on_no_L_2048"))
 
 
-def test_light_layers_show_rocks_that_have_no_mesh(scene, tmp_path):
+def test_olat_images_show_rocks_that_have_no_mesh(scene, tmp_path):
     missing = min(BLOCKS)
     (scene.meshes / obj.rock_name(TERRAIN, missing)).unlink()
     labels = propagate(scene, tmp_path, visibility="photo")
@@ -147,7 +147,7 @@ def test_edges_of_shadows_follow_the_photo_and_the_annotated_photo_keeps_its_box
     placed_rigs = rigs.read_all_placed(scene.cameras)
     suns = surveyed_suns(placed_rigs)
     known = gather(read_terrain(scene.meshes, TERRAIN), placed_rigs, suns, {}, LabelsOptions())
-    brightness = LightLayers(known).brightness(("A", "L", "off", "30"))
+    brightness = OlatLight(known).brightness(("A", "L", "off", "30"))
     rows = []
     for one in (key_annotated, sibling):
         png.write(tmp_path / f"{one}.png", (brightness.at(one.exposure_ms) + BLACK_LEVEL).astype(np.uint16))

@@ -6,7 +6,7 @@ import trimesh
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.labels.known import gather
-from polarsim.labels.light import LightLayers
+from polarsim.labels.light import OlatLight
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.parts import windows_of
 from polarsim.labels.position_rocks import PositionRocks
@@ -185,7 +185,7 @@ def test_a_shadow_ends_where_the_photo_shows_a_walls_to_begin(untouched_scene):
     photo_of = {}
     for height in (0.3, 0.42):
         known = gather(terrain, rig, {"30": lamp_place}, {}, LabelsOptions(wall_height_m=height))
-        photo_of[height] = LightLayers(known).brightness(("A", "L", "off", "30"))
+        photo_of[height] = OlatLight(known).brightness(("A", "L", "off", "30"))
     known = gather(terrain, rig, {"30": lamp_place}, {}, LabelsOptions(wall_height_m=0.3))
     shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
     low, high = (shadows.cast("L", "off", "30", {4: None}, photo_of[height])[4].box for height in (0.3, 0.42))

@@ -11,7 +11,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import NO_ROCK
-from polarsim.render.layers import render_view
+from polarsim.render.olat import render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import box, surfaces_of
 

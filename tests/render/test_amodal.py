@@ -11,7 +11,7 @@ from polarsim.geometry.poses import looking
 from polarsim.photo import NO_ROCK
 from polarsim.render.amodal import hidden_parts
 from polarsim.render.ground_truth import annotations_of, whole_rocks
-from polarsim.render.layers import NO_LAMP
+from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
 
@@ -73,7 +73,7 @@ def test_they_are_what_each_rock_covers_alone_with_the_ground(ids_of, pose, opti
     st.floats(0.1, 1.0),
 )
 def test_they_are_so_wherever_rocks_and_camera_stand(rocks_mm, heading, height):
-    from polarsim.render.layers import render_view
+    from polarsim.render.olat import render_view
 
     rocks = np.array(rocks_mm) / 1000
     mesh = block(range(1, len(rocks) + 1), [(x, y) for x, y, _ in rocks])

@@ -10,8 +10,8 @@ from polarsim.photo import PhotoKey
 from polarsim.render.ground_truth import box_of_parts, boxes_of
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import NO_LAMP
 from polarsim.render.lighting import lighting
+from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import ground_shadows
 from polarsim.render.surfaces import surfaces_of

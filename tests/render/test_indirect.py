@@ -12,7 +12,7 @@ from polarsim.photo import BLACK_LEVEL
 from polarsim.render.hits import Hits, cast_strip
 from polarsim.render.indirect import scattered
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
-from polarsim.render.layers import render_view
+from polarsim.render.olat import render_view
 from polarsim.render.options import CHRONO, LambertParameters, RenderOptions
 from polarsim.render.scene import Scene, Shot
 from polarsim.render.surfaces import Surfaces, surfaces_of
@@ -48,7 +48,7 @@ def test_in_an_integrating_sphere_each_bounce_returns_the_albedo_of_the_last(len
     pose = looking(np.array([0.3, 0.2, 0.1]), 0.5, 0.2)
     view = traced(sphere(), pose, lens.scaled(0.5), options, lamp=Lamp(np.zeros(3)))
     direct = ALBEDO / np.pi * REFERENCE_DISTANCE**2 / RADIUS**2
-    assert view.layers["lambert", "lamp"].mean() == pytest.approx(direct, rel=0.01)  # facets, not a sphere
+    assert view.olat_images["lambert", "lamp"].mean() == pytest.approx(direct, rel=0.01)  # facets, not a sphere
     expected = direct * sum(ALBEDO**k for k in range(1, bounces + 1))  # Goebel, Appl. Opt. 6 (1967) 125
     assert view.indirect["lambert", "lamp"].mean() == pytest.approx(expected, rel=0.01)
 
@@ -70,7 +70,7 @@ def test_the_cosine_over_any_hemisphere_integrates_to_pi(direction):
 def test_a_level_plane_alone_lights_itself_with_nothing(blocks, above, lens):
     bare = surfaces_of(blocks((), ()), TRACED)
     view = traced(bare, above, lens, TRACED)
-    assert (view.layers["lambert", "lamp"] > 0).any()
+    assert (view.olat_images["lambert", "lamp"] > 0).any()
     assert not view.indirect["lambert", "lamp"].any()
 
 
@@ -81,7 +81,7 @@ def test_the_shadow_of_a_lit_block_side_gets_light_from_walls(blocks, above, len
         traced(surfaces_of(blocks(), options), above, lens, options.model_copy(update={"rim_albedo": albedo}))
         for albedo in (0.1, 0.8)
     )
-    assert dark.layers["lambert", "lamp"][place] == 0
+    assert dark.olat_images["lambert", "lamp"][place] == 0
     assert pale.whole["lambert", "lamp"][place] > 3 * dark.whole["lambert", "lamp"][place] > 0
 
 
@@ -92,7 +92,7 @@ def test_walls_of_their_own_albedo_are_lit_by_it_and_the_sand_is_as_before(block
     wall = hits.pixel[walled.id_of_face[hits.face] == BACKGROUND]
     sand = hits.pixel[walled.id_of_face[hits.face] != BACKGROUND]
     own, plain, as_lambert = (
-        traced(walled, camera, lens, options.model_copy(update=changes), model).layers[model, "lamp"].ravel()
+        traced(walled, camera, lens, options.model_copy(update=changes), model).olat_images[model, "lamp"].ravel()
         for model, changes in (
             ("hapke", {}),
             ("hapke", {"rim_albedo": 0.6}),

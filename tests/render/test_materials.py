@@ -10,8 +10,8 @@ from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.geometry.camera import Camera
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import render_view
 from polarsim.render.materials import between_corners
+from polarsim.render.olat import render_view
 from polarsim.render.options import LambertParameters, Material, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 
@@ -24,9 +24,9 @@ def mesh(blocks):
     return blocks(*TWO)
 
 
-def layer(mesh, pose, lens, options, model="lambert", albedo=None):
+def olat_image(mesh, pose, lens, options, model="lambert", albedo=None):
     surfaces = surfaces_of(mesh, options, albedo)
-    image = render_view(surfaces, Camera(pose, lens), {"lamp": LAMP}, [model], None, options).layers[model, "lamp"]
+    image = render_view(surfaces, Camera(pose, lens), {"lamp": LAMP}, [model], None, options).olat_images[model, "lamp"]
     hits = cast_strip(surfaces, Camera(pose, lens), slice(0, lens.height))
     ids = np.zeros(image.size, int)
     ids[hits.pixel] = surfaces.id_of_face[hits.face]
@@ -44,8 +44,8 @@ def with_(options, **changed):
 )
 def test_a_factor_scales_its_things_alone(mesh, camera, lens, plain, engine, surround, name, shown):
     options = with_(plain, engine=engine, **surround)
-    plainly, ids = layer(mesh, camera, lens, options, "hapke")
-    brighter, _ = layer(mesh, camera, lens, with_(options, materials={name: Material(albedo=1.5)}), "hapke")
+    plainly, ids = olat_image(mesh, camera, lens, options, "hapke")
+    brighter, _ = olat_image(mesh, camera, lens, with_(options, materials={name: Material(albedo=1.5)}), "hapke")
     own = np.isin(ids, shown)
     assert (plainly[own] > 0).sum() > 50
     np.testing.assert_allclose(brighter[own], 1.5 * plainly[own], rtol=1e-6)
@@ -54,8 +54,8 @@ def test_a_factor_scales_its_things_alone(mesh, camera, lens, plain, engine, sur
 
 def test_walls_are_a_thing_too(mesh, camera, lens, plain):
     options = with_(plain, rim=True, rim_half_width_m=1.0)
-    plainly, ids = layer(mesh, camera, lens, options)
-    darker, _ = layer(mesh, camera, lens, with_(options, materials={"walls": Material(albedo=0.5)}))
+    plainly, ids = olat_image(mesh, camera, lens, options)
+    darker, _ = olat_image(mesh, camera, lens, with_(options, materials={"walls": Material(albedo=0.5)}))
     walls = (ids == BACKGROUND) & (plainly > 0)
     assert walls.sum() > 100
     np.testing.assert_allclose(darker[walls], plainly[walls] / 2, rtol=1e-6)
@@ -66,13 +66,13 @@ def test_walls_are_a_thing_too(mesh, camera, lens, plain):
 def test_a_rock_scatters_by_its_own_parameters_and_the_others_by_theirs(mesh, camera, lens, plain, engine):
     options = with_(plain, engine=engine)
     rocky = {"rocks": Material(hapke="sato_mare_643"), "2": Material(hapke="sato_highlands_643")}
-    mixed, ids = layer(mesh, camera, lens, with_(options, materials=rocky), "hapke")
+    mixed, ids = olat_image(mesh, camera, lens, with_(options, materials=rocky), "hapke")
     for thing, soil in (
         (GROUND, "chrono_lunar"),
         (ROCK_IDS + 1, "sato_mare_643"),
         (ROCK_IDS + 2, "sato_highlands_643"),
     ):
-        alone, _ = layer(mesh, camera, lens, with_(options, hapke=soil), "hapke")
+        alone, _ = olat_image(mesh, camera, lens, with_(options, hapke=soil), "hapke")
         np.testing.assert_allclose(mixed[ids == thing], alone[ids == thing], rtol=1e-6)
 
 
@@ -97,16 +97,16 @@ def test_materials_that_say_what_was_so_anyway_change_no_bit(mesh, camera, lens,
     options = with_(plain, bounce=0.05)
     same = {"ground": Material(), "1": Material(lambert=options.lambert), "rocks": Material(albedo=1)}
     np.testing.assert_array_equal(
-        layer(mesh, camera, lens, options)[0], layer(mesh, camera, lens, with_(options, materials=same))[0]
+        olat_image(mesh, camera, lens, options)[0], olat_image(mesh, camera, lens, with_(options, materials=same))[0]
     )
 
 
 @pytest.mark.parametrize("engine", ["numpy", "taichi"])
 def test_albedo_of_vertices_is_linear_between_them(mesh, camera, lens, plain, engine):
     options = with_(plain, engine=engine, bounce=0.02)
-    plainly, ids = layer(mesh, camera, lens, options)
+    plainly, ids = olat_image(mesh, camera, lens, options)
     factor = 1 + 0.2 * mesh.vertices[:, 0] - 0.1 * mesh.vertices[:, 1] + 0.3 * mesh.vertices[:, 2]
-    painted, _ = layer(mesh, camera, lens, options, albedo={"lambert": factor})
+    painted, _ = olat_image(mesh, camera, lens, options, albedo={"lambert": factor})
     hits = cast_strip(surfaces_of(mesh, options), Camera(camera, lens), slice(0, lens.height))
     expected = np.ones(len(ids))
     expected[hits.pixel] = 1 + hits.point @ [0.2, -0.1, 0.3]

@@ -11,7 +11,7 @@ from polarsim.geometry.poses import looking
 from polarsim.photo import NO_ROCK
 from polarsim.render import brdf
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import render_view
+from polarsim.render.olat import render_view
 from polarsim.render.options import LambertParameters, PrincipledParameters, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 
@@ -115,7 +115,7 @@ def scalar():
 def test_direct_light_is_mitsubas_in_every_block(model):
     surfaces = surfaces_of(sandbox(), OPTIONS)
     ours = blocks(
-        render_view(surfaces, Camera(CAMERA, LENS), {"lamp": LAMP}, [model], None, OPTIONS).layers[model, "lamp"]
+        render_view(surfaces, Camera(CAMERA, LENS), {"lamp": LAMP}, [model], None, OPTIONS).olat_images[model, "lamp"]
     )
     scene = mitsuba_scene(surfaces, CAMERA, LENS, LAMP, OPTIONS.parameters(model))
     theirs = blocks(render(scene, samples=256))

@@ -8,8 +8,8 @@ from scipy import ndimage
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import render_view
 from polarsim.render.lens_flare import lens_flare_of
+from polarsim.render.olat import render_view
 from polarsim.render.optics import spread, through_lens, vignette
 from polarsim.render.sensor_options import SensorOptions
 
@@ -24,11 +24,11 @@ def second_moment(image):
     return np.array([(near.sum(axis=axis) * steps**2).sum() for axis in (1, 0)]) / near.sum()
 
 
-def test_a_lens_without_faults_leaves_layers_as_they_are(surfaces, camera, lens, plain):
-    layers = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert"], None, plain).layers
-    seen = through_lens(layers, LAMPS, surfaces, Camera(camera, lens), plain)
-    assert all(seen[key] is layer for key, layer in layers.items())
-    assert list(seen) == list(layers)
+def test_a_lens_without_faults_leaves_olat_images_as_they_are(surfaces, camera, lens, plain):
+    olat_images = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert"], None, plain).olat_images
+    seen = through_lens(olat_images, LAMPS, surfaces, Camera(camera, lens), plain)
+    assert all(seen[key] is olat_image for key, olat_image in olat_images.items())
+    assert list(seen) == list(olat_images)
 
 
 @given(
@@ -75,9 +75,9 @@ def test_more_than_all_light_cannot_be_spread():
 def test_a_lens_sees_the_sum_of_two_lamps_as_the_sum_of_what_it_sees_of_each(surfaces, camera, lens, plain):
     faults = {"blur_px": 0.7, "bloom": 0.02, "veiling_glare": 0.01, "lens_flare": 0.01, "vignetting": True}
     options = plain.model_copy(update=faults)
-    layers = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert"], None, plain).layers
-    seen = through_lens(layers, LAMPS, surfaces, Camera(camera, lens), options)
-    both = layers["lambert", "front"] + layers["lambert", "seen"]
+    olat_images = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert"], None, plain).olat_images
+    seen = through_lens(olat_images, LAMPS, surfaces, Camera(camera, lens), options)
+    both = olat_images["lambert", "front"] + olat_images["lambert", "seen"]
     flares = [lens_flare_of(surfaces, Camera(camera, lens), lamp, options) for lamp in LAMPS.values()]
     expected = spread(both, options) * vignette(lens) + sum(flares)
     assert all(glare.any() for glare in flares)
@@ -86,10 +86,12 @@ def test_a_lens_sees_the_sum_of_two_lamps_as_the_sum_of_what_it_sees_of_each(sur
 
 def test_threads_do_not_change_a_bit(surfaces, camera, lens, plain):
     options = plain.model_copy(update={"blur_px": 0.7, "bloom": 0.02, "lens_flare": 0.01})
-    layers = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert", "hapke"], None, plain).layers
-    one, two = (through_lens(layers, LAMPS, surfaces, Camera(camera, lens), options, threads) for threads in (1, 2))
-    for key, layer in one.items():
-        np.testing.assert_array_equal(two[key], layer)
+    olat_images = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert", "hapke"], None, plain).olat_images
+    one, two = (
+        through_lens(olat_images, LAMPS, surfaces, Camera(camera, lens), options, threads) for threads in (1, 2)
+    )
+    for key, olat_image in one.items():
+        np.testing.assert_array_equal(two[key], olat_image)
 
 
 def test_vignetting_is_cos_to_the_fourth():

@@ -4,8 +4,8 @@ import pytest
 from polarsim.formats.instances import GROUND, SHADOW_IDS
 from polarsim.geometry.camera import Camera
 from polarsim.render.lamps import SUN_RADIUS_DEG, Lamp
-from polarsim.render.layers import render_view
 from polarsim.render.maps import maps_of
+from polarsim.render.olat import render_view
 from polarsim.render.penumbra import visible_share
 
 from .conftest import HEIGHT, SIDE
@@ -52,7 +52,7 @@ def test_light_without_anything_in_its_way_is_that_of_a_point(surfaces, above, l
     point, disc = (
         render_view(
             surfaces, Camera(above, lens), {"lamp": Lamp(LAMP.position, radius_m=r)}, ["lambert"], None, plain
-        ).layers
+        ).olat_images
         for r in (0.0, 0.2)
     )
     one, other = point["lambert", "lamp"], disc["lambert", "lamp"]
@@ -64,7 +64,7 @@ def test_light_without_anything_in_its_way_is_that_of_a_point(surfaces, above, l
 
 def test_threads_do_not_change_a_penumbra(surfaces, camera, lens, plain):
     images = [
-        render_view(surfaces, Camera(camera, lens), {"lamp": LAMP}, ["lambert"], None, plain, threads).layers[
+        render_view(surfaces, Camera(camera, lens), {"lamp": LAMP}, ["lambert"], None, plain, threads).olat_images[
             "lambert", "lamp"
         ]
         for threads in (1, 2)
@@ -131,6 +131,6 @@ def test_a_picture_with_sparse_probes_differs_in_few_pixels(surfaces, above, len
         return render_view(surfaces, Camera(above, lens), {"lamp": LAMP}, ["lambert"], ["lamp"], options)
 
     full, sparse = picture(1), picture(8)
-    one, other = full.layers["lambert", "lamp"], sparse.layers["lambert", "lamp"]
+    one, other = full.olat_images["lambert", "lamp"], sparse.olat_images["lambert", "lamp"]
     assert (np.abs(one - other) > 0.1 * np.median(one[one > 0])).mean() < 0.001
     assert (full.ids["lamp"] != sparse.ids["lamp"]).mean() < 0.0005

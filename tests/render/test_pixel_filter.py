@@ -9,7 +9,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import render_view
+from polarsim.render.olat import render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.pixel_filter import sample_offsets
 from polarsim.render.sensor_options import SensorOptions
@@ -79,7 +79,7 @@ def test_a_rendered_edge_is_as_wide_as_the_filter(blocks, options, sd_px):
     pose = Pose(np.array([[cos, sin, 0], [sin, -cos, 0], [0, 0, -1]]), np.array([0.0, 0, height]))
     chosen = RenderOptions(rim=False, bounce=0, **options)
     lamp = {"lamp": Lamp(np.array([0.0, 0, 1e4]))}
-    image = render_view(surfaces_of(blocks(), chosen), Camera(pose, lens), lamp, ["lambert"], None, chosen).layers
+    image = render_view(surfaces_of(blocks(), chosen), Camera(pose, lens), lamp, ["lambert"], None, chosen).olat_images
     profile = image["lambert", "lamp"] / (chosen.lambert.albedo / np.pi)
     x = (np.arange(200) + 0.5 - 100) * height / 220
     y = (np.arange(140)[:, None] + 0.5 - 70) * height / 220

@@ -3,7 +3,7 @@ import pytest
 
 from polarsim.formats.scene import TerrainMesh
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import NO_LAMP
+from polarsim.render.olat import NO_LAMP
 from polarsim.render.skirts import hang, low_rim, with_skirts
 from polarsim.render.surfaces import surfaces_of
 

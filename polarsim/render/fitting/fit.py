@@ -24,8 +24,8 @@ from polarsim.render.fitting.samples import Darkening, Samples, radiance, sample
 from polarsim.render.fitting.search import fitted_models, places_of
 from polarsim.render.fitting.texels import Solution, Texels, solve, texels_of
 from polarsim.render.lamps import ROVER, lamps_of
-from polarsim.render.layers import reflectance_engine
 from polarsim.render.materials import Reflectance, between_corners
+from polarsim.render.olat import reflectance_engine
 from polarsim.render.options import Model, Parameters, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 

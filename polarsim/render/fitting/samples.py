@@ -71,7 +71,7 @@ def radiance(
     options: RenderOptions,
     darkening: Darkening,
 ) -> np.ndarray:
-    """(n,) radiance of the samples at unit albedo, as `render_view` has it in its layers, through the lens."""
+    """(n,) radiance of the samples at unit albedo, as `render_view` has it in its OLAT images, through the lens."""
     found = engine(parameters, samples.normal, samples.to_lamp, samples.to_viewer)
     found *= dot(samples.normal, samples.to_lamp)
     if darkening.falloff:

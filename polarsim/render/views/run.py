@@ -14,7 +14,7 @@ from polarsim.progress import track
 from polarsim.render.amodal import hidden_parts
 from polarsim.render.ground_truth import annotations_of, whole_rocks
 from polarsim.render.lamps import ROVER
-from polarsim.render.layers import render_view
+from polarsim.render.olat import render_view
 from polarsim.render.optics import imaged, through_lens
 from polarsim.render.options import RenderOptions
 from polarsim.render.sensor import expose, noise_of
@@ -24,10 +24,10 @@ from polarsim.render.views.listing import write_listing
 from polarsim.render.views.options import Views
 from polarsim.render.views.plan import Picture, plan
 from polarsim.render.views.sheet import Sheet, Tone
-from polarsim.render.views.stars import Sky, sky_layers, sky_of
+from polarsim.render.views.stars import Sky, sky_images, sky_of
 
 log = logging.getLogger("polarsim.render")
-_LAYERS = 24  # that are shaded at once: bounds memory
+_IMAGES = 24  # that are shaded at once: bounds memory
 Labels = dict[str, list[coco.Annotation]]  # by the name of their instance map
 
 
@@ -89,7 +89,7 @@ def render_views(
 def unit_starts(pictures: Sequence[Picture], models: int) -> dict[str, list[Picture]]:
     """Pictures that are rendered together, by the name of the first: one camera, as many lights as memory allows."""
     units: dict[str, list[Picture]] = {}
-    most = max(1, _LAYERS // models)
+    most = max(1, _IMAGES // models)
     place: tuple[str, str] | None = None
     lights: set[str] = set()
     for picture in pictures:
@@ -117,16 +117,16 @@ def _render(
     for name, picture in lights.items():
         labels[picture.ground_truth] = _labels(picture, rendering.ids[name], views.render)
         job.write_instances(picture, rendering.ids[name])
-    layers = through_lens(rendering.whole, lamps, scene.surfaces, camera, views.render, threads)
+    olat_images = through_lens(rendering.whole, lamps, scene.surfaces, camera, views.render, threads)
     skies = {name: picture.light.sandbox_from_celestial for name, picture in lights.items()}
-    stars = sky_layers(sky, skies, scene.surfaces, camera, threads) if sky else {}
-    stars = {name: imaged(layer, camera.lens, views.render) for name, layer in stars.items()}
+    stars = sky_images(sky, skies, scene.surfaces, camera, threads) if sky else {}
+    stars = {name: imaged(olat_image, camera.lens, views.render) for name, olat_image in stars.items()}
 
     def write(picture: Picture) -> float:
         name, gain = picture.light.name, scene.parts[0].scene.gain(picture.model)
-        radiance = layers[picture.model, name]
+        radiance = olat_images[picture.model, name]
         if picture.rover:
-            radiance = radiance + layers[picture.model, ROVER]
+            radiance = radiance + olat_images[picture.model, ROVER]
         exposure_ms = picture.exposure_ms or auto_exposure(radiance, gain, views.auto_exposure)
         if name in stars:
             radiance = radiance + stars[name]

@@ -48,7 +48,7 @@ def sky_mask(surfaces: Surfaces, camera: Camera, threads: int) -> np.ndarray:
 
 
 def star_radiance(sky: Sky, sandbox_from_celestial: np.ndarray, camera: Camera) -> np.ndarray:
-    """(h, w) float32 radiance of the sky through a lens, on the scale of layers: the Sun's irradiance is 1.
+    """(h, w) float32 radiance of the sky through a lens, on the scale of OLAT images: the Sun's irradiance is 1.
 
     A star is a point: its light falls on the 2 x 2 pixels around its place, in bilinear shares, and a pixel's radiance
     is irradiance over the solid angle that it sees.
@@ -72,7 +72,7 @@ def star_radiance(sky: Sky, sandbox_from_celestial: np.ndarray, camera: Camera) 
     return radiance.astype(np.float32)
 
 
-def sky_layers(
+def sky_images(
     sky: Sky,
     turns: Mapping[str, np.ndarray],
     surfaces: Surfaces,
@@ -81,11 +81,11 @@ def sky_layers(
 ) -> dict[str, np.ndarray]:
     """(h, w) float32 radiance of the stars behind a scene, by name of each turn, `sandbox_from_celestial` (3, 3)."""
     empty = sky_mask(surfaces, camera, threads)
-    layers: dict[bytes, np.ndarray] = {}  # lights without a date share one
+    olat_images: dict[bytes, np.ndarray] = {}  # lights without a date share one
     for turn in turns.values():
-        if turn.tobytes() not in layers:
-            layers[turn.tobytes()] = empty * star_radiance(sky, turn, camera)
-    return {name: layers[turn.tobytes()] for name, turn in turns.items()}
+        if turn.tobytes() not in olat_images:
+            olat_images[turn.tobytes()] = empty * star_radiance(sky, turn, camera)
+    return {name: olat_images[turn.tobytes()] for name, turn in turns.items()}
 
 
 def _least_cosine(lens: Lens) -> float:

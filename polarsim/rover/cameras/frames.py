@@ -18,7 +18,7 @@ from polarsim.digest import code_digest
 from polarsim.formats import png, tables
 from polarsim.progress import track
 from polarsim.render.ground_truth import annotations_of
-from polarsim.render.layers import Rendering
+from polarsim.render.olat import Rendering
 from polarsim.render.options import Model
 from polarsim.rover.cameras.layout import labels_folder, picture_folder
 from polarsim.rover.cameras.options import CameraSuiteOptions

@@ -12,7 +12,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.photo import USUAL_EXPOSURE_MS
 from polarsim.render.gain import default_gain
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import render_view
+from polarsim.render.olat import render_view
 from polarsim.render.options import Model
 from polarsim.render.sensor import expose
 from polarsim.rover.cameras.bodywork import body_of, links_at
@@ -68,7 +68,7 @@ class LiveCamera:
         models: tuple[Model, ...] = (options.model,)
         found = render_view(self._scene.surfaces, self._mount.at(base), self._lamps, models, [SUN], render, 1)
         gain = render.gain.get(options.model, default_gain(options.model, render))
-        grey = expose(found.layers[options.model, SUN], options.exposure_ms * gain, render, None)
+        grey = expose(found.olat_images[options.model, SUN], options.exposure_ms * gain, render, None)
         return to_8_bits(grey, PicturesOptions(tone="gamma"))[..., None]
 
     def _links(self, state: State, base: Pose) -> dict[str, Pose]:

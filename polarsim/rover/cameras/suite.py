@@ -12,7 +12,7 @@ from polarsim.formats.instances import BACKGROUND
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.render.gain import default_gain
-from polarsim.render.layers import NO_LAMP, Rendering, render_view
+from polarsim.render.olat import NO_LAMP, Rendering, render_view
 from polarsim.render.optics import imaged, through_lens
 from polarsim.render.options import Model
 from polarsim.render.sensor import expose, noise_of
@@ -94,7 +94,7 @@ class CameraSuite:
         return self.mounts[view].at(self.trace.pose_at(float(self.trace.tracks.time[frame])))
 
     def render(self, view: str, suns: Sequence[str], threads: int = 1) -> Rendering:
-        """Layers and ids of a view of the frame that is shown, by Sun; with the rover's lights, stars and lens.
+        """OLAT images and ids of a view of the frame that is shown, by Sun; with the rover's lights, stars and lens.
 
         Shadows among the ids are those that the Sun throws: at night there are none.
         """
@@ -107,22 +107,22 @@ class CameraSuite:
             self.render_scene.surfaces, camera, active_lamps | own, models, list(active_lamps), options, threads
         )
         light = {(model, name): _sum(found.whole, model, name, own) for model in models for name in suns}
-        layers = through_lens(light, active_lamps, self.render_scene.surfaces, camera, options, threads)
+        olat_images = through_lens(light, active_lamps, self.render_scene.surfaces, camera, options, threads)
         ids = {name: found.ids[name if name in active_lamps else NO_LAMP] for name in (NO_LAMP, *suns)}
         if self._sky is not None:
             empty = ids[NO_LAMP] == BACKGROUND
             for name in suns:
                 stars = empty * star_radiance(self._sky, self.suns[name].world_from_celestial, camera)
                 stars = imaged(stars, camera.lens, options)
-                layers |= {(model, name): layers[model, name] + stars for model in models}
-        return Rendering(layers, ids)
+                olat_images |= {(model, name): olat_images[model, name] + stars for model in models}
+        return Rendering(olat_images, ids)
 
     def exposed(self, rendering: Rendering, view: str, sun: str, model: Model, exposure_ms: float) -> np.ndarray:
         """(h, w) uint16 picture of the frame that is shown, 12-bit grey values."""
         options = self.render_options
         gain = options.gain.get(model, default_gain(model, options))
         noise = noise_of(options, "rover", self.seed, self._frame, view, sun, model, exposure_ms)
-        return expose(rendering.layers[model, sun], exposure_ms * gain, options, noise)
+        return expose(rendering.olat_images[model, sun], exposure_ms * gain, options, noise)
 
     @cached_property
     def render_scene(self) -> RenderScene:
@@ -141,9 +141,11 @@ class CameraSuite:
         return sky_of(StarField(intensity=BRIGHT_STARS if self.options.stars == "bright" else 1.0))
 
 
-def _sum(layers: Mapping[tuple[Model, str], np.ndarray], model: Model, sun: str, lights: Iterable[str]) -> np.ndarray:
+def _sum(
+    olat_images: Mapping[tuple[Model, str], np.ndarray], model: Model, sun: str, lights: Iterable[str]
+) -> np.ndarray:
     """(h, w) radiance under a Sun, where it shines, and the rover's lights."""
-    parts = [layers[model, name] for name in (sun, *lights) if (model, name) in layers]
+    parts = [olat_images[model, name] for name in (sun, *lights) if (model, name) in olat_images]
     return np.sum(parts, axis=0) if len(parts) > 1 else parts[0]
 
 

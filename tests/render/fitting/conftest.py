@@ -15,7 +15,7 @@ from polarsim.render.fitting.exposures import merged
 from polarsim.render.fitting.fit import LAMPS
 from polarsim.render.fitting.samples import Samples, samples_of_view
 from polarsim.render.lamps import ROVER, Lamp
-from polarsim.render.layers import render_view
+from polarsim.render.olat import render_view
 from polarsim.render.options import FittingOptions, RenderOptions
 from polarsim.render.surfaces import box, surfaces_of
 
@@ -67,12 +67,12 @@ def pattern(mesh: TerrainMesh) -> np.ndarray:
     return (factor / np.median(factor[ground])).astype(np.float32)
 
 
-def photographed(layer: np.ndarray, gain: float, rng: np.random.Generator) -> list[tuple[np.ndarray, float]]:
-    """Noisy 12-bit photos of a layer, some of them clipped."""
+def photographed(olat_image: np.ndarray, gain: float, rng: np.random.Generator) -> list[tuple[np.ndarray, float]]:
+    """Noisy 12-bit photos of an OLAT image, some of them clipped."""
     photos = []
     for exposure_ms in (32.0, 128.0, 512.0):
-        light = gain * exposure_ms * layer
-        noisy = light + np.sqrt(light / 8 + 0.8) * rng.standard_normal(layer.shape)
+        light = gain * exposure_ms * olat_image
+        noisy = light + np.sqrt(light / 8 + 0.8) * rng.standard_normal(olat_image.shape)
         photos.append((np.clip(np.rint(noisy + BLACK_LEVEL), 0, WHITE_LEVEL).astype(np.uint16), exposure_ms))
     return photos
 
@@ -84,8 +84,8 @@ def shoot(mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, places:
     model = "hapke" if options.models == ("hapke",) else "lambert"
     parts = []
     for number, place in enumerate(places):
-        layers = render_view(painted, Camera(place, LENS), LIGHTS, [model], None, options).layers
-        photos = {name: merged(photographed(layers[model, name], GAINS[name], rng)) for name in LIGHTS}
+        olat_images = render_view(painted, Camera(place, LENS), LIGHTS, [model], None, options).olat_images
+        photos = {name: merged(photographed(olat_images[model, name], GAINS[name], rng)) for name in LIGHTS}
         parts += samples_of_view(plain, number, Camera(place, LENS), LIGHTS, photos, LAMPS, options)
     return Samples.joined(parts)
 

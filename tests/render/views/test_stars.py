@@ -9,7 +9,7 @@ from polarsim.geometry.poses import Pose, looking
 from polarsim.render.views.cameras import pinhole
 from polarsim.render.views.hipparcos import cut, directions
 from polarsim.render.views.sections import StarField
-from polarsim.render.views.stars import SUN_MAGNITUDE, Sky, sky_layers, sky_mask, sky_of, star_radiance
+from polarsim.render.views.stars import SUN_MAGNITUDE, Sky, sky_images, sky_mask, sky_of, star_radiance
 
 LENS = pinhole(50, 160, 120)
 UPWARDS = looking(np.array([0.0, 0, 1]), 0.4, -0.9)
@@ -137,10 +137,10 @@ def test_stars_stand_behind_the_scene(surfaces):
     empty = sky_mask(surfaces, Camera(pose, LENS), 1)
     assert 0.2 < empty.mean() < 0.9
     sky = sky_of(StarField(faintest_mag=7))
-    layers = sky_layers(sky, {"one": np.eye(3), "two": np.eye(3)}, surfaces, Camera(pose, LENS), 2)
-    assert (layers["one"][empty] > 0).any()
-    assert not layers["one"][~empty].any()
-    assert layers["one"] is layers["two"]
+    olat_images = sky_images(sky, {"one": np.eye(3), "two": np.eye(3)}, surfaces, Camera(pose, LENS), 2)
+    assert (olat_images["one"][empty] > 0).any()
+    assert not olat_images["one"][~empty].any()
+    assert olat_images["one"] is olat_images["two"]
 
 
 def test_stars_behind_the_camera_are_not_seen():

@@ -10,7 +10,7 @@ from polarsim.formats.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.vectors import length
 from polarsim.render.lamps import Lamp, Spot
-from polarsim.render.layers import NO_LAMP, made_by_device
+from polarsim.render.olat import NO_LAMP, made_by_device
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.bodywork import body_of
 from polarsim.rover.cameras.headlights import SUN_IN_BAND_W_M2, headlights
@@ -97,7 +97,7 @@ def seen(drive, vehicle=None, **changes):
 def test_light_of_sun_and_rover_adds_up(drive):
     sun, both = seen(drive), seen(drive, suns=("1", "night"), lights=FORE)
     np.testing.assert_allclose(
-        both.layers["hapke", "1"], sun.layers["hapke", "1"] + both.layers["hapke", "night"], atol=1e-6
+        both.olat_images["hapke", "1"], sun.olat_images["hapke", "1"] + both.olat_images["hapke", "night"], atol=1e-6
     )
     np.testing.assert_array_equal(both.ids["1"], sun.ids["1"])
 
@@ -107,15 +107,15 @@ def test_a_light_may_have_a_suns_name(drive):
     lights = tuple(part.model_copy(update={"name": "1"}) if part.name == FORE[0] else part for part in vehicle.lights)
     named = seen(drive, vehicle.model_copy(update={"lights": lights}), lights=("1",))
     as_before = seen(drive, lights=FORE[:1])
-    np.testing.assert_array_equal(named.layers["hapke", "1"], as_before.layers["hapke", "1"])
+    np.testing.assert_array_equal(named.olat_images["hapke", "1"], as_before.olat_images["hapke", "1"])
     np.testing.assert_array_equal(named.ids["1"], as_before.ids["1"])
 
 
 def test_lights_reach_into_the_rovers_own_shadow(drive):
     sun, both = seen(drive), seen(drive, lights=FORE)
-    dark = (sun.ids[NO_LAMP] == GROUND) & (sun.layers["hapke", "1"] == 0)
+    dark = (sun.ids[NO_LAMP] == GROUND) & (sun.olat_images["hapke", "1"] == 0)
     assert dark.mean() > 0.1
-    assert (both.layers["hapke", "1"][dark] > 0).mean() > 0.5
+    assert (both.olat_images["hapke", "1"][dark] > 0).mean() > 0.5
 
 
 def test_at_night_rocks_are_known_and_no_shadows(drive):
@@ -123,7 +123,7 @@ def test_at_night_rocks_are_known_and_no_shadows(drive):
     ids = night.ids["night"]
     assert (ids >= ROCK_IDS).any()
     assert not (ids >= SHADOW_IDS).any()
-    assert (night.layers["hapke", "night"][ids == GROUND] > 0).mean() > 0.5
+    assert (night.olat_images["hapke", "night"][ids == GROUND] > 0).mean() > 0.5
 
 
 def test_a_night_without_lights_is_refused():

@@ -5,7 +5,7 @@ import pytest
 
 from polarsim.errors import ConfigError
 from polarsim.formats.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
-from polarsim.render.layers import NO_LAMP
+from polarsim.render.olat import NO_LAMP
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.vehicle.mounts import FRONT
 from tests.rover import driven
@@ -43,8 +43,8 @@ def test_the_third_person_sees_the_rover_in_the_middle(suite):
 
 def test_the_rover_casts_its_shadow_on_the_ground(suite):
     ids = suite.render("CamBirdViewLeft", ["2"]).ids
-    layer = suite.render("CamBirdViewLeft", ["2"]).layers["hapke", "2"]
-    dark = (ids[NO_LAMP] == GROUND) & (layer == 0)
+    olat_image = suite.render("CamBirdViewLeft", ["2"]).olat_images["hapke", "2"]
+    dark = (ids[NO_LAMP] == GROUND) & (olat_image == 0)
     assert dark.mean() > 0.01
     assert ((ids["2"] >= SHADOW_IDS) <= (ids[NO_LAMP] == GROUND)).all()
 
@@ -78,12 +78,14 @@ def test_a_frame_is_the_same_whether_frames_before_it_were_shown_or_not(drive):
     for frame in (2, 5, 9):
         one.show(frame)
     other.show(9)
-    layers = [own.render(FRONT, ["2"]).layers["hapke", "2"] for own in (one, other)]
-    np.testing.assert_array_equal(*layers)
+    olat_images = [own.render(FRONT, ["2"]).olat_images["hapke", "2"] for own in (one, other)]
+    np.testing.assert_array_equal(*olat_images)
     one.show(4)
     other.show(4)
-    layers = [own.render(FRONT, ["2"], threads).layers["hapke", "2"] for own, threads in ((one, 1), (other, 3))]
-    np.testing.assert_array_equal(*layers)
+    olat_images = [
+        own.render(FRONT, ["2"], threads).olat_images["hapke", "2"] for own, threads in ((one, 1), (other, 3))
+    ]
+    np.testing.assert_array_equal(*olat_images)
 
 
 def test_stars_shine_in_the_sky_alone_and_physical_ones_hardly(drive):
@@ -91,13 +93,13 @@ def test_stars_shine_in_the_sky_alone_and_physical_ones_hardly(drive):
         CameraSuite(drive, driven.vehicle(), options(views=("ncl",), stars=stars, scale=0.06))
         for stars in ("none", "physical", "bright")
     )
-    layers, ids = [], None
+    olat_images, ids = [], None
     for own in (dark, plain, bright):
         own.show(0)
         found = own.render("ncl", ["2"])
-        layers.append(found.layers["hapke", "2"])
+        olat_images.append(found.olat_images["hapke", "2"])
         ids = found.ids[NO_LAMP]
-    none, physical, many = layers
+    none, physical, many = olat_images
     np.testing.assert_array_equal(none[ids > 0], many[ids > 0])
     assert physical[ids == 0].sum() >= 0
     np.testing.assert_allclose(many[ids == 0], 300 * physical[ids == 0], rtol=1e-4)

@@ -1,4 +1,6 @@
-"""One view under its lamps from one cast of rays: layers, of which photos are sums, and pictures of ids."""
+"""One view under its lamps from one cast of rays: one-light-at-a-time (OLAT) images, of which photos are sums, and
+pictures of ids.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from polarsim.errors import RenderError
 from polarsim.geometry.camera import Camera
 from polarsim.render import brdf
 from polarsim.render.hits import Hits, cast_strip, for_strips
-from polarsim.render.indirect import indirect_layers
+from polarsim.render.indirect import indirect_olat_images
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import disc_share, lighting, lit_share
 from polarsim.render.materials import Materials, Reflectance
@@ -27,27 +29,28 @@ _CENTRE = (0.0, 0.0)  # of a pixel: ids are those of what it meets
 
 @dataclass(frozen=True)
 class Rendering:
-    """A view: its layers by model and lamp, and its ids by the lamp that casts the shadows.
+    """A view: its OLAT images by model and lamp, and its ids by the lamp that casts the shadows.
 
-    layers : (h, w) float32
+    OLAT images : (h, w) float32
         Radiance; 1 is what unit reflectance f_r sends back under a Sun lamp that stands 4 m off, straight above the
         surface. Nothing is black.
     ids : (h, w) uint16
         BACKGROUND, GROUND, RELIEF_SHADOW (ground that the relief or a wall hides from the lamp), ROCK_IDS + k for rock
         k, SHADOW_IDS + k for ground that rock k hides from the lamp. `NO_LAMP` is without any shadow.
     indirect : (h, w) float32
-        Light by way of other surfaces, where the options ask for it, by model and lamp; no part of `layers`.
+        Light by way of other surfaces, where the options ask for it, by model and lamp; no part of `OLAT images`.
     """
 
-    layers: dict[tuple[Model, str], np.ndarray]
+    olat_images: dict[tuple[Model, str], np.ndarray]
     ids: dict[str, np.ndarray]
     indirect: dict[tuple[Model, str], np.ndarray] = field(default_factory=dict)
 
     @property
     def whole(self) -> dict[tuple[Model, str], np.ndarray]:
-        """Layers with the traced light added: what a camera sees."""
+        """OLAT images with the traced light added: what a camera sees."""
         return {
-            key: layer + self.indirect[key] if key in self.indirect else layer for key, layer in self.layers.items()
+            key: olat_image + self.indirect[key] if key in self.indirect else olat_image
+            for key, olat_image in self.olat_images.items()
         }
 
 
@@ -60,7 +63,7 @@ def render_view(
     options: RenderOptions,
     threads: int = 1,
 ) -> Rendering:
-    """Layers of every model under every lamp, and ids with the shadows of the lamps named in `shadow_lamps`; None:
+    """OLAT images of every model under every lamp, and ids with the shadows of the lamps named in `shadow_lamps`; None:
     no ids.
 
     Raises
@@ -72,16 +75,16 @@ def render_view(
     offsets = sample_offsets(options)
     surfaces.prepare(shadows=bool(shadow_lamps), threads=threads)
     size = camera.lens.shape
-    layers = {(model, name): np.zeros(size, np.float32) for model in models for name in lamps}
+    olat_images = {(model, name): np.zeros(size, np.float32) for model in models for name in lamps}
     ids = {} if shadow_lamps is None else {name: np.zeros(size, np.uint16) for name in (NO_LAMP, *shadow_lamps)}
     materials = Materials(surfaces, options, reflectance)
     surroundings = Surroundings(options, materials, models, size)
     samples_lit = {name: np.zeros(size, np.uint8) for name in lamps}
     by_device = made_by_device(options, lamps)
     if by_device:
-        from polarsim.render.device_layers import add_layers
+        from polarsim.render.device_olat import add_olat_images
 
-        add_layers(layers, samples_lit, surroundings, surfaces, camera, lamps, offsets, options)
+        add_olat_images(olat_images, samples_lit, surroundings, surfaces, camera, lamps, offsets, options)
 
     def work(rows: slice) -> None:
         offset = None
@@ -101,7 +104,7 @@ def render_view(
                     samples_lit[name][rows].reshape(-1)[pixel] += 1
                 normal, to_viewer = hits.normal.take(lit, axis=0), hits.to_viewer.take(lit, axis=0)
                 for model in models:
-                    strip = layers[model, name][rows].reshape(-1)  # a view: rows are whole
+                    strip = olat_images[model, name][rows].reshape(-1)  # a view: rows are whole
                     value = materials.reflectance(model, hits, lit, normal, to_lamp, to_viewer)
                     strip[pixel] += value * share
         if not ids:
@@ -115,16 +118,16 @@ def render_view(
 
     if ids or not by_device:
         for_strips(camera.lens.height, threads, work)
-    surroundings.into(layers, lamps)
+    surroundings.into(olat_images, lamps)
     indirect = {}
     if options.bounces:
         bouncing = [model for model in models if model not in CHRONO]
-        indirect = indirect_layers(surfaces, camera, lamps, bouncing, materials, options, threads)
-    return Rendering(layers, ids, indirect)
+        indirect = indirect_olat_images(surfaces, camera, lamps, bouncing, materials, options, threads)
+    return Rendering(olat_images, ids, indirect)
 
 
 def made_by_device(options: RenderOptions, lamps: Mapping[str, Lamp]) -> bool:
-    """Whether layers are made by Taichi from ray to sum; only lamps that are points and shine everywhere are."""
+    """Whether OLAT images are made by Taichi from ray to sum; only lamps that are points and shine everywhere are."""
     points = all(type(lamp) is Lamp and not lamp.radius_m for lamp in lamps.values())
     return options.engine == options.rays == "taichi" and points
 

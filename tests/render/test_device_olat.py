@@ -1,4 +1,4 @@
-"""Layers made on Taichi's device from ray to sum, beside those of NumPy and Embree."""
+"""OLAT images made on Taichi's device from ray to sum, beside those of NumPy and Embree."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.render.lamps import Lamp
-from polarsim.render.layers import made_by_device, render_view
+from polarsim.render.olat import made_by_device, render_view
 from polarsim.render.options import Material, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 
@@ -24,15 +24,15 @@ def both(mesh, pose, lens, options, models, albedo=None, shadow_lamps=("sun",)):
 
 
 def assert_alike(device, reference):
-    for key, expected in reference.layers.items():
+    for key, expected in reference.olat_images.items():
         assert expected.any()
-        off = np.abs(device.layers[key] - expected) > 2e-4 * expected.max()
+        off = np.abs(device.olat_images[key] - expected) > 2e-4 * expected.max()
         assert off.mean() < 3e-3, key  # pixels that have a sample on an edge
-        np.testing.assert_allclose(device.layers[key].mean(), expected.mean(), rtol=1e-3)
+        np.testing.assert_allclose(device.olat_images[key].mean(), expected.mean(), rtol=1e-3)
 
 
 @pytest.mark.parametrize("samples", [1, 4])
-def test_the_device_makes_the_layers_and_ids_that_numpy_makes(blocks, camera, lens, samples):
+def test_the_device_makes_the_olat_images_and_ids_that_numpy_makes(blocks, camera, lens, samples):
     options = RenderOptions(samples=samples, falloff=True, ambient=0.02)
     models = ["principled", "hapke", "lunar_lambert", "hapke_chrono", "principled_chrono"]
     reference, device = both(blocks(), camera, lens, options, models)
@@ -55,7 +55,7 @@ def test_the_device_sees_nothing_in_the_sky(blocks, camera, lens, plain):
     options = plain.model_copy(update=DEVICE)
     upwards = looking(camera.translation, 0.0, np.radians(-60))
     view = render_view(surfaces_of(blocks(), options), Camera(upwards, lens), LAMPS, ["lambert"], None, options)
-    assert not any(layer.any() for layer in view.layers.values())
+    assert not any(olat_image.any() for olat_image in view.olat_images.values())
 
 
 def test_threads_do_not_change_a_bit_on_the_device(blocks, camera, lens, plain):
@@ -64,8 +64,8 @@ def test_threads_do_not_change_a_bit_on_the_device(blocks, camera, lens, plain):
         render_view(surfaces_of(blocks(), options), Camera(camera, lens), LAMPS, ["hapke"], ["sun"], options, threads)
         for threads in (1, 2)
     )
-    for key, layer in one.layers.items():
-        np.testing.assert_array_equal(layer, two.layers[key])
+    for key, olat_image in one.olat_images.items():
+        np.testing.assert_array_equal(olat_image, two.olat_images[key])
     for name, ids in one.ids.items():
         np.testing.assert_array_equal(ids, two.ids[name])
 

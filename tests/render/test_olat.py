@@ -10,8 +10,8 @@ from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp, lamps_of, lit_by
-from polarsim.render.layers import render_view
 from polarsim.render.materials import hemispherical_albedo
+from polarsim.render.olat import render_view
 from polarsim.render.options import CHRONO, HAPKE_SETS, LambertParameters, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.survey import ROVER_LIGHT_SHARE
@@ -19,8 +19,8 @@ from polarsim.survey import ROVER_LIGHT_SHARE
 LAMP = Lamp(np.array([1.2, 0.9, 1.1]))
 
 
-def layer(surfaces, pose, lens, lamp, options, model="lambert", threads=1):
-    return render_view(surfaces, Camera(pose, lens), {"lamp": lamp}, [model], None, options, threads).layers[
+def olat_image(surfaces, pose, lens, lamp, options, model="lambert", threads=1):
+    return render_view(surfaces, Camera(pose, lens), {"lamp": lamp}, [model], None, options, threads).olat_images[
         model, "lamp"
     ]
 
@@ -31,7 +31,7 @@ def ground_points(surfaces, pose, lens):
 
 
 def test_a_lambert_plane_under_a_near_lamp_is_as_bright_as_calculated(surfaces, camera, lens, plain):
-    image = layer(surfaces, camera, lens, Lamp(np.array([0.3, -0.2, 6.0])), plain).ravel()
+    image = olat_image(surfaces, camera, lens, Lamp(np.array([0.3, -0.2, 6.0])), plain).ravel()
     hits, ground = ground_points(surfaces, camera, lens)
     p = hits.point[ground].astype(float)
     to_lamp = np.array([0.3, -0.2, 6.0]) - p
@@ -45,14 +45,14 @@ def test_a_lambert_plane_under_a_near_lamp_is_as_bright_as_calculated(surfaces, 
 
 def test_without_falloff_distance_does_not_matter(surfaces, above, lens, plain):
     options = plain.model_copy(update={"falloff": False})
-    near, far = (layer(surfaces, above, lens, Lamp(np.array([0, 0, z])), options)[70, 100] for z in (5.0, 500.0))
+    near, far = (olat_image(surfaces, above, lens, Lamp(np.array([0, 0, z])), options)[70, 100] for z in (5.0, 500.0))
     assert near == pytest.approx(options.lambert.albedo / np.pi, rel=1e-5)
     assert far == pytest.approx(near, rel=1e-5)
 
 
 def test_the_shadow_of_a_block_ends_where_geometry_says(surfaces, above, lens, plain):
     lamp = Lamp(np.array([3.0, 0.0, 1.0]))
-    image = layer(surfaces, above, lens, lamp, plain)
+    image = olat_image(surfaces, above, lens, lamp, plain)
     dark_to = -0.2 - 0.2 * (3.0 + 0.2) / (1.0 - 0.2)  # the ray over the far top edge (-0.2, ., 0.2) down to z = 0
     middle = np.array([[x, 0.0, 0.0] for x in (dark_to - 0.03, dark_to + 0.03, -0.25, 0.25)])
     columns, rows = np.floor(lens.project(above.inverse().apply(middle))).astype(int).T
@@ -61,7 +61,7 @@ def test_the_shadow_of_a_block_ends_where_geometry_says(surfaces, above, lens, p
 
 def test_a_level_plane_has_no_shadow_on_itself_even_at_grazing_light(lens, camera, plain, surfaces):
     lamp = Lamp(np.array([4.0, 0.0, 0.1]))  # 1.4 degrees above the horizon
-    image = layer(surfaces, camera, lens, lamp, plain).ravel()
+    image = olat_image(surfaces, camera, lens, lamp, plain).ravel()
     hits, ground = ground_points(surfaces, camera, lens)
     lamp_side = ground & (hits.point[:, 0] > 0.25)  # between block and lamp
     assert lamp_side.sum() > 3000
@@ -69,52 +69,52 @@ def test_a_level_plane_has_no_shadow_on_itself_even_at_grazing_light(lens, camer
 
 
 def test_a_lamp_behind_the_ground_lights_nothing(surfaces, camera, lens, plain):
-    assert not layer(surfaces, camera, lens, Lamp(np.array([0.5, 0.5, -2.0])), plain).any()
+    assert not olat_image(surfaces, camera, lens, Lamp(np.array([0.5, 0.5, -2.0])), plain).any()
 
 
-def test_light_of_two_lamps_is_the_sum_of_their_layers_and_intensity_scales(surfaces, camera, lens, plain):
-    one = layer(surfaces, camera, lens, LAMP, plain, "hapke")
-    half = layer(surfaces, camera, lens, Lamp(LAMP.position, 0.5), plain, "hapke")
+def test_light_of_two_lamps_is_the_sum_of_their_olat_images_and_intensity_scales(surfaces, camera, lens, plain):
+    one = olat_image(surfaces, camera, lens, LAMP, plain, "hapke")
+    half = olat_image(surfaces, camera, lens, Lamp(LAMP.position, 0.5), plain, "hapke")
     np.testing.assert_allclose(half, one / 2, rtol=1e-6)
 
 
 @pytest.mark.parametrize("model", ["principled", "hapke", "lunar_lambert"])
 def test_every_model_lights_what_lambert_lights_and_is_finite(surfaces, camera, lens, plain, model):
-    image = layer(surfaces, camera, lens, LAMP, plain, model)
+    image = olat_image(surfaces, camera, lens, LAMP, plain, model)
     assert np.isfinite(image).all()
     assert (image >= 0).all()
-    np.testing.assert_array_equal(image > 0, layer(surfaces, camera, lens, LAMP, plain) > 0)
+    np.testing.assert_array_equal(image > 0, olat_image(surfaces, camera, lens, LAMP, plain) > 0)
 
 
 @pytest.mark.parametrize("model", ["principled", "hapke"])
-def test_taichi_and_numpy_make_the_same_layer(surfaces, camera, lens, plain, model):
-    taichi = layer(surfaces, camera, lens, LAMP, plain.model_copy(update={"engine": "taichi"}), model)
-    np.testing.assert_allclose(taichi, layer(surfaces, camera, lens, LAMP, plain, model), rtol=1e-4)
+def test_taichi_and_numpy_make_the_same_olat_image(surfaces, camera, lens, plain, model):
+    taichi = olat_image(surfaces, camera, lens, LAMP, plain.model_copy(update={"engine": "taichi"}), model)
+    np.testing.assert_allclose(taichi, olat_image(surfaces, camera, lens, LAMP, plain, model), rtol=1e-4)
 
 
-def test_embree_and_numpy_rays_make_the_same_layer(blocks, surfaces, camera, lens, plain):
+def test_embree_and_numpy_rays_make_the_same_olat_image(blocks, surfaces, camera, lens, plain):
     options = plain.model_copy(update={"rays": "numpy"})
-    slow = layer(surfaces_of(blocks(), options), camera, lens, LAMP, options)
-    fast = layer(surfaces, camera, lens, LAMP, plain)
+    slow = olat_image(surfaces_of(blocks(), options), camera, lens, LAMP, options)
+    fast = olat_image(surfaces, camera, lens, LAMP, plain)
     differ = np.abs(slow - fast) > 1e-5 * slow.max()
     assert differ.mean() < 2e-3  # pixels whose centre lies on an edge
 
 
 def test_threads_do_not_change_a_bit(blocks, surfaces, camera, lens, plain):
-    one, two = (layer(surfaces, camera, lens, LAMP, plain, "hapke", threads) for threads in (1, 2))
+    one, two = (olat_image(surfaces, camera, lens, LAMP, plain, "hapke", threads) for threads in (1, 2))
     np.testing.assert_array_equal(one, two)
 
 
 def test_four_samples_soften_edges_and_keep_the_mean(surfaces, camera, lens, plain):
-    one = layer(surfaces, camera, lens, LAMP, plain)
-    four = layer(surfaces, camera, lens, LAMP, plain.model_copy(update={"samples": 4}))
+    one = olat_image(surfaces, camera, lens, LAMP, plain)
+    four = olat_image(surfaces, camera, lens, LAMP, plain.model_copy(update={"samples": 4}))
     assert len(np.unique(four)) > len(np.unique(one))
     assert four.mean() == pytest.approx(one.mean(), rel=2e-3)
 
 
 def test_bounce_reaches_shadows(surfaces, above, lens, plain):
     lamp = Lamp(np.array([3.0, 0.0, 1.0]))
-    image = layer(surfaces, above, lens, lamp, plain.model_copy(update={"bounce": 0.1}))
+    image = olat_image(surfaces, above, lens, lamp, plain.model_copy(update={"bounce": 0.1}))
     column, row = np.floor(lens.project(above.inverse().apply(np.array([-0.4, 0.0, 0.0])))).astype(int)
     assert image[row, column] == pytest.approx(0.1 * plain.lambert.albedo / np.pi, rel=1e-5)
 
@@ -122,7 +122,7 @@ def test_bounce_reaches_shadows(surfaces, above, lens, plain):
 @pytest.mark.parametrize("model", CHRONO)
 def test_chrono_s_models_have_direct_light_alone(surfaces, above, lens, plain, model):
     lamp = Lamp(np.array([3.0, 0.0, 1.0]))
-    image = layer(surfaces, above, lens, lamp, plain.model_copy(update={"bounce": 0.1}), model)
+    image = olat_image(surfaces, above, lens, lamp, plain.model_copy(update={"bounce": 0.1}), model)
     column, row = np.floor(lens.project(above.inverse().apply(np.array([-0.4, 0.0, 0.0])))).astype(int)
     assert image[row, column] == 0
     assert image.max() > 0
@@ -134,7 +134,7 @@ def test_walls_throw_shadows_onto_the_sand(blocks, above, lens):
         surfaces_of(blocks(), RenderOptions(rim=rim, rim_half_width_m=1.3, rim_height_m=0.28)) for rim in (True, False)
     )
     options = RenderOptions(bounce=0)
-    with_walls, without = (layer(surfaces, above, lens, lamp, options).ravel() for surfaces in (walled, bare))
+    with_walls, without = (olat_image(surfaces, above, lens, lamp, options).ravel() for surfaces in (walled, bare))
     hits, ground = ground_points(walled, above, lens)
     reach = 1.3 - 0.28 * (3.5 - 1.3) / (1.2 - 0.28)  # the ray over the wall's inner top edge; the other walls are far
     middle = ground & (np.abs(hits.point[:, 1]) < 0.15)
@@ -176,4 +176,4 @@ def test_an_engine_that_cannot_be_loaded_is_an_error(surfaces, camera, lens, pla
     monkeypatch.delattr("polarsim.render.brdf_taichi", raising=False)
     monkeypatch.setitem(sys.modules, "polarsim.render.brdf_taichi", None)
     with pytest.raises(RenderError, match="taichi"):
-        layer(surfaces, camera, lens, LAMP, plain.model_copy(update={"engine": "taichi"}))
+        olat_image(surfaces, camera, lens, LAMP, plain.model_copy(update={"engine": "taichi"}))

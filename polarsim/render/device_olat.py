@@ -1,6 +1,6 @@
-"""Layers of a view made on Taichi's device from ray to sum: rays, shadows, reflectance; only sums come back.
+"""OLAT images of a view made on Taichi's device from ray to sum: rays, shadows, reflectance; only sums come back.
 
-`layers.render_view` does the same strip by strip in NumPy and defines the result. Lamps that are discs are left to it.
+`olat.render_view` does the same strip by strip in NumPy and defines the result. Lamps that are discs are left to it.
 """
 # mypy: ignore-errors
 # No `from __future__ import annotations` here: Taichi reads the kernels' annotations as objects.
@@ -64,10 +64,11 @@ class _Model:
 
 
 @on_its_thread
-def add_layers(layers, samples_lit, surroundings, surfaces, camera, lamps, offsets, options) -> None:
-    """Fill layers (h, w) by model and lamp, and (h, w) counts of lit samples by lamp; tell `surroundings` what is seen.
+def add_olat_images(olat_images, samples_lit, surroundings, surfaces, camera, lamps, offsets, options) -> None:
+    """Fill OLAT images (h, w) by model and lamp, and (h, w) counts of lit samples by lamp; tell `surroundings` what
+    is seen.
 
-    Arguments are those of `layers.render_view`, which calls this; its surfaces are cast at by Taichi.
+    Arguments are those of `olat.render_view`, which calls this; its surfaces are cast at by Taichi.
     """
     caster = surfaces.all
     if caster.empty:
@@ -77,9 +78,11 @@ def add_layers(layers, samples_lit, surroundings, surfaces, camera, lamps, offse
     face = caster.order
     id_of_slot = laid(surfaces.id_of_face[face].astype(np.int32))
     corner_normals = laid_vectors(surfaces.corner_normals.take(face, axis=0))
-    names = dict.fromkeys(name for _, name in layers)
-    models = {model: _Model(model, surfaces, options, face) for model in dict.fromkeys(model for model, _ in layers)}
-    sums = {key: ti.ndarray(ti.f32, count) for key in layers}
+    names = dict.fromkeys(name for _, name in olat_images)
+    models = {
+        model: _Model(model, surfaces, options, face) for model in dict.fromkeys(model for model, _ in olat_images)
+    }
+    sums = {key: ti.ndarray(ti.f32, count) for key in olat_images}
     lit = {name: ti.ndarray(ti.i32, count) for name in lamps}
     pixels, to_lamp = Pixels(count), ti.Vector.ndarray(3, ti.f32, count)
     share, value, upward, seen = (ti.ndarray(ti.f32, count) for _ in range(4))
@@ -114,8 +117,8 @@ def add_layers(layers, samples_lit, surroundings, surfaces, camera, lamps, offse
                         value, share, pixels.slot, pixels.weights, id_of_slot, own.of_id, number, own.factor,
                         own.albedo, own.painted, plain_id, plain, sums[model, name],
                     )  # fmt: skip
-    for key, layer in layers.items():
-        layer += sums[key].to_numpy().reshape(layer.shape)
+    for key, olat_image in olat_images.items():
+        olat_image += sums[key].to_numpy().reshape(olat_image.shape)
     for name, picture in samples_lit.items():
         picture += lit[name].to_numpy().reshape(picture.shape).astype(picture.dtype)
     if surroundings.even:
@@ -220,10 +223,10 @@ def _light(
 def _add(
     value: _VALUES, share: _VALUES, slot: _NUMBERS, weights: _WEIGHTS, id_of_slot: _NUMBERS,
     kind_of_id: _NUMBERS, kind: ti.i32, factor: _VALUES, albedo: VECTORS, painted: ti.i32,
-    plain_id: ti.i32, plain: ti.f32, layer: _VALUES,
+    plain_id: ti.i32, plain: ti.f32, olat_image: _VALUES,
 ):  # fmt: skip
     """`materials.Materials.reflectance` times irradiance, of the things that are of one kind."""
-    for n in layer:
+    for n in olat_image:
         if share[n] > 0 and value[n] > 0:
             thing = id_of_slot[slot[n]]
             if kind_of_id[thing] == kind:
@@ -237,4 +240,4 @@ def _add(
                     )
                 if thing == plain_id:
                     f = plain
-                layer[n] += f * share[n]
+                olat_image[n] += f * share[n]
