@@ -18,7 +18,7 @@ from polarsim.cameras.options import CamerasOptions, PlacementOptions
 from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions
 from polarsim.errors import ConfigError, about
-from polarsim.formats.yaml_files import read_yaml, told
+from polarsim.formats.yaml_files import describe_error, read_yaml
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import TERRAINS, positions
@@ -159,7 +159,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
             try:
                 self.render_options_of(name)
             except ValidationError as error:
-                raise ValueError(f"gap.components.{name}.render.{told(error, 'render')}") from error
+                raise ValueError(f"gap.components.{name}.render.{describe_error(error, 'render')}") from error
         return self
 
     def render_options_of(self, component: str) -> RenderOptions:
@@ -223,7 +223,7 @@ def parse_config(content: Mapping[str, Any]) -> Config:
     try:
         return Config.model_validate(_with_release_root(dict(content)))
     except ValidationError as error:
-        raise ConfigError(told(error, "configuration")) from error
+        raise ConfigError(describe_error(error, "configuration")) from error
 
 
 def read_config(path: str | Path) -> Config:
@@ -269,7 +269,7 @@ def render_options(assignments: Sequence[str]) -> RenderOptions:
     try:
         return RenderOptions.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(told(error, "options")) from error
+        raise ConfigError(describe_error(error, "options")) from error
 
 
 def schema() -> str:

@@ -9,12 +9,12 @@ from pydantic import BaseModel, Field, field_validator
 from polarsim.photo import AZIMUTHS, CAMERAS, LIGHTS, Azimuth, CameraSide, Light, PhotoKey, is_exposure, photo_grid
 
 
-def words(value: object) -> object:
+def as_text(value: object) -> object:
     """Words of the photo grid as YAML hands them over, for a validator: numbers become text, booleans are refused."""
     if isinstance(value, bool):
         raise ValueError("YAML reads on, off, no as booleans: put them in quotes")
     if isinstance(value, (list, tuple)):
-        return [words(one) for one in value]
+        return [as_text(one) for one in value]
     return str(value) if isinstance(value, int) else value
 
 
@@ -38,7 +38,7 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
     @field_validator("lights", "azimuths", mode="before")
     @classmethod
     def _words(cls, values: object) -> object:
-        return words(values)
+        return as_text(values)
 
     @field_validator("exposures_ms", "exposures_no_sun_ms")
     @classmethod

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from polarsim.grid import words
+from polarsim.grid import as_text
 from polarsim.photo import SUNS, Azimuth, Light, is_exposure
 from polarsim.photo import CameraSide as Camera
 
@@ -84,7 +84,7 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
     @field_validator("light", "azimuths", mode="before")
     @classmethod
     def _words(cls, value: object) -> object:
-        return words(value)
+        return as_text(value)
 
     @field_validator("exposure")
     @classmethod
@@ -97,7 +97,7 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
 SeedChoice = SeedOptions | Literal["none"]
 
 
-def told_seeds(seeds: SeedChoice) -> str:
+def describe_seeds(seeds: SeedChoice) -> str:
     """Which photos the seeds were annotated in, in a few words for tables."""
     if not isinstance(seeds, SeedOptions):
         return NO_SEEDS

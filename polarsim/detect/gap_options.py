@@ -47,7 +47,7 @@ class Component(BaseModel, extra="forbid", frozen=True):
     def needs_truth(self) -> bool:
         return "truth" in (self.cameras, self.lamps, self.meshes)
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """What it replaces, in words for a table."""
         parts = [
             f"{name}: {value}"

@@ -39,10 +39,10 @@ def read_model(path: str | Path, model: type[Model], whole: str) -> Model:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(told(error, whole), path=path) from error
+        raise ConfigError(describe_error(error, whole), path=path) from error
 
 
-def told(error: ValidationError, whole: str) -> str:
+def describe_error(error: ValidationError, whole: str) -> str:
     """All problems in one line; those of no single key are the `whole`'s."""
     return "; ".join(
         f"{'.'.join(str(part) for part in problem['loc']) or whole}{_reason(problem)}" for problem in error.errors()

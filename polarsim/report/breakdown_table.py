@@ -41,7 +41,7 @@ def tabulate_breakdown(*, breakdown: Path, stem: Path, origin: dict[str, str], d
     notes = [*NOTES, *seed_notes(table), *notes_of_detectors(detection), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
-    blocks = {CAPTIONS.get(by, by): lay_out_breakdown(table[table["by"] == by]) for by in dict.fromkeys(table["by"])}
+    blocks = {CAPTIONS.get(by, by): format_breakdown(table[table["by"] == by]) for by in dict.fromkeys(table["by"])}
     write_blocks(stem, with_origin(table, origin), blocks or {CAPTIONS["all"]: table}, notes)
 
 
@@ -56,7 +56,7 @@ def tidy_breakdown(breakdown: pd.DataFrame, source: str) -> pd.DataFrame:
     return table.loc[places].reset_index(drop=True)
 
 
-def lay_out_breakdown(table: pd.DataFrame) -> pd.DataFrame:
+def format_breakdown(table: pd.DataFrame) -> pd.DataFrame:
     """A row a kind, detector and domain, a column a group, of tidy rows of one `by`."""
     groups = list(dict.fromkeys(table["group"]))
     names = ["kind", "trained", "evaluated"]

@@ -31,7 +31,7 @@ def compare_runs(*, runs: Sequence[Path], stem: Path) -> None:
     """
     table = in_order(pd.concat([_measured(run) for run in runs], ignore_index=True))
     notes = [f"Cells: {' / '.join(run.name for run in runs)}. The median is over runs and terrains; n is in the CSV."]
-    write_table(stem, table, CAPTION, layout=lay_out(table, [run.name for run in runs]), notes=notes)
+    write_table(stem, table, CAPTION, layout=format_table(table, [run.name for run in runs]), notes=notes)
 
 
 def _measured(run: Path) -> pd.DataFrame:
@@ -45,7 +45,7 @@ def _measured(run: Path) -> pd.DataFrame:
     return table
 
 
-def lay_out(table: pd.DataFrame, runs: Sequence[str]) -> pd.DataFrame:
+def format_table(table: pd.DataFrame, runs: Sequence[str]) -> pd.DataFrame:
     """A row a metric, a column a terrain with the value of every run in turn, and the median of them all."""
     rows = []
     for names, metrics in table.groupby(list(ROW_NAMES), sort=False):

@@ -37,10 +37,10 @@ def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], m
         notes.insert(-1, "Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
-    blocks = {CAPTION: lay_out_detection(table)}
+    blocks = {CAPTION: format_detection(table)}
     if not seed_notes(table):
         unit = "/".join(sorted(set(table["unit"].astype(str)))) or "view"
-        blocks[INTERVAL_CAPTION.format(unit)] = lay_out_intervals(table)
+        blocks[INTERVAL_CAPTION.format(unit)] = format_intervals(table)
     write_blocks(stem, with_origin(table, origin), blocks, notes)
 
 
@@ -63,20 +63,20 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     return table.iloc[order].reset_index(drop=True)
 
 
-def lay_out_detection(table: pd.DataFrame) -> pd.DataFrame:
+def format_detection(table: pd.DataFrame) -> pd.DataFrame:
     """The paper's Table 1 out of tidy rows: a row a detector, a column an evaluated domain, then the paper's
     columns.
     """
-    return _lay_out(table, _cell)
+    return _format(table, _cell)
 
 
-def lay_out_intervals(table: pd.DataFrame) -> pd.DataFrame:
+def format_intervals(table: pd.DataFrame) -> pd.DataFrame:
     """The same places with the bounds of the intervals; the paper has none."""
-    shown = _lay_out(table, _interval_cell)
+    shown = _format(table, _interval_cell)
     return shown[[name for name in shown.columns if not name.startswith("paper")]]
 
 
-def _lay_out(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd.DataFrame:
+def _format(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd.DataFrame:
     evaluated = paper.in_order(set(table["evaluated"]))
     several = len(table[["split", "detector", "epochs", "imgsz"]].drop_duplicates()) > 1
     beside = table["paper_map50"].notna().any()  # else no column of the paper is shown

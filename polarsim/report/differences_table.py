@@ -30,7 +30,7 @@ def tabulate_differences(*, differences: Path, detection: Path, stem: Path, orig
     table = tidy_differences(read_parquet(differences, COLUMNS), origin["source"])
     units = sorted(set(table["unit"].astype(str)))
     notes = [NOTE, *(f"Resampled: {unit}s." for unit in units), *seed_notes(table), *notes_of_detectors(detection)]
-    layout = lay_out_differences(table)
+    layout = format_differences(table)
     write_table(stem, with_origin(table, origin), CAPTION, layout=layout, notes=[*notes, origin_note(origin)])
 
 
@@ -46,7 +46,7 @@ def tidy_differences(differences: pd.DataFrame, source: str) -> pd.DataFrame:
     return table.loc[places].reset_index(drop=True)
 
 
-def lay_out_differences(table: pd.DataFrame) -> pd.DataFrame:
+def format_differences(table: pd.DataFrame) -> pd.DataFrame:
     """A row a comparison: what is compared, both values, their difference with its interval."""
     rows = []
     several = len(set(table["split"])) > 1

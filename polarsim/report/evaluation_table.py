@@ -26,7 +26,7 @@ def gather_evaluation(*, parts: list[Path], stem: Path, origin: dict[str, str]) 
     """
     table = join_metrics([read_csv(path, COLUMNS) for path in parts])
     notes = ["Terrains stand side by side; n is in the CSV form.", *complaints(table), origin_note(origin)]
-    write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_evaluation(table), notes=notes)
+    write_table(stem, with_origin(table, origin), CAPTION, layout=format_evaluation(table), notes=notes)
 
 
 def join_metrics(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -46,7 +46,7 @@ def in_order(table: pd.DataFrame) -> pd.DataFrame:
     return table.iloc[order].reset_index(drop=True)
 
 
-def lay_out_evaluation(table: pd.DataFrame) -> pd.DataFrame:
+def format_evaluation(table: pd.DataFrame) -> pd.DataFrame:
     """A row a metric, a column a terrain; the four metrics of a box score share a row."""
     terrains = sorted(set(table["terrain"]))
     order: list[tuple[str, ...]] = []

@@ -41,10 +41,10 @@ def tabulate_false_positives(
     notes = [*NOTES, *seed_notes(table), *notes_of_detectors(detection), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
-    write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_false_positives(table), notes=notes)
+    write_table(stem, with_origin(table, origin), CAPTION, layout=format_false_positives(table), notes=notes)
 
 
-def lay_out_false_positives(table: pd.DataFrame) -> pd.DataFrame:
+def format_false_positives(table: pd.DataFrame) -> pd.DataFrame:
     """A row a place, detector and domain."""
     columns = ["where", "T", "E", "terrains", "photos", "per photo", "share of area, %"]
     rows = []

@@ -40,7 +40,7 @@ def tabulate_gap(*, ablation: Path, stem: Path, origin: dict[str, str]) -> None:
     table = tidy_gap(read_parquet(ablation, COLUMNS), origin["source"])
     model = paper.title(str(table["model"].iloc[0]))
     blocks = {
-        CAPTION.format(kind=kind, model=model): lay_out_gap(rows) for kind, rows in table.groupby("kind", sort=False)
+        CAPTION.format(kind=kind, model=model): format_gap(rows) for kind, rows in table.groupby("kind", sort=False)
     }
     blocks["What was replaced."] = table[["component", "replaced"]].drop_duplicates().reset_index(drop=True)
     notes = [*NOTES, *detector_notes(table), *seed_notes(table), origin_note(origin)]
@@ -68,7 +68,7 @@ def tidy_gap(ablation: pd.DataFrame, source: str) -> pd.DataFrame:
     return table.loc[keys.sort_values(list(keys.columns), kind="stable").index].reset_index(drop=True)
 
 
-def lay_out_gap(table: pd.DataFrame) -> pd.DataFrame:
+def format_gap(table: pd.DataFrame) -> pd.DataFrame:
     """A row a component and detector of one class."""
     rows = []
     for split, own in by_splits(table):

@@ -30,7 +30,7 @@ def tabulate_ipd_rocks(*, rocks: Path, stem: Path, origin: dict[str, str], detec
     ]
     if paper.ANALOG in {*table["trained"], *table["first"], *table["second"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
-    write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_ipd_rocks(table), notes=notes)
+    write_table(stem, with_origin(table, origin), CAPTION, layout=format_ipd_rocks(table), notes=notes)
 
 
 def tidy_ipd_rocks(rocks: pd.DataFrame, source: str) -> pd.DataFrame:
@@ -55,7 +55,7 @@ def largest(table: pd.DataFrame, count: int) -> pd.DataFrame:
     return table.loc[order.sort_values(["size", "terrain", "rock"], kind="stable").index[:count]]
 
 
-def lay_out_ipd_rocks(table: pd.DataFrame) -> pd.DataFrame:
+def format_ipd_rocks(table: pd.DataFrame) -> pd.DataFrame:
     """A row a rock, the most different first, of every detector and pair."""
     columns = ["T", "domains", "terrain", "rock", "photos", "mean IoU, first", "mean IoU, second", "difference"]
     rows = []

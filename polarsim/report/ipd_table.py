@@ -32,7 +32,7 @@ def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str], detection: Pa
     notes = [FORMULA_NOTE, *_rule_notes(table), *seed_notes(table), *notes_of_detectors(detection), origin_note(origin)]
     if paper.ANALOG in {*table["trained"], *table["first"], *table["second"]}:
         notes.insert(0, paper.ANALOG_PICTURES_NOTE)
-    write_table(stem, with_origin(table, origin), CAPTION, layout=lay_out_ipd(table), notes=notes)
+    write_table(stem, with_origin(table, origin), CAPTION, layout=format_ipd(table), notes=notes)
 
 
 def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
@@ -51,7 +51,7 @@ def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
     return table.astype({"paper_ipd": "float64", "trained": "str", "first": "str", "second": "str"})
 
 
-def lay_out_ipd(table: pd.DataFrame) -> pd.DataFrame:
+def format_ipd(table: pd.DataFrame) -> pd.DataFrame:
     """The paper's Table 2 out of tidy rows: a row a detector, a column a pair, then the paper's where there are any."""
     pairs = sorted(set(zip(table["first"], table["second"], strict=True)), key=_pair_place)
     theirs = [pair for pair in pairs if pair in paper.PAIRS and table["paper_ipd"].notna().any()]
@@ -88,10 +88,10 @@ def _cell(found: pd.DataFrame) -> str:
 
 def _rule_notes(table: pd.DataFrame) -> list[str]:
     """The rules of pairing."""
-    words = {"zero": "IoU 0", "left_out": "left out"}
+    text = {"zero": "IoU 0", "left_out": "left out"}
     return [
-        f"Least confidence {confidence:g}; rocks that no prediction overlaps: {words[undetected]}; "
-        f"rocks labelled in one domain only: {words[unpaired]}; intervals: 95 % bootstrap of {unit}s."
+        f"Least confidence {confidence:g}; rocks that no prediction overlaps: {text[undetected]}; "
+        f"rocks labelled in one domain only: {text[unpaired]}; intervals: 95 % bootstrap of {unit}s."
         for unit, undetected, unpaired, confidence in table[["unit", "undetected", "unpaired", "confidence"]]
         .drop_duplicates()
         .itertuples(index=False)

@@ -49,7 +49,7 @@ def tabulate_labels(
     compared = " and ".join(TRUTH_NAMES[name] for name in sorted(set(whole["against"]))) or "nothing"
     started = f"Seeds: {seeds}."
     notes = [f"{started} Against {compared}. {NOTE}", origin_note(origin)]
-    write_blocks(table, with_origin(rows.assign(seeds=seeds), origin), lay_out_labels(rows), notes)
+    write_blocks(table, with_origin(rows.assign(seeds=seeds), origin), format_labels(rows), notes)
     bins = reliability_table(whole)
     shown = bins.assign(labels=bins["labels"].round().astype("int64"))
     told = with_origin(bins.assign(seeds=seeds), origin)
@@ -80,7 +80,7 @@ def size_class(size_px: np.ndarray) -> np.ndarray:
     return np.array(SIZES)[np.searchsorted(SIZE_EDGES_PX, size_px, side="right")]
 
 
-def lay_out_labels(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
+def format_labels(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Tables to read by their captions: tasks by terrain for each kind, then kinds by the other groups."""
     by_terrain = rows[rows["group"].isin(["all", "terrain"])]
     blocks = {

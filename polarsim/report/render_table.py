@@ -36,7 +36,7 @@ def tabulate_render(
     rows = pd.concat([likeness_rows(likeness), boxes], ignore_index=True).astype(COLUMNS)
     against = " and ".join(TRUTH_NAMES[name] for name in TRUTH_NAMES if name in set(scores["against"]))
     notes = [NOTE, *([f"Boxes against {against}."] if len(boxes) else []), origin_note(origin)]
-    write_blocks(table, with_origin(rows, origin), lay_out(rows), notes)
+    write_blocks(table, with_origin(rows, origin), format_table(rows), notes)
 
 
 def likeness_rows(pairs: pd.DataFrame) -> pd.DataFrame:
@@ -67,7 +67,7 @@ def box_rows(scores: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def lay_out(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
+def format_table(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Tables to read by their captions: models by each group, then boxes by terrain."""
     pictures, boxes = rows[rows["ssim"].notna()], rows[rows["f1"].notna()]
     blocks = {

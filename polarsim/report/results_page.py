@@ -104,7 +104,7 @@ def _html(text: str) -> Markup:
 def _opposition(phases: Path) -> str:
     """What the figure shows; empty where no photo shows the effect."""
     content = read_json(phases)
-    return f"{content['words']}." if content["shown"] else ""
+    return f"{content['text']}." if content["shown"] else ""
 
 
 def _embedded(path: Path) -> str:

@@ -44,12 +44,12 @@ def panels(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     return [(str(split), rows.reset_index(drop=True)) for split, rows in table.groupby("split", sort=False)]
 
 
-def title_words(table: pd.DataFrame) -> str:
+def title_text(table: pd.DataFrame) -> str:
     """The only split, and how many seeds stand behind a figure: the end of its title."""
     splits = list(dict.fromkeys(table["split"])) if "split" in table.columns else []
-    words = f", split by {splits[0]}" if len(splits) == 1 else ""
+    text = f", split by {splits[0]}" if len(splits) == 1 else ""
     seeds = table[SEED].nunique() if SEED in table.columns else 1
-    return words + (f", mean of {seeds} seeds" if seeds > 1 else "")
+    return text + (f", mean of {seeds} seeds" if seeds > 1 else "")
 
 
 def averaged(rows: pd.DataFrame, by: Sequence[str], names: Sequence[str]) -> pd.DataFrame:

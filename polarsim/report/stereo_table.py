@@ -34,7 +34,7 @@ def tabulate_stereo(
     ]
     if paper.ANALOG in set(table["domain"]):
         notes.insert(0, "Analog pictures come from a simulated sandbox and are no photos.")
-    differences = lay_out_ipd(read_parquet(ipd, IPD_COLUMNS), origin["source"])
+    differences = format_ipd(read_parquet(ipd, IPD_COLUMNS), origin["source"])
     write_blocks(stem, with_origin(table, origin), {CAPTION: _shown(table), IPD_CAPTION: differences}, notes)
 
 
@@ -56,7 +56,7 @@ def tidy_stereo(pairs: pd.DataFrame, rocks: pd.DataFrame, source: str) -> pd.Dat
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def lay_out_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
+def format_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
     """A row a pair of domains: rocks that are paired, both forms of IPD with their intervals."""
     rows = []
     for entry in ipd.to_dict("records"):

@@ -14,7 +14,7 @@ from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.grouping import grouped
 from polarsim.rocks.heights import hull_mask
-from polarsim.rocks.splitting import Pieces, is_upright, slivers_joined, told_apart
+from polarsim.rocks.splitting import Pieces, cut_apart, is_upright, slivers_joined
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
@@ -61,7 +61,7 @@ class Cut:
 def cut_by_shape(sand: Sand, limits: Limits) -> Cut:
     """The pieces of which `find_regions` makes rocks; boxes have no part in it."""
     above, labels, seen = standing(sand, limits.foot)
-    return Cut(above, seen, told_apart(above, labels, seen, sand.grid.cell))
+    return Cut(above, seen, cut_apart(above, labels, seen, sand.grid.cell))
 
 
 def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None = None) -> list[Region]:

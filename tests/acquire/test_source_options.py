@@ -1,7 +1,7 @@
 import pytest
 from pydantic import ValidationError
 
-from polarsim.acquire.options import SeedOptions, SourceOptions, seed_choice, told_seeds
+from polarsim.acquire.options import SeedOptions, SourceOptions, describe_seeds, seed_choice
 
 
 @pytest.mark.parametrize(
@@ -59,9 +59,9 @@ def test_seeds_are_options_or_the_word_none():
 
 
 def test_seeds_are_told_in_a_few_words():
-    assert told_seeds("none") == "none"
-    assert told_seeds(SeedOptions(azimuths=[30, 180])) == "L, rover light off, azimuths 30 180, exposure best"
-    assert told_seeds(SeedOptions(exposure=256)).endswith("exposure 256 ms")
+    assert describe_seeds("none") == "none"
+    assert describe_seeds(SeedOptions(azimuths=[30, 180])) == "L, rover light off, azimuths 30 180, exposure best"
+    assert describe_seeds(SeedOptions(exposure=256)).endswith("exposure 256 ms")
 
 
 def test_options_survive_json():

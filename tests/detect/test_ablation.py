@@ -158,8 +158,12 @@ def test_the_ablation_has_a_row_a_component_detector_and_class(tmp_path):
 
 def test_a_component_says_what_it_replaces_and_whether_it_needs_pictures():
     labels, glare = Component(labels="propagated"), Component(cameras="truth", render={"noise": True, "bounces": 2})
-    assert (labels.told(), labels.is_rendered, labels.needs_truth) == ("labels: propagated", False, False)
-    assert (glare.told(), glare.is_rendered, glare.needs_truth) == ("cameras: truth, noise: on, bounces: 2", True, True)
+    assert (labels.describe(), labels.is_rendered, labels.needs_truth) == ("labels: propagated", False, False)
+    assert (glare.describe(), glare.is_rendered, glare.needs_truth) == (
+        "cameras: truth, noise: on, bounces: 2",
+        True,
+        True,
+    )
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ import pytest
 from polarsim.errors import FormatError
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
 from polarsim.report import paper
-from polarsim.report.detection_table import COLUMNS, lay_out_detection, tabulate_detection, tidy_detection
+from polarsim.report.detection_table import COLUMNS, format_detection, tabulate_detection, tidy_detection
 from polarsim.report.ipd_table import COLUMNS as IPD_COLUMNS
-from polarsim.report.ipd_table import lay_out_ipd, tabulate_ipd, tidy_ipd
+from polarsim.report.ipd_table import format_ipd, tabulate_ipd, tidy_ipd
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 
@@ -62,7 +62,7 @@ def test_the_papers_figures_stand_in_columns_of_their_own_and_change_none_of_our
 
 
 def test_the_layout_is_the_papers():
-    shown = lay_out_detection(tidy_detection(detection(("hapke", "real", "principled"), ("rock",)), "release"))
+    shown = format_detection(tidy_detection(detection(("hapke", "real", "principled"), ("rock",)), "release"))
     assert list(shown["T"]) == ["Real", "Principled", "Hapke"]
     assert list(shown.columns[2:5]) == ["E: Real", "E: Principled", "E: Hapke"]
     assert shown.loc[0, "paper, E: Real"] == "0.987 / 0.805 / 0.849"
@@ -97,7 +97,7 @@ def test_domains_that_the_paper_does_not_know_have_no_figure_of_it():
     known = (table["trained"] == "hapke") & (table["evaluated"] == "hapke") & (table["kind"] == "rock")
     assert table.loc[known, "paper_map50"].tolist() == [0.887]
     assert table.loc[~known, "paper_map50"].isna().all()
-    assert "paper, E: Views" not in lay_out_detection(table).columns
+    assert "paper, E: Views" not in format_detection(table).columns
 
 
 def test_the_weights_that_a_detector_started_from_are_told(tmp_path):
@@ -126,7 +126,7 @@ def test_ipd_pairs_are_brought_into_the_papers_order_whichever_way_they_come():
     given = ipd()
     turned = given.rename(columns={"first": "second", "second": "first"})
     pd.testing.assert_frame_equal(tidy_ipd(given, "analog"), tidy_ipd(turned[given.columns], "analog"))
-    shown = lay_out_ipd(tidy_ipd(ipd(("real", "hapke", "principled")), "polar"))
+    shown = format_ipd(tidy_ipd(ipd(("real", "hapke", "principled")), "polar"))
     assert list(shown.columns[2:5]) == ["Principled - Hapke", "Real - Hapke", "Real - Principled"]
     assert shown.loc[0, "Real - Principled"] == "0.1000 [0.050, 0.150] / 0.2000 [0.120, 0.280]"
     assert shown.loc[2, "paper, Real - Hapke"] == "0.4638"
@@ -137,8 +137,8 @@ def test_ipd_has_a_row_for_each_split():
     given = pd.concat([ipd().assign(split="photo", seed=0), ipd().assign(split="terrain", seed=0)], ignore_index=True)
     table = tidy_ipd(given, "analog")
     assert list(table.columns[:2]) == ["split", "seed"]
-    shown = lay_out_ipd(table)
-    assert len(shown) == 2 * len(lay_out_ipd(tidy_ipd(ipd(), "analog")))
+    shown = format_ipd(table)
+    assert len(shown) == 2 * len(format_ipd(tidy_ipd(ipd(), "analog")))
     assert set(shown["split by"]) == {"photo", "terrain"}
 
 

@@ -11,7 +11,7 @@ from polarsim.report.figures.gap_rocks import draw_gap_rocks, most_different
 from polarsim.report.figures.ipd_histogram import draw_ipd_histogram
 from polarsim.report.figures.seen import draw_seen, shown_keys
 from polarsim.report.ipd_rocks_table import COLUMNS
-from polarsim.report.seeds import averaged, panels, title_words
+from polarsim.report.seeds import averaged, panels, title_text
 
 NARROW = 640  # px
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
@@ -154,8 +154,8 @@ def test_seeds_are_averaged_and_their_intervals_put_together():
 
 def test_titles_tell_split_and_seeds():
     rows = pd.DataFrame({"split": ["photo", "photo"], "seed": [0, 1]})
-    assert title_words(rows) == ", split by photo, mean of 2 seeds"
-    assert title_words(rows.assign(split=["photo", "view"], seed=0)) == ""
+    assert title_text(rows) == ", split by photo, mean of 2 seeds"
+    assert title_text(rows.assign(split=["photo", "view"], seed=0)) == ""
     assert [name for name, _ in panels(rows.assign(split=["view", "photo"]))] == ["view", "photo"]
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet
-from polarsim.report.evaluation_table import gather_evaluation, join_metrics, lay_out_evaluation, shown_value
+from polarsim.report.evaluation_table import format_evaluation, gather_evaluation, join_metrics, shown_value
 from polarsim.scoring.metrics import COLUMNS, Metric, metrics_table, summary, write_metrics
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
@@ -37,7 +37,7 @@ def test_a_terrain_without_a_metric_leaves_no_trace_and_none_at_all_an_empty_tab
 def test_rows_that_only_a_later_terrain_has_stand_where_it_has_them():
     first = metrics_table("labels", 1, [Metric("a", "x", 1, "mm", 1, "own"), Metric("c", "x", 1, "mm", 1, "own")])
     second = metrics_table("labels", 4, [Metric(name, "x", 1, "mm", 1, "own") for name in "abc"])
-    shown = lay_out_evaluation(join_metrics([first, second]))
+    shown = format_evaluation(join_metrics([first, second]))
     assert list(shown["subject"]) == ["a", "b", "c"]
     assert list(shown["T01"]) == ["1.00", "–", "1.00"]
 
@@ -47,13 +47,13 @@ def test_the_four_metrics_of_a_box_score_share_a_row():
         Metric("rock", name, share, "1", 9, "truth")
         for name, share in (("precision", 1), ("recall", 0.5), ("f1", 2 / 3), ("miou", 0.4))
     ]
-    shown = lay_out_evaluation(metrics_table("labels", 1, metrics))
+    shown = format_evaluation(metrics_table("labels", 1, metrics))
     assert shown["T01"].tolist() == ["1.000 / 0.500 / 0.667 / 0.400"]
 
 
 def test_recall_and_precision_without_f1_keep_their_own_rows():
     metrics = [Metric("rocks of 8 cm and more", name, 0.5, "1", 9, "truth") for name in ("recall", "precision")]
-    assert lay_out_evaluation(metrics_table("rocks", 1, metrics))["metric"].tolist() == ["recall", "precision"]
+    assert format_evaluation(metrics_table("rocks", 1, metrics))["metric"].tolist() == ["recall", "precision"]
 
 
 def test_a_summary_gives_median_and_p90_of_what_is_finite():

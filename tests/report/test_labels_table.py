@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from polarsim.formats.tables import key_columns, label_table, read_csv, read_parquet, write_parquet
 from polarsim.photo import BOX_CLASSES, PhotoKey
-from polarsim.report.labels_table import SIZES, label_scores, lay_out_labels, size_class, tabulate_labels
+from polarsim.report.labels_table import SIZES, format_labels, label_scores, size_class, tabulate_labels
 from polarsim.scoring.label_pairs import pair_labels
 from polarsim.scoring.labels import TASKS, score_tasks, task_of
 from polarsim.scoring.options import ScoringOptions
@@ -122,7 +122,7 @@ def test_rows_stand_in_the_order_of_tasks_and_sizes(scored):
 
 def test_the_layout_has_a_block_a_kind_and_a_block_a_group(scored):
     rows = label_scores(pd.concat(scored[0]))
-    blocks = lay_out_labels(rows)
+    blocks = format_labels(rows)
     assert len(blocks) == 3 + 3
     rocks = blocks["Labels, rock: F1 (mIoU) by task and terrain."]
     assert rocks.columns.tolist() == ["task", "truth boxes", "precision", "recall", "confidence", "all", "T03", "T11"]

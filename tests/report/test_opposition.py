@@ -81,7 +81,7 @@ def draw(tmp_path, cameras, keys, brightness):
         models=["hapke"],
         pictures=[tmp_path / "photos.parquet", tmp_path / "hapke/Terrain01"],
         figure=tmp_path / "o.png",
-        words=tmp_path / "o.json",
+        text=tmp_path / "o.json",
         width=NARROW,
     )
     return json.loads((tmp_path / "o.json").read_text())
@@ -90,18 +90,18 @@ def draw(tmp_path, cameras, keys, brightness):
 def test_brightness_near_opposition_is_told_beside_that_far_from_it(tmp_path, cameras):
     told = draw(tmp_path, cameras, [ALONE, ROVER], {"analog": 800, "hapke": 1600})
     assert told["shown"]
-    assert told["words"].count("median over that of Analog is 2.00 (Hapke)") == 2
-    assert str(ROVER) in told["words"].split(". ")[0]
+    assert told["text"].count("median over that of Analog is 2.00 (Hapke)") == 2
+    assert str(ROVER) in told["text"].split(". ")[0]
     assert png.read(tmp_path / "o.png").shape[1] == 640
 
 
 def test_clipped_crops_are_not_compared(tmp_path, cameras):
     told = draw(tmp_path, cameras, [ROVER], {"analog": 800, "hapke": 4079})
-    assert "Hapke is clipped or black: no comparison" in told["words"]
+    assert "Hapke is clipped or black: no comparison" in told["text"]
 
 
 @pytest.mark.parametrize(("key", "why"), [(ALONE, "too far from opposition"), (BOTH, "lit by a single lamp")])
 def test_a_run_without_opposition_says_why(tmp_path, cameras, key, why):
     told = draw(tmp_path, cameras, [key], {"analog": 800, "hapke": 800})
     assert not told["shown"]
-    assert why in told["words"]
+    assert why in told["text"]

@@ -8,7 +8,7 @@ from math import log2
 from pathlib import Path
 
 from polarsim.acquire.inputs import raw_inputs
-from polarsim.acquire.options import told_seeds
+from polarsim.acquire.options import describe_seeds
 from polarsim.config import parse_config
 from polarsim.digest import script_digest
 from polarsim.errors import ConfigError
@@ -37,7 +37,7 @@ STAND_INS = [] if KIND == "analog" else MODELS[:1]
 # Trainings are the longest jobs: what they wait for goes first, figures and scores fill the gaps.
 TRAINING_WAITS, TWINS_WAIT = 2, 1
 LABEL_ROOT = CONFIG.annotated_root
-SEEDS_TOLD = told_seeds(CONFIG.labels.seeds)
+SEEDS_TEXT = describe_seeds(CONFIG.labels.seeds)
 ORIGIN = {"run": RUN, "source": KIND, "config": CONFIG.digest()}
 
 

@@ -188,7 +188,7 @@ rule run_ablation:
         domains=ABLATION_DOMAINS,
         photo=CONFIG.photo_domain,
         twin=CONFIG.gap.model,
-        replaced={name: found.told() for name, found in COMPONENTS.items()},
+        replaced={name: found.describe() for name, found in COMPONENTS.items()},
         options=options("detect.comparison"),
         training=options("detect.training"),
         imgsz=CONFIG.detect.pictures.imgsz,

@@ -160,7 +160,7 @@ rule tabulate_labels:
         mem_mb=1000,
         runtime=5,
     params:
-        seeds=SEEDS_TOLD,
+        seeds=SEEDS_TEXT,
         origin=ORIGIN,
         code=code_of("tabulate_labels"),
     script:
@@ -653,7 +653,7 @@ rule draw_opposition:
             category="Photos and twins",
             labels={"terrain": "nearest", "position": "opposition effect"},
         ),
-        words="results/{run}/figures/opposition.json",
+        text="results/{run}/figures/opposition.json",
     log:
         "results/{run}/logs/report/draw_opposition.log",
     benchmark:

@@ -16,5 +16,5 @@ with reporting(log=snakemake.log[0]):
         models=snakemake.params.models,
         pictures=map(Path, snakemake.input.pictures),
         figure=Path(snakemake.output.figure),
-        words=Path(snakemake.output.words),
+        text=Path(snakemake.output.text),
     )

@@ -12,7 +12,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, note, page
-from polarsim.report.seeds import averaged, panels, title_words
+from polarsim.report.seeds import averaged, panels, title_text
 
 STYLES = ("-", ":")  # of the IoU thresholds, the smaller one first
 
@@ -20,7 +20,7 @@ STYLES = ("-", ":")  # of the IoU thresholds, the smaller one first
 def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write the figure from detect/curves.parquet; of several seeds the mean and a band of one standard deviation."""
     table = paper.with_own_names(read_parquet(curves, CURVES.columns), ("trained", "evaluated"), origin["source"])
-    words, parts = title_words(table), panels(table)
+    text, parts = title_text(table), panels(table)
     parts = [(split, averaged(part, CURVES.columns[:-1], ("precision",))) for split, part in parts]
     detectors = paper.in_order(set(table["trained"]))
     domains = paper.in_order(set(table["evaluated"]))
@@ -30,7 +30,7 @@ def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: in
         if not len(table):
             note(sheet, "no labels to be found")
             return
-        sheet.suptitle(f"Precision over recall, source {origin['source']}{words}", x=0.01, ha="left")
+        sheet.suptitle(f"Precision over recall, source {origin['source']}{text}", x=0.01, ha="left")
         grid = sheet.subplots(len(rows), len(detectors), sharex=True, sharey=True, squeeze=False)
         for row, (kind, split, part) in enumerate(rows):
             for column, trained in enumerate(detectors):

@@ -12,7 +12,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import gap_table, paper
 from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, SERIES, note, page
-from polarsim.report.seeds import averaged, panels, title_words
+from polarsim.report.seeds import averaged, panels, title_text
 
 PANELS = {
     "ipd": "change of IPD\n|mean difference|",
@@ -37,8 +37,8 @@ def draw_gap(*, ablation: Path, figure: Path, origin: dict[str, str], width: int
             note(sheet, "no rock is labelled in photos and in twins")
             return
         model = paper.title(str(rocks["model"].iloc[0]))
-        words = f"source {origin['source']}{title_words(rocks)}"
-        sheet.suptitle(f"What each component of the {model} twin changes, rocks, {words}", x=0.01, ha="left")
+        title = f"source {origin['source']}{title_text(rocks)}"
+        sheet.suptitle(f"What each component of the {model} twin changes, rocks, {title}", x=0.01, ha="left")
         grid = sheet.subplots(len(splits), len(PANELS), sharey=True, squeeze=False)
         for row, (split, rows) in zip(grid, splits, strict=True):
             own = averaged(rows, ("component", "trained"), [f"{name}_change" for name in PANELS])

@@ -13,7 +13,7 @@ from polarsim.photo import ROCK
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, note, page
 from polarsim.report.ipd_rocks_table import COLUMNS, tidy_ipd_rocks
-from polarsim.report.seeds import SEED, panels, title_words
+from polarsim.report.seeds import SEED, panels, title_text
 
 BINS = np.linspace(-1, 1, 41)
 
@@ -24,7 +24,7 @@ def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], wid
     table = table[table["kind"] == ROCK]
     detectors = list(dict.fromkeys(table["trained"]))
     rows = [(split, part, trained) for split, part in panels(table) for trained in detectors]
-    words = title_words(table).replace("mean of", "pooled over")
+    title = title_text(table).replace("mean of", "pooled over")
     pairs = sorted(
         set(zip(table["first"], table["second"], strict=True)), key=lambda pair: [paper.rank(name) for name in pair]
     )
@@ -33,7 +33,7 @@ def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], wid
             note(sheet, "no rock is labelled in two domains")
             return
         sheet.suptitle(
-            f"Mean IoU of each rock, first domain less second, source {origin['source']}{words}", x=0.01, ha="left"
+            f"Mean IoU of each rock, first domain less second, source {origin['source']}{title}", x=0.01, ha="left"
         )
         grid = sheet.subplots(len(rows), len(pairs), sharex=True, sharey=True, squeeze=False)
         for row, (split, part, trained) in enumerate(rows):

@@ -12,7 +12,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import detection_table, ipd_table, paper
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, note, page
-from polarsim.report.seeds import averaged, panels, title_words
+from polarsim.report.seeds import averaged, panels, title_text
 
 TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mean"}
 
@@ -29,7 +29,7 @@ def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], wid
             note(sheet, "no evaluated rocks")
             return
         small = " (small: the paper's photos and twins)" if rocks["paper_map50"].notna().any() else ""
-        sheet.suptitle(f"Rock detection, source {origin['source']}{title_words(rocks)}{small}", x=0.01, ha="left")
+        sheet.suptitle(f"Rock detection, source {origin['source']}{title_text(rocks)}{small}", x=0.01, ha="left")
         for row, (split, part) in zip(sheet.subplots(len(parts), 3, squeeze=False), parts, strict=True):
             means = averaged(part, ("trained", "evaluated"), list(TITLES))
             for axes, measure in zip(row, TITLES, strict=True):
@@ -49,7 +49,7 @@ def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], width: int = FI
         if not len(rocks):
             note(sheet, "no rock is labelled in two domains")
             return
-        title = f"Instance performance difference of rocks, source {origin['source']}{title_words(rocks)}"
+        title = f"Instance performance difference of rocks, source {origin['source']}{title_text(rocks)}"
         for axes, (split, part) in zip(sheet.subplots(len(parts), squeeze=False)[:, 0], parts, strict=True):
             axes.set_title(title if len(parts) == 1 else f"{title}, split by {split}")
             _draw_bars(axes, averaged(part, ("trained", "first", "second"), ("ipd", "ipd_abs")))

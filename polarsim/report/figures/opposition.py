@@ -31,7 +31,7 @@ def draw_opposition(
     models: Sequence[str],
     pictures: Iterable[Path],
     figure: Path,
-    words: Path,
+    text: Path,
     width: int = FIGURE_WIDTH,
 ) -> None:
     """Write the figure, and in a JSON file what it shows or why it shows nothing.
@@ -55,7 +55,7 @@ def draw_opposition(
     if places is None or facts:
         with page(figure, width, 300) as sheet:
             note(sheet, facts)
-        write_json(words, {"shown": False, "words": facts})
+        write_json(text, {"shown": False, "text": facts})
         return
     cell = width // len(domains)
     told = []
@@ -68,7 +68,7 @@ def draw_opposition(
             crops = crops_of[key]
             _draw_row(axes, crops, domains, place, key)
             told.append(_words(crops, domains, place, key))
-    write_json(words, {"shown": True, "words": " ".join(told).removesuffix(".")})
+    write_json(text, {"shown": True, "text": " ".join(told).removesuffix(".")})
 
 
 def _refused(places: tuple[Place, Place] | None) -> str:
@@ -141,7 +141,7 @@ def _words(crops: list[np.ndarray], domains: Sequence[str], place: Place, key: P
     return f"{start} the crop's median over that of {paper.title(domains[0])} is {told}."
 
 
-def _listed(words: Iterable[str]) -> str:
+def _listed(text: Iterable[str]) -> str:
     """a; a and b; a, b and c."""
-    *first, last = words
+    *first, last = text
     return f"{', '.join(first)} and {last}" if first else last
