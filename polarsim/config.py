@@ -47,6 +47,14 @@ MOVED = {
     "cameras.photo_scales": "cameras.refinement.scales",
     "detect.seed": "detect.split.seed and detect.comparison.seed",
     "rover.cameras.onboard.detect": "rover.cameras.onboard.pictures and rover.cameras.onboard.prediction",
+    "rover.sight": "rover.cameras",
+    "rover.judge": "rover.detector",
+    "gap.ingredients": "gap.components",
+    "render.flare": "render.lens_flare",
+    "render.seat_m": "render.skirt_m",
+    "labels.shadow_habits": "labels.annotator_shadows",
+    "labels.rover_light_habits": "labels.annotator_rover_light",
+    "tables.drawn_root": "scoring.annotated_root",
 }
 
 

@@ -13,6 +13,14 @@ from polarsim.formats.schemas import LABELS, PHOTOS
 from polarsim.photo import PhotoKey
 
 PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns
+FORMER_NAMES = {  # of columns, in tables of versions before 0.2
+    "detector": "judge",
+    "component": "ingredient",
+    "metric": "figure",
+    "false_positives": "alarms",
+    "annotated": "drawn",
+    "small_component_faces": "crumb_faces",
+}
 
 
 def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
@@ -33,10 +41,7 @@ def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
         table = pd.read_parquet(path)
     except Exception as error:  # pyarrow raises many kinds
         raise FormatError(f"no readable Parquet table, {str(error).splitlines()[0]}", path=path) from error
-    missing = [name for name in columns if name not in table.columns]
-    if missing:
-        raise FormatError(f"column {missing[0]!r} is missing", path=path)
-    return table
+    return _with_columns(table, columns, path)
 
 
 def write_csv(path: str | Path, table: pd.DataFrame) -> None:
@@ -56,9 +61,16 @@ def read_csv(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
         table = pd.read_csv(path, dtype={"azimuth": str, "light": str, "key": str})
     except Exception as error:
         raise FormatError(f"no readable CSV table, {str(error).splitlines()[0]}", path=path) from error
-    missing = [name for name in columns if name not in table.columns]
-    if missing:
-        raise FormatError(f"column {missing[0]!r} is missing", path=path)
+    return _with_columns(table, columns, path)
+
+
+def _with_columns(table: pd.DataFrame, columns: Sequence[str], path: str | Path) -> pd.DataFrame:
+    """The table, if it has all columns; one that has a column by its former name is said to be old."""
+    for name in columns:
+        if name not in table.columns:
+            old = FORMER_NAMES.get(name)
+            hint = f"; it has {old!r}, the former name: make this table anew" if old in table.columns else ""
+            raise FormatError(f"column {name!r} is missing{hint}", path=path)
     return table
 
 
