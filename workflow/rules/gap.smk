@@ -67,9 +67,7 @@ rule render_component:
         photos=photos_of_terrain,
         splits=expand("results/{{run}}/detect/{split}/split.csv", split=SPLITS),
     output:
-        twins=directory(
-            "results/{run}/gap/twins/{component}/pictures/Terrain{terrain}"
-        ),
+        twins=directory("results/{run}/gap/twins/{component}/pictures/Terrain{terrain}"),
         boxes=directory("results/{run}/gap/twins/{component}/boxes/Terrain{terrain}"),
         instances=directory(
             "results/{run}/gap/twins/{component}/instances/Terrain{terrain}"

@@ -4,7 +4,9 @@ COMPONENTS = CONFIG.gap.components
 PICTURED = [name for name, found in COMPONENTS.items() if found.is_rendered]
 ABLATION_DOMAINS = [CONFIG.photo_domain, CONFIG.gap.model, *COMPONENTS]
 ABLATION_PAIRS = [
-    (trained, domain) for trained in CONFIG.ablation_detectors for domain in ABLATION_DOMAINS
+    (trained, domain)
+    for trained in CONFIG.ablation_detectors
+    for domain in ABLATION_DOMAINS
 ]
 
 
@@ -89,5 +91,7 @@ def ablation_labels():
         if domain in PICTURED and not propagated:
             paths += [f"results/{{run}}/gap/twins/{domain}/labels.parquet"]
         else:
-            paths += labels_of(CONFIG.photo_domain if propagated else twin_behind(domain))
+            paths += labels_of(
+                CONFIG.photo_domain if propagated else twin_behind(domain)
+            )
     return paths

@@ -21,7 +21,9 @@ AFTER_PICTURES = ("views", "onboard", "videos", "video_speed")
 
 def camera_suite_options(*left_out):
     """Options of a drive's pictures and of what a detector sees in them, without some."""
-    cameras = ROVER.cameras_with(detector_weights(RUN), CONFIG.detect if ROVER.detector else None)
+    cameras = ROVER.cameras_with(
+        detector_weights(RUN), CONFIG.detect if ROVER.detector else None
+    )
     return cameras.model_dump(mode="json", exclude=set(left_out))
 
 
