@@ -45,7 +45,7 @@ class Stations:
 
 
 def make_stations(terrain: int, options: AnalogOptions) -> Stations:
-    """Draw a terrain's station."""
+    """Draw a terrain's stations."""
     rng = generator(options.seed, "set-up", terrain)
     rig = _true_rig(rng)
     calibration = _calibrated(rig, rng)

@@ -96,7 +96,7 @@ def ground_file(root: str | Path, terrain: int) -> Path | None:
 
 
 def cover_photos(root: str | Path, terrain: int) -> dict[str, Path]:
-    """Pictures with rock ids ANNOTATED_IN, by position."""
+    """Pictures with rock ids drawn in, by position."""
     found = {}
     for path in sorted((Path(root) / COVERS).glob("*.png")):
         name = _COVER.fullmatch(path.name)

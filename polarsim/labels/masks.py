@@ -2,7 +2,7 @@
 
 A box says where a person saw a thing, the meshes say which shape it has: the visible shape of the rock's mesh, or of
 the shadow that it casts, is stretched from its own box towards the label's. People outline without dents and box
-loosely: shapes are convex and keep a share of their own box. A view and lamp is ANNOTATED_X once for all exposures.
+loosely: shapes are convex and keep a share of their own box. A view and lamp is drawn once for all exposures.
 """
 
 from __future__ import annotations

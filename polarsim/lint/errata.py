@@ -1,4 +1,4 @@
-"""The errata of a published set as one page: each defect with its picture, ANNOTATED_X from the label files alone."""
+"""The errata of a published set as one page: each defect with its picture, drawn from the label files alone."""
 
 from __future__ import annotations
 
@@ -99,12 +99,12 @@ def _picture(path: Path, finding: Finding) -> str:
     if not shapes and not finding.places:
         return ""
     order = sorted(range(len(shapes)), key=lambda row: row in wrong)
-    ANNOTATED_X = "".join(
+    drawn = "".join(
         f'<polygon class="{shapes[row][0]} {"wrong" if row in wrong else "shape"}" points="{_points(shapes[row][1])}"/>'
         for row in order
     )
-    ANNOTATED_X += "".join(f'<polygon class="lacking" points="{_points(_corners(*box))}"/>' for box in finding.places)
-    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH_PX}" role="img">{ANNOTATED_X}</svg>'
+    drawn += "".join(f'<polygon class="lacking" points="{_points(_corners(*box))}"/>' for box in finding.places)
+    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH_PX}" role="img">{drawn}</svg>'
 
 
 def _shapes(path: Path) -> Iterator[tuple[str, np.ndarray]]:
