@@ -149,7 +149,7 @@ def test_tables_are_written_in_four_forms_with_their_origin(tmp_path, scored):
         read_parquet(tmp_path / "labels.parquet").drop(columns=["run", "source", "config", "seeds"]),
         label_scores(pd.concat(scored[0])),
     )
-    assert "Against hand-drawn labels." in (tmp_path / "labels.md").read_text()
+    assert "Against hand-annotated labels." in (tmp_path / "labels.md").read_text()
 
 
 def test_terrains_without_any_box_make_empty_tables(tmp_path, scored):

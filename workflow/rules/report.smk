@@ -559,7 +559,7 @@ rule draw_residuals:
 
 
 rule draw_label_errors:
-    """How far the edges of our boxes lie from the true or hand-drawn ones."""
+    """How far the edges of our boxes lie from the true or hand-annotated ones."""
     input:
         pairs="results/{run}/evaluation/label_pairs_Terrain{terrain}.parquet",
     output:
