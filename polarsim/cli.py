@@ -487,7 +487,7 @@ def drive(
             threads=threads,
         )
     for row in figures.to_dict("records"):
-        typer.echo(f"{row['figure']:24} {row['value']:.4g} {row['unit']}".rstrip())
+        typer.echo(f"{row['metric']:24} {row['value']:.4g} {row['unit']}".rstrip())
     typer.echo(f"{figures['ended'].iloc[0]}: {folder}")
 
 

@@ -104,7 +104,7 @@ def test_only_scoring_reads_truth():
 ROVER_FLOORS = (  # from the bottom up: a room sees the floors below and itself, rooms of one floor never each other
     {"soil", "world", "vehicle"},
     {"drive"},
-    {"sight"},
+    {"cameras"},
     {"onboard", "exchange"},
     {"options", "run", "environment"},  # no rooms: where the command line, the configuration and learners come in
 )
@@ -150,7 +150,7 @@ def test_the_rovers_rooms_stand_on_each_other():
         ("soil.contact", "rover.drive.trace"),  # up
         ("world.stitch", "rover.soil.nodes"),  # sideways
         ("onboard.measure", "rover.exchange.video"),
-        ("sight.cameras", "rover.options"),  # out of the rooms
+        ("cameras.suite", "rover.options"),  # out of the rooms
         ("drive.ride", "render.olat"),
         ("vehicle.table", "detect.options"),
     ],

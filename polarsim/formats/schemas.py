@@ -69,11 +69,11 @@ TWIN_PAIRS = _schema(
     _KEY,
     "model:s lit_px:i:px log2_twin_over_photo:f:stops log2_difference:f:stops ssim:f",
 )
-EVERY_DRIVE = _schema("rover/every_drive.parquet", "seed:i control:s ended:s figure:s unit:s value:f")
-DRIVES = _schema("rover/drives.parquet", "control:s figure:s wheel:s unit:s seeds:i mean:f low:f high:f least:f most:f")
+EVERY_DRIVE = _schema("rover/every_drive.parquet", "seed:i control:s ended:s metric:s unit:s value:f")
+DRIVES = _schema("rover/drives.parquet", "control:s metric:s wheel:s unit:s seeds:i mean:f low:f high:f least:f most:f")
 ONBOARD = _schema(
     "rover/onboard.parquet",
-    "source:s model:s exposure_ms:f:ms figure:s height_m:f:m from_m:f:m to_m:f:m value:f low:f high:f rides:i count:f",
+    "source:s model:s exposure_ms:f:ms metric:s height_m:f:m from_m:f:m to_m:f:m value:f low:f high:f rides:i count:f",
 )
 SOIL_LIMIT = _schema(
     "rover/soil_limit.parquet",

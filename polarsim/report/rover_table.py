@@ -60,10 +60,10 @@ def _write(stem: Path, table: pd.DataFrame, caption: str, origin: Mapping[str, s
 
 
 def one_by_one(each: pd.DataFrame) -> pd.DataFrame:
-    """A row a drive, a column a figure with its unit."""
-    named = each.assign(figure=(each["figure"] + " " + each["unit"]).str.strip())
-    order = list(dict.fromkeys(named["figure"]))
-    wide = named.pivot_table(index=["seed", "control", "ended"], columns="figure", values="value", dropna=False)
+    """A row a drive, a column a metric with its unit."""
+    named = each.assign(metric=(each["metric"] + " " + each["unit"]).str.strip())
+    order = list(dict.fromkeys(named["metric"]))
+    wide = named.pivot_table(index=["seed", "control", "ended"], columns="metric", values="value", dropna=False)
     return wide.reindex(columns=order).dropna(how="all").reset_index().rename_axis(columns=None)
 
 

@@ -124,22 +124,22 @@ def test_coco_lists_every_photo_with_its_own_labels(annotated, coco_file):
         classes, boxes = yolo.read_boxes(annotated / "boxes" / f"{key}.txt")
         kinds = [BOX_CLASSES[number] for number in classes]
         expected = sorted(zip(kinds, boxes.round(2).tolist(), strict=True))
-        found = sorted((own.kind, own.box.round(2).tolist()) for own in annotated[key])
+        found = sorted((own.kind, own.box.round(2).tolist()) for own in coco_file[key])
         assert [kind for kind, _ in found] == [kind for kind, _ in expected]
         np.testing.assert_allclose([box for _, box in found], [box for _, box in expected], atol=0.02)
 
 
 def test_photos_too_dark_for_shadows_have_none_in_coco_alone(annotated, coco_file):
     dark, bright = key_of("03_A_off_30_L_0064"), key_of("03_A_off_30_L_0128")
-    assert {own.kind for own in annotated[dark]} == {"rock"}
-    assert {own.kind for own in annotated[bright]} == {"rock", "shadow"}
+    assert {own.kind for own in coco_file[dark]} == {"rock"}
+    assert {own.kind for own in coco_file[bright]} == {"rock", "shadow"}
     assert (grey(annotated, dark) == GREY_VALUES["shadow"]).any()
 
 
 def test_coco_masks_are_the_regions_of_the_grey_map(annotated, coco_file):
     picture = grey(annotated, "03_A_off_30_L_0128")
     for kind in BOX_CLASSES:
-        masks = [own.mask.mask() for own in annotated[key_of("03_A_off_30_L_0128")] if own.kind == kind]
+        masks = [own.mask.mask() for own in coco_file[key_of("03_A_off_30_L_0128")] if own.kind == kind]
         assert np.sum(masks, axis=0).max() == 1  # no pixel is listed twice
         together, painted = np.any(masks, axis=0), picture == GREY_VALUES[kind]
         assert (together & painted).sum() / (together | painted).sum() >= 0.98

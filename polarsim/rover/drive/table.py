@@ -18,13 +18,13 @@ from polarsim.formats.schemas import DRIVES, EVERY_DRIVE
 from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.vehicle.table import WHEELS
 
-WHOLE = "all"  # stands where a figure is the rover's, not a wheel's
+WHOLE = "all"  # stands where a metric is the rover's, not a wheel's
 LEVEL = 0.95
 MOVING = 0.02  # m/s: rows of a rover that stands say nothing of slip
 
 
 def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> None:
-    """Write a row a drive and figure, `EVERY_DRIVE.columns`, and what `drive_table` makes of all of them.
+    """Write a row a drive and metric, `EVERY_DRIVE.columns`, and what `drive_table` makes of all of them.
 
     Raises
     ------
@@ -38,15 +38,15 @@ def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> Non
 
 
 def figures_of(trace: Trace) -> pd.DataFrame:
-    """The figures of one drive's rover, wheels together, `EVERY_DRIVE.columns`."""
-    figures = drive_figures(trace)
+    """The metrics of one drive's rover, wheels together, `EVERY_DRIVE.columns`."""
+    metrics = drive_figures(trace)
     told = trace.drive
     own = {"seed": int(told["seed"]), "control": told["options"]["drive"]["control"], "ended": told["ended"]}
-    return figures[figures["wheel"] == WHOLE].assign(**own)[list(EVERY_DRIVE.columns)].reset_index(drop=True)
+    return metrics[metrics["wheel"] == WHOLE].assign(**own)[list(EVERY_DRIVE.columns)].reset_index(drop=True)
 
 
 def drive_figures(trace: Trace) -> pd.DataFrame:
-    """Of one drive, a row a figure: `figure`, `wheel`, `unit`, `value`.
+    """Of one drive, a row a metric: `metric`, `wheel`, `unit`, `value`.
 
     Means are over logged instants in motion; slip, sinkage and torque over those in which the wheel stands on soil
     alone, for on a rock they mean something else.
@@ -69,9 +69,9 @@ def drive_figures(trace: Trace) -> pd.DataFrame:
             ("energy", wheel, "J/m", account["motor_of"][wheel] / driven),
             ("time on a rock", wheel, "%", 100 * float(rock.mean()) if len(rock) else 0.0),
         ]
-    for figure in ("slip", "sinkage", "torque"):
-        values = [(unit, value) for name, _, unit, value in rows if name == figure]
-        rows.append((figure, WHOLE, values[0][0], float(np.nanmean([value for _, value in values]))))
+    for metric in ("slip", "sinkage", "torque"):
+        values = [(unit, value) for name, _, unit, value in rows if name == metric]
+        rows.append((metric, WHOLE, values[0][0], float(np.nanmean([value for _, value in values]))))
     offset = table["offset_m"].to_numpy()
     rows += [
         ("energy", WHOLE, "J/m", account["motor"] / driven),
@@ -82,11 +82,11 @@ def drive_figures(trace: Trace) -> pd.DataFrame:
         ("duration", WHOLE, "s", float(trace.drive["seconds"])),
         ("reached the end", WHOLE, "%", 100.0 * (trace.drive["ended"] == "finished")),
     ]
-    return pd.DataFrame(rows, columns=["figure", "wheel", "unit", "value"])
+    return pd.DataFrame(rows, columns=["metric", "wheel", "unit", "value"])
 
 
 def drive_table(traces: Iterable[Trace]) -> pd.DataFrame:
-    """`DRIVES.columns`, a row a control law, figure and wheel: mean over seeds, its 95 % interval, least and most.
+    """`DRIVES.columns`, a row a control law, metric and wheel: mean over seeds, its 95 % interval, least and most.
 
     Traces may be of several control laws (`heading`, `P-only`); they stand beside each other in `control`.
     """
@@ -97,7 +97,7 @@ def drive_table(traces: Iterable[Trace]) -> pd.DataFrame:
     if not parts:
         return pd.DataFrame(columns=list(DRIVES.columns))
     rows = []
-    for key, group in pd.concat(parts).groupby(["control", "figure", "wheel", "unit"], sort=False):
+    for key, group in pd.concat(parts).groupby(["control", "metric", "wheel", "unit"], sort=False):
         values = group["value"].to_numpy(float)
         values = values[np.isfinite(values)]
         low, high = interval(values)

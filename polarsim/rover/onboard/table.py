@@ -1,4 +1,4 @@
-"""What detectors are worth on board, over all drives: figures with 95 % intervals.
+"""What detectors are worth on board, over all drives: metrics with 95 % intervals.
 
 What is drawn again and again for the intervals are rides, a drive under a Sun: pictures of one ride are alike.
 """
@@ -24,7 +24,7 @@ Statistic = Callable[[np.ndarray], float]  # of rides' numbers
 
 
 def summarise_onboard(folders: Sequence[Path], table: Path, options: OnboardOptions, seed: int = 0) -> None:
-    """Read the tables of drives and write one of all figures, the columns of `ONBOARD`.
+    """Read the tables of drives and write one of all metrics, the columns of `ONBOARD`.
 
     Raises
     ------
@@ -38,11 +38,11 @@ def summarise_onboard(folders: Sequence[Path], table: Path, options: OnboardOpti
         )
         for name in TABLES
     }
-    tables.write_parquet(table, figures(parts, options, seed))
+    tables.write_parquet(table, metrics(parts, options, seed))
 
 
-def figures(parts: Mapping[str, pd.DataFrame], options: OnboardOptions, seed: int = 0) -> pd.DataFrame:
-    """A row a figure: of each source, model and exposure, and of all exposures of a model (exposure 0).
+def metrics(parts: Mapping[str, pd.DataFrame], options: OnboardOptions, seed: int = 0) -> pd.DataFrame:
+    """A row a metric: of each source, model and exposure, and of all exposures of a model (exposure 0).
 
     value, low, high
         NaN where nothing counts.
@@ -52,10 +52,10 @@ def figures(parts: Mapping[str, pd.DataFrame], options: OnboardOptions, seed: in
     rows: list[tuple[object, ...]] = []
     for group, own in _groups(parts):
         found = [*_recalls(own, options), *_stable(own, options), *_map(own), *_stops(own, options)]
-        for figure, place, by_ride, statistic, count in found:
-            random = generator(seed, "rover", "onboard", *group, figure, *place)
+        for metric, place, by_ride, statistic, count in found:
+            random = generator(seed, "rover", "onboard", *group, metric, *place)
             value, low, high = _interval(by_ride, statistic, options.resamples, random)
-            rows.append((*group, figure, *place, value, low, high, len(by_ride), count))
+            rows.append((*group, metric, *place, value, low, high, len(by_ride), count))
     return pd.DataFrame(rows, columns=list(ONBOARD.columns))
 
 

@@ -13,7 +13,7 @@ from tests.rover.driven import options
 
 
 @pytest.fixture(scope="module")
-def sight(drive):
+def suite(drive):
     own = CameraSuite(
         drive, driven.vehicle(), options(views=(FRONT, "CamBirdViewLeft", "WheelCam_LeftBack"), scale=0.12)
     )
@@ -63,10 +63,10 @@ def test_the_wheel_lies_before_its_camera(suite):
 
 
 def test_ruts_show_behind_the_wheels_and_nowhere_else(suite):
-    vertices = suite.stage.surfaces.vertices
+    vertices = suite.render_scene.surfaces.vertices
     x, y, z = vertices.T
     ground = np.zeros(len(vertices), bool)
-    ground[np.unique(suite.stage.surfaces.faces[suite.stage.surfaces.id_of_face == GROUND])] = True
+    ground[np.unique(suite.render_scene.surfaces.faces[suite.render_scene.surfaces.id_of_face == GROUND])] = True
     behind = ground & (abs(x - 5.4) < 0.3) & (abs(y - 0.61) < 0.02)
     ahead = ground & (x > 2.5) & (x < 4.0) & (abs(y - 0.61) < 0.02)
     np.testing.assert_allclose((z - driven.level(x, y))[behind], -driven.SINKAGE - 0.003, atol=0.0045)  # with marks

@@ -5,7 +5,7 @@ import pandas as pd
 
 from polarsim.formats.schemas import ONBOARD
 from polarsim.rover.onboard.measure import measure_drive
-from polarsim.rover.onboard.table import figures, summarise_onboard
+from polarsim.rover.onboard.table import metrics, summarise_onboard
 from tests.rover import driven
 from tests.rover.onboard.boxes import OPTIONS
 
@@ -39,7 +39,7 @@ def test_exposures_are_told_apart_and_pooled():
         "stable": setting.assign(rock=1, height_m=0.2, first_seen_m=3.0, first_stable_m=2.0, stopping_m=0.5),
         "sightings": setting.assign(frame=0, rock=1, distance_m=1.2, height_m=0.2, detected=[True, False]),
     }
-    found = figures(parts, OPTIONS).set_index(["figure", "exposure_ms"])["value"]
+    found = metrics(parts, OPTIONS).set_index(["metric", "exposure_ms"])["value"]
     np.testing.assert_allclose(found["false stops per 100 m"].sort_index(), [20, 10, 30])  # 0: both
     np.testing.assert_allclose(found.loc["rock cell F1"].iloc[0], 6 / 7)
-    assert figures(parts, OPTIONS)[["low", "high"]].isna().all(axis=None)  # of one ride
+    assert metrics(parts, OPTIONS)[["low", "high"]].isna().all(axis=None)  # of one ride
