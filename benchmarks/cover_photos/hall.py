@@ -1,7 +1,7 @@
 """What photos show beside sand and rocks, drawn into varied twins at random: hall, cloth, cards, glare.
 
 Detectors that have never seen such things find rocks in them; but those of cloth, cards and glare were no better on
-real photos (docs/results.md), so only the hall is there by default.
+real photos (docs/notes/detect.md), so only the hall is there by default.
 """
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ def _unswapped(key: PhotoKey, annotated: Mapping[PhotoKey, tuple[np.ndarray, np.
     swapped = shadows[rocks_called_shadows(boxes[shadows], boxes[classes == rock], elsewhere)]
     if len(swapped):
         log.warning(
-            "%s: %d of %d shadows lie where other azimuths have rocks, taken for rocks: see `polarsim lint`",
+            "%s: %d of %d shadows lie where other azimuths have rocks, taken for rocks: `polarsim validate` lists them",
             key, len(swapped), len(shadows),
         )  # fmt: skip
     right = classes.copy()
