@@ -42,7 +42,7 @@ _DETECT_KEYS = {
 # Keys of older configurations that have a place elsewhere now.
 MOVED = {
     **{f"detect.{key}": f"detect.{part}.{key}" for part, keys in _DETECT_KEYS.items() for key in keys},
-    **{f"tables.{key}": f"scoring.{key}" for key in ScoringOptions.model_fields},
+    **{f"tables.{key}": f"scoring.{key}" for key in ScoringOptions.model_fields if key != "annotated_root"},
     **{f"cameras.{key}": f"cameras.placement.{key}" for key in PlacementOptions.model_fields},
     "cameras.photo_scales": "cameras.refinement.scales",
     "detect.seed": "detect.split.seed and detect.comparison.seed",

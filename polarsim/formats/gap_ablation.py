@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 FIGURES = ("ipd", "ipd_abs", "map50", "false_positives", "false_positive_area")
-ENDS = (
-    "_twin",
-    "",
-    "_change",
-    "_change_low",
-    "_change_high",
-)  # of the twin, of the other one, what changes
+# Of the twin, of the other one, and what changes.
+ENDS = ("_twin", "", "_change", "_change_low", "_change_high")
 FIGURE_COLUMNS = tuple(f"{figure}{end}" for figure in FIGURES for end in ENDS)

@@ -58,7 +58,7 @@ def _shared(pixels: Sequence[np.ndarray], boxes: Sequence[np.ndarray], min_iou: 
 
 
 def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[Sand, Region] | None:
-    """Sand with the ground under flat cells (n,) annotated from around them, and what stands out of it there.
+    """Sand with the ground under flat cells (n,) filled in from around them, and what stands out of it there.
 
     That is what lies higher than `foot` metres, if its highest part is `lowest` metres high; else None.
     """
@@ -72,8 +72,8 @@ def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[S
     if not is_ground[window].any():
         return None
     ground = sand.ground.copy()
-    annotated = filled(np.nan_to_num(sand.surface[window]), is_ground[window])
-    ground[window] = np.where(redrawn[window], annotated, ground[window])
+    interpolated = filled(np.nan_to_num(sand.surface[window]), is_ground[window])
+    ground[window] = np.where(redrawn[window], interpolated, ground[window])
     below = replace(sand, is_ground=is_ground, ground=ground)
     standing = place & (below.above > foot)
     if not standing.any() or np.quantile(below.above[standing], PEAK_SHARE) < lowest:

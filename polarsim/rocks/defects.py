@@ -1,6 +1,4 @@
-"""What is wrong with published rock meshes, and copies without it: closed below the ground, no skirt, no small
-components.
-"""
+"""What is wrong with published rock meshes, and copies without it: closed underground, no skirt, no small parts."""
 
 from __future__ import annotations
 
