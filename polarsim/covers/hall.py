@@ -39,8 +39,9 @@ def furnish(
     project : points (n, 3) in the sandbox to pixels (n, 2)
     """
     shape = (radiance.shape[0], radiance.shape[1])
-    hall = np.where(bare, random.uniform(*options.brightness) * draw_hall(shape, random), 0)
-    seen = radiance + hall
+    seen = radiance
+    if bare.any():
+        seen = seen + np.where(bare, random.uniform(*options.brightness) * draw_hall(shape, random), 0)
     if any(options.folds_sd):
         folds = smooth_noise(shape, shape[0] / 6, shape[1] / 150, random.uniform(0, np.pi), random)
         seen = np.where(around & ~bare, seen * np.exp(random.uniform(*options.folds_sd) * folds), seen)
