@@ -79,6 +79,7 @@ rule make_cover_dataset:
         train=trained_in,
         test=tested_in,
         val_share=CONFIG.covers.val_share,
+        val_terrains=CONFIG.covers.val_terrains,
         seed=CONFIG.covers.scenes.seed,
         code=code_of("make_cover_dataset"),
     script:

@@ -12,5 +12,6 @@ with reporting(log=snakemake.log[0]):
         test=snakemake.params.test,
         dataset=Path(snakemake.output.dataset),
         val_share=snakemake.params.val_share,
+        val_terrains=snakemake.params.val_terrains,
         seed=snakemake.params.seed,
     )
