@@ -55,14 +55,19 @@ class Shape:
     def mesh(self, size_m: float, side_m: float) -> Mesh:
         """The rock of a size, the sides of its triangles about `side_m` or shorter, where it was scanned so finely.
 
-        Both in metres. Copies have 1/2, 1/4 ... of the sides that the rock's longest extent is.
+        Both in metres. Sides of a copy's triangles are 1/4, 1/8 ... 1/64 of the rock's longest extent.
         """
         halvings = int(np.clip(np.ceil(np.log2(size_m / side_m)), 2, _MOST_HALVINGS))
-        if halvings not in self._copies:
-            faces = _FACES_OF_WHOLE_SIDES * 4**halvings
-            self._copies[halvings] = decimated(self._whole, faces / len(self._whole.faces))
-        found = self._copies[halvings]
+        found = self._copy(halvings)
         return Mesh(size_m * found.vertices, found.faces)
+
+    def _copy(self, halvings: int) -> Mesh:
+        """The copy with such sides, made of the next finer one: of the whole rock it would take longer."""
+        if halvings not in self._copies:
+            finer = self._whole if halvings == _MOST_HALVINGS else self._copy(halvings + 1)
+            faces = _FACES_OF_WHOLE_SIDES * 4**halvings
+            self._copies[halvings] = decimated(finer, faces / len(finer.faces))
+        return self._copies[halvings]
 
 
 def draw_scene(shapes: Sequence[Shape], options: SceneOptions, random: np.random.Generator) -> Scene:
@@ -129,8 +134,7 @@ def strew(
 def draw_sizes(count: int, options: SceneOptions, random: np.random.Generator) -> np.ndarray:
     """(n,) metres; the number of rocks larger than d falls with a power of d between the least and the largest size.
 
-    Rocks on the Moon have powers from -1.5 to -3 (Shoemaker & Morris, Proc. Apollo 11 Lunar Sci. Conf. (1970) 2399;
-    Bandfield et al., JGR 116 (2011) E00H02).
+    Power laws describe rocks at the places where Surveyors landed (Cintala & McBride, NASA TM-104804 (1995)).
     """
     low, high = options.rock_size_m
     power = random.uniform(*options.size_power)
