@@ -49,22 +49,22 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
         return values
 
 
-def selected_grid(terrain: int, positions: Sequence[str], options: GridOptions) -> list[PhotoKey]:
+def selected_grid(terrain: int, positions: Sequence[str], grid: GridOptions) -> list[PhotoKey]:
     """The photos of a terrain that a run works on, in the grid's order."""
 
     def wanted(key: PhotoKey) -> bool:
-        exposures = options.exposures_no_sun_ms if key.azimuth == "no" else options.exposures_ms
+        exposures = grid.exposures_no_sun_ms if key.azimuth == "no" else grid.exposures_ms
         return (
             key.position in positions
-            and key.light in options.lights
-            and key.azimuth in options.azimuths
-            and key.camera in options.cameras
+            and key.light in grid.lights
+            and key.azimuth in grid.azimuths
+            and key.camera in grid.cameras
             and (exposures is None or key.exposure_ms in exposures)
         )
 
     return [key for key in photo_grid(terrain) if wanted(key)]
 
 
-def selected_grids(terrains: Sequence[int], positions: Sequence[str], options: GridOptions) -> list[PhotoKey]:
+def selected_grids(terrains: Sequence[int], positions: Sequence[str], grid: GridOptions) -> list[PhotoKey]:
     """The photos of all terrains that a run works on."""
-    return [key for terrain in terrains for key in selected_grid(terrain, positions, options)]
+    return [key for terrain in terrains for key in selected_grid(terrain, positions, grid)]

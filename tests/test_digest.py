@@ -34,7 +34,7 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
     {"rover", "report"},
     {"config", "pages", "reporting"},
-    {"cli"},
+    {"cli", "job"},
 )
 TALLER = {  # of the stages these see only these: a drive renders and detects itself, a report shows what scoring found
     "rover": {"render", "detect"},
@@ -91,14 +91,14 @@ def test_an_import_against_the_floors_is_found(module, imported):
 
 def test_only_scoring_reads_truth():
     """Rules that are given truth or people's labels run code of `scoring` alone; the analog's makers write truth."""
-    given = ("truth_of", "true_labels_of", "drawn_labels_of", "drawn_polygons")
+    given = ("truth_of", "true_labels_of", "annotated_labels_of", "annotated_polygons")
     for path in sorted(RULES.glob("*.smk")):
         for block in re.split(r"^(?=\s*rule \w+:$)", path.read_text(), flags=re.MULTILINE):
             script = re.search(r'"\.\./scripts/(\w+)\.py"', block)
             if script and any(name in block for name in given):
                 modules = imports_by_text((SCRIPTS / f"{script[1]}.py").read_text())
                 packages = {".".join(module.split(".")[:2]) for module in modules}
-                assert packages <= {"polarsim.scoring", "polarsim.reporting", "polarsim.grid"}, script[1]
+                assert packages <= {"polarsim.scoring", "polarsim.job", "polarsim.grid"}, script[1]
 
 
 ROVER_FLOORS = (  # from the bottom up: a room sees the floors below and itself, rooms of one floor never each other

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -76,7 +76,7 @@ def render_twins(
     threads: int,
     materials: Path | None = None,
     lamps: Path | None = None,
-    only: Collection[PhotoKey] | None = None,
+    only: Set[PhotoKey] | None = None,
 ) -> None:
     """Write KEY.png for every key into the folder of every model, 16-bit PNG of 12-bit values with black level 16.
 
@@ -97,7 +97,7 @@ def render_twins(
         Folder with the terrain's fitted materials and lamps; they go before the options.
     lamps : Path or None
         Folder with the Sun lamps' `lamps.json`, where it is not `cameras`.
-    only : collection of PhotoKey or None
+    only : set of PhotoKey or None
         Those of the keys that are written; brightness is calibrated over all of them, so it stays what it was.
 
     Raises

@@ -79,7 +79,7 @@ rule index_terrain:
         positions=positions_here,
         grid=options("grid"),
         source=options("source"),
-        seeds=CONFIG.labels.model_dump(mode="json")["seeds"],
+        seed_options=CONFIG.labels.model_dump(mode="json")["seeds"],
         code=code_of("index_terrain"),
     script:
         "../scripts/index_terrain.py"

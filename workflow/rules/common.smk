@@ -105,7 +105,7 @@ def raw_data(wildcards):
 def override_file(wildcards):
     """Cuboids that a person typed, where there are any."""
     path = Path(f"config/rocks/terrain{wildcards.terrain}.yaml")
-    return [str(path)] if path.exists() else []
+    return str(path) if path.exists() else []
 
 
 def repaired_copies():

@@ -240,7 +240,7 @@ rule measure_stereo:
         domain=CONFIG.photo_domain,
         models=MODELS,
         options=options("detect.stereo"),
-        pictures=options("detect.pictures"),
+        curve=options("detect.pictures"),
         code=code_of("measure_stereo"),
     script:
         "../scripts/measure_stereo.py"

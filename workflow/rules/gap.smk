@@ -20,8 +20,8 @@ rule lay_truth:
         meshes="results/{run}/meshes/Terrain{terrain}",
         located="results/{run}/cameras/located/Terrain{terrain}",
     output:
-        cameras=directory("results/{run}/gap/truth/cameras/Terrain{terrain}"),
-        meshes=directory("results/{run}/gap/truth/meshes/Terrain{terrain}"),
+        true_cameras=directory("results/{run}/gap/truth/cameras/Terrain{terrain}"),
+        true_meshes=directory("results/{run}/gap/truth/meshes/Terrain{terrain}"),
     log:
         "results/{run}/logs/gap/lay_truth_{terrain}.log",
     benchmark:

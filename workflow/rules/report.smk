@@ -379,7 +379,7 @@ rule tabulate_stereo:
         runtime=5,
     params:
         origin=ORIGIN,
-        stereo=options("detect.stereo"),
+        options=options("detect.stereo"),
         code=code_of("tabulate_stereo"),
     script:
         "../scripts/tabulate_stereo.py"
@@ -478,13 +478,13 @@ rule draw_terrain:
         rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
         meshes="results/{run}/meshes/Terrain{terrain}",
     output:
-        meshes=report(
+        meshes_figure=report(
             "results/{run}/figures/meshes_Terrain{terrain}.png",
             caption="../report/meshes.rst",
             category="Meshes",
             labels={"terrain": "{terrain}", "picture": "meshes"},
         ),
-        crops=report(
+        crops_figure=report(
             "results/{run}/figures/crops_Terrain{terrain}.png",
             caption="../report/crops.rst",
             category="Meshes",

@@ -67,7 +67,7 @@ rule see_drive:
         mem_mb=4000,
         runtime=720,
     params:
-        cameras=camera_suite_options(*AFTER_PICTURES),
+        options=camera_suite_options(*AFTER_PICTURES),
         code=code_of("see_drive"),
     script:
         "../scripts/see_drive.py"
@@ -91,7 +91,7 @@ rule detect_drive:
         mem_mb=3000,
         runtime=240,
     params:
-        cameras=camera_suite_options(),
+        options=camera_suite_options(),
         code=code_of("detect_drive"),
     script:
         "../scripts/detect_drive.py"
@@ -117,7 +117,7 @@ rule measure_drive:
         mem_mb=2000,
         runtime=30,
     params:
-        cameras=camera_suite_options(),
+        options=camera_suite_options(),
         code=code_of("measure_drive"),
     script:
         "../scripts/measure_drive.py"
@@ -140,7 +140,7 @@ rule film_drive:
         mem_mb=2000,
         runtime=720,
     params:
-        cameras=camera_suite_options(),
+        options=camera_suite_options(),
         code=code_of("film_drive"),
     script:
         "../scripts/film_drive.py"
@@ -197,7 +197,7 @@ rule check_soil:
         soils=str(ROVER.soil.table),
     output:
         limit="results/{run}/rover/soil_limit.parquet",
-        measured="results/{run}/rover/soil_measured.parquet",
+        measured_slopes="results/{run}/rover/soil_measured.parquet",
     log:
         "results/{run}/logs/rover/check_soil.log",
     benchmark:
@@ -239,7 +239,7 @@ rule summarise_onboard:
     input:
         tables=of_drives("onboard/stops.parquet"),
     output:
-        onboard="results/{run}/rover/onboard.parquet",
+        table="results/{run}/rover/onboard.parquet",
     log:
         "results/{run}/logs/rover/summarise_onboard.log",
     benchmark:
@@ -262,19 +262,19 @@ rule tabulate_rover:
         each="results/{run}/rover/every_drive.parquet",
         soil="results/{run}/rover/soil_limit.parquet",
     output:
-        drives=report(
+        table=report(
             "results/{run}/tables/rover.csv",
             caption="../report/rover_table.rst",
             category="Rover",
             labels={"picture": "drives"},
         ),
-        each=report(
+        each_table=report(
             "results/{run}/tables/rover_drives.csv",
             caption="../report/rover_table.rst",
             category="Rover",
             labels={"picture": "every drive"},
         ),
-        soil=report(
+        soil_table=report(
             "results/{run}/tables/rover_soil.csv",
             caption="../report/rover_soil.rst",
             category="Rover",
