@@ -1,6 +1,10 @@
 """A job's function gets what its rule names, as what it is annotated with."""
 
+import ast
+import re
 from collections.abc import Mapping, Sequence
+from importlib import import_module
+from inspect import Parameter, signature
 from pathlib import Path
 
 import pytest
@@ -9,6 +13,8 @@ from snakemake.iocontainers import InputFiles, Log, OutputFiles, Params, Snakema
 
 from polarsim.errors import PolarsimError
 from polarsim.job import job
+
+WORKFLOW = Path(__file__).parents[1] / "workflow"
 
 
 class Options(BaseModel, extra="forbid"):
@@ -100,3 +106,44 @@ def test_an_error_of_polarsim_ends_a_job_in_one_line_and_stands_in_its_log(snake
         call(fail)
     assert capsys.readouterr().err.splitlines()[-1] == "error: terrain 8 has no scan"
     assert "terrain 8 has no scan" in Path(snakemake.log[0]).read_text()
+
+
+def rules_by_script() -> dict[str, list[str]]:
+    """Text of the rules that run a script, by its name."""
+    found: dict[str, list[str]] = {}
+    for path in sorted((WORKFLOW / "rules").glob("*.smk")):
+        for block in re.split(r"^(?=\s*(?:use )?rule \w+.*:$)", path.read_text(), flags=re.MULTILINE):
+            if script := re.search(r'"\.\./scripts/(\w+)\.py"', block):
+                found.setdefault(script[1], []).append(block)
+    return found
+
+
+def names_in(rule: str, section: str) -> set[str]:
+    """Names of a rule's inputs, outputs or params."""
+    found = re.search(rf"^( +){section}:\n((?:\1    .*\n)+)", rule, re.MULTILINE)
+    return set(re.findall(rf"^{found[1]}    (\w+)=", found[2], re.MULTILINE)) if found else set()
+
+
+def calls_of(script: str) -> list[tuple[str, str, set[str]]]:
+    """Module and name of each function that a script calls through its job, and the arguments that it gives."""
+    tree = ast.parse((WORKFLOW / f"scripts/{script}.py").read_text())
+    modules = {
+        alias.name: node.module for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names
+    }
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "call"]
+    return [(modules[node.args[0].id], node.args[0].id, {word.arg for word in node.keywords}) for node in nodes]
+
+
+@pytest.mark.parametrize("script", sorted(rules_by_script()))
+def test_a_rule_names_once_what_its_script_does_not_give(script):
+    (rule,) = rules_by_script()[script]
+    wildcards = set(re.findall(r"\{(\w+)\}", rule)) | {"threads"}
+    sections = [names_in(rule, section) for section in ("output", "input", "params")]
+    assert calls_of(script)
+    for module, name, given in calls_of(script):
+        function = getattr(import_module(module), name)
+        for argument, parameter in signature(function).parameters.items():
+            named = sum(argument in section for section in sections)
+            if argument not in given and not isinstance(function, type):  # of a class the tables are named in a loop
+                assert named <= 1, f"{name}: {argument} stands for {named} files or params"
+                assert named or argument in wildcards or parameter.default is not Parameter.empty, f"{name}: {argument}"

@@ -15,7 +15,6 @@ from polarsim.errors import ConfigError
 from polarsim.formats.release import label_folder, polygon_folder
 from polarsim.grid import selected_grid
 from polarsim.photo import positions as positions_of_terrain
-from polarsim.survey import terrain_folder
 
 try:
     CONFIG = parse_config(config)
@@ -36,7 +35,7 @@ STEREO = CONFIG.detect.stereo.run and bool(DOMAINS)
 STAND_INS = [] if KIND == "analog" else MODELS[:1]
 # Trainings are the longest jobs: what they wait for goes first, figures and scores fill the gaps.
 TRAINING_WAITS, TWINS_WAIT = 2, 1
-# Photos that a terrain is rendered after; cover photos are none. Materials where the configuration has them fitted.
+# The index of a terrain's photos where the source has photos (cover photos are none), and materials where they are fitted.
 PHOTOS_OF_TERRAIN = [] if KIND == "release" else "results/{run}/acquire/Terrain{terrain}/photos.parquet"
 FITTED_MATERIALS = "results/{run}/renders/materials/Terrain{terrain}"
 MATERIALS_OF_TERRAIN = FITTED_MATERIALS if CONFIG.render.materials_from_photos else []
