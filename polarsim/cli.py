@@ -371,7 +371,7 @@ def render(
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
     from polarsim.render.lamps import Lamp
-    from polarsim.render.map_files import write_maps
+    from polarsim.render.maps import write_maps
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
 

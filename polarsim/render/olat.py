@@ -19,7 +19,7 @@ from polarsim.render.lighting import disc_share, lighting, lit_share
 from polarsim.render.materials import Materials, Reflectance
 from polarsim.render.options import CHRONO, Model, RenderOptions
 from polarsim.render.pixel_filter import sample_offsets
-from polarsim.render.shadows import disc_shadows, ground_shadows
+from polarsim.render.shadows import ground_shadows
 from polarsim.render.surfaces import Surfaces
 from polarsim.render.surroundings import Surroundings
 
@@ -148,17 +148,17 @@ def identify(
     """
     met = surfaces.id_of_face.take(hits.face)
     for name, picture in pictures.items():
-        shown = met
-        if name != NO_LAMP and lamps[name].radius_m:
-            share = (shares or {}).get(name)
-            if share is None:
-                flat = replace(hits, normal=hits.plane)  # whatever the number of samples a pixel
-                share = lit_share(surfaces, flat, lamps[name], options.lamp_samples)
-            dark = share < options.shadow_below
-            shown = disc_shadows(surfaces, hits, met, lamps[name], dark, options.lamp_samples)
-        elif name != NO_LAMP:
-            shown = ground_shadows(surfaces, hits, met, lamps[name], np.flatnonzero(lit[name].take(hits.pixel)))
-        picture[hits.pixel] = shown
+        if name == NO_LAMP:
+            picture[hits.pixel] = met
+            continue
+        if not lamps[name].radius_m:
+            dark = ~lit[name].take(hits.pixel)
+        elif shares and name in shares:
+            dark = shares[name] < options.shadow_below
+        else:
+            flat = replace(hits, normal=hits.plane)  # whatever the number of samples a pixel
+            dark = lit_share(surfaces, flat, lamps[name], options.lamp_samples) < options.shadow_below
+        picture[hits.pixel] = ground_shadows(surfaces, hits, met, lamps[name], dark, options.lamp_samples)
 
 
 def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:

@@ -1,4 +1,4 @@
-"""Materials of a terrain from its photos, files to files."""
+"""Materials of a terrain from its photos, files to files, checked on photos that they were not fitted to."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.photo import CAMERAS, SUNS, PhotoKey, View
 from polarsim.progress import track
 from polarsim.randomness import generator
-from polarsim.render.fitting.check import compared
 from polarsim.render.fitting.exposures import single_lamps
 from polarsim.render.fitting.samples import Darkening, Samples, radiance, samples_of_view
 from polarsim.render.fitting.search import fitted_models, places_of
@@ -187,3 +186,26 @@ def _paths_by_view(terrain: int, photos: Path | None) -> Mapping[View, Mapping[P
             found.setdefault((key.position, key.camera), {})[key] = Path(str(path))
     assert all(camera in CAMERAS for _, camera in found)
     return found
+
+
+def errors(ratio: np.ndarray) -> dict[str, float]:
+    """Of logarithms (n,) of photo over twin, one brightness taken out: median absolute value and RMS, in stops."""
+    stops = (ratio - np.median(ratio)) / np.log(2)
+    return {
+        "median_stops": _rounded(float(np.median(np.abs(stops)))),
+        "rms_stops": _rounded(float(np.sqrt(np.mean(stops * stops)))),
+    }
+
+
+def compared(before: np.ndarray, constant: np.ndarray, fitted: np.ndarray) -> dict[str, Any]:
+    """Errors of twins without a fit, with all of it but the albedo, and with all of it; (n,) logarithms each."""
+    return {
+        "count": len(fitted),
+        "unfitted": errors(before),
+        "constant_albedo": errors(constant),
+        "fitted": errors(fitted),
+    }
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.5g}")

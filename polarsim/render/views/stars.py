@@ -12,7 +12,7 @@ from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.render.hits import cast_strip, for_strips
 from polarsim.render.surfaces import Surfaces
 from polarsim.render.views.hipparcos import directions, stars
-from polarsim.render.views.sections import StarField
+from polarsim.render.views.options import StarField
 
 SUN_MAGNITUDE = -26.61  # Hp, 1 AU away: irradiance 1; V is -26.74, and Hp 0.13 fainter for the Sun's twin 18 Scorpii
 

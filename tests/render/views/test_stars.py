@@ -8,7 +8,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose, looking
 from polarsim.render.views.cameras import pinhole
 from polarsim.render.views.hipparcos import cut, directions
-from polarsim.render.views.sections import StarField
+from polarsim.render.views.options import StarField
 from polarsim.render.views.stars import SUN_MAGNITUDE, Sky, sky_images, sky_mask, sky_of, star_radiance
 
 LENS = pinhole(50, 160, 120)
