@@ -89,8 +89,8 @@ def validate(
     Exit code 0: nothing but notes; 1: errors or warnings, or a folder that cannot be read; 2: a call that cannot be.
     """
     from polarsim.formats.files import write_json
+    from polarsim.lint.folders import lint
     from polarsim.lint.rules import chosen
-    from polarsim.lint.run import lint
 
     try:
         names = chosen(_listed(select), _listed(ignore))
@@ -112,7 +112,7 @@ def validate(
 @app.command()
 def rules() -> None:
     """Print the rules of `validate`: code, severity, name, meaning, and what --fix does."""
-    from polarsim.lint.run import rule_lines
+    from polarsim.lint.folders import rule_lines
 
     typer.echo("\n".join(rule_lines()))
 

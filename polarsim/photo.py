@@ -94,6 +94,11 @@ class PhotoKey:
         """How often the exposure time was doubled or halved from the usual one."""
         return abs(log2(self.exposure_ms / USUAL_EXPOSURE_MS))
 
+    @property
+    def other_camera(self) -> PhotoKey:
+        """The same photo by the other camera of the rig."""
+        return replace(self, camera="R" if self.camera == "L" else "L")
+
     def with_exposure(self, exposure_ms: int) -> PhotoKey:
         return replace(self, exposure_ms=exposure_ms)
 

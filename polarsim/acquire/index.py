@@ -2,27 +2,98 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions
-from polarsim.acquire.photos import find_gaps, index_photos, log_gaps, photo_table
 from polarsim.acquire.seeds import choose_seeds, copy_seeds, find_labels
-from polarsim.errors import FormatError, LabelError
-from polarsim.formats import nasa, release
+from polarsim.errors import FormatError, LabelError, about
+from polarsim.formats import nasa, png, release
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.rigs import write_rig
-from polarsim.formats.tables import PHOTO_COLUMNS, read_parquet, write_parquet
+from polarsim.formats.schemas import PHOTOS
+from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
 from polarsim.geometry.stereo import stated_rig
 from polarsim.grid import GridOptions, selected_grid
-from polarsim.photo import PhotoKey
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.progress import track
 
-STATED = "stated"  # source of a calibration that no file of the source gave
+PHOTO_BITS = 16  # of the files; their values have 12
 
 log = logging.getLogger("polarsim")
+STATED = "stated"  # source of a calibration that no file of the source gave
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """What is missing of the photo grid."""
+
+    missing: tuple[PhotoKey, ...]
+    unpaired: tuple[PhotoKey, ...]  # photos whose other camera is not there
+
+
+def describe_photo(path: Path) -> dict[str, object]:
+    """Width and height in pixels, bits, SHA-256 and path of a raw photo.
+
+    Raises
+    ------
+    FormatError
+        The file cannot be read or is damaged, or is no grey 16-bit PNG of NASA's size.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise FormatError(f"no readable photo, {error.strerror or error}", path=path) from error
+    with about(path):
+        header = png.parse_header(content)
+        if (header.width, header.height) != (WIDTH, HEIGHT):
+            raise FormatError(f"{header.width} x {header.height} pixels, expected {WIDTH} x {HEIGHT}")
+        if header.bits != PHOTO_BITS or header.channels != 1:
+            raise FormatError(f"{header.channels} channels of {header.bits} bits, a photo has 1 of {PHOTO_BITS}")
+    return {
+        "width": header.width,
+        "height": header.height,
+        "bits": header.bits,
+        "sha256": hashlib.sha256(content).hexdigest(),
+        "path": path.as_posix(),
+    }
+
+
+def index_photos(files: Sequence[tuple[PhotoKey, Path]]) -> pd.DataFrame:
+    """A row a photo; see `describe_photo` for what is refused."""
+    return photo_table([{**key_columns(key), **describe_photo(path)} for key, path in track(files, "reading photos")])
+
+
+def photo_table(rows: Sequence[Mapping[Any, Any]]) -> pd.DataFrame:
+    """Rows of `PHOTOS`, typed and in the order of keys; also when there are none."""
+    table = pd.DataFrame(rows, columns=list(PHOTOS.columns)).astype(PHOTOS.dtypes)
+    return table.sort_values("key", ignore_index=True)
+
+
+def find_gaps(keys: Collection[PhotoKey], expected: Sequence[PhotoKey]) -> Gaps:
+    """Expected photos that are not among `keys`, and photos without their other camera's."""
+    there = set(keys)
+    missing = [key for key in expected if key not in there]
+    unpaired = [key for key in sorted(there) if key.other_camera not in there]
+    return Gaps(tuple(missing), tuple(unpaired))
+
+
+def log_gaps(gaps: Gaps, found: int, folder: Path) -> None:
+    """One line where something is missing."""
+    if not found:
+        log.warning("%s: no photo", folder)
+    elif gaps.missing or gaps.unpaired:
+        example = f", such as {(*gaps.unpaired, *gaps.missing)[0]}"
+        log.warning(
+            "%s: %d photos found, %d of the grid missing, %d without the other camera's%s",
+            folder, found, len(gaps.missing), len(gaps.unpaired), example,
+        )  # fmt: skip
 
 
 def index_terrain(

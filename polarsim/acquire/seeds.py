@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.acquire.options import SeedOptions
 from polarsim.formats import release, yolo
 from polarsim.formats.files import writing_folder
-from polarsim.geometry.swapped import rocks_called_shadows
+from polarsim.geometry.consensus import rocks_called_shadows
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
 
 log = logging.getLogger("polarsim")

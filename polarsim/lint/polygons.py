@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -103,7 +102,7 @@ def against_boxes(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:
 def other_camera(polygons: Polygons, key: PhotoKey, labels: Mapping[PhotoKey, Boxes]) -> Iterator[Defect]:
     """Rocks of a file that fit the boxes of the other camera's photo better than those of its own."""
     rocks = boxes_of(polygons, ROCK_POLYGON)
-    own, twin = (labels.get(replace(key, camera=camera)) for camera in (key.camera, "R" if key.camera == "L" else "L"))
+    own, twin = labels.get(key), labels.get(key.other_camera)
     if own is None or twin is None or len(rocks) < LEAST_ROCKS:
         return
     mine, other = (_f1(rocks, boxes[classes == ROCK_CLASS]) for classes, boxes in (own, twin))

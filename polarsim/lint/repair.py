@@ -16,10 +16,10 @@ from polarsim.formats import release, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.boxes import clip
 from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
-from polarsim.lint.exposures import brackets, modal, of_class
 from polarsim.lint.findings import Finding
 from polarsim.lint.polygons import BACKGROUND, GROUND, Polygons
 from polarsim.lint.rules import RULES
+from polarsim.lint.siblings import brackets, modal, of_class
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 
 CHANGES = "changes.csv"

@@ -4,7 +4,7 @@ import logging
 import numpy as np
 import pytest
 
-from polarsim.acquire.photos import Gaps, describe_photo, find_gaps, index_photos, log_gaps, photo_table
+from polarsim.acquire.index import Gaps, describe_photo, find_gaps, index_photos, log_gaps, photo_table
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import PHOTO_COLUMNS

@@ -18,7 +18,7 @@ from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster, Surveyor
-from polarsim.geometry.rays_parts import Part, Parts
+from polarsim.geometry.rays_embree import Part, Parts
 from polarsim.render.options import Material, RenderOptions
 from polarsim.render.surfaces import Surfaces, with_skirts
 from polarsim.rover.cameras.bodywork import Body
