@@ -33,7 +33,7 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"formats"},
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
     {"rover", "report"},
-    {"config", "pages", "reporting"},
+    {"config", "reporting"},
     {"cli"},
 )
 TALLER = {  # of the stages these see only these: a drive renders and detects itself, a report shows what scoring found
