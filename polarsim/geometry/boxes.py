@@ -54,20 +54,18 @@ def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def match(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
     """One-to-one pairs (rows, columns) with overlap >= threshold: as many as can be, then of the largest sum."""
-    if not overlap.size:
-        return np.zeros(0, int), np.zeros(0, int)
     gain = np.where(overlap >= threshold, 1 + overlap / (1 + min(overlap.shape)), 0.0)
-    rows, columns = linear_sum_assignment(-gain)
-    good = overlap[rows, columns] >= threshold
-    return rows[good], columns[good]
+    return _assigned(gain, overlap >= threshold)
 
 
 def match_sum(overlap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One-to-one pairs (rows, columns) of the largest summed overlap, pairs without overlap left out."""
-    if not overlap.size:
-        return np.zeros(0, int), np.zeros(0, int)
-    rows, columns = linear_sum_assignment(-overlap)
-    good = overlap[rows, columns] > 0
+    return _assigned(overlap, overlap > 0)
+
+
+def _assigned(gain: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    rows, columns = linear_sum_assignment(-gain)
+    good = allowed[rows, columns]
     return rows[good], columns[good]
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from polarsim.geometry.boxes import around, iou, largest_iou, match
+from polarsim.geometry.polygons import signed_area
 from polarsim.lint.boxes import NEAR, OUTSIDE_PX, ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
 from polarsim.photo import HEIGHT, POLYGON_CLASSES, ROCK, SHADOW, WIDTH, PhotoKey
@@ -60,7 +61,7 @@ def file_defects(polygons: Polygons) -> Iterator[Defect]:
         huge = tuple(
             number
             for number, (kind, vertices) in enumerate(polygons)
-            if kind == ROCK_POLYGON and _area(vertices) > HUGE_PX2
+            if kind == ROCK_POLYGON and abs(signed_area(vertices)) > HUGE_PX2
         )
         if huge:
             yield Defect("ground_as_rock", f"polygon {huge[0] + 1}", huge)
@@ -128,8 +129,3 @@ def covers_photo(polygons: Polygons) -> bool:
     for _, vertices in polygons:  # one by one: together, overlaps would count as holes
         cv2.fillPoly(painted, [np.round(vertices / COVER_STEP).astype(np.int32)], (1,))
     return bool(painted.mean() >= COVERED)
-
-
-def _area(vertices: np.ndarray) -> float:
-    x, y = vertices.T
-    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)

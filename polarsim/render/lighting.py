@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -40,45 +40,49 @@ def visible_share(
         Above 1, of points in the order of a picture: only every so many-th one is probed at centre and rim. Where two
         of them see the same, all or nothing, those between look at the centre alone, unless that differs nearby.
     """
+
+    def seen(numbers: np.ndarray, pattern: np.ndarray) -> np.ndarray:
+        """(m,) share of the pattern's places on the disc that points with these numbers (m,) see."""
+        at, towards = _rows(numbers, points, to_lamp)
+        occluded = np.zeros(len(numbers), np.float32)
+        for along in _on_disc(towards, radius_m, pattern, turn[numbers]):
+            occluded += surfaces.all.occluded(at, along, 1.0)
+        return 1 - occluded / np.float32(len(pattern))
+
+    def centre_seen(numbers: np.ndarray) -> np.ndarray:
+        return ~surfaces.all.occluded(*_rows(numbers, points, to_lamp), 1.0)
+
     share = np.empty(len(points), np.float32)
     unsure = np.arange(len(points))
     if every > 1:
-        unsure = _sparsely(surfaces, points, to_lamp, radius_m, turn, every, share)
-    share[unsure] = 1 - _occluded_share(surfaces, *_rows(unsure, points, to_lamp), radius_m, _rim(), turn[unsure])
+        unsure = _sparsely(share, every, lambda numbers: seen(numbers, _rim()), centre_seen)
+    share[unsure] = seen(unsure, _rim())
     soft = np.flatnonzero((share > 0) & (share < 1))
     if len(soft):
-        share[soft] = 1 - _occluded_share(
-            surfaces, points[soft], to_lamp[soft], radius_m, _sunflower(samples), turn[soft]
-        )
+        share[soft] = seen(soft, _sunflower(samples))
     return share
 
 
 def _sparsely(
-    surfaces: Surfaces,
-    points: np.ndarray,
-    to_lamp: np.ndarray,
-    radius_m: float,
-    turn: np.ndarray,
-    every: int,
-    share: np.ndarray,
+    share: np.ndarray, every: int, rim_seen: Callable[..., np.ndarray], centre_seen: Callable[..., np.ndarray]
 ) -> np.ndarray:
-    """Write the share of points (n,) that lie among alike ones; numbers of the others."""
-    count = len(points)
+    """Write the share of points (n,) that lie among alike ones; numbers of the others.
+
+    `rim_seen`, `centre_seen`: (m,) what points with numbers (m,) see, as a share and as bool.
+    """
+    count = len(share)
     probed = np.minimum(np.arange(0, count + every - 1, every), max(count - 1, 0)) if count else np.zeros(0, np.int64)
-    found = 1 - _occluded_share(surfaces, *_rows(probed, points, to_lamp), radius_m, _rim(), turn[probed])
+    found = rim_seen(probed)
     between = np.minimum(np.arange(count) // every, len(probed) - 2) if len(probed) > 1 else np.zeros(count, np.int64)
     first, second = found[between], found[np.minimum(between + 1, len(probed) - 1)]
     alike = np.flatnonzero((first == second) & ((first == 0) | (first == 1)))
     differs = np.zeros(count + 2 * every, np.int64)  # a margin on both sides
-    open_centre = ~surfaces.all.occluded(*_rows(alike, points, to_lamp), 1.0)
-    differs[every + alike[open_centre != (first[alike] == 1)]] = 1
+    differs[every + alike[centre_seen(alike) != (first[alike] == 1)]] = 1
     so_far = np.concatenate([[0], differs.cumsum()])
     near = so_far[every + every // 2 + 1 :][:count] - so_far[every - every // 2 :][:count] > 0
     sure = alike[~near[alike]]
     share[sure] = first[sure]
-    others = np.ones(count, bool)
-    others[sure] = False
-    return np.flatnonzero(others)
+    return np.delete(np.arange(count), sure)
 
 
 def _rows(numbers: np.ndarray, points: np.ndarray, to_lamp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -96,15 +100,6 @@ def _sunflower(samples: int) -> np.ndarray:
     """(samples, 2) points that cover the unit disc evenly: radius and angle."""
     number = np.arange(samples)
     return np.stack([np.sqrt((number + 0.5) / samples), number * _GOLDEN], axis=1)
-
-
-def _occluded_share(
-    surfaces: Surfaces, points: np.ndarray, to_lamp: np.ndarray, radius_m: float, pattern: np.ndarray, turn: np.ndarray
-) -> np.ndarray:
-    occluded = np.zeros(len(points), np.float32)
-    for towards in _on_disc(to_lamp, radius_m, pattern, turn):
-        occluded += surfaces.all.occluded(points, towards, 1.0)
-    return occluded / np.float32(len(pattern))
 
 
 def to_disc(to_lamp: np.ndarray, radius_m: float, samples: int, turn: np.ndarray) -> Iterator[np.ndarray]:

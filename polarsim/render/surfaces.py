@@ -180,7 +180,7 @@ def low_rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     if is_watertight(faces):
         return np.zeros((0, 2), np.int64)
     used = np.unique(faces)
-    place = _places(vertices[used])
+    place = np.unique(np.round(vertices[used] / _SAME_PLACE), axis=0, return_inverse=True)[1].ravel()
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     start, end = place[np.searchsorted(used, edges)].T
     pair = np.minimum(start, end) * len(used) + np.maximum(start, end)
@@ -189,16 +189,6 @@ def low_rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     height = vertices[used, 2]
     limit = height.min() + _LOWER_PART * np.ptp(height)
     return rim[(vertices[rim, 2] < limit).all(axis=1)]
-
-
-def _places(vertices: np.ndarray) -> np.ndarray:
-    """(v,) numbers below v that vertices (v, 3) share where they are in the same place."""
-    rounded = np.round(vertices / _SAME_PLACE)
-    order = np.lexsort(rounded.T)
-    moved_on = (np.diff(rounded[order], axis=0) != 0).any(axis=1)
-    place = np.empty(len(vertices), np.int64)
-    place[order] = np.concatenate([[0], np.cumsum(moved_on)])
-    return place
 
 
 def hang(start: np.ndarray, end: np.ndarray, depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -20,8 +20,7 @@ from polarsim.formats.scene import mesh_files
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.photo import PhotoKey
-from polarsim.render.fitted import as_bright_as_fitted
-from polarsim.render.gain import calibrate, default_gain
+from polarsim.render.gain import as_bright_as_fitted, calibrate, default_gain
 from polarsim.render.indirect import OlatImages
 from polarsim.render.lamps import Lamp, lit_by
 from polarsim.render.options import Model, RenderOptions

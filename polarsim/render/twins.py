@@ -17,8 +17,7 @@ from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, View
 from polarsim.progress import track
-from polarsim.render.fitted import with_fit
-from polarsim.render.gain import calibration_photos
+from polarsim.render.gain import calibration_photos, with_fit
 from polarsim.render.ground_truth import hidden_parts, label_row, label_view
 from polarsim.render.lamps import Lamp, lamps_of, lit_by
 from polarsim.render.maps import lamps_of_maps, maps_of, write_view_maps

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.formats import tables
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.materials import Fitted, FittedMaterials, rock_of_vertex, write_materials
 from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.run_files import pictures_at
 from polarsim.formats.scene import TerrainMesh, read_terrain
-from polarsim.photo import CAMERAS, SUNS, PhotoKey, View
+from polarsim.photo import SUNS, PhotoKey, View
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.fitting.exposures import single_lamps
@@ -178,13 +178,10 @@ def _samples_of_terrain(
 def _paths_by_view(terrain: int, photos: Path | None) -> Mapping[View, Mapping[PhotoKey, Path]]:
     if photos is None:
         return {}
-    table = tables.read_parquet(photos, ["key", "path"])
     found: dict[View, dict[PhotoKey, Path]] = {}
-    for text, path in zip(table["key"], table["path"], strict=True):
-        key = PhotoKey.parse(str(text))
-        if key.terrain == terrain and Path(str(path)).is_file():
-            found.setdefault((key.position, key.camera), {})[key] = Path(str(path))
-    assert all(camera in CAMERAS for _, camera in found)
+    for key, path in pictures_at(photos).items():
+        if key.terrain == terrain and path.is_file():
+            found.setdefault((key.position, key.camera), {})[key] = path
     return found
 
 

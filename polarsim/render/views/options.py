@@ -11,12 +11,12 @@ from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, PositiveIn
 
 from polarsim.formats.yaml_files import read_model
 from polarsim.render.options import RenderOptions
-from polarsim.render.views.hipparcos import FAINTEST_MAG
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9.-]*$")]  # no _: it stands between the parts of file names
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Place = tuple[Finite, Finite, Finite]  # x, y, z, sandbox frame
+FAINTEST_MAG = 7.0  # Hp, of the table of stars
 
 
 def _in_order(low: Place, high: Place) -> None:
