@@ -76,7 +76,7 @@ def test_imports_run_one_way_and_in_no_circle():
         ("geometry.outlines", "formats.obj"),
         ("kernels", "geometry.rays"),
         ("formats.obj", "rocks.mesh"),
-        ("lint.boxes", "labels.view"),  # sideways
+        ("lint.files", "labels.view"),  # sideways
         ("labels.view", "lint.rules"),
         ("rover.run", "rocks.mesh"),
         ("report.compare", "render.twins"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,14 +27,6 @@ PHOTO_BITS = 16  # of the files; their values have 12
 
 log = logging.getLogger("polarsim")
 STATED = "stated"  # source of a calibration that no file of the source gave
-
-
-@dataclass(frozen=True)
-class Gaps:
-    """What is missing of the photo grid."""
-
-    missing: tuple[PhotoKey, ...]
-    unpaired: tuple[PhotoKey, ...]  # photos whose other camera is not there
 
 
 def describe_photo(path: Path) -> dict[str, object]:
@@ -76,23 +67,17 @@ def photo_table(rows: Sequence[Mapping[Any, Any]]) -> pd.DataFrame:
     return table.sort_values("key", ignore_index=True)
 
 
-def find_gaps(keys: Collection[PhotoKey], expected: Sequence[PhotoKey]) -> Gaps:
-    """Expected photos that are not among `keys`, and photos without their other camera's."""
+def log_gaps(keys: Collection[PhotoKey], expected: Sequence[PhotoKey], folder: Path) -> None:
+    """One line where expected photos are not among `keys`, or photos lack their other camera's."""
     there = set(keys)
     missing = [key for key in expected if key not in there]
     unpaired = [key for key in sorted(there) if key.other_camera not in there]
-    return Gaps(tuple(missing), tuple(unpaired))
-
-
-def log_gaps(gaps: Gaps, found: int, folder: Path) -> None:
-    """One line where something is missing."""
-    if not found:
+    if not there:
         log.warning("%s: no photo", folder)
-    elif gaps.missing or gaps.unpaired:
-        example = f", such as {(*gaps.unpaired, *gaps.missing)[0]}"
+    elif missing or unpaired:
         log.warning(
-            "%s: %d photos found, %d of the grid missing, %d without the other camera's%s",
-            folder, found, len(gaps.missing), len(gaps.unpaired), example,
+            "%s: %d photos found, %d of the grid missing, %d without the other camera's, such as %s",
+            folder, len(there), len(missing), len(unpaired), (*unpaired, *missing)[0],
         )  # fmt: skip
 
 
@@ -176,8 +161,7 @@ def _recorded(
         raise FormatError(f"nothing of terrain {terrain:02d}, looked for {names}", path=root)
     found = nasa.find_photos(folder, terrain) if folder else []
     files = [(key, path) for key, path in found if key.position in positions]
-    gaps = find_gaps([key for key, _ in files], selected_grid(terrain, positions, grid))
-    log_gaps(gaps, len(files), folder or root)
+    log_gaps([key for key, _ in files], selected_grid(terrain, positions, grid), folder or root)
     stated = nasa.find_calibration(folder) if folder else None
     if stated is None:
         log.warning("%s: no %s, the rig of terrain 11 is taken", folder or root, nasa.CALIBRATION_NAME)

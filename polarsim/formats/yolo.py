@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import FormatError
+from polarsim.errors import FormatError, about
 from polarsim.formats.files import write_text
-from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
+from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, PhotoKey
 
 CLASS_FILE = "classes.txt"  # stands beside label files and is none: the names of their class numbers, one a line
 _SIZE = np.array([WIDTH, HEIGHT], float)
@@ -182,3 +182,23 @@ def _class(path: str | Path, number: int, field: str, names: tuple[str, ...]) ->
     if not field.isdigit() or int(field) >= len(names):
         raise FormatError(f"class {field}, expected 0 to {len(names) - 1} ({', '.join(names)})", path=path, line=number)
     return int(field)
+
+
+def read_rock_boxes(seeds: Path, terrain: int) -> dict[str, list[np.ndarray]]:
+    """Rock boxes (n, 4) of a terrain's seeds in left photos by position, one array a file; pixels.
+
+    Seeds are the label files of a run's source that its stages may read.
+
+    Raises
+    ------
+    LabelError
+        A file's name is no photo's, or its content no labels.
+    """
+    boxes: dict[str, list[np.ndarray]] = {}
+    for path in sorted(Path(seeds).glob("*.txt")):
+        with about(path):
+            key = PhotoKey.parse(path.stem)
+        if key.terrain == terrain and key.camera == "L":
+            classes, annotated = read_boxes(path)
+            boxes.setdefault(key.position, []).append(annotated[classes == BOX_CLASSES.index(ROCK)])
+    return boxes

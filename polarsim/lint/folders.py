@@ -15,14 +15,23 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, release, yolo
-from polarsim.lint.boxes import Boxes, Size, box_defects, count_defects
+from polarsim.lint.files import (
+    Boxes,
+    Polygons,
+    Size,
+    against_boxes,
+    box_defects,
+    count_defects,
+    file_defects,
+    other_camera,
+    ring_defects,
+)
 from polarsim.lint.findings import Finding, Findings, Report
-from polarsim.lint.polygons import Polygons, against_boxes, file_defects, other_camera, ring_defects
 from polarsim.lint.repair import write_repaired
 from polarsim.lint.rules import RULES, Defect
-from polarsim.lint.siblings import brackets, missing_exposures, set_defects, sibling_defects
+from polarsim.lint.siblings import missing_exposures, set_defects, sibling_defects
 from polarsim.lint.views import view_defects
-from polarsim.photo import BOX_CLASSES, SUNS, PhotoKey, is_exposure
+from polarsim.photo import BOX_CLASSES, SUNS, PhotoKey, by_bracket, is_exposure
 from polarsim.progress import track
 
 Terrain = tuple[list[Finding], dict[str, int]]
@@ -89,7 +98,7 @@ def _lint_boxes(
         counts = count_defects(labels[0]) if key.azimuth in SUNS else ()
         for defect in (*box_defects(*labels), *counts):
             found.add(files[key], defect)
-    for keys in brackets(files):
+    for keys in by_bracket(files).values():
         for key in missing_exposures(set(keys)):
             found.add(folder / f"{key}.txt", Defect("missing_file", f"{len(keys)} other exposures are there"))
         for key, defect in set_defects({key: boxes[key] for key in keys if key in boxes}):

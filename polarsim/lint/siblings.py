@@ -6,19 +6,18 @@ Inside an exposure bracket only the exposure changes, so labels should not.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from polarsim.geometry.boxes import iou, largest_iou, match_sum
 from polarsim.geometry.consensus import SAME_ROCK, rocks_called_shadows
-from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
+from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
-from polarsim.photo import BOX_CLASSES, SUNS, Azimuth, CameraSide, Light, PhotoKey, exposures
+from polarsim.photo import BOX_CLASSES, SUNS, Bracket, PhotoKey, by_bracket, exposures
 
 FOUND, UNMOVED = 0.1, 0.9  # IoU of a box with its like in another exposure, and of one that did not move
-Bracket = tuple[int, str, Light, Azimuth, CameraSide]  # see `PhotoKey.bracket`
 Found = Iterator[tuple[PhotoKey, Defect]]
 
 
@@ -49,14 +48,6 @@ def missing_exposures(there: set[PhotoKey]) -> list[PhotoKey]:
     return sorted(missing) if key.azimuth != "no" and len(missing) < len(whole) / 2 else []
 
 
-def brackets(keys: Iterable[PhotoKey]) -> list[list[PhotoKey]]:
-    """Keys by exposure bracket, both in order."""
-    sets: dict[tuple[object, ...], list[PhotoKey]] = {}
-    for key in sorted(keys):
-        sets.setdefault(key.bracket, []).append(key)
-    return list(sets.values())
-
-
 def of_class(files: Mapping[PhotoKey, Boxes], number: int) -> dict[PhotoKey, np.ndarray]:
     """(n, 4) boxes of a class in files with boxes; short exposures hide all shadows, so files without are left out."""
     boxes = {key: places[classes == number] for key, (classes, places) in files.items() if len(classes)}
@@ -74,7 +65,7 @@ def modal(boxes: Mapping[PhotoKey, np.ndarray]) -> np.ndarray:
 
 def modals(boxes: Mapping[PhotoKey, np.ndarray]) -> dict[Bracket, np.ndarray]:
     """(n, 4) the content that most files of each exposure bracket share."""
-    return {keys[0].bracket: modal({key: boxes[key] for key in keys}) for keys in brackets(boxes)}
+    return {name: modal({key: boxes[key] for key in keys}) for name, keys in by_bracket(boxes).items()}
 
 
 def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Found:
@@ -182,7 +173,7 @@ def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Found:
     """Exposure brackets of one view with the rover light on, against the same ones with it off; named by their best
     file.
     """
-    sets = {keys[0].bracket: {key: files[key] for key in keys} for keys in brackets(files)}
+    sets = {name: {key: files[key] for key in keys} for name, keys in by_bracket(files).items()}
     best = {key.bracket: key for key in _best(files)}
     for name, lit in sets.items():
         terrain, position, light, azimuth, camera = name
@@ -202,7 +193,7 @@ def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 def _best(files: Mapping[PhotoKey, Boxes]) -> list[PhotoKey]:
     """The file with most boxes of each exposure bracket, the shortest exposure of equals."""
-    return [max(keys, key=lambda key: (len(files[key][0]), -key.exposure_ms)) for keys in brackets(files)]
+    return [max(keys, key=lambda key: (len(files[key][0]), -key.exposure_ms)) for keys in by_bracket(files).values()]
 
 
 def _rocks(labels: Boxes) -> np.ndarray:

@@ -11,10 +11,10 @@ from polarsim.geometry.boxes import centres, iou, match_sum
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
-from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
+from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
-from polarsim.lint.siblings import Bracket, Found, modals, of_class
-from polarsim.photo import CAMERAS, SUNS, PhotoKey
+from polarsim.lint.siblings import Found, modals, of_class
+from polarsim.photo import CAMERAS, SUNS, Bracket, PhotoKey
 
 LEAST_BOXES = 3  # fewer tell no view
 BETTER, GOOD = 0.25, 0.4  # mean IoU by which another view must fit better, and at least

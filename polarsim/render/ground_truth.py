@@ -17,8 +17,8 @@ from polarsim.formats.instances import BACKGROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.boxes import around, of_mask, window
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
+from polarsim.geometry.polygons import without_thin_parts
 from polarsim.geometry.rays import NO_FACE, START_OFFSET
-from polarsim.geometry.thin_parts import without_thin_parts
 from polarsim.geometry.vectors import length, moved
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
 from polarsim.render.lamps import lit_by

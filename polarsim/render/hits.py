@@ -16,7 +16,7 @@ from scipy.special import ndtri
 from threadpoolctl import ThreadpoolController
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.pixel_rays import pixel_directions
+from polarsim.geometry.lens import pixel_directions
 from polarsim.geometry.rays import RayHits
 from polarsim.geometry.vectors import dot, moved, rotated, scaled, unit
 from polarsim.render.sensor_options import SensorOptions

@@ -14,8 +14,7 @@ from scipy import fft
 from scipy.integrate import quad
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.pixel_rays import pixel_directions
+from polarsim.geometry.lens import Lens, pixel_directions
 from polarsim.render.indirect import OlatImages
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import visible_share

@@ -19,7 +19,7 @@ from polarsim.formats.materials import FittedMaterials
 from polarsim.formats.scene import mesh_files
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, by_bracket
 from polarsim.render.gain import as_bright_as_fitted, calibrate, default_gain
 from polarsim.render.indirect import OlatImages
 from polarsim.render.lamps import Lamp, lit_by
@@ -136,9 +136,6 @@ def write_photos(
 ) -> None:
     """Write the photos of one view, `folder/KEY.png`, from its OLAT images by lamp."""
     dark = np.zeros(lens.shape, np.float32)
-    brackets: dict[tuple[object, ...], list[PhotoKey]] = {}
-    for key in keys:
-        brackets.setdefault(key.bracket, []).append(key)
 
     def write(bracket: list[PhotoKey]) -> None:
         radiance = sum((olat_images[name] for name in lit_by(bracket[0])), dark)
@@ -147,4 +144,4 @@ def write_photos(
             png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        list(pool.map(write, brackets.values()))
+        list(pool.map(write, by_bracket(keys).values()))
