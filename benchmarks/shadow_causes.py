@@ -29,7 +29,7 @@ from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import area, centres, clip, iou, match_sum, of_mask
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.outlines import TRIM
-from polarsim.geometry.thin_parts import without_thin_parts
+from polarsim.geometry.polygons import without_thin_parts
 from polarsim.labels.known import Known, gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.parts import windows_of

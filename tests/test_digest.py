@@ -33,7 +33,7 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"formats"},
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
     {"rover", "report"},
-    {"config", "pages", "reporting"},
+    {"config", "reporting"},
     {"cli", "job"},
 )
 TALLER = {  # of the stages these see only these: a drive renders and detects itself, a report shows what scoring found
@@ -76,7 +76,7 @@ def test_imports_run_one_way_and_in_no_circle():
         ("geometry.outlines", "formats.obj"),
         ("kernels", "geometry.rays"),
         ("formats.obj", "rocks.mesh"),
-        ("lint.boxes", "labels.view"),  # sideways
+        ("lint.files", "labels.view"),  # sideways
         ("labels.view", "lint.rules"),
         ("rover.run", "rocks.mesh"),
         ("report.compare", "render.twins"),

@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from polarsim.grid import as_text
-from polarsim.photo import SUNS, Azimuth, Light, is_exposure
+from polarsim.photo import SUNS, Azimuth, Light, PhotoKey, is_exposure
 from polarsim.photo import CameraSide as Camera
 
 NO_SEEDS = "none"  # in the place of seed options: labels come from geometry and light alone
@@ -80,6 +80,10 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
         description="'best': the file of an exposure bracket with most boxes, then nearest 256 ms; or an exposure "
         "in ms.",
     )
+
+    def allow(self, key: PhotoKey) -> bool:
+        """Whether a photo may be a seed's at some exposure."""
+        return key.light == self.light and key.camera == self.camera and key.azimuth in self.azimuths
 
     @field_validator("light", "azimuths", mode="before")
     @classmethod

@@ -28,7 +28,7 @@ from polarsim.formats.rigs import SURVEYED, PlacedRig, read_rig, write_placed
 from polarsim.formats.rock_shifts import FILE as SHIFT_FILE
 from polarsim.formats.scans import read_scan
 from polarsim.formats.schemas import ALIGNMENT, MATCHES
-from polarsim.formats.seeds import read_rock_boxes
+from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.geometry.poses import Pose, yaw_pitch_roll

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from polarsim.geometry import boxes as box_geometry
+from polarsim.geometry.boxes import assign
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import EDGES, Outlines
 from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
 

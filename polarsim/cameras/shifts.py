@@ -10,9 +10,9 @@ import pandas as pd
 
 from polarsim.cameras.refine import BoxFit, EdgeNoise, EdgeProblem, PosePrior, pose_of, unknowns_of
 from polarsim.formats.rock_shifts import SHIFT_COLUMNS
+from polarsim.geometry.boxes import assign
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import Outlines
 
 ROUNDS = 3  # of pairing rocks and boxes anew

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import FormatError
-from polarsim.formats.annotated import read_annotated
 from polarsim.formats.coco import read_coco
+from polarsim.formats.release import read_annotated
 from polarsim.geometry.boxes import iou, match
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.seeds import Annotated

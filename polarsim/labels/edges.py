@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.geometry.boxes import of_mask, window
-from polarsim.geometry.thin_parts import without_thin_parts
+from polarsim.geometry.polygons import without_thin_parts
 from polarsim.labels.parts import SMALL_PART
 from polarsim.labels.photos import Brightness, noise_dn
 from polarsim.photo import NO_ROCK

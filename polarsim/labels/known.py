@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.matching import MATCH_GATE_PX
+from polarsim.geometry.boxes import MATCH_GATE_PX
 from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import Annotated, Seeds, Sight, cameras_first

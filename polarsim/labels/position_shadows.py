@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.boxes import area, iou
-from polarsim.geometry.matching import MATCH_GATE_PX
+from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
 from polarsim.labels.annotator_model import as_people_draw
 from polarsim.labels.edges import snapped
 from polarsim.labels.identity import match_boxes

@@ -12,7 +12,7 @@ from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.boxes import of_mask
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.thin_parts import without_thin_parts
+from polarsim.geometry.polygons import without_thin_parts
 from polarsim.labels.parts import Window, without_small_components
 from polarsim.labels.wall_shade import passing_heights
 from polarsim.labels.world import World

@@ -8,8 +8,7 @@ import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.consensus import consensus_boxes
-from polarsim.geometry.strangers import positions_of_strangers
+from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
 from polarsim.labels.seeds import Drawings
 
 

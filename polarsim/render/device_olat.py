@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from polarsim.formats.instances import BACKGROUND
-from polarsim.geometry.pixel_rays import pixel_directions, separated
+from polarsim.geometry.lens import pixel_directions, separated
 from polarsim.geometry.rays import START_OFFSET
 from polarsim.geometry.rays_taichi import laid, laid_vectors
 from polarsim.geometry.taichi_device import on_its_thread, ti

@@ -5,27 +5,70 @@ each.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from polarsim.formats import lamps as lamp_files
+from polarsim.formats import materials as material_files
 from polarsim.formats import png
 from polarsim.formats.materials import FittedMaterials
+from polarsim.formats.scene import mesh_files
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.photo import PhotoKey
-from polarsim.render.fitted import as_bright_as_fitted
-from polarsim.render.gain import calibrate, default_gain
+from polarsim.photo import PhotoKey, by_bracket
+from polarsim.render.gain import as_bright_as_fitted, calibrate, default_gain
 from polarsim.render.indirect import OlatImages
 from polarsim.render.lamps import Lamp, lit_by
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.sensor import expose, noise_of
-from polarsim.render.shot import Shot
-from polarsim.render.twin_sidecars import TwinSidecars
+from polarsim.render.sensor import expose, noise_of, noise_seed
+from polarsim.render.sidecar import Shot, Sidecar, digest_of, write_sidecar
 
 log = logging.getLogger("polarsim.render")
+
+
+class TwinSidecars:
+    """Sidecars of one terrain's twins.
+
+    Their `sources` are `meshes`; `camera`: the position's `PosX.json`; `lamps`: `lamps.json`, where photos showed where
+    lamps stood; `photos`: those that set the model's gain, where there were some; `materials`: what was fitted to
+    photos, if it was: albedo by vertex is in there alone, and lamps are as bright as it says.
+    """
+
+    def __init__(
+        self, terrain: int, meshes: Path, cameras: Path, lamps: Path, materials: Path | None, options: RenderOptions
+    ) -> None:
+        """`meshes`, `cameras`, `lamps`, `materials`: the terrain's folders."""
+        self.terrain, self._cameras, self._options = terrain, cameras, options
+        found = lamps / lamp_files.FILE
+        self._sources = {
+            "meshes": digest_of(mesh_files(meshes, terrain).values()),
+            **({"lamps": digest_of([found])} if found.exists() else {}),
+            **({"materials": digest_of(material_files.files_of(materials))} if materials else {}),
+        }
+        self._photos: dict[Model, str] = {}
+
+    def set_gain_by(self, model: Model, photos: Iterable[Path]) -> None:
+        """Say which photos a model's gain rests on."""
+        self._photos[model] = digest_of(photos)
+
+    def write(self, folder: Path, keys: Iterable[PhotoKey], view: Shot, gain: float) -> None:
+        """Write `folder/KEY.json` for the keys of one view; `view` has all of its lamps."""
+        sources = dict(self._sources)
+        if view.model in self._photos:
+            sources["photos"] = self._photos[view.model]
+        camera: Mapping[str, str] = {}
+        for key in keys:
+            camera = camera or {"camera": digest_of([self._cameras / f"Pos{key.position}.json"])}
+            shot = replace(
+                view, lamps={name: view.lamps[name] for name in lit_by(key)}, exposure_ms=float(key.exposure_ms)
+            )
+            seed = noise_seed(self._options, key)
+            told = Sidecar(shot, self.terrain, self._options, gain, {**sources, **camera}, seed)
+            write_sidecar(folder / f"{key}.json", told.content())
 
 
 class TwinWriter:
@@ -93,9 +136,6 @@ def write_photos(
 ) -> None:
     """Write the photos of one view, `folder/KEY.png`, from its OLAT images by lamp."""
     dark = np.zeros(lens.shape, np.float32)
-    brackets: dict[tuple[object, ...], list[PhotoKey]] = {}
-    for key in keys:
-        brackets.setdefault(key.bracket, []).append(key)
 
     def write(bracket: list[PhotoKey]) -> None:
         radiance = sum((olat_images[name] for name in lit_by(bracket[0])), dark)
@@ -104,4 +144,4 @@ def write_photos(
             png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        list(pool.map(write, brackets.values()))
+        list(pool.map(write, by_bracket(keys).values()))

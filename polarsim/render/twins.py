@@ -17,19 +17,15 @@ from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, View
 from polarsim.progress import track
-from polarsim.render.amodal import hidden_parts
-from polarsim.render.fitted import with_fit
-from polarsim.render.gain import calibration_photos
-from polarsim.render.ground_truth import label_row, label_view
+from polarsim.render.gain import calibration_photos, with_fit
+from polarsim.render.ground_truth import hidden_parts, label_row, label_view
 from polarsim.render.lamps import Lamp, lamps_of, lit_by
-from polarsim.render.map_files import lamps_of_maps, write_view_maps
-from polarsim.render.maps import maps_of
+from polarsim.render.maps import lamps_of_maps, maps_of, write_view_maps
 from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import surfaces_of
-from polarsim.render.twin_sidecars import TwinSidecars
-from polarsim.render.twin_writer import TwinWriter
+from polarsim.render.twin_writer import TwinSidecars, TwinWriter
 
 log = logging.getLogger("polarsim.render")
 

@@ -17,7 +17,7 @@ from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.ply import Cloud
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scans import read_scan
-from polarsim.formats.seeds import read_rock_boxes
+from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import table
 from polarsim.rocks.annotated import with_annotated

@@ -12,9 +12,8 @@ from polarsim.errors import FormatError, about
 from polarsim.formats import lamps, obj
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.tables import read_parquet
-from polarsim.geometry.boxes import iou
+from polarsim.geometry.boxes import assign, iou
 from polarsim.geometry.consensus import consensus_of_sets
-from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, PhotoKey

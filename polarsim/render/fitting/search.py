@@ -7,8 +7,9 @@ place and one brightness a lamp explain them all; what is left over is what the 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from pydantic import ValidationError
@@ -122,16 +123,20 @@ def fitted_parameters(
     if not names:
         return start
 
-    def cost(values: np.ndarray) -> float:
-        own = _with(start, names, values)
+    @cache
+    def cost_of(*values: float) -> float:
+        own = _with(start, names, np.array(values))
         if own is None:
             return np.inf
         return places.disagreement(radiance(places.samples, model, own, engine, options, darkening))
 
+    def cost(values: np.ndarray) -> float:
+        return cost_of(*values.tolist())
+
     first = np.array([getattr(start, name) for name in names], float)
     corners = [first, *(_stepped(start, names, first, number) for number in range(len(names)))]
     found = minimize(
-        _cached(cost),
+        cost,
         first,
         method="Nelder-Mead",
         options={
@@ -159,15 +164,3 @@ def _stepped(start: Parameters, names: tuple[str, ...], first: np.ndarray, numbe
     step[number] = 0.2 * abs(first[number]) + 0.02
     up = first + step
     return up if _with(start, names, up) is not None else first - step
-
-
-def _cached(cost: Callable[[np.ndarray], float]) -> Callable[[np.ndarray], float]:
-    known: dict[bytes, float] = {}
-
-    def looked_up(values: np.ndarray) -> float:
-        key = values.tobytes()
-        if key not in known:
-            known[key] = cost(values)
-        return known[key]
-
-    return looked_up

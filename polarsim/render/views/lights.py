@@ -15,8 +15,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import ROVER, SUN_RADIUS_DEG, Lamp
 from polarsim.render.views.cameras import NamedCamera
 from polarsim.render.views.moon import local_from_celestial, sun_over
-from polarsim.render.views.options import Views
-from polarsim.render.views.sections import LunarSuns, NearLamps, RoverLight, Suns
+from polarsim.render.views.options import LunarSuns, NearLamps, RoverLight, Suns, Views
 
 log = logging.getLogger("polarsim.render")
 

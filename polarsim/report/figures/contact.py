@@ -15,9 +15,8 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from polarsim.annotate.overlay import COLOURS, INK, LINK, PAPER, Marks, draw_labels
+from polarsim.annotate.overlay import COLOURS, INK, LINK, PAPER, Marks, draw_labels, font
 from polarsim.annotate.show import rows_of
-from polarsim.annotate.tags import font
 from polarsim.formats import png
 from polarsim.formats.files import writing
 from polarsim.formats.run_files import pictures_at

@@ -16,7 +16,7 @@ from polarsim.render.olat import NO_LAMP, Rendering, render_view
 from polarsim.render.optics import imaged, through_lens
 from polarsim.render.options import Model
 from polarsim.render.sensor import expose, noise_of
-from polarsim.render.views.sections import StarField
+from polarsim.render.views.options import StarField
 from polarsim.render.views.stars import Sky, sky_of, star_radiance
 from polarsim.rover.cameras import grouser_marks
 from polarsim.rover.cameras.bodywork import body_of, links_at

@@ -1,19 +1,27 @@
-"""What one file of polygons shows, by itself and beside the boxes of the same photo."""
+"""What one label file shows by itself, of boxes or polygons, and polygons beside the boxes of the same photo."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 
-from polarsim.geometry.boxes import around, iou, largest_iou, match
-from polarsim.lint.boxes import NEAR, OUTSIDE_PX, ROCK_CLASS, SHADOW_CLASS, Boxes
+from polarsim.geometry.boxes import area, around, iou, largest_iou, match
+from polarsim.geometry.polygons import signed_area
 from polarsim.lint.rules import Defect
-from polarsim.photo import HEIGHT, POLYGON_CLASSES, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, SHADOW, WIDTH, PhotoKey
 
+Boxes = tuple[np.ndarray, np.ndarray]  # class numbers (n,), boxes (n, 4) in pixels
+Size = tuple[int, int]  # width and height of the photo, pixels
+
+SAME, NEAR = 0.9999, 0.7  # IoU of a duplicate, and of a near-duplicate
+SLIVER_PX = 6.0  # shortest side of a box
+GIANT_SIDE, GIANT_AREA = 0.6, 0.2  # shares of the photo
+OUTSIDE_PX = 0.02  # what the rounding of six decimals explains
+FEW, MANY = 4, 3  # shadows fewer or more than rocks
+
+ROCK_CLASS, SHADOW_CLASS = (BOX_CLASSES.index(name) for name in (ROCK, SHADOW))
 Polygons = list[tuple[int, np.ndarray]]  # class number, vertices (n, 2) in pixels
-
 TINY_PX2, THIN_PX = 9.0, 2.0  # area and extent of a polygon
 HUGE_PX2 = 300_000.0  # no rock and no shadow is so large
 COVERED = 0.98  # of the photo that polygons must cover
@@ -21,10 +29,48 @@ COVER_STEP = 4  # pixels between the places at which the cover is looked at
 LEAST_ROCKS = 3  # fewer tell no camera
 BETTER_F1 = 0.1  # by which another camera's boxes must fit better
 ALONE, ON_IT = 0.1, 0.5  # IoU of a box and a polygon that have nothing and that have a place in common
-
 BACKGROUND, GROUND, ROCK_POLYGON, SHADOW_POLYGON = (
     POLYGON_CLASSES.index(name) for name in ("background", "ground", ROCK, SHADOW)
 )
+
+
+def box_defects(classes: np.ndarray, boxes: np.ndarray, size: Size = (WIDTH, HEIGHT)) -> Iterator[Defect]:
+    """Each defect at most once, with all boxes that have it."""
+    overlap = np.triu(iou(boxes, boxes), 1)
+    alike = classes[:, None] == classes[None]
+    extent, photo = boxes[:, 2:] - boxes[:, :2], np.array(size, float)
+    pairs = {
+        "duplicate": alike & (overlap > SAME),
+        "near_duplicate": alike & (overlap > NEAR) & (overlap <= SAME),
+        "rock_on_shadow": ~alike & (overlap > NEAR),
+    }
+    singles = {
+        "sliver": (extent < SLIVER_PX).any(axis=1),
+        "giant": (extent > GIANT_SIDE * photo).any(axis=1) | (area(boxes) > GIANT_AREA * photo.prod()),
+        "out_of_photo": ((boxes[:, :2] < -OUTSIDE_PX) | (boxes[:, 2:] > photo + OUTSIDE_PX)).any(axis=1),
+    }
+    for name, found in pairs.items():
+        if found.any():
+            first, second = np.argwhere(found)[0]
+            later = tuple(np.flatnonzero(found.any(axis=0)).tolist())
+            yield Defect(name, f"{found.sum()} pairs, first boxes {first + 1} and {second + 1}", later)
+    for name, found in singles.items():
+        if found.any():
+            rows = np.flatnonzero(found)
+            width, height = extent[rows[0]]
+            detail = (
+                f"{len(rows)} boxes, first box {rows[0] + 1}: class {classes[rows[0]]}, {width:.0f} x {height:.0f} px"
+            )
+            yield Defect(name, detail, tuple(rows.tolist()))
+
+
+def count_defects(classes: np.ndarray) -> Iterator[Defect]:
+    """Shadows that are far fewer or more than rocks."""
+    rocks, shadows = int((classes == ROCK_CLASS).sum()), int((classes == SHADOW_CLASS).sum())
+    if shadows and rocks - shadows >= FEW:
+        yield Defect("few_shadows", f"{shadows} shadows of {rocks} rocks")
+    if shadows - rocks >= MANY:
+        yield Defect("many_shadows", f"{shadows} shadows of {rocks} rocks")
 
 
 def ring_defects(polygons: Polygons) -> Iterator[Defect]:
@@ -61,7 +107,7 @@ def file_defects(polygons: Polygons) -> Iterator[Defect]:
         huge = tuple(
             number
             for number, (kind, vertices) in enumerate(polygons)
-            if kind == ROCK_POLYGON and _area(vertices) > HUGE_PX2
+            if kind == ROCK_POLYGON and abs(signed_area(vertices)) > HUGE_PX2
         )
         if huge:
             yield Defect("ground_as_rock", f"polygon {huge[0] + 1}", huge)
@@ -103,7 +149,7 @@ def against_boxes(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:
 def other_camera(polygons: Polygons, key: PhotoKey, labels: Mapping[PhotoKey, Boxes]) -> Iterator[Defect]:
     """Rocks of a file that fit the boxes of the other camera's photo better than those of its own."""
     rocks = boxes_of(polygons, ROCK_POLYGON)
-    own, twin = (labels.get(replace(key, camera=camera)) for camera in (key.camera, "R" if key.camera == "L" else "L"))
+    own, twin = labels.get(key), labels.get(key.other_camera)
     if own is None or twin is None or len(rocks) < LEAST_ROCKS:
         return
     mine, other = (_f1(rocks, boxes[classes == ROCK_CLASS]) for classes, boxes in (own, twin))
@@ -129,8 +175,3 @@ def covers_photo(polygons: Polygons) -> bool:
     for _, vertices in polygons:  # one by one: together, overlaps would count as holes
         cv2.fillPoly(painted, [np.round(vertices / COVER_STEP).astype(np.int32)], (1,))
     return bool(painted.mean() >= COVERED)
-
-
-def _area(vertices: np.ndarray) -> float:
-    x, y = vertices.T
-    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)

@@ -2,7 +2,8 @@ import json
 
 import numpy as np
 
-from polarsim.formats import coco, cvat
+from polarsim.annotate.export import cvat_labels
+from polarsim.formats import coco
 from polarsim.photo import PhotoKey
 
 
@@ -12,7 +13,7 @@ def test_every_attribute_is_declared_to_cvat_which_drops_others(tmp_path):
     written = json.loads((tmp_path / "boxes.json").read_text())["annotations"][0]
     assert written["attributes"] == {"rock": 7, "confidence": 0.8, "label_source": "fused"}
     assert written["segmentation"] == []  # else CVAT imports polygons, no rectangles
-    for entry in cvat.label_list({"rock": "#ffb000", "shadow": "#46beff"}):
+    for entry in cvat_labels():
         assert {attribute["name"] for attribute in entry["attributes"]} == set(written["attributes"])
 
 

@@ -1,27 +1,43 @@
-"""A published folder looked through: what it holds, and which files have a defect that one can see without photos."""
+"""Folders looked through for defects that one can see without photos: published ones, and ones of pictures.
+
+Folders of pictures are as YOLO trainers have them: `images/.../NAME.png` beside `labels/.../NAME.txt`.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, release, yolo
-from polarsim.lint.boxes import Boxes, box_defects, count_defects
-from polarsim.lint.exposures import brackets, missing_exposures, set_defects
+from polarsim.lint.files import (
+    Boxes,
+    Polygons,
+    Size,
+    against_boxes,
+    box_defects,
+    count_defects,
+    file_defects,
+    other_camera,
+    ring_defects,
+)
 from polarsim.lint.findings import Finding, Findings, Report
-from polarsim.lint.polygons import Polygons, against_boxes, file_defects, other_camera, ring_defects
-from polarsim.lint.rules import Defect
-from polarsim.lint.siblings import sibling_defects
+from polarsim.lint.repair import write_repaired
+from polarsim.lint.rules import RULES, Defect
+from polarsim.lint.siblings import missing_exposures, set_defects, sibling_defects
 from polarsim.lint.views import view_defects
-from polarsim.photo import BOX_CLASSES, SUNS, PhotoKey, is_exposure
+from polarsim.photo import BOX_CLASSES, SUNS, PhotoKey, by_bracket, is_exposure
 from polarsim.progress import track
 
 Terrain = tuple[list[Finding], dict[str, int]]
 _KEY_AT_START = re.compile(r"\d\d_[A-G]_(?:on|off)_(?:no|30|180|270|350)_[LR]_(\d{4})")
+IMAGES, LABELS = "images", "labels"
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
 def lint_release(root: Path, workers: int = 1) -> Report:
@@ -82,7 +98,7 @@ def _lint_boxes(
         counts = count_defects(labels[0]) if key.azimuth in SUNS else ()
         for defect in (*box_defects(*labels), *counts):
             found.add(files[key], defect)
-    for keys in brackets(files):
+    for keys in by_bracket(files).values():
         for key in missing_exposures(set(keys)):
             found.add(folder / f"{key}.txt", Defect("missing_file", f"{len(keys)} other exposures are there"))
         for key, defect in set_defects({key: boxes[key] for key in keys if key in boxes}):
@@ -136,3 +152,94 @@ def _stray(path: Path) -> Defect:
         return Defect("stray_name", "no name of the layout")
     same = regular.read_bytes() == path.read_bytes()
     return Defect("stray_name", f"{'the same bytes as' if same else 'other content than'} {regular.name}")
+
+
+def is_picture_folder(root: Path) -> bool:
+    return (root / IMAGES).is_dir() and (root / LABELS).is_dir()
+
+
+def lint_pictures(root: Path) -> Report:
+    """Look at every label file beside its picture, whose size counts.
+
+    Raises
+    ------
+    FormatError
+        There is no label file.
+    """
+    pictures = {_stem(path, root / IMAGES): path for path in _files(root / IMAGES, SUFFIXES)}
+    labels = {_stem(path, root / LABELS): path for path in _files(root / LABELS, (".txt",))}
+    if not labels:
+        raise FormatError("no label file (*.txt)", path=root / LABELS)
+    found = Findings(root)
+    boxes = 0
+    for stem in sorted(set(pictures) - set(labels)):
+        found.add(pictures[stem], Defect("missing_labels"))
+    for stem, path in track(sorted(labels.items()), "validating labels"):
+        if stem not in pictures:
+            found.add(path, Defect("missing_picture"))
+            continue
+        size = found.read(pictures[stem], _size, "unreadable_picture")
+        content = found.read(path, partial(yolo.read_boxes, size=size), "malformed") if size else None
+        if content is not None and size is not None:
+            boxes += len(content[0])
+            for defect in box_defects(*content, size):
+                found.add(path, defect)
+    return Report(
+        sorted(found.gathered), {"folder": {"pictures": len(pictures), "label_files": len(labels), "boxes": boxes}}
+    )
+
+
+def _files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    return sorted(
+        path for path in folder.rglob("*") if path.suffix.lower() in suffixes and path.name != yolo.CLASS_FILE
+    )
+
+
+def _stem(path: Path, folder: Path) -> str:
+    return path.relative_to(folder).with_suffix("").as_posix()
+
+
+def _size(path: Path) -> Size:
+    """Width and height of a picture."""
+    import cv2
+
+    content = np.frombuffer(path.read_bytes(), np.uint8)
+    picture = cv2.imdecode(content, cv2.IMREAD_UNCHANGED) if len(content) else None
+    if picture is None:
+        raise FormatError("no picture", path=path)
+    return picture.shape[1], picture.shape[0]
+
+
+def lint(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | None = None) -> Report:
+    """Findings of some rules in a folder of the published layout, or in one of pictures and labels.
+
+    Parameters
+    ----------
+    names
+        Of the rules that count, see `rules.chosen`.
+    fix
+        Folder to which a repaired copy is written; the published layout only.
+
+    Raises
+    ------
+    FormatError
+        The folder is missing or of neither form, or no copy can be written.
+    """
+    root = Path(root)
+    if is_picture_folder(root) and not release.terrains(root):
+        if fix is not None:
+            raise FormatError("repaired copies are written of the published layout only", path=root)
+        return lint_pictures(root).chosen(names)
+    report = lint_release(root, workers).chosen(names)
+    if fix is not None:
+        write_repaired(root, report.findings, fix)
+    return report
+
+
+def rule_lines() -> list[str]:
+    """One line a rule, by code."""
+    rows = sorted((rule.code, rule.severity, name, rule) for name, rule in RULES.items())
+    return [
+        f"{code}  {severity:7}  {name:22}  {rule.meaning}" + (f"; --fix {rule.repair}" if rule.repair else "")
+        for code, severity, name, rule in rows
+    ]

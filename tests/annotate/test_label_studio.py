@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.formats import label_studio
+from polarsim.annotate.export import label_studio_interface, label_studio_tasks
 from polarsim.formats.tables import key_columns, label_table
 from polarsim.photo import NO_ROCK, PhotoKey
 
@@ -19,7 +19,7 @@ def label(kind, rock, box, confidence=1.0):
 
 def results(rows):
     """Rectangles and relations of the only task."""
-    (task,) = label_studio.tasks(label_table(rows), [KEY], "out/images")
+    (task,) = label_studio_tasks(label_table(rows), [KEY], "out/images")
     (prediction,) = task["predictions"]
     parts = prediction["result"]
     return [part for part in parts if part["type"] != "relation"], [
@@ -69,14 +69,14 @@ def test_a_shadow_is_tied_to_the_rock_of_its_number_and_to_no_other():
 
 
 def test_every_photo_has_a_task_with_its_picture_also_without_labels():
-    (task,) = label_studio.tasks(label_table([]), [KEY], "out/images")
+    (task,) = label_studio_tasks(label_table([]), [KEY], "out/images")
     assert task["data"] == {"image": f"/data/local-files/?d=out/images/{KEY}.png", "key": str(KEY)}
     assert task["predictions"][0]["result"] == []
 
 
 def test_the_interface_names_what_rectangles_refer_to():
     ((rectangle,), _) = results([label("rock", 7, (10, 10, 20, 20))])
-    interface = ElementTree.fromstring(label_studio.interface({"rock": "#ffb000", "shadow": "#46beff"}))
+    interface = ElementTree.fromstring(label_studio_interface())
     (image,), (labels,) = interface.findall("Image"), interface.findall("RectangleLabels")
     assert image.get("value") == "$image"
     assert (labels.get("name"), labels.get("toName")) == (rectangle["from_name"], rectangle["to_name"])
