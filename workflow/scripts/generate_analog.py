@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from polarsim.analog.generate import generate_terrain_at
 from polarsim.analog.options import AnalogOptions
-from polarsim.analog.place import generate_terrain_at
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.reporting import reporting
 
