@@ -35,8 +35,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.parts import windows_of
 from polarsim.labels.position import PositionLabels
 from polarsim.labels.position_shadows import PositionShadows
-from polarsim.labels.seeds import choose_seeds, read_drawings, shadow_starts
-from polarsim.labels.shadow_starts import ShadowStarts
+from polarsim.labels.seeds import ShadowStarts, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.shadows import Ids, sightlines
 from polarsim.labels.view import move_flat
 from polarsim.labels.wall_shade import passing_heights

@@ -475,7 +475,7 @@ def compare(
     results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
 ) -> None:
     """Put the evaluation of several runs side by side: of other seeds, options, versions. In four forms."""
-    from polarsim.report.compare import compare_runs
+    from polarsim.report.evaluation_table import compare_runs
 
     compare_runs(runs=[results / run for run in runs], stem=out)
     typer.echo(f"{out}.md")

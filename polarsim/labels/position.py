@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from polarsim.geometry.boxes import area
-from polarsim.labels.dark import hidden_by_dark
 from polarsim.labels.known import Known
 from polarsim.labels.label import Label
+from polarsim.labels.lit import hidden_by_dark
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Brightness, Photos
 from polarsim.labels.position_rocks import PositionRocks

@@ -15,18 +15,24 @@ from polarsim.formats import lamps, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.scene import read_terrain
-from polarsim.labels.corrections import as_annotated, read_corrections
 from polarsim.labels.known import Known, gather
 from polarsim.labels.label import Label
 from polarsim.labels.light import OlatLight
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.photos import Bracket, Brightness, Photos
+from polarsim.labels.photos import Bracket, Brightness, Photos, contrast
 from polarsim.labels.position import PositionLabels
-from polarsim.labels.seeds import Drawings, choose_seeds, read_drawings, shadow_starts
-from polarsim.labels.shadow_starts import ShadowStarts
-from polarsim.labels.strangers import without_strangers
-from polarsim.labels.unlit import UnlitStarts, is_unlit
-from polarsim.labels.visibility import contrast
+from polarsim.labels.seeds import (
+    Drawings,
+    ShadowStarts,
+    UnlitStarts,
+    as_annotated,
+    choose_seeds,
+    is_unlit,
+    read_corrections,
+    read_drawings,
+    shadow_starts,
+    without_strangers,
+)
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
 
 log = logging.getLogger(__name__)

@@ -5,8 +5,8 @@ import pytest
 
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.outlines import TRIM
-from polarsim.labels.dark import hidden_by_dark, in_the_dark
 from polarsim.labels.known import gather
+from polarsim.labels.lit import hidden_by_dark, in_the_dark
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position import PositionLabels
 from polarsim.labels.seeds import Annotated

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.analog.place import generate_terrain_at
+from polarsim.analog.generate import generate_terrain_at
 from polarsim.grid import selected_grid
 from polarsim.job import job
 

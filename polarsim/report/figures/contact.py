@@ -1,6 +1,4 @@
-"""All exposure brackets of a station on one sheet, labels drawn in: what a person looks through to find wrong
-labels.
-"""
+"""All exposure brackets of a station on one sheet, labels drawn in: people look through it to find wrong labels."""
 
 from __future__ import annotations
 
