@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from polarsim.photo import HEIGHT, WIDTH
 
@@ -54,6 +53,8 @@ def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def match(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
     """One-to-one pairs (rows, columns) with overlap >= threshold: as many as can be, then of the largest sum."""
+    from scipy.optimize import linear_sum_assignment
+
     if not overlap.size:
         return np.zeros(0, int), np.zeros(0, int)
     gain = np.where(overlap >= threshold, 1 + overlap / (1 + min(overlap.shape)), 0.0)
@@ -64,6 +65,8 @@ def match(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.n
 
 def match_sum(overlap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One-to-one pairs (rows, columns) of the largest summed overlap, pairs without overlap left out."""
+    from scipy.optimize import linear_sum_assignment
+
     if not overlap.size:
         return np.zeros(0, int), np.zeros(0, int)
     rows, columns = linear_sum_assignment(-overlap)
