@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from polarsim.photo import HEIGHT, WIDTH
 
@@ -68,6 +67,8 @@ def match_sum(overlap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _assigned(gain: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    from scipy.optimize import linear_sum_assignment
+
     rows, columns = linear_sum_assignment(-gain)
     good = allowed[rows, columns]
     return rows[good], columns[good]
