@@ -403,6 +403,33 @@ def brdf(
 
 
 @app.command()
+def detect(
+    pictures: Annotated[
+        list[Path], typer.Argument(help="Pictures, or folders of them; any size, 8 or 16 bits, grey or colour.")
+    ],
+    weights: Annotated[Path, typer.Option(help="Detector (.pt) that a run trained.")],
+    out: Annotated[Path, typer.Option(help="New folder to write.")],
+    confidence: Annotated[float, typer.Option(min=0.001, max=0.99, help="Least confidence of a box.")] = 0.25,
+    widths: Annotated[
+        str, typer.Option(help="Widths at which a picture is looked at, px, comma between; default: the training's.")
+    ] = "",
+    gates: Annotated[
+        str, typer.Option(help="Between each two widths the box side where the wider one takes over, px of 1936.")
+    ] = "",
+    draw: Annotated[bool, typer.Option("--draw/--no-draw", help="Write the pictures with the boxes drawn.")] = True,
+    device: Annotated[str, typer.Option(help="cpu, cuda, or auto.")] = "auto",
+    threads: Annotated[int, typer.Option(min=1, help="Threads on a CPU.")] = 2,
+) -> None:
+    """Find rocks and shadows in anyone's pictures of ground under low light; boxes as CSV, YOLO and COCO."""
+    from polarsim.detect.find import find_in_pictures, prediction_options
+
+    options = prediction_options(confidence, _listed(widths), _listed(gates), device)
+    found = find_in_pictures(pictures=pictures, weights=weights, out=out, options=options, threads=threads, draw=draw)
+    counts = ", ".join(f"{(found['kind'] == kind).sum()} {kind}s" for kind in ("rock", "shadow"))
+    typer.echo(f"{counts} in {out}")
+
+
+@app.command()
 def drive(
     config: Annotated[Path, typer.Option(help="Configuration with a section `rover`.")] = Path("config/rover.yaml"),
     seed: Annotated[int | None, typer.Option(min=0, help="Which drive; default is the configuration's first.")] = None,

@@ -31,7 +31,7 @@ RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy 
 
 _DETECT_KEYS = {
     "split": ("test_share", "test_terrains", "val_share"),
-    "pictures": ("imgsz", "tone", "tone_exposure_ms", "tone_percentile", "tone_floor_dn", "min_mean_dn", "downsize"),
+    "pictures": ("imgsz", "tone", "tone_exposure_ms", "tone_percentile", "tone_floor_dn", "min_mean_dn"),
     "training": (
         "model", "pretrained", "pretrained_url", "pretrained_sha256",
         "epochs", "batch", "learning_rate", "augment", "mosaic",
@@ -45,6 +45,8 @@ MOVED = {
     **{f"tables.{key}": f"scoring.{key}" for key in ScoringOptions.model_fields if key != "annotated_root"},
     **{f"cameras.{key}": f"cameras.placement.{key}" for key in PlacementOptions.model_fields},
     "cameras.photo_scales": "cameras.refinement.scales",
+    "detect.downsize": "detect.pictures.stored_px",
+    "detect.pictures.downsize": "detect.pictures.stored_px",
     "detect.seed": "detect.split.seed and detect.comparison.seed",
     "rover.cameras.onboard.detect": "rover.cameras.onboard.pictures and rover.cameras.onboard.prediction",
     "rover.sight": "rover.cameras",

@@ -42,14 +42,24 @@ def read_boxes(
     return np.array(classes, int), np.array(boxes, float).reshape(-1, 4)
 
 
-def write_boxes(path: str | Path, classes: np.ndarray, boxes: np.ndarray, size: tuple[int, int] | None = None) -> None:
-    """Boxes (n, 4) in pixels, with 6 decimals as in the release; no boxes make an empty file. `size` as above."""
+def write_boxes(
+    path: str | Path,
+    classes: np.ndarray,
+    boxes: np.ndarray,
+    size: tuple[int, int] | None = None,
+    confidences: np.ndarray | None = None,
+) -> None:
+    """Boxes (n, 4) in pixels, with 6 decimals as in the release; no boxes make an empty file. `size` as above.
+
+    Confidences (n,) become a sixth field, as `read_detections` reads it.
+    """
     boxes, photo = np.asarray(boxes, float).reshape(-1, 4), _SIZE if size is None else np.array(size, float)
     centre = (boxes[:, :2] + boxes[:, 2:]) / 2 / photo
     extent = (boxes[:, 2:] - boxes[:, :2]) / photo
+    ends = [""] * len(boxes) if confidences is None else [f" {confidence:.4f}" for confidence in confidences]
     lines = [
-        f"{c} {x:.6f} {y:.6f} {w:.6f} {h:.6f}\n"
-        for c, (x, y), (w, h) in zip(np.asarray(classes, int), centre, extent, strict=True)
+        f"{c} {x:.6f} {y:.6f} {w:.6f} {h:.6f}{end}\n"
+        for c, (x, y), (w, h), end in zip(np.asarray(classes, int), centre, extent, ends, strict=True)
     ]
     write_text(path, "".join(lines))
 

@@ -14,12 +14,13 @@ import pandas as pd
 
 from polarsim.detect import detectors, tone
 from polarsim.detect.parts import digest, write_in_parts
-from polarsim.detect.predict import detect
+from polarsim.detect.predict import detect, sizes_of
+from polarsim.detect.sizes import Sizes
 from polarsim.digest import code_digest
 from polarsim.errors import RoverError, about
 from polarsim.formats import png
 from polarsim.formats.files import write_text
-from polarsim.photo import BOX_CLASSES, WIDTH
+from polarsim.photo import BOX_CLASSES
 from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
 from polarsim.rover.cameras.options import CameraSuiteOptions, OnboardOptions
 from polarsim.rover.cameras.suite import CameraSuite
@@ -61,7 +62,8 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, se
         if loaded is None:
             with about(weights):
                 loaded = detectors.family(detector.model).load(detector, pictures, onboard.prediction, threads)
-        _write_detections(pictures, paths, loaded, detector.imgsz, exposure_ms, onboard, identity)
+        sizes = sizes_of(detector, onboard.prediction)
+        _write_detections(pictures, paths, loaded, sizes, exposure_ms, onboard, identity)
         write_text(note, identity)
 
 
@@ -69,7 +71,7 @@ def _write_detections(
     pictures: Path,
     paths: dict[str, Path],
     loaded: detectors.LoadedDetector,
-    imgsz: int,
+    sizes: Sizes,
     exposure_ms: float,
     options: OnboardOptions,
     identity: str,
@@ -78,10 +80,12 @@ def _write_detections(
         rows: list[tuple[Any, ...]] = []
         for group in (names[n : n + _BATCH] for n in range(0, len(names), _BATCH)):
             grey = [png.read(paths[name]) for name in group]
-            eights = [tone.to_8_bits(tone.shrink(each, imgsz), options.pictures, exposure_ms) for each in grey]
-            scale = grey[0].shape[1] / WIDTH  # detectors tell boxes in pixels of a full photo
-            for name, result in zip(group, detect(loaded, eights, imgsz), strict=True):
-                rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *(scale * r[:4])) for r in result]
+            small = [tone.shrink(each, max(sizes.widths)) for each in grey]
+            eights = [tone.to_8_bits(each, options.pictures, exposure_ms) for each in small]
+            full = grey[0].shape[1], grey[0].shape[0]
+            found = detect(loaded, eights, sizes, options.prediction.nms_iou, full)
+            for name, result in zip(group, found, strict=True):
+                rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *r[:4]) for r in result]
         return detection_table(rows)
 
     write_in_parts(pictures / "detections.parquet", list(paths), see, _PART, identity)
