@@ -98,6 +98,8 @@ def assign(
     """Pairs (rows, columns) of projected (m, 4) and annotated (b, 4) boxes that are near each other and alike in
     size.
     """
+    from scipy.optimize import linear_sum_assignment
+
     if not len(projected) or not len(annotated):
         return np.zeros(0, int), np.zeros(0, int)
     size = np.maximum(projected[:, 2:] - projected[:, :2], 1e-3)
@@ -105,8 +107,6 @@ def assign(
     offset = (projected[:, None, :2] + projected[:, None, 2:] - annotated[None, :, :2] - annotated[None, :, 2:]) / 2
     distance = np.linalg.norm(offset, axis=-1)
     log_size = np.abs(np.log(size[:, None] / size_annotated[None])).sum(axis=-1)
-    from scipy.optimize import linear_sum_assignment
-
     cost = distance / gate_px + 0.5 * log_size - 0.5 * iou(np.nan_to_num(projected), annotated)
     allowed = (distance <= gate_px) & (log_size <= MAX_LOG_SIZE)  # NaN is not allowed either
     rows, columns = linear_sum_assignment(np.where(allowed, cost, FORBIDDEN))
