@@ -86,7 +86,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     terrains: tuple[int, ...] = Field((1, 3, 6, 11), min_length=1, description="Terrain numbers, 1 to 13.")
     positions: tuple[str, ...] = Field(("A", "B", "C"), min_length=1, description="Tripod places, A to G.")
     source: SourceOptions = Field(description="Where raw data come from.")
-    grid: GridOptions = Field(GridOptions(), description="The part of NASA's photo grid to work on.")
+    grid: GridOptions = Field(GridOptions(), description="The part of NASA's photo grid that a run works on.")
     analog: AnalogOptions = Field(AnalogOptions(), description="The sandbox that is generated with source.kind analog.")
     cameras: CamerasOptions = Field(CamerasOptions(), description="Where the rigs stood.")
     rocks: RocksOptions = Field(RocksOptions(), description="Scans to rocks, ground and meshes.")

@@ -22,17 +22,21 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
     """Which photos of the grid are labelled, rendered and evaluated. The default is all of them."""
 
     lights: tuple[Light, ...] = Field(
-        default=LIGHTS, description="Rover light, 'on' or 'off' (quote them: YAML reads on as true)."
+        default=LIGHTS,
+        description="Photos with the rover light 'on' or 'off' are used (quote them: YAML reads on as true).",
     )
     azimuths: tuple[Azimuth, ...] = Field(
-        default=AZIMUTHS, description="Sun lamps: 'no', '30', '180', '270', '350' (quoted)."
+        default=AZIMUTHS,
+        description="Photos under these Sun lamps are used: 'no', '30', '180', '270', '350' (quote them).",
     )
-    cameras: tuple[CameraSide, ...] = Field(default=CAMERAS, description="'L', 'R'.")
+    cameras: tuple[CameraSide, ...] = Field(
+        default=CAMERAS, description="Photos of these cameras are used: 'L' (left), 'R' (right)."
+    )
     exposures_ms: tuple[int, ...] | None = Field(
-        default=None, description="Exposures under a Sun lamp, ms; null takes all."
+        default=None, description="Photos under a Sun lamp with these exposures are used, ms; null takes all."
     )
     exposures_no_sun_ms: tuple[int, ...] | None = Field(
-        default=None, description="Exposures without Sun, ms; null takes all."
+        default=None, description="Photos without a Sun lamp with these exposures are used, ms; null takes all."
     )
 
     @field_validator("lights", "azimuths", mode="before")

@@ -66,19 +66,22 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
     """Which label files propagation starts from; no stage but scoring reads any other."""
 
     root: Path | None = Field(
-        default=None, description="Folder in the release's layout, or of label files; null: the source's."
+        default=None,
+        description="Seeds are read from this folder, in the release's layout or of label files; null: from the "
+        "source's.",
     )
     light: Light = Field(
-        default="off", description="Rover light of the seed photos (quote it: YAML reads off as false)."
+        default="off",
+        description="Seeds are photos with the rover light 'on' or 'off' (quote it: YAML reads off as false).",
     )
-    camera: Camera = Field(default="L", description="Camera of the seed photos.")
+    camera: Camera = Field(default="L", description="Seeds are photos of this camera.")
     azimuths: tuple[Azimuth, ...] = Field(
-        default=SUNS, description="Sun lamps of the seed photos (quoted); those there are used."
+        default=SUNS, description="Seeds are photos under these Sun lamps (quote them); those that are there are used."
     )
     exposure: Literal["best"] | int = Field(
         default="best",
-        description="'best': the file of an exposure bracket with most boxes, then nearest 256 ms; or an exposure "
-        "in ms.",
+        description="Seeds have this exposure, ms; 'best': the file of an exposure bracket with most boxes, then "
+        "the one nearest to 256 ms.",
     )
 
     def allow(self, key: PhotoKey) -> bool:
