@@ -25,7 +25,8 @@ def job(snakemake: Any) -> Iterator[Callable[..., Any]]:
     Raises
     ------
     TypeError
-        Two of outputs, inputs and params have the name of an argument, so that it must be given.
+        Two of outputs, inputs and params have the name of an argument, so that it must be given; or the function has
+        no argument of a name that is given.
     """
     with reporting(log=snakemake.log[0]):
         yield partial(_call, snakemake)
@@ -34,15 +35,15 @@ def job(snakemake: Any) -> Iterator[Callable[..., Any]]:
 def _call(snakemake: Any, function: Callable[..., Any], **given: Any) -> Any:
     rule = [dict(part.items()) for part in (snakemake.output, snakemake.input, snakemake.params)]
     rest = {**dict(snakemake.wildcards.items()), "threads": snakemake.threads}
-    arguments = {}
-    for name in signature(function).parameters:
-        found = [part[name] for part in (given, *rule) if name in part]
-        if len(found) > 1 and name not in given:
+    arguments = dict(given)
+    for name in signature(function).parameters.keys() - given.keys():
+        found = [part[name] for part in rule if name in part]
+        if len(found) > 1:
             raise TypeError(f"{snakemake.rule}: {name} stands for {len(found)} files or params, so it must be given")
         if found or name in rest:
             arguments[name] = found[0] if found else rest[name]
     annotations = get_type_hints(function)
-    return function(**{name: _converted(value, annotations[name]) for name, value in arguments.items()})
+    return function(**{name: _converted(value, annotations.get(name, Any)) for name, value in arguments.items()})
 
 
 def _converted(value: Any, annotation: Any) -> Any:

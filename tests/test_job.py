@@ -98,6 +98,14 @@ def test_a_name_that_stands_twice_must_be_given(snakemake):
         call(mesh)
 
 
+def test_an_argument_that_a_function_does_not_have_is_refused(snakemake):
+    def thin(terrain: int) -> int:
+        return terrain
+
+    with job(snakemake) as call, pytest.raises(TypeError, match="cell_mm"):
+        call(thin, cell_mm=3)
+
+
 def test_an_error_of_polarsim_ends_a_job_in_one_line_and_stands_in_its_log(snakemake, capsys):
     def fail(terrain: int) -> None:
         raise PolarsimError(f"terrain {terrain} has no scan")
@@ -142,6 +150,7 @@ def test_a_rule_names_once_what_its_script_does_not_give(script):
     assert calls_of(script)
     for module, name, given in calls_of(script):
         function = getattr(import_module(module), name)
+        assert given <= signature(function).parameters.keys()
         for argument, parameter in signature(function).parameters.items():
             named = sum(argument in section for section in sections)
             if argument not in given and not isinstance(function, type):  # of a class the tables are named in a loop
