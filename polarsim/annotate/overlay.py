@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import dist
 from pathlib import Path
 from typing import Any
 
@@ -208,14 +209,10 @@ def _draw_links(pen: Any, labels: Sequence[_Label], line: int) -> None:
     for shadow in (label for label in labels if label.kind == SHADOW):
         ends = [rock.middle for rock in rocks if rock.rock == shadow.rock]
         if ends:
-            x, y = min(ends, key=lambda end: (_distance(end, shadow.middle), end))
+            x, y = min(ends, key=lambda end: (dist(end, shadow.middle), end))
             pen.line([shadow.middle, (x, y)], fill=(0, 0, 0), width=rim)  # sand may be as bright as the line
             pen.line([shadow.middle, (x, y)], fill=LINK, width=thin)
             pen.ellipse([x - dot, y - dot, x + dot, y + dot], fill=LINK, outline=(0, 0, 0))
-
-
-def _distance(first: tuple[float, float], second: tuple[float, float]) -> float:
-    return float(np.hypot(first[0] - second[0], first[1] - second[1]))
 
 
 def _draw_box(pen: Any, box: Sequence[float], colour: Colour, line: int, *, dashed: bool) -> None:

@@ -20,7 +20,7 @@ from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import without_thin_parts
 from polarsim.geometry.rays import NO_FACE, START_OFFSET
 from polarsim.geometry.vectors import length, moved
-from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey, by_bracket
 from polarsim.render.lamps import lit_by
 from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
@@ -133,19 +133,14 @@ def label_view(
         shadows = picture * (picture >= SHADOW_IDS)  # a view's rocks are the same under every lamp
         found[name] = rocks + annotations_of(shadows, options)
     labels: dict[PhotoKey, list[coco.Annotation]] = {}
-    written = set()
-    for key in keys:
-        lamps = lit_by(key)
-        own = labels[key] = found[lamps[0]] if lamps else []
-        yolo.write_boxes(
-            boxes / f"{key}.txt",
-            np.array([BOX_CLASSES.index(label.kind) for label in own], int),
-            np.array([label.box for label in own], float),
-        )
-        if key.bracket not in written:
-            written.add(key.bracket)
-            name = str(key).rsplit("_", 1)[0]
-            png.write(instances / f"{name}.png", ids[lamps[0] if lamps else NO_LAMP])
+    for bracket in by_bracket(keys).values():
+        lamps = lit_by(bracket[0])
+        own = found[lamps[0]] if lamps else []
+        png.write(instances / f"{str(bracket[0]).rpartition('_')[0]}.png", ids[lamps[0] if lamps else NO_LAMP])
+        classes, places = [BOX_CLASSES.index(label.kind) for label in own], [label.box for label in own]
+        for key in bracket:
+            labels[key] = own
+            yolo.write_boxes(boxes / f"{key}.txt", np.array(classes, int), np.array(places, float))
     return labels
 
 

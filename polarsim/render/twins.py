@@ -25,7 +25,7 @@ from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import surfaces_of
-from polarsim.render.twin_writer import TwinSidecars, TwinWriter
+from polarsim.render.twin_writer import TwinWriter, sources_of
 
 log = logging.getLogger("polarsim.render")
 
@@ -114,8 +114,8 @@ def render_twins(
     calibrated = any(not options.gain.get(model) for model in twins)
     references = calibration_photos(photos, shown, options.calibration_photos) if calibrated else {}
     first = {(key.position, key.camera) for key in references}
-    sidecars = TwinSidecars(terrain, meshes, cameras, lamps or cameras, materials, options)
-    writer = TwinWriter(twins, references, fitted, sidecars, options, threads)
+    sources = sources_of(terrain, meshes, lamps or cameras, materials)
+    writer = TwinWriter(terrain, twins, cameras, sources, references, fitted, options, threads)
     found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
         rig, own = rigs[view[0]], [key for key in views[view] if only is None or key in only]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,33 +18,18 @@ from polarsim.photo import SUNS, PhotoKey, View
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.fitting.exposures import single_lamps
-from polarsim.render.fitting.samples import Darkening, Samples, radiance, samples_of_view
+from polarsim.render.fitting.samples import Darkening, Samples, Setting, samples_of_view
 from polarsim.render.fitting.search import fitted_models, places_of
-from polarsim.render.fitting.texels import Solution, Texels, solve, texels_of
+from polarsim.render.fitting.texels import Texels, solve, texels_of
 from polarsim.render.lamps import ROVER, lamps_of
 from polarsim.render.materials import Reflectance, between_corners
 from polarsim.render.olat import reflectance_engine
-from polarsim.render.options import Model, Parameters, RenderOptions
+from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 
 log = logging.getLogger("polarsim.render")
 
 LAMPS = (*SUNS, ROVER)
-
-
-@dataclass(frozen=True)
-class Setting:
-    """All but the albedo that makes radiance of samples."""
-
-    model: Model
-    parameters: Parameters
-    darkening: Darkening
-    engine: Reflectance
-    options: RenderOptions
-
-    def radiance(self, samples: Samples) -> np.ndarray:
-        """(n,) at unit albedo."""
-        return radiance(samples, self.model, self.parameters, self.engine, self.options, self.darkening)
 
 
 def fit_materials(
@@ -110,20 +94,16 @@ def fit(
         texels = texels_of(samples, after.radiance(samples), mesh.faces)
         check = _check(samples, texels, before, after, mesh, held_out)
         solution = solve(texels, mesh.faces, rock_of_vertex(mesh))
-        fitted[model] = _fitted(solution, own, check)
+        fitted[model] = Fitted(
+            own.model_dump(mode="json"),
+            {LAMPS[number]: float(np.exp(gain)) for number, gain in solution.lamps.items()},
+            {rock: float(np.exp(mean)) for rock, mean in solution.rocks.items()},
+            np.exp(solution.albedo).astype(np.float32),
+            check,
+        )
         looks = np.bincount(texels.vertex, minlength=len(mesh.vertices))
         log.info("%s: %s, lamps %s, %s", model, own, fitted[model].lamps, check)
     return FittedMaterials(darkening.falloff, darkening.vignetting, fitted, looks)
-
-
-def _fitted(solution: Solution, parameters: Parameters, check: dict[str, Any]) -> Fitted:
-    return Fitted(
-        parameters.model_dump(mode="json"),
-        {LAMPS[number]: float(np.exp(gain)) for number, gain in solution.lamps.items()},
-        {rock: float(np.exp(mean)) for rock, mean in solution.rocks.items()},
-        np.exp(solution.albedo).astype(np.float32),
-        check,
-    )
 
 
 def _check(

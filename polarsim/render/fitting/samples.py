@@ -63,25 +63,28 @@ class Darkening:
     vignetting: bool
 
 
-def radiance(
-    samples: Samples,
-    model: Model,
-    parameters: Parameters,
-    engine: Reflectance,
-    options: RenderOptions,
-    darkening: Darkening,
-) -> np.ndarray:
-    """(n,) radiance of the samples at unit albedo, as `render_view` has it in its OLAT images, through the lens."""
-    found = engine(parameters, samples.normal, samples.to_lamp, samples.to_viewer)
-    found *= dot(samples.normal, samples.to_lamp)
-    if darkening.falloff:
-        found *= np.float32(REFERENCE_DISTANCE**2) / samples.distance**2
-    if model not in CHRONO:
-        albedo = hemispherical_albedo(parameters) / np.pi
-        found += np.float32(options.bounce * albedo) * (1 + samples.normal[:, 2]) / np.float32(2)
-        found += np.float32(options.ambient * albedo)
-    found *= samples.intensity
-    return found * samples.vignette if darkening.vignetting else found
+@dataclass(frozen=True)
+class Setting:
+    """All but the albedo that makes radiance of samples."""
+
+    model: Model
+    parameters: Parameters
+    darkening: Darkening
+    engine: Reflectance
+    options: RenderOptions
+
+    def radiance(self, samples: Samples) -> np.ndarray:
+        """(n,) radiance of the samples at unit albedo, as `render_view` has it in its OLAT images, through the lens."""
+        found = self.engine(self.parameters, samples.normal, samples.to_lamp, samples.to_viewer)
+        found *= dot(samples.normal, samples.to_lamp)
+        if self.darkening.falloff:
+            found *= np.float32(REFERENCE_DISTANCE**2) / samples.distance**2
+        if self.model not in CHRONO:
+            albedo = hemispherical_albedo(self.parameters) / np.pi
+            found += np.float32(self.options.bounce * albedo) * (1 + samples.normal[:, 2]) / np.float32(2)
+            found += np.float32(self.options.ambient * albedo)
+        found *= samples.intensity
+        return found * samples.vignette if self.darkening.vignetting else found
 
 
 def samples_of_view(
