@@ -62,13 +62,7 @@ def gather(
     return replace(known, placed=placed, apart=apart)
 
 
-def _gathered(
-    terrain: TerrainMesh,
-    world: World,
-    placed: dict[str, PlacedRig],
-    seeds: Seeds,
-    first: int,
-) -> Known:
+def _gathered(terrain: TerrainMesh, world: World, placed: dict[str, PlacedRig], seeds: Seeds, first: int) -> Known:
     """What positions whose poses agree tell of the rocks of a world; stand-ins are numbered from `first`."""
     tracks: dict[str, list[Track]] = {}
     matched: dict[str, np.ndarray] = {}

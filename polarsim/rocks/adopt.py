@@ -88,15 +88,7 @@ def _heights_at(ground: Mesh, places: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(distance), top - distance, np.nan)
 
 
-def adopt_rocks(
-    *,
-    terrain: int,
-    inventory: Path,
-    cameras: Path,
-    rocks: Path,
-    cuboids: Path,
-    meshes: Path,
-) -> None:
+def adopt_rocks(*, terrain: int, inventory: Path, cameras: Path, rocks: Path, cuboids: Path, meshes: Path) -> None:
     """Take over a terrain's published rock meshes under their ids, and its ground; fit a ground where none is there.
 
     Rocks are moved as `cameras/rock_shifts.csv` says, where there is one. `meshes.csv` tells where the ground is from.

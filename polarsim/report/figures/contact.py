@@ -50,12 +50,7 @@ class Tile:
 
 
 def draw_contact(
-    *,
-    keys: Iterable[PhotoKey],
-    labels: Path,
-    pictures: Iterable[Path],
-    figure: Path,
-    width: int = FIGURE_WIDTH,
+    *, keys: Iterable[PhotoKey], labels: Path, pictures: Iterable[Path], figure: Path, width: int = FIGURE_WIDTH
 ) -> None:
     """Write the sheet: a row a Sun azimuth, columns for both cameras with the rover light off and on.
 

@@ -43,12 +43,7 @@ def draw_front(
 
 
 def _draw_shots(
-    view: Path,
-    pictures: str,
-    figure: Path,
-    width: int,
-    truth: pd.DataFrame | None,
-    detections: pd.DataFrame | None,
+    view: Path, pictures: str, figure: Path, width: int, truth: pd.DataFrame | None, detections: pd.DataFrame | None
 ) -> None:
     poses = read_parquet(view / "poses.parquet", POSES)
     chosen = poses.iloc[np.unique(np.linspace(0, len(poses) - 1, SHOTS).round().astype(int))] if len(poses) else poses

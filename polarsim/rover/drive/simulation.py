@@ -55,12 +55,7 @@ class Simulation:
     """
 
     def __init__(
-        self,
-        world: World,
-        vehicle: Vehicle,
-        soil: Soil,
-        options: SoilOptions | None = None,
-        start: Start | None = None,
+        self, world: World, vehicle: Vehicle, soil: Soil, options: SoilOptions | None = None, start: Start | None = None
     ) -> None:
         self._mujoco = import_mujoco()
         from polarsim.rover.drive import mujoco_kernels

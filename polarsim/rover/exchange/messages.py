@@ -216,10 +216,7 @@ def grid_map(time_ns: int, level: np.ndarray, cell: float, x0: float, y0: float)
 
 
 def pose(parent_from_child: Pose) -> Message:
-    return {
-        "position": vector(parent_from_child.translation),
-        "orientation": quaternion(parent_from_child.rotation),
-    }
+    return {"position": vector(parent_from_child.translation), "orientation": quaternion(parent_from_child.rotation)}
 
 
 def vector(values: np.ndarray) -> Message:
