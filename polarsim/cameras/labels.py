@@ -10,7 +10,6 @@ from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, check_pose, refine_pose
 from polarsim.cameras.search import candidate_centres, search_pose
 from polarsim.errors import RegistrationError
-from polarsim.geometry.boxes import MATCH_GATE_PX
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, yaw_pitch_roll

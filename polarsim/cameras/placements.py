@@ -18,7 +18,6 @@ from polarsim.cameras.refine import BoxFit, check_pose, pose_of
 from polarsim.cameras.shifts import Shifts, fit_shifts, no_shifts, shifted
 from polarsim.cameras.surveyed import pose_beside
 from polarsim.errors import RegistrationError
-from polarsim.geometry.boxes import MATCH_GATE_PX
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 
