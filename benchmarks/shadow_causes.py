@@ -33,8 +33,8 @@ from polarsim.geometry.polygons import without_thin_parts
 from polarsim.labels.known import Known, gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.parts import windows_of
-from polarsim.labels.position import PositionLabels
 from polarsim.labels.position_shadows import PositionShadows
+from polarsim.labels.propagate import PositionLabels
 from polarsim.labels.seeds import ShadowStarts, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.shadows import Ids, sightlines
 from polarsim.labels.view import move_flat

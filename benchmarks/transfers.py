@@ -41,9 +41,8 @@ from polarsim.labels import annotator_model, rover_light
 from polarsim.labels.known import Known, gather
 from polarsim.labels.label import COEFFICIENTS, USUAL_PX
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.position import PositionLabels
 from polarsim.labels.position_rocks import PositionRocks
-from polarsim.labels.propagate import propagate_labels
+from polarsim.labels.propagate import PositionLabels, propagate_labels
 from polarsim.labels.seeds import Annotated, Seeds, Sight, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.tracks import Track
 from polarsim.labels.view import move_rocks
