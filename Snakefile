@@ -22,6 +22,8 @@ include: "workflow/rules/scoring.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/gap_files.smk"
 include: "workflow/rules/gap.smk"
+include: "workflow/rules/covers_files.smk"
+include: "workflow/rules/covers.smk"
 
 
 localrules:
@@ -36,6 +38,7 @@ localrules:
     tables,
     geometry,
     gap,
+    real,
 
 
 rule all:
@@ -51,6 +54,7 @@ rule all:
         rules.rover.input,
         rules.tables.input,
         rules.gap.input,
+        rules.real.input if CONFIG.covers.run else [],
 
 
 onstart:

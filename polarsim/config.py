@@ -15,13 +15,14 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions, seed_choice
 from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.options import CamerasOptions, PlacementOptions
+from polarsim.covers.options import CoversOptions
 from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions
 from polarsim.errors import ConfigError, about
 from polarsim.formats.yaml_files import describe_error, read_yaml
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
-from polarsim.photo import TERRAINS, positions
+from polarsim.photo import TERRAINS, PhotoKey, positions
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
 from polarsim.rover.options import RoverOptions
@@ -94,6 +95,9 @@ class Config(BaseModel, extra="forbid", frozen=True):
     render: RenderOptions = Field(RenderOptions(), description="Twins of every photo.")
     detect: DetectOptions = Field(DetectOptions(), description="Detectors, their training and comparison.")
     gap: GapOptions = Field(GapOptions(), description="Twins with one component replaced: which one causes the gap.")
+    covers: CoversOptions = Field(
+        CoversOptions(), description="Detectors that are trained on strewn scenes and tested on real cover photos."
+    )
     rover: RoverOptions = Field(RoverOptions(), description="Drives over the digitised terrains.")
     scoring: ScoringOptions = Field(ScoringOptions(), description="How results are scored.")
 
@@ -140,6 +144,20 @@ class Config(BaseModel, extra="forbid", frozen=True):
         if self.rover.detector is not None and self.rover.detector not in self.training_domains:
             known = ", ".join(self.training_domains) or "none of a source without photos"
             raise ValueError(f"rover.detector: domain {self.rover.detector!r}, expected {known}")
+        return self
+
+    @model_validator(mode="after")
+    def _terrains_of_folds(self) -> Config:
+        if not self.covers.run:
+            return self
+        for fold in self.cover_folds:
+            if unknown := sorted(set(fold) - set(self.terrains)):
+                raise ValueError(f"covers.folds: {unknown[0]} is none of the run's {self.terrains}")
+            if not set(self.terrains) - set(fold):
+                raise ValueError(f"covers.folds: {fold} leaves no terrain to train on")
+        for key in self.covers.keys:
+            if PhotoKey.parse(key).terrain not in self.terrains:
+                raise ValueError(f"covers.keys: {key} is of none of the run's terrains {self.terrains}")
         return self
 
     @model_validator(mode="after")
@@ -213,9 +231,15 @@ class Config(BaseModel, extra="forbid", frozen=True):
         """
         return f"detect/{self.detect.splits[0]}/seed{self.detect.seeds[0]}"
 
+    @property
+    def cover_folds(self) -> tuple[tuple[int, ...], ...]:
+        """Terrains whose cover photos each detector is tested on: those that are named, or each of the run's."""
+        return self.covers.folds or tuple((terrain,) for terrain in self.terrains)
+
     def digest(self) -> str:
         """Short name of the whole configuration, for tables."""
-        exclude = None if self.rover.run else {"rover"}  # where nothing drives, tables know nothing of it
+        # Where nothing drives, or no cover photo is tested on, tables know nothing of it.
+        exclude = {name for name in ("rover", "covers") if not getattr(self, name).run}
         content = json.dumps(self.model_dump(mode="json", exclude=exclude), sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()[:12]
 

@@ -32,12 +32,13 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"geometry", "grid"},
     {"formats"},
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
-    {"rover", "report"},
+    {"rover", "covers", "report"},
     {"config", "reporting"},
     {"cli", "job"},
 )
-TALLER = {  # of the stages these see only these: a drive renders and detects itself, a report shows what scoring found
+TALLER = {  # of the stages these see only these: drives and strewn rocks are rendered, a report shows scores
     "rover": {"render", "detect"},
+    "covers": {"rocks", "render", "detect"},
     "report": {"scoring", "annotate"},
 }
 

@@ -32,7 +32,7 @@ class Entry:
     name: str
     part: str
     image: Path
-    label: Path
+    label: Path | None  # None: it has labels that nobody may read here
 
 
 def make_dataset(
@@ -126,7 +126,7 @@ def mix_datasets(
                 entries.append(Entry(f"{source}-{name}" + (f"-{copy}" if copy > 1 else ""), part, *files))
         left_out += [(f"{source}-{name}", part) for name, part in _left_out(folder) if part != TEST]
     with writing_folder(dataset) as made:
-        _write(domain, dataset, entries, left_out, made, {"weights": dict(weights)}, (TRAIN, VAL))
+        write_dataset(domain, dataset, entries, made, {"weights": dict(weights)}, left_out, (TRAIN, VAL))
 
 
 def read_pictures(dataset: Path, part: str) -> list[str]:
@@ -158,7 +158,7 @@ def _share(
         elif part and state == CORRUPT:
             left_out.append((key, part))
     facts = {"split": by, "tone": read_json(pictures / "domain.json")["tone"]}
-    _write(domain, dataset, entries, left_out, folder, facts, needed)
+    write_dataset(domain, dataset, entries, folder, facts, left_out, needed)
 
 
 def _parts_of_views(
@@ -174,16 +174,29 @@ def _parts_of_views(
     }
 
 
-def _write(
+def write_dataset(
     domain: str,
     dataset: Path,
     entries: Sequence[Entry],
-    left_out: Sequence[tuple[str, str]],
     folder: Path,
     facts: Mapping[str, object],
-    needed: Sequence[str],
+    left_out: Sequence[tuple[str, str]] = (),
+    needed: Sequence[str] = PARTS,
 ) -> None:
-    """Fill the folder that will be called `dataset`."""
+    """Fill the folder that will be called `dataset` with links to the files of its entries, and with what tells of it.
+
+    Parameters
+    ----------
+    facts
+        More of `dataset.json`.
+    left_out
+        Names and parts of corrupt pictures.
+
+    Raises
+    ------
+    DetectError
+        A part that is needed has no picture.
+    """
     for part in PARTS:
         for kind, _ in KINDS:
             (folder / kind / part).mkdir(parents=True)
@@ -193,6 +206,8 @@ def _write(
             raise DetectError(f"no {domain} picture in the {part} part", path=dataset)
     for entry in entries:
         for (kind, ending), file in zip(KINDS, (entry.image, entry.label), strict=True):
+            if file is None:
+                continue
             place = folder / kind / entry.part
             # Relative, so that results can be moved; the folder's own name takes part in no link.
             link = os.path.relpath(file.resolve(), place.resolve())

@@ -42,7 +42,8 @@ def frame(
     if max(height, width) != imgsz:
         scale = imgsz / max(height, width)
         width, height = round(width * scale), round(height * scale)
-        picture = np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_LINEAR))
+        way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR  # a smaller picture without the grain of a larger one
+        picture = np.asarray(cv2.resize(picture, (width, height), interpolation=way))
     rows, columns = -height % STRIDE, -width % STRIDE
     top, left = rows // 2, columns // 2
     pixels = np.pad(picture, ((top, rows - top), (left, columns - left)), constant_values=PADDING)

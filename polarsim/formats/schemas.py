@@ -56,6 +56,11 @@ PREDICTIONS = _schema(
 )
 CURVES = _schema("detect/curves.parquet", "trained:s evaluated:s kind:s iou:f recall:f precision:f")
 INSTANCES = _schema("detect/instances.parquet", "trained:s evaluated:s key:s kind:s rock:i iou:f area_px:f:px2")
+COVER_SCORES = _schema(
+    "covers/scores.parquet",
+    "terrain:s kind:s seed:i detector:s start:s epochs:i folds:i pictures:i images:i labels:i",
+    "map50:f map50_low:f map50_high:f map50_95:f iou_mean:f",
+)
 OFFSETS = _schema("evaluation/offsets_TerrainTT.parquet", "rock:i x:f:m y:f:m z:f:m offset_mm:f:mm")
 LABEL_PAIRS = _schema(
     "evaluation/label_pairs_TerrainTT.parquet",
@@ -82,8 +87,8 @@ SOIL_LIMIT = _schema(
 )
 SOIL_MEASURED = _schema("rover/soil_measured.parquet", "rig:s soil:s slip:f slope_deg:f:degrees model_deg:f:degrees")
 SCHEMAS = (
-    PHOTOS, LABELS, MATCHES, ALIGNMENT, ROCKS, PREDICTIONS, CURVES, INSTANCES, OFFSETS, LABEL_PAIRS, TWIN_PAIRS,
-    EVERY_DRIVE, DRIVES, ONBOARD, SOIL_LIMIT, SOIL_MEASURED,
+    PHOTOS, LABELS, MATCHES, ALIGNMENT, ROCKS, PREDICTIONS, CURVES, INSTANCES, COVER_SCORES, OFFSETS, LABEL_PAIRS,
+    TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, SOIL_LIMIT, SOIL_MEASURED,
 )  # fmt: skip
 
 

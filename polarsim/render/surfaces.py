@@ -120,6 +120,8 @@ def _spread_out(factors: np.ndarray, given: TerrainMesh, mesh: TerrainMesh, coun
     """Factors of all vertices (count,) from those of the given mesh: feet drawn out have their rock's mean, walls 1."""
     whole = np.ones(count, np.float32)
     whole[: len(factors)] = factors
+    if mesh is given:
+        return whole
     for rock in mesh.rocks:
         used = np.unique(mesh.faces[mesh.rock_of_face == rock])
         own = used < len(given.vertices)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import jinja2
@@ -25,7 +25,7 @@ def write_results_page(
     *,
     tables: Mapping[str, Path],
     figures: Mapping[str, Path],
-    phases: Path,
+    phases: Sequence[Path],
     datasets: Mapping[tuple[str, str], Path],
     page: Path,
     origin: Mapping[str, str],
@@ -39,7 +39,7 @@ def write_results_page(
     figures
         PNG by name; those of one detector as `seen_<domain>` and `gap_rocks_<domain>`.
     phases
-        What the figure of the opposition effect shows, `figures/opposition.json`.
+        What the figure of the opposition effect shows, `figures/opposition.json`; none where there are no photos.
     datasets
         Data set of each split and domain.
 
@@ -54,7 +54,7 @@ def write_results_page(
         origin=origin,
         pictures=_html(markdown(picture_counts(datasets, origin["source"]), "Pictures of every domain.")),
         comparison=next((name for name in figures if name.startswith("comparison_")), ""),
-        opposition=_opposition(phases),
+        opposition="".join(map(_opposition, phases)),
         has=tables.__contains__,
         table=run.table,
         figure=run.figure,

@@ -31,7 +31,7 @@ def run(tmp_path):
         png.write(figures[name], png.np.zeros((4, 4), "uint8"))
     phases = tmp_path / "opposition.json"
     write_json(phases, {"shown": True, "text": "From 2 to 90 degrees"})
-    return {"tables": tables, "figures": figures, "phases": phases, "datasets": {("photo", "real"): dataset}}
+    return {"tables": tables, "figures": figures, "phases": [phases], "datasets": {("photo", "real"): dataset}}
 
 
 def written(folder, run):
@@ -64,7 +64,7 @@ def test_what_a_run_has_not_has_no_heading(tmp_path, run):
     page = written(tmp_path, run)
     assert "Stereo depth" not in page
     assert "Causes of the gap" not in page
-    write_json(run["phases"], {"shown": False, "text": "No photo shows it"})
+    write_json(run["phases"][0], {"shown": False, "text": "No photo shows it"})
     assert "Opposition" not in written(tmp_path, run)
 
 

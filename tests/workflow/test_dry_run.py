@@ -196,3 +196,46 @@ def test_lint_finds_nothing_but_missing_containers(checkout, snakemake):
 
 def test_the_schema_is_the_configurations():
     assert (CONFIGURATIONS / "schema.json").read_text() == config.schema(), "run make schema"
+
+
+@pytest.fixture
+def release_with_covers(release_like):
+    """The same with a cover photo of every terrain but 11, and rocks of every terrain but 12."""
+    for terrain in (1, 3, 4, 8, 11, 12):
+        if terrain != 11:
+            path = release_like / "CoverPhotoOfIndices" / f"cover_photo_indexed_{terrain:02d}_A.png"
+            path.parent.mkdir(exist_ok=True)
+            path.touch()
+        if terrain != 12:
+            path = release_like / "TerrainMeshes" / f"Terrain{terrain:02d}" / f"terrain{terrain:02d}_rock1.obj"
+            path.parent.mkdir(parents=True)
+            path.touch()
+    return release_like
+
+
+def test_each_terrain_with_cover_photos_is_left_out_in_turn(checkout, snakemake, release_with_covers):
+    done = snakemake(
+        checkout, "real", "--dry-run", "--configfile", "config/covers.yaml", POLAR_SIM_ROOT=str(release_with_covers)
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs = planned(done)
+    assert jobs["render_scenes"] == 5  # of terrain 12 there are no rocks to strew
+    assert jobs["train_cover_detector"] == jobs["predict_covers"] == jobs["make_cover_dataset"] == 5  # none tests 11
+    assert (jobs["read_covers"], jobs["score_covers"], jobs["write_results_page"]) == (1, 1, 1)
+    text = done.stdout + done.stderr
+    for fold in ("01", "03", "04", "08", "12"):
+        job = next(part for part in re.split(r"\nrule |\nlocalrule ", text) if f"make_cover_dataset_{fold}.log" in part)
+        assert {found[-2:] for found in re.findall(r"scenes/Terrain\d\d", job)} == {"01", "03", "04", "08", "11"} - {
+            fold
+        }
+
+
+def test_a_fold_of_a_terrain_that_the_run_has_not_is_named(checkout, snakemake, release_with_covers):
+    setting = "covers={run: true, folds: [[1, 2]]}"
+    done = snakemake(
+        checkout, "real", "--dry-run", "--configfile", "config/covers.yaml", "--config", setting,
+        POLAR_SIM_ROOT=str(release_with_covers),
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "covers.folds: 2 is none of the run's" in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr

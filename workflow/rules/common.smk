@@ -12,7 +12,13 @@ from polarsim.acquire.options import describe_seeds
 from polarsim.config import parse_config
 from polarsim.digest import script_digest
 from polarsim.errors import ConfigError
-from polarsim.formats.release import label_folder, polygon_folder
+from polarsim.formats.release import (
+    cover_photos,
+    label_files,
+    label_folder,
+    mesh_files,
+    polygon_folder,
+)
 from polarsim.grid import selected_grid
 from polarsim.photo import positions as positions_of_terrain
 
@@ -258,16 +264,19 @@ def tables_of_page():
     names = [*TABLES_OF_DETECTORS]
     names += ["stereo"] if STEREO else []
     names += ["gap"] if CONFIG.gap.components else []
-    return of_run("results/{run}/tables/{name}.md", name=names if DOMAINS else [])
+    real = of_run("results/{run}/tables/covers.md") if CONFIG.covers.run else []
+    of_domains = names if DOMAINS else []
+    return of_run("results/{run}/tables/{name}.md", name=of_domains) + real
 
 
 def figures_of_page():
     """Figures of the results page; of the comparisons the first one."""
+    real = of_run("results/{run}/figures/covers.png") if CONFIG.covers.run else []
     if not DOMAINS:
-        return []
+        return real
     causes = of_run("results/{run}/figures/gap.png") if CONFIG.gap.components else []
     comparisons = every_figure("comparison_Terrain{terrain}_Pos{position}")
-    return [*comparisons[:1], *figures_of_detectors(), *causes]
+    return [*comparisons[:1], *figures_of_detectors(), *causes, *real]
 
 
 def shown_photo(wildcards):

@@ -17,7 +17,7 @@ rule tables:
         tables_of_detectors(),
         figures_of_detectors(),
         of_run("results/{run}/tables/stereo.csv") if STEREO else [],
-        of_run("results/{run}/results.html") if DOMAINS else [],
+        of_run("results/{run}/results.html") if DOMAINS or CONFIG.covers.run else [],
         of_run("results/{run}/figures/reflectance.png"),
         every_figure("comparison_Terrain{terrain}_Pos{position}"),
         every_figure("contact_Terrain{terrain}_Pos{position}"),
@@ -519,7 +519,7 @@ rule write_results_page:
     input:
         tables=tables_of_page(),
         figures=figures_of_page(),
-        phases="results/{run}/figures/opposition.json",
+        phases=of_run("results/{run}/figures/opposition.json") if DOMAINS else [],
         datasets=of_run("results/{run}/detect/{split}/datasets/{trained}", split=SPLITS, trained=TRAINED),
     output:
         page=shown("results/{run}/results.html", "Results"),

@@ -1,4 +1,4 @@
-"""What photos show beside sand and rocks, drawn into varied twins at random: hall, cloth, cards, glare.
+"""What photos show beside sand and rocks, drawn into pictures at random: hall, cloth, cards, glare.
 
 Detectors that have never seen such things find rocks in them; but those of cloth, cards and glare were no better on
 real photos (docs/notes/detect.md), so only the hall is there by default.
@@ -9,25 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from pydantic import BaseModel, Field
 
-from .relief import Range, smooth_noise
+from polarsim.covers.options import HallOptions
+from polarsim.covers.relief import smooth_noise
 
 _BEFORE_WALL_M = 0.03  # a card's distance from the wall that it leans on
 _SHIFT = 4  # bits of a pixel's fraction in OpenCV's polygons
-
-
-class HallOptions(BaseModel, extra="forbid", frozen=True):
-    """Ranges, from least to most; brightness is over that of lit sand."""
-
-    brightness: Range = Field((0.0, 0.4), description="Mean of what is behind the walls.")
-    folds_sd: Range = Field((0.0, 0.0), description="Standard deviation of the log brightness of the walls' cloth.")
-    most_cards: int = Field(0, ge=0, description="Framed cards that lean on the walls: none to so many a picture.")
-    card_m: Range = Field((0.15, 0.4), description="Width of a card.")
-    card: Range = Field((0.05, 2.0), description="Brightness of a card and of its frame.")
-    most_glares: int = Field(0, ge=0, description="Blobs of light that the lens throws: none to so many a picture.")
-    glare: Range = Field((0.0, 0.6), description="Brightness of such a blob's middle.")
-    glare_share: Range = Field((0.02, 0.1), description="Standard deviation of its width over that of the picture.")
 
 
 def furnish(
@@ -52,8 +39,9 @@ def furnish(
     project : points (n, 3) in the sandbox to pixels (n, 2)
     """
     shape = (radiance.shape[0], radiance.shape[1])
-    hall = np.where(bare, random.uniform(*options.brightness) * draw_hall(shape, random), 0)
-    seen = radiance + hall
+    seen = radiance
+    if bare.any():
+        seen = seen + np.where(bare, random.uniform(*options.brightness) * draw_hall(shape, random), 0)
     if any(options.folds_sd):
         folds = smooth_noise(shape, shape[0] / 6, shape[1] / 150, random.uniform(0, np.pi), random)
         seen = np.where(around & ~bare, seen * np.exp(random.uniform(*options.folds_sd) * folds), seen)

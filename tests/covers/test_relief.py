@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.cover_photos.relief import (
-    ReliefOptions,
+from polarsim.covers.options import ReliefOptions
+from polarsim.covers.relief import (
     crater,
     draw_relief,
     grid_mesh,
-    sand_height,
+    rough_waves,
     smooth_noise,
-    smooth_sand,
+    summed_noise,
 )
 
 
@@ -42,14 +42,6 @@ def test_a_crater_is_deepest_in_the_middle_highest_at_its_crest_and_flat_far_off
     assert np.abs(np.diff(height)).max() < 0.01 * depth  # no step at the crest
 
 
-@settings(max_examples=20)
-@given(quadric=st.lists(st.floats(-1, 1), min_size=6, max_size=6).map(np.array))
-def test_smooth_sand_finds_any_quadric(quadric):
-    x, y = np.meshgrid(np.linspace(-2, 2, 9), np.linspace(-2, 2, 9))
-    ground = np.stack([x, y, sand_height(quadric, x, y)], axis=-1).reshape(-1, 3)
-    np.testing.assert_allclose(smooth_sand(ground), quadric, atol=1e-9)
-
-
 def test_a_grid_mesh_faces_up():
     x, y = np.meshgrid([0.0, 1, 2], [0.0, 1])
     mesh = grid_mesh(x, y, np.zeros_like(x))
@@ -57,8 +49,19 @@ def test_a_grid_mesh_faces_up():
     np.testing.assert_allclose(mesh.normals(), np.tile([0, 0, 1], (6, 1)))
 
 
-def test_relief_without_craters_stays_within_its_spread(rng):
-    options = ReliefOptions(layers=2, ridge_sd_m=(0.003, 0.003), swell_sd_m=(0.004, 0.004), most_craters=0)
+def test_relief_without_craters_has_the_spread_of_its_layers_together(rng):
+    options = ReliefOptions(
+        most_layers=0, rough_sd_m=(0.003, 0.003), swell_sd_m=(0.004, 0.004), swell_width_m=0.1, most_craters=0
+    )
     x, y = np.meshgrid(np.arange(-2, 2, 0.02), np.arange(-2, 2, 0.02))
-    height = draw_relief(x, y, options, rng)
-    assert height.std() == pytest.approx(np.sqrt(2 * 0.003**2 + 0.004**2), rel=0.15)
+    spread = np.mean([draw_relief(x, y, options, rng).std() for _ in range(8)])
+    assert spread == pytest.approx(np.hypot(0.003, 0.004), rel=0.1)
+
+
+def test_rough_sand_has_no_structure_below_its_finest_size(rng):
+    """Steps between neighbours: with the finest size of 8 cells, less than half of those with 1 cell."""
+    steps = []
+    for finest in (1, 8):
+        noise = summed_noise((256, 256), [(1.0, rough_waves((256, 256), finest, 40))], rng)
+        steps.append(np.abs(np.diff(noise)).mean())
+    assert steps[1] < 0.5 * steps[0]

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from benchmarks.cover_photos.strokes import REDS, draw_strokes, drawn_boxes, erase_strokes, find_strokes, practise
+from polarsim.covers.strokes import COLOURS, draw_strokes, drawn_boxes, erase_strokes, find_strokes, practise
 from polarsim.formats import png, release
 
 BOXES = np.array([[40.0, 30, 110, 90], [150, 60, 190, 120]])
@@ -23,7 +23,7 @@ def test_a_grey_picture_has_no_strokes_and_stays_as_it_is(rng):
     np.testing.assert_array_equal(erase_strokes(np.repeat(photo[..., None], 3, axis=-1)), photo)
 
 
-@pytest.mark.parametrize("colour", REDS)
+@pytest.mark.parametrize("colour", COLOURS)
 def test_nothing_but_strokes_is_touched(rng, colour):
     photo = grainy(rng)
     drawn = draw_strokes(photo, BOXES, [3, 17], colour, 3, 20)
@@ -32,7 +32,7 @@ def test_nothing_but_strokes_is_touched(rng, colour):
     np.testing.assert_array_equal(erased[outside], photo[outside])
 
 
-@pytest.mark.parametrize("colour", REDS)
+@pytest.mark.parametrize("colour", COLOURS)
 def test_what_lies_below_strokes_is_told_to_a_few_grey_values(rng, colour):
     photo = grainy(rng)
     drawn = draw_strokes(photo, BOXES, [3, 17], colour, 3, 20)
@@ -57,7 +57,7 @@ def test_a_soft_edge_gives_its_grey_value_back():
 )  # fmt: skip
 def test_drawn_boxes_are_found_within_their_lines(x, y, wide, high, width):
     photo = np.full((160, 240), 80, np.uint8)
-    drawn = draw_strokes(photo, np.array([[x, y, x + wide, y + high]]), [7], REDS[0], width, 12)
+    drawn = draw_strokes(photo, np.array([[x, y, x + wide, y + high]]), [7], COLOURS[0], width, 12)
     inner = [box for box in drawn_boxes(find_strokes(drawn)) if box[2] - box[0] > wide / 2]
     half = (width + 1) / 2
     np.testing.assert_allclose(inner, [[x + half, y + half, x + wide - half + 1, y + high - half + 1]], atol=1)
@@ -82,7 +82,7 @@ def test_practised_strokes_lie_alike_on_labelled_and_unlabelled_places(rng):
 def test_erased_strokes_have_the_grain_of_their_surroundings(rng):
     """Else a smooth stripe would tell a detector where somebody drew."""
     photo = (100 + ndimage.gaussian_filter(rng.normal(0, 6, (300, 400)), 0.7)).astype(np.uint8)
-    drawn = draw_strokes(photo, np.array([[60.0, 60, 340, 240]]), [1], REDS[0], 4, 26)
+    drawn = draw_strokes(photo, np.array([[60.0, 60, 340, 240]]), [1], COLOURS[0], 4, 26)
     strokes, erased = find_strokes(drawn), erase_strokes(drawn).astype(float)
     fine = np.abs(erased - ndimage.gaussian_filter(erased, 1.5))
     assert 0.5 < fine[strokes].mean() / fine[~strokes].mean() < 1.5

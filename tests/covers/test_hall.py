@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.cover_photos.hall import HallOptions, draw_hall, furnish
+from polarsim.covers.hall import draw_hall, furnish
+from polarsim.covers.options import HallOptions
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
 
@@ -56,7 +57,7 @@ def test_folds_are_on_the_walls_alone(rng, around):
 
 
 def test_cards_have_a_frame_and_cover_no_sand(rng, around):
-    seen = [furnished(rng, around, most_cards=4, card_m=(0.8, 1.2), card=(5, 9)) for _ in range(30)]
+    seen = [furnished(rng, around, most_cards=4, card_m=(0.8, 1.2), card=(5, 9)) for _ in range(120)]
     assert all((found[20:] == 1).all() for found in seen)
     shades = [len(np.unique(found[found >= 5])) for found in seen]
     assert 0 in shades

@@ -1,7 +1,7 @@
 """Boxes and digits that people drew into grey photos: found, taken out, and drawn for practice.
 
-Published cover photos are grey; what was drawn into them is red. A pixel whose channels differ is thus a stroke, and
-where a line's soft edge lets the photo through, the photo's grey value can be told from the mix.
+Published cover photos are grey; what was drawn into them is red or blue. A pixel whose channels differ is thus a
+stroke, and where a line's soft edge lets the photo through, the photo's grey value can be told from the mix.
 """
 
 from __future__ import annotations
@@ -11,15 +11,16 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage
 
-_PURE = 190  # red above green from which a pixel is nothing but stroke
+_PURE = 190  # brightest channel above the darkest one, from which a pixel is nothing but stroke
 _MOST_GRAIN = 3  # times the usual size of grain, the median over a square of _USUAL_PX
 _USUAL_PX = 21
 _MOST_COVER = 0.5  # share of a stroke's colour up to which the grey value below it is recovered
+_UNTOUCHED = 0.5  # share of the pictures that nobody draws into: taking strokes out takes longer than a lamp's light
 _GROWN = np.ones((3, 3), bool)
 _REACH = 4  # pixels from which inpainting takes its light
 _LEAST_SIDE, _LEAST_FILL = 12, 0.9  # of the inside of a drawn box: side in px, share of its bounding box
 Colour = tuple[int, int, int]
-REDS: tuple[Colour, ...] = ((255, 0, 0), (237, 28, 36))  # of the published covers, RGB
+COLOURS: tuple[Colour, ...] = ((255, 0, 0), (237, 28, 36), (0, 0, 255))  # of the published covers, RGB
 
 
 def find_strokes(picture: np.ndarray) -> np.ndarray:
@@ -48,17 +49,17 @@ def erase_strokes(picture: np.ndarray) -> np.ndarray:
 def _unmixed(picture: np.ndarray, strokes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Grey value under the strokes (h, w), and the share (h, w) of the stroke's colour in each pixel.
 
-    A mix is c s + (1 - c) g in every channel, with the colour s of the nearest pixel that is nothing but stroke.
+    A mix is c s + (1 - c) g in every channel, with the colour s of the nearest pixel that is nothing but stroke; so the
+    channels of a mix lie c times as far apart as those of its colour.
     """
-    channels = picture.astype(np.float32)
-    redness = channels[..., 0] - channels[..., 1]
-    core = strokes & (redness > _PURE)
+    darkest, brightest = (extreme(axis=-1).astype(np.float32) for extreme in (picture.min, picture.max))
+    chroma = brightest - darkest
+    core = strokes & (chroma > _PURE)
     if not core.any():
-        return channels[..., 1], strokes.astype(np.float32)
+        return darkest, strokes.astype(np.float32)
     _, (row, column) = ndimage.distance_transform_edt(~core, return_indices=True)
-    colour = channels[row, column]
-    cover = np.clip(redness / (colour[..., 0] - colour[..., 1]), 0, 1)
-    grey = (channels[..., 1] - cover * colour[..., 1]) / np.maximum(1 - cover, 1e-3)
+    cover = np.clip(chroma / chroma[row, column], 0, 1)
+    grey = (darkest - cover * darkest[row, column]) / np.maximum(1 - cover, 1e-3)
     return np.clip(np.rint(grey), 0, 255), cover
 
 
@@ -121,15 +122,15 @@ def practise(photo: np.ndarray, most_boxes: int, random: np.random.Generator, si
     `size_px`: of a cover photo's lines 3 to 4 px wide here, from the ratio of the two widths; sides of boxes are those
     of the published labels, log-uniform from 25 to 200 px of a full photo.
     """
-    count = int(random.integers(most_boxes + 1))
-    if not count:
+    if not most_boxes or random.random() < _UNTOUCHED:
         return photo
+    count = int(random.integers(1, most_boxes + 1))
     high, wide = photo.shape
     scale = wide / size_px
     sides = np.exp(random.uniform(np.log(25), np.log(200), (count, 1))) * random.uniform(0.7, 1.4, (count, 2)) * scale
     corner = random.uniform(0, 1, (count, 2)) * [wide, high] - sides / 2
     boxes = np.concatenate([corner, corner + sides], axis=1)
     line = max(1, round(float(random.uniform(3, 4.5)) * scale))
-    colour = REDS[random.integers(len(REDS))]
+    colour = COLOURS[random.integers(len(COLOURS))]
     numbers = random.integers(1, 30, count).tolist()
     return erase_strokes(draw_strokes(photo, boxes, numbers, colour, line, 26 * scale))

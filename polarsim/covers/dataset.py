@@ -1,0 +1,80 @@
+"""What detectors of cover photos are trained and tested on: strewn scenes to train on, cover photos to test on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from polarsim.detect.dataset import KINDS, Entry, write_dataset
+from polarsim.detect.split import TEST, TRAIN, VAL
+from polarsim.errors import DetectError, LabelError, about
+from polarsim.formats.files import writing_folder
+from polarsim.photo import PhotoKey
+from polarsim.randomness import generator
+
+DOMAIN = "covers"  # of the data sets
+_NAME = re.compile(r"t(\d\d)_s(\d+)_l\d+")
+
+
+def scene_name(terrain: int, scene: int, lamp: int) -> str:
+    """Name of a picture of a scene that is strewn with a terrain's rocks, such as `t01_s007_l2`."""
+    return f"t{terrain:02d}_s{scene:03d}_l{lamp}"
+
+
+def make_cover_dataset(
+    *,
+    scenes: Mapping[int, Path],
+    covers: Path,
+    test: Sequence[int],
+    dataset: Path,
+    val_share: float,
+    seed: int,
+) -> None:
+    """Write a data set as `detect.dataset.share_pictures` does: scenes to train and validate, cover photos to test.
+
+    A scene lies in one part with all its pictures.
+
+    Parameters
+    ----------
+    scenes : mapping of int to Path
+        Folders that `render_scenes` wrote, by the terrain whose rocks they show.
+    covers : Path
+        Folder of cover photos that `read_covers` wrote. Labels of these are not part of the data set.
+    test : sequence of int
+        Terrains whose cover photos are the test part.
+
+    Raises
+    ------
+    DetectError
+        A terrain is to be trained on and tested, a folder shows rocks of another terrain, or a part would be empty.
+    """
+    both = sorted(set(test) & set(scenes))
+    if both:
+        raise DetectError(f"terrain {both[0]:02d} is to be trained on and to be tested")
+    entries = [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], val_share, seed)]
+    for path in sorted(covers.glob("*.png")):
+        with about(path):
+            if PhotoKey.parse(path.stem).terrain in test:
+                entries.append(Entry(path.stem, TEST, path, None))
+    with writing_folder(dataset) as folder:
+        write_dataset(DOMAIN, dataset, entries, folder, {"test": sorted(test), "train": sorted(scenes)})
+
+
+def _scenes(terrain: int, folder: Path, val_share: float, seed: int) -> list[Entry]:
+    """Pictures of a terrain's rocks, whole scenes drawn for validation: at least one, and not all."""
+    found: dict[int, list[str]] = {}
+    for path in sorted((folder / "images").glob("*.png")):
+        name = _NAME.fullmatch(path.stem)
+        if not name or int(name[1]) != terrain:
+            raise LabelError(f"{path.stem!r} is no picture of rocks of terrain {terrain:02d}", path=path)
+        found.setdefault(int(name[2]), []).append(path.stem)
+    if len(found) < 2:
+        raise DetectError(f"{len(found)} scenes of terrain {terrain:02d}, at least 2 are needed", path=folder)
+    order = generator(seed, "covers", "val", terrain).permutation(sorted(found))
+    val = set(order[: min(len(found) - 1, max(1, round(val_share * len(found))))].tolist())
+    return [
+        Entry(name, VAL if scene in val else TRAIN, *(folder / kind / f"{name}{ending}" for kind, ending in KINDS))
+        for scene, names in sorted(found.items())
+        for name in names
+    ]

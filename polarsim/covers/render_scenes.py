@@ -1,0 +1,149 @@
+"""Pictures of strewn scenes of one terrain's rocks, 8 bits, with exact boxes: to train detectors on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.covers.dataset import scene_name
+from polarsim.covers.hall import furnish
+from polarsim.covers.options import SceneOptions
+from polarsim.covers.scenes import Scene, Shape, draw_scene
+from polarsim.covers.strokes import practise
+from polarsim.covers.viewpoints import coarse_sand, draw_lamp
+from polarsim.errors import DetectError
+from polarsim.formats import obj, png, yolo
+from polarsim.formats.files import writing_folder
+from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, HEIGHT, ROCK, SHADOW, WHITE_LEVEL, WIDTH
+from polarsim.progress import track
+from polarsim.randomness import generator
+from polarsim.render.ground_truth import boxes_of
+from polarsim.render.lamps import Lamp
+from polarsim.render.olat import NO_LAMP, render_view
+from polarsim.render.optics import through_lens
+from polarsim.render.sensor import expose
+from polarsim.render.surfaces import surfaces_of
+
+_BRIGHT_SAND = 90  # percentile of the sand's light that an exposure is told by: walls and lamps would mislead it
+_SEAM_PX = 2
+_CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)  # pixels that share an edge
+_EXTREMES = (0.05, 0.95)  # of the grey values of a rock, in order, that its contrast lies between
+_WHITE = 255  # of the pictures
+_NUMBERS = {ROCK: ROCK_IDS, SHADOW: SHADOW_IDS}
+Label = tuple[str, int, np.ndarray]
+
+
+def render_scenes(
+    *, terrain: int, meshes: Path, pictures: Path, stored_px: int, options: SceneOptions, threads: int
+) -> None:
+    """Write `images/NAME.png` and `labels/NAME.txt` (YOLO) of every scene and lamp.
+
+    NAME is terrain, scene and lamp, such as `t01_s007_l2`. Pictures are rendered at the options' scale and stored
+    `stored_px` wide.
+
+    Parameters
+    ----------
+    meshes : Path
+        Folder with the terrain's rocks, closed.
+    pictures : Path
+        Folder to write.
+
+    Raises
+    ------
+    PolarsimError
+        A broken mesh, or no rock.
+    """
+    files = obj.rock_files(meshes)
+    if not files:
+        raise DetectError("no rock meshes are here: rocks of this terrain cannot be strewn", path=meshes)
+    shapes = [Shape(obj.read(path)) for path in files.values()]
+    with writing_folder(pictures) as folder:
+        for kind in ("images", "labels"):
+            (folder / kind).mkdir()
+        for number in track(range(options.number), f"scenes of terrain {terrain:02d}"):
+            random = generator(options.seed, "covers", "scene", terrain, number)
+            for lamp, (picture, labels) in enumerate(draw_pictures(shapes, stored_px, options, random, threads)):
+                name = scene_name(terrain, number, lamp)
+                png.write(folder / "images" / f"{name}.png", picture)
+                size = round(WIDTH * options.scale), round(HEIGHT * options.scale)
+                classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in labels], int)
+                corners = np.array([box for _, _, box in labels], float).reshape(-1, 4)
+                yolo.write_boxes(folder / "labels" / f"{name}.txt", classes, corners, size)
+
+
+def draw_pictures(
+    shapes: Sequence[Shape], stored_px: int, options: SceneOptions, random: np.random.Generator, threads: int
+) -> Iterator[tuple[np.ndarray, list[Label]]]:
+    """Picture (h, w) uint8, `stored_px` wide, and labels in pixels of the rendered size, of one scene by lamp."""
+    scene = draw_scene(shapes, options, random)
+    for radiance, ids in _rendered(scene, options, random, threads):
+        light = random.uniform(*options.exposure) * (WHITE_LEVEL - BLACK_LEVEL)
+        curve = tone_curve(random.uniform(*options.gamma))
+        labels = [
+            (kind, rock, box)
+            for kind, rock, box in boxes_of(ids, scene.options)
+            if contrast(ids, _NUMBERS[kind] + rock, box, radiance, light, curve) >= options.least_contrast
+        ]
+        picture = curve[expose(radiance, light, scene.options, random if options.noise else None)]
+        yield practise(shrink(picture, stored_px), options.strokes, random, WIDTH), labels
+
+
+def _rendered(
+    scene: Scene, options: SceneOptions, random: np.random.Generator, threads: int
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Radiance (h, w) over that of bright sand, and ids (h, w), by lamp."""
+    chosen, model, camera = scene.options, scene.options.models[0], scene.camera
+    surfaces = surfaces_of(scene.mesh, chosen, {model: scene.albedo})
+    coarse = coarse_sand(surfaces, camera, options)
+    lamps: dict[str, Lamp] = {str(n): draw_lamp(surfaces, coarse, options, random) for n in range(options.lamps)}
+    rendering = render_view(surfaces, camera, lamps, [model], sorted(lamps), chosen, threads)
+    seen = through_lens(rendering.whole, lamps, surfaces, camera, chosen, threads)
+    sand, around = (rendering.ids[NO_LAMP] == kind for kind in (GROUND, BACKGROUND))
+    bare = around & ~np.any(
+        [olat_image != 0 for olat_image in rendering.olat_images.values()], axis=0
+    )  # or a wall that no lamp meets
+    walls = (chosen.rim_half_width_m, scene.mesh.sand_level + chosen.rim_height_m)
+    for name in lamps:
+        radiance = seen[model, name]
+        bright = max(float(np.percentile(radiance[sand] if sand.any() else radiance, _BRIGHT_SAND)), 1e-9)
+        radiance = radiance / np.float32(bright)
+        if options.hall is not None:
+            radiance = furnish(radiance, around, bare, walls, camera.project, options.hall, random)
+        yield radiance, rendering.ids[name]
+
+
+def contrast(
+    ids: np.ndarray, number: int, box: np.ndarray, radiance: np.ndarray, light: float, curve: np.ndarray
+) -> float:
+    """How far the grey values of what has a number in a picture of ids (h, w), and of a seam around it, go apart.
+
+    Of the picture without noise, from the 5th to the 95th of a hundred grey values, as a share of white. With the seam,
+    for of a dark rock before lit sand people see the outline.
+    """
+    import cv2
+
+    left, top, right, bottom = (box + _SEAM_PX * np.array([-1, -1, 1, 1])).round().astype(int).tolist()
+    window = (slice(max(top, 0), bottom), slice(max(left, 0), right))
+    seen = cv2.dilate((ids[window] == number).astype(np.uint8), _CROSS, iterations=_SEAM_PX)
+    values = np.sort(radiance[window][seen > 0])
+    extremes = values[[round(share * (len(values) - 1)) for share in _EXTREMES]]
+    shown = curve[np.clip(BLACK_LEVEL + light * extremes, 0, WHITE_LEVEL).astype(int)]
+    return float(int(shown[1]) - int(shown[0])) / _WHITE
+
+
+def tone_curve(gamma: float) -> np.ndarray:
+    """(4096,) uint8: the grey value of each of a photo's 12-bit ones, by a power of 1 / gamma."""
+    light = np.clip((np.arange(WHITE_LEVEL + 1) - BLACK_LEVEL) / (WHITE_LEVEL - BLACK_LEVEL), 0, 1)
+    return np.rint(_WHITE * light ** (1 / gamma)).astype(np.uint8)
+
+
+def shrink(picture: np.ndarray, width: int) -> np.ndarray:
+    """(h, w) uint8 averaged to a width, and the height that a full photo then has; not made larger."""
+    import cv2
+
+    width = min(width, picture.shape[1])
+    size = (width, round(width * HEIGHT / WIDTH))
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))

@@ -1,0 +1,246 @@
+"""Strewn scenes: rocks of one terrain laid out anew on made-up sand, in materials drawn at random.
+
+No layout is ever drawn twice, so that what a detector can learn from such pictures is rocks, not places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from polarsim.covers.options import Range, SceneOptions
+from polarsim.covers.relief import draw_relief, grid_mesh, smooth_noise
+from polarsim.covers.viewpoints import draw_camera
+from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.meshes import Mesh
+from polarsim.photo import NO_ROCK
+from polarsim.render.options import HapkeParameters, Material, Model, PrincipledParameters, RenderOptions
+from polarsim.rocks.solids import decimated
+
+FIRST_ROCK = 1  # number of the first rock of a scene; what a rock was called in its terrain is no part of it
+_TRIES = 12  # places that are tried before a rock is laid where most room was
+_MOST_HALVINGS = 6  # of a rock's extent to the sides of its triangles: 24,000 of them
+_FACES_OF_WHOLE_SIDES = 6  # triangles with sides of 1 that a rock of that extent has
+_PILE_SPREAD = 0.6  # rocks of a pile lie so far from its middle, times their mean size
+_PILE_ROCKS = 8  # rocks of a scene to one place of a pile
+_EVEN_CELL_M = 0.25  # places within such cells share their chance
+_CAMERA_ROOM_M = 0.8  # width of what no rock stands in, about the camera's foot
+_MARGIN_M = 0.1  # of sand around what is seen
+_TRIANGLE_PX = 1.5  # sides of the triangles of rocks in the picture, at least where they were scanned so finely
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene to render: its mesh, its vertices' albedo factors (v,), who looks at it, and how."""
+
+    mesh: TerrainMesh
+    albedo: np.ndarray
+    camera: Camera
+    options: RenderOptions
+
+
+class Shape:
+    """A rock without its place: middle at the origin, longest extent 1. Copies with fewer faces are made once."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        self.size_m = float((high - low).max())
+        self._copies: dict[int, Mesh] = {}
+        self._whole = Mesh((mesh.vertices - (low + high) / 2) / self.size_m, mesh.faces)
+
+    def mesh(self, size_m: float, side_m: float) -> Mesh:
+        """The rock of a size, the sides of its triangles about `side_m` or shorter, where it was scanned so finely.
+
+        Both in metres. Copies have 1/2, 1/4 ... of the sides that the rock's longest extent is.
+        """
+        halvings = int(np.clip(np.ceil(np.log2(size_m / side_m)), 2, _MOST_HALVINGS))
+        if halvings not in self._copies:
+            faces = _FACES_OF_WHOLE_SIDES * 4**halvings
+            self._copies[halvings] = decimated(self._whole, faces / len(self._whole.faces))
+        found = self._copies[halvings]
+        return Mesh(size_m * found.vertices, found.faces)
+
+
+def draw_scene(shapes: Sequence[Shape], options: SceneOptions, random: np.random.Generator) -> Scene:
+    """One scene of rocks of these shapes."""
+    chosen = draw_render_options(options, random)
+    camera, seen = draw_camera(chosen, options, random)
+    grid = _grid_around(seen, chosen.rim_half_width_m, options)
+    relief = draw_relief(*grid, options.relief, random)
+    ground = grid_mesh(*grid, relief)
+    vertices, faces, rock_of_face = [ground.vertices], [ground.faces], [np.full(len(ground.faces), NO_ROCK)]
+    albedo = [patches(relief.shape, random.uniform(*options.patch_sd), random)]
+    count = len(ground.vertices)
+    rocks_albedo = random.uniform(*options.rock_albedo)
+    for number, mesh in enumerate(strew(shapes, grid, relief, camera, seen, options, random), FIRST_ROCK):
+        vertices.append(mesh.vertices)
+        faces.append(mesh.faces + count)
+        rock_of_face.append(np.full(len(mesh.faces), number))
+        own = rocks_albedo * max(0.3, 1 + options.rock_spread * random.standard_normal())
+        albedo.append(np.full(len(mesh.vertices), own, np.float32))
+        count += len(mesh.vertices)
+    whole = TerrainMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(rock_of_face))
+    return Scene(whole, np.concatenate(albedo).astype(np.float32), camera, chosen)
+
+
+def strew(
+    shapes: Sequence[Shape],
+    grid: tuple[np.ndarray, np.ndarray],
+    heights: np.ndarray,
+    camera: Camera,
+    seen: np.ndarray,
+    options: SceneOptions,
+    random: np.random.Generator,
+) -> list[Mesh]:
+    """Rocks on sand of `heights` (h, w) over the places x, y (h, w) of a grid, metres: single ones and piles.
+
+    They lie at some of the places `seen` (m, 2), which the camera sees. Large rocks are laid first. Each is dropped
+    straight down until it touches what lies there, and then sunk by a share of its height: deep into sand, a little
+    into rocks.
+    """
+    count = int(random.integers(options.rocks[0], options.rocks[1] + 1))
+    sizes = np.sort(draw_sizes(count, options, random))[::-1]
+    piled = random.random(count) < random.uniform(*options.piled_share)
+    chance = _chances(seen, random.uniform(*options.evenness))
+    piles = seen[random.choice(len(seen), max(1, round(count / _PILE_ROCKS)), p=chance)]
+    top, laid = heights.copy(), []
+    taken = [(camera.centre[:2], _CAMERA_ROOM_M)]
+    for size, in_pile in zip(sizes.tolist(), piled.tolist(), strict=True):
+        if in_pile:
+            place = piles[random.integers(len(piles))] + _PILE_SPREAD * size * random.standard_normal(2)
+            sunk = random.uniform(*options.sunk_into_rocks)
+        else:
+            place = _free_place(size, taken, seen[random.choice(len(seen), _TRIES, p=chance)])
+            sunk = random.uniform(*options.sunk)
+        taken.append((place, size))
+        pixel_m = float(np.linalg.norm(camera.centre - [*place, 0])) / camera.lens.fx
+        mesh = _fitting(shapes, size, options.rock_scale, random).mesh(size, _TRIANGLE_PX * pixel_m)
+        points = mesh.vertices @ draw_turn(options, random).as_matrix().T + np.array([*place, 0.0])
+        points[:, 2] += _drop(points, grid, top) - sunk * np.ptp(points[:, 2])
+        _raise(top, points, grid)
+        laid.append(Mesh(points, mesh.faces))
+    return laid
+
+
+def draw_sizes(count: int, options: SceneOptions, random: np.random.Generator) -> np.ndarray:
+    """(n,) metres; the number of rocks larger than d falls with a power of d between the least and the largest size.
+
+    Rocks on the Moon have powers from -1.5 to -3 (Shoemaker & Morris, Proc. Apollo 11 Lunar Sci. Conf. (1970) 2399;
+    Bandfield et al., JGR 116 (2011) E00H02).
+    """
+    low, high = options.rock_size_m
+    power = random.uniform(*options.size_power)
+    share = random.random(count)
+    return np.asarray((low**-power - share * (low**-power - high**-power)) ** (-1 / power))
+
+
+def draw_turn(options: SceneOptions, random: np.random.Generator) -> Rotation:
+    """Mostly about the upright axis, with a small tilt; else about any axis."""
+    if random.random() < options.tumbled_share:
+        return Rotation.random(random_state=random)
+    tilt = np.radians(options.tilt_sd_deg) * random.standard_normal(2)
+    return Rotation.from_rotvec([*tilt, 0]) * Rotation.from_rotvec([0, 0, random.uniform(0, 2 * np.pi)])
+
+
+def patches(shape: tuple[int, int], sd: float, random: np.random.Generator) -> np.ndarray:
+    """(h * w,) albedo factors of the sand's vertices: wide patches and grain."""
+    noise = smooth_noise(shape, 10, 10, 0, random) + random.standard_normal(shape)
+    return np.clip(1 + sd * noise.ravel(), 0.3, 2)
+
+
+def draw_render_options(options: SceneOptions, random: np.random.Generator) -> RenderOptions:
+    """How one scene is rendered: reflectance, walls, light from around, lens and sensor."""
+    model: Model = options.models[int(random.random() * len(options.models))]
+    walled = bool(random.random() < options.walled_share)
+
+    def draw(limits: Range) -> float:
+        return float(random.uniform(*limits))
+
+    return RenderOptions(
+        models=(model,),
+        hapke=HapkeParameters(
+            w=draw(options.hapke_w),
+            b=draw(options.hapke_b),
+            c=draw(options.hapke_c),
+            b_s0=draw((0, 2)),
+            h_s=draw((0.03, 0.1)),
+            theta_bar_deg=draw(options.hapke_theta_deg),
+        ),
+        principled=PrincipledParameters(roughness=draw(options.roughness), specular=draw(options.specular)),
+        materials={"rocks": Material()},
+        rim=walled,
+        rim_albedo=draw(options.rim_albedo),
+        rim_height_m=draw(options.rim_height_m),
+        rim_half_width_m=options.sand_half_width_m if walled else options.open_half_width_m,
+        skirt_m=0,  # the rocks are closed
+        ambient=draw(options.ambient),
+        blur_px=draw(options.blur_px),
+        lens_flare=draw(options.lens_flare),
+        noise=options.noise,
+        electrons_per_grey_value=draw(options.electrons_per_grey_value),
+        min_rock_px=max(1, round(60 * options.scale**2)),
+        min_shadow_px=max(1, round(120 * options.scale**2)),
+        min_shadow_width_px=max(1, round(3 * options.scale)),
+        min_part_px=max(1, round(20 * options.scale**2)),
+    )
+
+
+def _fitting(shapes: Sequence[Shape], size: float, scale: Range, random: np.random.Generator) -> Shape:
+    """One of the shapes that may be scaled to a size; where none may, the one whose own size is nearest to it."""
+    fit = [shape for shape in shapes if scale[0] * shape.size_m <= size <= scale[1] * shape.size_m]
+    if not fit:
+        return min(shapes, key=lambda shape: abs(np.log(shape.size_m / size)))
+    return fit[random.integers(len(fit))]
+
+
+def _chances(seen: np.ndarray, evenness: float) -> np.ndarray:
+    """(m,) chance of each place (m, 2), from even over the picture (0) to even over the sand (1)."""
+    cell = np.rint(seen / _EVEN_CELL_M).astype(int)
+    _, number, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+    chance = (1.0 / count[number.reshape(-1)]) ** evenness
+    return np.asarray(chance / chance.sum())
+
+
+def _free_place(size: float, taken: list[tuple[np.ndarray, float]], places: np.ndarray) -> np.ndarray:
+    """(2,) the first of places (n, 2) where nothing else lies, or the one with most room."""
+    room = [
+        min((float(np.hypot(*(place - other))) - (size + wide) / 2 for other, wide in taken), default=np.inf)
+        for place in places
+    ]
+    return np.asarray(
+        next((place for place, gap in zip(places, room, strict=True) if gap > 0), places[np.argmax(room)])
+    )
+
+
+def _grid_around(seen: np.ndarray, most: float, options: SceneOptions) -> tuple[np.ndarray, np.ndarray]:
+    """X and y (h, w) of a square grid over the sand that is seen, no farther than `most` from the middle; metres."""
+    low = np.maximum(seen.min(axis=0) - _MARGIN_M, -most)
+    high = np.minimum(seen.max(axis=0) + _MARGIN_M, most)
+    cell = max(options.relief.cell_m, float((high - low).max()) / options.relief.most_cells)
+    x, y = (
+        first + cell * np.arange(int(np.ceil((last - first) / cell)) + 1) for first, last in zip(low, high, strict=True)
+    )
+    return tuple(np.meshgrid(x, y))  # type: ignore[return-value]
+
+
+def _cells(points: np.ndarray, grid: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the grid x, y (h, w) that points (n, 3) lie nearest to."""
+    x, y = grid
+    cell = x[0, 1] - x[0, 0]
+    column = np.rint((points[:, 0] - x[0, 0]) / cell).astype(int)
+    row = np.rint((points[:, 1] - y[0, 0]) / cell).astype(int)
+    return np.clip(row, 0, x.shape[0] - 1), np.clip(column, 0, x.shape[1] - 1)
+
+
+def _drop(points: np.ndarray, grid: tuple[np.ndarray, np.ndarray], top: np.ndarray) -> float:
+    """How far points (n, 3) go up until the first of them touches the surface of heights `top` (h, w)."""
+    return float((top[_cells(points, grid)] - points[:, 2]).max())
+
+
+def _raise(top: np.ndarray, points: np.ndarray, grid: tuple[np.ndarray, np.ndarray]) -> None:
+    """Write the heights of points (n, 3) into those of what lies there."""
+    np.maximum.at(top, _cells(points, grid), points[:, 2])

@@ -1,0 +1,109 @@
+"""How well detectors find the labels of cover photos of terrains that they have not seen, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.detect import metrics
+from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
+from polarsim.detect.detectors import detector_name
+from polarsim.detect.options import ComparisonOptions, TrainingOptions
+from polarsim.detect.split import TEST, TRAIN
+from polarsim.formats import tables
+from polarsim.formats.schemas import COVER_SCORES, PREDICTIONS
+from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.randomness import generator
+
+ALL = "all"  # terrains together
+
+
+def score_covers(
+    *,
+    labels: Path,
+    predictions: Mapping[tuple[str, int], Path],
+    datasets: Mapping[str, Path],
+    scores: Path,
+    training: TrainingOptions,
+    options: ComparisonOptions,
+) -> None:
+    """Write the figures of every seed of training: over all cover photos, and of each terrain.
+
+    Each photo's predictions are those of the fold that has not seen its terrain.
+
+    Parameters
+    ----------
+    labels : Path
+        Label table that `read_covers` wrote.
+    predictions : mapping of (fold, seed) to Path
+        What each fold's detector sees in its test part.
+    datasets : mapping of fold to Path
+        Their data sets.
+
+    Raises
+    ------
+    PolarsimError
+        A file is missing or broken.
+    """
+    truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
+    keys = [key for folder in datasets.values() for key in read_pictures(folder, TEST)]
+    pictures = [len(read_pictures(folder, TRAIN)) for folder in datasets.values()]
+    parts = []
+    for seed in sorted({seed for _, seed in predictions}):
+        paths = [path for (_, own), path in predictions.items() if own == seed]
+        found = pd.concat([tables.read_parquet(path, PREDICTIONS.columns) for path in paths])
+        terrains = sorted({PhotoKey.parse(key).terrain for key in keys})
+        chosen = {ALL: keys} | {
+            f"{terrain:02d}": [key for key in keys if PhotoKey.parse(key).terrain == terrain] for terrain in terrains
+        }
+        for name, own in chosen.items():
+            figures = cover_figures(truth, found, own, seed=options.seed, resamples=options.resamples)
+            parts.append(figures.assign(terrain=name, seed=seed))
+    table = pd.concat(parts, ignore_index=True).assign(
+        detector=detector_name(training.model),
+        start=training.start,
+        epochs=training.epochs,
+        folds=len(datasets),
+        pictures=round(float(np.mean(pictures))),
+    )
+    tables.write_parquet(scores, table[list(COVER_SCORES.columns)].astype(COVER_SCORES.dtypes))
+
+
+def cover_figures(
+    labels: pd.DataFrame, predictions: pd.DataFrame, keys: Sequence[str], *, seed: int, resamples: int
+) -> pd.DataFrame:
+    """Average precision of each labelled kind, photos pooled, with 95 % intervals of a bootstrap over the photos.
+
+    Columns: kind, images, labels, map50, map50_low, map50_high, map50_95, iou_mean (every prediction counts). One photo
+    has no interval.
+    """
+    rows = []
+    labels = labels[labels["key"].isin(keys)]
+    for kind in (kind for kind in BOX_CLASSES if (labels["kind"] == kind).any()):
+        truth = _by_photo(labels[labels["kind"] == kind], BOX_COLUMNS, keys)
+        found = _by_photo(predictions[predictions["kind"] == kind], (*BOX_COLUMNS, "confidence"), keys)
+        ranked = metrics.rank(truth, [rows[:, :4] for rows in found], [rows[:, 4] for rows in found])
+        whole = metrics.precision_at_recalls(ranked).mean(axis=1)
+        random = generator(seed, "covers", "bootstrap", kind)
+        drawn = [
+            metrics.precision_at_recalls(ranked, weights=_times(len(keys), random)).mean(axis=1)[0]
+            for _ in range(resamples if len(keys) > 1 else 0)
+        ]
+        low, high = np.nanpercentile(drawn, [2.5, 97.5]) if drawn else (np.nan, np.nan)
+        best = np.concatenate([metrics.best_overlap(t, f[:, :4]) for t, f in zip(truth, found, strict=True)])
+        rows.append((kind, len(keys), len(best), whole[0], low, high, whole.mean(), best.mean()))
+    names = ["kind", "images", "labels", "map50", "map50_low", "map50_high", "map50_95", "iou_mean"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def _times(count: int, random: np.random.Generator) -> np.ndarray:
+    """(n,) how often each of n photos is drawn when n are drawn."""
+    return np.bincount(random.integers(count, size=count), minlength=count).astype(float)
+
+
+def _by_photo(table: pd.DataFrame, columns: Sequence[str], keys: Sequence[str]) -> list[np.ndarray]:
+    found = {str(key): rows.to_numpy(float) for key, rows in table.groupby("key")[list(columns)]}
+    return [found.get(key, np.zeros((0, len(columns)))) for key in keys]

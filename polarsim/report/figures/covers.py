@@ -1,0 +1,88 @@
+"""Every real cover photo with its labels, and with what a detector finds in it that has not seen its terrain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.annotate.overlay import COLOURS
+from polarsim.formats import png
+from polarsim.formats.schemas import PREDICTIONS
+from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
+from polarsim.geometry import boxes
+from polarsim.photo import HEIGHT, ROCK, WIDTH
+from polarsim.report.figures.canvas import FIGURE_WIDTH, page, picture
+
+_COLUMNS = 2
+_TITLE_PX = 40
+_FOUND = (0, 229, 255)  # of predicted boxes
+_CORNERS = ["x0", "y0", "x1", "y1"]
+_SAME = 0.5  # IoU from which a prediction is right
+
+
+def draw_covers(
+    *, photos: Path, labels: Path, predictions: Sequence[Path], figure: Path, width: int = FIGURE_WIDTH
+) -> None:
+    """Write the figure: a panel a cover photo, rocks alone.
+
+    Parameters
+    ----------
+    photos : Path
+        Folder of cover photos without strokes, `KEY.png`.
+    labels : Path
+        Their label table.
+    predictions : sequence of Path
+        Prediction tables; together they hold every photo once.
+    """
+    drawn = read_parquet(labels, LABEL_COLUMNS)
+    found = pd.concat([read_parquet(path, PREDICTIONS.columns) for path in predictions])
+    drawn, found = drawn[drawn["kind"] == ROCK], found[found["kind"] == ROCK]
+    least = best_confidence(drawn[drawn["key"].isin(found["key"])], found)
+    found = found[found["confidence"] >= least]
+    paths = sorted(photos.glob("*.png"))
+    rows = -(-len(paths) // _COLUMNS)
+    column = width // _COLUMNS
+    with page(figure, width, rows * (round(column * HEIGHT / WIDTH) + _TITLE_PX)) as sheet:
+        grid = sheet.subplots(rows, _COLUMNS, squeeze=False).ravel()
+        for axes in grid[len(paths) :]:
+            axes.set_axis_off()
+        for axes, path in zip(grid, paths, strict=False):
+            key = path.stem
+            own, seen = (table.loc[table["key"] == key, _CORNERS].to_numpy(float) for table in (drawn, found))
+            picture(axes, _with_boxes(png.read(path), own, seen, column), f"{key}, confidence from {least:.2f}")
+
+
+def best_confidence(labels: pd.DataFrame, predictions: pd.DataFrame) -> float:
+    """Confidence at which the F1 of all predictions is largest; 1 without any that is right.
+
+    The surest prediction first takes the label with the largest IoU, if that is 0.5 or more, that is still free.
+    """
+    free = {key: rows[_CORNERS].to_numpy(float) for key, rows in labels.groupby("key")}
+    count, hits, best, least = len(labels), 0, 0.0, 1.0
+    ordered = predictions.sort_values("confidence", ascending=False, kind="stable")
+    corners = ordered[_CORNERS].to_numpy(float)
+    for number, (key, confidence) in enumerate(zip(ordered["key"], ordered["confidence"], strict=True)):
+        left = free.get(key, np.zeros((0, 4)))
+        overlap = boxes.iou(corners[number][None], left)[0] if len(left) else np.zeros(0)
+        if overlap.max(initial=0) >= _SAME:
+            hits += 1
+            free[key] = np.delete(left, int(overlap.argmax()), axis=0)
+        if (f1 := 2 * hits / (number + 1 + count)) > best:
+            best, least = f1, float(confidence)
+    return least
+
+
+def _with_boxes(photo: np.ndarray, labels: np.ndarray, found: np.ndarray, width: int) -> np.ndarray:
+    """(h', width, 3) uint8: labels, and predicted boxes above them."""
+    from PIL import Image, ImageDraw
+
+    scale = width / photo.shape[1]
+    image = Image.fromarray(photo).resize((width, round(photo.shape[0] * scale)), Image.Resampling.BOX).convert("RGB")
+    pen, line = ImageDraw.Draw(image), max(1, round(width / 500))
+    for corners, colour in ((labels, COLOURS[ROCK]), (found, _FOUND)):
+        for box in corners * scale:
+            pen.rectangle([float(edge) for edge in box], outline=colour, width=line)
+    return np.asarray(image)

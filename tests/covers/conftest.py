@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from polarsim.covers.scenes import Shape
+from polarsim.covers.strokes import COLOURS, draw_strokes
+from polarsim.formats import png, yolo
+from polarsim.geometry.meshes import Mesh
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.render.surfaces import box
+
+KEY = PhotoKey.parse("01_A_off_30_L_0256")
+ROCKS = np.array([[200.0, 300, 300, 380], [900, 500, 1000, 620]])
+SHADOWS = {"30": [300.0, 320, 400, 380], "180": [100.0, 320, 200, 380]}
+SAND, SHADE = 90, 10
+
+
+@pytest.fixture
+def cover():
+    """A photo (h, w, 3) of two rocks, the first with its shadow under lamp 30, boxes of both drawn in."""
+    photo = np.full((HEIGHT, WIDTH), SAND, np.uint8)
+    left, top, right, bottom = map(int, SHADOWS["30"])
+    photo[top:bottom, left:right] = SHADE
+    return draw_strokes(photo, ROCKS + np.array([-4, -4, 4, 4]), [1, 2], COLOURS[0], 3, 26)
+
+
+@pytest.fixture
+def made_release(tmp_path, cover):
+    """Terrain 1 with a cover photo at A, and labels of both cameras under two lamps: the right one's lie elsewhere."""
+    png.write(tmp_path / "CoverPhotoOfIndices" / "cover_photo_indexed_01_A.png", cover)
+    for side, shift in (("L", 0), ("R", 500)):
+        for azimuth, shadow in SHADOWS.items():
+            path = tmp_path / "Labels" / "Terrain01" / f"01_A_off_{azimuth}_{side}_0256.txt"
+            moved = np.array([shift, 0, shift, 0])
+            yolo.write_boxes(path, np.array([0, 0, 1]), np.vstack([ROCKS, [shadow]]) + moved)
+    return tmp_path
+
+
+def block(*size):
+    """An upright box of a size (x, y, z), metres, with its middle away from the origin."""
+    high = np.array([*size, 0.0][:3])
+    vertices, faces, _ = box(np.zeros(3), high)
+    return Mesh(vertices + 5, faces)
+
+
+@pytest.fixture
+def shapes():
+    """A small and a large rock: 0.1 m and 0.3 m long."""
+    return [Shape(block(0.1, 0.06, 0.05)), Shape(block(0.3, 0.2, 0.2))]

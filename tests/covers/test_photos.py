@@ -1,0 +1,120 @@
+"""Cover photos become a test set: it is told which photos they are, whatever their size and depth."""
+
+import logging
+
+import cv2
+import numpy as np
+import pytest
+
+from polarsim.covers.photos import in_eight_bits, read_cover, read_covers, shadow_contrast
+from polarsim.errors import DetectError
+from polarsim.formats import png, release, tables
+from polarsim.photo import PhotoKey
+from tests.covers.conftest import KEY, ROCKS, SAND, SHADE, SHADOWS
+
+NAME = "CoverPhotoOfIndices/cover_photo_indexed_01_A.png"
+
+
+def read(root, keys=(), terrains=(1,)):
+    read_covers(
+        root=root, terrains=terrains, keys=keys, exposure_ms=256,
+        pictures=root / "photos", labels=root / "labels.parquet", pairing=root / "pairing.csv",
+    )  # fmt: skip
+    return sorted(path.stem for path in (root / "photos").iterdir())
+
+
+def test_a_cover_is_read_without_strokes_and_with_its_published_boxes(made_release):
+    assert read(made_release) == [str(KEY)]
+    photo = png.read(made_release / "photos" / f"{KEY}.png").astype(int)
+    photo[300:400, 290:410] = SAND  # its shadow, and what was drawn around it
+    np.testing.assert_allclose(photo, SAND, atol=2)
+    table = tables.read_parquet(made_release / "labels.parquet", tables.LABEL_COLUMNS)
+    rocks = table.loc[table["kind"] == "rock", ["x0", "y0", "x1", "y1"]].to_numpy()
+    np.testing.assert_allclose(rocks[np.argsort(rocks[:, 0])], ROCKS, atol=0.01)
+
+
+def test_camera_and_azimuth_are_those_whose_shadows_are_dark(made_release):
+    """Boxes of rocks fit the labels of both lamps; only shadows tell these apart."""
+    read(made_release)
+    table = tables.read_csv(made_release / "pairing.csv").set_index("key")
+    assert table.index[table["shown"]].tolist() == [str(KEY)]
+    assert (table["named_by"] == "shadows").all()
+    left = table[table.index.str.contains("_L_")]
+    assert (left["drawn_iou"] > 0.8).all()
+    assert (table.loc[table.index.str.contains("_R_"), "drawn_iou"] == 0).all()
+    assert table.loc[str(KEY), "shadow_contrast"] > 0.5
+
+
+def test_a_shadow_is_as_dark_as_stated():
+    """By hand: (90 - 10) / (90 + 10 + 1)."""
+    photo = np.full((200, 300), SAND, np.uint8)
+    photo[50:90, 100:160] = SHADE
+    shadow = np.array([[100.0, 50, 160, 90]])
+    assert shadow_contrast(photo, shadow, np.zeros((0, 4))) == pytest.approx(80 / 101)
+    assert np.isnan(shadow_contrast(photo, shadow[:0], np.zeros((0, 4))))
+
+
+def test_a_key_that_is_known_holds_whatever_shadows_say(made_release):
+    assert read(made_release, keys=["01_A_off_180_L_0256"]) == ["01_A_off_180_L_0256"]
+    table = tables.read_csv(made_release / "pairing.csv")
+    assert (table["named_by"] == "configuration").all()
+
+
+@pytest.mark.parametrize("key", ["01_C_off_30_L_0256", "02_A_off_30_L_0256"])
+def test_a_known_key_without_a_cover_photo_is_named(made_release, key):
+    with pytest.raises(DetectError, match=f"no cover photo of key {key}"):
+        read(made_release, keys=[key])
+
+
+@pytest.mark.parametrize("scale", [0.5, 2])
+def test_a_cover_of_another_size_gives_the_same_photo_and_boxes(made_release, cover, scale):
+    whole = read_cover(made_release / NAME)
+    small = cv2.resize(cover, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    png.write(made_release / NAME, small)
+    found = read_cover(made_release / NAME)
+    assert found.photo.shape == whole.photo.shape
+    np.testing.assert_allclose(found.drawn, whole.drawn, atol=4)
+    assert read(made_release) == [str(KEY)]
+    left, top, right, bottom = (int(edge) for edge in SHADOWS["30"])
+    inside = (slice(top + 8, bottom - 8), slice(left + 12, right - 8))
+    np.testing.assert_allclose(found.photo[inside].astype(int), SHADE, atol=3)
+
+
+@pytest.mark.parametrize(("bits", "levels"), [(8, 255), (12, 4095), (16, 65535)])
+def test_grey_of_any_depth_becomes_eight_bits(bits, levels):
+    kind = np.uint8 if bits == 8 else np.uint16
+    picture = np.array([[0, levels // 2, levels]], kind)
+    np.testing.assert_array_equal(in_eight_bits(picture), [[0, 127, 255]])
+
+
+def test_a_grey_cover_has_no_boxes_and_is_told_by_its_shadows(made_release, cover):
+    png.write(made_release / NAME, cover.min(axis=-1))
+    assert not len(read_cover(made_release / NAME).drawn)
+    assert read(made_release) == [str(KEY)]
+
+
+def test_a_cover_that_is_broken_is_named_and_left_out(made_release, cover, caplog):
+    other = made_release / "CoverPhotoOfIndices" / "cover_photo_indexed_01_C.png"
+    other.write_bytes(b"no picture")
+    png.write(made_release / "CoverPhotoOfIndices" / "cover_photo_indexed_01_B.png", cover[:, :900])
+    with caplog.at_level(logging.WARNING, "polarsim"):
+        assert read(made_release) == [str(KEY)]
+    assert "cover_photo_indexed_01_C.png is left out: " in caplog.text
+    assert "cover_photo_indexed_01_B.png is left out: 900 x 1216 pixels" in caplog.text
+    (made_release / NAME).unlink()
+    with pytest.raises(DetectError, match="no cover photo of terrains 1 can be used"):
+        read(made_release)
+
+
+def test_published_covers_show_the_photos_that_people_found_them_to_be(release_root, tmp_path):
+    """By eye, from drawn boxes and from where shadows fall; drawn boxes alone name another azimuth for three."""
+    known = {
+        "01_A_off_30_L", "01_C_off_30_L", "11_A_off_30_L", "11_C_off_350_L", "12_A_off_30_R", "12_C_off_30_L",
+    }  # fmt: skip
+    read_covers(
+        root=release_root, terrains=[1, 11, 12], keys=[], exposure_ms=256,
+        pictures=tmp_path / "photos", labels=tmp_path / "labels.parquet", pairing=tmp_path / "pairing.csv",
+    )  # fmt: skip
+    assert {path.stem.rsplit("_", 1)[0] for path in (tmp_path / "photos").iterdir()} == known
+    assert all(PhotoKey.parse(path.stem) in release.label_files(release_root, int(path.stem[:2]))
+               for path in (tmp_path / "photos").iterdir())  # fmt: skip

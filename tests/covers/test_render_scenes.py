@@ -1,0 +1,125 @@
+"""Pictures of scenes have exact labels of what can be seen, and come out the same every time."""
+
+import numpy as np
+import pytest
+
+from polarsim.covers.options import HallOptions, ReliefOptions, SceneOptions
+from polarsim.covers.render_scenes import contrast, render_scenes, shrink, tone_curve
+from polarsim.errors import DetectError
+from polarsim.formats import obj, png, yolo
+from polarsim.formats.instances import GROUND, ROCK_IDS
+from polarsim.photo import BLACK_LEVEL, HEIGHT, WHITE_LEVEL, WIDTH
+from tests.covers.conftest import block
+
+STRAIGHT = tone_curve(1)
+
+
+@pytest.fixture
+def rendered(tmp_path):
+    for rock, size in ((1, (0.2, 0.15, 0.12)), (4, (0.3, 0.2, 0.2))):
+        obj.write(tmp_path / "meshes" / obj.rock_name(1, rock), block(*size), "rock")
+
+    def render(name, **options):
+        chosen = {
+            "number": 1, "lamps": 3, "scale": 0.1, "rocks": (4, 4), "relief": ReliefOptions(cell_m=0.05), "strokes": 0,
+        } | options  # fmt: skip
+        render_scenes(
+            terrain=1, meshes=tmp_path / "meshes", pictures=tmp_path / name, stored_px=128,
+            options=SceneOptions(**chosen), threads=1,
+        )  # fmt: skip
+        return tmp_path / name
+
+    return render
+
+
+def test_every_scene_and_lamp_has_a_picture_and_labels(rendered):
+    folder = rendered("scenes", number=2)
+    names = [path.stem for path in sorted((folder / "images").iterdir())]
+    assert names == [f"t01_s00{scene}_l{lamp}" for scene in (0, 1) for lamp in (0, 1, 2)]
+    assert names == [path.stem for path in sorted((folder / "labels").iterdir())]
+    labels = [yolo.read_boxes(folder / "labels" / f"{name}.txt") for name in names]
+    assert all((boxes >= -1e-3).all() and (boxes <= [WIDTH, HEIGHT] * 2).all() for _, boxes in labels)
+    assert sum((classes == 0).sum() for classes, _ in labels) >= 6
+    assert sum((classes == 1).sum() for classes, _ in labels) >= 3
+    pictures = [png.read(folder / "images" / f"{name}.png") for name in names]
+    assert all((picture.dtype, picture.shape) == (np.uint8, (80, 128)) for picture in pictures)
+    assert all(picture.std() > 3 for picture in pictures)
+
+
+def test_the_same_options_write_the_same_bytes(rendered):
+    first, again = (rendered(name) for name in ("one", "two"))
+    for path in sorted(first.rglob("*.*")):
+        assert path.read_bytes() == (again / path.relative_to(first)).read_bytes(), path.name
+
+
+def test_labelled_rocks_are_where_the_picture_is_bright(rendered):
+    """Rocks twice as bright as smooth sand, lit from behind the camera or beside: boxes hold the brightest pixels."""
+    flat = ReliefOptions(cell_m=0.05, rough_sd_m=(0, 0), most_layers=0, swell_sd_m=(0, 0), most_craters=0)
+    folder = rendered(
+        "bright", relief=flat, rock_albedo=(4, 4), rock_spread=0, patch_sd=(0, 0), walled_share=0, noise=False,
+        exposure=(0.2, 0.2), near_share=0, hall=HallOptions(brightness=(0, 0)), lens_flare=(0, 0), number=3,
+        models=("principled",), specular=(0, 0), roughness=(1, 1), elevation_deg=(8, 15),
+    )  # fmt: skip
+    inside, outside = [], []
+    for path in sorted((folder / "images").iterdir()):
+        picture = png.read(path).astype(float)
+        classes, boxes = yolo.read_boxes(folder / "labels" / f"{path.stem}.txt", (128, 80))
+        rock = np.zeros(picture.shape, bool)
+        for x0, y0, x1, y1 in boxes[classes == 0].round().astype(int):
+            rock[y0:y1, x0:x1] = True
+        bright = picture > 1.6 * np.median(picture[picture > 5])
+        inside.append(bright[rock].sum())
+        outside.append(bright[~rock].sum())
+    assert sum(inside) > 20
+    assert sum(outside) < 0.15 * sum(inside)
+
+
+def test_what_nobody_can_see_has_no_label(rendered):
+    folders = rendered("seen", least_contrast=0), rendered("invisible", least_contrast=1.01)
+    counts = [sum(len(path.read_text().splitlines()) for path in (folder / "labels").iterdir()) for folder in folders]
+    assert counts[0] >= 6
+    assert counts[1] == 0
+
+
+def test_contrast_is_that_of_the_picture():
+    """A rock at 0.2 of white before sand at 0.6: of dark photos less is seen, of overexposed ones nothing."""
+    ids = np.full((30, 40), GROUND, np.uint16)
+    ids[10:20, 5:15] = ROCK_IDS + 4
+    box = np.array([5, 10, 15, 20.0])
+    radiance = np.where(ids == GROUND, 0.6, 0.2).astype(np.float32)
+    white = WHITE_LEVEL - BLACK_LEVEL
+    for light, expected in ((1, 0.4), (0.1, 0.04), (10, 0)):
+        assert contrast(ids, ROCK_IDS + 4, box, radiance, light * white, STRAIGHT) == pytest.approx(expected, abs=0.005)
+    assert contrast(ids, ROCK_IDS + 4, box, radiance, 0.1 * white, tone_curve(2)) == pytest.approx(
+        0.06**0.5 - 0.02**0.5, abs=0.005
+    )
+    far = np.full_like(radiance, 0.2)
+    far[:, 20:] = 0.9
+    assert contrast(ids, ROCK_IDS + 4, box, far, white, STRAIGHT) == 0
+    edge = np.where(np.arange(40) < 3, ROCK_IDS + 4, GROUND)[None].repeat(30, 0).astype(np.uint16)
+    assert contrast(edge, ROCK_IDS + 4, np.array([0, 0, 3, 30.0]), radiance * 0 + 0.5, white, STRAIGHT) == 0
+
+
+@pytest.mark.parametrize("gamma", [1.0, 1.5, 2.0])
+def test_tones_go_from_black_to_white_whatever_the_curve(gamma):
+    curve = tone_curve(gamma)
+    assert (curve[: BLACK_LEVEL + 1] == 0).all()
+    assert curve[WHITE_LEVEL] == 255
+    assert curve[BLACK_LEVEL + (WHITE_LEVEL - BLACK_LEVEL) // 2] == pytest.approx(255 * 0.5 ** (1 / gamma), abs=1)
+
+
+def test_a_shrunk_photo_keeps_its_shape_and_mean(rng):
+    photo = rng.integers(0, 255, (HEIGHT, WIDTH)).astype(np.uint8)
+    small = shrink(photo, 484)
+    assert small.shape == (304, 484)
+    assert small.mean() == pytest.approx(photo.mean(), abs=0.6)
+    assert shrink(small, 968).shape == small.shape
+
+
+def test_a_terrain_without_rocks_is_named(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    with pytest.raises(DetectError, match="no rock meshes are here"):
+        render_scenes(
+            terrain=6, meshes=tmp_path / "meshes", pictures=tmp_path / "scenes", stored_px=64,
+            options=SceneOptions(), threads=1,
+        )  # fmt: skip

@@ -1,0 +1,134 @@
+"""Detectors of cover photos are scored as by hand."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.covers.scores import cover_figures, score_covers
+from polarsim.detect.options import ComparisonOptions, TrainingOptions
+from polarsim.formats import png, tables
+from polarsim.formats.schemas import COVER_SCORES, PREDICTIONS
+from polarsim.photo import PhotoKey
+from polarsim.report.covers_table import tabulate_covers
+from polarsim.report.figures.covers import best_confidence, draw_covers
+
+
+def labelled(key, boxes, **more):
+    return pd.DataFrame(boxes, columns=["x0", "y0", "x1", "y1"]).assign(key=key, kind="rock", **more)
+
+
+def test_figures_are_pooled_over_photos_and_intervals_hold_them():
+    """By hand, hit, miss, hit of 4 labels: precision 1 to recall 1/4, 2/3 to 1/2: (26 + 25 * 2/3) / 101."""
+    boxes = np.array([[10.0, 10, 50, 50], [100, 100, 150, 150]])
+    labels = pd.concat([labelled("a", boxes), labelled("b", boxes)])
+    predictions = pd.concat(
+        [
+            labelled("a", boxes[:1], confidence=0.9),
+            labelled("b", [[300.0, 300, 340, 340]], confidence=0.8),
+            labelled("b", boxes[1:], confidence=0.3),
+        ]
+    )
+    row = cover_figures(labels, predictions, ["a", "b"], seed=0, resamples=200).set_index("kind").loc["rock"]
+    assert row["map50"] == pytest.approx((26 + 25 * 2 / 3) / 101)
+    assert row["map50_low"] <= row["map50"] <= row["map50_high"]
+    assert row["iou_mean"] == pytest.approx(0.5)
+    assert row["labels"] == 4
+
+
+def test_one_photo_has_no_interval():
+    boxes = np.array([[10.0, 10, 50, 50]])
+    found = labelled("a", boxes, confidence=0.9)
+    row = cover_figures(labelled("a", boxes), found, ["a"], seed=0, resamples=100).iloc[0]
+    assert row["map50"] == 1
+    assert np.isnan(row["map50_low"])
+
+
+@pytest.fixture
+def scored(tmp_path):
+    """Two folds of one photo each: of terrain 1 both rocks are found, of terrain 3 none."""
+    boxes = np.array([[10.0, 10, 50, 50], [100, 100, 150, 150]])
+    rows, predictions, datasets = [], {}, {}
+    for key, found in (("01_A_off_30_L_0256", boxes), ("03_A_off_30_R_0256", boxes + 300)):
+        fold = key[:2]
+        rows += [row | {"kind": "shadow"} if n else row for n, row in enumerate(label_rows_of(key, boxes))]
+        predictions[fold, 0] = tmp_path / f"{fold}.parquet"
+        table = labelled(key, found, confidence=0.9)
+        table["kind"] = ["rock", "shadow"]
+        tables.write_parquet(predictions[fold, 0], table[list(PREDICTIONS.columns)].astype(PREDICTIONS.dtypes))
+        datasets[fold] = tmp_path / fold
+        pictures = pd.DataFrame([(key, "test"), ("t04_s000_l0", "train"), ("t04_s001_l0", "train")])
+        tables.write_csv(datasets[fold] / "pictures.csv", pictures.set_axis(["key", "part"], axis=1))
+    tables.write_parquet(tmp_path / "labels.parquet", tables.label_table(rows))
+    score_covers(
+        labels=tmp_path / "labels.parquet", predictions=predictions, datasets=datasets,
+        scores=tmp_path / "scores.parquet", training=TrainingOptions(model="compact", epochs=7),
+        options=ComparisonOptions(resamples=100),
+    )  # fmt: skip
+    return tmp_path / "scores.parquet"
+
+
+def label_rows_of(key, boxes):
+    more = tables.key_columns(PhotoKey.parse(key)) | {
+        "kind": "rock",
+        "rock": -1,
+        "source": "annotated",
+        "confidence": 1.0,
+    }
+    return [more | dict(zip(("x0", "y0", "x1", "y1"), box, strict=True)) for box in boxes.tolist()]
+
+
+def test_every_terrain_has_rows_by_its_own_folds_detector(scored):
+    table = tables.read_parquet(scored, COVER_SCORES.columns).set_index(["terrain", "kind"])
+    assert table["map50"].to_dict() == pytest.approx(
+        {("all", "rock"): 0.5 + 0.5 / 101, ("all", "shadow"): 0.5 + 0.5 / 101,
+         ("01", "rock"): 1, ("01", "shadow"): 1, ("03", "rock"): 0, ("03", "shadow"): 0}, abs=0.01
+    )  # fmt: skip
+    assert (table["folds"] == 2).all()
+    assert (table["pictures"] == 2).all()
+    assert (table["epochs"] == 7).all()
+
+
+def test_the_table_shows_all_terrains_and_each_with_intervals(scored, tmp_path):
+    tabulate_covers(
+        scores=scored, stem=tmp_path / "covers", origin={"run": "covers", "source": "release", "config": "1a2b"}
+    )
+    rows = [line for line in (tmp_path / "covers.md").read_text().splitlines() if line.startswith("| ")]
+    assert [row.split(" | ")[0].strip("| ") for row in rows] == ["terrain", "---", "all", "01", "03"]
+    assert "[0.000, 1.000]" in rows[2]  # both photos may be drawn from one terrain
+    assert "1.000" in rows[3]
+    assert tables.read_csv(tmp_path / "covers.csv")["config"].unique().tolist() == ["1a2b"]
+
+
+def test_every_photo_has_a_panel_with_its_labels_and_what_is_sure_enough(tmp_path):
+    boxes = np.array([[100.0, 100, 900, 700]])
+    keys = ["01_A_off_30_L_0256", "03_A_off_30_R_0256"]
+    for key in keys:
+        png.write(tmp_path / "photos" / f"{key}.png", np.full((1216, 1936), 60, np.uint8))
+    tables.write_parquet(
+        tmp_path / "labels.parquet", tables.label_table([row for key in keys for row in label_rows_of(key, boxes)])
+    )
+    found = pd.concat(
+        [
+            labelled(keys[0], boxes + 5, confidence=0.8),
+            labelled(keys[1], boxes + np.tile([900, 400], 2), confidence=0.3),
+        ]
+    )
+    tables.write_parquet(tmp_path / "found.parquet", found[list(PREDICTIONS.columns)].astype(PREDICTIONS.dtypes))
+    draw_covers(
+        photos=tmp_path / "photos", labels=tmp_path / "labels.parquet", predictions=[tmp_path / "found.parquet"],
+        figure=tmp_path / "covers.png", width=800,
+    )  # fmt: skip
+    picture = png.read(tmp_path / "covers.png").astype(int)
+    blue = (picture[..., 2] > 200) & (picture[..., 0] < 60)
+    orange = (picture[..., 0] > 200) & (picture[..., 2] < 60)
+    assert blue[:, :400].sum() > 100
+    assert blue[:, 400:].sum() == 0  # less sure than what gives the best F1
+    assert orange[:, :400].sum() > 20
+    assert orange[:, 400:].sum() > 100
+
+
+def test_the_drawn_confidence_is_that_of_the_best_f1():
+    labels = labelled("a", [(0, 0, 10, 10), (20, 0, 30, 10)])
+    found = labelled("a", [(0, 0, 10, 10), (20, 0, 30, 10), (50, 50, 60, 60)], confidence=[0.9, 0.6, 0.5])
+    assert best_confidence(labels, found) == 0.6
+    assert best_confidence(labels, found.iloc[2:]) == 1

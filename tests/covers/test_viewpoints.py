@@ -1,0 +1,88 @@
+"""Cameras see sand past the walls, lamps light it from where they are asked to stand."""
+
+import numpy as np
+import pytest
+
+from polarsim.covers.options import SceneOptions
+from polarsim.covers.relief import grid_mesh
+from polarsim.covers.viewpoints import coarse_sand, draw_camera, draw_lamp, level_sand
+from polarsim.errors import DetectError
+from polarsim.formats.scene import TerrainMesh
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import looking, yaw_pitch_roll
+from polarsim.photo import NO_ROCK
+from polarsim.randomness import generator
+from polarsim.render.hits import cast_strip
+from polarsim.render.options import RenderOptions
+from polarsim.render.surfaces import surfaces_of
+
+LENS = Lens(64, 64, 30, 19, width=60, height=38)
+
+
+def level(half, chosen):
+    x, y = np.meshgrid([-half, half], [-half, half])
+    ground = grid_mesh(x, y, np.zeros_like(x))
+    return surfaces_of(TerrainMesh(ground.vertices, ground.faces, np.full(2, NO_ROCK)), chosen)
+
+
+@pytest.mark.parametrize(("x", "height", "pitch"), [(-3.5, 1.5, 25), (-3.0, 0.5, 8), (0.0, 0.4, 20), (-2.2, 0.35, 10)])
+def test_the_sand_that_is_seen_is_that_which_rays_meet(x, height, pitch):
+    """Against the renderer's rays: the camera outside the walls, near them, inside."""
+    chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)
+    camera = Camera(looking(np.array([x, 0.3, height]), 0.1, np.radians(pitch)), LENS)
+    places = level_sand(camera, chosen)
+    surfaces = level(2.0, chosen)
+    hits = cast_strip(surfaces, camera, slice(0, 38), smooth=False)
+    met = hits.point[surfaces.id_of_face.take(hits.face) == 1][:, :2]
+    assert len(places) == pytest.approx(len(met), rel=0.06)  # the wall's thickness hides a little more
+    assert np.abs(places).max() <= 2.0
+
+
+def test_cameras_stand_and_look_as_asked_and_see_sand():
+    options = SceneOptions()
+    chosen = RenderOptions(rim=True, rim_half_width_m=2.05, rim_height_m=0.25)
+    headings = []
+    for number in range(40):
+        camera, seen = draw_camera(chosen, options, generator(number, "camera"))
+        assert camera.lens.shape == (608, 968)
+        assert options.focal_px[0] / 2 <= camera.lens.fx <= options.focal_px[1] / 2
+        assert options.camera_height_m[0] <= camera.centre[2] <= options.camera_height_m[1]
+        assert len(seen) >= options.least_sand * 60 * 38
+        headings.append(yaw_pitch_roll(camera.world_from_camera)[0])
+    assert np.abs(np.exp(1j * np.array(headings)).mean()) < 3 / np.sqrt(40)  # all around
+
+
+def test_impossible_places_are_named():
+    options = SceneOptions(camera_height_m=(0.3, 0.3), camera_distance_m=(900, 1000))
+    chosen = RenderOptions(rim=True, rim_half_width_m=2, rim_height_m=0.36)
+    with pytest.raises(DetectError, match="no camera sees the sand"):
+        draw_camera(chosen, options, generator(0, "camera"))
+
+
+@pytest.mark.parametrize("near_share", [0.0, 1.0])
+def test_lamps_stand_as_high_and_as_far_as_asked(near_share):
+    options = SceneOptions(near_share=near_share, elevation_deg=(4, 9), lamp_distance_m=(3, 5), least_lit=0)
+    chosen = RenderOptions(rim=False)
+    surfaces = level(3.0, chosen)
+    camera = Camera(looking(np.array([-2.0, 0, 1.0]), 0, 0.4), Lens(1000, 1000, 484, 304, width=968, height=608))
+    sand = coarse_sand(surfaces, camera, options)
+    for number in range(20):
+        lamp = draw_lamp(surfaces, sand, options, generator(number, "lamp"))
+        away = np.linalg.norm(lamp.position)
+        assert 4 <= np.degrees(np.arcsin(lamp.position[2] / away)) <= 9
+        assert (3 <= away <= 5) == bool(near_share)
+        assert lamp.distant != bool(near_share)
+
+
+def test_a_lamp_lights_the_sand_over_the_walls():
+    """Low suns leave the near part of the sand in the walls' shade: only high enough ones light three quarters."""
+    options = SceneOptions(near_share=0, least_lit=0.75)
+    chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)
+    surfaces = level(2.0, chosen)
+    camera = Camera(looking(np.array([0, 0, 2.0]), 0, np.pi / 2), Lens(500, 500, 484, 304, width=968, height=608))
+    sand = coarse_sand(surfaces, camera, options)
+    for number in range(10):
+        lamp = draw_lamp(surfaces, sand, options, generator(number, "lamp"))
+        to_lamp, _ = lamp.light_at(sand.point, falloff=False)
+        assert 1 - surfaces.all.occluded(sand.point, to_lamp, 1.0).mean() >= 0.75

@@ -1,0 +1,13 @@
+"""Write the table of what detectors find in real cover photos."""
+
+from pathlib import Path
+
+from polarsim.report.covers_table import tabulate_covers
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    tabulate_covers(
+        scores=Path(snakemake.input.scores),
+        stem=Path(snakemake.output.table).with_suffix(""),
+        origin=snakemake.params.origin,
+    )
