@@ -1,6 +1,7 @@
 """Every configuration plans its jobs, quickly; a broken one ends in one line; an edit re-runs what uses it."""
 
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -198,25 +199,22 @@ def test_the_schema_is_the_configurations():
     assert (CONFIGURATIONS / "schema.json").read_text() == config.schema(), "run make schema"
 
 
-@pytest.fixture
-def release_with_covers(release_like):
+@pytest.fixture(scope="module")
+def release_with_covers(release_like, tmp_path_factory) -> Path:
     """The same with a cover photo of every terrain but 11, and rocks of every terrain but 12."""
+    root = tmp_path_factory.mktemp("covers") / "release"
+    shutil.copytree(release_like, root)
     for terrain in (1, 3, 4, 8, 11, 12):
-        if terrain != 11:
-            path = release_like / "CoverPhotoOfIndices" / f"cover_photo_indexed_{terrain:02d}_A.png"
-            path.parent.mkdir(exist_ok=True)
+        photo = root / "CoverPhotoOfIndices" / f"cover_photo_indexed_{terrain:02d}_A.png"
+        rock = root / "TerrainMeshes" / f"Terrain{terrain:02d}" / f"terrain{terrain:02d}_rock1.obj"
+        for path in ([photo] if terrain != 11 else []) + ([rock] if terrain != 12 else []):
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.touch()
-        if terrain != 12:
-            path = release_like / "TerrainMeshes" / f"Terrain{terrain:02d}" / f"terrain{terrain:02d}_rock1.obj"
-            path.parent.mkdir(parents=True)
-            path.touch()
-    return release_like
+    return root
 
 
-def test_each_terrain_with_cover_photos_is_left_out_in_turn(checkout, snakemake, release_with_covers):
-    done = snakemake(
-        checkout, "real", "--dry-run", "--configfile", "config/covers.yaml", POLAR_SIM_ROOT=str(release_with_covers)
-    )
+def test_each_terrain_with_cover_photos_is_left_out_in_turn(dry_run, release_with_covers):
+    done = dry_run("real", "--configfile", "config/covers.yaml", POLAR_SIM_ROOT=str(release_with_covers))
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
     assert jobs["render_scenes"] == 5  # of terrain 12 there are no rocks to strew
@@ -230,12 +228,11 @@ def test_each_terrain_with_cover_photos_is_left_out_in_turn(checkout, snakemake,
         }
 
 
-def test_a_fold_of_a_terrain_that_the_run_has_not_is_named(checkout, snakemake, release_with_covers):
+def test_a_fold_of_a_terrain_that_the_run_has_not_is_named(dry_run, release_with_covers):
     setting = "covers={run: true, folds: [[1, 2]]}"
-    done = snakemake(
-        checkout, "real", "--dry-run", "--configfile", "config/covers.yaml", "--config", setting,
-        POLAR_SIM_ROOT=str(release_with_covers),
-    )  # fmt: skip
+    done = dry_run(
+        "real", "--configfile", "config/covers.yaml", "--config", setting, POLAR_SIM_ROOT=str(release_with_covers)
+    )
     assert done.returncode == 1
     assert "covers.folds: 2 is none of the run's" in done.stdout + done.stderr
     assert "Traceback" not in done.stdout + done.stderr
