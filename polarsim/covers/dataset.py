@@ -29,6 +29,7 @@ def make_cover_dataset(
     test: Sequence[int],
     dataset: Path,
     val_share: float,
+    val_terrains: int,
     seed: int,
 ) -> None:
     """Write a data set as `detect.dataset.share_pictures` does: scenes to train and validate, cover photos to test.
@@ -43,6 +44,10 @@ def make_cover_dataset(
         Folder of cover photos that `read_covers` wrote. Labels of these are not part of the data set.
     test : sequence of int
         Terrains whose cover photos are the test part.
+    val_share : float
+        Share of each terrain's scenes that is the val part, where `val_terrains` is 0.
+    val_terrains : int
+        Terrains whose scenes are the val part.
 
     Raises
     ------
@@ -52,7 +57,13 @@ def make_cover_dataset(
     both = sorted(set(test) & set(scenes))
     if both:
         raise DetectError(f"terrain {both[0]:02d} is to be trained on and to be tested")
-    entries = [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], val_share, seed)]
+    if val_terrains and val_terrains >= len(scenes):
+        raise DetectError(
+            f"{val_terrains} of {len(scenes)} terrains are to select the weights: none is left to train on"
+        )
+    order = generator(seed, "covers", "val terrains", *sorted(test)).permutation(sorted(scenes)).tolist()
+    share_of = dict.fromkeys(order, 0.0 if val_terrains else val_share) | dict.fromkeys(order[:val_terrains], 1.0)
+    entries = [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], share_of, seed)]
     for path in sorted(covers.glob("*.png")):
         with about(path):
             if PhotoKey.parse(path.stem).terrain in test:
@@ -61,8 +72,8 @@ def make_cover_dataset(
         write_dataset(DOMAIN, dataset, entries, folder, {"test": sorted(test), "train": sorted(scenes)})
 
 
-def _scenes(terrain: int, folder: Path, val_share: float, seed: int) -> list[Entry]:
-    """Pictures of a terrain's rocks, whole scenes drawn for validation: at least one, and not all."""
+def _scenes(terrain: int, folder: Path, val_share: Mapping[int, float], seed: int) -> list[Entry]:
+    """Pictures of a terrain's rocks, whole scenes drawn for validation: at least one of a share, or all or none."""
     found: dict[int, list[str]] = {}
     for path in sorted((folder / "images").glob("*.png")):
         name = _NAME.fullmatch(path.stem)
@@ -72,7 +83,9 @@ def _scenes(terrain: int, folder: Path, val_share: float, seed: int) -> list[Ent
     if len(found) < 2:
         raise DetectError(f"{len(found)} scenes of terrain {terrain:02d}, at least 2 are needed", path=folder)
     order = generator(seed, "covers", "val", terrain).permutation(sorted(found))
-    val = set(order[: min(len(found) - 1, max(1, round(val_share * len(found))))].tolist())
+    share = val_share[terrain]
+    count = round(share * len(found)) if share in (0, 1) else min(len(found) - 1, max(1, round(share * len(found))))
+    val = set(order[:count].tolist())
     return [
         Entry(name, VAL if scene in val else TRAIN, *(folder / kind / f"{name}{ending}" for kind, ending in KINDS))
         for scene, names in sorted(found.items())

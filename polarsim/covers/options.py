@@ -143,6 +143,12 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
     )
     scenes: SceneOptions = Field(SceneOptions(), description="Scenes that detectors are trained on.")
     val_share: float = Field(0.08, gt=0, lt=1, description="Share of each terrain's scenes that selects the weights.")
+    val_terrains: int = Field(
+        0,
+        ge=0,
+        description="Terrains, drawn of those that a fold is trained on, whose scenes all select the weights instead: "
+        "weights are then chosen by rocks that the training has not seen.",
+    )
 
     @field_validator("keys")
     @classmethod

@@ -6,11 +6,12 @@ import pytest
 
 from polarsim.covers.scores import cover_figures, score_covers
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
-from polarsim.formats import png, tables
+from polarsim.formats import png, tables, yolo
 from polarsim.formats.schemas import COVER_SCORES, PREDICTIONS
 from polarsim.photo import PhotoKey
 from polarsim.report.covers_table import tabulate_covers
 from polarsim.report.figures.covers import best_confidence, draw_covers
+from polarsim.report.figures.scenes import draw_scenes
 
 
 def labelled(key, boxes, **more):
@@ -132,3 +133,23 @@ def test_the_drawn_confidence_is_that_of_the_best_f1():
     found = labelled("a", [(0, 0, 10, 10), (20, 0, 30, 10), (50, 50, 60, 60)], confidence=[0.9, 0.6, 0.5])
     assert best_confidence(labels, found) == 0.6
     assert best_confidence(labels, found.iloc[2:]) == 1
+
+
+def test_scenes_are_drawn_with_labels_in_their_places(tmp_path):
+    """A rock in the upper left quarter of each picture, a shadow in the lower right one."""
+    for terrain in (1, 3):
+        for scene in range(9):
+            name = f"t{terrain:02d}_s{scene:03d}_l0"
+            png.write(tmp_path / str(terrain) / "images" / f"{name}.png", np.full((160, 256), 90, np.uint8))
+            corners = np.array([[20.0, 20, 100, 70], [140, 90, 240, 150]])
+            yolo.write_boxes(tmp_path / str(terrain) / "labels" / f"{name}.txt", np.array([0, 1]), corners, (256, 160))
+    draw_scenes(scenes={t: tmp_path / str(t) for t in (1, 3)}, figure=tmp_path / "scenes.png", width=1024)
+    picture = png.read(tmp_path / "scenes.png").astype(int)
+    orange = (picture[..., 0] > 200) & (picture[..., 2] < 60)
+    blue = (picture[..., 2] > 200) & (picture[..., 0] < 110)
+    for number in range(4):
+        column = slice(256 * number, 256 * (number + 1))
+        for half in (slice(0, 200), slice(200, None)):
+            assert orange[half, column].sum() > 100
+            assert blue[half, column].sum() > 100
+    assert np.flatnonzero(orange[:200].any(axis=1)).max() < np.flatnonzero(blue[:200].any(axis=1)).max()

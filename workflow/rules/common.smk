@@ -271,7 +271,8 @@ def tables_of_page():
 
 def figures_of_page():
     """Figures of the results page; of the comparisons the first one."""
-    real = of_run("results/{run}/figures/covers.png") if CONFIG.covers.run else []
+    names = ["covers", "scenes"] if CONFIG.covers.run else []
+    real = of_run("results/{run}/figures/{name}.png", name=names)
     if not DOMAINS:
         return real
     causes = of_run("results/{run}/figures/gap.png") if CONFIG.gap.components else []

@@ -5,7 +5,7 @@ rule real:
     """Everything of this stage."""
     input:
         of_run("results/{run}/tables/covers.csv"),
-        of_run("results/{run}/figures/covers.png"),
+        of_run("results/{run}/figures/{name}.png", name=["covers", "scenes"]),
         of_run("results/{run}/results.html") if CONFIG.covers.run else [],
 
 
@@ -76,6 +76,7 @@ rule make_cover_dataset:
         train=trained_in,
         test=tested_in,
         val_share=CONFIG.covers.val_share,
+        val_terrains=CONFIG.covers.val_terrains,
         seed=CONFIG.covers.scenes.seed,
         code=code_of("make_cover_dataset"),
     script:
@@ -200,3 +201,26 @@ rule draw_covers:
         code=code_of("draw_covers"),
     script:
         "../scripts/draw_covers.py"
+
+
+rule draw_scenes:
+    """Some scenes of every terrain's rocks, with their labels."""
+    input:
+        scenes=of_run(
+            "results/{run}/covers/scenes/Terrain{terrain}",
+            terrain=[f"{terrain:02d}" for terrain in STREWN_TERRAINS],
+        ),
+    output:
+        figure=shown("results/{run}/figures/scenes.png", "Detection", figure="strewn scenes"),
+    log:
+        "results/{run}/logs/covers/draw_scenes.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/draw_scenes.tsv"
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        terrains=STREWN_TERRAINS,
+        code=code_of("draw_scenes"),
+    script:
+        "../scripts/draw_scenes.py"

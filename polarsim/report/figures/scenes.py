@@ -1,0 +1,51 @@
+"""Some of the strewn scenes that detectors are trained on, of every terrain's rocks, with their labels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.annotate.overlay import COLOURS
+from polarsim.formats import png, yolo
+from polarsim.photo import BOX_CLASSES
+from polarsim.report.figures.canvas import FIGURE_WIDTH, page, picture
+
+_COLUMNS = 4  # pictures of each terrain, of different scenes where there are so many
+_TITLE_PX = 40
+
+
+def draw_scenes(*, scenes: Mapping[int, Path], figure: Path, width: int = FIGURE_WIDTH) -> None:
+    """Write the figure: a row a terrain. `scenes`: folders with `images/NAME.png` and `labels/NAME.txt` by terrain."""
+    column = width // _COLUMNS
+    chosen = {terrain: _spread(folder) for terrain, folder in sorted(scenes.items())}
+    first = png.read(next(path for paths in chosen.values() for path in paths))
+    with page(figure, width, len(chosen) * (round(column * first.shape[0] / first.shape[1]) + _TITLE_PX)) as sheet:
+        grid = sheet.subplots(len(chosen), _COLUMNS, squeeze=False)
+        for row, (terrain, paths) in zip(grid, chosen.items(), strict=True):
+            for axes in row[len(paths) :]:
+                axes.set_axis_off()
+            for axes, path in zip(row, paths, strict=False):
+                picture(axes, _with_labels(path, column), f"rocks of {terrain:02d}")
+
+
+def _spread(folder: Path) -> list[Path]:
+    """Pictures from the first one of the folder to the last, evenly."""
+    paths = sorted((folder / "images").glob("*.png"))
+    places = np.unique(np.linspace(0, len(paths) - 1, _COLUMNS).round().astype(int))
+    return [paths[number] for number in places]
+
+
+def _with_labels(path: Path, width: int) -> np.ndarray:
+    """(h', width, 3) uint8: a picture with the boxes of its rocks and shadows."""
+    from PIL import Image, ImageDraw
+
+    pixels = png.read(path)
+    size = (width, round(width * pixels.shape[0] / pixels.shape[1]))
+    classes, corners = yolo.read_boxes(path.parents[1] / "labels" / f"{path.stem}.txt", size)
+    image = Image.fromarray(pixels).resize(size, Image.Resampling.BOX).convert("RGB")
+    pen = ImageDraw.Draw(image)
+    for kind, box in zip(classes, corners, strict=True):
+        pen.rectangle([float(edge) for edge in box], outline=COLOURS[BOX_CLASSES[kind]])
+    return np.asarray(image)

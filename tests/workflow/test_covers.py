@@ -1,0 +1,74 @@
+"""Cover photos from files to tables and page, through every rule of the stage."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from polarsim.covers.strokes import COLOURS, draw_strokes
+from polarsim.formats import obj, png, yolo
+from polarsim.geometry.meshes import Mesh
+from polarsim.photo import HEIGHT, WIDTH
+from polarsim.render.surfaces import box
+
+ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
+TERRAINS = (1, 3)
+RULES = (
+    "real", "read_covers", "render_scenes", "make_cover_dataset", "train_cover_detector", "predict_covers",
+    "score_covers", "tabulate_covers", "draw_covers", "draw_scenes", "write_results_page",
+)  # fmt: skip
+
+
+@pytest.fixture
+def release(tmp_path):
+    """Terrains with one cover photo each, of a rock and its shadow; terrain 3's has half the size."""
+    root = tmp_path / "release"
+    for terrain in TERRAINS:
+        photo = np.full((HEIGHT, WIDTH), 90, np.uint8)
+        photo[520:600, 1000:1200] = 10
+        photo[500:620, 900:1000] = 200
+        cover = draw_strokes(photo, np.array([ROCK]) + np.array([-4, -4, 4, 4]), [1], COLOURS[0], 3, 26)
+        cover = cover[::2, ::2] if terrain == 3 else cover
+        png.write(root / "CoverPhotoOfIndices" / f"cover_photo_indexed_{terrain:02d}_A.png", cover)
+        for azimuth in ("30", "180"):
+            place = root / "Labels" / f"Terrain{terrain:02d}" / f"{terrain:02d}_A_off_{azimuth}_L_0256.txt"
+            shadow = np.array(SHADOW) - (0 if azimuth == "30" else np.array([300, 0, 300, 0]))
+            yolo.write_boxes(place, np.array([0, 1]), np.array([ROCK, shadow]))
+        rock = root / "TerrainMeshes" / f"Terrain{terrain:02d}" / f"terrain{terrain:02d}_rock1.obj"
+        rock.parent.mkdir(parents=True)
+        rock.touch()  # the closed copies stand in for it
+    return root
+
+
+@pytest.mark.slow
+def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, release):
+    for terrain in TERRAINS:
+        vertices, faces, _ = box(np.zeros(3), np.array([0.2, 0.15, 0.1 * terrain]))
+        copies = checkout / f"results/covers/repaired/Terrain{terrain:02d}"
+        obj.write(copies / f"terrain{terrain:02d}_rock1.obj", Mesh(vertices, faces), "rock")
+    content = yaml.safe_load((checkout / "config/covers.yaml").read_text()) | {"terrains": list(TERRAINS)}
+    content["covers"]["scenes"] = {"number": 4, "lamps": 5, "scale": 0.1, "rocks": [2, 6]}
+    content["detect"] = {
+        "training": {"model": "compact", "epochs": 2}, "pictures": {"imgsz": 96}, "comparison": {"resamples": 100},
+    }  # fmt: skip
+    (checkout / "small.yaml").write_text(yaml.safe_dump(content))
+    done = snakemake(
+        checkout, "real", "--configfile", "small.yaml", "--rerun-triggers", "mtime", "--allowed-rules", *RULES,
+        POLAR_SIM_ROOT=str(release),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    run = checkout / "results/covers"
+    table = pd.read_csv(run / "tables/covers.csv", dtype={"terrain": str})
+    assert table.loc[table["kind"] == "rock", "terrain"].tolist() == ["all", "01", "03"]
+    assert (table.loc[table["terrain"] == "all", "labels"] == 2).all()
+    pairing = pd.read_csv(run / "covers/pairing.csv")
+    assert pairing.loc[pairing["shown"], "key"].tolist() == ["01_A_off_30_L_0256", "03_A_off_30_L_0256"]
+    for fold, other in (("01", "03"), ("03", "01")):
+        dataset = run / f"covers/folds/{fold}/dataset/images"
+        behind = {path.resolve().parts[-3] for part in ("train", "val") for path in (dataset / part).iterdir()}
+        assert behind == {f"Terrain{other}"}
+        assert [path.name[:2] for path in (dataset / "test").iterdir()] == [fold]
+    assert [png.read(run / f"figures/{name}.png").shape[1] for name in ("covers", "scenes")] == [1600, 1600]
+    page = (run / "results.html").read_text()
+    assert "Real cover photos of terrains left out" in page
+    assert "What was compared" not in page  # of domains: there are none
