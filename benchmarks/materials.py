@@ -24,9 +24,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.analog.albedo import AlbedoMap
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.terrain import build_terrain
+from polarsim.analog.truth import AlbedoMap
 from polarsim.analog.view import look, make_textures
 from polarsim.formats.materials import read_materials
 from polarsim.formats.scene import read_terrain
@@ -35,7 +35,7 @@ from polarsim.photo import CAMERAS
 from polarsim.randomness import generator
 from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.options import FittingOptions, RenderOptions
-from polarsim.scoring.cameras import read_alignment
+from polarsim.scoring.alignment import read_alignment
 from polarsim.scoring.materials import ALBEDO_COLUMNS, albedo_metrics
 
 MODELS = ("principled", "hapke")

@@ -28,7 +28,7 @@ from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
-from polarsim.render.amodal import hidden_parts
+from polarsim.render.ground_truth import hidden_parts
 from polarsim.render.hits import Hits, cast_strip
 from polarsim.render.lamps import Lamp, lamps_of
 from polarsim.render.lighting import lighting

@@ -23,10 +23,9 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.rover.cameras.frames import truth_of
+from polarsim.rover.cameras.frames import truth_of, write_truth
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
-from polarsim.rover.cameras.truth import write_truth
 from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.vehicle.table import read_vehicle
 

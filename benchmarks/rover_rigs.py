@@ -10,10 +10,10 @@ import numpy as np
 from polarsim.errors import RoverError
 from polarsim.rover.soil import bulldozing_numba, contact_numba
 from polarsim.rover.soil.bulldozing import Bulldozing
+from polarsim.rover.soil.check import Press
 from polarsim.rover.soil.contact import Rule, Wrenches, press
 from polarsim.rover.soil.law import Law
 from polarsim.rover.soil.nodes import Ground, flat_ground
-from polarsim.rover.soil.rig import Press
 from polarsim.rover.soil.shapes import Bodies, Plate, Wheel, reach
 
 AXES = np.eye(3)

@@ -26,12 +26,11 @@ from scipy.optimize import least_squares
 
 from polarsim.rover.soil import contact_numba
 from polarsim.rover.soil.bulldozing import Bulldozing
+from polarsim.rover.soil.check import SMOOTH_MGRU3, TILT_BED, TREC, Rig, SlopeCurve, drive, misses_deg
 from polarsim.rover.soil.contact import Rule
 from polarsim.rover.soil.law import Law, read_soils
 from polarsim.rover.soil.limit import steady_wheel
-from polarsim.rover.soil.measured import SMOOTH_MGRU3, TILT_BED, TREC, SlopeCurve, misses_deg
 from polarsim.rover.soil.nodes import make_ground
-from polarsim.rover.soil.rig import Rig, drive
 from polarsim.rover.soil.shapes import Bodies, Plate, Wheel
 
 SOILS = read_soils(Path(__file__).parents[1] / "config" / "soils.csv")

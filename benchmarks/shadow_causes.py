@@ -29,14 +29,13 @@ from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import area, centres, clip, iou, match_sum, of_mask
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.outlines import TRIM
-from polarsim.geometry.thin_parts import without_thin_parts
+from polarsim.geometry.polygons import without_thin_parts
 from polarsim.labels.known import Known, gather
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.parts import windows_of
-from polarsim.labels.position import PositionLabels
 from polarsim.labels.position_shadows import PositionShadows
-from polarsim.labels.seeds import choose_seeds, read_drawings, shadow_starts
-from polarsim.labels.shadow_starts import ShadowStarts
+from polarsim.labels.propagate import PositionLabels
+from polarsim.labels.seeds import ShadowStarts, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.shadows import Ids, sightlines
 from polarsim.labels.view import move_flat
 from polarsim.labels.wall_shade import passing_heights

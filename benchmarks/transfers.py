@@ -8,7 +8,7 @@ folders below WORK, which a second call takes up again. Seeds are the configurat
 azimuth the exposure with most boxes. Truth is every published file that can be read; the others are named.
 
 `--fit` prints the coefficients of `polarsim/labels/annotator_model.py`, `polarsim/labels/rover_light.py` and
-`polarsim/labels/confidence.py`, fitted to all terrains given, and scores each terrain with the annotator model that
+`polarsim/labels/label.py`, fitted to all terrains given, and scores each terrain with the annotator model that
 the others taught.
 
 `--ceilings` scores what no method can beat instead: boxes at the mean of infinitely many drawings of a rock, present
@@ -37,12 +37,12 @@ from polarsim.formats import lamps, release, rigs, yolo
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.boxes import area, clip, iou, match
-from polarsim.labels import annotator_model, confidence, rover_light
+from polarsim.labels import annotator_model, rover_light
 from polarsim.labels.known import Known, gather
+from polarsim.labels.label import COEFFICIENTS, USUAL_PX
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.position import PositionLabels
 from polarsim.labels.position_rocks import PositionRocks
-from polarsim.labels.propagate import propagate_labels
+from polarsim.labels.propagate import PositionLabels, propagate_labels
 from polarsim.labels.seeds import Annotated, Seeds, Sight, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.tracks import Track
 from polarsim.labels.view import move_rocks
@@ -423,7 +423,7 @@ def fit_confidence(labels: pd.DataFrame) -> None:
     for (kind, source, by_rover), own in labels.groupby(["kind", "source", rover]):
         share = shares_told(own, kind, source) if not by_rover else np.ones(len(own))
         hit = own["hit"].to_numpy(float)
-        terms = np.stack([np.ones(len(own)), share - 1, np.log(own["size"] / confidence.USUAL_PX)], axis=1)
+        terms = np.stack([np.ones(len(own)), share - 1, np.log(own["size"] / USUAL_PX)], axis=1)
         found = logistic(terms, hit)
         name = f"{kind!r}, {source!r}{', rover light' if by_rover else ''}"
         print(f"    ({name}): {found},  # {len(own)} labels, {hit.mean():.3f} right")
@@ -431,12 +431,12 @@ def fit_confidence(labels: pd.DataFrame) -> None:
 
 def shares_told(labels: pd.DataFrame, kind: str, source: str) -> np.ndarray:
     """(n,) shares of the azimuths that labels were given, back from their confidences."""
-    start, missed, size = confidence.COEFFICIENTS[kind, source]
+    start, missed, size = COEFFICIENTS[kind, source]
     if not missed:
         return np.ones(len(labels))
     told = labels["confidence"].to_numpy(float).clip(1e-6, 1 - 1e-6)
     score = np.log(told / (1 - told))
-    return np.asarray((score - start - size * np.log(labels["size"].clip(1) / confidence.USUAL_PX)) / missed + 1)
+    return np.asarray((score - start - size * np.log(labels["size"].clip(1) / USUAL_PX)) / missed + 1)
 
 
 def main() -> None:

@@ -13,10 +13,9 @@ import pkgutil
 import re
 import tokenize
 from collections.abc import Callable, Iterator
-from enum import Enum
 from functools import cache
 from importlib import import_module
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from typer.models import ArgumentInfo, OptionInfo
 
@@ -69,18 +68,20 @@ def _option(name: str, info: OptionInfo, kind: Any) -> str:
     """An option as it is written, with what its value is."""
     given = [one for one in (info.default, *(info.param_decls or ())) if isinstance(one, str) and one.startswith("-")]
     written = given or [f"--{name.replace('_', '-')}"]
-    inner = next((one for one in get_args(kind) if one is not type(None)), kind)  # of a list, or what may be absent
+    inner = kind  # or what a list holds, or what may be absent
+    if get_origin(kind) is not Literal:
+        inner = next((one for one in get_args(kind) if one is not type(None)), kind)
     if kind is bool:
         return written[0] if given else f"{written[0]} / --no-{name.replace('_', '-')}"
     if get_origin(kind) is tuple or get_origin(inner) is tuple:
         many = kind if get_origin(kind) is tuple else inner
         return f"{written[0]} {' '.join(one.__name__.upper() for one in get_args(many))}"
-    values = "/".join(one.value for one in inner) if issubclass(inner, Enum) else inner.__name__.upper()
+    values = "/".join(get_args(inner)) if get_origin(inner) is Literal else inner.__name__.upper()
     return f"{written[0]} {info.metavar or values}"
 
 
 def _default_of(parameter: inspect.Parameter) -> str:
-    default = getattr(parameter.default, "value", parameter.default)
+    default = parameter.default
     nothing = any(default is one for one in (None, False, inspect.Parameter.empty)) or default == ""
     return "" if nothing else f"`{default}`"
 

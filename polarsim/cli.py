@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from json import dumps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -20,47 +19,15 @@ app = typer.Typer(
     "The pipeline itself is run by snakemake; these commands look at its parts.",
 )
 
+Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
+Treatment = Literal["zero", "left_out"]  # what becomes of a rock
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the whole report to this JSON file.")]
-
-
-class Model(StrEnum):
-    """Reflectance models."""
-
-    principled = "principled"
-    hapke = "hapke"
-    lambert = "lambert"
-    lunar_lambert = "lunar_lambert"
-    hapke_chrono = "hapke_chrono"
-    principled_chrono = "principled_chrono"
-
-
-class Engine(StrEnum):
-    """What computes the shading."""
-
-    numpy = "numpy"
-    taichi = "taichi"
-
-
-class Tool(StrEnum):
-    """Tools in which people correct labels."""
-
-    labelimg = "labelimg"
-    cvat = "cvat"
-    label_studio = "label-studio"
 
 
 def main() -> None:
     """Entry point: bad input ends in one line and exit code 1."""
     with reporting():
         app()
-
-
-class Form(StrEnum):
-    """Forms of the linter's report."""
-
-    text = "text"
-    json = "json"
-    sarif = "sarif"
 
 
 @app.command()
@@ -76,7 +43,7 @@ def validate(
         str, typer.Option(help="Only these rules: names, codes or their beginnings, severities; comma between them.")
     ] = "",
     ignore: Annotated[str, typer.Option(help="Not these rules, named in the same way.")] = "",
-    form: Annotated[Form, typer.Option("--format", help="What is printed.")] = Form.text,
+    form: Annotated[Literal["text", "json", "sarif"], typer.Option("--format", help="What is printed.")] = "text",
     json: JsonFile = None,
     fix: Annotated[
         Path | None,
@@ -89,8 +56,8 @@ def validate(
     Exit code 0: nothing but notes; 1: errors or warnings, or a folder that cannot be read; 2: a call that cannot be.
     """
     from polarsim.formats.files import write_json
+    from polarsim.lint.folders import lint
     from polarsim.lint.rules import chosen
-    from polarsim.lint.run import lint
 
     try:
         names = chosen(_listed(select), _listed(ignore))
@@ -99,12 +66,11 @@ def validate(
     report = lint(root, names, workers=workers, fix=fix)
     if json:
         write_json(json, report.as_json())
-    told = {
-        Form.text: report.as_text,
-        Form.json: lambda: _dumped(report.as_json()),
-        Form.sarif: lambda: _dumped(report.as_sarif()),
-    }
-    typer.echo(told[form]())
+    if form == "text":
+        typer.echo(report.as_text())
+    else:
+        content = report.as_json() if form == "json" else report.as_sarif()
+        typer.echo(dumps(content, indent=1, ensure_ascii=False))
     if report.count("error", "warning"):
         raise typer.Exit(1)
 
@@ -112,17 +78,13 @@ def validate(
 @app.command()
 def rules() -> None:
     """Print the rules of `validate`: code, severity, name, meaning, and what --fix does."""
-    from polarsim.lint.run import rule_lines
+    from polarsim.lint.folders import rule_lines
 
     typer.echo("\n".join(rule_lines()))
 
 
 def _listed(text: str) -> list[str]:
     return [part.strip() for part in text.split(",") if part.strip()]
-
-
-def _dumped(content: dict[str, Any]) -> str:
-    return dumps(content, indent=1, ensure_ascii=False)
 
 
 @app.command()
@@ -144,20 +106,6 @@ def score(
     _print_scores(report)
 
 
-class Treatment(StrEnum):
-    """What becomes of a rock."""
-
-    zero = "zero"
-    left_out = "left_out"
-
-
-class Unit(StrEnum):
-    """What the bootstrap draws."""
-
-    view = "view"
-    photo = "photo"
-
-
 @app.command()
 def ipd(
     labels_a: Annotated[
@@ -172,18 +120,18 @@ def ipd(
     confidence: Annotated[float, typer.Option(min=0, max=1, help="Least confidence of a prediction.")] = 0.25,
     undetected: Annotated[
         Treatment, typer.Option(help="A labelled rock that no prediction overlaps: IoU 0, or left out.")
-    ] = Treatment.zero,
+    ] = "zero",
     unpaired: Annotated[
         Treatment, typer.Option(help="A rock labelled in one domain only: IoU 0 in the other, or left out.")
-    ] = Treatment.left_out,
+    ] = "left_out",
     missing: Annotated[
         Treatment, typer.Option(help="A labelled picture without predictions: nothing was found there, or left out.")
-    ] = Treatment.left_out,
+    ] = "left_out",
     pair_iou: Annotated[
         float, typer.Option(min=0.01, max=1, help="Without rock ids: least IoU of labels of the same rock.")
     ] = 0.5,
     unit: Annotated[
-        Unit | None,
+        Literal["view", "photo"] | None,
         typer.Option(help="What intervals draw; default: views where all names are photo keys, else photos."),
     ] = None,
     resamples: Annotated[int, typer.Option(min=100, help="Bootstrap samples.")] = 1000,
@@ -202,10 +150,10 @@ def ipd(
         (labels_a, labels_b),
         (predictions_a, predictions_b),
         confidence=confidence,
-        rules=Rules(undetected.value, unpaired.value),
-        unit=unit.value if unit else None,
+        rules=Rules(undetected, unpaired),
+        unit=unit,
         pair_iou=pair_iou,
-        missing=missing.value,
+        missing=missing,
         seed=seed,
         resamples=resamples,
     )
@@ -280,7 +228,9 @@ def export(
         list[int] | None, typer.Option(min=1, max=13, help="Only this terrain; may be repeated.")
     ] = None,
     keys: Annotated[str, typer.Option(help="Only photos with keys like this, such as '01_A_off_*_L_0256'.")] = "*",
-    tool: Annotated[Tool, typer.Option(help="What is to open the folder.")] = Tool.labelimg,
+    tool: Annotated[
+        Literal["labelimg", "cvat", "label-studio"], typer.Option(help="What is to open the folder.")
+    ] = "labelimg",
     domain: Annotated[str, typer.Option(help="photo, or a model whose twins stand in for photos.")] = "photo",
     results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
 ) -> None:
@@ -288,10 +238,8 @@ def export(
     from polarsim.annotate.export import export as write
     from polarsim.annotate.export import opening
 
-    count = write(
-        folder=folder, run=results / run, terrains=terrain or (), pattern=keys, domain=domain, tool=tool.value
-    )
-    typer.echo(f"{count} pictures in {folder}\n{opening(folder, tool.value)}")
+    count = write(folder=folder, run=results / run, terrains=terrain or (), pattern=keys, domain=domain, tool=tool)
+    typer.echo(f"{count} pictures in {folder}\n{opening(folder, tool)}")
 
 
 @app.command()
@@ -331,8 +279,10 @@ def render(
         typer.Option(help="The Sun instead of the lamp: azimuth, deg from +X towards +Y, and elevation, deg."),
     ] = None,
     exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = 256.0,
-    model: Annotated[Model, typer.Option(help="Reflectance model.")] = Model.hapke,
-    engine: Annotated[Engine | None, typer.Option(help="Shading engine; default is the configuration's.")] = None,
+    model: Annotated[Model, typer.Option(help="Reflectance model.")] = "hapke",
+    engine: Annotated[
+        Literal["numpy", "taichi"] | None, typer.Option(help="Shading engine; default is the configuration's.")
+    ] = None,
     option: Annotated[
         list[str] | None,
         typer.Option(
@@ -371,7 +321,7 @@ def render(
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
     from polarsim.render.lamps import Lamp
-    from polarsim.render.map_files import write_maps
+    from polarsim.render.maps import write_maps
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
 
@@ -380,9 +330,9 @@ def render(
         camera=Camera(looking(np.array(camera), *np.radians([yaw, pitch, roll])), rig.left),
         lamps={"sun": Lamp.sun(*sun, intensity) if sun else Lamp(np.array(lamp), intensity, lamp_radius)},
         exposure_ms=exposure,
-        model=model.value,
+        model=model,
     )
-    assignments = [*(option or ()), *([f"engine={engine.value}"] if engine else ())]
+    assignments = [*(option or ()), *([f"engine={engine}"] if engine else ())]
     scene = Scene(meshes, terrain, render_options(assignments))
     picture = scene.picture(shot, threads)
     png.write(out, to_8bit(picture) if preview else picture)
@@ -439,17 +389,44 @@ def brdf(
     from polarsim.render.options import HAPKE_SETS
 
     angles = (np.array([incidence]), np.array([emergence]), np.array([azimuth]))
-    value = reflectance_at(parameters_of(model.value, soil), *angles)[0]
+    value = reflectance_at(parameters_of(model, soil), *angles)[0]
     typer.echo(f"phase   {phase_deg(*angles)[0]:.6g} deg")
     typer.echo(f"f_r     {value:.6g} 1/sr")
     typer.echo(f"pi f_r  {np.pi * value:.6g}")
     if plot:
         from polarsim.report.figures.brdf import draw_brdf
 
-        names = list(HAPKE_SETS) if soil is None and model in (Model.hapke, Model.hapke_chrono) else [soil]
-        chosen = {name or model.value: parameters_of(model.value, name) for name in names}
+        names = list(HAPKE_SETS) if soil is None and model in ("hapke", "hapke_chrono") else [soil]
+        chosen = {name or model: parameters_of(model, name) for name in names}
         draw_brdf(plot, panels_of(chosen, incidence))
         typer.echo(str(plot))
+
+
+@app.command()
+def detect(
+    pictures: Annotated[
+        list[Path], typer.Argument(help="Pictures, or folders of them; any size, 8 or 16 bits, grey or colour.")
+    ],
+    weights: Annotated[Path, typer.Option(help="Detector (.pt) that a run trained.")],
+    out: Annotated[Path, typer.Option(help="New folder to write.")],
+    confidence: Annotated[float, typer.Option(min=0.001, max=0.99, help="Least confidence of a box.")] = 0.25,
+    widths: Annotated[
+        str, typer.Option(help="Widths at which a picture is looked at, px, comma between; default: the training's.")
+    ] = "",
+    gates: Annotated[
+        str, typer.Option(help="Between each two widths the box side where the wider one takes over, px of 1936.")
+    ] = "",
+    draw: Annotated[bool, typer.Option("--draw/--no-draw", help="Write the pictures with the boxes drawn.")] = True,
+    device: Annotated[str, typer.Option(help="cpu, cuda, or auto.")] = "auto",
+    threads: Annotated[int, typer.Option(min=1, help="Threads on a CPU.")] = 2,
+) -> None:
+    """Find rocks and shadows in anyone's pictures of ground under low light; boxes as CSV, YOLO and COCO."""
+    from polarsim.detect.find import find_in_pictures, prediction_options
+
+    options = prediction_options(confidence, _listed(widths), _listed(gates), device)
+    found = find_in_pictures(pictures=pictures, weights=weights, out=out, options=options, threads=threads, draw=draw)
+    counts = ", ".join(f"{(found['kind'] == kind).sum()} {kind}s" for kind in ("rock", "shadow"))
+    typer.echo(f"{counts} in {out}")
 
 
 @app.command()
@@ -498,9 +475,23 @@ def report(
     cores: Annotated[int, typer.Option(min=1, help="Processor cores.")] = 1,
 ) -> None:
     """Make results/<run>/report.html where a table or figure is newer than it, and print where everything lies."""
-    from polarsim.pages import make_report
+    import subprocess
+    import sys
 
-    for path in make_report(run=run, configfile=configfile, cores=cores):
+    folder = Path("results") / run
+    parts = sorted([*folder.glob("tables/*.*"), *folder.glob("figures/*.png")])
+    if not parts:
+        raise PolarsimError("no tables; run snakemake first", path=folder)
+    page = folder / "report.html"
+    if not page.exists() or page.stat().st_mtime < max(path.stat().st_mtime for path in parts):
+        command = [
+            *(sys.executable, "-m", "snakemake", "--cores", str(cores)),
+            *("--configfile", str(configfile), "--report", str(page)),
+        ]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise PolarsimError(f"snakemake --report failed: {' '.join(done.stderr.split())[-500:]}", path=page)
+    for path in (*(path for path in parts if path.suffix == ".md"), page):
         typer.echo(str(path))
 
 
@@ -511,7 +502,7 @@ def compare(
     results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
 ) -> None:
     """Put the evaluation of several runs side by side: of other seeds, options, versions. In four forms."""
-    from polarsim.report.compare import compare_runs
+    from polarsim.report.evaluation_table import compare_runs
 
     compare_runs(runs=[results / run for run in runs], stem=out)
     typer.echo(f"{out}.md")

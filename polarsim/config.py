@@ -32,7 +32,7 @@ RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy 
 
 _DETECT_KEYS = {
     "split": ("test_share", "test_terrains", "val_share"),
-    "pictures": ("imgsz", "tone", "tone_exposure_ms", "tone_percentile", "tone_floor_dn", "min_mean_dn", "downsize"),
+    "pictures": ("imgsz", "tone", "tone_exposure_ms", "tone_percentile", "tone_floor_dn", "min_mean_dn"),
     "training": (
         "model", "pretrained", "pretrained_url", "pretrained_sha256",
         "epochs", "batch", "learning_rate", "augment", "mosaic",
@@ -46,6 +46,8 @@ MOVED = {
     **{f"tables.{key}": f"scoring.{key}" for key in ScoringOptions.model_fields if key != "annotated_root"},
     **{f"cameras.{key}": f"cameras.placement.{key}" for key in PlacementOptions.model_fields},
     "cameras.photo_scales": "cameras.refinement.scales",
+    "detect.downsize": "detect.pictures.stored_px",
+    "detect.pictures.downsize": "detect.pictures.stored_px",
     "detect.seed": "detect.split.seed and detect.comparison.seed",
     "rover.cameras.onboard.detect": "rover.cameras.onboard.pictures and rover.cameras.onboard.prediction",
     "rover.sight": "rover.cameras",
@@ -85,7 +87,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     terrains: tuple[int, ...] = Field((1, 3, 6, 11), min_length=1, description="Terrain numbers, 1 to 13.")
     positions: tuple[str, ...] = Field(("A", "B", "C"), min_length=1, description="Tripod places, A to G.")
     source: SourceOptions = Field(description="Where raw data come from.")
-    grid: GridOptions = Field(GridOptions(), description="The part of NASA's photo grid to work on.")
+    grid: GridOptions = Field(GridOptions(), description="The part of NASA's photo grid that a run works on.")
     analog: AnalogOptions = Field(AnalogOptions(), description="The sandbox that is generated with source.kind analog.")
     cameras: CamerasOptions = Field(CamerasOptions(), description="Where the rigs stood.")
     rocks: RocksOptions = Field(RocksOptions(), description="Scans to rocks, ground and meshes.")

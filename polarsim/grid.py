@@ -22,17 +22,21 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
     """Which photos of the grid are labelled, rendered and evaluated. The default is all of them."""
 
     lights: tuple[Light, ...] = Field(
-        default=LIGHTS, description="Rover light, 'on' or 'off' (quote them: YAML reads on as true)."
+        default=LIGHTS,
+        description="Photos with the rover light 'on' or 'off' are used (quote them: YAML reads on as true).",
     )
     azimuths: tuple[Azimuth, ...] = Field(
-        default=AZIMUTHS, description="Sun lamps: 'no', '30', '180', '270', '350' (quoted)."
+        default=AZIMUTHS,
+        description="Photos under these Sun lamps are used: 'no', '30', '180', '270', '350' (quote them).",
     )
-    cameras: tuple[CameraSide, ...] = Field(default=CAMERAS, description="'L', 'R'.")
+    cameras: tuple[CameraSide, ...] = Field(
+        default=CAMERAS, description="Photos of these cameras are used: 'L' (left), 'R' (right)."
+    )
     exposures_ms: tuple[int, ...] | None = Field(
-        default=None, description="Exposures under a Sun lamp, ms; null takes all."
+        default=None, description="Photos under a Sun lamp with these exposures are used, ms; null takes all."
     )
     exposures_no_sun_ms: tuple[int, ...] | None = Field(
-        default=None, description="Exposures without Sun, ms; null takes all."
+        default=None, description="Photos without a Sun lamp with these exposures are used, ms; null takes all."
     )
 
     @field_validator("lights", "azimuths", mode="before")
@@ -49,22 +53,22 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
         return values
 
 
-def selected_grid(terrain: int, positions: Sequence[str], options: GridOptions) -> list[PhotoKey]:
+def selected_grid(terrain: int, positions: Sequence[str], grid: GridOptions) -> list[PhotoKey]:
     """The photos of a terrain that a run works on, in the grid's order."""
 
     def wanted(key: PhotoKey) -> bool:
-        exposures = options.exposures_no_sun_ms if key.azimuth == "no" else options.exposures_ms
+        exposures = grid.exposures_no_sun_ms if key.azimuth == "no" else grid.exposures_ms
         return (
             key.position in positions
-            and key.light in options.lights
-            and key.azimuth in options.azimuths
-            and key.camera in options.cameras
+            and key.light in grid.lights
+            and key.azimuth in grid.azimuths
+            and key.camera in grid.cameras
             and (exposures is None or key.exposure_ms in exposures)
         )
 
     return [key for key in photo_grid(terrain) if wanted(key)]
 
 
-def selected_grids(terrains: Sequence[int], positions: Sequence[str], options: GridOptions) -> list[PhotoKey]:
+def selected_grids(terrains: Sequence[int], positions: Sequence[str], grid: GridOptions) -> list[PhotoKey]:
     """The photos of all terrains that a run works on."""
-    return [key for terrain in terrains for key in selected_grid(terrain, positions, options)]
+    return [key for terrain in terrains for key in selected_grid(terrain, positions, grid)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from math import log2
 from typing import Literal
@@ -14,6 +14,7 @@ Light = Literal["on", "off"]
 Azimuth = Literal["no", "30", "180", "270", "350"]
 CameraSide = Literal["L", "R"]
 View = tuple[str, str]  # position and camera of one terrain
+Bracket = tuple[int, str, Light, Azimuth, CameraSide]  # all of a key but the exposure
 
 TERRAINS = tuple(range(1, 14))
 LIGHTS: tuple[Light, ...] = ("off", "on")
@@ -85,7 +86,7 @@ class PhotoKey:
         return self.terrain, self.position, self.camera
 
     @property
-    def bracket(self) -> tuple[int, str, Light, Azimuth, CameraSide]:
+    def bracket(self) -> Bracket:
         """All but the exposure."""
         return self.terrain, self.position, self.light, self.azimuth, self.camera
 
@@ -94,8 +95,21 @@ class PhotoKey:
         """How often the exposure time was doubled or halved from the usual one."""
         return abs(log2(self.exposure_ms / USUAL_EXPOSURE_MS))
 
+    @property
+    def other_camera(self) -> PhotoKey:
+        """The same photo by the other camera of the rig."""
+        return replace(self, camera="R" if self.camera == "L" else "L")
+
     def with_exposure(self, exposure_ms: int) -> PhotoKey:
         return replace(self, exposure_ms=exposure_ms)
+
+
+def by_bracket(keys: Iterable[PhotoKey]) -> dict[Bracket, list[PhotoKey]]:
+    """Keys by exposure bracket, both in order."""
+    found: dict[Bracket, list[PhotoKey]] = {}
+    for key in sorted(keys):
+        found.setdefault(key.bracket, []).append(key)
+    return found
 
 
 def is_exposure(exposure_ms: int) -> bool:

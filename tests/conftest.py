@@ -1,9 +1,15 @@
+import logging
 import os
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import settings
+
+from polarsim.cli import main
 
 settings.register_profile("polarsim", deadline=None)  # machines that are busy are slow: time is for benchmarks
 settings.load_profile("polarsim")
@@ -28,3 +34,26 @@ def release_root() -> Path:
     if not (root / "Labels").is_dir():
         pytest.skip("the published release is not here: set POLAR_SIM_ROOT to its folder")
     return root
+
+
+@pytest.fixture
+def polarsim(capsys, monkeypatch) -> Callable[..., subprocess.CompletedProcess]:
+    """Call the command's entry point within this process: no second start of Python and of what commands import.
+
+    An error that is no `PolarsimError` fails the test with its traceback.
+    """
+
+    def call(*arguments: object) -> subprocess.CompletedProcess:
+        words = ["polarsim", *map(str, arguments)]
+        monkeypatch.setattr(sys, "argv", words)
+        log = logging.getLogger()
+        handlers, level = log.handlers[:], log.level
+        try:
+            with pytest.raises(SystemExit) as ended:
+                main()
+        finally:
+            log.handlers[:] = handlers
+            log.setLevel(level)
+        return subprocess.CompletedProcess(words, int(ended.value.code or 0), *capsys.readouterr())
+
+    return call

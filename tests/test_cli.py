@@ -16,7 +16,8 @@ ROCK_POLYGON = (2, np.array([[100.0, 100], [300, 100], [300, 250], [100, 250]]))
 GROUND_POLYGON = (1, np.array([[0.0, 0], [1936, 0], [1936, 1216], [0, 1216]]))
 
 
-def polarsim(*arguments: object) -> subprocess.CompletedProcess:
+def started(*arguments: object) -> subprocess.CompletedProcess:
+    """The command as a process of its own."""
     return subprocess.run(
         [sys.executable, "-c", "from polarsim.cli import main; main()", *map(str, arguments)],
         capture_output=True,
@@ -25,7 +26,7 @@ def polarsim(*arguments: object) -> subprocess.CompletedProcess:
     )
 
 
-def test_a_folder_scored_against_itself_is_perfect(tmp_path):
+def test_a_folder_scored_against_itself_is_perfect(polarsim, tmp_path):
     yolo.write_boxes(
         tmp_path / "01_A_off_30_L_0256.txt", np.array([0, 1]), np.array([[5, 5, 50, 60], [50, 5, 90, 60.0]])
     )
@@ -40,14 +41,14 @@ def test_a_broken_label_ends_in_one_line_with_file_and_number(tmp_path):
     for folder, text in ((truth, "0 0.5 0.5 0.1 0.1\n"), (labels, "0 0.5 0.5 0.1 0.1\n0 0.5 half 0.1 0.1\n")):
         folder.mkdir()
         (folder / "01_A_off_30_L_0256.txt").write_text(text)
-    done = polarsim("score", truth, labels)
+    done = started("score", truth, labels)
     assert done.returncode == 1
     assert done.stderr.startswith("error: ")
     assert "01_A_off_30_L_0256.txt:2" in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_masks_paint_rocks_over_the_ground_whatever_their_order(tmp_path):
+def test_masks_paint_rocks_over_the_ground_whatever_their_order(polarsim, tmp_path):
     yolo.write_polygons(tmp_path / "in/01_A_off_30_L_0256.txt", [ROCK_POLYGON, GROUND_POLYGON])
     done = polarsim("masks", tmp_path / "in", tmp_path / "out")
     assert done.returncode == 0, done.stderr
@@ -56,7 +57,7 @@ def test_masks_paint_rocks_over_the_ground_whatever_their_order(tmp_path):
     assert grey[800, 800] == GREY_VALUES["ground"]
 
 
-def test_outline_turns_masks_into_polygons(tmp_path):
+def test_outline_turns_masks_into_polygons(polarsim, tmp_path):
     mask = rle.encode(np.ones((150, 200)), 100, 100)
     labels = [coco.Annotation("rock", 4, np.array([100.0, 100, 300, 250]), mask)]
     coco.write_coco(tmp_path / "in.json", {PhotoKey.parse("01_A_off_30_L_0256"): labels})
@@ -68,7 +69,7 @@ def test_outline_turns_masks_into_polygons(tmp_path):
     assert annotation["rock"] == 4
 
 
-def test_render_writes_a_12_bit_picture_of_a_lit_plane(tmp_path):
+def test_render_writes_a_12_bit_picture_of_a_lit_plane(polarsim, tmp_path):
     corners = np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]])
     obj.write(tmp_path / obj.ground_name(1), Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
     done = polarsim("render", tmp_path, tmp_path / "twin.png", "--exposure", 128, "--model", "lambert")
@@ -90,7 +91,7 @@ render: {{models: [lambert], rim: false}}
 """
 
 
-def test_render_takes_a_file_of_views(tmp_path):
+def test_render_takes_a_file_of_views(polarsim, tmp_path):
     corners = np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]])
     obj.write(tmp_path / obj.ground_name(1), Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
     (tmp_path / "views.yaml").write_text(VIEWS.format(meshes=tmp_path))
@@ -106,13 +107,13 @@ def test_render_takes_a_file_of_views(tmp_path):
 
 
 @pytest.mark.parametrize(("source", "option"), [("views.yaml", "--exposure"), ("meshes", "--limit")])
-def test_render_refuses_options_of_its_other_form(tmp_path, source, option):
+def test_render_refuses_options_of_its_other_form(polarsim, tmp_path, source, option):
     done = polarsim("render", tmp_path / source, tmp_path / "out", option, 3)
     assert done.returncode == 2
     assert f"{option} is no option with" in done.stderr
 
 
-def test_the_schema_of_views_is_that_in_the_configuration_folder():
+def test_the_schema_of_views_is_that_in_the_configuration_folder(polarsim):
     stored = (Path(__file__).parent.parent / "config/views.schema.json").read_text()
     assert polarsim("schema", "--views").stdout == stored, "run make schema"
 
@@ -121,21 +122,21 @@ def test_a_release_with_a_malformed_line_is_refused_by_validate(tmp_path):
     folder = tmp_path / "Labels/Terrain01"
     folder.mkdir(parents=True)
     (folder / "01_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1\n")
-    done = polarsim("validate", tmp_path, "--json", tmp_path / "report.json")
+    done = started("validate", tmp_path, "--json", tmp_path / "report.json")
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     assert "Labels/Terrain01/01_A_off_30_L_0256.txt:1: F110 malformed" in done.stdout
     assert json.loads((tmp_path / "report.json").read_text())["findings"]
-    sarif = json.loads(polarsim("validate", tmp_path, "--format", "sarif").stdout)
+    sarif = json.loads(started("validate", tmp_path, "--format", "sarif").stdout)
     (result,) = sarif["runs"][0]["results"]
     assert result["ruleId"] == "F110"
     assert result["locations"][0]["physicalLocation"]["region"] == {"startLine": 1}
-    assert polarsim("validate", tmp_path, "--ignore", "F1").returncode == 0
-    assert polarsim("validate", tmp_path, "--select", "X9").returncode == 2
-    assert polarsim("validate", tmp_path, "--fix", tmp_path / "inside").returncode == 1
+    assert started("validate", tmp_path, "--ignore", "F1").returncode == 0
+    assert started("validate", tmp_path, "--select", "X9").returncode == 2
+    assert started("validate", tmp_path, "--fix", tmp_path / "inside").returncode == 1
 
 
-def test_rules_are_listed_with_code_and_severity():
+def test_rules_are_listed_with_code_and_severity(polarsim):
     assert "V501  error    other_view" in polarsim("rules").stdout
 
 
@@ -149,7 +150,7 @@ def test_rules_are_listed_with_code_and_severity():
         ["render", "nowhere", "out.png", "--option", "samples=5"],
     ],
 )
-def test_bad_input_ends_in_one_line(tmp_path, monkeypatch, arguments):
+def test_bad_input_ends_in_one_line(polarsim, tmp_path, monkeypatch, arguments):
     monkeypatch.chdir(tmp_path)
     done = polarsim(*arguments)
     assert done.returncode == 1
@@ -158,25 +159,25 @@ def test_bad_input_ends_in_one_line(tmp_path, monkeypatch, arguments):
     assert not list(Path(tmp_path).iterdir())
 
 
-def test_help_states_units():
+def test_help_states_units(polarsim):
     text = polarsim("render", "--help").stdout
     assert all(unit in text for unit in ("deg", "ms", "m, sandbox"))
 
 
-def test_brdf_prints_a_pinned_value():
+def test_brdf_prints_a_pinned_value(polarsim):
     done = polarsim("brdf", "hapke", "--incidence", 30, "--emergence", 0, "--azimuth", 0, "--set", "chrono_lunar")
     assert done.returncode == 0
     assert "f_r     0.0422483 1/sr" in done.stdout
     assert "pi f_r  0.132727" in done.stdout
 
 
-def test_brdf_refuses_a_set_that_is_not_there():
+def test_brdf_refuses_a_set_that_is_not_there(polarsim):
     done = polarsim("brdf", "hapke", "--set", "basalt")
     assert done.returncode == 1
     assert "expected chrono_lunar" in done.stderr
 
 
-def test_ipd_of_two_folders_is_printed_and_written(tmp_path):
+def test_ipd_of_two_folders_is_printed_and_written(polarsim, tmp_path):
     for name, lines in (("a", "0 0.3 0.3 0.2 0.2"), ("b", "0 0.3 0.3 0.2 0.1")):
         for folder, text in ((f"labels_{name}", "0 0.3 0.3 0.2 0.2\n"), (f"found_{name}", f"{lines} 0.9\n")):
             (tmp_path / folder).mkdir()
@@ -191,7 +192,7 @@ def test_ipd_of_two_folders_is_printed_and_written(tmp_path):
     assert [rock[name] for name in ("pairs", "ipd", "iou_mean_a")] == pytest.approx([2, 0.5, 1], abs=1e-5)
 
 
-def test_ipd_of_names_that_have_no_view_ends_in_one_line_where_views_are_asked_for(tmp_path):
+def test_ipd_of_names_that_have_no_view_ends_in_one_line_where_views_are_asked_for(polarsim, tmp_path):
     for folder, text in (("labels", "0 0.3 0.3 0.2 0.2\n"), ("found", "0 0.3 0.3 0.2 0.2 0.9\n")):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "one.txt").write_text(text)

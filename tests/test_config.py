@@ -1,4 +1,6 @@
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -185,3 +187,10 @@ def test_scores_are_measured_against_the_folder_that_is_named_or_that_of_the_see
     assert seeded("none").annotated_root == Path("data")
     assert seeded({"root": "annotated"}).annotated_root == Path("annotated")
     assert seeded("none", scoring={"annotated_root": "annotated"}).annotated_root == Path("annotated")
+
+
+def test_every_start_of_snakemake_reads_the_configuration_without_heavy_libraries():
+    script = "import sys; import polarsim.config, polarsim.acquire.inputs; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert "polarsim.config" in done.stdout.split()
+    assert not {"matplotlib", "numba", "pandas", "scipy", "torch"} & set(done.stdout.split())

@@ -33,8 +33,8 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"formats"},
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
     {"rover", "covers", "report"},
-    {"config", "pages", "reporting"},
-    {"cli"},
+    {"config", "reporting"},
+    {"cli", "job"},
 )
 TALLER = {  # of the stages these see only these: drives and strewn rocks are rendered, a report shows scores
     "rover": {"render", "detect"},
@@ -77,7 +77,7 @@ def test_imports_run_one_way_and_in_no_circle():
         ("geometry.outlines", "formats.obj"),
         ("kernels", "geometry.rays"),
         ("formats.obj", "rocks.mesh"),
-        ("lint.boxes", "labels.view"),  # sideways
+        ("lint.files", "labels.view"),  # sideways
         ("labels.view", "lint.rules"),
         ("rover.run", "rocks.mesh"),
         ("report.compare", "render.twins"),
@@ -92,14 +92,14 @@ def test_an_import_against_the_floors_is_found(module, imported):
 
 def test_only_scoring_reads_truth():
     """Rules that are given truth or people's labels run code of `scoring` alone; the analog's makers write truth."""
-    given = ("truth_of", "true_labels_of", "drawn_labels_of", "drawn_polygons")
+    given = ("truth_of", "true_labels_of", "annotated_labels_of", "annotated_polygons")
     for path in sorted(RULES.glob("*.smk")):
         for block in re.split(r"^(?=\s*rule \w+:$)", path.read_text(), flags=re.MULTILINE):
             script = re.search(r'"\.\./scripts/(\w+)\.py"', block)
             if script and any(name in block for name in given):
                 modules = imports_by_text((SCRIPTS / f"{script[1]}.py").read_text())
                 packages = {".".join(module.split(".")[:2]) for module in modules}
-                assert packages <= {"polarsim.scoring", "polarsim.reporting", "polarsim.grid"}, script[1]
+                assert packages <= {"polarsim.scoring", "polarsim.job", "polarsim.grid"}, script[1]
 
 
 ROVER_FLOORS = (  # from the bottom up: a room sees the floors below and itself, rooms of one floor never each other

@@ -122,7 +122,11 @@ def check_snakemake(arguments: list[str]) -> None:
 @cache
 def rules() -> set[str]:
     texts = [path.read_text() for path in (CHECKOUT / "Snakefile", *(CHECKOUT / "workflow/rules").glob("*.smk"))]
-    return {name for text in texts for name in re.findall(r"^\s*rule (\w+):", text, re.MULTILINE)}
+    return {
+        name
+        for text in texts
+        for name in re.findall(r"^\s*(?:use )?rule (?:\w+ as )?(\w+)(?: with)?:", text, re.MULTILINE)
+    }
 
 
 @cache

@@ -2,27 +2,83 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions
-from polarsim.acquire.photos import find_gaps, index_photos, log_gaps, photo_table
 from polarsim.acquire.seeds import choose_seeds, copy_seeds, find_labels
-from polarsim.errors import FormatError, LabelError
-from polarsim.formats import nasa, release
+from polarsim.errors import FormatError, LabelError, about
+from polarsim.formats import nasa, png, release
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.rigs import write_rig
-from polarsim.formats.tables import PHOTO_COLUMNS, read_parquet, write_parquet
+from polarsim.formats.schemas import PHOTOS
+from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
 from polarsim.geometry.stereo import stated_rig
 from polarsim.grid import GridOptions, selected_grid
-from polarsim.photo import PhotoKey
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.progress import track
 
-STATED = "stated"  # source of a calibration that no file of the source gave
+PHOTO_BITS = 16  # of the files; their values have 12
 
 log = logging.getLogger("polarsim")
+STATED = "stated"  # source of a calibration that no file of the source gave
+
+
+def describe_photo(path: Path) -> dict[str, object]:
+    """Width and height in pixels, bits, SHA-256 and path of a raw photo.
+
+    Raises
+    ------
+    FormatError
+        The file cannot be read or is damaged, or is no grey 16-bit PNG of NASA's size.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise FormatError(f"no readable photo, {error.strerror or error}", path=path) from error
+    with about(path):
+        header = png.parse_header(content)
+        if (header.width, header.height) != (WIDTH, HEIGHT):
+            raise FormatError(f"{header.width} x {header.height} pixels, expected {WIDTH} x {HEIGHT}")
+        if header.bits != PHOTO_BITS or header.channels != 1:
+            raise FormatError(f"{header.channels} channels of {header.bits} bits, a photo has 1 of {PHOTO_BITS}")
+    return {
+        "width": header.width,
+        "height": header.height,
+        "bits": header.bits,
+        "sha256": hashlib.sha256(content).hexdigest(),
+        "path": path.as_posix(),
+    }
+
+
+def index_photos(files: Sequence[tuple[PhotoKey, Path]]) -> pd.DataFrame:
+    """A row a photo; see `describe_photo` for what is refused."""
+    return photo_table([{**key_columns(key), **describe_photo(path)} for key, path in track(files, "reading photos")])
+
+
+def photo_table(rows: Sequence[Mapping[Any, Any]]) -> pd.DataFrame:
+    """Rows of `PHOTOS`, typed and in the order of keys; also when there are none."""
+    table = pd.DataFrame(rows, columns=list(PHOTOS.columns)).astype(PHOTOS.dtypes)
+    return table.sort_values("key", ignore_index=True)
+
+
+def log_gaps(keys: Collection[PhotoKey], expected: Sequence[PhotoKey], folder: Path) -> None:
+    """One line where expected photos are not among `keys`, or photos lack their other camera's."""
+    there = set(keys)
+    missing = [key for key in expected if key not in there]
+    unpaired = [key for key in sorted(there) if key.other_camera not in there]
+    if not there:
+        log.warning("%s: no photo", folder)
+    elif missing or unpaired:
+        log.warning(
+            "%s: %d photos found, %d of the grid missing, %d without the other camera's, such as %s",
+            folder, len(there), len(missing), len(unpaired), (*unpaired, *missing)[0],
+        )  # fmt: skip
 
 
 def index_terrain(
@@ -105,8 +161,7 @@ def _recorded(
         raise FormatError(f"nothing of terrain {terrain:02d}, looked for {names}", path=root)
     found = nasa.find_photos(folder, terrain) if folder else []
     files = [(key, path) for key, path in found if key.position in positions]
-    gaps = find_gaps([key for key, _ in files], selected_grid(terrain, positions, grid))
-    log_gaps(gaps, len(files), folder or root)
+    log_gaps([key for key, _ in files], selected_grid(terrain, positions, grid), folder or root)
     stated = nasa.find_calibration(folder) if folder else None
     if stated is None:
         log.warning("%s: no %s, the rig of terrain 11 is taken", folder or root, nasa.CALIBRATION_NAME)

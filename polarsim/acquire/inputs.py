@@ -18,7 +18,10 @@ def raw_inputs(terrain: int, source: SourceOptions, seeds: SeedChoice) -> list[P
     """
     if source.kind == "analog" or archives_of(terrain, source):
         return [source.root / "receipts" / f"Terrain{terrain:02d}.json"]
-    files = _possible_seeds(terrain, source.root, seeds) if isinstance(seeds, SeedOptions) else []
+    files: list[Path] = []
+    if isinstance(seeds, SeedOptions):
+        labels, _ = find_labels(seeds.root or source.root, terrain)
+        files = [path for key, path in labels.items() if seeds.allow(key)]
     if source.kind == "release":
         ground = release.ground_file(source.root, terrain)
         return [*files, *release.mesh_files(source.root, terrain).values(), *([ground] if ground else [])]
@@ -28,12 +31,3 @@ def raw_inputs(terrain: int, source: SourceOptions, seeds: SeedChoice) -> list[P
     if calibration:
         files.append(calibration)
     return [*files, *range_maps.values(), *clouds.values()]
-
-
-def _possible_seeds(terrain: int, root: Path, seeds: SeedOptions) -> list[Path]:
-    labels, _ = find_labels(seeds.root or root, terrain)
-    return [
-        path
-        for key, path in labels.items()
-        if key.light == seeds.light and key.camera == seeds.camera and key.azimuth in seeds.azimuths
-    ]

@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from polarsim.grid import as_text
-from polarsim.photo import SUNS, Azimuth, Light, is_exposure
+from polarsim.photo import SUNS, Azimuth, Light, PhotoKey, is_exposure
 from polarsim.photo import CameraSide as Camera
 
 NO_SEEDS = "none"  # in the place of seed options: labels come from geometry and light alone
@@ -66,20 +66,27 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
     """Which label files propagation starts from; no stage but scoring reads any other."""
 
     root: Path | None = Field(
-        default=None, description="Folder in the release's layout, or of label files; null: the source's."
+        default=None,
+        description="Seeds are read from this folder, in the release's layout or of label files; null: from the "
+        "source's.",
     )
     light: Light = Field(
-        default="off", description="Rover light of the seed photos (quote it: YAML reads off as false)."
+        default="off",
+        description="Seeds are photos with the rover light 'on' or 'off' (quote it: YAML reads off as false).",
     )
-    camera: Camera = Field(default="L", description="Camera of the seed photos.")
+    camera: Camera = Field(default="L", description="Seeds are photos of this camera.")
     azimuths: tuple[Azimuth, ...] = Field(
-        default=SUNS, description="Sun lamps of the seed photos (quoted); those there are used."
+        default=SUNS, description="Seeds are photos under these Sun lamps (quote them); those that are there are used."
     )
     exposure: Literal["best"] | int = Field(
         default="best",
-        description="'best': the file of an exposure bracket with most boxes, then nearest 256 ms; or an exposure "
-        "in ms.",
+        description="Seeds have this exposure, ms; 'best': the file of an exposure bracket with most boxes, then "
+        "the one nearest to 256 ms.",
     )
+
+    def allow(self, key: PhotoKey) -> bool:
+        """Whether a photo may be a seed's at some exposure."""
+        return key.light == self.light and key.camera == self.camera and key.azimuth in self.azimuths
 
     @field_validator("light", "azimuths", mode="before")
     @classmethod

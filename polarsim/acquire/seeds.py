@@ -11,8 +11,8 @@ import numpy as np
 from polarsim.acquire.options import SeedOptions
 from polarsim.formats import release, yolo
 from polarsim.formats.files import writing_folder
-from polarsim.geometry.swapped import rocks_called_shadows
-from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
+from polarsim.geometry.consensus import rocks_called_shadows
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey, by_bracket
 
 log = logging.getLogger("polarsim")
 
@@ -48,18 +48,14 @@ def choose_seeds(
     FormatError
         A file that might be a seed is broken.
     """
-    sets: dict[tuple[object, ...], list[PhotoKey]] = {}
-    for key in sorted(files):
-        if (
-            key.position in positions
-            and key.light == options.light
-            and key.camera == options.camera
-            and key.azimuth in options.azimuths
-            and options.exposure in ("best", key.exposure_ms)
-        ):
-            sets.setdefault(key.bracket, []).append(key)
+    possible = [
+        key
+        for key in files
+        if key.position in positions and options.allow(key) and options.exposure in ("best", key.exposure_ms)
+    ]
     chosen = [
-        best_exposure({key: len(yolo.read_boxes_or_polygons(files[key])[0]) for key in keys}) for keys in sets.values()
+        best_exposure({key: len(yolo.read_boxes_or_polygons(files[key])[0]) for key in keys})
+        for keys in by_bracket(possible).values()
     ]
     return [(key, files[key]) for key in sorted(chosen)]
 

@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.analog import scanner
-from polarsim.analog.albedo import AlbedoMap
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.photographer import empty_labels, take_photos
 from polarsim.analog.presets import PRESETS
 from polarsim.analog.terrain import Terrain, build_terrain
-from polarsim.analog.truth import write_truth
+from polarsim.analog.truth import AlbedoMap, write_truth
 from polarsim.errors import ConfigError
 from polarsim.formats import nasa, tables
-from polarsim.formats.files import writing_folder
+from polarsim.formats.files import write_json, writing_folder
 from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
 from polarsim.geometry.stereo import RectifiedGrid, StereoRig, rectified_left
 from polarsim.photo import PhotoKey, positions
 from polarsim.randomness import generator
+from polarsim.survey import terrain_folder
 
 _SCANNER_OFFSET = 0.06  # metres, sd: the scanner stood about where the left camera did
 _CAMERA_FROM_UPRIGHT = Pose(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.zeros(3))  # x ahead, y left, z up
@@ -113,3 +113,30 @@ def _write_map(
     placed = [(grid_from_sandbox.apply(vertices), faces) for vertices, faces in surfaces]
     points = scanner.range_map(placed, grid.lens, threads)
     nasa.write_range_map(nasa.range_map_path(folder, position), points)
+
+
+def generate_terrain_at(
+    *, root: Path, receipt: Path, terrain: int, keys: list[PhotoKey], options: AnalogOptions, threads: int
+) -> None:
+    """Generate one terrain in the layout of `docs/formats.md`; the receipt is written last."""
+    receipt.unlink(missing_ok=True)
+    raw = root / terrain_folder(terrain)
+    generate_terrain(
+        terrain=terrain,
+        keys=keys,
+        raw=raw,
+        ranges=root / "GroundTruth_RectifiedRangeMaps" / f"Terrain{terrain:02d}",
+        seeds=root / "Labels" / f"Terrain{terrain:02d}",
+        truth=root / "truth" / f"Terrain{terrain:02d}",
+        options=options,
+        threads=threads,
+    )
+    write_json(
+        receipt,
+        {
+            "terrain": terrain,
+            "folder": raw.name,
+            "photos": sum(1 for _ in raw.rglob("Cam?_*.png")),
+            "options": options.model_dump(mode="json"),
+        },
+    )

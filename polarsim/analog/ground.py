@@ -10,6 +10,7 @@ from scipy.special import expit
 
 from polarsim.analog.noise import fractal_field
 from polarsim.analog.presets import Preset
+from polarsim.analog.rays import grid_faces
 
 CRATER_CENTRE = np.array([-0.15, 0.25])
 _CRATER_RADIUS = 1.0  # of the rim's crest, metres
@@ -35,12 +36,7 @@ class Ground:
         """Vertices (n * n, 3) and faces (f, 3), upwards."""
         x, y = np.meshgrid(self.axis, self.axis, indexing="ij")
         vertices = np.stack([x, y, self.heights], axis=-1).reshape(-1, 3)
-        n = len(self.axis)
-        corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-        faces = np.concatenate(
-            [np.stack([corner, corner + n, corner + 1], 1), np.stack([corner + 1, corner + n, corner + n + 1], 1)]
-        )
-        return vertices, faces
+        return vertices, grid_faces(*self.heights.shape)
 
     def normals(self) -> np.ndarray:
         """(n * n, 3) unit normals of the mesh's vertices."""

@@ -8,18 +8,55 @@ from pydantic import BaseModel, Field
 class AnalogOptions(BaseModel, extra="forbid", frozen=True):
     """The sandbox, its scanner, its photographer and its annotator. Same options and seed, same bytes."""
 
-    seed: int = Field(1, description="Run seed of everything random.")
-    photos: bool = Field(True, description="Whether photos, seeds and true labels are made; false leaves scans only.")
+    seed: int = Field(
+        1,
+        description="Everything random is drawn from this seed: another one makes other terrains, drawings and noise.",
+    )
+    photos: bool = Field(True, description="Photos, seeds and true labels are made; false leaves scans only.")
 
-    ground_step_mm: float = Field(5.0, ge=2, le=20, description="Grid step of the sand's relief, mm.")
-    rock_detail: int = Field(5, ge=3, le=6, description="Subdivisions of the icosahedron that rocks are carved from.")
+    ground_step_mm: float = Field(
+        5.0,
+        ge=2,
+        le=20,
+        description="The sand's relief is made on a grid of this step, mm; a finer one takes longer and shows "
+        "smaller ripples.",
+    )
+    rock_detail: int = Field(
+        5,
+        ge=3,
+        le=6,
+        description="Rocks are carved from an icosahedron that is subdivided so many times; each time has four "
+        "times the triangles.",
+    )
 
-    lamp_radius_mm: float = Field(45, ge=0, le=300, description="Radius of a lamp's bright disc, mm.")
+    lamp_radius_mm: float = Field(
+        45, ge=0, le=300, description="A lamp is a bright disc of this radius, mm; a larger one makes softer shadows."
+    )
 
-    range_noise_mm: float = Field(2.0, ge=0, le=50, description="Scanner's noise along the ray (sd), mm.")
-    scan_step_deg: float = Field(0.072, gt=0.02, le=1, description="Scanner's angular step, degrees.")
-    mixed_pixels: float = Field(0.5, ge=0, le=1, description="Share of scan points at depth edges that hang between.")
+    range_noise_mm: float = Field(
+        2.0,
+        ge=0,
+        le=50,
+        description="Distances of the scanner have noise of this standard deviation along the ray, mm.",
+    )
+    scan_step_deg: float = Field(
+        0.072,
+        gt=0.02,
+        le=1,
+        description="The scanner measures at every so many degrees; a smaller step makes more points.",
+    )
+    mixed_pixels: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="This share of the scan points at depth edges hangs between what is near and what is far, as "
+        "mixed pixels do.",
+    )
 
-    full_well_electrons: float = Field(33000, gt=0, description="Full well of a pixel, electrons.")
-    read_noise_electrons: float = Field(7.0, ge=0, description="Read noise (sd), electrons.")
-    electrons_per_dn: float = Field(8.0, gt=0, description="Gain, electrons per DN.")
+    full_well_electrons: float = Field(33000, gt=0, description="A pixel is full, and so white, at so many electrons.")
+    read_noise_electrons: float = Field(
+        7.0, ge=0, description="Reading a pixel adds noise of this standard deviation, electrons."
+    )
+    electrons_per_dn: float = Field(
+        8.0, gt=0, description="One grey value is made by so many electrons; fewer make noisier photos."
+    )

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.analog.albedo import AlbedoMap
 from polarsim.analog.annotator import annotate
 from polarsim.analog.bounce import AMBIENT, Bounce, gather_bounce
 from polarsim.analog.light import Lamp, direct, visibility
@@ -21,6 +20,7 @@ from polarsim.analog.sandbox import GROUND_OBJECT
 from polarsim.analog.sensor import expose, fixed_pattern, lamp_glare, through_lens
 from polarsim.analog.stations import ROVER, Stations
 from polarsim.analog.terrain import Terrain
+from polarsim.analog.truth import AlbedoMap
 from polarsim.analog.view import Textures, look, make_textures
 from polarsim.formats import nasa, png, tables, yolo
 from polarsim.photo import BLACK_LEVEL, CAMERAS, HEIGHT, ROCK, SHADOW, SHADOWS_ANNOTATED_FROM_MS, WIDTH, PhotoKey

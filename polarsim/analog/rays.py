@@ -43,6 +43,12 @@ class Caster:
         return self._tensor(np.ascontiguousarray(values, dtype))
 
 
+def grid_faces(rows: int, columns: int) -> np.ndarray:
+    """(f, 3) two triangles a cell of a grid whose vertices are numbered row by row."""
+    k = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    return np.concatenate([np.stack([k, k + columns, k + 1], 1), np.stack([k + 1, k + columns, k + columns + 1], 1)])
+
+
 def rays_from(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """(..., 6) float32 rays from origins (broadcast) along directions (..., 3)."""
     return np.concatenate([np.broadcast_to(origins, directions.shape), directions], axis=-1).astype(np.float32)

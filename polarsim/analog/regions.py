@@ -51,9 +51,8 @@ def shadow_regions(
     """Cast shadows on the ground by rock: visible sand whose light a rock blocks, and nothing but rocks.
 
     Rims of a pixel or two along a rock's foot and small components apart from the rest are left out: people do not
-    box them.
-    Where two rocks block the same light the pixel belongs to both shadows. The lamp counts as a point, its centre;
-    `seen` (h, w) is the share of it that each pixel sees.
+    box them. Where two rocks block the same light the pixel belongs to both shadows. The lamp counts as a point, its
+    centre; `seen` (h, w) is the share of it that each pixel sees.
     """
     if rock_caster is None:
         return []
@@ -80,9 +79,7 @@ def shadow_regions(
 
 
 def _without_rims(mask: np.ndarray) -> np.ndarray:
-    """A shadow's mask (h, w) without what nobody sees as part of it: lines along the rock's foot, far small
-    components.
-    """
+    """A shadow's mask (h, w) without what nobody sees as part of it: lines at the rock's foot, far small components."""
     solid = ndimage.binary_opening(np.pad(mask, _RIM), np.ones((_RIM, _RIM), bool))
     if not solid.any():
         return mask

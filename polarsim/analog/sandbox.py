@@ -10,7 +10,7 @@ import numpy as np
 
 from polarsim.analog.ground import Ground
 from polarsim.analog.presets import Preset
-from polarsim.analog.rays import Caster
+from polarsim.analog.rays import Caster, grid_faces
 from polarsim.analog.rocks import Rock, icosphere
 
 GROUND_OBJECT, HALL_OBJECT = -1, -2  # objects; rocks have their numbers
@@ -126,8 +126,7 @@ def _sheet(
     nu, nv = (max(1, int(np.ceil(np.linalg.norm(edge) / step))) + 1 for edge in (u, v))
     s, t = np.meshgrid(np.linspace(0, 1, nu), np.linspace(0, 1, nv), indexing="ij")
     vertices = start + s.reshape(-1, 1) * u + t.reshape(-1, 1) * v
-    k = (np.arange(nu - 1)[:, None] * nv + np.arange(nv - 1)).ravel()
-    return vertices, np.concatenate([np.stack([k, k + nv, k + 1], 1), np.stack([k + 1, k + nv, k + nv + 1], 1)])
+    return vertices, grid_faces(nu, nv)
 
 
 def _block(low: Sequence[float], high: Sequence[float], material: Material, albedo: float, step: float) -> list[_Part]:

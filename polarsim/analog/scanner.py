@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.analog.options import AnalogOptions
-from polarsim.analog.rays import Caster, rays_from
+from polarsim.analog.rays import Caster, grid_faces, rays_from
 from polarsim.analog.sandbox import Scene
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
@@ -91,11 +91,9 @@ def _lost(cosine: np.ndarray, albedo: np.ndarray) -> np.ndarray:
 
 def surface(found: Scan, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Neighbouring points joined to triangles where no depth edge lies between: vertices (v, 3), faces (f, 3)."""
-    rows, columns = found.points.shape[:2]
     vertices = found.points.reshape(-1, 3)
     distance = np.linalg.norm(found.points - centre, axis=-1).ravel()
-    k = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
-    faces = np.concatenate([np.stack([k, k + columns, k + 1], 1), np.stack([k + 1, k + columns, k + columns + 1], 1)])
+    faces = grid_faces(*found.points.shape[:2])
     near = distance[faces]
     with np.errstate(invalid="ignore"):
         jump = near.max(axis=1) - near.min(axis=1)

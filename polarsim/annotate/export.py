@@ -1,4 +1,4 @@
-"""A run's labels and pictures as a folder that a labelling tool opens."""
+"""A run's labels and pictures as a folder that a labelling tool opens: labelImg, CVAT or Label Studio."""
 
 from __future__ import annotations
 
@@ -14,17 +14,20 @@ import pandas as pd
 from polarsim.annotate.overlay import COLOURS
 from polarsim.annotate.show import rows_of
 from polarsim.errors import ConfigError, LabelError
-from polarsim.formats import annotated, coco, cvat, label_studio, png, release, yolo
+from polarsim.formats import coco, png, release, yolo
 from polarsim.formats.files import write_json, write_text, writing_folder
 from polarsim.formats.run_files import pictures_of
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import clip
-from polarsim.photo import BOX_CLASSES, TERRAINS, PhotoKey
+from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, ROCK, SHADOW, TERRAINS, WIDTH, PhotoKey
 from polarsim.progress import track
 
 TOOLS = ("labelimg", "cvat", "label-studio")
 _COLOURS = {kind: "#{:02x}{:02x}{:02x}".format(*COLOURS[kind]) for kind in BOX_CLASSES}
+DECIMALS = 6  # of a percent: a hundred-thousandth of a pixel
+LOCAL_FILES = "/data/local-files/?d="  # how Label Studio names pictures below its document root
+_RECTANGLES, _IMAGE = "label", "image"  # names of the interface's parts
 
 
 def export(
@@ -79,7 +82,7 @@ def export(
 def opening(folder: Path, tool: str) -> str:
     """How a person opens the folder."""
     return {
-        "labelimg": f"labelImg {folder} {folder / release.CLASS_LIST}   # then choose the format YOLO",
+        "labelimg": f"labelImg {folder} {folder / yolo.CLASS_FILE}   # then choose the format YOLO",
         "cvat": f"paste {folder / 'labels.json'} as raw labels, upload {folder / 'images'}, "
         f"import {folder / 'annotations/instances_default.json'} as COCO 1.0",
         "label-studio": f"serve local files from {folder.resolve().parent}, paste {folder / 'interface.xml'} as code "
@@ -108,7 +111,7 @@ def _table(run: Path, terrain: int) -> pd.DataFrame:
 
 
 def _write_labelimg(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey]) -> None:
-    annotated.write_class_list(folder)
+    write_text(folder / yolo.CLASS_FILE, "".join(f"{name}\n" for name in BOX_CLASSES))
     for key in keys:
         rows = rows_of(labels, key)
         classes = rows["kind"].map(BOX_CLASSES.index).to_numpy(int)
@@ -119,7 +122,7 @@ def _write_cvat(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey]) ->
     """Boxes without outlines: with outlines CVAT makes polygons of them."""
     photos = {key: [_boxed(row) for row in rows_of(labels, key).to_dict("records")] for key in keys}
     coco.write_coco(folder / "annotations" / "instances_default.json", photos)
-    write_json(folder / "labels.json", cvat.label_list(_COLOURS))
+    write_json(folder / "labels.json", cvat_labels())
 
 
 def _boxed(row: dict[Hashable, Any]) -> coco.Annotation:
@@ -128,5 +131,100 @@ def _boxed(row: dict[Hashable, Any]) -> coco.Annotation:
 
 
 def _write_label_studio(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey], pictures: str) -> None:
-    write_json(folder / "tasks.json", label_studio.tasks(labels, keys, pictures))
-    write_text(folder / "interface.xml", label_studio.interface(_COLOURS))
+    write_json(folder / "tasks.json", label_studio_tasks(labels, keys, pictures))
+    write_text(folder / "interface.xml", label_studio_interface())
+
+
+def cvat_labels() -> list[dict[str, Any]]:
+    """The labels of a CVAT task: rectangles with the attributes of `coco`.
+
+    Its raw label editor takes them; without them CVAT drops rock ids at import.
+    """
+    attributes = [
+        _attribute("rock", "number", str(NO_ROCK), [str(NO_ROCK), "99999", "1"]),  # lowest, highest, step
+        _attribute("confidence", "text", "1", []),
+        _attribute("label_source", "text", "", []),
+    ]
+    return [
+        {"name": kind, "color": colour, "type": "rectangle", "attributes": attributes}
+        for kind, colour in _COLOURS.items()
+    ]
+
+
+def _attribute(name: str, input_type: str, default: str, values: list[str]) -> dict[str, Any]:
+    return {
+        "name": name,
+        "input_type": input_type,
+        "mutable": False,
+        "default_value": default,
+        "values": values or [default],
+    }
+
+
+def label_studio_interface() -> str:
+    """The labelling interface (XML) that shows the tasks of `label_studio_tasks`."""
+    labels = "\n".join(f'    <Label value="{kind}" background="{colour}"/>' for kind, colour in _COLOURS.items())
+    return (
+        f'<View>\n  <Image name="{_IMAGE}" value="${_IMAGE}" zoom="true"/>\n'
+        f'  <RectangleLabels name="{_RECTANGLES}" toName="{_IMAGE}" canRotate="false" strokeWidth="2">\n'
+        f"{labels}\n  </RectangleLabels>\n</View>\n"
+    )
+
+
+def label_studio_tasks(labels: pd.DataFrame, keys: Sequence[PhotoKey], pictures: str) -> list[dict[str, Any]]:
+    """A task a photo: its picture, and its labels as one prediction, shadows tied to their rocks.
+
+    Places and sizes are percent of the picture's; a prediction becomes an annotation as soon as a person edits it.
+
+    Parameters
+    ----------
+    labels
+        Label rows; those of other photos are passed over. Boxes are cut at the photo's border.
+    keys
+        The photos, in the order of the tasks, those without labels too.
+    pictures
+        Folder of the pictures `KEY.png` below Label Studio's document root, as in an address (no bare spaces).
+    """
+    by_key = dict(tuple(labels.groupby("key", sort=False)))
+    none = labels.iloc[:0]
+    return [_task(key, by_key.get(str(key), none), f"{LOCAL_FILES}{pictures}/{key}.png") for key in keys]
+
+
+def _task(key: PhotoKey, rows: pd.DataFrame, picture: str) -> dict[str, Any]:
+    boxes = clip(rows[["x0", "y0", "x1", "y1"]].to_numpy(float)) / [WIDTH, HEIGHT, WIDTH, HEIGHT] * 100
+    result = [
+        _rectangle(f"{key}_{number}", row, box)
+        for number, (row, box) in enumerate(zip(rows.to_dict("records"), boxes, strict=True), 1)
+    ]
+    score = round(float(rows["confidence"].mean()), 4) if len(rows) else 1.0
+    prediction = {"model_version": "polarsim", "score": score, "result": [*result, *_relations(key, rows)]}
+    return {"data": {_IMAGE: picture, "key": str(key)}, "predictions": [prediction]}
+
+
+def _rectangle(name: str, row: dict[Any, Any], box: np.ndarray) -> dict[str, Any]:
+    x0, y0, x1, y1 = box.tolist()
+    kind, rock = str(row["kind"]), int(row["rock"])
+    place = {"x": x0, "y": y0, "width": x1 - x0, "height": y1 - y0}
+    return {
+        "id": name,
+        "type": "rectanglelabels",
+        "from_name": _RECTANGLES,
+        "to_name": _IMAGE,
+        "original_width": WIDTH,
+        "original_height": HEIGHT,
+        "image_rotation": 0,
+        "score": round(float(row["confidence"]), 4),
+        "value": {k: round(v, DECIMALS) for k, v in place.items()} | {"rotation": 0, "rectanglelabels": [kind]},
+        "meta": {"text": [f"rock {rock}"] if rock != NO_ROCK else []},
+    }
+
+
+def _relations(key: PhotoKey, rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """From every shadow to the first rock of its number."""
+    labelled = list(zip(rows["kind"], rows["rock"], range(1, len(rows) + 1), strict=True))
+    rocks = {rock: number for kind, rock, number in reversed(labelled) if kind == ROCK and rock != NO_ROCK}
+    return [
+        {"type": "relation", "from_id": f"{key}_{number}", "to_id": f"{key}_{rocks[rock]}", "direction": "right"}
+        for kind, rock, number in labelled
+        if kind == SHADOW and rock in rocks
+    ]

@@ -13,7 +13,7 @@ from polarsim.annotate.overlay import Marks, add_legend, draw_labels
 from polarsim.errors import ConfigError, FormatError, LabelError, about
 from polarsim.formats import png
 from polarsim.formats.instances import read_kind_masks
-from polarsim.formats.run_files import instances_of, photo_of, polygons_of, twin_of
+from polarsim.formats.run_files import instances_of, pictures_of, polygons_of
 from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.formats.yolo import read_polygons
@@ -52,7 +52,7 @@ def show_of_run(
         The run has no polygons or instance map of it.
     """
     tables = run / ("labels" if domain == "photo" else "renders") / "tables"
-    picture = photo_of(run, key) if domain == "photo" else twin_of(run, domain, key)
+    picture = pictures_of(run, domain, key.terrain).get(key)
     if domain == "photo" and picture is None:
         picture = next(iter(sorted(run.glob(f"renders/*/Terrain{key.terrain:02d}/{key}.png"))), None)
         log.warning("%s: no photo of %s, %s stands in", run, key, picture or "and no twin")

@@ -74,7 +74,6 @@ class Surface:
 class Alignment:
     """How well a moving scan lies on a fixed one."""
 
-    fixed_from_moving: Pose
     fitness: float  # part of the moving scan's samples that lie on the fixed one's surface
     rmse: float  # metres, of those
     points: int  # samples
@@ -180,7 +179,7 @@ def measure(fixed: Surface, moving: Surface, fixed_from_moving: Pose, tolerance:
     _, _, distance = _partners(fixed, sample, fixed_from_moving)
     near = np.abs(distance) < tolerance
     rmse = float(np.sqrt(np.mean(distance[near] ** 2))) if near.any() else 0.0
-    return Alignment(fixed_from_moving, float(near.sum() / len(sample.points)), rmse, len(sample.points))
+    return Alignment(float(near.sum() / len(sample.points)), rmse, len(sample.points))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, check_pose, re
 from polarsim.cameras.search import candidate_centres, search_pose
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.matching import MATCH_GATE_PX
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 
@@ -20,13 +19,13 @@ ROLL_SD_DEG = 2.9  # prior on the roll of a tripod about level
 SURVEY_WEIGHT = 0.05  # sum of IoU that one unit of the prior's chi squared costs
 START_GATES_PX = (120.0, 80.0, 50.0, 35.0, 25.0, 25.0)  # of re-assignment, from afar
 FINAL_GATES_PX = (60.0, 40.0, 30.0, 30.0)  # of the last fit
-START_EDGE_SD_PX, EDGE_SD_PX = 6.0, 3.0  # noise of a box edge in the first fits, and in the last one
-BORDER_PX = 3.0  # edges this near to the photo's border are not measured
+# Standard deviations of a box edge, px; edges nearer than 3 px to the photo's border are not measured. In the last fits
+# edges that are far off hardly count.
+START_NOISE, FINAL_NOISE = EdgeNoise(6.0, 3.0), EdgeNoise(3.0, 3.0, "cauchy", loss_scale=2.0)
 MIN_FIT = 0.52  # sum of IoU over what could match that speaks for itself
 MIN_LED_FIT, MIN_LEAD = 0.4, 0.15  # ... and that suffices with such a lead over the next best pose
 MAX_OFF_SURVEY = 1.0  # metres: a pose further from the surveyed place is refused
 START_DIRECTIONS = 64  # points a rock while hypotheses are refined from afar
-FINAL_LOSS_SCALE = 2.0  # of the Cauchy loss, in standard deviations of an edge
 SAME_PLACE = 0.1  # metres: fits that end nearer to each other are one
 NO_LEAD = 0.1  # of the share: a pose that leads another one by less is a guess, however much both explain
 
@@ -85,11 +84,6 @@ def share_of(fit: BoxFit, boxes: np.ndarray) -> float:
     return fit.sum_iou / max(1, min(fit.in_view, len(boxes)))
 
 
-def final_noise() -> EdgeNoise:
-    """Of the last fits: edges that are far off hardly count."""
-    return EdgeNoise(EDGE_SD_PX, BORDER_PX, "cauchy", FINAL_LOSS_SCALE)
-
-
 def checked(placement: LabelPlacement) -> LabelPlacement:
     """Refuse a pose that explains too little, is no better than another one, or stands where no tripod stood.
 
@@ -132,13 +126,12 @@ def survey_prior(surveyed: Pose | None, options: PlacementOptions) -> PosePrior:
 def _final_fits(
     starts: list[Pose], boxes: np.ndarray, outlines: Outlines, lens: Lens, prior: PosePrior
 ) -> list[BoxFit]:
-    rough, fine = EdgeNoise(START_EDGE_SD_PX, BORDER_PX), final_noise()
     thin = outlines.thinned(START_DIRECTIONS)
     fits = []
     for start in starts:
-        near = refine_pose(start, thin, boxes, lens, prior, START_GATES_PX, rough)
-        pose = refine_pose(near, outlines, boxes, lens, prior, FINAL_GATES_PX, fine)
-        fits.append(check_pose(pose, outlines, boxes, lens, prior, MATCH_GATE_PX, fine))
+        near = refine_pose(start, thin, boxes, lens, prior, START_GATES_PX, START_NOISE)
+        pose = refine_pose(near, outlines, boxes, lens, prior, FINAL_GATES_PX, FINAL_NOISE)
+        fits.append(check_pose(pose, outlines, boxes, lens, prior, FINAL_NOISE))
     return fits
 
 

@@ -20,16 +20,9 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, View
 
 _NUDGE = 0.04  # metres: about a pixel of a coarse view
 _WEIGHTS = 20  # steps of a robust fit
+_SURVEY_SD = 0.15  # metres: prior on a lamp's place about the survey
 _LEAST_WINDOWS = 30
 _LEAST_SHARE = 0.1  # of a window that must lie in shadow, and in light
-
-
-@dataclass(frozen=True)
-class Prior:
-    """Where the survey has a lamp, (3,) metres, and the standard deviation of that."""
-
-    place: np.ndarray
-    sd: float
 
 
 @dataclass(frozen=True)
@@ -55,7 +48,7 @@ def shots_of(
 
 
 def refine_lamp(
-    start: np.ndarray, prior: Prior, shots: list[Shot], window: Window, independent: int
+    start: np.ndarray, surveyed: np.ndarray, shots: list[Shot], window: Window, independent: int
 ) -> np.ndarray | None:
     """(3,) place of a lamp, found across the line to the sandbox's middle; None where photos show too little of it.
 
@@ -63,20 +56,20 @@ def refine_lamp(
 
     Parameters
     ----------
-    start : (3,) float
-        Where the lamp is looked for, metres.
+    start, surveyed : (3,) float
+        Where the lamp is looked for, and where the survey has it, metres.
     independent : int
         How many windows of a view at most count: neighbours err alike.
     """
-    across = _across(prior.place)
-    moved = across @ (start - prior.place)
-    parts = [_responses(prior.place + moved @ across, across, shot, window) for shot in shots]
+    across = _across(surveyed)
+    moved = across @ (start - surveyed)
+    parts = [_responses(surveyed + moved @ across, across, shot, window) for shot in shots]
     off = np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)])
     slopes = np.concatenate([np.zeros((0, 2, 2)), *(part[1] for part in parts)])
     if len(off) < _LEAST_WINDOWS:
         return None
-    moved = _fitted(moved, off, slopes, prior.sd, independent * len(shots))
-    return np.asarray(prior.place + moved @ across)
+    moved = _fitted(moved, off, slopes, independent * len(shots))
+    return np.asarray(surveyed + moved @ across)
 
 
 def _across(place: np.ndarray) -> np.ndarray:
@@ -119,10 +112,10 @@ def _moves(found: Found) -> dict[tuple[float, ...], np.ndarray]:
     return {tuple(pixel): move for pixel, move in zip(found.pixel.tolist(), found.seen - found.pixel, strict=True)}
 
 
-def _fitted(moved: np.ndarray, off: np.ndarray, slopes: np.ndarray, survey_sd: float, independent: int) -> np.ndarray:
+def _fitted(moved: np.ndarray, off: np.ndarray, slopes: np.ndarray, independent: int) -> np.ndarray:
     """(2,) how far the lamp stands from its survey across the line, m, by weights that outliers lose (Cauchy's)."""
     step = np.zeros(2)
-    prior = np.eye(2) / survey_sd**2
+    prior = np.eye(2) / _SURVEY_SD**2
     for _ in range(_WEIGHTS):
         weights = outlier_weights(off - slopes @ step, independent)
         normal = np.einsum("nki,n,nkj->ij", slopes, weights, slopes) + prior

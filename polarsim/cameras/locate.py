@@ -6,6 +6,7 @@ import logging
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.placements import Placements, place_all, unshifted_fits
 from polarsim.cameras.rounding import rounded, rounded_figures
 from polarsim.cameras.sandbox_frame import find_sandbox_frame
-from polarsim.cameras.scans import Pair, register_scans
+from polarsim.cameras.scans import register_scans
 from polarsim.cameras.shifts import shift_table
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
 from polarsim.errors import RegistrationError, within
@@ -28,9 +29,9 @@ from polarsim.formats.rigs import SURVEYED, PlacedRig, read_rig, write_placed
 from polarsim.formats.rock_shifts import FILE as SHIFT_FILE
 from polarsim.formats.scans import read_scan
 from polarsim.formats.schemas import ALIGNMENT, MATCHES
-from polarsim.formats.seeds import read_rock_boxes
+from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.consensus import consensus_boxes
-from polarsim.geometry.outlines import Outlines, outlines_of
+from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig
 
@@ -113,7 +114,10 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
                 **_formal_errors(network.covariances[position], level_from_left.translation),
             }
         placed[position] = _placed(rig, pose, "scans", quality)
-    rows = [_alignment_row(pair) for pair in network.pairs]
+    rows = []
+    for pair in network.pairs:
+        laid = pair.alignment
+        rows.append((f"{pair.fixed}-{pair.moving}", laid.fitness, 1000 * laid.rmse, laid.points, pair.agreement))
     return Located(placed, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT.columns))})
 
 
@@ -128,16 +132,6 @@ def _formal_errors(covariance: np.ndarray, place: np.ndarray) -> dict[str, float
     return {
         "sd_mm": float(1000 * np.sqrt(np.trace(moves @ covariance @ moves.T))),
         "sd_deg": float(np.degrees(np.sqrt(np.trace(covariance[:3, :3])))),
-    }
-
-
-def _alignment_row(pair: Pair) -> dict[str, Any]:
-    return {
-        "pair": f"{pair.fixed}-{pair.moving}",
-        "fitness": pair.alignment.fitness,
-        "rmse_mm": 1000 * pair.alignment.rmse,
-        "points": pair.alignment.points,
-        "agreement": pair.agreement,
     }
 
 
@@ -158,10 +152,10 @@ def _locate_by_labels(
     placed, rows = {}, []
     for position, placement in sorted(found.placed.items()):
         pose = placement.fit.sandbox_from_left
-        quality = {**_label_quality(placement, seen[position], outlines), **_off_survey(position, pose)}
+        quality = {**_label_quality(placement, len(outlines)), **_off_survey(position, pose)}
         placed[position] = _placed(rig, pose, "labels", quality)
-        rows += _match_rows(position, placement, seen[position], outlines)
-    rows.sort(key=lambda row: (row["position"], row["rock"]))
+        rows += _match_rows(position, placement, outlines.rocks)
+    rows.sort(key=itemgetter(0, 1))
     return Located(placed, {**details, "matches.parquet": pd.DataFrame(rows, columns=list(MATCHES.columns))})
 
 
@@ -180,13 +174,13 @@ def _tell_refused(found: Placements) -> None:
         log.warning("%s", reason)
 
 
-def _label_quality(placement: LabelPlacement, boxes: np.ndarray, outlines: Outlines) -> dict[str, float]:
+def _label_quality(placement: LabelPlacement, meshes: int) -> dict[str, float]:
     fit = placement.fit
-    offset = _offsets(fit.projected[fit.outline], boxes[fit.box])
+    offset = _offsets(placement)
     sd = np.sqrt(np.diag(fit.covariance))
     return {
-        "boxes": float(len(boxes)),
-        "meshes": float(len(outlines)),
+        "boxes": float(len(placement.boxes)),
+        "meshes": float(meshes),
         "matched": float(len(fit.iou)),
         "mean_iou": float(fit.iou.mean()),
         "median_dx_px": float(np.median(np.abs(offset[:, 0]))),
@@ -198,22 +192,18 @@ def _label_quality(placement: LabelPlacement, boxes: np.ndarray, outlines: Outli
     }
 
 
-def _match_rows(
-    position: str, placement: LabelPlacement, boxes: np.ndarray, outlines: Outlines
-) -> list[dict[str, Any]]:
+def _match_rows(position: str, placement: LabelPlacement, rocks: np.ndarray) -> list[tuple[Any, ...]]:
+    """A row of `MATCHES` a pair; `rocks` (m,) are the numbers of the outlines."""
     fit = placement.fit
-    rows = []
-    for outline, box, overlap in zip(fit.outline, fit.box, fit.iou, strict=True):
-        seed, mesh = boxes[box], fit.projected[outline]
-        dx, dy = _offsets(mesh[None], seed[None])[0]
-        values = (position, int(outlines.rocks[outline]), *seed, *mesh, overlap, dx, dy)
-        rows.append(dict(zip(MATCHES.columns, values, strict=True)))
-    return rows
+    seeds, meshes = placement.boxes[fit.box], fit.projected[fit.outline]
+    pairs = zip(rocks[fit.outline].tolist(), seeds, meshes, fit.iou, _offsets(placement), strict=True)
+    return [(position, rock, *seed, *mesh, overlap, *off) for rock, seed, mesh, overlap, off in pairs]
 
 
-def _offsets(projected: np.ndarray, annotated: np.ndarray) -> np.ndarray:
+def _offsets(placement: LabelPlacement) -> np.ndarray:
     """(n, 2) of the projected boxes' middles from the annotated ones, pixels."""
-    return np.asarray((projected[:, :2] + projected[:, 2:] - annotated[:, :2] - annotated[:, 2:]) / 2)
+    mesh, seed = placement.fit.projected[placement.fit.outline], placement.boxes[placement.fit.box]
+    return np.asarray((mesh[:, :2] + mesh[:, 2:] - seed[:, :2] - seed[:, 2:]) / 2)
 
 
 def _completed(placed: dict[str, PlacedRig], positions: Sequence[str], rig: StereoRig) -> dict[str, PlacedRig]:

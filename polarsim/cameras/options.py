@@ -9,17 +9,29 @@ class PlacementOptions(BaseModel, extra="forbid", frozen=True):
     """How rigs are placed by labels and meshes where there are no scans. The defaults fit the real data."""
 
     distance_m: tuple[float, float] = Field(
-        (1.0, 7.0), description="Horizontal distances from the origin at which a tripod is looked for, m."
+        (1.0, 7.0),
+        description="A tripod is looked for at these horizontal distances from the origin, least and largest, m.",
     )
     height_m: tuple[float, float] = Field(
-        (0.8, 2.0), description="Heights above the median rock at which a camera is looked for, m."
+        (0.8, 2.0), description="A camera is looked for at these heights above the median rock, least and largest, m."
     )
-    survey_sd_m: float = Field(0.4, gt=0, description="Prior on a tripod's place about the survey, m on each axis.")
-    survey_sd_deg: float = Field(5, gt=0, description="Prior on yaw and pitch about the nominal ones, degrees.")
+    survey_sd_m: float = Field(
+        0.4,
+        gt=0,
+        description="A tripod stands about its surveyed place with this standard deviation, m on each axis; a "
+        "smaller one trusts the survey more.",
+    )
+    survey_sd_deg: float = Field(
+        5,
+        gt=0,
+        description="Yaw and pitch lie about the nominal ones with this standard deviation, degrees; a smaller one "
+        "trusts the survey more.",
+    )
     rock_shift_sd_mm: float = Field(
         7,
         ge=0,
-        description="Prior on how far published rock meshes lie off their places, mm on each axis; 0: not at all.",
+        description="Published rock meshes may lie off their places by this standard deviation, mm on each axis; 0:"
+        " they lie where they are said to.",
     )
 
 
@@ -27,12 +39,14 @@ class RefinementOptions(BaseModel, extra="forbid", frozen=True):
     """How located rigs are refined on photos, in which shaded meshes are looked for."""
 
     scales: tuple[float, ...] = Field(
-        (0.25, 0.5), description="Sizes of the shaded views over the photos', coarse to fine; none: no refinement."
+        (0.25, 0.5),
+        description="Photos are compared with shaded views at these shares of a photo's size, coarse to fine; none:"
+        " rigs are not refined.",
     )
 
 
 class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     """Where the rigs stood."""
 
-    placement: PlacementOptions = Field(PlacementOptions(), description="Rigs placed by labels and meshes.")
-    refinement: RefinementOptions = Field(RefinementOptions(), description="Rigs refined on photos.")
+    placement: PlacementOptions = Field(PlacementOptions(), description="How rigs are placed by labels and meshes.")
+    refinement: RefinementOptions = Field(RefinementOptions(), description="How rigs are refined on photos.")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import shutil
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.cameras.adjust import Adjusted, Priors, Sightings, adjust, offsets_px
-from polarsim.cameras.lamps import Prior, Shot, refine_lamp, shots_of
+from polarsim.cameras.lamps import Shot, refine_lamp, shots_of
 from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
 from polarsim.cameras.shading import Surface, look, surface_of
@@ -34,18 +35,12 @@ from polarsim.progress import track
 WINDOW = Window(21 // 2, 5, 12, 0.6, 0.4)
 MIN_WINDOWS = 200  # positions with fewer windows found stay as located
 INDEPENDENT = 300  # windows of a view that at most count: neighbours err alike
-LAMP_SD = 0.15  # metres: prior on a Sun lamp's place about the survey
 # What scans and the calibration are worth: how far registered scans stand off their cameras, and the calibration's
 # repeatability. Metres, radians and pixels, standard deviations on each axis.
 PRIORS = Priors(
-    pose_m=0.003,
-    pose_rad=float(np.radians(0.1)),
-    rig_m=0.0005,
-    rig_rad=float(np.radians(0.02)),
-    focal_px=1.5,
-    centre_px=1.5,
-    k1=0.003,
-)
+    pose_m=0.003, pose_rad=float(np.radians(0.1)), rig_m=0.0005, rig_rad=float(np.radians(0.02)),
+    focal_px=1.5, centre_px=1.5, k1=0.003,
+)  # fmt: skip
 log = logging.getLogger("polarsim")
 
 
@@ -68,8 +63,7 @@ def refine_cameras(
     FormatError
         A mesh, pose or table is missing or broken.
     """
-    start = read_all_placed(located)
-    placed = start
+    placed = start = read_all_placed(located)
     pictures = best_pictures(terrain, photos) if photos is not None and options.scales else {}
     suns: dict[str, np.ndarray] = {}
     if found := {view for view in pictures if view[0] in placed and not placed[view[0]].surveyed}:
@@ -105,7 +99,7 @@ def _refined(
             )
             for position, camera in track(sorted(photos), f"cameras of {name}, scale {scale:g}")
         }
-        seen = _of_sure_positions(name, seen, MIN_WINDOWS)
+        seen = _of_sure_positions(name, seen)
         if not seen:
             log.warning("%s: photos do not match the meshes, cameras stay as they were located", name)
             return located, {}
@@ -127,12 +121,7 @@ def _refined(
 
 
 def _sightings(
-    surface: Surface,
-    rig: PlacedRig,
-    camera: str,
-    photos: Photos,
-    scale: float,
-    suns: Mapping[str, np.ndarray],
+    surface: Surface, rig: PlacedRig, camera: str, photos: Photos, scale: float, suns: Mapping[str, np.ndarray]
 ) -> Sightings:
     """Where the photos of a view, shrunk by a scale, show points of the meshes, in pixels of the full photo."""
     seen = look(surface, rig.camera(camera).scaled(scale))
@@ -147,31 +136,27 @@ def _sightings(
 
 
 def _found_suns(
-    name: str,
-    shots: Mapping[str, list[Shot]],
-    surveyed: Mapping[str, np.ndarray],
-    found: Mapping[str, np.ndarray],
+    name: str, shots: Mapping[str, list[Shot]], surveyed: Mapping[str, np.ndarray], found: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
     """The Sun lamps whose shadows photos show, where these say that they stood; a start is what was found before."""
     suns = {}
     for azimuth in track(sorted(shots), f"lamps of {name}"):
-        prior = Prior(surveyed[azimuth], LAMP_SD)
-        start = found.get(azimuth, prior.place)
-        place = refine_lamp(start, prior, shots[azimuth], WINDOW, INDEPENDENT)
+        start = found.get(azimuth, surveyed[azimuth])
+        place = refine_lamp(start, surveyed[azimuth], shots[azimuth], WINDOW, INDEPENDENT)
         if place is not None:
             suns[azimuth] = place
     return suns
 
 
-def _of_sure_positions(name: str, seen: Mapping[View, Sightings], least: int) -> dict[View, Sightings]:
+def _of_sure_positions(name: str, seen: Mapping[View, Sightings]) -> dict[View, Sightings]:
     """The sightings of the positions that have enough of them."""
-    counts: dict[str, int] = {}
+    counts: Counter[str] = Counter()
     for (position, _), found in seen.items():
-        counts[position] = counts.get(position, 0) + len(found.pixels)
+        counts[position] += len(found.pixels)
     for position, count in counts.items():
-        if count < least:
+        if count < MIN_WINDOWS:
             log.warning("%s, %s: %d windows of its photos match the meshes, no refinement", name, position, count)
-    return {view: found for view, found in seen.items() if counts[view[0]] >= least}
+    return {view: found for view, found in seen.items() if counts[view[0]] >= MIN_WINDOWS}
 
 
 def _told_off_px(off: np.ndarray, found: Sightings) -> np.ndarray:

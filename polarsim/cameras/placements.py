@@ -12,16 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polarsim.cameras.labels import MIN_BOXES, LabelPlacement, checked, final_noise, place_by_labels
+from polarsim.cameras.labels import FINAL_NOISE, MIN_BOXES, LabelPlacement, checked, place_by_labels
 from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.refine import BoxFit, check_pose, pose_of
-from polarsim.cameras.shifts import FittedPosition, Shifts, fit_shifts, no_shifts, shifted
+from polarsim.cameras.shifts import Shifts, fit_shifts, no_shifts, shifted
 from polarsim.cameras.surveyed import pose_beside
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.matching import MATCH_GATE_PX
 from polarsim.geometry.outlines import Outlines
-from polarsim.geometry.poses import Pose
 
 log = logging.getLogger("polarsim")
 
@@ -59,9 +57,8 @@ def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, op
 
 def unshifted_fits(found: Placements, outlines: Outlines, lens: Lens) -> list[BoxFit]:
     """What the boxes of the placed positions say of the meshes as they are, seen from the same poses."""
-    noise, gate = final_noise(), MATCH_GATE_PX
     return [
-        check_pose(one.fit.sandbox_from_left, outlines, one.boxes, lens, one.prior, gate, noise)
+        check_pose(one.fit.sandbox_from_left, outlines, one.boxes, lens, one.prior, FINAL_NOISE)
         for one in found.placed.values()
     ]
 
@@ -89,7 +86,8 @@ def _with_position(
     try:
         if alone is None or before.placed:  # others have told of the rocks since
             moved = shifted(outlines, before.shifts.metres)
-            surveyed = pose_beside(position, _poses(before.placed))
+            poses = {other: one.fit.sandbox_from_left for other, one in before.placed.items()}
+            surveyed = pose_beside(position, poses)
             alone = place_by_labels(boxes, moved, lens, surveyed, options)
         after = _fitted({**before.placed, position: alone}, before.shifts, outlines, lens, options)
         checked(after.placed[position])
@@ -104,16 +102,10 @@ def _fitted(
     """All positions placed together with shifts of the rocks."""
     if not options.rock_shift_sd_mm:
         return Placements(dict(placed), start, {})
-    noise, gate = final_noise(), MATCH_GATE_PX
-    positions = {position: FittedPosition(one.boxes, one.fit, one.prior) for position, one in placed.items()}
-    unknowns, shifts = fit_shifts(positions, outlines, lens, options.rock_shift_sd_mm / 1000, gate, noise, start.metres)
+    unknowns, shifts = fit_shifts(placed, outlines, lens, options.rock_shift_sd_mm / 1000, start.metres)
     moved = shifted(outlines, shifts.metres)
-    fits = {
-        position: check_pose(pose_of(unknowns[position]), moved, one.boxes, lens, one.prior, gate, noise)
-        for position, one in placed.items()
-    }
-    return Placements({position: replace(one, fit=fits[position]) for position, one in placed.items()}, shifts, {})
-
-
-def _poses(placed: Mapping[str, LabelPlacement]) -> dict[str, Pose]:
-    return {position: one.fit.sandbox_from_left for position, one in placed.items()}
+    after = {}
+    for position, one in placed.items():
+        fit = check_pose(pose_of(unknowns[position]), moved, one.boxes, lens, one.prior, FINAL_NOISE)
+        after[position] = replace(one, fit=fit)
+    return Placements(after, shifts, {})

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from polarsim.geometry import boxes as box_geometry
+from polarsim.geometry.boxes import MATCH_GATE_PX, assign
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import EDGES, Outlines
 from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
 
@@ -83,21 +83,13 @@ def refine_pose(
 
 
 def check_pose(
-    pose: Pose,
-    outlines: Outlines,
-    boxes: np.ndarray,
-    lens: Lens,
-    prior: PosePrior,
-    gate_px: float,
-    noise: EdgeNoise,
+    pose: Pose, outlines: Outlines, boxes: np.ndarray, lens: Lens, prior: PosePrior, noise: EdgeNoise
 ) -> BoxFit:
     """Pairs, overlap and covariance at a pose."""
     whole = outlines.project(Camera(pose, lens))
     projected = box_geometry.clip(whole, lens.width, lens.height)
-    rows, columns = assign(projected, boxes, gate_px)
-    overlap = box_geometry.iou(np.nan_to_num(projected[rows]), boxes[columns])[
-        np.arange(len(rows)), np.arange(len(rows))
-    ]
+    rows, columns = assign(projected, boxes, MATCH_GATE_PX)
+    overlap = np.diag(box_geometry.iou(np.nan_to_num(projected[rows]), boxes[columns])).copy()
     with np.errstate(invalid="ignore", divide="ignore"):
         in_view = box_geometry.area(projected) >= MIN_IN_VIEW * box_geometry.area(whole)
     problem = EdgeProblem(outlines.part(rows), boxes[columns], lens, prior, noise)

@@ -182,15 +182,8 @@ def _found(fixed: str, moving: str, levelled: Mapping[str, _Levelled]) -> Pose:
     first, second = levelled[fixed], levelled[moving]
     turn = np.radians(YAW_RANGE_DEG)
     yaws = np.linspace(-turn, turn, 2 * round(YAW_RANGE_DEG / YAW_STEP_DEG) + 1)
-    starts = turned_and_shifted(
-        first.coarse[-1].points,
-        second.coarse[-1].points,
-        SCAN_RADIUS,
-        MAP_STEP,
-        yaws,
-        SHIFT_RANGE,
-        CANDIDATES,
-    )
+    grids = first.coarse[-1].points, second.coarse[-1].points
+    starts = turned_and_shifted(*grids, SCAN_RADIUS, MAP_STEP, yaws, SHIFT_RANGE, CANDIDATES)
     tried = [icp.align_coarsely(first.coarse, second.coarse, COARSE_VOXELS, start) for start in starts]
     share = [_agreement(first, second, pose) for pose in tried]
     if max(share) < MIN_FITNESS:

@@ -75,11 +75,12 @@ def search_pose(outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.n
     """
     seen = _SeenBoxes.of(boxes, lens, SEARCH_SD_PX)
     thin = outlines.thinned(26)
-    found: list[Hypothesis] = []
-    for centre in centres:
-        found += _hypotheses_at(centre, thin, seen)
-    found.sort(key=lambda hypothesis: -hypothesis.score)
-    return _different(found, STARTS)
+    found = [hypothesis for centre in centres for hypothesis in _hypotheses_at(centre, thin, seen)]
+    kept: list[Hypothesis] = []
+    for hypothesis in sorted(found, key=lambda hypothesis: -hypothesis.score):
+        if len(kept) < STARTS and not any(_twins(hypothesis, other) for other in kept):
+            kept.append(hypothesis)
+    return kept
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,8 @@ def _hypotheses_at(centre: np.ndarray, outlines: Outlines, seen: _SeenBoxes) -> 
     pitch_home = float(np.arctan2(centre[2] - np.median(outlines.centres[:, 2]), np.hypot(centre[0], centre[1])))
     home = looking(centre, yaw_home, pitch_home)
     directions, log_size = _rocks_from(home, outlines)
-    rock, box = _pairs_of_like_size(log_size, seen.log_size)
+    with np.errstate(invalid="ignore"):
+        rock, box = np.nonzero((np.abs(log_size[:, None] - seen.log_size[None]) < SIZE_SD).all(axis=-1))
     yaw, pitch = _aimed(directions[rock], seen.middle[box])
     off = (yaw - yaw_home + np.pi) % (2 * np.pi) - np.pi
     with np.errstate(invalid="ignore"):
@@ -138,13 +140,6 @@ def _rocks_from(home: Pose, outlines: Outlines) -> tuple[np.ndarray, np.ndarray]
 def _log_stretch(points: np.ndarray) -> np.ndarray:
     """Log of how much larger things appear on the plane off the axis: mean of the radial and tangential stretch."""
     return np.asarray(0.75 * np.log(1 + (points[..., :2] ** 2).sum(axis=-1)))
-
-
-def _pairs_of_like_size(log_rock: np.ndarray, log_box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    with np.errstate(invalid="ignore"):
-        alike = (np.abs(log_rock[:, None] - log_box[None]) < SIZE_SD).all(axis=-1)
-    rock, box = np.nonzero(alike)
-    return rock, box
 
 
 def _aimed(directions: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -176,16 +171,6 @@ def _scores(
     part = (boxes**2).sum(axis=1) - 2 * rocks.reshape(-1, 4) @ boxes.T
     chi2 = (rocks**2).sum(axis=-1) + part.min(axis=1).reshape(rocks.shape[:2])
     return np.where(behind, 0, np.exp(-chi2 / 2)).sum(axis=1)
-
-
-def _different(found: list[Hypothesis], count: int) -> list[Hypothesis]:
-    kept: list[Hypothesis] = []
-    for hypothesis in found:
-        if len(kept) == count:
-            break
-        if not any(_twins(hypothesis, other) for other in kept):
-            kept.append(hypothesis)
-    return kept
 
 
 def _twins(first: Hypothesis, second: Hypothesis) -> bool:

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from polarsim.cameras.refine import BoxFit, EdgeNoise, EdgeProblem, PosePrior, pose_of, unknowns_of
+from polarsim.cameras.labels import FINAL_NOISE, LabelPlacement
+from polarsim.cameras.refine import BoxFit, EdgeProblem, pose_of, unknowns_of
 from polarsim.formats.rock_shifts import SHIFT_COLUMNS
+from polarsim.geometry.boxes import MATCH_GATE_PX, assign
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import Outlines
 
 ROUNDS = 3  # of pairing rocks and boxes anew
@@ -20,15 +21,6 @@ FAR = 2.0  # standard deviations of the prior from which on a rock was plainly p
 FARTHEST = 0.1  # metres: boxes that would move a rock further are another one's
 STEPS = 30  # of a fit, at most
 SETTLED = 1e-6  # metres and radians: a fit whose unknowns move less has ended
-
-
-@dataclass(frozen=True)
-class FittedPosition:
-    """What is known of a position: the boxes of its left photo, the pose found so far, and its prior."""
-
-    boxes: np.ndarray  # (b, 4) pixels
-    fit: BoxFit
-    prior: PosePrior
 
 
 @dataclass(frozen=True)
@@ -52,13 +44,7 @@ def shifted(outlines: Outlines, metres: np.ndarray) -> Outlines:
 
 
 def fit_shifts(
-    positions: Mapping[str, FittedPosition],
-    outlines: Outlines,
-    lens: Lens,
-    sd: float,
-    gate_px: float,
-    noise: EdgeNoise,
-    start: np.ndarray,
+    positions: Mapping[str, LabelPlacement], outlines: Outlines, lens: Lens, sd: float, start: np.ndarray
 ) -> tuple[dict[str, np.ndarray], Shifts]:
     """Poses of all views and shifts of all rocks together; iterated least squares with Cauchy weights of the edges.
 
@@ -84,11 +70,11 @@ def fit_shifts(
     for _ in range(ROUNDS):
         moved = shifted(outlines, metres)
         for position, one in positions.items():
-            rows, columns = assign(moved.seen(Camera(pose_of(unknowns[position]), lens)), one.boxes, gate_px)
+            rows, columns = assign(moved.seen(Camera(pose_of(unknowns[position]), lens)), one.boxes, MATCH_GATE_PX)
             known = ~strangers[rows]
             pairs[position] = rows[known], columns[known]
         for _ in range(STEPS):
-            normal_matrix, right_side = _normal_equations(positions, pairs, unknowns, outlines, metres, lens, sd, noise)
+            normal_matrix, right_side = _normal_equations(positions, pairs, unknowns, outlines, metres, lens, sd)
             step = np.linalg.solve(normal_matrix, right_side)
             for number, position in enumerate(unknowns):
                 unknowns[position] = unknowns[position] + step[6 * number : 6 * number + 6]
@@ -97,21 +83,20 @@ def fit_shifts(
                 break
         strangers |= np.linalg.norm(metres, axis=1) > FARTHEST
         metres = np.where(strangers[:, None], 0.0, metres)
-    normal_matrix, _ = _normal_equations(positions, pairs, unknowns, outlines, metres, lens, sd, noise)
+    normal_matrix, _ = _normal_equations(positions, pairs, unknowns, outlines, metres, lens, sd)
     variance = np.diag(np.linalg.inv(normal_matrix))[6 * len(positions) :].reshape(-1, 3)
     seen = np.concatenate([rows for rows, _ in pairs.values()])
     return unknowns, Shifts(metres, np.sqrt(variance), np.bincount(seen, minlength=len(outlines)))
 
 
 def _normal_equations(
-    positions: Mapping[str, FittedPosition],
+    positions: Mapping[str, LabelPlacement],
     pairs: Mapping[str, tuple[np.ndarray, np.ndarray]],
     unknowns: Mapping[str, np.ndarray],
     outlines: Outlines,
     metres: np.ndarray,
     lens: Lens,
     sd: float,
-    noise: EdgeNoise,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Matrix and right side for the poses' unknowns (6 a position), then the shifts (3 a rock)."""
     poses = 6 * len(positions)
@@ -120,9 +105,9 @@ def _normal_equations(
     matrix, side = np.zeros((size, size)), np.zeros(size)
     for number, (position, one) in enumerate(positions.items()):
         rows, columns = pairs[position]
-        problem = EdgeProblem(moved.part(rows), one.boxes[columns], lens, one.prior, noise)
+        problem = EdgeProblem(moved.part(rows), one.boxes[columns], lens, one.prior, FINAL_NOISE)
         residuals, slopes = problem.residuals(unknowns[position]), problem.jacobian(unknowns[position])
-        weights = 1 / (1 + (residuals / noise.loss_scale) ** 2)
+        weights = 1 / (1 + (residuals / FINAL_NOISE.loss_scale) ** 2)
         weights[-6:] = 1  # the prior is no outlier
         jacobian = np.zeros((len(residuals), size))
         jacobian[:, 6 * number : 6 * number + 6] = slopes

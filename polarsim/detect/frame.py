@@ -28,10 +28,13 @@ def read_picture(path: Path) -> np.ndarray:
     return pixels
 
 
-def frame(picture: np.ndarray, imgsz: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def frame(
+    picture: np.ndarray, imgsz: int, full: tuple[int, int] = (WIDTH, HEIGHT)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A picture (h, w) uint8 as the network takes it: longer side `imgsz`, padded to whole strides.
 
-    Returns the pixels, the (x, y) offset of the picture in them, and the (x, y) pixels of a full photo to one of them.
+    Returns the pixels, the (x, y) offset of the picture in them, and the (x, y) pixels to one of them of the whole
+    picture, which is `full` wide and high.
     """
     import cv2
 
@@ -44,4 +47,4 @@ def frame(picture: np.ndarray, imgsz: int) -> tuple[np.ndarray, np.ndarray, np.n
     rows, columns = -height % STRIDE, -width % STRIDE
     top, left = rows // 2, columns // 2
     pixels = np.pad(picture, ((top, rows - top), (left, columns - left)), constant_values=PADDING)
-    return pixels, np.array([left, top], float), np.array([WIDTH / width, HEIGHT / height])
+    return pixels, np.array([left, top], float), np.array([full[0] / width, full[1] / height])

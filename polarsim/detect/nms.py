@@ -7,27 +7,33 @@ from typing import Any
 import numpy as np
 
 
-def nms(boxes: Any, scores: Any, iou_threshold: float) -> Any:
-    """Indices of the boxes that no surer box overlaps by more than a threshold, the surest first.
+def suppress(boxes: np.ndarray, scores: np.ndarray, iou_threshold: float) -> np.ndarray:
+    """Indices of the boxes that no more confident box overlaps by more than a threshold, the most confident first.
 
     OpenCV's greedy loop is compiled; the one in plain torch that Ultralytics has takes fifty times as long, and most
     of the time of a prediction.
 
     Parameters
     ----------
-    boxes : (n, 4) Tensor
+    boxes : (n, 4)
         x0, y0, x1, y1.
-    scores : (n,) Tensor
+    scores : (n,)
         Above 0.
 
     Returns
     -------
-    (k,) int64 Tensor on the boxes' device
+    (k,) int64
     """
     import cv2
+
+    corners = boxes.astype(np.float64)
+    sides: Any = np.concatenate([corners[:, :2], corners[:, 2:] - corners[:, :2]], axis=1)
+    return np.asarray(cv2.dnn.NMSBoxes(sides, scores.astype(float).tolist(), 0.0, iou_threshold), np.int64).reshape(-1)
+
+
+def nms(boxes: Any, scores: Any, iou_threshold: float) -> Any:
+    """`suppress` of tensors, its indices on the boxes' device."""
     import torch
 
-    corners = boxes.detach().cpu().numpy().astype(np.float64)
-    sides: Any = np.concatenate([corners[:, :2], corners[:, 2:] - corners[:, :2]], axis=1)
-    kept = cv2.dnn.NMSBoxes(sides, scores.detach().cpu().numpy().astype(np.float32), 0.0, iou_threshold)
-    return torch.from_numpy(np.asarray(kept, np.int64).reshape(-1)).to(boxes.device)
+    kept = suppress(boxes.detach().cpu().numpy(), scores.detach().cpu().numpy(), iou_threshold)
+    return torch.from_numpy(kept).to(boxes.device)

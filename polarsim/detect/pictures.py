@@ -179,7 +179,7 @@ def _convert_one(
         return CORRUPT
     if options.min_mean_dn > 0 and tone.mean_dn(picture) < options.min_mean_dn:
         return DARK
-    small = tone.shrink(picture, options.imgsz) if options.downsize else picture
+    small = tone.shrink(picture, min(options.longer_side, max(picture.shape)))
     png.write(made / "images" / f"{source.key}.png", tone.to_8_bits(small, options, source.exposure_ms))
     yolo.write_boxes(made / "labels" / f"{source.key}.txt", classes, corners, size)
     return USED

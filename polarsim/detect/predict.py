@@ -14,12 +14,13 @@ from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.frame import frame, read_picture
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.parts import digest, write_in_parts
+from polarsim.detect.sizes import Sizes, merge
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
 from polarsim.formats.schemas import PREDICTIONS
 from polarsim.geometry import boxes
-from polarsim.photo import BOX_CLASSES
+from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
 
 PREDICTION_COLUMNS = PREDICTIONS.columns
 BATCH = 8
@@ -37,6 +38,7 @@ def predict(*, weights: Path, dataset: Path, predictions: Path, options: Predict
         Weights that are no detector, a broken picture or data set.
     """
     detector = detectors.read_detector(weights)
+    sizes = sizes_of(detector, options)
     keys = read_pictures(dataset, TEST)
     predictions.parent.mkdir(parents=True, exist_ok=True)
     with about(weights):
@@ -47,7 +49,7 @@ def predict(*, weights: Path, dataset: Path, predictions: Path, options: Predict
         rows: list[tuple[Any, ...]] = []
         for group in (some[n : n + BATCH] for n in range(0, len(some), BATCH)):
             pictures = [read_picture(paths[key]) for key in group]
-            results = detect(loaded, pictures, detector.imgsz)
+            results = detect(loaded, pictures, sizes, options.nms_iou)
             rows += [
                 (key, BOX_CLASSES[int(found[5])], found[4], *found[:4])
                 for key, result in zip(group, results, strict=True)
@@ -59,19 +61,44 @@ def predict(*, weights: Path, dataset: Path, predictions: Path, options: Predict
     write_in_parts(predictions, keys, see, PART, identity)
 
 
-def detect(loaded: detectors.LoadedDetector, pictures: list[np.ndarray], imgsz: int) -> Iterator[np.ndarray]:
+def sizes_of(detector: detectors.Detector, options: PredictionOptions) -> Sizes:
+    """The widths that the options name, else that of the detector's training."""
+    return Sizes(options.widths, options.gates_px) if options.widths else Sizes((detector.imgsz,))
+
+
+def detect(
+    loaded: detectors.LoadedDetector,
+    pictures: list[np.ndarray],
+    sizes: Sizes,
+    nms_iou: float,
+    full: tuple[int, int] = (WIDTH, HEIGHT),
+) -> Iterator[np.ndarray]:
     """What a detector sees in pictures (h, w) uint8 of one size: for each (n, 6) x0, y0, x1, y1, confidence, class.
 
-    Boxes are in pixels of a full photo, whatever the pictures' size.
+    Parameters
+    ----------
+    nms_iou
+        IoU above which one of two boxes from pictures of different widths is dropped.
+    full
+        Width and height of the whole picture whose pixels the boxes are in, whatever the size of `pictures`.
     """
     if len({picture.shape for picture in pictures}) > 1:
         raise DetectError(f"pictures of sizes {sorted({picture.shape for picture in pictures})}, expected one size")
-    framed = [frame(picture, imgsz) for picture in pictures]
-    found = loaded(np.stack([pixels for pixels, _, _ in framed]))
-    for boxes_found, (_, offset, scale) in zip(found, framed, strict=True):
-        boxes_found[:, :4] = (boxes_found[:, :4] - np.tile(offset, 2)) * np.tile(scale, 2)
-        boxes_found[:, :4] = boxes.clip(boxes_found[:, :4])
-        yield boxes_found[boxes.area(boxes_found[:, :4]) > 0]
+    by_width = [_detect_at(loaded, pictures, width, full) for width in sizes.widths]
+    photo = full[0] / WIDTH  # gates are in pixels of a photo
+    for found in zip(*by_width, strict=True):
+        yield merge(found, sizes.scaled(photo), nms_iou, detectors.MAX_BOXES)
+
+
+def _detect_at(
+    loaded: detectors.LoadedDetector, pictures: list[np.ndarray], width: int, full: tuple[int, int]
+) -> list[np.ndarray]:
+    framed = [frame(picture, width, full) for picture in pictures]
+    kept = []
+    for rows, (_, offset, scale) in zip(loaded(np.stack([pixels for pixels, _, _ in framed])), framed, strict=True):
+        rows[:, :4] = boxes.clip((rows[:, :4] - np.tile(offset, 2)) * np.tile(scale, 2), *full)
+        kept.append(rows[boxes.area(rows[:, :4]) > 0])
+    return kept
 
 
 def _table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:

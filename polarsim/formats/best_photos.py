@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import PolarsimError
-from polarsim.formats import png, tables
+from polarsim.formats import png
 from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.run_files import pictures_at
 from polarsim.geometry.lens import Lens
-from polarsim.photo import SUNS, WHITE_LEVEL, PhotoKey, View
+from polarsim.photo import SUNS, WHITE_LEVEL, View
 from polarsim.progress import track
 
 log = logging.getLogger("polarsim")
@@ -32,10 +33,8 @@ def best_pictures(terrain: int, photos: Path) -> Pictures:
     photos : Path
         `photos.parquet`; a photo that cannot be read is a warning and left out.
     """
-    index = tables.read_parquet(photos, ("key", "path"))
     best: dict[tuple[View, str], tuple[float, Path]] = {}
-    for name, path in track(sorted(zip(index["key"], index["path"], strict=True)), f"photos of terrain {terrain:02d}"):
-        key = PhotoKey.parse(str(name))
+    for key, path in track(sorted(pictures_at(photos).items()), f"photos of terrain {terrain:02d}"):
         if key.terrain != terrain or key.light == "on" or key.azimuth not in SUNS:
             continue
         try:
@@ -46,7 +45,7 @@ def best_pictures(terrain: int, photos: Path) -> Pictures:
         usable = float(((sparse > _USABLE[0]) & (sparse < _USABLE[1])).mean())
         place = ((key.position, key.camera), key.azimuth)
         if usable > max(_LEAST_USABLE, best[place][0] if place in best else 0.0):
-            best[place] = usable, Path(path)
+            best[place] = usable, path
     pictures: dict[View, dict[str, Path]] = {}
     for (view, azimuth), (_, path) in sorted(best.items()):
         pictures.setdefault(view, {})[azimuth] = path

@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from pydantic import BaseModel, ValidationError
 
-from polarsim.errors import FormatError, about
+from polarsim.errors import FormatError
 from polarsim.formats import tables
 from polarsim.formats.files import read_json, write_json, writing_folder
 from polarsim.formats.scene import TerrainMesh
+from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import NO_ROCK
 
 ALBEDO_FILE, TABLE_FILE = "albedo.parquet", "materials.json"
-_KEYS = {"falloff", "vignetting", "models"}
-_MODEL_KEYS = {"parameters", "lamps", "rocks", "check"}
+
+
+class _Fit(BaseModel, extra="forbid"):
+    """All of `Fitted` but the albedo, as `materials.json` has it."""
+
+    parameters: dict[str, Any]
+    lamps: dict[str, float]
+    rocks: dict[int, float]
+    check: dict[str, Any]
+
+
+class _Table(BaseModel, extra="forbid"):
+    falloff: bool
+    vignetting: bool
+    models: dict[str, _Fit]
 
 
 @dataclass(frozen=True)
@@ -69,25 +83,20 @@ def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
     FormatError
         A file is missing or broken, or its vertices are not those of the meshes.
     """
-    table = tables.read_parquet(folder / ALBEDO_FILE, ["rock", "looks"])
-    content = read_json(folder / TABLE_FILE)
-    with about(folder / TABLE_FILE):
-        _check(content, set(table.columns))
+    try:
+        content = _Table.model_validate(read_json(folder / TABLE_FILE))
+    except ValidationError as error:
+        raise FormatError(describe_error(error, "the file"), path=folder / TABLE_FILE) from error
+    table = tables.read_parquet(folder / ALBEDO_FILE, ["rock", "looks", *content.models])
     if not np.array_equal(table["rock"].to_numpy(), rock_of_vertex(mesh)):
         raise FormatError(
             f"{len(table)} vertices that are not those of the terrain's meshes", path=folder / ALBEDO_FILE
         )
     models = {
-        model: Fitted(
-            fit["parameters"],
-            {name: float(gain) for name, gain in fit["lamps"].items()},
-            {int(rock): float(factor) for rock, factor in fit["rocks"].items()},
-            table[model].to_numpy(np.float32),
-            fit["check"],
-        )
-        for model, fit in content["models"].items()
+        model: Fitted(fit.parameters, fit.lamps, fit.rocks, table[model].to_numpy(np.float32), fit.check)
+        for model, fit in content.models.items()
     }
-    return FittedMaterials(content["falloff"], content["vignetting"], models, table["looks"].to_numpy())
+    return FittedMaterials(content.falloff, content.vignetting, models, table["looks"].to_numpy())
 
 
 def files_of(folder: Path) -> list[Path]:
@@ -100,16 +109,6 @@ def rock_of_vertex(mesh: TerrainMesh) -> np.ndarray:
     rock = np.full(len(mesh.vertices), NO_ROCK)
     rock[mesh.faces.ravel()] = np.repeat(mesh.rock_of_face, 3)
     return rock
-
-
-def _check(content: Any, columns: set[str]) -> None:
-    if not isinstance(content, Mapping) or set(content) != _KEYS or not isinstance(content["models"], Mapping):
-        raise FormatError(f"expected {', '.join(sorted(_KEYS))}")
-    for model, fit in content["models"].items():
-        if not isinstance(fit, Mapping) or set(fit) != _MODEL_KEYS:
-            raise FormatError(f"{model}: expected {', '.join(sorted(_MODEL_KEYS))}")
-        if model not in columns:
-            raise FormatError(f"{model}: {ALBEDO_FILE} has no such column")
 
 
 def _rounded(value: float) -> float:

@@ -12,12 +12,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from polarsim.errors import LabelError
-from polarsim.formats import obj
+import numpy as np
+
+from polarsim.errors import FormatError, LabelError
+from polarsim.formats import obj, yolo
 from polarsim.photo import PhotoKey
 
 BOXES, POLYGONS, MESHES, COVERS = "Labels", "SegmentationLabels", "TerrainMeshes", "CoverPhotoOfIndices"
-CLASS_LIST = "classes.txt"  # stands beside the labels and is none
 
 _TERRAIN_FOLDER = re.compile(r"[Tt]errain(\d\d)")
 _COVER = re.compile(r"cover_photo_indexed_(\d\d)_([A-G])\.png")
@@ -56,6 +57,30 @@ def key_files(folder: str | Path) -> KeyFiles:
             if below.is_dir() and _terrain_of(below.name) is not None:
                 _collect(below, _terrain_of(below.name), found)
     return found.sort()
+
+
+def read_annotated(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray, np.ndarray]]:
+    """Class numbers (n,) and boxes (n, 4), as `yolo.read_boxes` has them, of `key_files` that people edited.
+
+    labelImg rewrites `classes.txt` whenever it saves: with other names in it, or the same in another order, the numbers
+    in `KEY.txt` mean something else. The names count here, never the numbers. Pictures and files of other names are
+    left out; the log says which text files these were.
+
+    Raises
+    ------
+    FormatError
+        No such folder, a photo with two files, a class list that is none, or a broken line: file, line and reason.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise FormatError("no such folder of label files", path=folder)
+    try:
+        found = key_files(folder)
+    except LabelError as error:
+        raise FormatError(error.reason, path=error.path) from error
+    log_strays((path for path in found.stray if path.suffix == ".txt"), str(folder))
+    names = {place: yolo.class_names(place) for place in {path.parent for path in found.files.values()}}
+    return {key: yolo.read_boxes(path, names=names[path.parent]) for key, path in found.files.items()}
 
 
 def label_folder(root: str | Path, terrain: int) -> Path:
@@ -155,7 +180,7 @@ def _polygons(root: str | Path, terrain: int) -> KeyFiles:
 
 def _collect(folder: Path, terrain: int | None, found: KeyFiles) -> None:
     for path in sorted(folder.iterdir()):
-        if path.name == CLASS_LIST or not path.is_file():
+        if path.name == yolo.CLASS_FILE or not path.is_file():
             continue
         key = key_of(path.name)
         if key is None or (terrain is not None and key.terrain != terrain):

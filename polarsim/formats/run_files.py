@@ -35,19 +35,10 @@ def picture_finder(photo_domain: str, places: Iterable[Path]) -> Callable[[str, 
     return lambda domain, key: found.get(domain, {}).get(key)
 
 
-def photo_of(run: Path, key: PhotoKey) -> Path | None:
-    """The raw photo of a key; None where the run's source has none."""
-    return pictures_of(run, "photo", key.terrain).get(key)
-
-
 def cover_photo(inventory: Path, position: str) -> Path | None:
     """The release's picture of a position with rock ids drawn in; None where there is none."""
     path = read_inventory(inventory).cover_photos.get(position)
     return Path(path) if path else None
-
-
-def twin_of(run: Path, model: str, key: PhotoKey) -> Path:
-    return run / "renders" / model / f"Terrain{key.terrain:02d}" / f"{key}.png"
 
 
 def pictures_of(run: Path, domain: str, terrain: int) -> dict[PhotoKey, Path]:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import FormatError
+from polarsim.errors import FormatError, about
 from polarsim.formats.files import write_text
-from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
+from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, PhotoKey
 
-CLASS_FILE = "classes.txt"  # beside label files: the names of their class numbers, one a line
+CLASS_FILE = "classes.txt"  # stands beside label files and is none: the names of their class numbers, one a line
 _SIZE = np.array([WIDTH, HEIGHT], float)
 
 
@@ -42,14 +42,24 @@ def read_boxes(
     return np.array(classes, int), np.array(boxes, float).reshape(-1, 4)
 
 
-def write_boxes(path: str | Path, classes: np.ndarray, boxes: np.ndarray, size: tuple[int, int] | None = None) -> None:
-    """Boxes (n, 4) in pixels, with 6 decimals as in the release; no boxes make an empty file. `size` as above."""
+def write_boxes(
+    path: str | Path,
+    classes: np.ndarray,
+    boxes: np.ndarray,
+    size: tuple[int, int] | None = None,
+    confidences: np.ndarray | None = None,
+) -> None:
+    """Boxes (n, 4) in pixels, with 6 decimals as in the release; no boxes make an empty file. `size` as above.
+
+    Confidences (n,) become a sixth field, as `read_detections` reads it.
+    """
     boxes, photo = np.asarray(boxes, float).reshape(-1, 4), _SIZE if size is None else np.array(size, float)
     centre = (boxes[:, :2] + boxes[:, 2:]) / 2 / photo
     extent = (boxes[:, 2:] - boxes[:, :2]) / photo
+    ends = [""] * len(boxes) if confidences is None else [f" {confidence:.4f}" for confidence in confidences]
     lines = [
-        f"{c} {x:.6f} {y:.6f} {w:.6f} {h:.6f}\n"
-        for c, (x, y), (w, h) in zip(np.asarray(classes, int), centre, extent, strict=True)
+        f"{c} {x:.6f} {y:.6f} {w:.6f} {h:.6f}{end}\n"
+        for c, (x, y), (w, h), end in zip(np.asarray(classes, int), centre, extent, ends, strict=True)
     ]
     write_text(path, "".join(lines))
 
@@ -84,11 +94,27 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def class_names(folder: Path) -> tuple[str, ...]:
-    """Names of the class numbers in a folder of label files: those of its list, else rock and shadow."""
+    """What class numbers mean in a folder: the lines of its `classes.txt`, rock and shadow where there is none.
+
+    Raises
+    ------
+    FormatError
+        The list is no text, is empty, or has a name twice.
+    """
     path = folder / CLASS_FILE
-    if not path.is_file():
+    if not path.exists():
         return BOX_CLASSES
-    return tuple(line.strip() for line in path.read_text(encoding="utf-8").splitlines() if line.strip())
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise FormatError(f"no readable class list, {error}", path=path) from error
+    names = tuple(line.strip() for line in "\n".join(lines).rstrip().split("\n"))
+    if not any(names):
+        raise FormatError(f"no class, expected a name a line, such as {' and '.join(BOX_CLASSES)}", path=path)
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise FormatError(f"class {twice[0]!r} is there twice", path=path)
+    return names
 
 
 def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:
@@ -166,3 +192,23 @@ def _class(path: str | Path, number: int, field: str, names: tuple[str, ...]) ->
     if not field.isdigit() or int(field) >= len(names):
         raise FormatError(f"class {field}, expected 0 to {len(names) - 1} ({', '.join(names)})", path=path, line=number)
     return int(field)
+
+
+def read_rock_boxes(seeds: Path, terrain: int) -> dict[str, list[np.ndarray]]:
+    """Rock boxes (n, 4) of a terrain's seeds in left photos by position, one array a file; pixels.
+
+    Seeds are the label files of a run's source that its stages may read.
+
+    Raises
+    ------
+    LabelError
+        A file's name is no photo's, or its content no labels.
+    """
+    boxes: dict[str, list[np.ndarray]] = {}
+    for path in sorted(Path(seeds).glob("*.txt")):
+        with about(path):
+            key = PhotoKey.parse(path.stem)
+        if key.terrain == terrain and key.camera == "L":
+            classes, annotated = read_boxes(path)
+            boxes.setdefault(key.position, []).append(annotated[classes == BOX_CLASSES.index(ROCK)])
+    return boxes

@@ -1,11 +1,14 @@
-"""Boxes (n, 4) as x0, y0, x1, y1 in pixels: overlap and one-to-one matching."""
+"""Boxes (n, 4) as x0, y0, x1, y1 in pixels: overlap, one-to-one matching, projected ones paired with annotated ones."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from polarsim.photo import HEIGHT, WIDTH
+
+FORBIDDEN = 1e3
+MATCH_GATE_PX = 40.0  # largest distance of a pair, centre to centre: poses err by less
+MAX_LOG_SIZE = 1.6  # |log width ratio| + |log height ratio| of a pair
 
 
 def area(boxes: np.ndarray) -> np.ndarray:
@@ -54,20 +57,20 @@ def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def match(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
     """One-to-one pairs (rows, columns) with overlap >= threshold: as many as can be, then of the largest sum."""
-    if not overlap.size:
-        return np.zeros(0, int), np.zeros(0, int)
     gain = np.where(overlap >= threshold, 1 + overlap / (1 + min(overlap.shape)), 0.0)
-    rows, columns = linear_sum_assignment(-gain)
-    good = overlap[rows, columns] >= threshold
-    return rows[good], columns[good]
+    return _assigned(gain, overlap >= threshold)
 
 
 def match_sum(overlap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One-to-one pairs (rows, columns) of the largest summed overlap, pairs without overlap left out."""
-    if not overlap.size:
-        return np.zeros(0, int), np.zeros(0, int)
-    rows, columns = linear_sum_assignment(-overlap)
-    good = overlap[rows, columns] > 0
+    return _assigned(overlap, overlap > 0)
+
+
+def _assigned(gain: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    from scipy.optimize import linear_sum_assignment
+
+    rows, columns = linear_sum_assignment(-gain)
+    good = allowed[rows, columns]
     return rows[good], columns[good]
 
 
@@ -87,3 +90,25 @@ def of_mask(mask: np.ndarray) -> np.ndarray | None:
     if not len(rows):
         return None
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)
+
+
+def assign(
+    projected: np.ndarray, annotated: np.ndarray, gate_px: float = MATCH_GATE_PX
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs (rows, columns) of projected (m, 4) and annotated (b, 4) boxes that are near each other and alike in
+    size.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    if not len(projected) or not len(annotated):
+        return np.zeros(0, int), np.zeros(0, int)
+    size = np.maximum(projected[:, 2:] - projected[:, :2], 1e-3)
+    size_annotated = annotated[:, 2:] - annotated[:, :2]
+    offset = (projected[:, None, :2] + projected[:, None, 2:] - annotated[None, :, :2] - annotated[None, :, 2:]) / 2
+    distance = np.linalg.norm(offset, axis=-1)
+    log_size = np.abs(np.log(size[:, None] / size_annotated[None])).sum(axis=-1)
+    cost = distance / gate_px + 0.5 * log_size - 0.5 * iou(np.nan_to_num(projected), annotated)
+    allowed = (distance <= gate_px) & (log_size <= MAX_LOG_SIZE)  # NaN is not allowed either
+    rows, columns = linear_sum_assignment(np.where(allowed, cost, FORBIDDEN))
+    good = allowed[rows, columns]
+    return rows[good], columns[good]

@@ -97,27 +97,26 @@ def attach(scene: int, vertices: np.ndarray, faces: np.ndarray, mask: int = 1) -
 
     `mask`: bits of rays that meet them; Embree's own default is 1.
     """
-    library = embree()
-    geometry: int = library.rtcNewGeometry(device(), _TRIANGLES)
+    geometry: int = embree().rtcNewGeometry(device(), _TRIANGLES)
     for kind, form, numbers, count in (
         (_INDICES, _THREE_INTEGERS, faces, len(faces)),
         (_VERTICES, _THREE_FLOATS, vertices, len(vertices) - 1),
     ):
-        library.rtcSetSharedGeometryBuffer(geometry, kind, 0, form, numbers.ctypes.data, 0, 12, count)
-    library.rtcSetGeometryMask(geometry, mask)
-    library.rtcCommitGeometry(geometry)
-    library.rtcAttachGeometry(scene, geometry)
-    return geometry
+        embree().rtcSetSharedGeometryBuffer(geometry, kind, 0, form, numbers.ctypes.data, 0, 12, count)
+    return _attached(scene, geometry, mask)
 
 
 def attach_scene(scene: int, part: int, mask: int) -> int:
     """Add a scene to another, seen by rays that share a bit with `mask`; the RTCGeometry, to be released."""
-    library = embree()
-    geometry: int = library.rtcNewGeometry(device(), _INSTANCE)
-    library.rtcSetGeometryInstancedScene(geometry, part)
-    library.rtcSetGeometryMask(geometry, mask)
-    library.rtcCommitGeometry(geometry)
-    library.rtcAttachGeometry(scene, geometry)
+    geometry: int = embree().rtcNewGeometry(device(), _INSTANCE)
+    embree().rtcSetGeometryInstancedScene(geometry, part)
+    return _attached(scene, geometry, mask)
+
+
+def _attached(scene: int, geometry: int, mask: int) -> int:
+    embree().rtcSetGeometryMask(geometry, mask)
+    embree().rtcCommitGeometry(geometry)
+    embree().rtcAttachGeometry(scene, geometry)
     return geometry
 
 

@@ -1,11 +1,13 @@
-"""Rigid poses, named for what they map: `sandbox_from_left` takes points of the left camera into the sandbox."""
+"""Rigid poses, named for what they map: `sandbox_from_left` takes points of the left camera into the sandbox.
+
+Functions import SciPy themselves: the configuration is read without it at every start of Snakemake.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from polarsim.errors import FormatError
 
@@ -55,6 +57,8 @@ class Pose:
     @classmethod
     def from_rotvec(cls, rotvec: np.ndarray, translation: np.ndarray) -> Pose:
         """Rotation vector (3,) in radians and translation (3,)."""
+        from scipy.spatial.transform import Rotation
+
         return cls(Rotation.from_rotvec(rotvec).as_matrix(), np.asarray(translation, float))
 
     @classmethod
@@ -109,6 +113,8 @@ def yaw_pitch_roll(sandbox_from_camera: Pose) -> tuple[float, float, float]:
 
 def fit_pose(source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None) -> Pose:
     """Least-squares `target_from_source` of paired points (n, 3) (Kabsch, Acta Cryst. A34 (1978) 827)."""
+    from scipy.spatial.transform import Rotation
+
     weights = np.ones(len(source)) if weights is None else np.asarray(weights, float)
     centre_source = np.average(source, axis=0, weights=weights)
     centre_target = np.average(target, axis=0, weights=weights)
@@ -118,4 +124,6 @@ def fit_pose(source: np.ndarray, target: np.ndarray, weights: np.ndarray | None 
 
 def angle_between(first: Pose, second: Pose) -> float:
     """Angle of the rotation between two poses, radians."""
+    from scipy.spatial.transform import Rotation
+
     return float(Rotation.from_matrix(first.rotation.T @ second.rotation).magnitude())

@@ -9,12 +9,10 @@ import numpy as np
 from polarsim.geometry import bvh, taichi_device
 from polarsim.geometry.rays import NO_FACE, START_OFFSET, Device, RayHits
 from polarsim.geometry.taichi_device import on_its_thread, ti
-from polarsim.geometry.taichi_walk import FAR, VECTORS, walk
+from polarsim.geometry.taichi_walk import BOXES, FAR, NUMBERS, PAIRS, VALUES, VECTORS, WEIGHTS, walk
 from polarsim.geometry.vectors import length
 
 _STRIP = 1 << 20  # rays that go to the device at once: 40 MB there and back
-_VALUES = ti.types.ndarray(dtype=ti.f32, ndim=1)
-_NUMBERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 
 @dataclass(frozen=True)
@@ -144,9 +142,8 @@ def _float32(values: np.ndarray) -> np.ndarray:
 
 @ti.kernel
 def _nearest(
-    boxes: ti.types.ndarray(dtype=ti.math.vec3, ndim=2), children: ti.types.ndarray(dtype=ti.i32, ndim=2),
-    corners: ti.types.ndarray(dtype=ti.math.vec3, ndim=2), origins: VECTORS, directions: VECTORS,
-    distance: _VALUES, slot: _NUMBERS, weights: ti.types.ndarray(dtype=ti.math.vec2, ndim=1),
+    boxes: BOXES, children: PAIRS, corners: BOXES, origins: VECTORS, directions: VECTORS,
+    distance: VALUES, slot: NUMBERS, weights: WEIGHTS,
 ):  # fmt: skip
     for n in slot:
         found = walk(boxes, children, corners, origins[n], directions[n], 0.0, FAR, 0)
@@ -157,9 +154,8 @@ def _nearest(
 
 @ti.kernel
 def _occluded(
-    boxes: ti.types.ndarray(dtype=ti.math.vec3, ndim=2), children: ti.types.ndarray(dtype=ti.i32, ndim=2),
-    corners: ti.types.ndarray(dtype=ti.math.vec3, ndim=2), origins: VECTORS, directions: VECTORS,
-    near: _VALUES, far: _VALUES, hit: _NUMBERS,
+    boxes: BOXES, children: PAIRS, corners: BOXES, origins: VECTORS, directions: VECTORS,
+    near: VALUES, far: VALUES, hit: NUMBERS,
 ):  # fmt: skip
     for n in hit:
         hit[n] = walk(boxes, children, corners, origins[n], directions[n], near[n], far[n], 1).slot >= 0

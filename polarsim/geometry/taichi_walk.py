@@ -13,7 +13,10 @@ from polarsim.geometry.bvh import COUNT_BITS, LEVELS
 from polarsim.geometry.taichi_device import ti
 
 FAR = 1e36  # farther than any surface, and small enough for sums in float32
-VECTORS = ti.types.ndarray(dtype=ti.math.vec3, ndim=1)
+# Arrays that kernels take.
+VECTORS, BOXES = (ti.types.ndarray(dtype=ti.math.vec3, ndim=ndim) for ndim in (1, 2))
+VALUES, WEIGHTS = (ti.types.ndarray(dtype=dtype, ndim=1) for dtype in (ti.f32, ti.math.vec2))
+NUMBERS, PAIRS = (ti.types.ndarray(dtype=ti.i32, ndim=ndim) for ndim in (1, 2))
 _LEAST = 1e-18  # for parts of directions that are 0: their inverse is finite
 _ROUNDING = 2.0**-21  # share of two products by which their difference may be off: four times what float32 may be
 _WIDER = 2.0**-20  # share of the way to a box by which it is widened

@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scene import TerrainMesh
-from polarsim.geometry.matching import MATCH_GATE_PX
+from polarsim.geometry.boxes import MATCH_GATE_PX
 from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import Annotated, Seeds, Sight, cameras_first
@@ -62,13 +62,7 @@ def gather(
     return replace(known, placed=placed, apart=apart)
 
 
-def _gathered(
-    terrain: TerrainMesh,
-    world: World,
-    placed: dict[str, PlacedRig],
-    seeds: Seeds,
-    first: int,
-) -> Known:
+def _gathered(terrain: TerrainMesh, world: World, placed: dict[str, PlacedRig], seeds: Seeds, first: int) -> Known:
     """What positions whose poses agree tell of the rocks of a world; stand-ins are numbered from `first`."""
     tracks: dict[str, list[Track]] = {}
     matched: dict[str, np.ndarray] = {}

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +25,10 @@ from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import paint
-from polarsim.labels.backdrop import backdrop
 from polarsim.labels.identity import dome_behind
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shadows import Ids, lamp
-from polarsim.labels.shapes import Shape, convex, fitted, shapes_of, visible
+from polarsim.labels.shapes import Shape, backdrop, convex, fitted, shapes_of, visible
 from polarsim.labels.world import Dome, World, build_worlds, with_domes
 from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey
 
@@ -182,13 +182,13 @@ def draw_masks(
     world, bare = build_worlds(read_terrain(meshes, terrain), placed, suns, options)
     photos: dict[PhotoKey, list[coco.Annotation]] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
-        for members in _by_view([key for key in keys if key.position in placed]):
-            in_view = _of_view(labels, members[0])
-            position, camera = members[0].position, members[0].camera
+        drawn = sorted((key for key in keys if key.position in placed), key=lambda key: (key.view, key))
+        for (_, position, camera), members in groupby(drawn, key=lambda key: key.view):
+            in_view = labels[(labels["position"] == position) & (labels["camera"] == camera)]
             shown = bare if placed[position].surveyed else world
             outlines = ViewOutlines(shown, placed[position], camera, in_view, options)
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
-            for own in _brackets(members):
+            for _, own in groupby(members, key=lambda key: key.bracket):
                 rows_of = {key: of_photo.get(str(key), in_view[:0]) for key in own}
                 photos |= _draw_bracket(outlines, rows_of, polygon_folder, mask_folder)
     coco.write_coco(annotations, photos)
@@ -229,20 +229,6 @@ def _annotations(rows: pd.DataFrame, drawing: Drawing) -> list[coco.Annotation]:
             kind, rock, _ = thing
             found.append(coco.Annotation(kind, rock, box, part.runs, source, float(confidence)))
     return found
-
-
-def _by_view(keys: Sequence[PhotoKey]) -> Iterator[list[PhotoKey]]:
-    for view in sorted({key.view for key in keys}):
-        yield sorted(key for key in keys if key.view == view)
-
-
-def _brackets(keys: Sequence[PhotoKey]) -> Iterator[list[PhotoKey]]:
-    for bracket in sorted({key.bracket for key in keys}):
-        yield [key for key in keys if key.bracket == bracket]
-
-
-def _of_view(labels: pd.DataFrame, key: PhotoKey) -> pd.DataFrame:
-    return labels[(labels["position"] == key.position) & (labels["camera"] == key.camera)]
 
 
 def _write(polygon_folder: Path, mask_folder: Path, keys: Sequence[PhotoKey], drawing: Drawing) -> None:

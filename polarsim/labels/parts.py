@@ -8,9 +8,7 @@ from scipy.ndimage import find_objects
 from polarsim.photo import NO_ROCK
 
 Window = tuple[slice, slice]  # rows and columns of a picture
-SMALL_PART = (
-    0.15  # of a mask's largest connected part: smaller ones are small components that nobody would outline or box
-)
+SMALL_PART = 0.15  # of a mask's largest connected part: nobody would outline or box smaller ones
 
 
 def windows_of(ids: np.ndarray) -> dict[int, Window]:

@@ -12,22 +12,19 @@ import numpy as np
 from polarsim.geometry.boxes import area, clip, iou
 from polarsim.geometry.camera import Camera
 from polarsim.labels import rover_light
-from polarsim.labels.fusion import mesh_weights
 from polarsim.labels.known import Known
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.lit import lit_share
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import cameras_first
-from polarsim.labels.tracks import SAME_ROCK_IOU
+from polarsim.labels.tracks import SAME_ROCK_IOU, mesh_weights
 from polarsim.labels.view import ProjectedRock, at_border, move_rocks, project_rock
 from polarsim.photo import ROCK, SUNS, Azimuth, CameraSide
 
 # Fitted to the published labels: what they give elsewhere, `benchmarks/transfers.py` tells.
 PRESENCE = 0.6  # share of the azimuths with seeds whose lamps light a rock that must show it, for labels elsewhere
 SAME_LAMP_WEIGHT = 2.0  # in a fused box, of what was annotated in the other camera under the same lamp; else 1
-MESH_WEIGHT = (
-    1.0  # of a projected mesh in a fused box, for edges that agree with the annotated ones; an annotated box has 1
-)
+MESH_WEIGHT = 1.0  # of a mesh in a fused box, for edges that agree with the annotated ones; an annotated box has 1
 ROCK_MARGIN_PX = 1.0  # people draw rocks this much larger on every side
 LIT = 0.1  # least share of a rock that a lamp must light for people to see it
 LONE_OF = 3  # lamps at least that must have lit a rock which people drew under one of them alone, to doubt it
@@ -58,12 +55,10 @@ class PositionRocks:
         if not self.annotated:
             return self._projected_rocks(camera)
         if (camera, azimuth) in self.annotated:
-            boxes, shown = (
-                self.annotated[camera, azimuth].rocks,
-                [(camera, azimuth) in track.rows for track in self.tracks],
-            )
-            own = [(row, boxes[self.tracks[row].rows[camera, azimuth]]) for row in np.flatnonzero(shown)]
-            return [label_of(ROCK, self.ids[row], "seed", box) for row, box in own]
+            boxes = self.annotated[camera, azimuth].rocks
+            rows = [track.rows.get((camera, azimuth)) for track in self.tracks]
+            own = [(rock, row) for rock, row in zip(self.ids, rows, strict=True) if row is not None]
+            return [label_of(ROCK, rock, "seed", boxes[row]) for rock, row in own]
         boxes = self.fused(camera, azimuth)
         if azimuth in self.azimuths:
             chosen = [row for row, track in enumerate(self.tracks) if azimuth in track.azimuths and not self._lone(row)]

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.boxes import area, iou
-from polarsim.geometry.matching import MATCH_GATE_PX
+from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
 from polarsim.labels.annotator_model import as_people_draw
-from polarsim.labels.edges import snapped
 from polarsim.labels.identity import match_boxes
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.parts import Window, windows_of
 from polarsim.labels.photos import Brightness
 from polarsim.labels.position_rocks import PositionRocks
-from polarsim.labels.shadows import Ids, lamp, shadow_box
+from polarsim.labels.shadows import Ids, lamp, shadow_box, snapped
 from polarsim.labels.view import at_border, move_flat
 from polarsim.labels.wall_shade import shading_height
 from polarsim.photo import NO_ROCK, SHADOW, Azimuth, CameraSide, Light
@@ -78,10 +76,7 @@ class PositionShadows:
         return shadows if brightness is None else shadows + self._unannotated(azimuth, shadows, cast)
 
     def _known(self, camera: CameraSide, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
-        """Shadows as annotated in this camera, edges in its photo averaged in; or in the other, averaged with cast
-        ones; or
-        cast.
-        """
+        """Shadows as annotated here, edges in the photo averaged in; or in the other one, with cast ones; or cast."""
         own = self.annotated(camera, azimuth)
         if own is not None:
             throwers = self.throwers(camera, own, light, azimuth)
@@ -127,9 +122,7 @@ class PositionShadows:
         return annotated.shadows if annotated is not None else None
 
     def throwers(self, camera: CameraSide, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
-        """(n,) rock that throws each shadow annotated in a camera's photo, by the shadows that the bodies cast
-        there.
-        """
+        """(n,) rock that throws each shadow annotated in a camera's photo, by the shadows that bodies cast there."""
         cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
         expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
         rows = match_boxes(boxes, expected, SHADOW_GATE * MATCH_GATE_PX, smallest_iou=0.1)

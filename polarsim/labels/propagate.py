@@ -15,19 +15,29 @@ from polarsim.formats import lamps, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.scene import read_terrain
-from polarsim.labels.corrections import as_annotated, read_corrections
+from polarsim.geometry.boxes import area
 from polarsim.labels.known import Known, gather
 from polarsim.labels.label import Label
 from polarsim.labels.light import OlatLight
+from polarsim.labels.lit import hidden_by_dark
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.photos import Bracket, Brightness, Photos
-from polarsim.labels.position import PositionLabels
-from polarsim.labels.seeds import Drawings, choose_seeds, read_drawings, shadow_starts
-from polarsim.labels.shadow_starts import ShadowStarts
-from polarsim.labels.strangers import without_strangers
-from polarsim.labels.unlit import UnlitStarts, is_unlit
-from polarsim.labels.visibility import contrast
-from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
+from polarsim.labels.photos import Bracket, Brightness, Photos, contrast
+from polarsim.labels.position_rocks import PositionRocks
+from polarsim.labels.position_shadows import PositionShadows
+from polarsim.labels.seeds import (
+    Drawings,
+    ShadowStarts,
+    UnlitStarts,
+    as_annotated,
+    choose_seeds,
+    is_unlit,
+    read_corrections,
+    read_drawings,
+    shadow_starts,
+    without_strangers,
+)
+from polarsim.labels.shadows import lamp
+from polarsim.photo import BOX_CLASSES, SHADOW, Azimuth, CameraSide, Light, PhotoKey
 
 log = logging.getLogger(__name__)
 
@@ -176,3 +186,43 @@ def _row(key: PhotoKey, label: Label) -> dict[str, object]:
     edges = dict(zip(("x0", "y0", "x1", "y1"), (float(edge) for edge in label.box), strict=True))
     named = {"kind": label.kind, "rock": label.rock, "source": label.source, "confidence": label.confidence}
     return {**tables.key_columns(key), **named, **edges}
+
+
+class PositionLabels:
+    """Labels of one position; without photos as people draw them, with photos as these show things."""
+
+    def __init__(self, known: Known, position: str, options: LabelsOptions, photos: Photos | None = None) -> None:
+        self.position, self.photos, self.options = position, photos, options
+        self.rocks = PositionRocks(known, position, options)
+        self.shadows = PositionShadows(self.rocks, options)
+        self._known: dict[tuple[CameraSide, Light, Azimuth], list[Label]] = {}
+
+    def labels(self, camera: CameraSide, light: Light, azimuth: Azimuth) -> list[Label]:
+        """What the photos of a camera under a lamp show, longest exposure.
+
+        Where there are photos to tell what is seen, also what was not annotated: people forget, and draw by azimuth.
+        """
+        lamps: tuple[CameraSide, Light, Azimuth] = (camera, light if azimuth == "no" else "off", azimuth)
+        if lamps not in self._known:  # a Sun lamp outshines the rover light
+            self._known[lamps] = self._labels(camera, light, azimuth)
+        return self._known[lamps]
+
+    def _labels(self, camera: CameraSide, light: Light, azimuth: Azimuth) -> list[Label]:
+        brightness = self._brightness(camera, light, azimuth)
+        labels = self.rocks.labels(camera, azimuth)
+        if self.options.visibility == "annotator" and azimuth not in self.rocks.azimuths:
+            own, annotated = self.rocks.world, self.rocks.annotated_azimuths
+            labels = [one for one in labels if not hidden_by_dark(own, one.rock, azimuth, annotated(one.rock))]
+        if brightness is not None:
+            labels += self.rocks.unannotated(camera, labels)
+        if lamp(self.rocks.world, self.rocks.placed, light, azimuth) is not None:
+            labels += self.shadows.labels(camera, light, azimuth, labels, brightness)
+        return [label for label in labels if area(label.box) > 0]
+
+    def _brightness(self, camera: CameraSide, light: Light, azimuth: Azimuth) -> Brightness | None:
+        """What photos show under a Sun lamp: without rover light where there are such, for it brightens shadows."""
+        if self.photos is None:
+            return None
+        lights: tuple[Light, ...] = (light,) if azimuth == "no" else ("off", "on")
+        sets = (self.photos.brightness((self.position, camera, own, azimuth)) for own in lights)
+        return next((brightness for brightness in sets if brightness is not None), None)

@@ -13,8 +13,11 @@ from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import outlines
 from polarsim.labels.parts import windows_of, without_small_components
+from polarsim.labels.shadows import Ids
 
 LIKE_ITS_BOX = 0.2  # smallest IoU of a shape's own box with its label's for the shape to be believed
+SMALL_REGION = 400  # px: smaller pieces of ground or background are not worth a polygon
+THIN_PX = 2  # neither are pieces that are narrower
 
 
 @dataclass(frozen=True)
@@ -56,9 +59,7 @@ class Shape:
 
 
 def shapes_of(ids: np.ndarray) -> dict[int, Shape]:
-    """Where a picture of ids (h, w) shows its rocks, as a person would outline them: without holes and small
-    components.
-    """
+    """Where a picture of ids (h, w) shows its rocks, without holes and small components, as people outline them."""
     return {
         rock: _trimmed(Shape(_filled(without_small_components(ids[rows, columns] == rock)), columns.start, rows.start))
         for rock, (rows, columns) in windows_of(ids).items()
@@ -105,9 +106,7 @@ def rounded(box: np.ndarray, power: float = 2.5) -> Shape:
 
 
 def visible(shapes: Sequence[Shape], width: int, height: int) -> list[Shape | None]:
-    """What is left of shapes that are painted one over the other, the last on top, without small components; None for
-    nothing.
-    """
+    """What is left of shapes painted one over the other, the last on top, without small components; None: nothing."""
     painted = np.full((height, width), -1, np.int16)
     inside = [shape.cut(width, height) for shape in shapes]
     for number, shape in enumerate(inside):
@@ -134,3 +133,19 @@ def _pixel_centres(box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     left, top = np.floor(box[:2]).astype(int)
     right, bottom = np.maximum(np.ceil(box[2:]).astype(int), [left + 1, top + 1])
     return np.arange(left, right) + HALF_PIXEL, np.arange(top, bottom) + HALF_PIXEL
+
+
+def backdrop(ids: Ids, simplify_px: float) -> list[tuple[str, np.ndarray]]:
+    """Rings (n, 2) of background and of ground, which goes on below rocks and shadows."""
+    import cv2
+
+    ground = np.zeros(ids.shape, np.uint8)
+    seen = ids.hit.astype(np.uint8)
+    lines, _ = cv2.findContours(seen, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(ground, [line for line in lines if cv2.contourArea(line) >= SMALL_REGION], -1, 1, cv2.FILLED)
+    rings = [
+        (name, ring)
+        for name, mask in (("background", ground == 0), ("ground", ground == 1))
+        for ring in Shape(mask, 0, 0).rings(simplify_px)
+    ]
+    return [(name, ring) for name, ring in rings if np.ptp(ring, axis=0).min() >= THIN_PX]

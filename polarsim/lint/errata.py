@@ -13,7 +13,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import release, tables, yolo
 from polarsim.formats.files import write_text
 from polarsim.lint.findings import Finding, Report
-from polarsim.lint.release import lint_release
+from polarsim.lint.folders import lint_release
 from polarsim.lint.rules import RULES, chosen
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
 

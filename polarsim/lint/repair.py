@@ -15,12 +15,11 @@ from polarsim.errors import FormatError
 from polarsim.formats import release, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.boxes import clip
-from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
-from polarsim.lint.exposures import brackets, modal, of_class
+from polarsim.lint.files import BACKGROUND, GROUND, ROCK_CLASS, SHADOW_CLASS, Boxes, Polygons
 from polarsim.lint.findings import Finding
-from polarsim.lint.polygons import BACKGROUND, GROUND, Polygons
 from polarsim.lint.rules import RULES
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.lint.siblings import modal, of_class
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey, by_bracket
 
 CHANGES = "changes.csv"
 _LEFT_OUT = ("stray_name", "system_file", "wrong_folder")
@@ -97,7 +96,7 @@ class _Repairs:
             if any(finding.defect == "malformed" for finding in found.get(key, ())):
                 _drop_malformed(there[key], yolo.read_boxes)
         sound = {key: yolo.read_boxes(path) for key, path in there.items()}
-        for keys in brackets({*there, *found}):
+        for keys in by_bracket({*there, *found}).values():
             files = {key: sound[key] for key in keys if key in sound}
             for key in (key for key in keys if key in found):
                 labels = _repaired_boxes(sound.get(key, _NOTHING), found[key])

@@ -1,18 +1,114 @@
-"""What other azimuths, lights and the other camera of a station show of the same scene."""
+"""What other photos show of the same scene: other exposures, azimuths and lights, and the other camera.
+
+Inside an exposure bracket only the exposure changes, so labels should not.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.boxes import largest_iou
-from polarsim.geometry.swapped import SAME_ROCK, rocks_called_shadows
-from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
-from polarsim.lint.exposures import Found, brackets, changed, modal, of_class
+from polarsim.geometry.boxes import iou, largest_iou, match_sum
+from polarsim.geometry.consensus import SAME_ROCK, rocks_called_shadows
+from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
-from polarsim.photo import SUNS, PhotoKey
+from polarsim.photo import BOX_CLASSES, SUNS, Bracket, PhotoKey, by_bracket, exposures
+
+FOUND, UNMOVED = 0.1, 0.9  # IoU of a box with its like in another exposure, and of one that did not move
+Found = Iterator[tuple[PhotoKey, Defect]]
+
+
+def set_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
+    """Defects of the files of one exposure bracket, against what most of them hold."""
+    filled = {key: boxes for key, boxes in files.items() if len(boxes[0])}
+    if filled:
+        for key in sorted(set(files) - set(filled)):
+            yield key, Defect("empty_file", f"{len(filled)} other exposures have boxes")
+    for number in (ROCK_CLASS, SHADOW_CLASS):
+        yield from _against_modal(files, number)
+    seen: PhotoKey | None = None
+    for key in sorted(files, key=lambda key: key.exposure_ms):
+        shadows = int((files[key][0] == SHADOW_CLASS).sum())
+        if seen and not shadows:
+            yield key, Defect("shadows_off_late", f"no shadow, but some at {seen.exposure_ms} ms")
+        elif shadows and not seen:
+            seen = key
+
+
+def missing_exposures(there: set[PhotoKey]) -> list[PhotoKey]:
+    """Photos that one Sun's nearly complete exposure bracket has no file of; a set of which most is missing is no
+    defect.
+    """
+    key = next(iter(there))
+    whole = {key.with_exposure(exposure) for exposure in exposures(key.terrain, key.azimuth)}
+    missing = whole - there
+    return sorted(missing) if key.azimuth != "no" and len(missing) < len(whole) / 2 else []
+
+
+def of_class(files: Mapping[PhotoKey, Boxes], number: int) -> dict[PhotoKey, np.ndarray]:
+    """(n, 4) boxes of a class in files with boxes; short exposures hide all shadows, so files without are left out."""
+    boxes = {key: places[classes == number] for key, (classes, places) in files.items() if len(classes)}
+    return {key: found for key, found in boxes.items() if len(found) or number == ROCK_CLASS}
+
+
+def modal(boxes: Mapping[PhotoKey, np.ndarray]) -> np.ndarray:
+    """(n, 4) the content that most files share; of equally frequent ones that with fewest boxes, then the shortest."""
+    if not boxes:
+        return np.zeros((0, 4))
+    contents = [tuple(sorted(map(tuple, np.round(boxes[key], 1).tolist()))) for key in sorted(boxes)]
+    times = Counter(contents)
+    return np.array(max(times, key=lambda content: (times[content], -len(content)))).reshape(-1, 4)
+
+
+def modals(boxes: Mapping[PhotoKey, np.ndarray]) -> dict[Bracket, np.ndarray]:
+    """(n, 4) the content that most files of each exposure bracket share."""
+    return {name: modal({key: boxes[key] for key in keys}) for name, keys in by_bracket(boxes).items()}
+
+
+def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Found:
+    """Boxes of one class that are missing, additional or elsewhere than in most exposures."""
+    of_kind, kind = of_class(files, number), BOX_CLASSES[number]
+    common = modal(of_kind)
+    for key, here in of_kind.items():
+        change = changed(common, here)
+        rows = np.flatnonzero(files[key][0] == number)
+        for name, wrong, wanted in (
+            ("missing", (), change.missing),
+            ("extra", change.extra, ()),
+            ("moved", change.moved, change.moved_from),
+        ):
+            if len(wrong) or len(wanted):
+                detail = f"{max(len(wrong), len(wanted))} of {len(common)}"
+                places = tuple(tuple(box) for box in np.reshape(wanted, (-1, 4)).tolist())
+                yield key, Defect(f"{kind}_{name}", detail, tuple(rows[list(wrong)].tolist()), places)
+
+
+@dataclass(frozen=True)
+class Change:
+    """How boxes differ from others: places (k, 4) that are missing, new rows, moved rows and their places before."""
+
+    missing: np.ndarray
+    extra: np.ndarray
+    moved: np.ndarray
+    moved_from: np.ndarray
+
+
+def changed(before: np.ndarray, after: np.ndarray) -> Change:
+    """What became of boxes `before` (n, 4) in boxes `after` (m, 4)."""
+    overlap = iou(before, after)
+    rows, columns = match_sum(overlap)
+    found = overlap[rows, columns] > FOUND
+    rows, columns = rows[found], columns[found]
+    off = overlap[rows, columns] < UNMOVED
+    return Change(
+        np.delete(before, rows, axis=0),
+        np.setdiff1d(np.arange(len(after)), columns),
+        columns[off],
+        before[rows[off]],
+    )
 
 
 def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
@@ -44,10 +140,9 @@ def _without_right(files: Mapping[PhotoKey, Boxes]) -> Found:
     right = {key for key in files if key.camera == "R"}
     sets = {(key.position, key.light) for key in right if key.azimuth == "no"}
     for key in sorted(files):
-        if key.azimuth == "no" and key.camera == "L" and (key.position, key.light) in sets:
-            twin = replace(key, camera="R")
-            if twin not in right:
-                yield key, Defect("missing_right", f"no {twin}")
+        left = key.azimuth == "no" and key.camera == "L" and (key.position, key.light) in sets
+        if left and key.other_camera not in right:
+            yield key, Defect("missing_right", f"no {key.other_camera}")
 
 
 def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
@@ -78,7 +173,7 @@ def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Found:
     """Exposure brackets of one view with the rover light on, against the same ones with it off; named by their best
     file.
     """
-    sets = {keys[0].bracket: {key: files[key] for key in keys} for keys in brackets(files)}
+    sets = {name: {key: files[key] for key in keys} for name, keys in by_bracket(files).items()}
     best = {key.bracket: key for key in _best(files)}
     for name, lit in sets.items():
         terrain, position, light, azimuth, camera = name
@@ -98,7 +193,7 @@ def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 def _best(files: Mapping[PhotoKey, Boxes]) -> list[PhotoKey]:
     """The file with most boxes of each exposure bracket, the shortest exposure of equals."""
-    return [max(keys, key=lambda key: (len(files[key][0]), -key.exposure_ms)) for keys in brackets(files)]
+    return [max(keys, key=lambda key: (len(files[key][0]), -key.exposure_ms)) for keys in by_bracket(files).values()]
 
 
 def _rocks(labels: Boxes) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,10 +11,10 @@ from polarsim.geometry.boxes import centres, iou, match_sum
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
-from polarsim.lint.boxes import ROCK_CLASS, SHADOW_CLASS, Boxes
-from polarsim.lint.exposures import Bracket, Found, modals, of_class
+from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
-from polarsim.photo import CAMERAS, SUNS, PhotoKey
+from polarsim.lint.siblings import Found, modals, of_class
+from polarsim.photo import CAMERAS, SUNS, Bracket, PhotoKey
 
 LEAST_BOXES = 3  # fewer tell no view
 BETTER, GOOD = 0.25, 0.4  # mean IoU by which another view must fit better, and at least
@@ -109,9 +108,8 @@ def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Found:
         if plane is None:
             continue
         for key in sorted(key for key in rocks if (key.station, key.camera) == (station, "R")):
-            left = replace(key, camera="L")
-            if left in rocks:
-                rows = _off_line(_moved(rocks[left], plane), rocks[key])
+            if key.other_camera in rocks:
+                rows = _off_line(_moved(rocks[key.other_camera], plane), rocks[key])
                 if rows:
                     yield key, Defect("off_epipolar", f"{len(rows)} rocks, first box {rows[0] + 1} of the rocks")
 

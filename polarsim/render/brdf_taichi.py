@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from polarsim.geometry.taichi_device import on_its_thread, ti
+from polarsim.geometry.taichi_walk import VALUES, VECTORS
 from polarsim.render.brdf import GRAZING
 from polarsim.render.options import (
     HapkeChronoParameters,
@@ -20,8 +21,6 @@ from polarsim.render.options import (
     PrincipledParameters,
 )
 
-_VECTORS = ti.types.ndarray(dtype=ti.math.vec3, ndim=1)
-_VALUES = ti.types.ndarray(dtype=ti.f32, ndim=1)
 _PI = math.pi
 
 
@@ -71,7 +70,7 @@ def _tan_half_phase(to_lamp, to_viewer):
 
 
 @ti.kernel
-def _lunar_lambert(normal: _VECTORS, lamp: _VECTORS, viewer: _VECTORS, out: _VALUES, albedo: ti.f32, weight: ti.f32):
+def _lunar_lambert(normal: VECTORS, lamp: VECTORS, viewer: VECTORS, out: VALUES, albedo: ti.f32, weight: ti.f32):
     for n in out:
         cos_i, cos_e = normal[n].dot(lamp[n]), normal[n].dot(viewer[n])
         if cos_i > GRAZING and cos_e > GRAZING:
@@ -97,7 +96,7 @@ def _masking(cosine, alpha2):
 
 @ti.kernel
 def _principled(
-    normal: _VECTORS, lamp: _VECTORS, viewer: _VECTORS, out: _VALUES,
+    normal: VECTORS, lamp: VECTORS, viewer: VECTORS, out: VALUES,
     base: ti.f32, rough: ti.f32, metallic: ti.f32, alpha2: ti.f32, eta: ti.f32,
 ):  # fmt: skip
     for n in out:
@@ -119,7 +118,7 @@ def _principled(
 
 @ti.kernel
 def _principled_chrono(
-    normal: _VECTORS, lamp: _VECTORS, viewer: _VECTORS, out: _VALUES,
+    normal: VECTORS, lamp: VECTORS, viewer: VECTORS, out: VALUES,
     rough: ti.f32, albedo: ti.f32, mirrored: ti.f32, grazing: ti.f32,
 ):  # fmt: skip
     for n in out:
@@ -214,7 +213,7 @@ def _roughness(tan_bar, normal, lamp, viewer, cos_i, cos_e, viewer_steeper):
 
 @ti.kernel
 def _hapke(
-    normal: _VECTORS, lamp: _VECTORS, viewer: _VECTORS, out: _VALUES,
+    normal: VECTORS, lamp: VECTORS, viewer: VECTORS, out: VALUES,
     w: ti.f32, b: ti.f32, c: ti.f32, b_s0: ti.f32, h_s: ti.f32, b_c0: ti.f32, h_c: ti.f32,
     tan_bar: ti.f32, porosity: ti.f32, h_function: ti.f32, by_phase: ti.i32, factor: ti.f32,
 ):  # fmt: skip

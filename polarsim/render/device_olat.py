@@ -10,21 +10,16 @@ import math
 import numpy as np
 
 from polarsim.formats.instances import BACKGROUND
-from polarsim.geometry.pixel_rays import pixel_directions, separated
+from polarsim.geometry.lens import pixel_directions, separated
 from polarsim.geometry.rays import START_OFFSET
 from polarsim.geometry.rays_taichi import laid, laid_vectors
 from polarsim.geometry.taichi_device import on_its_thread, ti
-from polarsim.geometry.taichi_walk import FAR, VECTORS, walk
+from polarsim.geometry.taichi_walk import BOXES, FAR, NUMBERS, PAIRS, VALUES, VECTORS, WEIGHTS, walk
 from polarsim.render.brdf_taichi import evaluate
 from polarsim.render.hits import LEAST_SLOPE, NO_NORMAL, Hits
 from polarsim.render.lamps import REFERENCE_DISTANCE
 from polarsim.render.materials import kinds_of
 
-_BOXES = ti.types.ndarray(dtype=ti.math.vec3, ndim=2)
-_PAIRS = ti.types.ndarray(dtype=ti.i32, ndim=2)
-_VALUES = ti.types.ndarray(dtype=ti.f32, ndim=1)
-_NUMBERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
-_WEIGHTS = ti.types.ndarray(dtype=ti.math.vec2, ndim=1)
 _NO_ID = -1
 
 
@@ -161,10 +156,10 @@ def _unit(vector):
 
 @ti.kernel
 def _see(
-    boxes: _BOXES, children: _PAIRS, corners: _BOXES, corner_normals: _BOXES,
+    boxes: BOXES, children: PAIRS, corners: BOXES, corner_normals: BOXES,
     directions: VECTORS, rotation: ti.math.mat3, origin: ti.math.vec3, share: ti.f32,
-    slot: _NUMBERS, weights: _WEIGHTS, point: VECTORS, to_viewer: VECTORS, normal: VECTORS, plane: VECTORS,
-    upward: _VALUES, seen: _VALUES,
+    slot: NUMBERS, weights: WEIGHTS, point: VECTORS, to_viewer: VECTORS, normal: VECTORS, plane: VECTORS,
+    upward: VALUES, seen: VALUES,
 ):  # fmt: skip
     """`hits.intersect` of rays along directions in the camera's frame; and how much of the sky's half each pixel
     faces.
@@ -194,10 +189,10 @@ def _see(
 
 @ti.kernel
 def _light(
-    boxes: _BOXES, children: _PAIRS, corners: _BOXES,
-    slot: _NUMBERS, point: VECTORS, normal: VECTORS, plane: VECTORS,
+    boxes: BOXES, children: PAIRS, corners: BOXES,
+    slot: NUMBERS, point: VECTORS, normal: VECTORS, plane: VECTORS,
     lamp: ti.math.vec3, intensity: ti.f32, falloff: ti.i32,
-    to_lamp: VECTORS, share: _VALUES, lit: _NUMBERS,
+    to_lamp: VECTORS, share: VALUES, lit: NUMBERS,
 ):  # fmt: skip
     """`lighting.lighting`: irradiance that each pixel gets, 0 where something hides the lamp."""
     for n in slot:
@@ -221,9 +216,9 @@ def _light(
 
 @ti.kernel
 def _add(
-    value: _VALUES, share: _VALUES, slot: _NUMBERS, weights: _WEIGHTS, id_of_slot: _NUMBERS,
-    kind_of_id: _NUMBERS, kind: ti.i32, factor: _VALUES, albedo: VECTORS, painted: ti.i32,
-    plain_id: ti.i32, plain: ti.f32, olat_image: _VALUES,
+    value: VALUES, share: VALUES, slot: NUMBERS, weights: WEIGHTS, id_of_slot: NUMBERS,
+    kind_of_id: NUMBERS, kind: ti.i32, factor: VALUES, albedo: VECTORS, painted: ti.i32,
+    plain_id: ti.i32, plain: ti.f32, olat_image: VALUES,
 ):  # fmt: skip
     """`materials.Materials.reflectance` times irradiance, of the things that are of one kind."""
     for n in olat_image:

@@ -1,19 +1,25 @@
-"""How many grey values a radiance makes: from the photos where there are some, else from NASA's best exposures."""
+"""How many grey values a radiance makes: from the photos where there are some, else from NASA's best exposures.
+
+Where materials were fitted to photos, the fit has gains, lamps and the models' parameters.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import PolarsimError
-from polarsim.formats import png, tables
+from polarsim.errors import FormatError, PolarsimError
+from polarsim.formats import png
+from polarsim.formats.materials import Fitted, FittedMaterials
+from polarsim.formats.run_files import pictures_at
 from polarsim.photo import BLACK_LEVEL, CENTRE_GREY_PER_MS, SUNS, PhotoKey
 from polarsim.render import brdf
 from polarsim.render.lamps import Lamp
-from polarsim.render.options import Model, RenderOptions
+from polarsim.render.options import MODELS, Model, RenderOptions
 from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 log = logging.getLogger("polarsim.render")
@@ -61,21 +67,20 @@ def calibration_photos(index: Path | None, keys: Iterable[PhotoKey], most: int) 
     """
     if index is None or most == 0:
         return {}
-    table = tables.read_parquet(index, ["key", "path"])
-    paths = dict(zip(table["key"], table["path"], strict=True))
+    paths = pictures_at(index)
     found: dict[PhotoKey, Path] = {}
     for key in sorted(keys, key=lambda key: (key.view, SUNS.index(key.azimuth) if key.azimuth in SUNS else -1, key)):
-        path = paths.get(str(key))
-        if key.light == "on" or key.azimuth == "no" or path is None or not Path(path).is_file():
+        path = paths.get(key)
+        if key.light == "on" or key.azimuth == "no" or path is None or not path.is_file():
             continue
         if found and next(iter(found)).view != key.view:
             break
         rival = next((other for other in found if other.azimuth == key.azimuth), None)
         if rival is None and len(found) < most:
-            found[key] = Path(path)
+            found[key] = path
         elif rival is not None and key.stops_off_usual < rival.stops_off_usual:
             del found[rival]
-            found[key] = Path(path)
+            found[key] = path
     return found
 
 
@@ -94,3 +99,45 @@ def calibrate(
         ratios.append(gain_ratios(photo, radiance, key.exposure_ms))
     pooled = np.concatenate(ratios)
     return float(f"{np.median(pooled):.6g}") if len(pooled) else None
+
+
+def with_fit(options: RenderOptions, fitted: FittedMaterials) -> tuple[RenderOptions, Mapping[Model, np.ndarray]]:
+    """Options with the fit's parameters, gains and darkening, and albedo factors (v,) by model.
+
+    Materials of single things, where the options have some, stay what they are.
+
+    Raises
+    ------
+    FormatError
+        The fit has parameters that its model does not take.
+    """
+    changed: dict[str, object] = {"gain": dict(options.gain)}
+    if fitted.models:
+        changed |= {"falloff": fitted.falloff, "vignetting": fitted.vignetting}
+    known = [model for model in MODELS if model in fitted.models]
+    for model in known:
+        changed[model] = fitted.models[model].parameters
+        changed["gain"] = {model: main_gain(fitted.models[model])} | dict(changed["gain"])  # type: ignore[call-overload]
+    try:
+        options = RenderOptions.model_validate(options.model_dump() | changed)
+    except ValueError as error:
+        raise FormatError(f"fitted materials: {str(error).splitlines()[0]}") from error
+    return options, {model: fitted.models[model].albedo for model in known}
+
+
+def main_gain(fit: Fitted) -> float:
+    """Grey values per ms and unit radiance: the median of the Sun lamps, else of what there is."""
+    suns = [gain for name, gain in fit.lamps.items() if name in SUNS]
+    return float(np.median(suns or list(fit.lamps.values())))
+
+
+def as_bright_as_fitted(lamps: Mapping[str, Lamp], fitted: FittedMaterials | None, model: Model) -> Mapping[str, Lamp]:
+    """Lamps with intensities over that of the model's gain; those that no photo shows stay as they are."""
+    if fitted is None or model not in fitted.models:
+        return lamps
+    fit = fitted.models[model]
+    main = main_gain(fit)
+    return {
+        name: replace(lamp, intensity=lamp.intensity * float(np.float32(fit.lamps.get(name, main) / main)))
+        for name, lamp in lamps.items()
+    }

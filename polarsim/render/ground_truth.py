@@ -1,24 +1,34 @@
-"""Exact labels of the twins, from what every pixel's ray met: rock and shadow boxes, instance masks, label rows."""
+"""Exact labels of the twins, from what every pixel's ray met: rock and shadow boxes, instance masks, label rows.
+
+Whole rocks are among them: the pixels that a rock would cover if neither other rocks nor walls stood in front of it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy import ndimage
 
 from polarsim.formats import coco, png, rle, tables, yolo
-from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
-from polarsim.geometry.boxes import of_mask
-from polarsim.geometry.thin_parts import without_thin_parts
-from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
+from polarsim.formats.instances import BACKGROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.geometry.boxes import around, of_mask, window
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.lens import HALF_PIXEL
+from polarsim.geometry.polygons import without_thin_parts
+from polarsim.geometry.rays import NO_FACE, START_OFFSET
+from polarsim.geometry.vectors import length, moved
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey, by_bracket
 from polarsim.render.lamps import lit_by
 from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
+from polarsim.render.surfaces import Surfaces
 
 SOURCE = "rendered"  # of labels that are what rays met
 _TOUCHING = np.ones((3, 3), bool)  # pixels that meet at a corner belong together
+_MARGIN_PX = 2  # by which a lens bends the edges of a box out of the box around its corners
 
 
 def boxes_of(ids: np.ndarray, options: RenderOptions) -> list[tuple[str, int, np.ndarray]]:
@@ -27,17 +37,17 @@ def boxes_of(ids: np.ndarray, options: RenderOptions) -> list[tuple[str, int, np
     Parts of a shadow thinner than `min_shadow_width_px` neither count nor widen its box.
     """
     found = []
-    for number, window in enumerate(ndimage.find_objects(ids.astype(np.int32)), 1):
-        if window is None or number < ROCK_IDS:
+    for number, place in enumerate(ndimage.find_objects(ids.astype(np.int32)), 1):
+        if place is None or number < ROCK_IDS:
             continue
         kind, rock = (ROCK, number - ROCK_IDS) if number < SHADOW_IDS else (SHADOW, number - SHADOW_IDS)
         least = options.min_rock_px if kind == ROCK else options.min_shadow_px
-        mask = ids[window] == number
+        mask = ids[place] == number
         if kind == SHADOW:  # nobody takes a line of dark pixels along a rock's foot for its shadow
             mask = without_thin_parts(mask, options.min_shadow_width_px)
         box = box_of_parts(mask, least, options.min_part_px)
         if box is not None:
-            corner = [window[1].start, window[0].start]
+            corner = [place[1].start, place[0].start]
             found.append((kind, rock, box + np.tile(corner, 2)))
     return found
 
@@ -76,7 +86,7 @@ def annotations_of(
 def whole_rocks(ids: np.ndarray, hidden: Mapping[int, np.ndarray], options: RenderOptions) -> dict[int, coco.Amodal]:
     """Amodal masks of the rocks of a picture of ids (h, w) that others hide in part, by rock.
 
-    `hidden`: flat pixels (n,) of each where something else stands in front (`amodal.hidden_parts`).
+    `hidden`: flat pixels (n,) of each where something else stands in front (`hidden_parts`).
     """
     found = {}
     for rock, behind in hidden.items():
@@ -110,7 +120,7 @@ def label_view(
     ids : lamp -> (h, w) uint16
         The view's `Rendering.ids`.
     hidden : rock -> (n,) int
-        What `amodal.hidden_parts` found in it.
+        What `hidden_parts` found in it.
     boxes : Path
         Folder for `KEY.txt`; empty where no lamp is on, for nothing is to be seen there.
     instances : Path
@@ -123,19 +133,14 @@ def label_view(
         shadows = picture * (picture >= SHADOW_IDS)  # a view's rocks are the same under every lamp
         found[name] = rocks + annotations_of(shadows, options)
     labels: dict[PhotoKey, list[coco.Annotation]] = {}
-    written = set()
-    for key in keys:
-        lamps = lit_by(key)
-        own = labels[key] = found[lamps[0]] if lamps else []
-        yolo.write_boxes(
-            boxes / f"{key}.txt",
-            np.array([BOX_CLASSES.index(label.kind) for label in own], int),
-            np.array([label.box for label in own], float),
-        )
-        if key.bracket not in written:
-            written.add(key.bracket)
-            name = str(key).rsplit("_", 1)[0]
-            png.write(instances / f"{name}.png", ids[lamps[0] if lamps else NO_LAMP])
+    for bracket in by_bracket(keys).values():
+        lamps = lit_by(bracket[0])
+        own = found[lamps[0]] if lamps else []
+        png.write(instances / f"{str(bracket[0]).rpartition('_')[0]}.png", ids[lamps[0] if lamps else NO_LAMP])
+        classes, places = [BOX_CLASSES.index(label.kind) for label in own], [label.box for label in own]
+        for key in bracket:
+            labels[key] = own
+            yolo.write_boxes(boxes / f"{key}.txt", np.array(classes, int), np.array(places, float))
     return labels
 
 
@@ -144,3 +149,77 @@ def label_row(key: PhotoKey, label: coco.Annotation) -> dict[str, object]:
     corners = dict(zip(("x0", "y0", "x1", "y1"), label.box.tolist(), strict=True))
     named = {"kind": label.kind, "rock": label.rock, "source": label.source, "confidence": label.confidence}
     return {**tables.key_columns(key), **named, **corners}
+
+
+def hidden_parts(surfaces: Surfaces, camera: Camera, ids: np.ndarray) -> dict[int, np.ndarray]:
+    """Pixels of each rock in the picture that other rocks and walls hide: (n,) flat numbers, sorted, by rock.
+
+    What the ground hides of a rock, buried or behind a mound, is none of them. Rays are cast only where the picture
+    shows another rock, a wall or nothing, near the rock.
+
+    Parameters
+    ----------
+    ids : (h, w) uint16
+        Of the view, without shadows or with them.
+    """
+    windows = {rock: _window(surfaces.rock_corners[rock], camera) for rock in _rocks_in(ids)}
+    in_front = (ids == BACKGROUND) | ((ids >= ROCK_IDS) & (ids < SHADOW_IDS))
+    asked = np.zeros(ids.shape, bool)
+    for rock, near in windows.items():
+        asked[near] |= in_front[near] & (ids[near] != ROCK_IDS + rock)
+    pixels = np.flatnonzero(asked)
+    row, column = np.divmod(pixels, camera.lens.width)
+    directions = camera.directions(np.stack([column, row], axis=1) + HALF_PIXEL)
+    hidden: dict[int, list[np.ndarray]] = {rock: [] for rock in windows}
+    for rays, met in _rocks_along(surfaces, camera.centre, directions):
+        for rock in np.intersect1d(met, list(windows)):
+            behind = pixels[rays[met == rock]]
+            hidden[rock].append(behind[ids.reshape(-1)[behind] != ROCK_IDS + rock])
+    return {
+        rock: np.unique(np.concatenate(parts)) if parts else np.zeros(0, np.int64) for rock, parts in hidden.items()
+    }
+
+
+def _rocks_in(ids: np.ndarray) -> list[int]:
+    shown = np.flatnonzero(np.bincount(ids.ravel(), minlength=SHADOW_IDS)[ROCK_IDS:SHADOW_IDS])
+    return [int(rock) for rock in shown]
+
+
+def _window(corners: np.ndarray, camera: Camera) -> tuple[slice, slice]:
+    """Rows and columns of the pixels that may show what lies between corners (n, 3)."""
+    # Far outside the photo a lens may bend points back into it; without distortion they stay outside.
+    straight = replace(camera, lens=replace(camera.lens, distortion=(0.0,) * 5))
+    pixels = np.concatenate([camera.project(corners), straight.project(corners)])
+    if np.isnan(pixels).any():  # a corner behind the camera
+        return slice(0, camera.lens.height), slice(0, camera.lens.width)
+    return window(around(pixels), np.full(2, _MARGIN_PX), *camera.size)
+
+
+def _rocks_along(
+    surfaces: Surfaces, origin: np.ndarray, directions: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Numbers of rays and the rock that each meets: once for every surface of a rock before the ground."""
+    ground = _distance_to_ground(surfaces, origin, directions)
+    step = START_OFFSET / length(directions)
+    travelled, on = np.zeros(len(directions)), np.arange(len(directions))
+    while len(on):
+        along = directions[on]
+        distance, face = surfaces.rocks.nearest(moved(origin, along, travelled[on]), along)
+        travelled[on] += distance
+        before = travelled[on] < ground[on]
+        on, face = on[before], face[before]
+        yield on, surfaces.id_of_face[surfaces.rock_faces[face]] - ROCK_IDS
+        travelled[on] += step[on]
+
+
+def _distance_to_ground(surfaces: Surfaces, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(n,) in units of the directions' length, through walls; inf where a ray meets no ground."""
+    step = START_OFFSET / length(directions)
+    travelled, on = np.zeros(len(directions)), np.arange(len(directions))
+    while len(on):
+        along = directions[on]
+        distance, face = surfaces.rest.nearest(moved(origin, along, travelled[on]), along)
+        travelled[on] += distance
+        on = on[(face != NO_FACE) & (surfaces.id_of_face[surfaces.rest_faces[face]] == BACKGROUND)]
+        travelled[on] += step[on]
+    return travelled

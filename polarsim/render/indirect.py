@@ -19,12 +19,11 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.rays import START_OFFSET
 from polarsim.geometry.vectors import dot, unit
 from polarsim.randomness import generator
-from polarsim.render.hits import Hits, cast_strip, for_strips, intersect
+from polarsim.render.hits import Hits, cast_strip, for_strips, intersect, sample_offsets
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import lighting
 from polarsim.render.materials import Materials
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.pixel_filter import sample_offsets
 from polarsim.render.surfaces import Surfaces
 from polarsim.render.upsampling import Grid
 

@@ -14,8 +14,6 @@ from polarsim.survey import ROVER_LIGHT_SHARE
 
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
 REFERENCE_DISTANCE = 4.0  # metres at which a lamp of intensity 1 makes irradiance 1, with falloff and without
-
-
 SUN_DISTANCE = 1e4  # metres: its direction differs by 0.02 degrees between two ends of the sandbox
 SUN_RADIUS_DEG = 0.2665  # half the Sun's mean apparent diameter
 

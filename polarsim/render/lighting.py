@@ -1,16 +1,134 @@
-"""Which places a lamp lights, and how much."""
+"""Which places a lamp lights, how much, and how much of its disc they see: soft edges of shadows."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from polarsim.geometry.vectors import dot, length, scaled
+from polarsim.geometry.vectors import cross, dot, length, scaled, unit
 from polarsim.render.hits import Hits
 from polarsim.render.lamps import Lamp
-from polarsim.render.penumbra import turns, visible_share
 from polarsim.render.surfaces import Surfaces
+
+PROBES = 5  # rays to the centre and rim of the disc: where all agree, no more are cast
+_SCATTER = (0.6180339887, 0.7548776662)  # steps that never come near a place of before: turns of neighbours differ
+_GOLDEN = np.pi * (3 - np.sqrt(5))  # radians between two points of Vogel's sunflower, which covers a disc evenly
+
+
+def visible_share(
+    surfaces: Surfaces,
+    points: np.ndarray,
+    to_lamp: np.ndarray,
+    radius_m: float,
+    samples: int,
+    turn: np.ndarray,
+    every: int = 1,
+) -> np.ndarray:
+    """(n,) float32 share, 0 to 1, of a disc that faces each point and that nothing hides from it.
+
+    Parameters
+    ----------
+    points, to_lamp : (n, 3) float32
+        Places, and vectors to the disc's centre, metres.
+    samples : int
+        Rays a point, where some of the first ones are occluded and some are not.
+    turn : (n,) float
+        Radians by which the pattern of rays is turned: another one for each point makes grain of what would be bands.
+    every : int
+        Above 1, of points in the order of a picture: only every so many-th one is probed at centre and rim. Where two
+        of them see the same, all or nothing, those between look at the centre alone, unless that differs nearby.
+    """
+
+    def seen(numbers: np.ndarray, pattern: np.ndarray) -> np.ndarray:
+        """(m,) share of the pattern's places on the disc that points with these numbers (m,) see."""
+        at, towards = _rows(numbers, points, to_lamp)
+        occluded = np.zeros(len(numbers), np.float32)
+        for along in _on_disc(towards, radius_m, pattern, turn[numbers]):
+            occluded += surfaces.all.occluded(at, along, 1.0)
+        return 1 - occluded / np.float32(len(pattern))
+
+    def centre_seen(numbers: np.ndarray) -> np.ndarray:
+        return ~surfaces.all.occluded(*_rows(numbers, points, to_lamp), 1.0)
+
+    share = np.empty(len(points), np.float32)
+    unsure = np.arange(len(points))
+    if every > 1:
+        unsure = _sparsely(share, every, lambda numbers: seen(numbers, _rim()), centre_seen)
+    share[unsure] = seen(unsure, _rim())
+    soft = np.flatnonzero((share > 0) & (share < 1))
+    if len(soft):
+        share[soft] = seen(soft, _sunflower(samples))
+    return share
+
+
+def _sparsely(
+    share: np.ndarray, every: int, rim_seen: Callable[..., np.ndarray], centre_seen: Callable[..., np.ndarray]
+) -> np.ndarray:
+    """Write the share of points (n,) that lie among alike ones; numbers of the others.
+
+    `rim_seen`, `centre_seen`: (m,) what points with numbers (m,) see, as a share and as bool.
+    """
+    count = len(share)
+    probed = np.minimum(np.arange(0, count + every - 1, every), max(count - 1, 0)) if count else np.zeros(0, np.int64)
+    found = rim_seen(probed)
+    between = np.minimum(np.arange(count) // every, len(probed) - 2) if len(probed) > 1 else np.zeros(count, np.int64)
+    first, second = found[between], found[np.minimum(between + 1, len(probed) - 1)]
+    alike = np.flatnonzero((first == second) & ((first == 0) | (first == 1)))
+    differs = np.zeros(count + 2 * every, np.int64)  # a margin on both sides
+    differs[every + alike[centre_seen(alike) != (first[alike] == 1)]] = 1
+    so_far = np.concatenate([[0], differs.cumsum()])
+    near = so_far[every + every // 2 + 1 :][:count] - so_far[every - every // 2 :][:count] > 0
+    sure = alike[~near[alike]]
+    share[sure] = first[sure]
+    return np.delete(np.arange(count), sure)
+
+
+def _rows(numbers: np.ndarray, points: np.ndarray, to_lamp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    if len(numbers) == len(points):
+        return points, to_lamp
+    return points.take(numbers, axis=0), to_lamp.take(numbers, axis=0)
+
+
+def _rim() -> np.ndarray:
+    """(PROBES, 2) centre and rim of the unit disc: radius and angle."""
+    return np.array([[0, 0], *((1, quarter * np.pi / 2) for quarter in range(PROBES - 1))], float)
+
+
+def _sunflower(samples: int) -> np.ndarray:
+    """(samples, 2) points that cover the unit disc evenly: radius and angle."""
+    number = np.arange(samples)
+    return np.stack([np.sqrt((number + 0.5) / samples), number * _GOLDEN], axis=1)
+
+
+def to_disc(to_lamp: np.ndarray, radius_m: float, samples: int, turn: np.ndarray) -> Iterator[np.ndarray]:
+    """The vectors (n, 3) along which `visible_share` looks at a disc; first to its centre, as `to_lamp` (n, 3) does."""
+    yield to_lamp
+    if radius_m:
+        yield from _on_disc(to_lamp, radius_m, np.concatenate([_rim()[1:], _sunflower(samples)]), turn)
+
+
+def turns(pixel: np.ndarray, first_row: int | np.ndarray) -> np.ndarray:
+    """(n,) radians by which the pattern of rays to a disc is turned at pixels (n,) of a strip: each its own."""
+    return np.asarray(2 * np.pi * ((pixel * _SCATTER[0] + first_row * _SCATTER[1]) % 1))
+
+
+def _on_disc(to_lamp: np.ndarray, radius_m: float, pattern: np.ndarray, turn: np.ndarray) -> Iterator[np.ndarray]:
+    across, upward = _facing(to_lamp)
+    for radius, angle in pattern:
+        turned, far = (angle + turn).astype(np.float32), np.float32(radius * radius_m)
+        offset = scaled(across, far * np.cos(turned)) + scaled(upward, far * np.sin(turned))
+        yield to_lamp + offset
+
+
+def _facing(to_lamp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors (n, 3) each, at right angles to each other and to vectors (n, 3)."""
+    axis = unit(to_lamp)
+    steep = np.abs(axis[:, 2]) > np.float32(0.9)
+    helper = np.where(steep[:, None], np.array([1, 0, 0], axis.dtype), np.array([0, 0, 1], axis.dtype))
+    across = unit(cross(axis, helper))
+    return across, cross(axis, across)
 
 
 def lighting(
@@ -44,7 +162,7 @@ def lighting(
 def disc_share(surfaces: Surfaces, hits: Hits, lamp: Lamp, samples: int, every: int = 1) -> np.ndarray:
     """(n,) float32 share of a lamp's disc that each hit sees, whatever its smooth normal; 0 where its face looks away.
 
-    `every`: see `penumbra.visible_share`.
+    `every`: see `visible_share`.
     """
     to_lamp, _ = lamp.light_at(hits.point, falloff=False)
     facing = np.flatnonzero(dot(hits.plane, to_lamp) > 0)

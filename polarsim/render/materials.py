@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from polarsim.formats.instances import BACKGROUND, BODY, GROUND, ROCK_IDS
 from polarsim.render import brdf
 from polarsim.render.hits import Hits
-from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
+from polarsim.render.options import CHRONO, MODELS, Model, Parameters, RenderOptions
 from polarsim.render.surfaces import Surfaces
 
 Reflectance = Callable[[Parameters, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -45,7 +45,7 @@ class Materials:
         to_viewer: np.ndarray,
     ) -> np.ndarray:
         """(m,) f_r in 1/sr of chosen hits (m,) along their unit vectors (m, 3), which the surface faces or 0."""
-        kinds = self._kinds(model)
+        kinds = self._kinds[model]
         if kinds.of_id is None:
             values = self.engine(kinds.parameters[0], normal, to_lamp, to_viewer)
         else:
@@ -63,8 +63,8 @@ class Materials:
 
     def albedo(self, model: Model, hits: Hits) -> np.ndarray:
         """(n,) float32 share of light from all sides that the hits scatter back; Chrono's models know no such light."""
-        kinds = self._kinds(model)
-        albedos = np.array([self._albedos(model)[parameters] for parameters in kinds.parameters], np.float32)
+        kinds = self._kinds[model]
+        albedos = np.array([_even_albedo(model, parameters) for parameters in kinds.parameters], np.float32)
         if kinds.of_id is None:
             values = np.full(len(hits.face), albedos[0])
         else:
@@ -76,10 +76,10 @@ class Materials:
 
     def same_everywhere(self, model: Model) -> float | None:
         """The albedo, where all surfaces have the same one but for plain walls; else None."""
-        kinds = self._kinds(model)
+        kinds = self._kinds[model]
         if kinds.of_id is not None or kinds.factor is not None or model in self.surfaces.albedo:
             return None
-        return self._albedos(model)[kinds.parameters[0]]
+        return _even_albedo(model, kinds.parameters[0])
 
     def plain(self, face: np.ndarray) -> np.ndarray:
         """(n,) bool: faces that are diffuse with the walls' own albedo."""
@@ -89,7 +89,7 @@ class Materials:
 
     def _paint(self, values: np.ndarray, model: Model, hits: Hits, chosen: np.ndarray | None) -> None:
         """Multiply values (m,) of chosen hits, or of all, by the albedo factors there."""
-        factor, of_vertex = self._kinds(model).factor, self.surfaces.albedo.get(model)
+        factor, of_vertex = self._kinds[model].factor, self.surfaces.albedo.get(model)
         if factor is None and of_vertex is None:
             return
         face = hits.face if chosen is None else hits.face.take(chosen)
@@ -99,29 +99,9 @@ class Materials:
             weights = hits.weights if chosen is None else hits.weights.take(chosen, axis=0)
             values *= between_corners(of_vertex, self.surfaces.faces.take(face, axis=0), weights)
 
-    def _kinds(self, model: Model) -> Kinds:
-        kinds = self._by_model.get(model)
-        if kinds is None:
-            kinds = self._by_model[model] = kinds_of(model, self.surfaces, self.options)
-        return kinds
-
-    def _albedos(self, model: Model) -> dict[Parameters, float]:
-        found = self._albedo_of.get(model)
-        if found is None:
-            chrono = model in CHRONO
-            found = self._albedo_of[model] = {
-                parameters: 0.0 if chrono else hemispherical_albedo(parameters)
-                for parameters in self._kinds(model).parameters
-            }
-        return found
-
     @cached_property
-    def _by_model(self) -> dict[Model, Kinds]:
-        return {}
-
-    @cached_property
-    def _albedo_of(self) -> dict[Model, dict[Parameters, float]]:
-        return {}
+    def _kinds(self) -> dict[Model, Kinds]:
+        return {model: kinds_of(model, self.surfaces, self.options) for model in MODELS}
 
 
 def kinds_of(model: Model, surfaces: Surfaces, options: RenderOptions) -> Kinds:
@@ -155,6 +135,12 @@ def between_corners(of_vertex: np.ndarray, corners: np.ndarray, weights: np.ndar
     return np.asarray(first + weights[:, 0] * (second - first) + weights[:, 1] * (third - first), np.float32)
 
 
+def _even_albedo(model: Model, parameters: Parameters) -> float:
+    """`hemispherical_albedo`; none of Chrono's models, which know no light from all sides."""
+    return 0.0 if model in CHRONO else hemispherical_albedo(parameters)
+
+
+@lru_cache(maxsize=64)
 def hemispherical_albedo(parameters: Parameters) -> float:
     """Share of light from all sides that a surface scatters back (bihemispherical albedo), by a fixed quadrature."""
     places = (np.arange(12) + 0.5) / 12  # of sin^2: equal shares of cosine-weighted light

@@ -20,14 +20,19 @@ class HapkeParameters(BaseModel, extra="forbid", frozen=True):
 
     w: float = Field(ge=0, le=1, description="Single-scattering albedo.")
     b: float = Field(ge=0, lt=1, description="Width of the phase function's lobes.")
-    c: float = Field(ge=-1, le=1, description="Weight of the lobes; above 0 scatters backwards.")
-    b_s0: float = Field(0, ge=0, description="Amplitude of the shadow-hiding opposition effect.")
-    h_s: float = Field(1, gt=0, description="Its angular width, tan(g/2).")
-    b_c0: float = Field(0, ge=0, description="Amplitude of the coherent-backscatter opposition effect.")
-    h_c: float = Field(1, gt=0, description="Its angular width, tan(g/2).")
-    theta_bar_deg: float = Field(0, ge=0, lt=60, description="Mean slope of the macroscopic roughness, degrees.")
-    filling: float = Field(0, ge=0, lt=0.75, description="Filling factor phi of the porosity term; 0 sets K = 1.")
-    h_function: Literal[1981, 2002] = Field(2002, description="Approximation of Chandrasekhar's H function.")
+    c: float = Field(ge=-1, le=1, description="The lobes are weighted by this; above 0 light is scattered backwards.")
+    b_s0: float = Field(0, ge=0, description="The shadow-hiding opposition effect has this amplitude.")
+    h_s: float = Field(1, gt=0, description="The opposition effect has this angular width, tan(g/2).")
+    b_c0: float = Field(0, ge=0, description="The coherent-backscatter opposition effect has this amplitude.")
+    h_c: float = Field(1, gt=0, description="The opposition effect has this angular width, tan(g/2).")
+    theta_bar_deg: float = Field(
+        0,
+        ge=0,
+        lt=60,
+        description="The macroscopic roughness has this mean slope, degrees; rougher sand is darker under low light.",
+    )
+    filling: float = Field(0, ge=0, lt=0.75, description="The porosity term has this filling factor phi; 0 sets K = 1.")
+    h_function: Literal[1981, 2002] = Field(2002, description="Chandrasekhar's H function is approximated in this way.")
 
 
 # Lunar sets of Sato et al. 2014 (JGR Planets 119, 1775) at 566 and 643 nm, of Chrono's lunar demos, and of a laboratory
@@ -70,7 +75,7 @@ class PrincipledParameters(BaseModel, extra="forbid", frozen=True):
 
 
 class LambertParameters(BaseModel, extra="forbid", frozen=True):
-    albedo: float = Field(0.2, ge=0, le=1, description="Share of light that is scattered back.")
+    albedo: float = Field(0.2, ge=0, le=1, description="The surface scatters this share of light back.")
 
 
 class LunarLambertParameters(BaseModel, extra="forbid", frozen=True):
@@ -83,8 +88,10 @@ class LunarLambertParameters(BaseModel, extra="forbid", frozen=True):
 class HapkeChronoParameters(BaseModel, extra="forbid", frozen=True):
     """Chrono::Sensor's Hapke shader of 2025, with its slip: rough slopes are told apart by i <= g, not by i <= e."""
 
-    soil: HapkeSet | HapkeParameters = Field("chrono_lunar", description="Name of a parameter set, or the parameters.")
-    k_d: float = Field(0.7, ge=0, le=1, description="Diffuse colour: a factor of the whole.")
+    soil: HapkeSet | HapkeParameters = Field(
+        "chrono_lunar", description="A parameter set is named, or the parameters are given."
+    )
+    k_d: float = Field(0.7, ge=0, le=1, description="The whole is multiplied by this diffuse colour.")
 
     @property
     def hapke(self) -> HapkeParameters:
@@ -131,7 +138,9 @@ class Material(BaseModel, extra="forbid", frozen=True):
     """What a thing is made of, where it differs from the run's models. Parameters that are left out are the run's."""
 
     albedo: PositiveFloat = Field(1, description="Factor of the reflectance.")
-    hapke: HapkeSet | HapkeParameters | None = Field(None, description="Name of a parameter set, or the parameters.")
+    hapke: HapkeSet | HapkeParameters | None = Field(
+        None, description="A parameter set is named, or the parameters are given."
+    )
     principled: PrincipledParameters | None = None
     lambert: LambertParameters | None = None
     lunar_lambert: LunarLambertParameters | None = None
@@ -150,10 +159,12 @@ class FittingOptions(BaseModel, extra="forbid", frozen=True):
             "principled": ("roughness", "specular"),
             "hapke": ("w", "b", "c", "b_s0", "h_s", "theta_bar_deg"),
         },
-        description="Parameters of each model that are fitted; a model left out keeps its own.",
+        description="These parameters of each model are fitted; a model left out keeps its own.",
     )
     held_out: Literal["no", "30", "180", "270", "350"] = Field(
-        "30", description="Azimuth whose photos check the fit: parameters are fitted without them; no: none."
+        "30",
+        description="Photos of this azimuth check the fit, and parameters are fitted without them; no: all photos "
+        "are fitted.",
     )
     step_px: int = Field(
         2,
@@ -167,18 +178,25 @@ class FittingOptions(BaseModel, extra="forbid", frozen=True):
 class RenderOptions(SensorOptions):
     """Twins and rendered ground-truth labels."""
 
-    models: tuple[Model, ...] = Field(("principled", "hapke"), description="Reflectance models that twins are made in.")
-    engine: Literal["numpy", "taichi"] = Field("numpy", description="What evaluates reflectance; both in float32.")
+    models: tuple[Model, ...] = Field(
+        ("principled", "hapke"), description="Twins are made in these reflectance models."
+    )
+    engine: Literal["numpy", "taichi"] = Field(
+        "numpy", description="Reflectance is evaluated by this; both compute in float32."
+    )
     rays: RayEngine = Field(
-        "embree", description="What casts rays; taichi is for GPUs, numpy for tiny scenes. Both in float32 but numpy."
+        "embree",
+        description="Rays are cast by this; taichi is for GPUs, numpy, the only one in float64, for tiny scenes.",
     )
     device: Device = Field(
         "cpu",
-        description="What Taichi runs on, for `engine` and `rays`. Where both are taichi, OLAT images of lamps that "
-        "are points are made there from ray to sum.",
+        description="Taichi runs on this, for `engine` and `rays`. Where both are taichi, OLAT images of lamps that"
+        " are points are made there from ray to sum.",
     )
 
-    hapke: HapkeSet | HapkeParameters = Field("chrono_lunar", description="Name of a parameter set, or the parameters.")
+    hapke: HapkeSet | HapkeParameters = Field(
+        "chrono_lunar", description="A parameter set is named, or the parameters are given."
+    )
     principled: PrincipledParameters = PrincipledParameters()
     lambert: LambertParameters = LambertParameters()
     lunar_lambert: LunarLambertParameters = LunarLambertParameters()
@@ -202,15 +220,18 @@ class RenderOptions(SensorOptions):
         False, description="Lamps weaken with the square of the distance. Off: real spots light the sand more evenly."
     )
     lamp_radius_m: float = Field(
-        0, ge=0, description="Radius of the Sun lamps' discs, metres; 0: points, whose shadows have sharp edges."
+        0,
+        ge=0,
+        description="Sun lamps are discs of this radius, metres; 0: they are points, whose shadows have sharp edges.",
     )
-    lamp_samples: int = Field(16, ge=1, description="Rays to a lamp's disc where it is seen in part.")
+    lamp_samples: int = Field(16, ge=1, description="Where a lamp's disc is seen in part, so many rays are cast to it.")
     lamp_probe_px: int = Field(
         1,
         ge=1,
         le=32,
-        description="Above 1: only every so many-th pixel of a row probes a lamp's disc at centre and rim; pixels "
-        "between two that agree look at its centre alone. 8 takes half the time and moves few pixels.",
+        description="Only every n-th pixel of a row probes a lamp's disc at centre and rim, and pixels between two "
+        "that agree look at its centre alone; 1: every pixel probes it. 8 takes half the time and moves"
+        " few pixels.",
     )
     shadow_below: float = Field(
         0.5, gt=0, le=1, description="A pixel counts as shadow where it sees less than this share of a lamp's disc."
@@ -233,10 +254,12 @@ class RenderOptions(SensorOptions):
         0,
         ge=0,
         le=8,
-        description="Reflections that light is traced over between its lamp and the surface that is seen; 0: "
-        "none, `bounce` stands for them. Chrono's models have none.",
+        description="Light is traced over so many reflections between its lamp and the surface that is seen; 0: "
+        "over none, `bounce` stands for them. Chrono's models have none.",
     )
-    bounce_rays: int = Field(128, ge=1, description="Random paths of a traced pixel.")
+    bounce_rays: int = Field(
+        128, ge=1, description="So many random paths are traced from a pixel; more take longer and have less noise."
+    )
     bounce_scale: int = Field(
         4,
         ge=1,
@@ -250,22 +273,29 @@ class RenderOptions(SensorOptions):
         description="Open feet of rock meshes are drawn out downwards so far, metres: no light beneath them.",
     )
     rim: bool = Field(True, description="Add the walls of the sandbox: they cast shadows and are seen.")
-    rim_half_width_m: float = Field(2.05, gt=0, description="Half the inner width of the sandbox, metres.")
-    rim_height_m: float = Field(0.28, gt=0, description="Top of the walls above the median ground, metres.")
+    rim_half_width_m: float = Field(2.05, gt=0, description="The sandbox is twice this wide inside, metres.")
+    rim_height_m: float = Field(0.28, gt=0, description="Walls end so high above the median ground, metres.")
     rim_albedo: float | None = Field(
-        None, ge=0, le=1, description="Albedo of the walls, plain diffuse; none: they are as the ground. Cloth: 0.5."
+        None,
+        ge=0,
+        le=1,
+        description="Walls are plain diffuse with this albedo (cloth: 0.5); none: they are as the ground.",
     )
 
     gain: dict[Model, PositiveFloat] = Field(
-        default_factory=dict, description="Grey values per ms and unit of radiance; a model left out is calibrated."
+        default_factory=dict,
+        description="A unit of radiance makes so many grey values per ms; a model left out is calibrated.",
     )
-    calibration_photos: int = Field(6, ge=0, description="Photos that a gain is calibrated on; 0: built-in gains.")
-    seed: int = Field(0, ge=0, description="Seed of the noise and of traced light.")
+    calibration_photos: int = Field(
+        6, ge=0, description="A gain is calibrated on so many photos; 0: built-in gains are taken."
+    )
+    seed: int = Field(0, ge=0, description="Noise and traced light are drawn from this seed.")
 
     maps: tuple[MapName, ...] = Field(
         (),
-        description="Pictures beside twins, in renders/maps: depth (mm), depth_float (m), normal, angles (incidence, "
-        "emergence, phase), shading (lit, or what hides the lamp), lit (share of the lamp that is seen).",
+        description="These pictures are written beside twins, in renders/maps: depth (mm), depth_float (m), normal,"
+        " angles (incidence, emergence, phase), shading (lit, or what hides the lamp), lit (share of "
+        "the lamp that is seen).",
     )
     min_rock_px: int = Field(30, ge=1, description="Rocks with fewer visible pixels get no box.")
     min_shadow_px: int = Field(60, ge=1, description="Shadows with fewer visible pixels get no box.")

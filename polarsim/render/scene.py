@@ -15,8 +15,7 @@ from polarsim.render.olat import render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of, noise_seed
-from polarsim.render.shot import Shot
-from polarsim.render.sidecar import Sidecar, digests_of
+from polarsim.render.sidecar import Shot, Sidecar, digests_of
 from polarsim.render.surfaces import Surfaces, surfaces_of
 
 

@@ -1,46 +1,37 @@
-"""Whose shadow a piece of ground lies in."""
+"""Whose shadow a piece of ground lies in, and what keeps a lamp from the pixels that it does not light."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from polarsim.formats.instances import GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
-from polarsim.geometry.rays import START_OFFSET
+from polarsim.formats.instances import BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
+from polarsim.geometry.rays import START_OFFSET, Caster
 from polarsim.geometry.vectors import dot, length, moved, scaled
 from polarsim.render.hits import Hits
 from polarsim.render.lamps import Lamp
-from polarsim.render.penumbra import to_disc, turns
+from polarsim.render.lighting import to_disc, turns
 from polarsim.render.surfaces import Surfaces
 
 _RELIEF_REACH = 0.15  # metres: ground nearer than this is roughness of the place, not another thing that hides the lamp
+# Codes of shading pictures besides ids. FACES_AWAY: attached shadow. ROCK_IDS + k: rock k's own surface, which rock k
+# itself hides from the lamp: self shadow. SHADOW_IDS + k: whatever else rock k hides: cast shadow. BY_RELIEF, BY_WALL:
+# cast by the ground or a wall.
+NOTHING, LIT, BY_RELIEF, BY_WALL, FACES_AWAY = 0, 1, 2, 3, 4
+NOBODY = -1  # in the place of an id
+_OPEN = 0  # nothing was found in the way
 
 
-def ground_shadows(surfaces: Surfaces, hits: Hits, ids: np.ndarray, lamp: Lamp, lit: np.ndarray) -> np.ndarray:
+def ground_shadows(
+    surfaces: Surfaces, hits: Hits, ids: np.ndarray, lamp: Lamp, dark: np.ndarray, samples: int
+) -> np.ndarray:
     """The ids (n,) of the hits with the lamp's shadows on the ground written in.
 
-    `lit` (m,) numbers hits that the lamp is known to light, so that no ray is cast for them.
+    `dark` (n,) bool: hits that may lie in shadow; of a lamp that is a disc those that see too little of it.
 
     Ground belongs to the shadow of the first rock on its way to the lamp, unless a wall or the relief farther than
     15 cm away keeps it dark anyway: there nobody sees the rock's shadow. Grains of sand in the dark inside a rock's
-    shadow are part of it.
-    """
-    ids = ids.copy()
-    in_question = ids == GROUND
-    in_question[lit] = False
-    ground = np.flatnonzero(in_question)
-    point = hits.point.take(ground, axis=0)
-    to_lamp, _ = lamp.light_at(point, falloff=False)
-    ids[ground] = on_ground(surfaces, point, hits.plane.take(ground, axis=0), to_lamp)
-    return ids
-
-
-def disc_shadows(
-    surfaces: Surfaces, hits: Hits, ids: np.ndarray, lamp: Lamp, dark: np.ndarray, samples: int
-) -> np.ndarray:
-    """As `ground_shadows`, of a lamp that is a disc; `dark` (n,) bool: hits that see too little of it.
-
-    The shadow is that of what hides the disc's centre; where nothing does, of what hides the first of as many other
-    places of it.
+    shadow are part of it. Of a disc the centre counts; where nothing hides that, the first of as many other places of
+    it that something hides.
     """
     ids = ids.copy()
     ground = np.flatnonzero(dark & (ids == GROUND))
@@ -80,3 +71,61 @@ def on_ground(surfaces: Surfaces, point: np.ndarray, plane: np.ndarray, to_lamp:
     dark[facing] = surfaces.rest.occluded(point.take(lit, axis=0), along.take(lit, axis=0), far[lit])
     ids[others[dark]] = RELIEF_SHADOW
     return ids
+
+
+def shading_of(surfaces: Surfaces, hits: Hits, lamp: Lamp, dark: np.ndarray, samples: int) -> np.ndarray:
+    """(n,) uint16 codes of the hits in a shading picture; `dark` (n,) bool: those that count as shadow.
+
+    Surface that faces away is in shadow for that alone. On rocks the first thing on the way to the lamp is named. On
+    ground and walls a rock is named, the first one, only where the rest of ground and walls leaves the lamp free:
+    they would be lit without rocks. Pictures of ids (`ground_shadows`) fill such grains in. Of a disc the
+    centre counts; where nothing hides that, the first of as many other places of it that something hides.
+    """
+    shading = np.full(len(hits.pixel), LIT, np.uint16)
+    to_lamp, _ = lamp.light_at(hits.point, falloff=False)
+    away = (dot(hits.plane, to_lamp) <= 0) | (dot(hits.normal, to_lamp) <= 0)
+    shading[dark & away] = FACES_AWAY
+    left = np.flatnonzero(dark & ~away)
+    own = surfaces.id_of_face.take(hits.face)
+    turn = turns(hits.pixel[left], hits.rows.start)
+    for towards in to_disc(to_lamp.take(left, axis=0), lamp.radius_m, samples, turn):
+        open_still = np.flatnonzero(shading[left] == LIT)
+        if not len(open_still):
+            break
+        asked = left[open_still]
+        found = _in_the_way(surfaces, hits, asked, own[asked], towards.take(open_still, axis=0))
+        shading[asked] = np.where(found == _OPEN, LIT, found)
+    left = left[shading[left] == LIT]  # hidden by a hair's breadth, so by what is nearest
+    shading[left] = np.select([own[left] >= ROCK_IDS, own[left] == GROUND], [own[left], BY_RELIEF], BY_WALL)
+    return shading
+
+
+def _in_the_way(surfaces: Surfaces, hits: Hits, asked: np.ndarray, own: np.ndarray, towards: np.ndarray) -> np.ndarray:
+    """(m,) codes of the hits numbered `asked`, whose ids are `own`, along vectors to the lamp; `_OPEN` for none."""
+    point = hits.point.take(asked, axis=0)
+    first = np.full(len(asked), NOBODY, np.int32)
+    on_rock, on_rest = np.flatnonzero(own >= ROCK_IDS), np.flatnonzero(own < ROCK_IDS)
+    for numbers, rays, faces in (
+        (on_rock, surfaces.all, slice(None)),
+        (on_rest, surfaces.rest, surfaces.rest_faces),
+        (on_rest, surfaces.rocks, surfaces.rock_faces),
+    ):
+        left = numbers[first[numbers] == NOBODY]
+        ids = surfaces.id_of_face[faces]
+        first[left] = _first(rays, ids, point.take(left, axis=0), towards.take(left, axis=0))
+    return np.select(
+        [first == NOBODY, first == BACKGROUND, first == GROUND, first == own],
+        [_OPEN, BY_WALL, BY_RELIEF, first],
+        first - ROCK_IDS + SHADOW_IDS,
+    )
+
+
+def _first(rays: Caster, id_of_face: np.ndarray, point: np.ndarray, towards: np.ndarray) -> np.ndarray:
+    """(n,) id of the first surface between points and lamp, `NOBODY` for none."""
+    far = length(towards)
+    along = scaled(towards, 1 / far)
+    distance, face = rays.nearest(moved(point, along, np.float32(START_OFFSET)), along)
+    met = distance < far
+    first = np.full(len(point), NOBODY, np.int32)
+    first[met] = id_of_face[face[met]]
+    return first

@@ -19,8 +19,31 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
-from polarsim.render.options import MODELS, RenderOptions
-from polarsim.render.shot import Shot
+from polarsim.render.options import MODELS, Model, RenderOptions
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What makes a picture of a scene.
+
+    Parameters
+    ----------
+    camera : Camera
+        In the sandbox; `geometry.poses.looking` makes a pose from a place and angles, `camera.scaled(0.25)` renders a
+        small picture.
+    lamps : name -> Lamp
+        Near points or discs of light, or `Lamp.sun`; any names. None: black.
+    exposure_ms : float
+        Exposure time, ms.
+    model : str
+        One of `render.options.MODELS`; its parameters and gain are those of the scene's options.
+    """
+
+    camera: Camera
+    lamps: Mapping[str, Lamp]
+    exposure_ms: float
+    model: Model
+
 
 # Options that a sidecar says as `parameters`, `gain_per_ms` and `sources`.
 _SAID_APART = {*MODELS, "models", "gain", "maps", "fitting", "materials_from_photos"}

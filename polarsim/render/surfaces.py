@@ -1,4 +1,8 @@
-"""All surfaces of a terrain that light meets: ground, rocks and the sandbox's walls, ready for rays."""
+"""All surfaces of a terrain that light meets: ground, rocks and the sandbox's walls, ready for rays.
+
+Rocks sit in the sand: scanned ones have no underside, and their meshes end some millimetres above or below the
+ground's. So their open rims are drawn out downwards, and no light passes beneath them.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +17,14 @@ from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.casters import caster
 from polarsim.geometry.rays import Caster, Device, RayEngine, Surveyor
+from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.skirts import with_skirts
 
 _WALL_THICKNESS = 0.05  # metres
 _WALL_FOOT = 0.5  # metres that walls reach below the median ground
+_LOWER_PART = 0.5  # of a rock's height: rims above it are holes in its back, not its foot
+_SAME_PLACE = 1e-6  # metres: vertices nearer than this are one, or seams between them would count as rims
 
 
 @dataclass(frozen=True)
@@ -152,3 +158,52 @@ def box(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     quads = np.arange(24).reshape(6, 4)
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     return np.concatenate(vertices), faces, np.concatenate(normals)
+
+
+def with_skirts(mesh: TerrainMesh, depth: float) -> TerrainMesh:
+    """The terrain with an upright skirt of `depth` metres under the low rims of every open rock."""
+    vertices, faces, normals, rocks = [mesh.vertices], [mesh.faces], [mesh.normals], [mesh.rock_of_face]
+    count = len(mesh.vertices)
+    for rock in mesh.rocks:
+        rim = low_rim(mesh.vertices, mesh.faces[mesh.rock_of_face == rock])
+        if not len(rim):
+            continue
+        skirt, skirt_faces, skirt_normals = hang(mesh.vertices[rim[:, 0]], mesh.vertices[rim[:, 1]], depth)
+        vertices.append(skirt)
+        faces.append(skirt_faces + count)
+        normals.append(skirt_normals)
+        rocks.append(np.full(len(skirt_faces), rock))
+        count += len(skirt)
+    return TerrainMesh(*(np.concatenate(parts) for parts in (vertices, faces, rocks, normals)))
+
+
+def low_rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(e, 2) vertex numbers of the edges that only one of the faces (f, 3) has, in its direction, low on the rock."""
+    if is_watertight(faces):
+        return np.zeros((0, 2), np.int64)
+    used = np.unique(faces)
+    place = np.unique(np.round(vertices[used] / _SAME_PLACE), axis=0, return_inverse=True)[1].ravel()
+    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    start, end = place[np.searchsorted(used, edges)].T
+    pair = np.minimum(start, end) * len(used) + np.maximum(start, end)
+    _, first, times = np.unique(pair, return_index=True, return_counts=True)
+    rim = edges[np.sort(first[times == 1])]
+    height = vertices[used, 2]
+    limit = height.min() + _LOWER_PART * np.ptp(height)
+    return rim[(vertices[rim, 2] < limit).all(axis=1)]
+
+
+def hang(start: np.ndarray, end: np.ndarray, depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices (4 e, 3), faces (2 e, 3), normals (4 e, 3) of upright strips under edges from `start` to `end` (e, 3).
+
+    They look to the side on which the faces above the edges look.
+    """
+    down = np.array([0, 0, depth])
+    vertices = np.stack([start, end, end - down, start - down], axis=1)
+    quads = np.arange(4 * len(start)).reshape(-1, 4)
+    faces = np.concatenate([quads[:, [1, 0, 3]], quads[:, [1, 3, 2]]])
+    along = end - start
+    outward = np.stack([along[:, 1], -along[:, 0], np.zeros(len(along))], axis=1)
+    length = np.linalg.norm(outward, axis=1, keepdims=True)
+    outward = np.divide(outward, length, out=np.zeros_like(outward), where=length > 0)
+    return vertices.reshape(-1, 3), faces, np.repeat(outward, 4, axis=0)

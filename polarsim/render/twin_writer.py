@@ -7,78 +7,106 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from polarsim.formats import lamps as lamp_files
+from polarsim.formats import materials as material_files
 from polarsim.formats import png
 from polarsim.formats.materials import FittedMaterials
+from polarsim.formats.scene import mesh_files
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.photo import PhotoKey
-from polarsim.render.fitted import as_bright_as_fitted
-from polarsim.render.gain import calibrate, default_gain
+from polarsim.photo import PhotoKey, by_bracket
+from polarsim.render.gain import as_bright_as_fitted, calibrate, default_gain
 from polarsim.render.indirect import OlatImages
 from polarsim.render.lamps import Lamp, lit_by
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.sensor import expose, noise_of
-from polarsim.render.shot import Shot
-from polarsim.render.twin_sidecars import TwinSidecars
+from polarsim.render.sensor import expose, noise_of, noise_seed
+from polarsim.render.sidecar import Shot, Sidecar, digest_of, write_sidecar
 
 log = logging.getLogger("polarsim.render")
 
 
-class TwinWriter:
-    """Writes the twins of one terrain, view by view."""
+def sources_of(terrain: int, meshes: Path, lamps: Path, materials: Path | None) -> dict[str, str]:
+    """What all of a terrain's twins come from, hashed once for the `sources` of their sidecars; given are its folders.
 
-    def __init__(
-        self,
-        twins: Mapping[Model, Path],
-        references: Mapping[PhotoKey, Path],
-        fitted: FittedMaterials | None,
-        sidecars: TwinSidecars,
-        options: RenderOptions,
-        threads: int,
-    ) -> None:
-        """
-        Parameters
-        ----------
-        twins : model -> Path
-            Folders, made if they are not there.
-        references : key -> Path
-            Photos that set the brightness of models without a gain; their view must be written first.
-        """
-        for folder in twins.values():
+    `lamps`: `lamps.json`, where photos showed where lamps stood; `materials`: what was fitted to photos, if it was:
+    albedo by vertex is in there alone, and lamps are as bright as it says.
+    """
+    found = lamps / lamp_files.FILE
+    return {
+        "meshes": digest_of(mesh_files(meshes, terrain).values()),
+        **({"lamps": digest_of([found])} if found.exists() else {}),
+        **({"materials": digest_of(material_files.files_of(materials))} if materials else {}),
+    }
+
+
+@dataclass
+class TwinWriter:
+    """Writes the twins of one terrain, view by view.
+
+    Beside the `sources`, sidecars name `camera`, the position's `PosX.json`, and `photos`, those that set the model's
+    gain, where there were some.
+
+    Parameters
+    ----------
+    twins : model -> Path
+        Folders, made if they are not there.
+    cameras : Path
+        Folder with the terrain's `PosX.json`.
+    references : key -> Path
+        Photos that set the brightness of models without a gain; their view must be written first.
+    """
+
+    terrain: int
+    twins: Mapping[Model, Path]
+    cameras: Path
+    sources: Mapping[str, str]
+    references: Mapping[PhotoKey, Path]
+    fitted: FittedMaterials | None
+    options: RenderOptions
+    threads: int
+    _gains: dict[Model, tuple[float, dict[str, str]]] = field(default_factory=dict)  # and the photos behind them
+
+    def __post_init__(self) -> None:
+        for folder in self.twins.values():
             folder.mkdir(parents=True, exist_ok=True)
-        self._twins, self._references, self._fitted, self._sidecars = twins, references, fitted, sidecars
-        self._options, self._threads = options, threads
-        self._gains = {model: options.gain[model] for model in twins if options.gain.get(model)}
 
     def write(
         self, keys: Sequence[PhotoKey], olat_images: OlatImages, lamps: Mapping[str, Lamp], camera: Camera
     ) -> None:
         """Write `KEY.png` and `KEY.json` of one view into the folder of every model."""
-        for model, folder in self._twins.items():
-            gain = self._gain(model, olat_images)
-            active_lamps = as_bright_as_fitted(lamps, self._fitted, model)
+        for model, folder in self.twins.items():
+            gain, photos = self._gain(model, olat_images)
+            active_lamps = as_bright_as_fitted(lamps, self.fitted, model)
             own = {name: olat_image for (of, name), olat_image in olat_images.items() if of == model}
             if active_lamps is not lamps:
                 own = {
                     name: olat_image * (active_lamps[name].intensity / lamps[name].intensity)
                     for name, olat_image in own.items()
                 }
-            write_photos(folder, keys, own, camera.lens, gain, self._options, self._threads)
-            self._sidecars.write(folder, keys, Shot(camera, active_lamps, 0, model), gain)
+            write_photos(folder, keys, own, camera.lens, gain, self.options, self.threads)
+            sources: dict[str, str] = {}
+            for key in keys:
+                camera_file = self.cameras / f"Pos{key.position}.json"
+                sources = sources or {**self.sources, **photos, "camera": digest_of([camera_file])}
+                shot = Shot(camera, {name: active_lamps[name] for name in lit_by(key)}, float(key.exposure_ms), model)
+                seed = noise_seed(self.options, key)
+                sidecar = Sidecar(shot, self.terrain, self.options, gain, sources, seed)
+                write_sidecar(folder / f"{key}.json", sidecar.content())
 
-    def _gain(self, model: Model, olat_images: OlatImages) -> float:
-        """Of the options, else as bright as the photos, else built in."""
+    def _gain(self, model: Model, olat_images: OlatImages) -> tuple[float, dict[str, str]]:
+        """Of the options, else as bright as the photos, else built in; of photos also their digest."""
+        if model not in self._gains and self.options.gain.get(model):
+            self._gains[model] = self.options.gain[model], {}
         if model not in self._gains:
-            found = calibrate(self._references, olat_images, model)
-            if found:
-                self._sidecars.set_gain_by(model, self._references.values())
-            self._gains[model] = found or default_gain(model, self._options)
-            origin = "from photos" if found else "built in"
-            log.info("terrain %02d, %s: gain %.6g, %s", self._sidecars.terrain, model, self._gains[model], origin)
+            found = calibrate(self.references, olat_images, model)
+            gain, origin = found or default_gain(model, self.options), "from photos" if found else "built in"
+            log.info("terrain %02d, %s: gain %.6g, %s", self.terrain, model, gain, origin)
+            self._gains[model] = gain, {"photos": digest_of(self.references.values())} if found else {}
         return self._gains[model]
 
 
@@ -93,9 +121,6 @@ def write_photos(
 ) -> None:
     """Write the photos of one view, `folder/KEY.png`, from its OLAT images by lamp."""
     dark = np.zeros(lens.shape, np.float32)
-    brackets: dict[tuple[object, ...], list[PhotoKey]] = {}
-    for key in keys:
-        brackets.setdefault(key.bracket, []).append(key)
 
     def write(bracket: list[PhotoKey]) -> None:
         radiance = sum((olat_images[name] for name in lit_by(bracket[0])), dark)
@@ -104,4 +129,4 @@ def write_photos(
             png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        list(pool.map(write, brackets.values()))
+        list(pool.map(write, by_bracket(keys).values()))

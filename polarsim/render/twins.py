@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -17,19 +17,15 @@ from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import read_terrain
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, View
 from polarsim.progress import track
-from polarsim.render.amodal import hidden_parts
-from polarsim.render.fitted import with_fit
-from polarsim.render.gain import calibration_photos
-from polarsim.render.ground_truth import label_row, label_view
+from polarsim.render.gain import calibration_photos, with_fit
+from polarsim.render.ground_truth import hidden_parts, label_row, label_view
 from polarsim.render.lamps import Lamp, lamps_of, lit_by
-from polarsim.render.map_files import lamps_of_maps, write_view_maps
-from polarsim.render.maps import maps_of
+from polarsim.render.maps import lamps_of_maps, maps_of, write_view_maps
 from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import surfaces_of
-from polarsim.render.twin_sidecars import TwinSidecars
-from polarsim.render.twin_writer import TwinWriter
+from polarsim.render.twin_writer import TwinWriter, sources_of
 
 log = logging.getLogger("polarsim.render")
 
@@ -76,7 +72,7 @@ def render_twins(
     threads: int,
     materials: Path | None = None,
     lamps: Path | None = None,
-    only: Collection[PhotoKey] | None = None,
+    only: Set[PhotoKey] | None = None,
 ) -> None:
     """Write KEY.png for every key into the folder of every model, 16-bit PNG of 12-bit values with black level 16.
 
@@ -97,7 +93,7 @@ def render_twins(
         Folder with the terrain's fitted materials and lamps; they go before the options.
     lamps : Path or None
         Folder with the Sun lamps' `lamps.json`, where it is not `cameras`.
-    only : collection of PhotoKey or None
+    only : set of PhotoKey or None
         Those of the keys that are written; brightness is calibrated over all of them, so it stays what it was.
 
     Raises
@@ -118,8 +114,8 @@ def render_twins(
     calibrated = any(not options.gain.get(model) for model in twins)
     references = calibration_photos(photos, shown, options.calibration_photos) if calibrated else {}
     first = {(key.position, key.camera) for key in references}
-    sidecars = TwinSidecars(terrain, meshes, cameras, lamps or cameras, materials, options)
-    writer = TwinWriter(twins, references, fitted, sidecars, options, threads)
+    sources = sources_of(terrain, meshes, lamps or cameras, materials)
+    writer = TwinWriter(terrain, twins, cameras, sources, references, fitted, options, threads)
     found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
         rig, own = rigs[view[0]], [key for key in views[view] if only is None or key in only]

@@ -1,10 +1,8 @@
-"""The table of detection: every detector on every domain, in the layout of the paper's Table 1 with its figures
-beside.
-"""
+"""The table of detection: every detector on every domain, in the paper's Table 1's layout, its figures beside."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -32,11 +30,13 @@ def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], m
     Pictures that are darker than `min_mean_dn` (mean above black, DN) were left out; 0: none was.
     """
     table = tidy_detection(read_parquet(detection, COLUMNS), origin["source"])
-    notes = [*detector_notes(table), *_dark_notes(min_mean_dn), *seed_notes(table), origin_note(origin)]
+    notes = [*paper.analog_notes(table, ("trained", "evaluated")), *detector_notes(table)]
+    if min_mean_dn:
+        notes.append(f"Near-black pictures, with a mean below {min_mean_dn:g} DN above black, are left out.")
+    notes += seed_notes(table)
     if table["paper_map50"].notna().any():
-        notes.insert(-1, "Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
-    if paper.ANALOG in {*table["trained"], *table["evaluated"]}:
-        notes.insert(0, paper.ANALOG_PICTURES_NOTE)
+        notes.append("Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
+    notes.append(origin_note(origin))
     blocks = {CAPTION: format_detection(table)}
     if not seed_notes(table):
         unit = "/".join(sorted(set(table["unit"].astype(str)))) or "view"
@@ -49,8 +49,7 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
 
     The paper has rocks in NASA's photos and their twins only: all other rows have no figure of it.
     """
-    table = detection[list(COLUMNS)].copy()
-    table = paper.with_own_names(table, ("trained", "evaluated"), source)
+    table = paper.with_own_names(detection[list(COLUMNS)], ("trained", "evaluated"), source)
     places = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
     found = [
         paper.DETECTION.get((trained, evaluated)) if kind == ROCK and paper.is_comparable(source) else None
@@ -59,14 +58,12 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     for number, name in enumerate(MEASURES):
         values = [figures[number] if figures else float("nan") for figures in found]
         table[f"paper_{name}"] = pd.Series(values, dtype="float64")
-    order = sorted(range(len(table)), key=lambda row: _place(table, row))
-    return table.iloc[order].reset_index(drop=True)
+    domains = (key for name in ("trained", "evaluated") for key in (table[name].map(paper.rank), table[name]))
+    return paper.sorted_rows(table, table["kind"].map(KINDS.index), table["split"].astype(str), *domains)
 
 
 def format_detection(table: pd.DataFrame) -> pd.DataFrame:
-    """The paper's Table 1 out of tidy rows: a row a detector, a column an evaluated domain, then the paper's
-    columns.
-    """
+    """The paper's Table 1 out of tidy rows: a row a detector, a column an evaluated domain, then the paper's."""
     return _format(table, _cell)
 
 
@@ -132,20 +129,21 @@ def detector_notes(detection: pd.DataFrame) -> list[str]:
     return notes
 
 
-def notes_of_detectors(path: Path | None) -> list[str]:
-    """`detector_notes` of detect/detection.parquet; none without it."""
-    return [] if path is None else detector_notes(read_parquet(path, COLUMNS))
+def notes_below(
+    table: pd.DataFrame,
+    own: Sequence[str],
+    detection: Path | None,
+    origin: Mapping[str, str],
+    domains: Sequence[str] = ("trained", "evaluated"),
+) -> list[str]:
+    """What stands below a table of detectors: its own notes between what all such tables say.
 
-
-def _dark_notes(min_mean_dn: float) -> list[str]:
-    """The rule of near-black pictures, where one holds."""
-    return (
-        [f"Near-black pictures, with a mean below {min_mean_dn:g} DN above black, are left out."] if min_mean_dn else []
-    )
-
-
-def _place(table: pd.DataFrame, row: int) -> tuple[object, ...]:
-    entry: Mapping[Hashable, object] = table.iloc[row].to_dict()
-    kind, trained, evaluated = (str(entry[name]) for name in ("kind", "trained", "evaluated"))
-    place = KINDS.index(kind) if kind in KINDS else len(KINDS)
-    return place, kind, str(entry["split"]), paper.rank(trained), trained, paper.rank(evaluated), evaluated
+    Parameters
+    ----------
+    detection
+        detect/detection.parquet, for `detector_notes`; None leaves these out.
+    domains
+        Columns that name domains: where one is the analog, that is said first.
+    """
+    detectors = [] if detection is None else detector_notes(read_parquet(detection, COLUMNS))
+    return [*paper.analog_notes(table, domains), *own, *seed_notes(table), *detectors, origin_note(origin)]

@@ -6,18 +6,69 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from polarsim.report.breakdown_table import tabulate_breakdown
-from polarsim.report.detection_table import tabulate_detection
-from polarsim.report.differences_table import tabulate_differences
-from polarsim.report.false_positives_table import tabulate_false_positives
+import pandas as pd
+
+from polarsim.formats.tables import read_parquet
+from polarsim.report import paper
+from polarsim.report.detection_table import KINDS, notes_below, tabulate_detection
 from polarsim.report.ipd_rocks_table import tabulate_ipd_rocks
 from polarsim.report.ipd_table import tabulate_ipd
+from polarsim.report.layout import MISSING, with_origin, write_blocks, write_table
+from polarsim.report.seeds import SEED, by_splits, over_seeds, shown
+
+FALSE_POSITIVE_COLUMNS = (
+    "trained", "evaluated", "place", "terrains", "images", "units", "photo_areas", "false_positives",
+    "per_photo", "per_photo_low", "per_photo_high", "area_share", "area_share_low", "area_share_high",
+)  # fmt: skip
+FALSE_POSITIVE_CAPTION = (
+    "False positives: rocks seen where no rock is labelled, lower is better (T: trained on, E: evaluated on)."
+)
+FALSE_POSITIVE_NOTES = (
+    "A predicted rock is a false positive if it covers less than a tenth of the smaller one of it "
+    "and each rock label; `detect.comparison.iou_confidence` is its least confidence.",
+    "Rock-free tiles: of 8 x 4 tiles of each photo those that no rock label reaches into; rates are per whole photo's "
+    "area. Rocks that nobody labelled count as false. In brackets 95 % intervals, bootstrapped.",
+)
+BREAKDOWN_COLUMNS = (
+    "trained", "evaluated", "by", "group", "kind", "images", "units", "labels",
+    "map50", "map50_low", "map50_high", "map50_95", "map50_95_low", "map50_95_high",
+    "iou_mean", "iou_mean_low", "iou_mean_high",
+)  # fmt: skip
+BREAKDOWN_CAPTIONS = {
+    "all": "Detection in all photos: mAP@0.5 [95 %], higher is better (T: trained on, E: evaluated on).",
+    "size": "Detection by size of the label's box: mAP@0.5 [95 %].",
+    "exposure": "Detection by exposure, ms: mAP@0.5 [95 %].",
+    "azimuth": "Detection by the Sun lamp's azimuth, degrees (no: lamp off): mAP@0.5 [95 %].",
+    "light": "Detection by rover light: mAP@0.5 [95 %].",
+    "terrain": "Detection by terrain: mAP@0.5 [95 %].",
+}
+SIZES = ("small", "medium", "large")
+BREAKDOWN_NOTES = (
+    "Sizes are COCO's, of the label's box in a photo of full size: small below 32 x 32 px, medium up to 96 x 96 px, "
+    "large above. Predictions on labels of another size are neither right nor wrong.",
+    "Average precision: mean over 101 recalls of the highest precision there or beyond. Intervals: bootstrap of views "
+    "(terrain, position, camera) or of photos, as the run's option `detect.comparison.resampled` says; none for a "
+    "single one.",
+)
+DOMAINS = ("trained", "evaluated", "other_trained", "other_evaluated")
+DIFFERENCE_COLUMNS = (
+    "split", "seed", "metric", "kind", "against", *DOMAINS, "value", "other_value", "difference", "difference_low",
+    "difference_high", "units", "unit",
+)  # fmt: skip
+METRIC_TITLES = {"map50": "mAP@0.5", "ipd": "IPD"}
+DIFFERENCE_CAPTION = "Paired differences: each of the first minus the second, with its own 95 % interval."
+DIFFERENCE_NOTE = (
+    "Both sides of a difference are resampled together, so its interval tells whether they differ: it holds zero where "
+    "these photos cannot tell. Intervals of the two metrics themselves may meet all the same. IPD: lower is better."
+)
 
 
 def tabulate_detectors(
     *, found: Mapping[str, Path], tables: Path, origin: dict[str, str], min_mean_dn: float = 0.0
 ) -> None:
     """Write detection, differences, detection_breakdown, false_positives, ipd, ipd_rocks, each as {csv,md,tex,parquet}.
+
+    Below each table stand what one must know of the detectors, `detection_table.detector_notes`.
 
     Parameters
     ----------
@@ -35,3 +86,106 @@ def tabulate_detectors(
     tabulate_false_positives(**common, false_positives=found["false_positives"], stem=tables / "false_positives")
     tabulate_ipd(**common, ipd=found["ipd"], stem=tables / "ipd")
     tabulate_ipd_rocks(**common, rocks=found["rocks"], stem=tables / "ipd_rocks")
+
+
+def tabulate_false_positives(
+    *, false_positives: Path, stem: Path, origin: dict[str, str], detection: Path | None = None
+) -> None:
+    """Write tables/false_positives.{csv,md,tex,parquet} from detect/false_positives.parquet."""
+    table = read_parquet(false_positives, FALSE_POSITIVE_COLUMNS)
+    table = paper.with_own_names(table, ("trained", "evaluated"), origin["source"])
+    table = paper.sorted_rows(
+        table, table["place"], *(table[name].map(paper.rank) for name in ("trained", "evaluated"))
+    )
+    notes = notes_below(table, FALSE_POSITIVE_NOTES, detection, origin)
+    shown_table = format_false_positives(table)
+    write_table(stem, with_origin(table, origin), FALSE_POSITIVE_CAPTION, layout=shown_table, notes=notes)
+
+
+def format_false_positives(table: pd.DataFrame) -> pd.DataFrame:
+    """A row a place, detector and domain."""
+    columns = ["where", "T", "E", "terrains", "photos", "per photo", "share of area, %"]
+    rows = []
+    for split, matched in by_splits(table):
+        for (place, trained, evaluated), part in matched.groupby(["place", "trained", "evaluated"], sort=False):
+            shares = ["area_share", "area_share_low", "area_share_high"]
+            percent = part.assign(**{name: 100 * part[name] for name in shares})
+            values = (
+                place,
+                paper.title(str(trained)),
+                paper.title(str(evaluated)),
+                str(part["terrains"].iloc[0]),
+                int(part["images"].iloc[0]),
+                shown(part, "per_photo"),
+                shown(percent, "area_share"),
+            )
+            rows.append(split | dict(zip(columns, values, strict=True)))
+    return pd.DataFrame(rows, columns=None if rows else columns)
+
+
+def tabulate_breakdown(*, breakdown: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
+    """Write tables/detection_breakdown.{csv,md,tex,parquet} from detect/breakdown.parquet."""
+    table = tidy_breakdown(read_parquet(breakdown, BREAKDOWN_COLUMNS), origin["source"])
+    notes = notes_below(table, BREAKDOWN_NOTES, detection, origin)
+    blocks = {BREAKDOWN_CAPTIONS[str(by)]: format_breakdown(part) for by, part in table.groupby("by", sort=False)}
+    write_blocks(stem, with_origin(table, origin), blocks or {BREAKDOWN_CAPTIONS["all"]: table}, notes)
+
+
+def tidy_breakdown(breakdown: pd.DataFrame, source: str) -> pd.DataFrame:
+    """Domains by their names in our tables, rows in the paper's order of them."""
+    table = paper.with_own_names(breakdown, ("trained", "evaluated"), source)
+    domains = (table[name].map(paper.rank) for name in ("trained", "evaluated"))
+    sizes = table["group"].map(lambda name: SIZES.index(name) if name in SIZES else len(SIZES))
+    places = table["by"].map(list(BREAKDOWN_CAPTIONS).index), table["kind"].map(KINDS.index)
+    return paper.sorted_rows(table, *places, *domains, sizes, table["group"].astype(str))
+
+
+def format_breakdown(table: pd.DataFrame) -> pd.DataFrame:
+    """A row a kind, detector and domain, a column a group, of tidy rows of one `by`."""
+    groups = list(dict.fromkeys(table["group"]))
+    names = ["kind", "trained", "evaluated"]
+    rows = []
+    for split, matched in by_splits(table):
+        for (kind, trained, evaluated), part in matched.groupby(names, sort=False):
+            row = split | {"labels": kind, "T": paper.title(str(trained)), "E": paper.title(str(evaluated))}
+            for group in groups:
+                found = part[part["group"] == group]
+                row[str(group)] = shown(found, "map50") if len(found) else MISSING
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def tabulate_differences(*, differences: Path, detection: Path, stem: Path, origin: dict[str, str]) -> None:
+    """Write tables/differences.{csv,md,tex,parquet} from detect/differences.parquet."""
+    table = tidy_differences(read_parquet(differences, DIFFERENCE_COLUMNS), origin["source"])
+    resampled = [f"Resampled: {unit}s." for unit in sorted(set(table["unit"].astype(str)))]
+    notes = notes_below(table, [DIFFERENCE_NOTE, *resampled], detection, origin, domains=())
+    shown_table = format_differences(table)
+    write_table(stem, with_origin(table, origin), DIFFERENCE_CAPTION, layout=shown_table, notes=notes)
+
+
+def tidy_differences(differences: pd.DataFrame, source: str) -> pd.DataFrame:
+    """Rows with domains by their names in our tables: rocks first, mAP before IPD, in the paper's order of domains."""
+    table = paper.with_own_names(differences, [*DOMAINS, "against"], source)
+    kind, metric = table["kind"].map(KINDS.index), table["metric"].map(list(METRIC_TITLES).index)
+    ranks = [table[name].map(paper.rank) for name in ("trained", "against", "evaluated", *DOMAINS[2:])]
+    return paper.sorted_rows(table, kind, table["split"], metric, *ranks, table[SEED])
+
+
+def format_differences(table: pd.DataFrame) -> pd.DataFrame:
+    """A row a comparison: what is compared, both values, their difference with its interval."""
+    rows = []
+    several = len(set(table["split"])) > 1
+    for key, part in table.groupby(["kind", "split", "metric", "against", *DOMAINS], sort=False):
+        kind, split, metric, against, *sides = map(str, key)
+        row = {"labels": kind} | ({"split by": split} if several else {}) | {"metric": METRIC_TITLES[metric]}
+        row |= {"first": _side(against, *sides[:2]), "second": _side(against, *sides[2:])}
+        row |= {"of the first": over_seeds(part["value"]), "of the second": over_seeds(part["other_value"])}
+        rows.append(row | {"difference": shown(part, "difference")})
+    return pd.DataFrame(rows)
+
+
+def _side(against: str, trained: str, evaluated: str) -> str:
+    """What a metric is of; an IPD lies between two domains."""
+    seen = f"{paper.title(against)} and {paper.title(evaluated)}" if against else paper.title(evaluated)
+    return f"{paper.title(trained)} on {seen}"

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from polarsim.errors import PolarsimError
 from polarsim.formats.tables import read_csv
 from polarsim.report.layout import MISSING, format_value, origin_note, with_origin, write_table
 from polarsim.scoring.complaints import complaints
@@ -17,6 +18,7 @@ from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
 CAPTION = "Quality of every stage. Unit 1: a share or ratio; against: what a metric is measured against."
 ROW_NAMES = ("stage", "subject", "metric", "unit", "against")
 _SHOWN = {"mm": 2, "px": 2, "deg": 4, "1": 3, "%": 1, "m": 3}  # decimals by unit
+RUNS_CAPTION = "Quality of several runs. Unit 1: a share or ratio; against: what a metric is measured against."
 
 
 def gather_evaluation(*, parts: list[Path], stem: Path, origin: dict[str, str]) -> None:
@@ -83,3 +85,49 @@ def shown_value(value: float, unit: str) -> str:
     if unit in _SHOWN and not counted:
         return f"{value:.{_SHOWN[unit]}f}"
     return f"{value:.0f}" if value == round(value) else format_value(value)
+
+
+def compare_runs(*, runs: Sequence[Path], stem: Path) -> None:
+    """Write stem.{csv,md,tex,parquet}: every metric that the stages of the runs have measured so far.
+
+    CSV and Parquet hold a row a run, terrain and metric; Markdown and LaTeX a row a metric and a column a terrain, in
+    which the runs follow each other.
+
+    Raises
+    ------
+    PolarsimError
+        A run has measured nothing.
+    FormatError
+        A file of metrics is broken.
+    """
+    table = in_order(pd.concat([_measured(run) for run in runs], ignore_index=True))
+    notes = [f"Cells: {' / '.join(run.name for run in runs)}. The median is over runs and terrains; n is in the CSV."]
+    write_table(stem, table, RUNS_CAPTION, layout=format_runs(table, [run.name for run in runs]), notes=notes)
+
+
+def _measured(run: Path) -> pd.DataFrame:
+    """The metrics of a run, its name in front."""
+    parts = sorted((run / "evaluation").glob("*.csv"))
+    tables = [table for table in (read_csv(path) for path in parts) if set(COLUMNS) <= set(table.columns)]
+    if not tables:
+        raise PolarsimError("no metrics; run `snakemake geometry` or `snakemake tables` first", path=run / "evaluation")
+    table = join_metrics(tables)
+    table.insert(0, "run", run.name)
+    return table
+
+
+def format_runs(table: pd.DataFrame, runs: Sequence[str]) -> pd.DataFrame:
+    """A row a metric, a column a terrain with the value of every run in turn, and the median of them all."""
+    rows = []
+    for names, metrics in table.groupby(list(ROW_NAMES), sort=False):
+        unit = str(metrics["unit"].iloc[0])
+        values = metrics.set_index(["terrain", "run"])["value"].to_dict()
+        cells = {
+            f"T{terrain:02d}": " / ".join(
+                shown_value(values[terrain, run], unit) if (terrain, run) in values else MISSING for run in runs
+            )
+            for terrain in sorted(set(table["terrain"]))
+        }
+        median = shown_value(float(metrics["value"].median()), unit)
+        rows.append({**dict(zip(ROW_NAMES, map(str, names), strict=True)), **cells, "median": median})
+    return pd.DataFrame(rows)

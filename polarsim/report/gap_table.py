@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from polarsim.formats.gap_ablation import FIGURE_COLUMNS
@@ -21,16 +22,14 @@ COLUMNS = (
 )  # fmt: skip
 CAPTION = (
     "Ablation, {kind}s: one component of the {model} twin is replaced at a time (T: detector trained on). "
-    "Changes are "
-    "against the twin as it was, with 95 % intervals; below zero in IPD the gap closes."
+    "Changes are against the twin as it was, with 95 % intervals; below zero in IPD the gap closes."
 )
 NOTES = (
     "IPD between photos and twins: ipd is the absolute value of the mean difference of IoU, ipd_abs the mean of the "
     "absolute differences, both over the rocks or shadows (pairs) that photo, twin and changed twin have. Both IPDs "
     "of a row are drawn by the same resamples, so the interval is that of their difference.",
     "Detectors are those of the run and were not trained again: the ablation tells what of the gap they see, not "
-    "what a "
-    "training on better twins would bring. Components interact, so changes do not add up.",
+    "what a training on better twins would bring. Components interact, so changes do not add up.",
     "False positives: rocks seen where none is labelled, per area of a whole photo, over their rock-free area.",
 )
 
@@ -43,9 +42,8 @@ def tabulate_gap(*, ablation: Path, stem: Path, origin: dict[str, str]) -> None:
         CAPTION.format(kind=kind, model=model): format_gap(rows) for kind, rows in table.groupby("kind", sort=False)
     }
     blocks["What was replaced."] = table[["component", "replaced"]].drop_duplicates().reset_index(drop=True)
-    notes = [*NOTES, *detector_notes(table), *seed_notes(table), origin_note(origin)]
-    if origin["source"] == paper.ANALOG:
-        notes.insert(0, paper.ANALOG_PICTURES_NOTE)
+    analog = [paper.ANALOG_PICTURES_NOTE] if origin["source"] == paper.ANALOG else []
+    notes = [*analog, *NOTES, *detector_notes(table), *seed_notes(table), origin_note(origin)]
     write_blocks(stem, with_origin(table, origin), blocks, notes)
 
 
@@ -54,18 +52,11 @@ def tidy_gap(ablation: pd.DataFrame, source: str) -> pd.DataFrame:
     table = paper.with_own_names(ablation[list(COLUMNS)], ("trained",), source)
     rocks = table[table["kind"] == ROCK]
     effect = rocks.groupby(["split", "component"])["ipd_change"].mean()
-    place = {name: n for n, name in enumerate(dict.fromkeys(table["component"]))}
-    keys = pd.DataFrame(
-        {
-            "kind": (table["kind"] != ROCK).astype(int),
-            "split": table["split"].map({name: n for n, name in enumerate(dict.fromkeys(table["split"]))}),
-            "effect": [effect.get(key, 0.0) for key in zip(table["split"], table["component"], strict=True)],
-            "place": table["component"].map(place),  # ties stay as they were named
-            "trained": table["trained"].map(paper.rank),
-            "seed": table["seed"],
-        }
-    )
-    return table.loc[keys.sort_values(list(keys.columns), kind="stable").index].reset_index(drop=True)
+    own = np.array([effect.get(key, 0.0) for key in zip(table["split"], table["component"], strict=True)])
+    split, component = (pd.factorize(table[name])[0] for name in ("split", "component"))
+    # Of components that do the same the one that was named first comes first.
+    keys = (table["kind"] != ROCK, split, own, component, table["trained"].map(paper.rank), table["seed"])
+    return paper.sorted_rows(table, *keys)
 
 
 def format_gap(table: pd.DataFrame) -> pd.DataFrame:

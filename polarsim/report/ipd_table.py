@@ -10,9 +10,9 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
-from polarsim.report.detection_table import KINDS, notes_of_detectors
-from polarsim.report.layout import MISSING, origin_note, with_origin, write_table
-from polarsim.report.seeds import seed_notes, shown
+from polarsim.report.detection_table import KINDS, notes_below
+from polarsim.report.layout import MISSING, with_origin, write_table
+from polarsim.report.seeds import shown
 
 RULES = ("units", "unit", "undetected", "unpaired", "confidence")  # by which rocks were paired
 COLUMNS = (
@@ -27,18 +27,15 @@ FORMULA_NOTE = (
 
 
 def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
-    """Write tables/ipd.{csv,md,tex,parquet} from detect/ipd.parquet, detectors by `detection`."""
+    """Write tables/ipd.{csv,md,tex,parquet} from detect/ipd.parquet."""
     table = tidy_ipd(read_parquet(ipd, COLUMNS), origin["source"])
-    notes = [FORMULA_NOTE, *_rule_notes(table), *seed_notes(table), *notes_of_detectors(detection), origin_note(origin)]
-    if paper.ANALOG in {*table["trained"], *table["first"], *table["second"]}:
-        notes.insert(0, paper.ANALOG_PICTURES_NOTE)
+    own, domains = [FORMULA_NOTE, *_rule_notes(table)], ("trained", "first", "second")
+    notes = notes_below(table, own, detection, origin, domains)
     write_table(stem, with_origin(table, origin), CAPTION, layout=format_ipd(table), notes=notes)
 
 
 def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
-    """A row for every kind, detector and pair of domains in the paper's order; `paper_ipd` for rocks where it has
-    one.
-    """
+    """A row for every kind, detector and pair of domains in the paper's order; `paper_ipd` where it has one."""
     rows = []
     for entry in ipd[list(COLUMNS)].to_dict("records"):
         trained, *pair = (paper.own_name(str(entry[name]), source) for name in ("trained", "first", "second"))
@@ -108,13 +105,5 @@ def _pair_place(pair: tuple[str, str]) -> tuple[object, ...]:
 
 
 def _place(row: Mapping[Hashable, object]) -> tuple[object, ...]:
-    kind, trained = str(row["kind"]), str(row["trained"])
-    place = KINDS.index(kind) if kind in KINDS else len(KINDS)
-    return (
-        place,
-        kind,
-        str(row["split"]),
-        paper.rank(trained),
-        trained,
-        _pair_place((str(row["first"]), str(row["second"]))),
-    )
+    trained, pair = str(row["trained"]), (str(row["first"]), str(row["second"]))
+    return KINDS.index(str(row["kind"])), str(row["split"]), paper.rank(trained), trained, _pair_place(pair)

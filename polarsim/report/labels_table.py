@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import AZIMUTHS, BOX_CLASSES
-from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks, write_table
+from polarsim.report.layout import MISSING, grid, origin_note, with_origin, write_blocks, write_table
 from polarsim.scoring.labels import ALL, ANNOTATED, TASKS
 from polarsim.scoring.metrics import TRUTH_NAMES
 from polarsim.scoring.reliability import reliability_table
@@ -90,7 +90,7 @@ def format_labels(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
     for group in GROUPS[2:]:
         chosen = rows[(rows["group"] == group) & (rows["task"] == ALL)]
         unit = ", px" if group == "size" else ""
-        blocks[f"Labels, {ALL}: F1 (mIoU) by {group}{unit}."] = _cells(chosen, "kind", list(KINDS))
+        blocks[f"Labels, {ALL}: F1 (mIoU) by {group}{unit}."] = _cells(chosen, "kind")
     return blocks
 
 
@@ -127,20 +127,13 @@ def _in_order(rows: pd.DataFrame) -> pd.DataFrame:
 def _task_block(rows: pd.DataFrame) -> pd.DataFrame:
     """A row a task: number of true boxes, precision, recall, confidence of all, then a column a terrain."""
     pooled = rows[rows["group"] == "all"].set_index("task")
-    shown = _cells(rows.assign(value=rows["value"].where(rows["group"] == "all", "T" + rows["value"])), "task", TASKS)
+    shown = _cells(rows.assign(value=rows["value"].where(rows["group"] == "all", "T" + rows["value"])), "task")
     for number, name in enumerate(("truth_boxes", "precision", "recall", "confidence"), 1):
         shown.insert(number, name.replace("_", " "), [pooled[name].get(task) for task in shown["task"]])
     return shown
 
 
-def _cells(rows: pd.DataFrame, side: str, order: Sequence[str]) -> pd.DataFrame:
+def _cells(rows: pd.DataFrame, side: str) -> pd.DataFrame:
     """A row a value of a column, a column a value of the group, cells "F1 (mIoU)"."""
-    text = {
-        (row[side], row["value"]): f"{row['f1']:.3f} ({row['miou']:.3f})".replace("nan", MISSING)
-        for row in rows.to_dict("records")
-    }
-    values = list(dict.fromkeys(rows["value"]))
-    sides = [one for one in order if one in set(rows[side])]
-    return pd.DataFrame(
-        [[one, *(text.get((one, value), MISSING) for value in values)] for one in sides], columns=[side, *values]
-    )
+    text = [f"{f1:.3f} ({miou:.3f})" for f1, miou in zip(rows["f1"], rows["miou"], strict=True)]
+    return grid(rows, side, [cell.replace("nan", MISSING) for cell in text])

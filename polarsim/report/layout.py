@@ -76,6 +76,13 @@ def write_blocks(
     write_text(_form(stem, ".tex"), "\n".join(shown))
 
 
+def grid(rows: pd.DataFrame, side: str, text: Sequence[str]) -> pd.DataFrame:
+    """Rows' texts, a row a value of the column `side`, a column a value of `value`, both in the order of the rows."""
+    sides, values = (list(dict.fromkeys(rows[name])) for name in (side, "value"))
+    shown = rows.assign(text=text).pivot_table("text", side, "value", aggfunc="first")
+    return shown.reindex(index=sides, columns=values).fillna(MISSING).rename_axis(columns=None).reset_index()
+
+
 def markdown(table: pd.DataFrame, caption: str, notes: Sequence[str] = ()) -> str:
     """The table in Markdown, numbers to the right."""
     rows = [[_markdown_text(cell) for cell in row] for row in cells(table)]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pandas as pd
 
 REAL, ANALOG, PRINCIPLED, HAPKE = "real", "analog", "principled", "hapke"
@@ -39,6 +40,11 @@ IPD = {
 ANALOG_PICTURES_NOTE = "Analog pictures come from a simulated sandbox and are no photos."
 
 
+def analog_notes(table: pd.DataFrame, columns: Sequence[str]) -> list[str]:
+    """What has to be said first of a table some of whose columns name the analog as a domain."""
+    return [ANALOG_PICTURES_NOTE] if any((table[name] == ANALOG).any() for name in columns) else []
+
+
 def is_comparable(source: str) -> bool:
     """Whether a source's pictures show what the paper's did; only then do its figures stand beside ours."""
     return source != ANALOG
@@ -58,6 +64,12 @@ def own_name(domain: str, source: str) -> str:
 def counterpart(domain: str) -> str:
     """The paper's domain that has our domain's place."""
     return REAL if domain == ANALOG else domain
+
+
+def sorted_rows(table: pd.DataFrame, *keys: pd.Series | np.ndarray) -> pd.DataFrame:
+    """The table by keys of its rows, of which the first counts most; rows that are alike stay in their order."""
+    order = pd.DataFrame({number: np.asarray(key) for number, key in enumerate(keys)})
+    return table.iloc[order.sort_values(list(order.columns), kind="stable").index].reset_index(drop=True)
 
 
 def title(domain: str) -> str:

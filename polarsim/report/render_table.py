@@ -10,7 +10,7 @@ import pandas as pd
 
 from polarsim.formats.schemas import TWIN_PAIRS
 from polarsim.formats.tables import read_csv, read_parquet
-from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
+from polarsim.report.layout import MISSING, grid, origin_note, with_origin, write_blocks
 from polarsim.scoring.metrics import COLUMNS as METRIC_COLUMNS
 from polarsim.scoring.metrics import TRUTH_NAMES
 
@@ -84,17 +84,11 @@ def format_table(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 def _cells(rows: pd.DataFrame, metrics: Sequence[str], forms: Sequence[str]) -> pd.DataFrame:
     """A row a subject, a column a value of the group."""
-    text = {
-        (row["subject"], row["value"]): " / ".join(
-            MISSING if np.isnan(row[name]) else form.format(row[name])
-            for name, form in zip(metrics, forms, strict=True)
-        )
-        for row in rows.to_dict("records")
-    }
-    values, subjects = (list(dict.fromkeys(rows[name])) for name in ("value", "subject"))
-    return pd.DataFrame(
-        [[one, *(text.get((one, value), MISSING) for value in values)] for one in subjects], columns=["", *values]
-    )
+    text = [
+        " / ".join(MISSING if np.isnan(one) else form.format(one) for one, form in zip(row, forms, strict=True))
+        for row in rows[list(metrics)].to_numpy()
+    ]
+    return grid(rows, "subject", text).rename(columns={"subject": ""})
 
 
 def _names(pairs: pd.DataFrame, group: str) -> pd.Series:

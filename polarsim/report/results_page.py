@@ -113,6 +113,6 @@ def _embedded(path: Path) -> str:
 
     compressed = io.BytesIO()
     with Image.open(path) as picture:
-        picture.convert("RGB").save(compressed, "JPEG", evaluation=_QUALITY)
+        picture.convert("RGB").save(compressed, "JPEG", quality=_QUALITY)
     kind, content = min(("png", path.read_bytes()), ("jpeg", compressed.getvalue()), key=lambda form: len(form[1]))
     return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"

@@ -67,12 +67,7 @@ def tabulate_cameras(
 
 
 def tabulate_rocks(
-    *,
-    rocks: Mapping[int, Path],
-    scores: Mapping[int, Path],
-    table: Path,
-    meshes: Path,
-    origin: Mapping[str, str],
+    *, rocks: Mapping[int, Path], scores: Mapping[int, Path], table: Path, meshes: Path, origin: Mapping[str, str]
 ) -> None:
     """Write the tables of rocks and of meshes, from the terrains' rocks.parquet and mesh scores.
 

@@ -27,13 +27,12 @@ def tabulate_stereo(
     rocks = read_parquet(instances, ("domain", "key", "performance"))
     table = tidy_stereo(pairs, rocks, origin["source"])
     notes = [
+        *paper.analog_notes(table, ["domain"]),
         "Over pixels that both cameras see. bad_share: without a depth, or off by more than "
         f"{bad_mm:g} mm; bad_relative_share: by more than {bad_percent:g} %.",
         f"A rock's performance is the share of its pixels with a depth within {bad_mm:g} mm.",
         origin_note(origin),
     ]
-    if paper.ANALOG in set(table["domain"]):
-        notes.insert(0, "Analog pictures come from a simulated sandbox and are no photos.")
     differences = format_ipd(read_parquet(ipd, IPD_COLUMNS), origin["source"])
     write_blocks(stem, with_origin(table, origin), {CAPTION: _shown(table), IPD_CAPTION: differences}, notes)
 

@@ -86,12 +86,10 @@ def _joined(sand: Sand, regions: list[Region], evidence: Evidence) -> list[Regio
     boxes = evidence.boxes(_surfaces(sand, regions))
     rock = grouped(np.arange(len(regions)), touching, boxes, evidence.agreed, evidence.min_iou)
     groups = [[regions[number] for number in np.flatnonzero(rock == one)] for one in np.unique(rock)]
-    return [group[0] if len(group) == 1 else _union(sand, group, evidence) for group in groups]
-
-
-def _union(sand: Sand, regions: Sequence[Region], evidence: Evidence) -> Region:
-    cells = np.concatenate([region.seen for region in regions])
-    return region_of(sand, cells, evidence)
+    return [
+        group[0] if len(group) == 1 else region_of(sand, np.concatenate([one.seen for one in group]), evidence)
+        for group in groups
+    ]
 
 
 def _seen_cells(sand: Sand, evidence: Evidence, position: str) -> _SeenCells:

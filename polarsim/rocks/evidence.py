@@ -10,8 +10,7 @@ import numpy as np
 
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.boxes import iou
-from polarsim.geometry.consensus import consensus_boxes
-from polarsim.geometry.strangers import positions_of_strangers
+from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
 
 PEN_IOU = 0.05  # of IoU a position: smaller differences between two explanations of a box are the pen's
 

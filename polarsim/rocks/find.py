@@ -17,13 +17,13 @@ from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.ply import Cloud
 from polarsim.formats.rigs import PlacedRig
 from polarsim.formats.scans import read_scan
-from polarsim.formats.seeds import read_rock_boxes
+from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import table
 from polarsim.rocks.annotated import with_annotated
 from polarsim.rocks.bumps import Bumps, with_bumps
 from polarsim.rocks.carving import carved
-from polarsim.rocks.clouds import surface_cloud, voxel_means
+from polarsim.rocks.clouds import settling_shifts, surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
@@ -32,7 +32,6 @@ from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_places
 from polarsim.rocks.regions import Cut, Limits, cut_by_shape, find_regions, surface_points
 from polarsim.rocks.scans import Extent, ScanPoints, merged, place_scan
-from polarsim.rocks.settling import settling_shifts
 
 log = logging.getLogger("polarsim")
 FOOT_HEIGHT = 0.006  # metres above ground at which a rock begins

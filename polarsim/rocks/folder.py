@@ -1,12 +1,14 @@
-"""The folder of a terrain's meshes: names, decimated copies, figures; and the mesh of a height grid."""
+"""The folder of a terrain's meshes: names, decimated copies, figures, and how well scans support each vertex."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.spatial import KDTree
 
 from polarsim.formats import gltf, obj, tables
 from polarsim.formats.files import writing_folder
@@ -16,12 +18,40 @@ from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.solids import decimated, islands, thinned, volume
-from polarsim.rocks.support import FILE as SUPPORT_FILE
-from polarsim.rocks.support import Scanned, support, support_table
 
 MOST_SHOWN = 250_000  # vertices of the ground in the file for viewers
-
 DECIMATED_SHARE = 0.05  # of the vertices that decimated copies keep, as the release's do
+SUPPORT_FILE = "support.parquet"
+NEAR, FAR = 1.5, 5.0  # spacings to the next scanned point: full support up to the first, none from the second on
+
+
+class Scanned(NamedTuple):
+    """Scanned points (n, 3) of one surface, metres, and how far apart they lie where nothing is missing."""
+
+    points: np.ndarray
+    spacing: float
+
+
+def support(vertices: np.ndarray, scanned: Scanned) -> np.ndarray:
+    """(v,) 1 where a scanned point lies beside a vertex (v, 3), falling to 0 at `FAR` spacings.
+
+    So what was filled in does not pass for measured.
+    """
+    if not len(scanned.points):
+        return np.zeros(len(vertices))
+    reach = FAR * scanned.spacing
+    distance = np.asarray(KDTree(scanned.points).query(vertices, distance_upper_bound=reach)[0])
+    return np.clip((FAR - np.minimum(distance, reach) / scanned.spacing) / (FAR - NEAR), 0.0, 1.0)
+
+
+def support_table(support_of_mesh: Mapping[str, np.ndarray]) -> pd.DataFrame:
+    """A row a vertex: the mesh's file name, the vertex's number from 0, its support to a hundredth."""
+    names = pd.Categorical(np.repeat(list(support_of_mesh), [len(values) for values in support_of_mesh.values()]))
+    vertices = [np.arange(len(values), dtype=np.int32) for values in support_of_mesh.values()]
+    values = np.concatenate(list(support_of_mesh.values()))
+    return pd.DataFrame(
+        {"mesh": names, "vertex": np.concatenate(vertices), "support": np.round(values, 2).astype(np.float32)}
+    )
 
 
 def height_mesh(grid: FloorGrid, heights: np.ndarray) -> Mesh:
@@ -52,18 +82,18 @@ def write_meshes(
     """
     scanned = scanned or {}
     with writing_folder(meshes) as folder:
-        named = {obj.ground_name(terrain): ground}
-        made_from = {obj.ground_name(terrain): sources[NO_ROCK]}
-        for rock, mesh in sorted(solids.items()):
-            named[obj.rock_name(terrain, rock)] = mesh
-            named[obj.rock_name(terrain, rock, decimated=True)] = decimated(mesh, DECIMATED_SHARE)
-            made_from |= {obj.rock_name(terrain, rock, decimated=copy): sources[rock] for copy in (False, True)}
-        write_named(folder, named, made_from)
         parts = {NO_ROCK: ground, **dict(sorted(solids.items()))}
+        names = {rock: obj.rock_name(terrain, rock) for rock in parts} | {NO_ROCK: obj.ground_name(terrain)}
+        named, made_from = {names[NO_ROCK]: ground}, {names[NO_ROCK]: sources[NO_ROCK]}
+        for rock, mesh in sorted(solids.items()):
+            thin = obj.rock_name(terrain, rock, decimated=True)
+            named |= {names[rock]: mesh, thin: decimated(mesh, DECIMATED_SHARE)}
+            made_from |= dict.fromkeys((names[rock], thin), sources[rock])
+        write_named(folder, named, made_from)
         known = {rock: support(mesh.vertices, scanned[rock]) for rock, mesh in parts.items() if rock in scanned}
         if scanned:
-            files = {rock: _file_name(terrain, rock) for rock in known}
-            tables.write_parquet(folder / SUPPORT_FILE, support_table({files[rock]: known[rock] for rock in known}))
+            table = support_table({names[rock]: values for rock, values in known.items()})
+            tables.write_parquet(folder / SUPPORT_FILE, table)
         parts[NO_ROCK] = thinned(ground, MOST_SHOWN)
         if scanned and parts[NO_ROCK] is not ground:
             known[NO_ROCK] = support(parts[NO_ROCK].vertices, scanned[NO_ROCK])
@@ -73,10 +103,6 @@ def write_meshes(
             {nodes[rock]: mesh for rock, mesh in parts.items()},
             {nodes[rock]: values for rock, values in known.items()},
         )
-
-
-def _file_name(terrain: int, rock: int) -> str:
-    return obj.ground_name(terrain) if rock == NO_ROCK else obj.rock_name(terrain, rock)
 
 
 def write_named(folder: Path, named: Mapping[str, Mesh], made_from: Mapping[str, str]) -> None:

@@ -68,23 +68,20 @@ def top_heights(grid: FloorGrid, points: np.ndarray, weights: np.ndarray) -> tup
     One scan sees the top of an overhang, another one what lies beneath it; their mean is no surface at all. Points of
     such cells are split at their mean height, and the upper ones stay, unless they are so few that they are stray.
     """
-    cells = grid.cell_of(points)
-    inside = cells >= 0
-    cells, heights, weights = cells[inside], points[inside, 2], weights[inside]
-    size = grid.shape[0] * grid.shape[1]
+    cells, size = grid.cell_of(points), grid.shape[0] * grid.shape[1]
+    rows = np.flatnonzero(cells >= 0)
     for _ in range(_SPLITS):
-        count = np.maximum(np.bincount(cells, minlength=size), 1)
-        offset = heights - (np.bincount(cells, heights, size) / count)[cells]
-        layered = np.bincount(cells, offset**2, size) > count * LAYERED**2
-        upper = np.bincount(cells, offset > 0, size)
+        own, heights = cells[rows], points[rows, 2]
+        count = np.maximum(np.bincount(own, minlength=size), 1)
+        offset = heights - (np.bincount(own, heights, size) / count)[own]
+        layered = np.bincount(own, offset**2, size) > count * LAYERED**2
+        upper = np.bincount(own, offset > 0, size)
         stray = (upper < STRAY_POINTS) | (upper < STRAY_SHARE * count)
-        keep = ~layered[cells] | ((offset > 0) != stray[cells])
+        keep = ~layered[own] | ((offset > 0) != stray[own])
         if keep.all():
             break
-        cells, heights, weights = cells[keep], heights[keep], weights[keep]
-    total, summed = np.bincount(cells, weights, size), np.bincount(cells, weights * heights, size)
-    top = np.divide(summed, total, out=np.full(size, np.nan), where=total > 0)
-    return top.reshape(grid.shape), total.reshape(grid.shape)
+        rows = rows[keep]
+    return mean_heights(grid, points[rows], weights[rows])
 
 
 def smoothed(values: np.ndarray, weights: np.ndarray, sigma_cells: float) -> np.ndarray:

@@ -13,12 +13,11 @@ from polarsim.formats.ply import Cloud
 from polarsim.formats.scene import SCANNED
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
-from polarsim.rocks.folder import height_mesh, write_meshes
+from polarsim.rocks.folder import Scanned, height_mesh, write_meshes
 from polarsim.rocks.ground import GROUND_CELL
 from polarsim.rocks.heights import FloorGrid, filled, mean_heights
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.scans import Extent
-from polarsim.rocks.support import Scanned
 from polarsim.rocks.surfaces import closed_rock, ground_surface
 from polarsim.survey import SANDBOX_HALF_WIDTH
 

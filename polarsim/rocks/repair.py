@@ -1,11 +1,13 @@
-"""Closed copies of published rock meshes, and a table of what was wrong with them."""
+"""What is wrong with published rock meshes, and copies without it: closed underground, no skirt, no small parts."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from polarsim.errors import ReconstructionError, about
 from polarsim.formats import obj, tables
@@ -14,14 +16,98 @@ from polarsim.formats.inventory import read_inventory
 from polarsim.formats.ply import Cloud
 from polarsim.formats.rigs import read_all_placed
 from polarsim.formats.scene import PUBLISHED
+from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.planes import robust_plane
+from polarsim.geometry.topology import is_watertight, open_edges, part_of_vertex
 from polarsim.progress import track
-from polarsim.rocks.defects import FILE, defect_table, repaired
 from polarsim.rocks.folder import write_named
+from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.mesh import ground_heights
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.rims import FITTED_GROUND_CELL
+from polarsim.rocks.rims import FITTED_GROUND_CELL, rim
+from polarsim.rocks.solids import islands, largest_island, merged_vertices
+from polarsim.rocks.surfaces import closed_rock
 
 log = logging.getLogger("polarsim")
+FILE = "defects.csv"
+COLUMNS = (
+    "rock", "vertices", "faces", "unused_vertices", "doubled_vertices", "islands", "small_component_faces",
+    "watertight", "holes", "rim_m", "skirt_share",
+)  # fmt: skip
+SKIRT = 0.004  # metres above the plane through a rock's rim: what lies lower is sand that was cut out with the rock
+SKIRT_SHARE = 0.35  # of a rock's height: flat rocks are no skirts
+RIM_SCALE = 0.003  # metres: rim points further off their plane count less
+
+
+def defect_table(published: Mapping[int, Mesh]) -> pd.DataFrame:
+    """A row a rock as it was published, see `docs/formats.md`."""
+    return pd.DataFrame([{"rock": rock, **defects(mesh)} for rock, mesh in published.items()], columns=list(COLUMNS))
+
+
+def defects(mesh: Mesh) -> dict[str, object]:
+    """Counts of what a solid does not have; lengths in metres."""
+    used = np.unique(mesh.faces)
+    joined = merged_vertices(mesh)
+    part = islands(joined)
+    main = largest_island(joined)
+    edges = open_edges(main.faces)
+    lengths = np.linalg.norm(main.vertices[edges[:, 0]] - main.vertices[edges[:, 1]], axis=1)
+    loop = part_of_vertex(np.column_stack([edges, edges[:, :1]]), len(main.vertices))[edges[:, 0]]
+    loops = np.bincount(loop, lengths)
+    loops = loops[loops > 0]
+    return {
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "unused_vertices": len(mesh.vertices) - len(used),
+        "doubled_vertices": len(used) - len(np.unique(mesh.vertices[used], axis=0)),
+        "islands": int(part.max(initial=-1)) + 1,
+        "small_component_faces": len(joined.faces) - len(main.faces),
+        "watertight": is_watertight(main.faces),
+        "holes": max(0, len(loops) - 1),  # the longest loop is the rim
+        "rim_m": round(float(loops.max(initial=0.0)), 4),
+        "skirt_share": round(_skirt_share(main), 4),
+    }
+
+
+def repaired(mesh: Mesh, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarray, cell: float) -> Mesh:
+    """A closed copy: the surface above the skirt, the unseen back and an underside below the ground.
+
+    Parameters
+    ----------
+    ground : (rows, columns) float
+        Heights of the ground on `grid`, also under the rock.
+    scanners : (s, 3) float
+        Where the scanners stood: tells seen sides from unseen ones.
+    cell : float
+        Cell of the reconstruction, metres.
+
+    Raises
+    ------
+    ReconstructionError
+        The surface spans no volume.
+    """
+    normals = mesh.normals()
+    directed = np.linalg.norm(normals, axis=1) > 0.5  # vertices of faces without area have none
+    rock = directed & (mesh.vertices[:, 2] > _skirt_height(mesh, mesh.vertices))
+    return closed_rock(
+        Cloud(mesh.vertices[rock], normals[rock]), grid, ground, np.zeros(grid.shape, bool), scanners, cell
+    )
+
+
+def _skirt_share(mesh: Mesh) -> float:
+    """Share of a surface's area that lies in its skirt."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    middle = (a + b + c) / 3
+    return float(area[middle[:, 2] < _skirt_height(mesh, middle)].sum() / max(area.sum(), 1e-30))
+
+
+def _skirt_height(mesh: Mesh, places: np.ndarray) -> np.ndarray:
+    """(n,) height of the skirt's upper end at places (n, 3)."""
+    slope_x, slope_y, level = robust_plane(rim(mesh), RIM_SCALE)
+    bottom, top = mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()
+    over_rim = slope_x * places[:, 0] + slope_y * places[:, 1] + level + SKIRT
+    return np.minimum(over_rim, bottom + SKIRT_SHARE * (top - bottom))
 
 
 def repair_rocks(

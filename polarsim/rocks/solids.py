@@ -1,14 +1,19 @@
-"""What makes a mesh a solid: islands, volume; and copies with fewer vertices."""
+"""What makes a mesh a solid: islands, volume, edges of two faces each; and copies with fewer vertices."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.topology import is_watertight, part_of_vertex
-from polarsim.rocks.non_manifold import split_non_manifold
+from polarsim.geometry.topology import is_watertight, numbered_edges, part_of_vertex
+
+FLAT = 1e-6  # radians: sheets that lie on each other have nothing between them, not a full turn
+PARTING = 1e-5  # metres that touching sheets of a surface are set apart
 
 
 def compacted(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
@@ -84,3 +89,79 @@ def _in_open3d(mesh: Mesh) -> Any:
 def _from_open3d(mesh: Any) -> Mesh:
     """The mesh without vertices that no face uses."""
     return compacted(np.asarray(mesh.vertices), np.asarray(mesh.triangles).astype(np.int64))
+
+
+def split_non_manifold(mesh: Mesh) -> Mesh:
+    """Sheets of a closed surface that touch along an edge or in a vertex, set a little apart: each edge has two faces.
+
+    Octrees leave edges of four faces where a surface meets itself: such an edge is halved, and those two faces go
+    together that have solid between them. Corners of faces that hang together over edges then are one vertex; vertices
+    that become several move inward.
+    """
+    edges, order, first, count = _grouped_edges(mesh.faces)
+    if (count > 2).any():
+        mesh = _halved(mesh, np.sort(edges[order[first[count > 2]]], axis=1))
+        edges, order, first, count = _grouped_edges(mesh.faces)
+    starts, size = edges[:, 0], len(mesh.vertices)
+    pairs = [np.stack([order[first[count == 2]], order[first[count == 2] + 1]], axis=1)]
+    for at, number in zip(first[count > 2], count[count > 2], strict=True):
+        pairs.append(_solid_pairs(mesh, order[at : at + number], edges))
+    one, other = np.concatenate(pairs).T
+    following = np.arange(len(starts)).reshape(-1, 3)[:, [1, 2, 0]].ravel()  # corner at the end of each edge
+    links = np.concatenate([np.stack([one, following[other]], axis=1), np.stack([following[one], other], axis=1)])
+    graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(len(starts), len(starts)))
+    number, vertex = connected_components(graph, directed=False)
+    if number == len(np.unique(starts)):
+        return mesh
+    origin = np.empty(number, np.int64)
+    origin[vertex] = starts
+    apart = Mesh(mesh.vertices[origin], vertex.reshape(-1, 3).astype(np.int64))
+    several = np.bincount(origin, minlength=size)[origin] > 1
+    return Mesh(apart.vertices - np.where(several[:, None], PARTING * apart.normals(), 0.0), apart.faces)
+
+
+def _grouped_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """All faces' edges, their rows in the order of their ends, where each edge begins, and how many faces it has.
+
+    Row 3 f + k is edge k of face f.
+    """
+    edges, forward, backward = numbered_edges(faces)
+    number = np.minimum(forward, backward)
+    order = np.argsort(number, kind="stable")
+    first = np.flatnonzero(np.diff(number[order], prepend=-1))
+    return edges, order, first, np.diff(np.append(first, len(order)))
+
+
+def _halved(mesh: Mesh, edges: np.ndarray) -> Mesh:
+    """The mesh with a vertex in the middle of some edges (n, 2), and their faces cut there."""
+    middles = mesh.vertices[edges].mean(axis=1)
+    middle = {(int(a), int(b)): len(mesh.vertices) + k for k, (a, b) in enumerate(edges)}
+
+    def cut(face: tuple[int, int, int]) -> list[tuple[int, int, int]]:
+        for a, b, c in (face, (face[1], face[2], face[0]), (face[2], face[0], face[1])):
+            if (min(a, b), max(a, b)) in middle:
+                half = middle[min(a, b), max(a, b)]
+                return [*cut((a, half, c)), *cut((half, b, c))]
+        return [face]
+
+    touched = np.isin(mesh.faces, edges).sum(axis=1) >= 2
+    parts = [part for a, b, c in mesh.faces[touched].tolist() for part in cut((a, b, c))]
+    faces = np.concatenate([mesh.faces[~touched], np.array(parts, np.int64).reshape(-1, 3)])
+    return Mesh(np.concatenate([mesh.vertices, middles]), faces)
+
+
+def _solid_pairs(mesh: Mesh, rows: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """(n, 2) of the rows (2 n,) of `edges` about one line, those together whose faces have least solid between them.
+
+    Seen along the line, solid lies before a face that runs along it and behind one that runs against it.
+    """
+    low, high = np.sort(edges[rows[0]])
+    line = mesh.vertices[high] - mesh.vertices[low]
+    apex = mesh.vertices[mesh.faces[rows // 3, (rows + 2) % 3]] - mesh.vertices[low]
+    across = np.cross(line, apex[0])
+    along = np.cross(across, line)
+    angle = np.arctan2(apex @ across * np.linalg.norm(line), apex @ along)
+    forward = edges[rows, 0] == low
+    solid = np.mod(angle[forward][:, None] - angle[~forward][None] + FLAT, 2 * np.pi)
+    along_it, against_it = linear_sum_assignment(np.sqrt(solid))  # of like sums, the one with the thinnest part
+    return np.stack([rows[forward][along_it], rows[~forward][against_it]], axis=1)

@@ -61,13 +61,7 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
     @property
     def picture_sets(self) -> tuple[str, ...]:
         """Names of the sets of pictures that every view has."""
-        suite = self.cameras
-        return tuple(
-            picture_set(sun, model, exposure)
-            for sun in self.suns
-            for model in suite.models
-            for exposure in suite.exposures_ms
-        )
+        return tuple(picture_set(sun, *what) for sun in self.suns for what in self.cameras.pictures)
 
     @property
     def shown_set(self) -> str:

@@ -36,7 +36,7 @@ def run_all(
     pictures: bool = True,
     threads: int = 1,
 ) -> pd.DataFrame:
-    """Drive, take the pictures, detector them on board, write the bag and the URDF.
+    """Drive, take the pictures, detect in them on board, write the bag and the URDF.
 
     Returns the drive's figures, as `figures_of` has them.
 

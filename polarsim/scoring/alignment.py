@@ -7,10 +7,12 @@ that is nobody's error; errors are what is left after the best one.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import RegistrationError
+from polarsim.errors import FormatError, RegistrationError, about
+from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.geometry.poses import Pose, fit_pose
 from polarsim.scoring.surface import Surface
 
@@ -40,6 +42,31 @@ def fit_alignment(estimated: Mapping[str, Pose], true: Mapping[str, Pose]) -> Po
     return fit_pose(
         np.concatenate([estimated[position].apply(_AXES) for position in common]),
         np.concatenate([true[position].apply(_AXES) for position in common]),
+    )
+
+
+def read_alignment(cameras: Path, truth: Path) -> Pose:
+    """`truth_from_sandbox` of a terrain by its cameras.
+
+    Raises
+    ------
+    RegistrationError
+        Truth and result have no position in common.
+    FormatError
+        A camera file is broken.
+    """
+    placed, true = read_all_placed(cameras), read_all_placed(truth / "cameras")
+    if not true:
+        raise FormatError("no PosX.json", path=truth / "cameras")
+    with about(cameras):
+        return align_rigs(placed, true)
+
+
+def align_rigs(placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig]) -> Pose:
+    """`truth_from_sandbox` by the left cameras of all common positions."""
+    return fit_alignment(
+        {position: rig.sandbox_from_left for position, rig in placed.items()},
+        {position: rig.sandbox_from_left for position, rig in true.items()},
     )
 
 

@@ -8,19 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import FormatError, about
 from polarsim.formats import lamps, obj
+from polarsim.formats.files import read_json
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.tables import read_parquet
-from polarsim.geometry.boxes import iou
+from polarsim.geometry.boxes import assign, iou
 from polarsim.geometry.consensus import consensus_of_sets
-from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, PhotoKey
-from polarsim.scoring.alignment import fit_alignment
+from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, SUNS, PhotoKey
+from polarsim.scoring.alignment import align_rigs, fit_alignment
 from polarsim.scoring.labels import read_annotated
-from polarsim.scoring.lamps import lamps_against_truth
 from polarsim.scoring.metrics import Metric, summary, write_metrics
 from polarsim.scoring.score import Labels
 
@@ -60,7 +58,7 @@ def score_cameras(
         true = read_all_placed(truth / "cameras")
         metrics += against_truth(placed, true, true_points(truth, terrain))
         if set(placed) & set(true) and (truth / lamps.FILE).exists():  # sandboxes without photos have no lamps
-            metrics += lamps_against_truth(cameras, truth, _alignment(placed, true))
+            metrics += lamps_against_truth(cameras, truth, align_rigs(placed, true))
     if matches is not None and matches.exists():
         metrics += against_boxes(matches)
     if annotated is not None:
@@ -92,19 +90,22 @@ def against_truth(
     metrics = []
     for position in common:
         for name, truth_from_sandbox in frames.items():
-            metrics += _pose_errors(position, name, truth_from_sandbox @ estimated[position], wanted[position])
+            errors = f"position_error_{name}", f"angle_error_{name}"
+            metrics += _pose_errors(position, errors, truth_from_sandbox @ estimated[position], wanted[position])
             if name == "aligned" or len(frames) == 1:
                 metrics += projection_errors(
                     "reprojection", position, placed[position], true[position], points_truth, truth_from_sandbox
                 )
-        metrics += _rig_errors(position, placed[position], true[position])
+        rig, true_rig = placed[position].rig, true[position].rig  # they differ by the calibration file's errors
+        errors = "rig_baseline_error", "rig_angle_error"
+        metrics += _pose_errors(position, errors, rig.left_from_right, true_rig.left_from_right)
     for one, other in combinations(common, 2):
         found, meant = estimated[one].inverse() @ estimated[other], wanted[one].inverse() @ wanted[other]
-        metrics += _pose_errors(f"{one} to {other}", "between", found, meant)
+        errors = "position_error_between", "angle_error_between"
+        metrics += _pose_errors(f"{one} to {other}", errors, found, meant)
     for name in frames:
-        errors = [metric for metric in metrics if metric.metric.endswith(f"_error_{name}")]
         for kind, unit in (("position", "mm"), ("angle", "deg")):
-            worst = max(metric.value for metric in errors if metric.metric == f"{kind}_error_{name}")
+            worst = max(metric.value for metric in metrics if metric.metric == f"{kind}_error_{name}")
             metrics.append(Metric("worst position", f"{kind}_error_{name}", worst, unit, len(common), "truth"))
     return metrics
 
@@ -181,22 +182,13 @@ def stated(placed: Mapping[str, PlacedRig]) -> list[Metric]:
     return metrics
 
 
-def _pose_errors(position: str, name: str, estimated: Pose, true: Pose) -> list[Metric]:
+def _pose_errors(subject: str, names: tuple[str, str], estimated: Pose, true: Pose) -> list[Metric]:
+    """How far a pose is shifted and turned against the true one, as the two metrics of these names."""
     shift_mm = 1000 * float(np.linalg.norm(estimated.translation - true.translation))
     turn_deg = float(np.degrees(angle_between(estimated, true)))
     return [
-        Metric(position, f"position_error_{name}", shift_mm, "mm", 1, "truth"),
-        Metric(position, f"angle_error_{name}", turn_deg, "deg", 1, "truth"),
-    ]
-
-
-def _rig_errors(position: str, placed: PlacedRig, true: PlacedRig) -> list[Metric]:
-    """Errors that came with the calibration file."""
-    ours, theirs = placed.rig.left_from_right, true.rig.left_from_right
-    shift_mm = 1000 * float(np.linalg.norm(ours.translation - theirs.translation))
-    return [
-        Metric(position, "rig_baseline_error", shift_mm, "mm", 1, "truth"),
-        Metric(position, "rig_angle_error", float(np.degrees(angle_between(ours, theirs))), "deg", 1, "truth"),
+        Metric(subject, names[0], shift_mm, "mm", 1, "truth"),
+        Metric(subject, names[1], turn_deg, "deg", 1, "truth"),
     ]
 
 
@@ -226,26 +218,36 @@ def true_points(truth: Path, terrain: int) -> np.ndarray:
     return points[:: max(1, len(points) // _POINTS)]
 
 
-def read_alignment(cameras: Path, truth: Path) -> Pose:
-    """`truth_from_sandbox` of a terrain by its cameras.
+def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) -> list[Metric]:
+    """The angle at the sandbox's middle between where a lamp is taken to stand and where it stood.
 
-    Raises
-    ------
-    RegistrationError
-        Truth and result have no position in common.
-    FormatError
-        A camera file is broken.
+    Shadows tell a lamp's direction and hardly its distance, so the angle is what counts.
+
+    Parameters
+    ----------
+    cameras
+        Folder of the terrain's rig poses, with or without lamps that were found.
+    truth
+        The analog's truth/TerrainTT.
     """
-    placed, true = read_all_placed(cameras), read_all_placed(truth / "cameras")
-    if not true:
-        raise FormatError("no PosX.json", path=truth / "cameras")
-    with about(cameras):
-        return _alignment(placed, true)
+    placed, true = read_all_placed(cameras), read_json(truth / lamps.FILE)
+    metrics, worst = [], {}
+    for name, suns in (
+        ("surveyed_direction", lamps.surveyed_suns(placed)),
+        ("direction", lamps.read_suns(cameras, placed)),
+    ):
+        found = [
+            Metric(f"lamp {azimuth}", f"{name}_error", off_deg, "deg", 1, "truth")
+            for azimuth in SUNS
+            for off_deg in [_angle_deg(truth_from_sandbox.apply(suns[azimuth]), np.array(true[azimuth], float))]
+        ]
+        worst[name] = max(metric.value for metric in found)
+        metrics += found
+    return metrics + [
+        Metric("worst lamp", f"{name}_error", value, "deg", len(SUNS), "truth") for name, value in worst.items()
+    ]
 
 
-def _alignment(placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig]) -> Pose:
-    """`truth_from_sandbox` by the left cameras of all common positions."""
-    return fit_alignment(
-        {position: rig.sandbox_from_left for position, rig in placed.items()},
-        {position: rig.sandbox_from_left for position, rig in true.items()},
-    )
+def _angle_deg(one: np.ndarray, other: np.ndarray) -> float:
+    """Between the directions of two places (3,) from the origin."""
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other)))

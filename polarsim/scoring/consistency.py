@@ -25,7 +25,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.geometry.casters import caster
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.scoring.alignment import fit_alignment, refine_alignment
+from polarsim.scoring.alignment import align_rigs, refine_alignment
 from polarsim.scoring.complaints import STAGE, complaint
 from polarsim.scoring.labels import read_annotated
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
@@ -127,11 +127,7 @@ def cameras_together(before: Mapping[str, PlacedRig], after: Mapping[str, Placed
         for position, rig in sorted(after.items())
     ]
     if len(set(before) & set(after)) > 1:
-        common = fit_alignment(
-            {position: rig.sandbox_from_left for position, rig in after.items()},
-            {position: rig.sandbox_from_left for position, rig in before.items()},
-        )
-        turn = float(np.degrees(angle_between(common, Pose.identity())))
+        turn = float(np.degrees(angle_between(align_rigs(after, before), Pose.identity())))
         metrics.append(Metric("cameras since the meshes", "cameras_turn", turn, "deg", len(after), "own"))
     return metrics
 

@@ -1,32 +1,25 @@
-"""How well propagated labels agree with hand-annotated or true ones, task by task: how far a label had to be
-propagated.
-"""
+"""How well propagated labels agree with hand-annotated or true ones, by how far a label had to be propagated."""
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
-from polarsim.errors import FormatError
 from polarsim.formats import release
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet, write_parquet
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
 from polarsim.scoring.label_pairs import labels_by_photo, pair_labels, shadows_annotated
-from polarsim.scoring.metrics import Against, Metric, write_metrics
+from polarsim.scoring.metrics import BOX_METRICS, Against, Metric, write_metrics
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.reliability import ANY_SOURCE, brier_score, calibration_error, reliability_table
-from polarsim.scoring.score import Counts, Labels, count_photo, read
+from polarsim.scoring.score import Counts, Labels, count_photo, read, read_sound
 
 EXPOSURES, LIGHT, CAMERA = "other exposures", "light on", "Left to Right"
 AZIMUTH, NO_SUN, POSITION, ALL = "another azimuth", "no Sun", "position without seed", "all but seeds"
 TASKS = (EXPOSURES, LIGHT, CAMERA, AZIMUTH, NO_SUN, POSITION, ALL)
 ANNOTATED = "shadow, where annotated"  # photos whose truth has a shadow: at short exposures nobody draws any
-
-log = logging.getLogger("polarsim")
 
 
 def score_labels(
@@ -132,19 +125,12 @@ def read_truth(
         folder = release.label_folder(truth, terrain) if (truth / release.BOXES).is_dir() else truth
         return read_annotated(folder, terrain)
     table = read_parquet(truth, LABEL_COLUMNS)
-    table = visible(table[table["terrain"] == terrain], options)
-    found = {
-        PhotoKey.parse(str(key)): Labels(
-            np.array([BOX_CLASSES.index(kind) for kind in part["kind"]]), part[["x0", "y0", "x1", "y1"]].to_numpy(float)
-        )
-        for key, part in table.groupby("key")
-    }
+    found = labels_by_photo(visible(table[table["terrain"] == terrain], options))
     return {key: found.get(key, Labels.none()) for key in sorted({*found, *labelled})}
 
 
 def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
-    """The true labels that a person could have annotated: large enough, and clear in some exposure of their exposure
-    bracket.
+    """The true labels that a person could have annotated: large enough, and clear in some exposure of their bracket.
 
     People copy labels over all exposures of an exposure bracket, so one that shows the object is enough. The columns
     `visible_px` and `contrast` (DN) may be missing.
@@ -160,14 +146,8 @@ def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
 
 def read_annotated(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
     """As `read_folder`, but a broken file is left out with a warning: the release has one, nobody's result."""
-    found = {}
-    for key, path in release.key_files(folder).files.items():
-        if key.terrain == terrain:
-            try:
-                found[key] = read(path)
-            except FormatError as error:
-                log.warning("left out of the scores: %s", error)
-    return found
+    files = release.key_files(folder).files
+    return read_sound({key: path for key, path in files.items() if key.terrain == terrain}, read)[0]
 
 
 def against(truth: Path) -> Against:
@@ -190,16 +170,6 @@ def confidence_metrics(pairs: pd.DataFrame, against: Against) -> list[Metric]:
 
 def box_metrics(subject: str, counts: Counts, against: Against) -> list[Metric]:
     """Precision, recall, F1 and mean IoU; NaN where there is nothing to divide by."""
-    metrics = counts.metrics()
-    sizes = {"precision": "label_boxes", "recall": "truth_boxes", "f1": "truth_boxes", "miou": "truth_boxes"}
-    return [
-        Metric(
-            subject,
-            name,
-            float("nan") if metrics[name] is None else float(metrics[name] or 0),
-            "1",
-            int(metrics[n] or 0),
-            against,
-        )
-        for name, n in sizes.items()
-    ]
+    sizes = dict.fromkeys(BOX_METRICS, counts.tp + counts.fn) | {"precision": counts.tp + counts.fp}
+    values = {name: float("nan") if value is None else float(value) for name, value in counts.metrics().items()}
+    return [Metric(subject, name, values[name], "1", n, against) for name, n in sizes.items()]

@@ -14,13 +14,11 @@ import numpy as np
 
 from polarsim.formats.best_photos import Pictures, read_shrunk
 from polarsim.formats.rigs import PlacedRig
-from polarsim.geometry.boxes import iou
-from polarsim.geometry.matching import assign
+from polarsim.geometry.boxes import assign, iou
 from polarsim.geometry.outlines import Outlines
-from polarsim.geometry.patches import Window
+from polarsim.geometry.patches import Ties, Window, find_ties, look_with_both
 from polarsim.geometry.rays import Caster
 from polarsim.geometry.stereo import StereoRig
-from polarsim.geometry.ties import Ties, find_ties, look_with_both
 from polarsim.photo import CAMERAS, PhotoKey
 from polarsim.scoring.cameras import agreed_boxes
 from polarsim.scoring.metrics import Metric

@@ -14,7 +14,7 @@ from polarsim.formats.materials import FittedMaterials, read_materials, rock_of_
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK
-from polarsim.scoring.cameras import read_alignment
+from polarsim.scoring.alignment import read_alignment
 from polarsim.scoring.metrics import Metric, summary, write_metrics
 
 ALBEDO_COLUMNS = ("rock", "x", "y", "z", "albedo", "pixels")

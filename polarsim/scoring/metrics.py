@@ -30,9 +30,7 @@ class Metric:
     value: float
     unit: str  # "mm", "px", "deg", "1" (a share or ratio), or what is counted
     n: int
-    against: (
-        Against  # truth: the analog's own; labels: hand-annotated; photos: pixels; own: what the stage itself reports
-    )
+    against: Against  # the analog's truth, hand-annotated labels, photos' pixels, or what the stage itself reports
 
 
 def summary(

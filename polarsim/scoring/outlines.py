@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from polarsim.errors import FormatError
 from polarsim.formats import release, yolo
 from polarsim.formats.coco import Annotation, read_coco
 from polarsim.geometry.boxes import iou, of_mask
@@ -19,7 +17,7 @@ from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, CameraSi
 from polarsim.scoring.labels import box_metrics, read_annotated
 from polarsim.scoring.metrics import write_metrics
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.score import Counts, Labels, count_boxes, count_overlaps
+from polarsim.scoring.score import Counts, Labels, count_boxes, count_overlaps, read_sound
 
 TASKS: dict[CameraSide, str] = {"L": "seeds' camera", "R": "Left to Right"}
 
@@ -53,8 +51,6 @@ class Region:
 
 Thing = TypeVar("Thing")  # a polygon or an annotation
 
-log = logging.getLogger("polarsim")
-
 
 def score_outlines(
     *, terrain: int, keys: Sequence[PhotoKey], annotations: Path, root: Path, evaluation: Path, options: ScoringOptions
@@ -62,9 +58,8 @@ def score_outlines(
     """Write the evaluation of a terrain's outlines under the Sun lamps, and how well people's polygons fit their boxes.
 
     People drew one set of polygons for all exposures of an exposure bracket: the fullest file is compared with the
-    fullest
-    labels. Their boxes are the yardstick: the boxes around polygons against the boxes of the same photo. Shadows
-    count there only where shadow boxes were annotated: at short exposures there are none.
+    fullest labels. Their boxes are the yardstick: the boxes around polygons against the boxes of the same photo.
+    Shadows count there only where shadow boxes were annotated: at short exposures there are none.
 
     Parameters
     ----------
@@ -97,13 +92,7 @@ def score_outlines(
 
 def read_polygon_files(root: Path, terrain: int) -> dict[PhotoKey, Polygons]:
     """Hand-annotated polygons of a terrain; broken files are left out with a warning."""
-    found = {}
-    for key, path in release.polygon_files(root, terrain).items():
-        try:
-            found[key] = yolo.read_polygons(path)
-        except FormatError as error:
-            log.warning("left out of the scores: %s", error)
-    return found
+    return read_sound(release.polygon_files(root, terrain), yolo.read_polygons)[0]
 
 
 def overlaps(first: Sequence[Region], second: Sequence[Region]) -> np.ndarray:

@@ -73,7 +73,4 @@ def size_classes(size_cm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def size_names() -> tuple[str, str]:
     """What the large and the small rocks are called in tables."""
-    return (
-        f"rocks of {LARGE_ROCK_CM:g} cm and more",
-        f"rocks of {SMALL_ROCK_CM:g} to {LARGE_ROCK_CM:g} cm",
-    )
+    return f"rocks of {LARGE_ROCK_CM:g} cm and more", f"rocks of {SMALL_ROCK_CM:g} to {LARGE_ROCK_CM:g} cm"

@@ -1,12 +1,10 @@
-"""How well label files agree with hand-annotated or true ones: precision, recall, F1 and mean IoU, pooled over
-files.
-"""
+"""How well label files agree with hand-annotated or true ones: precision, recall, F1, mean IoU, pooled over files."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,6 +24,7 @@ GROUPS: dict[str, Callable[[PhotoKey], str]] = {
 }
 
 Name = TypeVar("Name", PhotoKey, str)  # what a label file is called: POLAR's way, or anyone's
+Content = TypeVar("Content")  # of a label file
 
 log = logging.getLogger("polarsim")
 
@@ -53,13 +52,7 @@ class Counts:
     iou_sum: float = 0.0  # over truth boxes, of the one-to-one assignment with the largest sum
 
     def __add__(self, other: Counts) -> Counts:
-        return Counts(
-            self.files + other.files,
-            self.tp + other.tp,
-            self.fp + other.fp,
-            self.fn + other.fn,
-            self.iou_sum + other.iou_sum,
-        )
+        return Counts(*(one + more for one, more in zip(astuple(self), astuple(other), strict=True)))
 
     def metrics(self) -> dict[str, float | int | None]:
         """Ratios of the sums; None where the divisor is 0."""
@@ -196,7 +189,7 @@ def _score_by_name(
 def _score_files(
     of_truth: Mapping[Name, Path], of_labels: Mapping[Name, Path], truth: Path, labels: Path, threshold: float
 ) -> dict[str, Any]:
-    read_truth, unreadable = _read_truth(of_truth)
+    read_truth, unreadable = read_sound(of_truth, read)
     if unreadable and not read_truth:
         raise FormatError(f"none of {len(unreadable)} label files can be read, first {unreadable[0]}", path=truth)
     read_labels = {name: read(of_labels[name]) for name in read_truth if name in of_labels}
@@ -223,12 +216,13 @@ def read(path: Path) -> Labels:
     return Labels(*yolo.read_boxes(path))
 
 
-def _read_truth(files: Mapping[Name, Path]) -> tuple[dict[Name, Labels], list[str]]:
-    found: dict[Name, Labels] = {}
+def read_sound(files: Mapping[Name, Path], reader: Callable[[Path], Content]) -> tuple[dict[Name, Content], list[str]]:
+    """What the files hold, and what is wrong with those that are broken, which a warning names too."""
+    found: dict[Name, Content] = {}
     unreadable = []
     for key, path in files.items():
         try:
-            found[key] = read(path)
+            found[key] = reader(path)
         except FormatError as error:
             log.warning("left out of the scores: %s", error)
             unreadable.append(f"{path.name}: {FormatError(error.reason, line=error.line)}")

@@ -2,27 +2,82 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats import nasa
+from polarsim.formats.inventory import Inventory, read_inventory
+from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.scene import TerrainMesh, read_terrain
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import rectified_left
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
-from polarsim.scoring.alignment import refine_alignment
-from polarsim.scoring.cameras import read_alignment
-from polarsim.scoring.sight import Sight, sights
+from polarsim.scoring.alignment import read_alignment, refine_alignment
 from polarsim.scoring.surface import Surface
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 SEED = 0  # of the points that are sampled on surfaces
 SURFACE_SAMPLES = 20_000  # points on the rocks, and on the ground
 EDGE = 0.1  # metres: a strip along the walls does not count as ground
+REACH_PX = 3  # a return so near in the map counts as the point's: maps are registered to a pixel or two
+SAME_RANGE = 0.015  # metres between a point's distance and the return's
+
+
+@dataclass(frozen=True)
+class Sight:
+    """One position's view of the true scene."""
+
+    camera: Camera  # rectified, in the true frame
+    ranges: np.ndarray | None  # (h, w) metres, NaN without a return
+
+    def sees(self, surface: Surface, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """(n,) whether points (n, 3) of a surface with normals (n, 3), all in the true frame, are seen."""
+        eye, pixels = self.camera.centre, self.camera.project(points)
+        seen = self.camera.inside(pixels)
+        seen[seen] = surface.seen_from(eye, points[seen], normals[seen])
+        if self.ranges is not None:
+            seen[seen] = _returned(self.ranges, pixels[seen], np.linalg.norm(points[seen] - eye, axis=1))
+        return seen
+
+
+def sights(true: Mapping[str, PlacedRig], positions: set[str], known: Inventory | None) -> list[Sight]:
+    """A sight for each of `positions` that has a true pose; with its range map where the inventory names one.
+
+    Raises
+    ------
+    FormatError
+        A range map is broken.
+    """
+    found = []
+    for position in sorted(set(true) & positions):
+        grid = rectified_left(true[position].rig)
+        path = known.range_maps.get(position) if known is not None else None
+        points = nasa.read_range_map(Path(path), (grid.lens.width, grid.lens.height)) if path else None
+        ranges = None if points is None else np.linalg.norm(points, axis=-1)
+        camera = Camera(true[position].sandbox_from_left @ grid.left_from_rectified, grid.lens)
+        found.append(Sight(camera, ranges))
+    return found
+
+
+def _returned(ranges: np.ndarray, pixels: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """(n,) whether a range near pixels (n, 2) is the expected one (n,)."""
+    column, row = np.floor(pixels).astype(int).T
+    found = np.zeros(len(pixels), bool)
+    steps = range(-REACH_PX, REACH_PX + 1)
+    with np.errstate(invalid="ignore"):
+        for down in steps:
+            for across in steps:
+                beside = ranges[
+                    np.clip(row + down, 0, ranges.shape[0] - 1), np.clip(column + across, 0, ranges.shape[1] - 1)
+                ]
+                found |= np.abs(beside - expected) < SAME_RANGE
+    return found
 
 
 @dataclass(frozen=True)
@@ -60,7 +115,8 @@ def compare(terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, invent
 
     What nobody saw nobody can measure: undersides, and ground below rocks. A strip along the walls is left out too.
     """
-    by_cameras, views = read_alignment(cameras, truth), _sights(cameras, truth, inventory)
+    by_cameras, known = read_alignment(cameras, truth), read_inventory(inventory) if inventory is not None else None
+    views = sights(read_all_placed(truth / "cameras"), set(read_all_placed(cameras)), known)
     true_scene = read_terrain(truth / "meshes", terrain)
     true_surface = Surface(true_scene.vertices, true_scene.faces)
     rng = generator(SEED, "surface samples", terrain)
@@ -71,11 +127,6 @@ def compare(terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, invent
     points, rock, area = _seen_points(our_surface, scene.rock_of_face, views, SURFACE_SAMPLES, rng)
     ours = Samples(points, rock, *_beside(true_surface, true_scene.rock_of_face, points), area)
     return Comparison(true, ours, alignment, by_cameras)
-
-
-def _sights(cameras: Path, truth: Path, inventory: Path | None) -> list[Sight]:
-    known = read_inventory(inventory) if inventory is not None else None
-    return sights(read_all_placed(truth / "cameras"), set(read_all_placed(cameras)), known)
 
 
 def _seen_points(

@@ -1,12 +1,10 @@
-"""How well twins agree with what they copy: rendered ground-truth boxes with annotated or true ones, pixels with
-those of
-photos.
-"""
+"""How well twins agree with what they copy: rendered boxes with annotated or true ones, pixels with those of photos."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +12,9 @@ import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
+from polarsim.formats.run_files import pictures_at
 from polarsim.formats.schemas import TWIN_PAIRS
-from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
+from polarsim.formats.tables import key_columns, write_parquet
 from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.scoring.labels import ALL, against, read_folder, read_truth, score_tasks
@@ -72,12 +71,10 @@ def score_twins(
         tasks = {key: f"camera {key.camera}" for key in wanted}
         order = ("camera L", "camera R", ALL)
         for metric in score_tasks(wanted, found, tasks, order, against(truth), options):
-            metrics.append(_renamed(metric))
+            subject = "rendered " + metric.subject.replace(ALL, "all")  # they know no seeds: all photos count
+            metrics.append(replace(metric, subject=subject))
     if photos is not None:
-        table = read_parquet(photos, PHOTO_COLUMNS)
-        paths = {
-            PhotoKey.parse(str(key)): Path(str(path)) for key, path in zip(table["key"], table["path"], strict=True)
-        }
+        paths = pictures_at(photos)
         for model, folder in sorted(twins.items()):
             there = [key for key in sorted(paths) if key.terrain == terrain and (folder / f"{key}.png").exists()]
             alike = {
@@ -92,14 +89,9 @@ def score_twins(
 
 def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:
     """Up to n photos under a Sun lamp, of middle exposure, spread evenly over the exposure brackets."""
-    middle: dict[tuple[object, ...], PhotoKey] = {}
-    for key in sorted(keys):
-        if key.azimuth == "no":
-            continue
-        best = middle.get(key.bracket)
-        if best is None or key.stops_off_usual < best.stops_off_usual:
-            middle[key.bracket] = key
-    found = sorted(middle.values())
+    sunlit = sorted((key for key in keys if key.azimuth != "no"), key=lambda key: (key.bracket, key))
+    brackets = groupby(sunlit, key=lambda key: key.bracket)
+    found = sorted(min(own, key=lambda key: (key.stops_off_usual, key)) for _, own in brackets)
     if len(found) <= n:
         return found
     return [found[number] for number in np.linspace(0, len(found) - 1, n).round().astype(int)] if n else []
@@ -158,9 +150,3 @@ def similarity(photo: np.ndarray, twin: np.ndarray) -> float:
         (2 * mean1 * mean2 + c1) * (2 * covariance + c2) / ((mean1**2 + mean2**2 + c1) * (variance1 + variance2 + c2))
     )
     return float(value.mean())
-
-
-def _renamed(metric: Metric) -> Metric:
-    """Rendered ground-truth boxes know no seeds: all photos count."""
-    subject = "rendered " + metric.subject.replace(ALL, "all")
-    return Metric(subject, metric.metric, metric.value, metric.unit, metric.n, metric.against)

@@ -4,7 +4,7 @@ import logging
 import numpy as np
 import pytest
 
-from polarsim.acquire.photos import Gaps, describe_photo, find_gaps, index_photos, log_gaps, photo_table
+from polarsim.acquire.index import describe_photo, index_photos, log_gaps, photo_table
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import PHOTO_COLUMNS
@@ -61,17 +61,25 @@ def test_an_index_without_photos_has_the_same_types(photo):
     assert photo_table([]).dtypes.equals(index_photos([(KEY, photo)]).dtypes)
 
 
-def test_gaps_are_photos_of_the_grid_and_photos_without_partner():
-    grid = [key for key in photo_grid(1) if key.position == "A"]
-    gaps = find_gaps([key for key in grid if key != KEY], grid)
-    assert gaps.missing == (KEY,)
-    assert [str(key) for key in gaps.unpaired] == ["01_A_off_180_R_0256"]
-    assert find_gaps(grid, grid) == Gaps((), ())
+GRID = [key for key in photo_grid(1) if key.position == "A"]
+
+
+@pytest.mark.parametrize(
+    ("lost", "told"),
+    [
+        ([], []),
+        ([KEY], ["1 of the grid missing, 1 without the other camera's, such as 01_A_off_180_R_0256"]),
+        ([KEY, KEY.other_camera], [f"2 of the grid missing, 0 without the other camera's, such as {KEY}"]),
+    ],
+)
+def test_gaps_are_photos_of_the_grid_and_photos_without_partner(tmp_path, caplog, lost, told):
+    log_gaps([key for key in GRID if key not in lost], GRID, tmp_path)
+    assert [record.getMessage().partition(" photos found, ")[2] for record in caplog.records] == told
 
 
 def test_gaps_are_one_warning_that_counts_them(tmp_path, caplog):
     with caplog.at_level(logging.WARNING):
-        log_gaps(find_gaps([KEY], [key for key in photo_grid(1) if key.position == "A"]), 1, tmp_path)
+        log_gaps([KEY], GRID, tmp_path)
     (line,) = [record.getMessage() for record in caplog.records]
     # terrain 1, position A: 2 lights, 4 Suns, 2 cameras, 7 exposures
     assert "1 photos found, 111 of the grid missing, 1 without the other camera's" in line

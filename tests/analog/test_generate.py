@@ -154,6 +154,13 @@ def test_true_albedo_is_told_of_all_sand_and_rocks_that_are_seen(made):
         assert np.linalg.norm(own[["x", "y", "z"]].to_numpy() - centre, axis=1).max() < rocks.loc[rock, "size_m"]
 
 
+def test_the_same_options_give_the_same_bytes(tmp_path, coarse, made):
+    generate(tmp_path, coarse)
+    again, before = files_of(tmp_path), files_of(made)
+    assert again.keys() == before.keys()
+    assert [name for name, data in again.items() if data != before[name]] == []
+
+
 def test_scans_alone_are_the_same_bytes_every_time_and_need_no_photos(tmp_path, coarse, made):
     options = coarse.model_copy(update={"photos": False})
     generate(tmp_path, options)

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.analog.bounce import AMBIENT, gather_bounce
-from polarsim.analog.light import Lamp, direct, visibility
-from polarsim.analog.reflectance import reflect
+from polarsim.analog.light import Lamp, direct, reflect, visibility
 from polarsim.analog.sandbox import GROUND_OBJECT
 from polarsim.analog.view import lens_directions, look, make_textures
 from polarsim.geometry.camera import Camera

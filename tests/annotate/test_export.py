@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from polarsim.annotate.export import TOOLS, export, opening
 from polarsim.errors import ConfigError, LabelError
 from polarsim.formats import png, yolo
-from polarsim.formats.annotated import read_annotated
+from polarsim.formats.release import read_annotated
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_parquet
 from polarsim.photo import BOX_CLASSES, PhotoKey
 

@@ -10,9 +10,8 @@ from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import RegistrationError
 from polarsim.formats import obj, release, yolo
 from polarsim.formats.rigs import PlacedRig
-from polarsim.geometry.boxes import clip, iou
+from polarsim.geometry.boxes import assign, clip, iou
 from polarsim.geometry.consensus import consensus_boxes
-from polarsim.geometry.matching import assign
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import SUNS

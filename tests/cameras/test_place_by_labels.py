@@ -9,7 +9,7 @@ from polarsim.cameras.refine import EdgeNoise, EdgeProblem, unknowns_of
 from polarsim.cameras.search import candidate_centres, search_pose
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
 from polarsim.errors import RegistrationError
-from polarsim.geometry.matching import assign
+from polarsim.geometry.boxes import assign
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.geometry.stereo import stated_rig

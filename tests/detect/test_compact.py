@@ -25,6 +25,7 @@ from polarsim.detect.detectors.compact.loss import assign, losses  # noqa: E402
 from polarsim.detect.detectors.compact.network import STRIDE  # noqa: E402
 from polarsim.detect.detectors.compact.pictures import Picture, changed  # noqa: E402
 from polarsim.detect.detectors.compact.weights import found, network  # noqa: E402
+from polarsim.detect.detectors.devices import computes_bfloat16  # noqa: E402
 
 pytestmark = pytest.mark.slow
 OPTIONS = TrainingOptions(model="compact", epochs=4, batch=2)
@@ -74,6 +75,22 @@ def test_it_learns(matched):
     assert curve["epoch"].tolist() == [1, 2, 3, 4]
     assert curve["val_map50"].max() > 0.5
     assert curve["train_box_loss"].is_monotonic_decreasing
+
+
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+def test_it_learns_in_either_precision(dataset, tmp_path, precision):
+    train(dataset, tmp_path, precision, OPTIONS.model_copy(update={"precision": precision}))
+    assert tables.read_csv(tmp_path / f"{precision}.csv")["val_map50"].max() > 0.5
+    state = torch.load(tmp_path / f"{precision}.pt", weights_only=True)["state"]
+    assert {value.dtype for value in state.values() if value.is_floating_point()} == {torch.float16}
+
+
+def test_bfloat16_is_taken_where_the_processor_has_it(monkeypatch):
+    for there in (True, False):
+        monkeypatch.setattr(torch.cpu, "_is_avx512_bf16_supported", lambda there=there: there)
+        assert computes_bfloat16("auto", "cpu") is there
+        assert computes_bfloat16("bfloat16", "cpu")
+        assert not computes_bfloat16("float32", "cpu")
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(dataset, matched, tmp_path):

@@ -106,8 +106,8 @@ def test_dark_pictures_are_left_out_where_asked(made, world, tmp_path):
     assert len(list(folder.glob("images/*/*.png"))) == 7
 
 
-def test_full_size_pictures_are_kept_where_asked(few, made):
-    folder = made(OPTIONS.model_copy(update={"downsize": False}), keys=few[:4])
+def test_pictures_are_stored_no_larger_than_the_photo(few, made):
+    folder = made(OPTIONS.model_copy(update={"stored_px": 5000}), keys=few[:4])
     assert png.read(next(folder.glob("images/train/*.png"))).shape == (1216, 1936)
 
 

@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
-from polarsim.formats import annotated, yolo
+from polarsim.formats import yolo
+from polarsim.formats.release import read_annotated
 from polarsim.photo import BOX_CLASSES, PhotoKey
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
@@ -33,7 +34,7 @@ def test_names_in_classes_txt_decide_whatever_their_order_and_line_ends(tmp_path
     (folder / "classes.txt").write_bytes("".join(name + newline for name in names).encode())
     lines = [line(names.index(name), *box) for name, *box in drawn]
     (folder / f"{KEY}.txt").write_bytes("".join(text + newline for text in lines).encode())
-    classes, boxes = annotated.read_annotated(folder)[KEY]
+    classes, boxes = read_annotated(folder)[KEY]
     assert [BOX_CLASSES[number] for number in classes] == [name for name, *_ in drawn]
     wanted = np.array([[x, y, x + width, y + height] for _, x, y, width, height in drawn]).reshape(-1, 4)
     np.testing.assert_allclose(boxes, wanted, atol=0.01)
@@ -41,15 +42,15 @@ def test_names_in_classes_txt_decide_whatever_their_order_and_line_ends(tmp_path
 
 def test_the_other_order_of_rock_and_shadow_swaps_the_classes(tmp_path):
     yolo.write_boxes(tmp_path / f"{KEY}.txt", np.array([0, 1, 1]), np.array([[5, 5, 50, 60]] * 3, float))
-    annotated.write_class_list(tmp_path)
-    assert annotated.read_annotated(tmp_path)[KEY][0].tolist() == [0, 1, 1]
+    (tmp_path / "classes.txt").write_text("rock\nshadow\n")
+    assert read_annotated(tmp_path)[KEY][0].tolist() == [0, 1, 1]
     (tmp_path / "classes.txt").write_text("shadow\nrock\n")
-    assert annotated.read_annotated(tmp_path)[KEY][0].tolist() == [1, 0, 0]
+    assert read_annotated(tmp_path)[KEY][0].tolist() == [1, 0, 0]
 
 
 def test_without_a_class_list_the_release_s_order_holds(tmp_path):
     yolo.write_boxes(tmp_path / f"{KEY}.txt", np.array([0, 1]), np.array([[5, 5, 50, 60]] * 2, float))
-    assert annotated.read_annotated(tmp_path)[KEY][0].tolist() == [0, 1]
+    assert read_annotated(tmp_path)[KEY][0].tolist() == [0, 1]
 
 
 def test_pictures_and_copies_are_no_labels_and_terrain_folders_have_lists_of_their_own(tmp_path, caplog):
@@ -60,7 +61,7 @@ def test_pictures_and_copies_are_no_labels_and_terrain_folders_have_lists_of_the
     other.mkdir()
     (other / "classes.txt").write_text("shadow\nrock")
     (other / "03_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1 0.1\n")
-    found = annotated.read_annotated(tmp_path)
+    found = read_annotated(tmp_path)
     assert {str(key): classes.tolist() for key, (classes, _) in found.items()} == {
         "01_A_off_30_L_0256": [0],
         "03_A_off_30_L_0256": [1],
@@ -85,15 +86,20 @@ def test_what_is_broken_is_named_in_one_line(tmp_path, names, text, reason):
     (tmp_path / "classes.txt").write_text(names)
     (tmp_path / f"{KEY}.txt").write_text(text)
     with pytest.raises(FormatError, match=reason) as caught:
-        annotated.read_annotated(tmp_path)
+        read_annotated(tmp_path)
     assert len(str(caught.value).splitlines()) == 1
 
 
 def test_a_missing_folder_and_a_photo_with_two_files_are_refused(tmp_path):
     with pytest.raises(FormatError, match="no such folder"):
-        annotated.read_annotated(tmp_path / "nowhere")
+        read_annotated(tmp_path / "nowhere")
     (tmp_path / "Terrain01").mkdir()
     for place in (tmp_path, tmp_path / "Terrain01"):
         (place / f"{KEY}.txt").write_text("")
     with pytest.raises(FormatError, match=str(KEY)):
-        annotated.read_annotated(tmp_path)
+        read_annotated(tmp_path)
+
+
+def test_an_empty_line_between_names_is_a_class_without_a_name(tmp_path):
+    (tmp_path / "classes.txt").write_text("rock\n\nshadow\n\n")
+    assert yolo.class_names(tmp_path) == ("rock", "", "shadow")

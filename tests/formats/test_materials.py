@@ -52,19 +52,22 @@ def test_a_fit_for_other_meshes_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "spoil",
+    ("spoil", "named"),
     [
-        lambda content: content.pop("falloff"),
-        lambda content: content["models"]["lambert"].pop("lamps"),
-        lambda content: content["models"].update(hapke=content["models"]["lambert"]),
-        lambda content: content.update(models=[]),
+        (lambda content: content.pop("falloff"), TABLE_FILE),
+        (lambda content: content["models"]["lambert"].pop("lamps"), TABLE_FILE),
+        (
+            lambda content: content["models"].update(hapke=content["models"]["lambert"]),
+            f"{ALBEDO_FILE}: column 'hapke' is missing",
+        ),
+        (lambda content: content.update(models=[]), TABLE_FILE),
     ],
 )
-def test_a_broken_table_is_named(tmp_path, spoil):
+def test_a_broken_table_is_named(tmp_path, spoil, named):
     write_materials(tmp_path / "fit", MESH, FOUND)
     path = tmp_path / "fit" / TABLE_FILE
     content = json.loads(path.read_text())
     spoil(content)
     path.write_text(json.dumps(content))
-    with pytest.raises(FormatError, match=TABLE_FILE):
+    with pytest.raises(FormatError, match=named):
         read_materials(tmp_path / "fit", MESH)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.errors import LabelError
-from polarsim.formats.seeds import read_rock_boxes
+from polarsim.formats.yolo import read_rock_boxes
 from polarsim.photo import PhotoKey
 
 

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.pixel_rays import CLOSE_PX, pixel_directions, separated
+from polarsim.geometry.lens import CLOSE_PX, Lens, pixel_directions, separated
 from polarsim.geometry.stereo import stated_rig
 
 LENSES = {

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.geometry.casters import caster
-from polarsim.geometry.rays_parts import Part, Parts
+from polarsim.geometry.rays_embree import Part, Parts
 
 
 def soup(random, triangles):

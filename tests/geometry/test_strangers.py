@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.boxes import around
+from polarsim.geometry.consensus import find_strangers
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
-from polarsim.geometry.strangers import find_strangers
 
 POSES = {  # as far apart as NASA's A and C
     "A": looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)),

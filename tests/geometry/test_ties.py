@@ -7,10 +7,9 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from polarsim.geometry.casters import caster
-from polarsim.geometry.patches import Window
+from polarsim.geometry.patches import Window, find_ties, look_with_both
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
-from polarsim.geometry.ties import find_ties, look_with_both
 from polarsim.photo import BLACK_LEVEL
 
 SCALE = 0.25

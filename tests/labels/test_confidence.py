@@ -1,6 +1,6 @@
 import pytest
 
-from polarsim.labels.confidence import COEFFICIENTS, confidence
+from polarsim.labels.label import COEFFICIENTS, confidence
 
 
 @pytest.mark.parametrize(("kind", "source"), COEFFICIENTS)

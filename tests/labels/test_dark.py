@@ -5,10 +5,10 @@ import pytest
 
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.outlines import TRIM
-from polarsim.labels.dark import hidden_by_dark, in_the_dark
 from polarsim.labels.known import gather
+from polarsim.labels.lit import hidden_by_dark, in_the_dark
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.position import PositionLabels
+from polarsim.labels.propagate import PositionLabels
 from polarsim.labels.seeds import Annotated
 from polarsim.labels.view import project_rock
 from polarsim.labels.world import build_world

@@ -15,8 +15,7 @@ from polarsim.labels.known import gather
 from polarsim.labels.light import OlatLight
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Photos
-from polarsim.labels.position import PositionLabels
-from polarsim.labels.propagate import propagate_labels
+from polarsim.labels.propagate import PositionLabels, propagate_labels
 from polarsim.photo import BLACK_LEVEL, FIRST_UNMESHED_ROCK, PhotoKey, photo_grid
 
 from .conftest import BLOCKS, TERRAIN, block, placed

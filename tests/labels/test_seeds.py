@@ -1,8 +1,7 @@
 import numpy as np
 
 from polarsim.formats import yolo
-from polarsim.labels.seeds import Annotated, cameras_first, choose_seeds, read_drawings, shadow_starts
-from polarsim.labels.shadow_starts import ShadowStarts
+from polarsim.labels.seeds import Annotated, ShadowStarts, cameras_first, choose_seeds, read_drawings, shadow_starts
 from polarsim.photo import PhotoKey
 
 ROCK, SHADOW = np.array([100.0, 100, 160, 150]), np.array([60.0, 90, 110, 140])

@@ -8,8 +8,7 @@ import pytest
 
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.boxes import around
-from polarsim.labels.seeds import Annotated
-from polarsim.labels.strangers import without_strangers
+from polarsim.labels.seeds import Annotated, without_strangers
 from polarsim.photo import NO_ROCK, PhotoKey
 
 from .conftest import block, flat_ground, placed

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.labels.photos import Brightness, noise_dn
-from polarsim.labels.visibility import contrast
+from polarsim.labels.photos import Brightness, contrast, noise_dn
 
 BOX = np.array([100.0, 80, 160, 120])
 

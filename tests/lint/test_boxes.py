@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.lint.boxes import box_defects, count_defects
+from polarsim.lint.files import box_defects, count_defects
 
 ROCK, SHADOW = 0, 1
 

@@ -1,6 +1,6 @@
 import pytest
 
-from polarsim.lint.exposures import missing_exposures, set_defects
+from polarsim.lint.siblings import missing_exposures, set_defects
 from polarsim.photo import PhotoKey, exposures
 from tests.lint.test_boxes import ROCK, SHADOW, SOUND, box, labels
 

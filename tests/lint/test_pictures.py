@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
+from polarsim.lint.folders import lint
 from polarsim.lint.rules import RULES
-from polarsim.lint.run import lint
 
 BOX = "0 0.5 0.5 0.2 0.2\n"
 

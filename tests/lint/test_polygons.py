@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.lint.polygons import against_boxes, file_defects, other_camera, ring_defects
+from polarsim.lint.files import against_boxes, file_defects, other_camera, ring_defects
 from polarsim.photo import PhotoKey
 
 BACKGROUND, GROUND, ROCK, SHADOW = range(4)

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.lint.release import lint_release
+from polarsim.lint.folders import lint_release
 from polarsim.lint.rules import RULES
 
 BOX = "0 0.500000 0.500000 0.100000 0.100000\n"

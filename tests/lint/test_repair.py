@@ -5,9 +5,9 @@ import pytest
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import tables, yolo
+from polarsim.lint.folders import lint
 from polarsim.lint.repair import CHANGES, _drop_malformed, write_repaired
 from polarsim.lint.rules import RULES
-from polarsim.lint.run import lint
 from polarsim.photo import exposures
 from tests.lint.conftest import BOXES, CLASSES, KEY, LABELS, path
 

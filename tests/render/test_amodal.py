@@ -9,8 +9,7 @@ from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.photo import NO_ROCK
-from polarsim.render.amodal import hidden_parts
-from polarsim.render.ground_truth import annotations_of, whole_rocks
+from polarsim.render.ground_truth import annotations_of, hidden_parts, whole_rocks
 from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of

@@ -11,8 +11,8 @@ from polarsim.formats import png
 from polarsim.formats.materials import Fitted, FittedMaterials, read_materials, write_materials
 from polarsim.formats.scene import read_terrain
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
-from polarsim.render.fitted import as_bright_as_fitted, with_fit
 from polarsim.render.fitting.fit import fit_materials
+from polarsim.render.gain import as_bright_as_fitted, with_fit
 from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.options import FittingOptions, LambertParameters, RenderOptions
 from polarsim.render.twins import LabelPaths, render_twins

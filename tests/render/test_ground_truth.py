@@ -102,8 +102,10 @@ def test_rays_that_lit_the_twin_need_not_be_cast_again_for_its_shadows(blocks, c
     met = surfaces.id_of_face[hits.face]
     lit = lighting(surfaces, hits, SUN, falloff=True)[0]
     assert 0 < len(lit) < len(met)
+    dark, unknown = np.ones((2, len(met)), bool)
+    dark[lit] = False
     np.testing.assert_array_equal(
-        ground_shadows(surfaces, hits, met, SUN, lit), ground_shadows(surfaces, hits, met, SUN, lit[:0])
+        *(ground_shadows(surfaces, hits, met, SUN, asked, samples=1) for asked in (dark, unknown))
     )
 
 

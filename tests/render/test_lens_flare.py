@@ -4,7 +4,7 @@ import pytest
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
-from polarsim.render.lens_flare import lens_flare_of, scattering
+from polarsim.render.optics import lens_flare_of, scattering
 
 SEEN = Lamp(np.array([-1.0, 0.2, 0.5]))  # by the camera, behind the block
 

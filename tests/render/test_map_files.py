@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+import tifffile
 
-from polarsim.formats import png, tiff
+from polarsim.formats import png
 from polarsim.formats.instances import SHADOW_IDS
-from polarsim.formats.shading import FACES_AWAY, LIT, read_shading
 from polarsim.photo import PhotoKey
 from polarsim.render.options import RenderOptions
 from polarsim.render.scene import Scene
+from polarsim.render.shadows import FACES_AWAY, LIT
 from polarsim.render.sidecar import read_sidecar
 from polarsim.render.twins import LabelPaths, render_twins
 
@@ -48,13 +49,14 @@ def test_they_are_the_maps_of_the_scene_that_the_sidecar_tells(folders):
     expected = Scene(folders / "meshes", 1, told.options).maps(told.shot)
     sun, seen = expected.by_lamp["30"], expected.ids > 0
     of_set = {name: png.read(maps / name / SETS[1]) for name in ("incidence", "phase", "lit")}
-    depth = tiff.read_floats(maps / "depth_float" / "01_A_L.tif")
+    depth = tifffile.imread(maps / "depth_float" / "01_A_L.tif")
+    assert depth.dtype == np.float32
     np.testing.assert_allclose(depth, expected.depth_m, rtol=1e-6)
     np.testing.assert_allclose(png.read(maps / "depth" / "01_A_L.png")[seen] / 1000, depth[seen], atol=5.1e-4)
     np.testing.assert_allclose(of_set["incidence"][seen] / 100, sun.incidence_deg[seen], atol=6e-3)
     np.testing.assert_allclose(of_set["phase"][seen] / 100, sun.phase_deg[seen], atol=6e-3)
     assert all((picture[~seen] == 65535).all() for picture in of_set.values())
-    shading = read_shading(maps / "shading" / SETS[1])
+    shading = png.read(maps / "shading" / SETS[1])
     assert (shading != sun.shading).mean() < 1e-3  # the pose was made orthogonal anew
     np.testing.assert_array_equal(of_set["lit"][seen] == 10_000, shading[seen] == LIT)
     ids = png.read(folders / "labels" / "instances" / SETS[1])

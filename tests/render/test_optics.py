@@ -8,9 +8,8 @@ from scipy import ndimage
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.render.lamps import Lamp
-from polarsim.render.lens_flare import lens_flare_of
 from polarsim.render.olat import render_view
-from polarsim.render.optics import spread, through_lens, vignette
+from polarsim.render.optics import lens_flare_of, spread, through_lens, vignette
 from polarsim.render.sensor_options import SensorOptions
 
 POINT = np.zeros((81, 101), np.float32)

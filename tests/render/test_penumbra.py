@@ -4,9 +4,9 @@ import pytest
 from polarsim.formats.instances import GROUND, SHADOW_IDS
 from polarsim.geometry.camera import Camera
 from polarsim.render.lamps import SUN_RADIUS_DEG, Lamp
+from polarsim.render.lighting import visible_share
 from polarsim.render.maps import maps_of
 from polarsim.render.olat import render_view
-from polarsim.render.penumbra import visible_share
 
 from .conftest import HEIGHT, SIDE
 

@@ -8,10 +8,10 @@ from scipy.special import ndtr
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
+from polarsim.render.hits import sample_offsets
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
 from polarsim.render.options import RenderOptions
-from polarsim.render.pixel_filter import sample_offsets
 from polarsim.render.sensor_options import SensorOptions
 from polarsim.render.surfaces import surfaces_of
 

@@ -9,7 +9,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
-from polarsim.render.map_files import write_maps
+from polarsim.render.maps import write_maps
 from polarsim.render.scene import Scene, Shot
 from polarsim.render.sidecar import read_sidecar, write_sidecar
 

@@ -4,8 +4,7 @@ import pytest
 from polarsim.formats.scene import TerrainMesh
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import NO_LAMP
-from polarsim.render.skirts import hang, low_rim, with_skirts
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import hang, low_rim, surfaces_of, with_skirts
 
 GAP = 0.03  # metres between the ground and the block's open foot
 

@@ -4,7 +4,7 @@ from typer.testing import CliRunner
 from polarsim.cli import app
 from polarsim.errors import PolarsimError
 from polarsim.formats.tables import read_csv, write_csv
-from polarsim.report.compare import compare_runs
+from polarsim.report.evaluation_table import compare_runs
 from polarsim.scoring.mesh_scores import mesh_table
 from polarsim.scoring.metrics import Metric, write_metrics
 

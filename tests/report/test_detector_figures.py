@@ -6,10 +6,9 @@ from polarsim.formats import png
 from polarsim.formats.schemas import CURVES, INSTANCES
 from polarsim.formats.tables import key_columns, label_table, write_parquet
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
-from polarsim.report.figures.curves import draw_curves
-from polarsim.report.figures.gap_rocks import draw_gap_rocks, most_different
-from polarsim.report.figures.ipd_histogram import draw_ipd_histogram
-from polarsim.report.figures.seen import draw_seen, shown_keys
+from polarsim.report.figures.detectors import draw_curves, draw_ipd_histogram
+from polarsim.report.figures.finds import draw_gap_rocks, most_different
+from polarsim.report.figures.seen import draw_seen, read_finds, shown_keys
 from polarsim.report.ipd_rocks_table import COLUMNS
 from polarsim.report.seeds import averaged, panels, title_text
 
@@ -71,17 +70,16 @@ def test_a_page_of_rocks_shows_label_and_best_box_in_both_domains(tmp_path):
     png.write(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
 
     def draw(trained):
-        draw_gap_rocks(
-            trained=trained,
+        finds = read_finds(
+            trained,
+            "analog",
             instances=tmp_path / "instances.parquet",
             predictions={"real": tmp_path / "hit.parquet", "hapke": tmp_path / "miss.parquet"},
             labels=dict.fromkeys(("real", "hapke"), tmp_path / "labels.parquet"),
             picture_of=lambda domain, key: tmp_path / "photo.png" if domain == "real" else None,
             confidence=0.25,
-            figure=tmp_path / f"{trained}.png",
-            origin=ORIGIN,
-            width=NARROW,
         )
+        draw_gap_rocks(finds, tmp_path / f"{trained}.png", NARROW)
         return png.read(tmp_path / f"{trained}.png")[..., :3].astype(int)
 
     def shows(pixels, colour):
@@ -119,17 +117,16 @@ def test_what_a_detector_sees_is_drawn_with_labels_of_every_domain(tmp_path):
     write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=list(INSTANCES.columns)))
     png.write(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
     for trained, hit in (("real", "hit"), ("hapke", "miss")):
-        draw_seen(
-            trained="real",
+        finds = read_finds(
+            "real",
+            "analog",
             instances=tmp_path / "instances.parquet",
             predictions={"real": tmp_path / f"{hit}.parquet", "hapke": tmp_path / "miss.parquet"},
             labels=dict.fromkeys(("real", "hapke"), tmp_path / "labels.parquet"),
             picture_of=lambda domain, key: tmp_path / "photo.png",
             confidence=0.25,
-            figure=tmp_path / f"{trained}.png",
-            origin=ORIGIN,
-            width=NARROW,
         )
+        draw_seen(finds, tmp_path / f"{trained}.png", NARROW)
     drawn, nothing = (png.read(tmp_path / f"{name}.png")[..., :3].astype(int) for name in ("real", "hapke"))
 
     def has(pixels, colour):

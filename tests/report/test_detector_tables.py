@@ -1,7 +1,7 @@
 import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
-from polarsim.report import breakdown_table, false_positives_table, ipd_rocks_table
+from polarsim.report import detectors, ipd_rocks_table
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 
@@ -15,12 +15,12 @@ def breakdown():
         for by, group in groups
         for kind in ("shadow", "rock")
     ]
-    return pd.DataFrame(rows, columns=list(breakdown_table.COLUMNS))
+    return pd.DataFrame(rows, columns=list(detectors.BREAKDOWN_COLUMNS))
 
 
 def test_a_breakdown_has_a_block_for_each_grouping_with_its_groups_in_order(tmp_path):
     write_parquet(tmp_path / "b.parquet", breakdown())
-    breakdown_table.tabulate_breakdown(breakdown=tmp_path / "b.parquet", stem=tmp_path / "t", origin=ORIGIN)
+    detectors.tabulate_breakdown(breakdown=tmp_path / "b.parquet", stem=tmp_path / "t", origin=ORIGIN)
     text = (tmp_path / "t.md").read_text()
     headers = [line for line in text.splitlines() if line.startswith("| labels")]
     assert headers == [
@@ -34,16 +34,14 @@ def test_a_breakdown_has_a_block_for_each_grouping_with_its_groups_in_order(tmp_
 
 def test_a_breakdown_of_several_seeds_shows_their_spread(tmp_path):
     write_parquet(tmp_path / "b.parquet", pd.concat([breakdown().assign(seed=n, map50=0.2 * n) for n in (1, 2)]))
-    breakdown_table.tabulate_breakdown(breakdown=tmp_path / "b.parquet", stem=tmp_path / "t", origin=ORIGIN)
+    detectors.tabulate_breakdown(breakdown=tmp_path / "b.parquet", stem=tmp_path / "t", origin=ORIGIN)
     assert "| 0.300 ± 0.141 |" in (tmp_path / "t.md").read_text()
 
 
 def test_false_positives_are_shown_a_photo_and_in_percent_of_the_area(tmp_path):
     row = ("hapke", "real", "rock-free terrain", "06", 45, 4, 45.0, 24, 0.5, 0.25, 0.75, 0.01, 0.005, 0.02)
-    write_parquet(tmp_path / "f.parquet", pd.DataFrame([row], columns=list(false_positives_table.COLUMNS)))
-    false_positives_table.tabulate_false_positives(
-        false_positives=tmp_path / "f.parquet", stem=tmp_path / "t", origin=ORIGIN
-    )
+    write_parquet(tmp_path / "f.parquet", pd.DataFrame([row], columns=list(detectors.FALSE_POSITIVE_COLUMNS)))
+    detectors.tabulate_false_positives(false_positives=tmp_path / "f.parquet", stem=tmp_path / "t", origin=ORIGIN)
     text = (tmp_path / "t.md").read_text()
     shown = "| rock-free terrain | Hapke | Analog | 06 | 45 | 0.500 [0.250, 0.750] | 1.000 [0.500, 2.000] |"
     assert shown in text
@@ -65,11 +63,11 @@ def test_the_rocks_that_differ_most_are_shown_and_pairs_are_in_the_papers_order(
 
 
 def test_tables_without_a_row_are_written_with_their_columns(tmp_path):
-    for module, name, write in (
-        (breakdown_table, "breakdown", breakdown_table.tabulate_breakdown),
-        (false_positives_table, "false_positives", false_positives_table.tabulate_false_positives),
-        (ipd_rocks_table, "rocks", ipd_rocks_table.tabulate_ipd_rocks),
+    for columns, name, write in (
+        (detectors.BREAKDOWN_COLUMNS, "breakdown", detectors.tabulate_breakdown),
+        (detectors.FALSE_POSITIVE_COLUMNS, "false_positives", detectors.tabulate_false_positives),
+        (ipd_rocks_table.COLUMNS, "rocks", ipd_rocks_table.tabulate_ipd_rocks),
     ):
-        write_parquet(tmp_path / "e.parquet", pd.DataFrame(columns=list(module.COLUMNS)))
+        write_parquet(tmp_path / "e.parquet", pd.DataFrame(columns=list(columns)))
         write(**{name: tmp_path / "e.parquet"}, stem=tmp_path / name, origin=ORIGIN)
-        assert len(read_csv(tmp_path / f"{name}.csv", module.COLUMNS)) == 0
+        assert len(read_csv(tmp_path / f"{name}.csv", columns)) == 0

@@ -1,6 +1,7 @@
 import numpy as np
 
-from polarsim.report.figures.difference import of_cover, of_photo
+from polarsim.report.figures.comparison import difference_of_cover as of_cover
+from polarsim.report.figures.comparison import difference_of_photo as of_photo
 
 
 def test_a_brighter_twin_is_red_and_a_darker_one_blue():

@@ -3,7 +3,7 @@ import pytest
 
 from polarsim.formats.tables import read_parquet, write_parquet
 from polarsim.report.detection_table import COLUMNS as DETECTION_COLUMNS
-from polarsim.report.differences_table import tabulate_differences
+from polarsim.report.detectors import tabulate_differences
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 VALUES = {

@@ -14,8 +14,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
-from polarsim.report.figures.opposition import draw_opposition
-from polarsim.report.phase import extreme_places, lit_by_one_lamp, phase_angles
+from polarsim.report.figures.opposition import draw_opposition, extreme_places, lit_by_one_lamp, phase_angles
 
 EYE = np.array([3.5, 0.0, 1.5])
 NARROW = 640  # px

@@ -1,6 +1,10 @@
+import base64
+import io
 import re
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
@@ -47,6 +51,13 @@ def test_the_page_holds_every_table_and_picture_of_the_run_and_needs_no_other_fi
     assert "0.5 | 0.4 &lt;x&gt;" in page
     assert "none of these numbers is one of NASA" in page
     assert "From 2 to 90 degrees." in page
+
+
+def test_photos_are_embedded_as_jpeg_of_quality_88(tmp_path, run):
+    grain = np.random.default_rng(0).integers(0, 256, (64, 64), "uint8")
+    png.write(run["figures"]["detection"], grain)
+    content = base64.b64decode(re.search(r'id="detection".*?base64,([^"]+)"', written(tmp_path, run))[1])
+    assert Image.open(io.BytesIO(content)).quantization[0][0] == 4  # 16 at 50, 8 at PIL's own 75
 
 
 def test_what_a_run_has_not_has_no_heading(tmp_path, run):

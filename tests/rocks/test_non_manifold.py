@@ -4,8 +4,7 @@ import trimesh
 
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight
-from polarsim.rocks.non_manifold import PARTING, split_non_manifold
-from polarsim.rocks.solids import islands, volume
+from polarsim.rocks.solids import PARTING, islands, split_non_manifold, volume
 
 
 def joined(*boxes):

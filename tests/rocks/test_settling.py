@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from polarsim.rocks.clouds import settling_shifts
 from polarsim.rocks.scans import ScanPoints, merged
-from polarsim.rocks.settling import settling_shifts
 
 OFF = np.array([0.0015, -0.0020, 0.0010])  # metres
 

@@ -9,11 +9,10 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks import surfaces
 from polarsim.rocks.adopt import volume_above
-from polarsim.rocks.closing import closing_points, hull_mesh
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import decimated, largest_island, merged_vertices, volume
-from polarsim.rocks.surfaces import closed_rock, ground_surface
+from polarsim.rocks.surfaces import closed_rock, closing_points, ground_surface, hull_mesh
 
 GRID = FloorGrid(Extent(-0.3, -0.3, 0.3, 0.3), 0.005)
 LEVEL = np.zeros(GRID.shape)

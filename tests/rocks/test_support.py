@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.rocks.support import FAR, NEAR, Scanned, support, support_table
+from polarsim.rocks.folder import FAR, NEAR, Scanned, support, support_table
 
 PATCH = Scanned(np.stack([*np.mgrid[0:20, 0:20], np.zeros((20, 20))], axis=-1).reshape(-1, 3) * 0.003, 0.003)
 

@@ -8,8 +8,8 @@ import yaml
 
 from polarsim.formats import obj, png, tables
 from polarsim.geometry.meshes import Mesh
+from polarsim.rover.cameras.frames import pose_table
 from polarsim.rover.cameras.layout import TRUTH_COLUMNS
-from polarsim.rover.cameras.truth import pose_table
 from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks, trace_table, write_trace
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle

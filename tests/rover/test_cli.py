@@ -1,7 +1,6 @@
 """`polarsim drive` as a user calls it: bad input in one line, a finished drive not driven again."""
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,23 +12,20 @@ pytest.importorskip("mujoco", reason="mujoco is not installed")
 pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
 
 
-def polarsim(*arguments: object) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, "-c", "from polarsim.cli import main; main()", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        cwd=Path(__file__).parents[2],
-    )
+@pytest.fixture
+def call(polarsim, monkeypatch):
+    """`polarsim drive` of a small world whose results stand in a folder."""
+    monkeypatch.chdir(Path(__file__).parents[2])
+
+    def drive(folder: Path, *more: object, **rover) -> subprocess.CompletedProcess:
+        content = configured(**{**SMALL, **rover}) | {"run": "small", "terrains": [3]}
+        (folder / "small.yaml").write_text(yaml.safe_dump(content))
+        return polarsim("drive", "--config", folder / "small.yaml", "--results", folder, "--no-pictures", *more)
+
+    return drive
 
 
-def call(folder: Path, *more: object, **rover) -> subprocess.CompletedProcess:
-    content = configured(**{**SMALL, **rover}) | {"run": "small", "terrains": [3]}
-    (folder / "small.yaml").write_text(yaml.safe_dump(content))
-    return polarsim("drive", "--config", folder / "small.yaml", "--results", folder, "--no-pictures", *more)
-
-
-def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(tmp_path):
+def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(call, tmp_path):
     write_meshes(tmp_path / "small/meshes/Terrain03", 3)
     short = {**SMALL["drive"], "longest_s": 1.0, "settle_s": 0.5}
     done = call(tmp_path, drive=short)
@@ -45,7 +41,7 @@ def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(tmp_pat
     assert (folder / "drive.mcap").read_bytes() == before["drive.mcap"][1]
 
 
-def test_another_seed_is_another_drive(tmp_path):
+def test_another_seed_is_another_drive(call, tmp_path):
     write_meshes(tmp_path / "small/meshes/Terrain03", 3)
     short = {**SMALL["drive"], "longest_s": 0.5, "settle_s": 0.1}
     for seed in (0, 4):
@@ -63,7 +59,7 @@ def test_another_seed_is_another_drive(tmp_path):
         ({"drive": {"vehicle": "none.yaml"}}, "none.yaml: no readable YAML"),
     ],
 )
-def test_bad_input_ends_in_one_line(tmp_path, rover, reason):
+def test_bad_input_ends_in_one_line(call, tmp_path, rover, reason):
     write_meshes(tmp_path / "small/meshes/Terrain03", 3)
     done = call(tmp_path, **rover)
     assert done.returncode == 1
@@ -73,7 +69,7 @@ def test_bad_input_ends_in_one_line(tmp_path, rover, reason):
     assert "Traceback" not in done.stderr
 
 
-def test_a_run_without_meshes_is_named(tmp_path):
+def test_a_run_without_meshes_is_named(call, tmp_path):
     done = call(tmp_path)
     assert done.returncode == 1
     assert "Terrain03" in done.stderr

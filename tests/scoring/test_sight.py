@@ -5,8 +5,8 @@ from polarsim.formats.inventory import Inventory
 from polarsim.formats.rigs import PlacedRig
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import rectified_left, stated_rig
-from polarsim.scoring.sight import sights
 from polarsim.scoring.surface import Surface
+from polarsim.scoring.true_surface import sights
 
 DOWN = Pose(np.diag([1.0, -1, -1]), np.array([0.0, 0, 3]))  # 3 m above the floor, looking straight down
 FLOOR = Surface(np.array([[-5.0, -5, 0], [5, -5, 0], [5, 5, 0], [-5, 5, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))

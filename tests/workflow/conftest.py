@@ -6,35 +6,91 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import yaml
 
 CHECKOUT = Path(__file__).parent.parent.parent
-PARTS = ("Snakefile", "workflow", "config", "polarsim")
+SMALL = {
+    "run": "small",
+    "terrains": [1],
+    "positions": ["A", "C"],
+    "source": {"kind": "analog", "root": "data/analog"},
+    "rocks": {"rock_cell_mm": 6, "ground_mesh_cell_mm": 20},
+    "grid": {"azimuths": ["30", "180"], "lights": ["off"], "exposures_ms": [128, 256]},
+    "render": {"models": ["hapke"]},
+    "detect": {
+        "training": {"model": "compact", "epochs": 1},  # starts in a tenth of the time of a YOLO detector
+        "pictures": {"imgsz": 96},
+        "splits": ["position"],
+        "mixes": {"mixed": {"analog": 0.5, "hapke": 1}},
+    },
+    "gap": {
+        "trained_on": ["hapke"],
+        "components": {
+            "nothing": {"render": {"seed": 0}},
+            "scene": {"cameras": "truth", "lamps": "truth", "meshes": "truth"},
+            "labels": {"labels": "propagated"},
+        },
+    },
+}
+
+
+@pytest.fixture(scope="session")
+def make_checkout() -> Callable[[Path], Path]:
+    """Copy everything that a run reads into a folder, but the library, whose compiled kernels all tests share."""
+
+    def make(folder: Path) -> Path:
+        shutil.copy(CHECKOUT / "Snakefile", folder)
+        for part in ("workflow", "config"):
+            shutil.copytree(CHECKOUT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+        (folder / "config/small.yaml").write_text(yaml.safe_dump(SMALL))
+        return folder
+
+    return make
 
 
 @pytest.fixture
-def checkout(tmp_path: Path) -> Path:
-    """A copy of everything that a run reads."""
-    for part in PARTS:
-        source = CHECKOUT / part
-        if source.is_dir():
-            shutil.copytree(source, tmp_path / part, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            shutil.copy(source, tmp_path / part)
-    return tmp_path
+def checkout(tmp_path: Path, make_checkout) -> Path:
+    """A checkout that a test may change."""
+    return make_checkout(tmp_path)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def snakemake() -> Callable[..., subprocess.CompletedProcess]:
-    """Run Snakemake in a folder; the library of that folder is the one that counts."""
+    """Run Snakemake in a folder; the library of that folder is the one that counts, where it has one."""
 
     def run(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess:
+        library = folder if (folder / "polarsim").is_dir() else CHECKOUT
         return subprocess.run(
             [sys.executable, "-m", "snakemake", "--cores", "1", *arguments],
             cwd=folder,
-            env={**os.environ, "PYTHONPATH": str(folder), **environment},
+            env={**os.environ, "PYTHONPATH": str(library), **environment},
             capture_output=True,
             text=True,
             timeout=1800,  # one that hangs ends; busy machines are slow
         )
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def small(tmp_path_factory, make_checkout, snakemake) -> Path:
+    """A checkout with a finished run of the whole pipeline, `config/small.yaml`, that no test changes."""
+    folder = make_checkout(tmp_path_factory.mktemp("small"))
+    done = snakemake(folder, "--cores", "2", "--configfile", "config/small.yaml")
+    assert done.returncode == 0, done.stderr[-3000:]
+    return folder
+
+
+@pytest.fixture(scope="session")
+def dry_run(tmp_path_factory, make_checkout, snakemake) -> Callable[..., subprocess.CompletedProcess]:
+    """Plan the jobs of a checkout that nobody changed, each set of arguments once."""
+    folder = make_checkout(tmp_path_factory.mktemp("planned"))
+    known: dict[tuple, subprocess.CompletedProcess] = {}
+
+    def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
+        call = (arguments, *sorted(environment.items()))
+        if call not in known:
+            known[call] = snakemake(folder, "--dry-run", *arguments, **environment)
+        return known[call]
 
     return run

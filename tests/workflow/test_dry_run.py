@@ -1,6 +1,7 @@
 """Every configuration plans its jobs, quickly; a broken one ends in one line; an edit re-runs what uses it."""
 
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import pytest
 import yaml
 
 from polarsim import config
+
+CONFIGURATIONS = Path(__file__).parents[2] / "config"
 
 
 def planned(done: subprocess.CompletedProcess) -> dict[str, int]:
@@ -17,10 +20,10 @@ def planned(done: subprocess.CompletedProcess) -> dict[str, int]:
     return {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
 
 
-@pytest.fixture
-def release_like(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def release_like(tmp_path_factory) -> Path:
     """A folder with one label file and no mesh for each terrain that a configuration names."""
-    root = tmp_path / "release"
+    root = tmp_path_factory.mktemp("release")
     for terrain in range(1, 14):
         folder = root / "Labels" / f"Terrain{terrain:02d}"
         folder.mkdir(parents=True)
@@ -29,8 +32,9 @@ def release_like(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", ["config", "release", "polar", "paper"])
-def test_every_configuration_plans_its_jobs(checkout, snakemake, release_like, name):
-    done = snakemake(checkout, "--dry-run", "--configfile", f"config/{name}.yaml", POLAR_SIM_ROOT=str(release_like))
+def test_every_configuration_plans_its_jobs(dry_run, release_like, name):
+    root = {} if name == "config" else {"POLAR_SIM_ROOT": str(release_like)}
+    done = dry_run("--configfile", f"config/{name}.yaml", **root)
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
     assert {
@@ -46,8 +50,8 @@ def test_every_configuration_plans_its_jobs(checkout, snakemake, release_like, n
     assert ("train_detector" in jobs) == (name != "release")  # the release has no photos
 
 
-def test_the_papers_protocol_trains_each_domain_by_two_splits_with_three_seeds(checkout, snakemake, release_like):
-    done = snakemake(checkout, "--dry-run", "--configfile", "config/paper.yaml", POLAR_SIM_ROOT=str(release_like))
+def test_the_papers_protocol_trains_each_domain_by_two_splits_with_three_seeds(dry_run, release_like):
+    done = dry_run("--configfile", "config/paper.yaml", POLAR_SIM_ROOT=str(release_like))
     jobs = planned(done)
     assert (jobs["convert_pictures"], jobs["make_dataset"], jobs["split_photos"]) == (3, 6, 2)
     assert jobs["train_detector"] == jobs["predict"] == 3 * 2 * 3
@@ -74,11 +78,11 @@ def test_mixes_and_novel_views_are_trained_on_and_not_tested_on(checkout, snakem
     assert "_on_views" not in text
 
 
-def test_corrected_label_files_are_input_of_their_terrain_alone(checkout, snakemake, tmp_path):
+def test_corrected_label_files_are_input_of_their_terrain_alone(dry_run, tmp_path):
     edited = tmp_path / "edited" / "01_A_off_30_L_0256.txt"
     edited.parent.mkdir()
     edited.write_text("0 0.5 0.5 0.1 0.1\n")
-    done = snakemake(checkout, "labels", "--dry-run", "--config", f"labels={{corrections: {edited.parent}}}")
+    done = dry_run("labels", "--config", f"labels={{corrections: {edited.parent}}}")
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = re.split(r"\n(?=rule |localrule )", done.stdout + done.stderr)
     users = [job for job in jobs if str(edited) in job]
@@ -86,11 +90,22 @@ def test_corrected_label_files_are_input_of_their_terrain_alone(checkout, snakem
     assert "Terrain01" in users[0]
 
 
-def test_maps_beside_twins_are_planned_where_they_are_asked_for(checkout, snakemake):
-    for setting, count in (("{}", 0), ("{maps: [depth, shading]}", 4)):
-        done = snakemake(checkout, "render", "--dry-run", "--config", f"render={setting}")
-        assert done.returncode == 0, done.stdout + done.stderr
-        assert (done.stdout + done.stderr).count("renders/maps/Terrain") == count
+def test_maps_and_materials_are_planned_where_they_are_asked_for(dry_run):
+    done = dry_run("--config", "render={maps: [depth, shading], materials_from_photos: true}")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (done.stdout + done.stderr).count("renders/maps/Terrain") == 4
+    jobs = planned(done)
+    assert jobs["fit_materials"] == jobs["score_materials"] == 4  # one a terrain, and truth is known
+    done = dry_run("--configfile", "config/config.yaml")
+    assert "renders/maps/Terrain" not in done.stdout + done.stderr
+    assert not {"fit_materials", "score_materials"} & set(planned(done))
+
+
+def test_fitted_materials_are_not_scored_where_no_truth_is_known(dry_run, release_like):
+    asked = ("--configfile", "config/release.yaml", "--config", "render={materials_from_photos: true}")
+    done = dry_run(*asked, POLAR_SIM_ROOT=str(release_like))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "score_materials" not in planned(done)
 
 
 def test_labels_that_nobody_drew_are_not_scored(checkout, snakemake, tmp_path):
@@ -107,31 +122,12 @@ def test_labels_that_nobody_drew_are_not_scored(checkout, snakemake, tmp_path):
     assert not {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
 
 
-@pytest.mark.parametrize(("asked", "jobs"), [(True, 4), (False, None)])
-def test_materials_are_fitted_where_the_configuration_asks(checkout, snakemake, asked, jobs):
-    done = snakemake(checkout, "render", "--dry-run", "--config", f"render={{materials_from_photos: {asked}}}")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert planned(done).get("fit_materials") == jobs  # one a terrain
-
-
-def test_fitted_materials_are_scored_where_truth_is_known(checkout, snakemake, release_like):
-    asked = ("--config", "render={materials_from_photos: true}")
-    done = snakemake(checkout, "--dry-run", *asked)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert planned(done)["score_materials"] == 4
-    done = snakemake(
-        checkout, "--dry-run", "--configfile", "config/release.yaml", *asked, POLAR_SIM_ROOT=str(release_like)
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "score_materials" not in planned(done)
-
-
-def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_detectors_alone(checkout, snakemake):
+def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_detectors_alone(dry_run):
     files = ("--configfile", "config/config.yaml", "config/gap.yaml")
-    done = snakemake(checkout, "gap", "--dry-run", *files)
+    done = dry_run("gap", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     jobs, text = planned(done), done.stdout + done.stderr
-    components = yaml.safe_load((checkout / "config/gap.yaml").read_text())["gap"]["components"]
+    components = yaml.safe_load((CONFIGURATIONS / "gap.yaml").read_text())["gap"]["components"]
     pictured = [name for name in components if name != "labels"]
     assert jobs["render_component"] == 4 * len(pictured)
     assert jobs["predict_component"] == 2 * len(pictured)
@@ -142,23 +138,23 @@ def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_dete
         assert f"gap/twins/{name}/pictures/Terrain03" in text
 
 
-def test_the_strict_split_trains_its_detectors_and_leaves_the_legacy_ones(checkout, snakemake):
+def test_the_strict_split_trains_its_detectors_and_leaves_the_legacy_ones(dry_run):
     files = ("--configfile", "config/config.yaml", "config/strict.yaml")
-    done = snakemake(checkout, "detect", "tables", "--dry-run", *files)
+    done = dry_run("detect", "tables", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
     assert (jobs["train_detector"], jobs["measure_stereo"]) == (2 * 3, 4)
     assert jobs["split_photos"] == 2
 
 
-def test_without_components_there_is_no_ablation(checkout, snakemake):
-    done = snakemake(checkout, "--dry-run")
+def test_without_components_there_is_no_ablation(dry_run):
+    done = dry_run("--configfile", "config/config.yaml")
     assert "gap/" not in (done.stdout + done.stderr).replace("figures/gap", "")
     assert not {"lay_truth", "render_component", "run_ablation", "tabulate_gap"} & set(planned(done))
 
 
-def test_accuracy_is_measured_without_labels_and_twins(checkout, snakemake):
-    done = snakemake(checkout, "geometry", "--dry-run", "--configfile", "config/accuracy.yaml")
+def test_accuracy_is_measured_without_labels_and_twins(dry_run):
+    done = dry_run("geometry", "--configfile", "config/accuracy.yaml")
     assert done.returncode == 0, done.stderr
     jobs = planned(done)
     assert {"refine_cameras", "mesh_rocks", "score_cameras", "score_rocks", "tabulate_cameras"} <= set(jobs)
@@ -186,9 +182,9 @@ def test_an_impossible_configuration_ends_in_one_line_that_names_the_key(checkou
     assert "Traceback" not in done.stderr
 
 
-def test_every_stage_is_a_target(checkout, snakemake):
+def test_every_stage_is_a_target(dry_run):
     stages = ["acquire", "cameras", "rocks", "labels", "render", "detect", "tables"]
-    done = snakemake(checkout, "--dry-run", *stages)
+    done = dry_run(*stages)
     assert done.returncode == 0, done.stderr
     assert set(stages) <= set(planned(done))
 
@@ -199,29 +195,26 @@ def test_lint_finds_nothing_but_missing_containers(checkout, snakemake):
     assert [text for text in complaints if not text.startswith("Specify a conda environment or container")] == []
 
 
-def test_the_schema_is_the_configurations(checkout):
-    assert (checkout / "config/schema.json").read_text() == config.schema(), "run make schema"
+def test_the_schema_is_the_configurations():
+    assert (CONFIGURATIONS / "schema.json").read_text() == config.schema(), "run make schema"
 
 
-@pytest.fixture
-def release_with_covers(release_like):
+@pytest.fixture(scope="module")
+def release_with_covers(release_like, tmp_path_factory) -> Path:
     """The same with a cover photo of every terrain but 11, and rocks of every terrain but 12."""
+    root = tmp_path_factory.mktemp("covers") / "release"
+    shutil.copytree(release_like, root)
     for terrain in (1, 3, 4, 8, 11, 12):
-        if terrain != 11:
-            path = release_like / "CoverPhotoOfIndices" / f"cover_photo_indexed_{terrain:02d}_A.png"
-            path.parent.mkdir(exist_ok=True)
+        photo = root / "CoverPhotoOfIndices" / f"cover_photo_indexed_{terrain:02d}_A.png"
+        rock = root / "TerrainMeshes" / f"Terrain{terrain:02d}" / f"terrain{terrain:02d}_rock1.obj"
+        for path in ([photo] if terrain != 11 else []) + ([rock] if terrain != 12 else []):
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.touch()
-        if terrain != 12:
-            path = release_like / "TerrainMeshes" / f"Terrain{terrain:02d}" / f"terrain{terrain:02d}_rock1.obj"
-            path.parent.mkdir(parents=True)
-            path.touch()
-    return release_like
+    return root
 
 
-def test_each_terrain_with_cover_photos_is_left_out_in_turn(checkout, snakemake, release_with_covers):
-    done = snakemake(
-        checkout, "real", "--dry-run", "--configfile", "config/covers.yaml", POLAR_SIM_ROOT=str(release_with_covers)
-    )
+def test_each_terrain_with_cover_photos_is_left_out_in_turn(dry_run, release_with_covers):
+    done = dry_run("real", "--configfile", "config/covers.yaml", POLAR_SIM_ROOT=str(release_with_covers))
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
     assert jobs["render_scenes"] == 5  # of terrain 12 there are no rocks to strew
@@ -235,12 +228,11 @@ def test_each_terrain_with_cover_photos_is_left_out_in_turn(checkout, snakemake,
         }
 
 
-def test_a_fold_of_a_terrain_that_the_run_has_not_is_named(checkout, snakemake, release_with_covers):
+def test_a_fold_of_a_terrain_that_the_run_has_not_is_named(dry_run, release_with_covers):
     setting = "covers={run: true, folds: [[1, 2]]}"
-    done = snakemake(
-        checkout, "real", "--dry-run", "--configfile", "config/covers.yaml", "--config", setting,
-        POLAR_SIM_ROOT=str(release_with_covers),
-    )  # fmt: skip
+    done = dry_run(
+        "real", "--configfile", "config/covers.yaml", "--config", setting, POLAR_SIM_ROOT=str(release_with_covers)
+    )
     assert done.returncode == 1
     assert "covers.folds: 2 is none of the run's" in done.stdout + done.stderr
     assert "Traceback" not in done.stdout + done.stderr

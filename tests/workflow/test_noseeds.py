@@ -1,31 +1,21 @@
 """Labels without any seed: `labels.seeds: none`."""
 
 import re
+import shutil
 
 import pandas as pd
 import pytest
 import yaml
 
-SMALL = {
-    "run": "seeded",
-    "terrains": [1],
-    "positions": ["A", "C"],
-    "source": {"kind": "analog", "root": "data/analog"},
-    "rocks": {"rock_cell_mm": 3, "ground_mesh_cell_mm": 10},
-    "grid": {"azimuths": ["30", "180"], "lights": ["off"], "exposures_ms": [256]},
-}
-
 
 @pytest.mark.slow
-def test_rocks_and_shadows_are_labelled_though_no_annotated_file_can_be_read(checkout, snakemake):
-    (checkout / "config/small.yaml").write_text(yaml.safe_dump(SMALL))
-    files = ("--configfile", "config/small.yaml", "config/noseeds.yaml")
-    made = snakemake(checkout, "data/analog/receipts/Terrain01.json", *files)
-    assert made.returncode == 0, made.stderr[-3000:]
+def test_rocks_and_shadows_are_labelled_though_no_annotated_file_can_be_read(small, checkout, snakemake):
+    shutil.copytree(small / "data", checkout / "data")
     annotated = sorted((checkout / "data/analog/Labels").rglob("*.txt"))
     assert annotated
     for path in annotated:
         path.write_text("who opens this file ends with an error\n")
+    files = ("--configfile", "config/small.yaml", "config/noseeds.yaml")
     done = snakemake(checkout, "results/noseeds/tables/labels.csv", "labels", *files)
     assert done.returncode == 0, done.stderr[-3000:]
     results = checkout / "results/noseeds"
@@ -61,9 +51,9 @@ def test_annotated_files_are_no_input_of_a_run_without_seeds(checkout, snakemake
     assert "score_labels" in scored.stdout + scored.stderr  # annotated files still are what labels are scored against
 
 
-def test_the_overlay_makes_a_run_of_its_own_from_the_same_data(checkout, snakemake):
+def test_the_overlay_makes_a_run_of_its_own_from_the_same_data(dry_run):
     files = ("--configfile", "config/config.yaml", "config/noseeds.yaml")
-    done = snakemake(checkout, "labels", "--dry-run", *files)
+    done = dry_run("labels", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     text = done.stdout + done.stderr
     assert "results/noseeds/labels/labels.parquet" in text
@@ -71,9 +61,9 @@ def test_the_overlay_makes_a_run_of_its_own_from_the_same_data(checkout, snakema
     assert "results/demo" not in text
 
 
-def test_the_release_without_seeds_is_refused_in_one_line(checkout, snakemake, tmp_path):
+def test_the_release_without_seeds_is_refused_in_one_line(dry_run, tmp_path):
     files = ("--configfile", "config/release.yaml", "config/noseeds.yaml")
-    done = snakemake(checkout, "labels", "--dry-run", *files, POLAR_SIM_ROOT=str(tmp_path))
+    done = dry_run("labels", *files, POLAR_SIM_ROOT=str(tmp_path))
     assert done.returncode == 1
     lines = [line for line in done.stderr.splitlines() if line.startswith("error:")]
     assert len(lines) == 1

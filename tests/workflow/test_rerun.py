@@ -1,31 +1,42 @@
 """An edit of the library re-runs the stages that use it, and no other."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
 import yaml
 
+import polarsim
+
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture
-def finished(checkout: Path, snakemake) -> Path:
+@pytest.fixture(scope="module")
+def untouched(tmp_path_factory, make_checkout, snakemake) -> Path:
     """A checkout whose run looks finished: every output is there, and Snakemake has recorded what made it."""
-    summary = snakemake(checkout, "--summary")
+    folder = make_checkout(tmp_path_factory.mktemp("finished"))
+    shutil.copytree(Path(polarsim.__file__).parent, folder / "polarsim", ignore=shutil.ignore_patterns("__pycache__"))
+    summary = snakemake(folder, "--summary")
     assert summary.returncode == 0, summary.stderr
     names = [line.split("\t")[0] for line in summary.stdout.splitlines()[1:] if "\t" in line]
     assert len(names) > 50
     for name in names:
-        path = checkout / name
+        path = folder / name
         if path.suffix:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.touch()
         else:
             path.mkdir(parents=True, exist_ok=True)
-    touched = snakemake(checkout, "--touch")
+    touched = snakemake(folder, "--touch")
     assert touched.returncode == 0, touched.stderr
-    return checkout
+    return folder
+
+
+@pytest.fixture
+def finished(untouched: Path, tmp_path: Path) -> Path:
+    """A copy of that checkout, library and all, which a test may edit."""
+    return Path(shutil.copytree(untouched, tmp_path / "finished"))
 
 
 def stale_rules(snakemake, folder: Path) -> set[str]:
@@ -39,8 +50,6 @@ def edit(path: Path, line: str) -> None:
 
 
 def test_an_edit_reruns_what_uses_it_and_nothing_else(finished, snakemake):
-    assert stale_rules(snakemake, finished) == set()
-
     edit(finished / "polarsim/render/brdf.py", "\n# a comment is no change\n")
     assert stale_rules(snakemake, finished) == set()
 

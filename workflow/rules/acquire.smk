@@ -5,9 +5,7 @@ rule acquire:
     """Everything of this stage."""
     input:
         of_run("results/{run}/acquire/photos.parquet"),
-        of_run(
-            "results/{run}/acquire/Terrain{terrain}/inventory.json", terrain=TERRAINS
-        ),
+        of_run("results/{run}/acquire/Terrain{terrain}/inventory.json", terrain=TERRAINS),
 
 
 if KIND == "analog":
@@ -17,13 +15,10 @@ if KIND == "analog":
         output:
             receipt=f"{ROOT}/receipts/Terrain{{terrain}}.json",
         log:
-            of_run("results/{run}/logs/acquire/generate_analog_{{terrain}}.log"),
+            f"results/{RUN}/logs/acquire/generate_analog_{{terrain}}.log",
         benchmark:
-            of_run("results/{run}/benchmarks/acquire/generate_analog_{{terrain}}.tsv")[
-                0
-            ]
+            f"results/{RUN}/benchmarks/acquire/generate_analog_{{terrain}}.tsv"
         priority: TRAINING_WAITS
-        threads: 1
         resources:
             mem_mb=2500,
             runtime=20,  # minutes
@@ -42,11 +37,10 @@ else:
         output:
             receipt=f"{ROOT}/receipts/Terrain{{terrain}}.json",
         log:
-            of_run("results/{run}/logs/acquire/fetch_terrain_{{terrain}}.log"),
+            f"results/{RUN}/logs/acquire/fetch_terrain_{{terrain}}.log",
         benchmark:
-            of_run("results/{run}/benchmarks/acquire/fetch_terrain_{{terrain}}.tsv")[0]
+            f"results/{RUN}/benchmarks/acquire/fetch_terrain_{{terrain}}.tsv"
         priority: TRAINING_WAITS
-        threads: 1
         resources:
             mem_mb=500,
             runtime=240,  # minutes; an archive holds about 0.9 GB
@@ -71,7 +65,6 @@ rule index_terrain:
     benchmark:
         "results/{run}/benchmarks/acquire/index_terrain_{terrain}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=500,
         runtime=10,
@@ -79,7 +72,7 @@ rule index_terrain:
         positions=positions_here,
         grid=options("grid"),
         source=options("source"),
-        seeds=CONFIG.labels.model_dump(mode="json")["seeds"],
+        seed_options=CONFIG.labels.model_dump(mode="json")["seeds"],
         code=code_of("index_terrain"),
     script:
         "../scripts/index_terrain.py"
@@ -88,9 +81,7 @@ rule index_terrain:
 rule merge_photos:
     """One table of all photos."""
     input:
-        tables=of_run(
-            "results/{run}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS
-        ),
+        tables=of_run("results/{run}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS),
     output:
         merged="results/{run}/acquire/photos.parquet",
     log:
@@ -98,7 +89,6 @@ rule merge_photos:
     benchmark:
         "results/{run}/benchmarks/acquire/merge_photos.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,

@@ -20,7 +20,6 @@ rule locate_cameras:
     benchmark:
         "results/{run}/benchmarks/cameras/locate_cameras_{terrain}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=2500,
         runtime=20,
@@ -37,7 +36,7 @@ rule refine_cameras:
     input:
         located="results/{run}/cameras/located/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        photos=photos_of_terrain,
+        photos=PHOTOS_OF_TERRAIN,
     output:
         cameras=directory("results/{run}/cameras/Terrain{terrain}"),
     log:
@@ -45,7 +44,6 @@ rule refine_cameras:
     benchmark:
         "results/{run}/benchmarks/cameras/refine_cameras_{terrain}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=2500,
         runtime=20,

@@ -21,7 +21,6 @@ from polarsim.formats.release import (
 )
 from polarsim.grid import selected_grid
 from polarsim.photo import positions as positions_of_terrain
-from polarsim.survey import terrain_folder
 
 try:
     CONFIG = parse_config(config)
@@ -42,6 +41,10 @@ STEREO = CONFIG.detect.stereo.run and bool(DOMAINS)
 STAND_INS = [] if KIND == "analog" else MODELS[:1]
 # Trainings are the longest jobs: what they wait for goes first, figures and scores fill the gaps.
 TRAINING_WAITS, TWINS_WAIT = 2, 1
+# The index of a terrain's photos where the source has photos (cover photos are none), and materials where they are fitted.
+PHOTOS_OF_TERRAIN = [] if KIND == "release" else "results/{run}/acquire/Terrain{terrain}/photos.parquet"
+FITTED_MATERIALS = "results/{run}/renders/materials/Terrain{terrain}"
+MATERIALS_OF_TERRAIN = FITTED_MATERIALS if CONFIG.render.materials_from_photos else []
 LABEL_ROOT = CONFIG.annotated_root
 SEEDS_TEXT = describe_seeds(CONFIG.labels.seeds)
 ORIGIN = {"run": RUN, "source": KIND, "config": CONFIG.digest()}
@@ -72,11 +75,16 @@ def of_run(pattern, **wildcards):
 def options(section):
     """A section of the configuration, such as `detect.split`, as plain values, for `params`."""
     chosen = operator.attrgetter(section)(CONFIG)
-    return (
-        chosen.stage_options()
-        if section == "labels"
-        else chosen.model_dump(mode="json")
-    )
+    return chosen.stage_options() if section == "labels" else chosen.model_dump(mode="json")
+
+
+def shown(path, category, caption=None, **labels):
+    """A file that Snakemake's report shows under labels; `workflow/report/` has its caption by the same name.
+
+    Of `results/{run}/figures/meshes_Terrain{terrain}.png` that is `figures/meshes.rst`.
+    """
+    own = re.sub(r"results/{run}/|_Terrain{.*|_{.*|\.\w+$", "", path)
+    return report(path, caption=f"../report/{caption or own}.rst", category=category, labels=labels or None)
 
 
 @functools.cache
@@ -87,11 +95,7 @@ def code_of(script):
 
 def positions_of(terrain):
     """Positions of the configuration that a terrain has."""
-    return [
-        position
-        for position in positions_of_terrain(terrain)
-        if position in CONFIG.positions
-    ]
+    return [position for position in positions_of_terrain(terrain) if position in CONFIG.positions]
 
 
 def positions_here(wildcards):
@@ -100,39 +104,13 @@ def positions_here(wildcards):
 
 def raw_data(wildcards):
     """What must be there before a terrain can be indexed: a receipt of what was made or fetched, or local files."""
-    return [
-        str(path)
-        for path in raw_inputs(
-            int(wildcards.terrain), CONFIG.source, CONFIG.labels.seeds
-        )
-    ]
+    return [str(path) for path in raw_inputs(int(wildcards.terrain), CONFIG.source, CONFIG.labels.seeds)]
 
 
 def override_file(wildcards):
     """Cuboids that a person typed, where there are any."""
     path = Path(f"config/rocks/terrain{wildcards.terrain}.yaml")
-    return [str(path)] if path.exists() else []
-
-
-def repaired_copies():
-    """Published meshes get closed copies; our own are closed."""
-    if KIND != "release":
-        return []
-    return of_run("results/{run}/repaired/Terrain{terrain}", terrain=TERRAINS)
-
-
-def photos_of_terrain(wildcards):
-    """The index of a terrain's photos, where a source has photos; cover photos are none."""
-    if KIND == "release":
-        return []
-    return f"results/{wildcards.run}/acquire/Terrain{wildcards.terrain}/photos.parquet"
-
-
-def materials_of_terrain(wildcards):
-    """Materials fitted to a terrain's photos, where the configuration asks for them."""
-    if not CONFIG.render.materials_from_photos:
-        return []
-    return f"results/{wildcards.run}/renders/materials/Terrain{wildcards.terrain}"
+    return str(path) if path.exists() else []
 
 
 def corrections_of(wildcards):
@@ -144,32 +122,13 @@ def corrections_of(wildcards):
     return sorted(str(path) for path in files)
 
 
-def twins_by_model():
-    """Folder of a terrain's twins under each reflectance model."""
-    return {
-        model: directory(f"results/{{run}}/renders/{model}/Terrain{{terrain}}")
-        for model in MODELS
-    }
-
-
-def maps_of_twins():
-    """Folder of the maps beside a terrain's twins, where the configuration asks for some."""
-    if not CONFIG.render.maps:
-        return {}
-    return {"maps": directory("results/{run}/renders/maps/Terrain{terrain}")}
-
-
 def pictures_of(wildcards):
     """Photos stand in a table, twins and novel views in folders."""
     if wildcards.domain == CONFIG.photo_domain:
         return [f"results/{wildcards.run}/acquire/photos.parquet"]
     if wildcards.domain == "views":
         return [f"{CONFIG.detect.views}/index.csv"]
-    return of_run(
-        "results/{run}/renders/{model}/Terrain{terrain}",
-        model=wildcards.domain,
-        terrain=TERRAINS,
-    )
+    return of_run("results/{run}/renders/{model}/Terrain{terrain}", model=wildcards.domain, terrain=TERRAINS)
 
 
 def pictures_place(wildcards):
@@ -183,11 +142,8 @@ def pictures_place(wildcards):
 
 def labels_of(domain):
     """Photos are evaluated by the labels that were propagated to them, twins by their exact ones."""
-    return of_run(
-        "results/{run}/labels/labels.parquet"
-        if domain == CONFIG.photo_domain
-        else "results/{run}/renders/labels.parquet"
-    )
+    stage = "labels" if domain == CONFIG.photo_domain else "renders"
+    return of_run(f"results/{{run}}/{stage}/labels.parquet")
 
 
 def labels_of_domain(wildcards):
@@ -195,15 +151,9 @@ def labels_of_domain(wildcards):
     return [] if wildcards.domain == "views" else labels_of(wildcards.domain)
 
 
-def datasets_in(mix):
-    """Data sets of a split that a mix takes pictures from."""
-    return expand(
-        "results/{{run}}/detect/{{split}}/datasets/{domain}", domain=MIXES[mix]
-    )
-
-
 def datasets_of_mix(wildcards):
-    return datasets_in(wildcards.mix)
+    """Data sets of a split that a mix takes pictures from."""
+    return expand("results/{{run}}/detect/{{split}}/datasets/{domain}", domain=MIXES[wildcards.mix])
 
 
 def pictures_behind(domains):
@@ -252,34 +202,21 @@ def can_score_labels(terrain):
     return KIND == "analog" or annotated_labels(terrain) is not None
 
 
-def can_score_materials(terrain):
-    """Where materials are fitted and truth is known, whichever terrain."""
-    return KIND == "analog" and CONFIG.render.materials_from_photos
-
-
 SCORED_TERRAINS = list(filter(can_score_labels, TERRAINS))
 
 
 def evaluation_parts(wildcards):
     """The evaluation of each stage and terrain; labels only where there is something to compare them with."""
-    scored = {
-        "labels": can_score_labels,
-        "outlines": annotated_polygons,
-        "materials": can_score_materials,
+    compared = {
+        "labels": SCORED_TERRAINS,
+        "outlines": list(filter(annotated_polygons, TERRAINS)),
+        "materials": TERRAINS if KIND == "analog" and MATERIALS_OF_TERRAIN else [],
     }
     return [
         f"results/{wildcards.run}/evaluation/{stage}_Terrain{terrain}.csv"
         for terrain in TERRAINS
-        for stage in (
-            "cameras",
-            "rocks",
-            "consistency",
-            "labels",
-            "outlines",
-            "twins",
-            "materials",
-        )
-        if stage not in scored or scored[stage](terrain)
+        for stage in ("cameras", "rocks", "consistency", "labels", "outlines", "twins", "materials")
+        if terrain in compared.get(stage, TERRAINS)
     ]
 
 
@@ -289,11 +226,7 @@ def every_figure(name):
         path
         for terrain in CONFIG.terrains
         for position in (positions_of(terrain) if "{position}" in name else [""])
-        for path in of_run(
-            f"results/{{run}}/figures/{name}.png",
-            terrain=f"{terrain:02d}",
-            position=position,
-        )
+        for path in of_run(f"results/{{run}}/figures/{name}.png", terrain=f"{terrain:02d}", position=position)
     ]
 
 
@@ -305,21 +238,11 @@ def of_first_training(name):
 def photos_and_twins():
     """Pictures of every domain that detectors are compared over, of all terrains."""
     twins = [domain for domain in DOMAINS if domain != CONFIG.photo_domain]
-    photos = of_run(
-        "results/{run}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS
-    )
-    return photos + of_run(
-        "results/{run}/renders/{model}/Terrain{terrain}", model=twins, terrain=TERRAINS
-    )
+    photos = of_run("results/{run}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS)
+    return photos + of_run("results/{run}/renders/{model}/Terrain{terrain}", model=twins, terrain=TERRAINS)
 
 
-TABLES_OF_DETECTORS = (
-    "detection",
-    "differences",
-    "detection_breakdown",
-    "false_positives",
-    "ipd",
-)
+TABLES_OF_DETECTORS = ["detection", "differences", "detection_breakdown", "false_positives", "ipd"]
 
 
 def tables_of_detectors():
@@ -331,9 +254,7 @@ def tables_of_detectors():
 def figures_of_detectors():
     """Where detectors are trained; a page of rocks for each."""
     names = ["detection", "precision_recall", "ipd", "ipd_histogram"]
-    names += [
-        f"{page}_{domain}" for page in ("seen", "gap_rocks") for domain in DOMAINS
-    ]
+    names += [f"{page}_{domain}" for page in ("seen", "gap_rocks") for domain in DOMAINS]
     names += ["opposition"]
     return of_run("results/{run}/figures/{name}.png", name=names if DOMAINS else [])
 
@@ -361,15 +282,8 @@ def figures_of_page():
 
 def shown_photo(wildcards):
     """The photo that stands for a position in the report: Sun 30 if there, rover light off, Left, near 256 ms."""
-    keys = selected_grid(int(wildcards.terrain), [wildcards.position], CONFIG.grid)
-    return str(
-        min(
-            keys,
-            key=lambda key: (
-                key.azimuth != "30",
-                key.light,
-                key.camera,
-                abs(log2(key.exposure_ms / 256)),
-            ),
-        )
-    )
+
+    def rank(key):
+        return key.azimuth != "30", key.light, key.camera, abs(log2(key.exposure_ms / 256))
+
+    return str(min(selected_grid(int(wildcards.terrain), [wildcards.position], CONFIG.grid), key=rank))

@@ -22,7 +22,6 @@ rule read_covers:
     benchmark:
         "results/{run}/benchmarks/covers/read_covers.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=1500,
         runtime=10,
@@ -47,7 +46,6 @@ rule render_scenes:
     benchmark:
         "results/{run}/benchmarks/covers/render_scenes_{terrain}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=240,
@@ -71,7 +69,6 @@ rule make_cover_dataset:
     benchmark:
         "results/{run}/benchmarks/covers/make_cover_dataset_{fold}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=500,
         runtime=10,
@@ -99,7 +96,6 @@ rule train_cover_detector:
     benchmark:
         "results/{run}/benchmarks/covers/train_cover_detector_{fold}_seed{seed}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=2500,
         runtime=2880,  # minutes
@@ -125,7 +121,6 @@ rule predict_covers:
         "results/{run}/logs/covers/predict_covers_{fold}_seed{seed}.log",
     benchmark:
         "results/{run}/benchmarks/covers/predict_covers_{fold}_seed{seed}.tsv"
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=60,
@@ -149,7 +144,6 @@ rule score_covers:
         "results/{run}/logs/covers/score_covers.log",
     benchmark:
         "results/{run}/benchmarks/covers/score_covers.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=15,
@@ -168,18 +162,12 @@ rule tabulate_covers:
     input:
         scores="results/{run}/covers/scores.parquet",
     output:
-        table=report(
-            "results/{run}/tables/covers.csv",
-            caption="../report/covers_table.rst",
-            category="Tables",
-            labels={"table": "real cover photos"},
-        ),
+        table=shown("results/{run}/tables/covers.csv", "Tables", table="real cover photos"),
         others=multiext("results/{run}/tables/covers", ".md", ".tex", ".parquet"),
     log:
         "results/{run}/logs/covers/tabulate_covers.log",
     benchmark:
         "results/{run}/benchmarks/covers/tabulate_covers.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -201,17 +189,11 @@ rule draw_covers:
             seed=SEEDS[:1],
         ),
     output:
-        figure=report(
-            "results/{run}/figures/covers.png",
-            caption="../report/covers.rst",
-            category="Detection",
-            labels={"figure": "real cover photos"},
-        ),
+        figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
     log:
         "results/{run}/logs/covers/draw_covers.log",
     benchmark:
         "results/{run}/benchmarks/covers/draw_covers.tsv"
-    threads: 1
     resources:
         mem_mb=1500,
         runtime=5,
@@ -229,17 +211,11 @@ rule draw_scenes:
             terrain=[f"{terrain:02d}" for terrain in STREWN_TERRAINS],
         ),
     output:
-        figure=report(
-            "results/{run}/figures/scenes.png",
-            caption="../report/scenes.rst",
-            category="Detection",
-            labels={"figure": "strewn scenes"},
-        ),
+        figure=shown("results/{run}/figures/scenes.png", "Detection", figure="strewn scenes"),
     log:
         "results/{run}/logs/covers/draw_scenes.log",
     benchmark:
         "results/{run}/benchmarks/covers/draw_scenes.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,

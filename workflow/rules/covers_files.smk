@@ -2,9 +2,7 @@
 
 COVER_TERRAINS = [t for t in CONFIG.terrains if cover_photos(LABEL_ROOT, t)]
 # A release may lack the meshes of a terrain: then its cover photos test, and no rock of it is strewn.
-STREWN_TERRAINS = [
-    t for t in CONFIG.terrains if KIND != "release" or mesh_files(ROOT, t)
-]
+STREWN_TERRAINS = [t for t in CONFIG.terrains if KIND != "release" or mesh_files(ROOT, t)]
 COVER_FOLDS = {
     "_".join(f"{terrain:02d}" for terrain in fold): fold
     for fold in CONFIG.cover_folds

@@ -12,14 +12,14 @@ EVALUATED = [  # tables of `evaluate`
 ]
 
 
+wildcard_constraints:
+    table=one_of(EVALUATED),
+
+
 rule detect:
     """Everything of this stage."""
     input:
-        (
-            of_run("results/{run}/detect/{table}.parquet", table=EVALUATED)
-            if DOMAINS
-            else []
-        ),
+        of_run("results/{run}/detect/{table}.parquet", table=EVALUATED) if DOMAINS else [],
         of_run("results/{run}/detect/stereo.parquet") if STEREO else [],
 
 
@@ -33,7 +33,6 @@ rule split_photos:
     benchmark:
         "results/{run}/benchmarks/detect/split_photos_{split}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -59,7 +58,6 @@ rule convert_pictures:
     benchmark:
         "results/{run}/benchmarks/detect/convert_pictures_{domain}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=60,
@@ -86,7 +84,6 @@ rule make_dataset:
     benchmark:
         "results/{run}/benchmarks/detect/make_dataset_{split}_{domain}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=500,
         runtime=10,
@@ -108,7 +105,6 @@ rule mix_datasets:
     benchmark:
         "results/{run}/benchmarks/detect/mix_datasets_{split}_{mix}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=500,
         runtime=10,
@@ -133,7 +129,6 @@ rule train_detector:
     benchmark:
         "results/{run}/benchmarks/detect/train_detector_{split}_seed{seed}_{trained}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=2500,
         runtime=2880,  # minutes
@@ -151,9 +146,7 @@ rule predict:
     """What a detector sees in the test pictures of every domain."""
     input:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
-        datasets=expand(
-            "results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS
-        ),
+        datasets=expand("results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS),
         pictures=pictures_behind(DOMAINS),
     output:
         predictions=expand(
@@ -164,7 +157,6 @@ rule predict:
         "results/{run}/logs/detect/predict_{split}_seed{seed}_{trained}.log",
     benchmark:
         "results/{run}/benchmarks/detect/predict_{split}_seed{seed}_{trained}.tsv"
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=240,
@@ -184,24 +176,14 @@ rule evaluate:
             evaluated=DOMAINS,
         ),
         labels=[path for domain in DOMAINS for path in labels_of(domain)],
-        datasets=expand(
-            "results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED
-        ),
+        datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),
         split="results/{run}/detect/{split}/split.csv",
     output:
-        detection="results/{run}/detect/{split}/seed{seed}/detection.parquet",
-        breakdown="results/{run}/detect/{split}/seed{seed}/breakdown.parquet",
-        curves="results/{run}/detect/{split}/seed{seed}/curves.parquet",
-        false_positives="results/{run}/detect/{split}/seed{seed}/false_positives.parquet",
-        ipd="results/{run}/detect/{split}/seed{seed}/ipd.parquet",
-        rocks="results/{run}/detect/{split}/seed{seed}/rocks.parquet",
-        instances="results/{run}/detect/{split}/seed{seed}/instances.parquet",
-        differences="results/{run}/detect/{split}/seed{seed}/differences.parquet",
+        **{name: f"results/{{run}}/detect/{{split}}/seed{{seed}}/{name}.parquet" for name in EVALUATED},
     log:
         "results/{run}/logs/detect/evaluate_{split}_seed{seed}.log",
     benchmark:
         "results/{run}/benchmarks/detect/evaluate_{split}_seed{seed}.tsv"
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=60,
@@ -230,7 +212,6 @@ rule measure_stereo:
         "results/{run}/logs/detect/measure_stereo_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/detect/measure_stereo_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=240,
@@ -240,7 +221,7 @@ rule measure_stereo:
         domain=CONFIG.photo_domain,
         models=MODELS,
         options=options("detect.stereo"),
-        pictures=options("detect.pictures"),
+        curve=options("detect.pictures"),
         code=code_of("measure_stereo"),
     script:
         "../scripts/measure_stereo.py"
@@ -249,14 +230,8 @@ rule measure_stereo:
 rule compare_stereo:
     """Stereo depth of all terrains, and its IPD between domains."""
     input:
-        pairs=of_run(
-            "results/{run}/detect/stereo/pairs_Terrain{terrain}.parquet",
-            terrain=TERRAINS,
-        ),
-        rocks=of_run(
-            "results/{run}/detect/stereo/rocks_Terrain{terrain}.parquet",
-            terrain=TERRAINS,
-        ),
+        pairs=of_run("results/{run}/detect/stereo/pairs_Terrain{terrain}.parquet", terrain=TERRAINS),
+        rocks=of_run("results/{run}/detect/stereo/rocks_Terrain{terrain}.parquet", terrain=TERRAINS),
     output:
         stereo="results/{run}/detect/stereo.parquet",
         instances="results/{run}/detect/stereo_instances.parquet",
@@ -265,7 +240,6 @@ rule compare_stereo:
         "results/{run}/logs/detect/compare_stereo.log",
     benchmark:
         "results/{run}/benchmarks/detect/compare_stereo.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=15,
@@ -279,20 +253,13 @@ rule compare_stereo:
 rule gather_tables:
     """One table of all splits and seeds."""
     input:
-        parts=of_run(
-            "results/{run}/detect/{split}/seed{seed}/{{table}}.parquet",
-            split=SPLITS,
-            seed=SEEDS,
-        ),
+        parts=of_run("results/{run}/detect/{split}/seed{seed}/{{table}}.parquet", split=SPLITS, seed=SEEDS),
     output:
         table="results/{run}/detect/{table}.parquet",
     log:
         "results/{run}/logs/detect/gather_tables_{table}.log",
     benchmark:
         "results/{run}/benchmarks/detect/gather_tables_{table}.tsv"
-    wildcard_constraints:
-        table=one_of(EVALUATED),
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=10,

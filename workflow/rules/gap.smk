@@ -20,13 +20,12 @@ rule lay_truth:
         meshes="results/{run}/meshes/Terrain{terrain}",
         located="results/{run}/cameras/located/Terrain{terrain}",
     output:
-        cameras=directory("results/{run}/gap/truth/cameras/Terrain{terrain}"),
-        meshes=directory("results/{run}/gap/truth/meshes/Terrain{terrain}"),
+        true_cameras=directory("results/{run}/gap/truth/cameras/Terrain{terrain}"),
+        true_meshes=directory("results/{run}/gap/truth/meshes/Terrain{terrain}"),
     log:
         "results/{run}/logs/gap/lay_truth_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/gap/lay_truth_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=10,
@@ -47,7 +46,6 @@ rule thin_meshes:
         "results/{run}/logs/gap/thin_meshes_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/gap/thin_meshes_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -64,21 +62,18 @@ rule render_component:
         lamps=lamps_of_component,
         meshes=meshes_of_component,
         materials=materials_of_component,
-        photos=photos_of_terrain,
+        photos=PHOTOS_OF_TERRAIN,
         splits=expand("results/{{run}}/detect/{split}/split.csv", split=SPLITS),
     output:
         twins=directory("results/{run}/gap/twins/{component}/pictures/Terrain{terrain}"),
         boxes=directory("results/{run}/gap/twins/{component}/boxes/Terrain{terrain}"),
-        instances=directory(
-            "results/{run}/gap/twins/{component}/instances/Terrain{terrain}"
-        ),
+        instances=directory("results/{run}/gap/twins/{component}/instances/Terrain{terrain}"),
         annotations="results/{run}/gap/twins/{component}/coco/Terrain{terrain}.json",
         table="results/{run}/gap/twins/{component}/tables/Terrain{terrain}.parquet",
     log:
         "results/{run}/logs/gap/render_component_{component}_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/gap/render_component_{component}_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=4000,
         runtime=30,
@@ -92,36 +87,23 @@ rule render_component:
         "../scripts/render_component.py"
 
 
-rule merge_component_labels:
+use rule merge_labels as merge_component_labels with:
     """One table of the labels of a component's twins."""
     input:
-        tables=expand(
-            "results/{{run}}/gap/twins/{{component}}/tables/Terrain{terrain}.parquet",
-            terrain=TERRAINS,
-        ),
+        tables=expand("results/{{run}}/gap/twins/{{component}}/tables/Terrain{terrain}.parquet", terrain=TERRAINS),
     output:
         merged="results/{run}/gap/twins/{component}/labels.parquet",
     log:
         "results/{run}/logs/gap/merge_component_labels_{component}.log",
     benchmark:
         "results/{run}/benchmarks/gap/merge_component_labels_{component}.tsv"
-    threads: 1
-    resources:
-        mem_mb=500,
-        runtime=5,
-    params:
-        code=code_of("merge_labels"),
-    script:
-        "../scripts/merge_labels.py"
+    priority: 0
 
 
 rule convert_component:
     """The test pictures of a component's twins as detectors take them."""
     input:
-        pictures=expand(
-            "results/{{run}}/gap/twins/{{component}}/pictures/Terrain{terrain}",
-            terrain=TERRAINS,
-        ),
+        pictures=expand("results/{{run}}/gap/twins/{{component}}/pictures/Terrain{terrain}", terrain=TERRAINS),
         labels="results/{run}/gap/twins/{component}/labels.parquet",
         split="results/{run}/detect/{split}/split.csv",
     output:
@@ -130,7 +112,6 @@ rule convert_component:
         "results/{run}/logs/gap/convert_component_{split}_{component}.log",
     benchmark:
         "results/{run}/benchmarks/gap/convert_component_{split}_{component}.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=60,
@@ -141,28 +122,17 @@ rule convert_component:
         "../scripts/convert_component.py"
 
 
-rule predict_component:
+use rule predict as predict_component with:
     """What a detector sees in a component's twins."""
     input:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         datasets=["results/{run}/gap/{split}/datasets/{component}"],
     output:
-        predictions=[
-            "results/{run}/gap/{split}/seed{seed}/predictions/{trained}_on_{component}.parquet"
-        ],
+        predictions=["results/{run}/gap/{split}/seed{seed}/predictions/{trained}_on_{component}.parquet"],
     log:
         "results/{run}/logs/gap/predict_component_{split}_seed{seed}_{trained}_{component}.log",
     benchmark:
         "results/{run}/benchmarks/gap/predict_component_{split}_seed{seed}_{trained}_{component}.tsv"
-    threads: 1
-    resources:
-        mem_mb=2000,
-        runtime=240,
-    params:
-        options=options("detect.prediction"),
-        code=code_of("predict"),
-    script:
-        "../scripts/predict.py"
 
 
 rule run_ablation:
@@ -177,7 +147,6 @@ rule run_ablation:
         "results/{run}/logs/gap/run_ablation_{split}_seed{seed}.log",
     benchmark:
         "results/{run}/benchmarks/gap/run_ablation_{split}_seed{seed}.tsv"
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=60,
@@ -195,30 +164,19 @@ rule run_ablation:
         "../scripts/run_ablation.py"
 
 
-rule gather_ablation:
+use rule gather_tables as gather_ablation with:
     """One table of all splits and seeds."""
     input:
-        parts=of_run(
-            "results/{run}/gap/{split}/seed{seed}/ablation.parquet",
-            split=SPLITS,
-            seed=SEEDS,
-        ),
+        parts=of_run("results/{run}/gap/{split}/seed{seed}/ablation.parquet", split=SPLITS, seed=SEEDS),
     output:
         table="results/{run}/gap/ablation.parquet",
     log:
         "results/{run}/logs/gap/gather_ablation.log",
     benchmark:
         "results/{run}/benchmarks/gap/gather_ablation.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
-    params:
-        splits=[split for split in SPLITS for seed in SEEDS],
-        seeds=[seed for split in SPLITS for seed in SEEDS],
-        code=code_of("gather_tables"),
-    script:
-        "../scripts/gather_tables.py"
 
 
 rule tabulate_gap:
@@ -226,18 +184,12 @@ rule tabulate_gap:
     input:
         ablation="results/{run}/gap/ablation.parquet",
     output:
-        table=report(
-            "results/{run}/tables/gap.csv",
-            caption="../report/gap_table.rst",
-            category="Tables",
-            labels={"table": "ablation"},
-        ),
+        table=shown("results/{run}/tables/gap.csv", "Tables", table="ablation"),
         others=multiext("results/{run}/tables/gap", ".md", ".tex", ".parquet"),
     log:
         "results/{run}/logs/gap/tabulate_gap.log",
     benchmark:
         "results/{run}/benchmarks/gap/tabulate_gap.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -253,17 +205,11 @@ rule draw_gap:
     input:
         ablation="results/{run}/gap/ablation.parquet",
     output:
-        figure=report(
-            "results/{run}/figures/gap.png",
-            caption="../report/gap.rst",
-            category="Detection",
-            labels={"picture": "ablation"},
-        ),
+        figure=shown("results/{run}/figures/gap.png", "Detection", picture="ablation"),
     log:
         "results/{run}/logs/gap/draw_gap.log",
     benchmark:
         "results/{run}/benchmarks/gap/draw_gap.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,

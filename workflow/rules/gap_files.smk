@@ -3,11 +3,7 @@
 COMPONENTS = CONFIG.gap.components
 PICTURED = [name for name, found in COMPONENTS.items() if found.is_rendered]
 ABLATION_DOMAINS = [CONFIG.photo_domain, CONFIG.gap.model, *COMPONENTS]
-ABLATION_PAIRS = [
-    (trained, domain)
-    for trained in CONFIG.ablation_detectors
-    for domain in ABLATION_DOMAINS
-]
+ABLATION_PAIRS = [(trained, domain) for trained in CONFIG.ablation_detectors for domain in ABLATION_DOMAINS]
 
 
 wildcard_constraints:
@@ -44,9 +40,7 @@ def meshes_of_component(wildcards):
 def materials_of_component(wildcards):
     """The folder with their materials, where they are fitted."""
     chosen = COMPONENTS[wildcards.component].materials
-    as_run = chosen == "run" and CONFIG.render.materials_from_photos
-    fitted = as_run or chosen == "fitted"
-    return "results/{run}/renders/materials/Terrain{terrain}" if fitted else []
+    return {"run": MATERIALS_OF_TERRAIN, "fitted": FITTED_MATERIALS}.get(chosen, [])
 
 
 def options_of_component(wildcards):
@@ -91,7 +85,5 @@ def ablation_labels():
         if domain in PICTURED and not propagated:
             paths += [f"results/{{run}}/gap/twins/{domain}/labels.parquet"]
         else:
-            paths += labels_of(
-                CONFIG.photo_domain if propagated else twin_behind(domain)
-            )
+            paths += labels_of(CONFIG.photo_domain if propagated else twin_behind(domain))
     return paths

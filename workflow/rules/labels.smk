@@ -28,7 +28,6 @@ rule propagate_labels:
     benchmark:
         "results/{run}/benchmarks/labels/propagate_labels_{terrain}.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=4000,
         runtime=20,
@@ -55,7 +54,6 @@ rule draw_masks:
         "results/{run}/logs/labels/draw_masks_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/labels/draw_masks_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=4000,
         runtime=20,
@@ -71,9 +69,7 @@ rule draw_masks:
 rule merge_labels:
     """One table of all labels."""
     input:
-        tables=of_run(
-            "results/{run}/labels/tables/Terrain{terrain}.parquet", terrain=TERRAINS
-        ),
+        tables=of_run("results/{run}/labels/tables/Terrain{terrain}.parquet", terrain=TERRAINS),
     output:
         merged="results/{run}/labels/labels.parquet",
     log:
@@ -81,7 +77,6 @@ rule merge_labels:
     benchmark:
         "results/{run}/benchmarks/labels/merge_labels.tsv"
     priority: TRAINING_WAITS
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,

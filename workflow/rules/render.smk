@@ -4,11 +4,7 @@
 rule render:
     """Everything of this stage."""
     input:
-        of_run(
-            "results/{run}/renders/{model}/Terrain{terrain}",
-            model=MODELS,
-            terrain=TERRAINS,
-        ),
+        of_run("results/{run}/renders/{model}/Terrain{terrain}", model=MODELS, terrain=TERRAINS),
         of_run("results/{run}/renders/boxes/Terrain{terrain}", terrain=TERRAINS),
         of_run("results/{run}/renders/labels.parquet"),
         of_run("results/{run}/renders/reflectance.csv"),
@@ -19,7 +15,7 @@ rule fit_materials:
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        photos=photos_of_terrain,
+        photos=PHOTOS_OF_TERRAIN,
     output:
         materials=directory("results/{run}/renders/materials/Terrain{terrain}"),
     log:
@@ -27,7 +23,6 @@ rule fit_materials:
     benchmark:
         "results/{run}/benchmarks/render/fit_materials_{terrain}.tsv"
     priority: TWINS_WAIT
-    threads: 1
     resources:
         mem_mb=6000,
         runtime=30,
@@ -44,11 +39,11 @@ rule render_twins:
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        photos=photos_of_terrain,
-        materials=materials_of_terrain,
+        photos=PHOTOS_OF_TERRAIN,
+        materials=MATERIALS_OF_TERRAIN,
     output:
-        **twins_by_model(),
-        **maps_of_twins(),
+        **{model: directory(f"results/{{run}}/renders/{model}/Terrain{{terrain}}") for model in MODELS},
+        **({"maps": directory("results/{run}/renders/maps/Terrain{terrain}")} if CONFIG.render.maps else {}),
         boxes=directory("results/{run}/renders/boxes/Terrain{terrain}"),
         instances=directory("results/{run}/renders/instances/Terrain{terrain}"),
         annotations="results/{run}/renders/coco/Terrain{terrain}.json",
@@ -58,7 +53,6 @@ rule render_twins:
     benchmark:
         "results/{run}/benchmarks/render/render_twins_{terrain}.tsv"
     priority: TWINS_WAIT
-    threads: 1
     resources:
         mem_mb=4000,
         runtime=30,
@@ -81,7 +75,6 @@ rule write_reflectance:
     benchmark:
         "results/{run}/benchmarks/render/write_reflectance.tsv"
     priority: TWINS_WAIT
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -92,12 +85,10 @@ rule write_reflectance:
         "../scripts/write_reflectance.py"
 
 
-rule merge_twin_labels:
+use rule merge_labels as merge_twin_labels with:
     """One table of the labels of all twins."""
     input:
-        tables=of_run(
-            "results/{run}/renders/tables/Terrain{terrain}.parquet", terrain=TERRAINS
-        ),
+        tables=of_run("results/{run}/renders/tables/Terrain{terrain}.parquet", terrain=TERRAINS),
     output:
         merged="results/{run}/renders/labels.parquet",
     log:
@@ -105,11 +96,3 @@ rule merge_twin_labels:
     benchmark:
         "results/{run}/benchmarks/render/merge_twin_labels.tsv"
     priority: TWINS_WAIT
-    threads: 1
-    resources:
-        mem_mb=500,
-        runtime=5,
-    params:
-        code=code_of("merge_labels"),
-    script:
-        "../scripts/merge_labels.py"

@@ -24,10 +24,7 @@ rule tables:
         every_figure("meshes_Terrain{terrain}"),
         every_figure("crops_Terrain{terrain}"),
         of_run("results/{run}/errata.html") if KIND == "release" else [],
-        of_run(
-            "results/{run}/figures/label_errors_Terrain{terrain}.png",
-            terrain=SCORED_TERRAINS,
-        ),
+        of_run("results/{run}/figures/label_errors_Terrain{terrain}.png", terrain=SCORED_TERRAINS),
         of_run("results/{run}/tables/labels.csv") if SCORED_TERRAINS else [],
         of_run("results/{run}/figures/reliability.png") if SCORED_TERRAINS else [],
 
@@ -37,18 +34,12 @@ rule gather_evaluation:
     input:
         parts=evaluation_parts,
     output:
-        table=report(
-            "results/{run}/tables/evaluation.csv",
-            caption="../report/evaluation.rst",
-            category="Tables",
-            labels={"table": "evaluation of every stage"},
-        ),
+        table=shown("results/{run}/tables/evaluation.csv", "Tables", table="evaluation of every stage"),
         others=multiext("results/{run}/tables/evaluation", ".md", ".tex", ".parquet"),
     log:
         "results/{run}/logs/report/gather_evaluation.log",
     benchmark:
         "results/{run}/benchmarks/report/gather_evaluation.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -69,12 +60,7 @@ rule tabulate_cameras:
             terrain=TERRAINS,
         ),
     output:
-        table=report(
-            "results/{run}/tables/cameras.csv",
-            caption="../report/cameras_table.rst",
-            category="Tables",
-            labels={"table": "cameras"},
-        ),
+        table=shown("results/{run}/tables/cameras.csv", "Tables", table="cameras"),
         alignment="results/{run}/tables/alignment.csv",
         others=multiext("results/{run}/tables/cameras", ".md", ".tex", ".parquet")
         + multiext("results/{run}/tables/alignment", ".md", ".tex", ".parquet"),
@@ -82,7 +68,6 @@ rule tabulate_cameras:
         "results/{run}/logs/report/tabulate_cameras.log",
     benchmark:
         "results/{run}/benchmarks/report/tabulate_cameras.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -97,32 +82,17 @@ rule tabulate_cameras:
 rule tabulate_rocks:
     """Every rock and every mesh of the run."""
     input:
-        rocks=expand(
-            "results/{{run}}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS
-        ),
-        scores=expand(
-            "results/{{run}}/evaluation/meshes_Terrain{terrain}.csv", terrain=TERRAINS
-        ),
+        rocks=expand("results/{{run}}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS),
+        scores=expand("results/{{run}}/evaluation/meshes_Terrain{terrain}.csv", terrain=TERRAINS),
     output:
-        table=report(
-            "results/{run}/tables/rocks.csv",
-            caption="../report/rocks_table.rst",
-            category="Tables",
-            labels={"table": "rocks"},
-        ),
-        meshes=report(
-            "results/{run}/tables/meshes.csv",
-            caption="../report/meshes_table.rst",
-            category="Tables",
-            labels={"table": "meshes"},
-        ),
+        table=shown("results/{run}/tables/rocks.csv", "Tables", table="rocks"),
+        meshes=shown("results/{run}/tables/meshes.csv", "Tables", table="meshes"),
         others=multiext("results/{run}/tables/rocks", ".md", ".tex", ".parquet")
         + multiext("results/{run}/tables/meshes", ".md", ".tex", ".parquet"),
     log:
         "results/{run}/logs/report/tabulate_rocks.log",
     benchmark:
         "results/{run}/benchmarks/report/tabulate_rocks.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -137,17 +107,9 @@ rule tabulate_rocks:
 rule tabulate_labels:
     """How good labels are by task, terrain, position, azimuth and size, and how often they are right as they say."""
     input:
-        pairs=expand(
-            "results/{{run}}/evaluation/label_pairs_Terrain{terrain}.parquet",
-            terrain=SCORED_TERRAINS,
-        ),
+        pairs=expand("results/{{run}}/evaluation/label_pairs_Terrain{terrain}.parquet", terrain=SCORED_TERRAINS),
     output:
-        table=report(
-            "results/{run}/tables/labels.csv",
-            caption="../report/labels_table.rst",
-            category="Tables",
-            labels={"table": "labels"},
-        ),
+        table=shown("results/{run}/tables/labels.csv", "Tables", table="labels"),
         reliability="results/{run}/tables/reliability.parquet",
         others=multiext("results/{run}/tables/labels", ".md", ".tex", ".parquet")
         + multiext("results/{run}/tables/reliability", ".md", ".tex", ".csv"),
@@ -155,7 +117,6 @@ rule tabulate_labels:
         "results/{run}/logs/report/tabulate_labels.log",
     benchmark:
         "results/{run}/benchmarks/report/tabulate_labels.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,
@@ -170,26 +131,15 @@ rule tabulate_labels:
 rule tabulate_render:
     """How near twins come to their photos and their boxes to true ones, by terrain, position, azimuth, light, camera."""
     input:
-        pairs=expand(
-            "results/{{run}}/evaluation/twin_pairs_Terrain{terrain}.parquet",
-            terrain=TERRAINS,
-        ),
-        evaluation=expand(
-            "results/{{run}}/evaluation/twins_Terrain{terrain}.csv", terrain=TERRAINS
-        ),
+        pairs=expand("results/{{run}}/evaluation/twin_pairs_Terrain{terrain}.parquet", terrain=TERRAINS),
+        evaluation=expand("results/{{run}}/evaluation/twins_Terrain{terrain}.csv", terrain=TERRAINS),
     output:
-        table=report(
-            "results/{run}/tables/render.csv",
-            caption="../report/render_table.rst",
-            category="Tables",
-            labels={"table": "twins"},
-        ),
+        table=shown("results/{run}/tables/render.csv", "Tables", table="twins"),
         others=multiext("results/{run}/tables/render", ".md", ".tex", ".parquet"),
     log:
         "results/{run}/logs/report/tabulate_render.log",
     benchmark:
         "results/{run}/benchmarks/report/tabulate_render.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -210,42 +160,14 @@ rule tabulate_detectors:
         ipd="results/{run}/detect/ipd.parquet",
         rocks="results/{run}/detect/rocks.parquet",
     output:
-        detection=report(
-            "results/{run}/tables/detection.csv",
-            caption="../report/detection_table.rst",
-            category="Tables",
-            labels={"table": "detection"},
+        detection=shown("results/{run}/tables/detection.csv", "Tables", table="detection"),
+        differences=shown("results/{run}/tables/differences.csv", "Tables", table="paired differences"),
+        detection_breakdown=shown(
+            "results/{run}/tables/detection_breakdown.csv", "Tables", table="detection, broken down"
         ),
-        differences=report(
-            "results/{run}/tables/differences.csv",
-            caption="../report/differences_table.rst",
-            category="Tables",
-            labels={"table": "paired differences"},
-        ),
-        detection_breakdown=report(
-            "results/{run}/tables/detection_breakdown.csv",
-            caption="../report/detection_breakdown_table.rst",
-            category="Tables",
-            labels={"table": "detection, broken down"},
-        ),
-        false_positives=report(
-            "results/{run}/tables/false_positives.csv",
-            caption="../report/false_positives_table.rst",
-            category="Tables",
-            labels={"table": "false positives"},
-        ),
-        ipd=report(
-            "results/{run}/tables/ipd.csv",
-            caption="../report/ipd_table.rst",
-            category="Tables",
-            labels={"table": "IPD"},
-        ),
-        ipd_rocks=report(
-            "results/{run}/tables/ipd_rocks.csv",
-            caption="../report/ipd_rocks_table.rst",
-            category="Tables",
-            labels={"table": "IPD, rock by rock"},
-        ),
+        false_positives=shown("results/{run}/tables/false_positives.csv", "Tables", table="false positives"),
+        ipd=shown("results/{run}/tables/ipd.csv", "Tables", table="IPD"),
+        ipd_rocks=shown("results/{run}/tables/ipd_rocks.csv", "Tables", table="IPD, rock by rock"),
         others=expand(
             "results/{{run}}/tables/{name}.{form}",
             name=[*TABLES_OF_DETECTORS, "ipd_rocks"],
@@ -255,7 +177,6 @@ rule tabulate_detectors:
         "results/{run}/logs/report/tabulate_detectors.log",
     benchmark:
         "results/{run}/benchmarks/report/tabulate_detectors.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -275,35 +196,14 @@ rule draw_detectors:
         ipd="results/{run}/detect/ipd.parquet",
         rocks="results/{run}/detect/rocks.parquet",
     output:
-        detection=report(
-            "results/{run}/figures/detection.png",
-            caption="../report/detection.rst",
-            category="Detection",
-            labels={"picture": "detection"},
-        ),
-        curves=report(
-            "results/{run}/figures/precision_recall.png",
-            caption="../report/precision_recall.rst",
-            category="Detection",
-            labels={"picture": "precision and recall"},
-        ),
-        ipd=report(
-            "results/{run}/figures/ipd.png",
-            caption="../report/ipd.rst",
-            category="Detection",
-            labels={"picture": "IPD"},
-        ),
-        rocks=report(
-            "results/{run}/figures/ipd_histogram.png",
-            caption="../report/ipd_histogram.rst",
-            category="Detection",
-            labels={"picture": "IPD of rocks"},
-        ),
+        detection=shown("results/{run}/figures/detection.png", "Detection", picture="detection"),
+        curves=shown("results/{run}/figures/precision_recall.png", "Detection", picture="precision and recall"),
+        ipd=shown("results/{run}/figures/ipd.png", "Detection", picture="IPD"),
+        rocks=shown("results/{run}/figures/ipd_histogram.png", "Detection", picture="IPD of rocks"),
     log:
         "results/{run}/logs/report/draw_detectors.log",
     benchmark:
         "results/{run}/benchmarks/report/draw_detectors.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -319,30 +219,20 @@ rule draw_finds:
     input:
         instances=of_first_training("instances.parquet"),
         ipd=of_first_training("ipd.parquet"),
-        predictions=[
-            of_first_training(f"predictions/{{trained}}_on_{domain}.parquet")
-            for domain in DOMAINS
-        ],
+        predictions=[of_first_training(f"predictions/{{trained}}_on_{domain}.parquet") for domain in DOMAINS],
         labels=[path for domain in DOMAINS for path in labels_of(domain)],
         pictures=photos_and_twins(),
     output:
-        seen=report(
-            "results/{run}/figures/seen_{trained}.png",
-            caption="../report/seen.rst",
-            category="Detection",
-            labels={"picture": "photo and twins, detector of {trained}"},
+        seen=shown(
+            "results/{run}/figures/seen_{trained}.png", "Detection", picture="photo and twins, detector of {trained}"
         ),
-        gap_rocks=report(
-            "results/{run}/figures/gap_rocks_{trained}.png",
-            caption="../report/gap_rocks.rst",
-            category="Detection",
-            labels={"picture": "rocks, detector of {trained}"},
+        gap_rocks=shown(
+            "results/{run}/figures/gap_rocks_{trained}.png", "Detection", picture="rocks, detector of {trained}"
         ),
     log:
         "results/{run}/logs/report/draw_finds_{trained}.log",
     benchmark:
         "results/{run}/benchmarks/report/draw_finds_{trained}.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,
@@ -362,24 +252,18 @@ rule tabulate_stereo:
         instances="results/{run}/detect/stereo_instances.parquet",
         ipd="results/{run}/detect/stereo_ipd.parquet",
     output:
-        table=report(
-            "results/{run}/tables/stereo.csv",
-            caption="../report/stereo_table.rst",
-            category="Tables",
-            labels={"table": "stereo depth"},
-        ),
+        table=shown("results/{run}/tables/stereo.csv", "Tables", table="stereo depth"),
         others=multiext("results/{run}/tables/stereo", ".md", ".tex", ".parquet"),
     log:
         "results/{run}/logs/report/tabulate_stereo.log",
     benchmark:
         "results/{run}/benchmarks/report/tabulate_stereo.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
     params:
         origin=ORIGIN,
-        stereo=options("detect.stereo"),
+        options=options("detect.stereo"),
         code=code_of("tabulate_stereo"),
     script:
         "../scripts/tabulate_stereo.py"
@@ -394,17 +278,16 @@ rule draw_comparison:
         labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
         rendered="results/{run}/renders/tables/Terrain{terrain}.parquet",
     output:
-        figure=report(
+        figure=shown(
             "results/{run}/figures/comparison_Terrain{terrain}_Pos{position}.png",
-            caption="../report/comparison.rst",
-            category="Photos and twins",
-            labels={"terrain": "{terrain}", "position": "{position}"},
+            "Photos and twins",
+            terrain="{terrain}",
+            position="{position}",
         ),
     log:
         "results/{run}/logs/report/draw_comparison_{terrain}_{position}.log",
     benchmark:
         "results/{run}/benchmarks/report/draw_comparison_{terrain}_{position}.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,
@@ -421,17 +304,13 @@ rule draw_reflectance:
     input:
         curves="results/{run}/renders/reflectance.csv",
     output:
-        figure=report(
-            "results/{run}/figures/reflectance.png",
-            caption="../report/reflectance.rst",
-            category="Photos and twins",
-            labels={"terrain": "all", "position": "reflectance models"},
+        figure=shown(
+            "results/{run}/figures/reflectance.png", "Photos and twins", terrain="all", position="reflectance models"
         ),
     log:
         "results/{run}/logs/report/draw_reflectance.log",
     benchmark:
         "results/{run}/benchmarks/report/draw_reflectance.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -446,22 +325,18 @@ rule draw_contact:
     input:
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
-        twins=expand(
-            "results/{{run}}/renders/{model}/Terrain{{terrain}}",
-            model=STAND_INS,
-        ),
+        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=STAND_INS),
     output:
-        figure=report(
+        figure=shown(
             "results/{run}/figures/contact_Terrain{terrain}_Pos{position}.png",
-            caption="../report/contact.rst",
-            category="Contact sheets",
-            labels={"terrain": "{terrain}", "position": "{position}"},
+            "Contact sheets",
+            terrain="{terrain}",
+            position="{position}",
         ),
     log:
         "results/{run}/logs/report/draw_contact_{terrain}_{position}.log",
     benchmark:
         "results/{run}/benchmarks/report/draw_contact_{terrain}_{position}.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,
@@ -478,23 +353,16 @@ rule draw_terrain:
         rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
         meshes="results/{run}/meshes/Terrain{terrain}",
     output:
-        meshes=report(
-            "results/{run}/figures/meshes_Terrain{terrain}.png",
-            caption="../report/meshes.rst",
-            category="Meshes",
-            labels={"terrain": "{terrain}", "picture": "meshes"},
+        meshes_figure=shown(
+            "results/{run}/figures/meshes_Terrain{terrain}.png", "Meshes", terrain="{terrain}", picture="meshes"
         ),
-        crops=report(
-            "results/{run}/figures/crops_Terrain{terrain}.png",
-            caption="../report/crops.rst",
-            category="Meshes",
-            labels={"terrain": "{terrain}", "picture": "cuboids"},
+        crops_figure=shown(
+            "results/{run}/figures/crops_Terrain{terrain}.png", "Meshes", terrain="{terrain}", picture="cuboids"
         ),
     log:
         "results/{run}/logs/report/draw_terrain_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/report/draw_terrain_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=1500,
         runtime=5,
@@ -509,17 +377,16 @@ rule draw_offsets:
     input:
         offsets="results/{run}/evaluation/offsets_Terrain{terrain}.parquet",
     output:
-        figure=report(
+        figure=shown(
             "results/{run}/figures/offsets_Terrain{terrain}.png",
-            caption="../report/offsets.rst",
-            category="Meshes",
-            labels={"terrain": "{terrain}", "picture": "distance to truth"},
+            "Meshes",
+            terrain="{terrain}",
+            picture="distance to truth",
         ),
     log:
         "results/{run}/logs/report/draw_offsets_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/report/draw_offsets_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -538,17 +405,11 @@ rule draw_residuals:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
     output:
-        figure=report(
-            "results/{run}/figures/residuals_Terrain{terrain}.png",
-            caption="../report/residuals.rst",
-            category="Cameras",
-            labels={"terrain": "{terrain}"},
-        ),
+        figure=shown("results/{run}/figures/residuals_Terrain{terrain}.png", "Cameras", terrain="{terrain}"),
     log:
         "results/{run}/logs/report/draw_residuals_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/report/draw_residuals_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,
@@ -563,17 +424,11 @@ rule draw_label_errors:
     input:
         pairs="results/{run}/evaluation/label_pairs_Terrain{terrain}.parquet",
     output:
-        figure=report(
-            "results/{run}/figures/label_errors_Terrain{terrain}.png",
-            caption="../report/label_errors.rst",
-            category="Labels",
-            labels={"terrain": "{terrain}"},
-        ),
+        figure=shown("results/{run}/figures/label_errors_Terrain{terrain}.png", "Labels", terrain="{terrain}"),
     log:
         "results/{run}/logs/report/draw_label_errors_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/report/draw_label_errors_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,
@@ -588,17 +443,11 @@ rule draw_reliability:
     input:
         reliability="results/{run}/tables/reliability.parquet",
     output:
-        figure=report(
-            "results/{run}/figures/reliability.png",
-            caption="../report/reliability.rst",
-            category="Labels",
-            labels={"terrain": "all", "picture": "confidence"},
-        ),
+        figure=shown("results/{run}/figures/reliability.png", "Labels", terrain="all", picture="confidence"),
     log:
         "results/{run}/logs/report/draw_reliability.log",
     benchmark:
         "results/{run}/benchmarks/report/draw_reliability.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -620,11 +469,7 @@ if KIND == "release":
                 for path in raw_inputs(terrain, CONFIG.source, CONFIG.labels.seeds)
             ],
         output:
-            page=report(
-                "results/{run}/errata.html",
-                caption="../report/errata.rst",
-                category="Labels",
-            ),
+            page=shown("results/{run}/errata.html", "Labels"),
             table="results/{run}/tables/defects.csv",
         log:
             "results/{run}/logs/report/draw_errata.log",
@@ -647,18 +492,14 @@ rule draw_opposition:
         cameras=of_run("results/{run}/cameras/Terrain{terrain}", terrain=TERRAINS),
         pictures=photos_and_twins(),
     output:
-        figure=report(
-            "results/{run}/figures/opposition.png",
-            caption="../report/opposition.rst",
-            category="Photos and twins",
-            labels={"terrain": "nearest", "position": "opposition effect"},
+        figure=shown(
+            "results/{run}/figures/opposition.png", "Photos and twins", terrain="nearest", position="opposition effect"
         ),
         text="results/{run}/figures/opposition.json",
     log:
         "results/{run}/logs/report/draw_opposition.log",
     benchmark:
         "results/{run}/benchmarks/report/draw_opposition.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,
@@ -679,22 +520,13 @@ rule write_results_page:
         tables=tables_of_page(),
         figures=figures_of_page(),
         phases=of_run("results/{run}/figures/opposition.json") if DOMAINS else [],
-        datasets=of_run(
-            "results/{run}/detect/{split}/datasets/{trained}",
-            split=SPLITS,
-            trained=TRAINED,
-        ),
+        datasets=of_run("results/{run}/detect/{split}/datasets/{trained}", split=SPLITS, trained=TRAINED),
     output:
-        page=report(
-            "results/{run}/results.html",
-            caption="../report/results_page.rst",
-            category="Results",
-        ),
+        page=shown("results/{run}/results.html", "Results"),
     log:
         "results/{run}/logs/report/write_results_page.log",
     benchmark:
         "results/{run}/benchmarks/report/write_results_page.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,

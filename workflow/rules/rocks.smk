@@ -6,7 +6,7 @@ rule rocks:
     input:
         of_run("results/{run}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS),
         of_run("results/{run}/meshes/Terrain{terrain}", terrain=TERRAINS),
-        repaired_copies(),
+        of_run("results/{run}/repaired/Terrain{terrain}", terrain=TERRAINS) if KIND == "release" else [],
 
 
 if KIND == "release":
@@ -25,7 +25,6 @@ if KIND == "release":
         benchmark:
             "results/{run}/benchmarks/rocks/adopt_rocks_{terrain}.tsv"
         priority: TRAINING_WAITS
-        threads: 1
         resources:
             mem_mb=1500,
             runtime=10,
@@ -46,7 +45,6 @@ if KIND == "release":
             "results/{run}/logs/rocks/repair_rocks_{terrain}.log",
         benchmark:
             "results/{run}/benchmarks/rocks/repair_rocks_{terrain}.tsv"
-        threads: 1
         resources:
             mem_mb=1500,
             runtime=20,
@@ -75,7 +73,6 @@ else:
         benchmark:
             "results/{run}/benchmarks/rocks/find_rocks_{terrain}.tsv"
         priority: TRAINING_WAITS
-        threads: 1
         resources:
             mem_mb=2500,
             runtime=20,
@@ -97,7 +94,6 @@ else:
         benchmark:
             "results/{run}/benchmarks/rocks/mesh_rocks_{terrain}.tsv"
         priority: TRAINING_WAITS
-        threads: 1
         resources:
             mem_mb=4000,
             runtime=20,

@@ -24,24 +24,18 @@ rule drive_rover:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
         tracks="results/{run}/rover/seed{seed}/tracks.npz",
         drive="results/{run}/rover/seed{seed}/drive.json",
-        world=multiext(
-            "results/{run}/rover/seed{seed}/world/",
-            "ground.npz",
-            "rocks.npz",
-            "rocks.parquet",
-        ),
+        world=multiext("results/{run}/rover/seed{seed}/world/", "ground.npz", "rocks.npz", "rocks.parquet"),
     log:
         "results/{run}/logs/rover/drive_rover_{seed}.log",
     benchmark:
         "results/{run}/benchmarks/rover/drive_rover_{seed}.tsv"
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=60,
     params:
-        world=rover_options("world"),
-        soil=rover_options("soil"),
-        drive=rover_options("drive"),
+        world=options("rover.world"),
+        soil=options("rover.soil"),
+        drive=options("rover.drive"),
         code=code_of("drive_rover"),
     script:
         "../scripts/drive_rover.py"
@@ -62,12 +56,11 @@ rule see_drive:
         "results/{run}/logs/rover/see_drive_{seed}_{view}.log",
     benchmark:
         "results/{run}/benchmarks/rover/see_drive_{seed}_{view}.tsv"
-    threads: 1
     resources:
         mem_mb=4000,
         runtime=720,
     params:
-        cameras=camera_suite_options(*AFTER_PICTURES),
+        options=camera_suite_options(*AFTER_PICTURES),
         code=code_of("see_drive"),
     script:
         "../scripts/see_drive.py"
@@ -86,12 +79,11 @@ rule detect_drive:
         "results/{run}/logs/rover/detect_drive_{seed}.log",
     benchmark:
         "results/{run}/benchmarks/rover/detect_drive_{seed}.tsv"
-    threads: 1
     resources:
         mem_mb=3000,
         runtime=240,
     params:
-        cameras=camera_suite_options(),
+        options=camera_suite_options(),
         code=code_of("detect_drive"),
     script:
         "../scripts/detect_drive.py"
@@ -105,19 +97,16 @@ rule measure_drive:
         vehicle=str(ROVER.drive.vehicle),
         detections=detections_of_drive,
     output:
-        tables=of_drive(
-            "onboard/{name}.parquet", name=["sightings", "stable", "map", "stops"]
-        ),
+        tables=of_drive("onboard/{name}.parquet", name=["sightings", "stable", "map", "stops"]),
     log:
         "results/{run}/logs/rover/measure_drive_{seed}.log",
     benchmark:
         "results/{run}/benchmarks/rover/measure_drive_{seed}.tsv"
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=30,
     params:
-        cameras=camera_suite_options(),
+        options=camera_suite_options(),
         code=code_of("measure_drive"),
     script:
         "../scripts/measure_drive.py"
@@ -140,7 +129,7 @@ rule film_drive:
         mem_mb=2000,
         runtime=720,
     params:
-        cameras=camera_suite_options(),
+        options=camera_suite_options(),
         code=code_of("film_drive"),
     script:
         "../scripts/film_drive.py"
@@ -160,12 +149,11 @@ rule write_bag:
         "results/{run}/logs/rover/write_bag_{seed}.log",
     benchmark:
         "results/{run}/benchmarks/rover/write_bag_{seed}.tsv"
-    threads: 1
     resources:
         mem_mb=1500,
         runtime=60,
     params:
-        options=rover_options("bag"),
+        options=options("rover.bag"),
         code=code_of("write_bag"),
     script:
         "../scripts/write_bag.py"
@@ -181,7 +169,6 @@ rule write_urdf:
         "results/{run}/logs/rover/write_urdf.log",
     benchmark:
         "results/{run}/benchmarks/rover/write_urdf.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -197,12 +184,11 @@ rule check_soil:
         soils=str(ROVER.soil.table),
     output:
         limit="results/{run}/rover/soil_limit.parquet",
-        measured="results/{run}/rover/soil_measured.parquet",
+        measured_slopes="results/{run}/rover/soil_measured.parquet",
     log:
         "results/{run}/logs/rover/check_soil.log",
     benchmark:
         "results/{run}/benchmarks/rover/check_soil.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=10,
@@ -224,7 +210,6 @@ rule summarise_drives:
         "results/{run}/logs/rover/summarise_drives.log",
     benchmark:
         "results/{run}/benchmarks/rover/summarise_drives.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=10,
@@ -239,12 +224,11 @@ rule summarise_onboard:
     input:
         tables=of_drives("onboard/stops.parquet"),
     output:
-        onboard="results/{run}/rover/onboard.parquet",
+        table="results/{run}/rover/onboard.parquet",
     log:
         "results/{run}/logs/rover/summarise_onboard.log",
     benchmark:
         "results/{run}/benchmarks/rover/summarise_onboard.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=20,
@@ -262,24 +246,11 @@ rule tabulate_rover:
         each="results/{run}/rover/every_drive.parquet",
         soil="results/{run}/rover/soil_limit.parquet",
     output:
-        drives=report(
-            "results/{run}/tables/rover.csv",
-            caption="../report/rover_table.rst",
-            category="Rover",
-            labels={"picture": "drives"},
+        table=shown("results/{run}/tables/rover.csv", "Rover", picture="drives"),
+        each_table=shown(
+            "results/{run}/tables/rover_drives.csv", "Rover", caption="tables/rover", picture="every drive"
         ),
-        each=report(
-            "results/{run}/tables/rover_drives.csv",
-            caption="../report/rover_table.rst",
-            category="Rover",
-            labels={"picture": "every drive"},
-        ),
-        soil=report(
-            "results/{run}/tables/rover_soil.csv",
-            caption="../report/rover_soil.rst",
-            category="Rover",
-            labels={"picture": "soil against its limit"},
-        ),
+        soil_table=shown("results/{run}/tables/rover_soil.csv", "Rover", picture="soil against its limit"),
         others=expand(
             "results/{{run}}/tables/{name}.{form}",
             name=["rover", "rover_drives", "rover_soil"],
@@ -289,7 +260,6 @@ rule tabulate_rover:
         "results/{run}/logs/rover/tabulate_rover.log",
     benchmark:
         "results/{run}/benchmarks/rover/tabulate_rover.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -305,18 +275,12 @@ rule tabulate_onboard:
     input:
         onboard="results/{run}/rover/onboard.parquet",
     output:
-        table=report(
-            "results/{run}/tables/rover_onboard.csv",
-            caption="../report/rover_onboard.rst",
-            category="Rover",
-            labels={"picture": "on board"},
-        ),
+        table=shown("results/{run}/tables/rover_onboard.csv", "Rover", picture="on board"),
         others=multiext("results/{run}/tables/rover_onboard", ".md", ".tex", ".parquet"),
     log:
         "results/{run}/logs/rover/tabulate_onboard.log",
     benchmark:
         "results/{run}/benchmarks/rover/tabulate_onboard.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,
@@ -332,17 +296,11 @@ rule draw_drive:
     input:
         traces=of_drives("trace.parquet"),
     output:
-        figure=report(
-            "results/{run}/figures/rover_drive.png",
-            caption="../report/rover_drive.rst",
-            category="Rover",
-            labels={"picture": "slip and sinkage"},
-        ),
+        figure=shown("results/{run}/figures/rover_drive.png", "Rover", picture="slip and sinkage"),
     log:
         "results/{run}/logs/rover/draw_drive.log",
     benchmark:
         "results/{run}/benchmarks/rover/draw_drive.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,
@@ -358,17 +316,11 @@ rule draw_sequence:
     input:
         poses=of_first_drive(f"{ROVER.shown_view}/poses.parquet"),
     output:
-        figure=report(
-            "results/{run}/figures/rover_sequence.png",
-            caption="../report/rover_sequence.rst",
-            category="Rover",
-            labels={"picture": "the drive"},
-        ),
+        figure=shown("results/{run}/figures/rover_sequence.png", "Rover", picture="the drive"),
     log:
         "results/{run}/logs/rover/draw_sequence.log",
     benchmark:
         "results/{run}/benchmarks/rover/draw_sequence.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,
@@ -386,17 +338,11 @@ rule draw_front:
         truth=of_first_drive(f"{FRONT}/{shown_sun()}_truth.parquet"),
         detections=shown_detections,
     output:
-        figure=report(
-            "results/{run}/figures/rover_front.png",
-            caption="../report/rover_front.rst",
-            category="Rover",
-            labels={"picture": "front camera"},
-        ),
+        figure=shown("results/{run}/figures/rover_front.png", "Rover", picture="front camera"),
     log:
         "results/{run}/logs/rover/draw_front.log",
     benchmark:
         "results/{run}/benchmarks/rover/draw_front.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=5,
@@ -414,17 +360,16 @@ rule draw_soil:
         limit="results/{run}/rover/soil_limit.parquet",
         measured="results/{run}/rover/soil_measured.parquet",
     output:
-        figure=report(
+        figure=shown(
             "results/{run}/figures/rover_soil.png",
-            caption="../report/rover_soil.rst",
-            category="Rover",
-            labels={"picture": "soil against its limit"},
+            "Rover",
+            caption="tables/rover_soil",
+            picture="soil against its limit",
         ),
     log:
         "results/{run}/logs/rover/draw_soil.log",
     benchmark:
         "results/{run}/benchmarks/rover/draw_soil.tsv"
-    threads: 1
     resources:
         mem_mb=500,
         runtime=5,

@@ -21,9 +21,7 @@ AFTER_PICTURES = ("views", "onboard", "videos", "video_speed")
 
 def camera_suite_options(*left_out):
     """Options of a drive's pictures and of what a detector sees in them, without some."""
-    cameras = ROVER.cameras_with(
-        detector_weights(RUN), CONFIG.detect if ROVER.detector else None
-    )
+    cameras = ROVER.cameras_with(detector_weights(RUN), CONFIG.detect if ROVER.detector else None)
     return cameras.model_dump(mode="json", exclude=set(left_out))
 
 
@@ -44,11 +42,7 @@ def of_drive(*names, **wildcards):
 
 def of_drives(*names, **wildcards):
     """The same of all drives of this run."""
-    return [
-        path.format(run=RUN, seed=seed)
-        for seed in RIDES
-        for path in of_drive(*names, **wildcards)
-    ]
+    return [path.format(run=RUN, seed=seed) for seed in RIDES for path in of_drive(*names, **wildcards)]
 
 
 def of_first_drive(name):
@@ -58,14 +52,7 @@ def of_first_drive(name):
 
 def of_terrains_driven(pattern):
     """Files of the terrains that are driven over, from east to west."""
-    return expand(
-        pattern, terrain=[f"{terrain:02d}" for terrain in ROVER.world.terrains]
-    )
-
-
-def rover_options(part):
-    """Options of one step of a drive."""
-    return getattr(ROVER, part).model_dump(mode="json")
+    return expand(pattern, terrain=[f"{terrain:02d}" for terrain in ROVER.world.terrains])
 
 
 def shown_sun():
@@ -77,9 +64,7 @@ def shown_detections(wildcards):
     """What a detector found in the pictures that are shown, where one looked."""
     if detector_weights(wildcards.run) is None:
         return []
-    return of_first_drive(f"{FRONT}/{ROVER.shown_set}/detections.parquet").format(
-        run=wildcards.run
-    )
+    return of_first_drive(f"{FRONT}/{ROVER.shown_set}/detections.parquet").format(run=wildcards.run)
 
 
 def weights_on_board(wildcards):
@@ -101,16 +86,11 @@ def pictures_of_drive(wildcards):
 
 def detections_on_board():
     """What the detector found in each set of the front camera's pictures."""
-    return of_drive(
-        f"{FRONT}/{{pictures}}/detections.parquet", pictures=list(ROVER.picture_sets)
-    )
+    return of_drive(f"{FRONT}/{{pictures}}/detections.parquet", pictures=list(ROVER.picture_sets))
 
 
 def detections_of_drive(wildcards):
     """The same, where a detector looks."""
     if not ROVER.onboard or detector_weights(wildcards.run) is None:
         return []
-    return [
-        name.format(run=wildcards.run, seed=wildcards.seed)
-        for name in detections_on_board()
-    ]
+    return [name.format(run=wildcards.run, seed=wildcards.seed) for name in detections_on_board()]

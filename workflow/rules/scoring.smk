@@ -13,7 +13,6 @@ rule score_cameras:
         "results/{run}/logs/scoring/score_cameras_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/scoring/score_cameras_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=10,
@@ -42,7 +41,6 @@ rule score_rocks:
         "results/{run}/logs/scoring/score_rocks_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/scoring/score_rocks_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=10,
@@ -61,14 +59,13 @@ rule check_consistency:
         located="results/{run}/cameras/located/Terrain{terrain}",
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        photos=photos_of_terrain,
+        photos=PHOTOS_OF_TERRAIN,
     output:
         evaluation="results/{run}/evaluation/consistency_Terrain{terrain}.csv",
     log:
         "results/{run}/logs/scoring/check_consistency_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/scoring/check_consistency_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=2500,
         runtime=10,
@@ -92,7 +89,6 @@ rule score_labels:
         "results/{run}/logs/scoring/score_labels_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/scoring/score_labels_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=1000,
         runtime=10,
@@ -118,7 +114,6 @@ rule score_outlines:
         "results/{run}/logs/scoring/score_outlines_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/scoring/score_outlines_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=1500,
         runtime=10,
@@ -146,7 +141,6 @@ rule score_twins:
         "results/{run}/logs/scoring/score_twins_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/scoring/score_twins_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=1500,
         runtime=20,
@@ -172,7 +166,6 @@ rule score_materials:
         "results/{run}/logs/scoring/score_materials_{terrain}.log",
     benchmark:
         "results/{run}/benchmarks/scoring/score_materials_{terrain}.tsv"
-    threads: 1
     resources:
         mem_mb=2000,
         runtime=10,

@@ -1,18 +1,7 @@
 """Hold one terrain's scans, cameras, meshes and boxes against each other."""
 
-from pathlib import Path
-
-from polarsim.reporting import reporting
+from polarsim.job import job
 from polarsim.scoring.consistency import check_consistency
 
-with reporting(log=snakemake.log[0]):
-    check_consistency(
-        terrain=int(snakemake.wildcards.terrain),
-        inventory=Path(snakemake.input.inventory),
-        located=Path(snakemake.input.located),
-        cameras=Path(snakemake.input.cameras),
-        meshes=Path(snakemake.input.meshes),
-        photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
-        annotated=Path(snakemake.params.annotated) if snakemake.params.annotated else None,
-        evaluation=Path(snakemake.output.evaluation),
-    )
+with job(snakemake) as call:
+    call(check_consistency)

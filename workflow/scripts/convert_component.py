@@ -3,18 +3,14 @@
 from pathlib import Path
 
 from polarsim.detect.dataset import make_dataset
-from polarsim.detect.options import PicturesOptions
 from polarsim.detect.split import TEST
-from polarsim.reporting import reporting
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    make_dataset(
+with job(snakemake) as call:
+    call(
+        make_dataset,
         domain=snakemake.wildcards.component,
         pictures=Path(snakemake.input.pictures[0]).parent,
-        labels=Path(snakemake.input.labels),
-        split=Path(snakemake.input.split),
         by=snakemake.wildcards.split,
         wanted=[TEST],
-        dataset=Path(snakemake.output.dataset),
-        options=PicturesOptions(**snakemake.params.options),
     )

@@ -1,20 +1,13 @@
 """Convert the pictures and labels of one domain."""
 
-from pathlib import Path
-
-from polarsim.detect.options import PicturesOptions
 from polarsim.detect.pictures import convert_domain
-from polarsim.grid import GridOptions, selected_grids
-from polarsim.reporting import reporting
+from polarsim.grid import selected_grids
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    convert_domain(
-        domain=snakemake.wildcards.domain,
-        pictures=Path(snakemake.params.pictures),
-        labels=[Path(path) for path in snakemake.input.labels],
-        keys=selected_grids(
-            snakemake.params.terrains, snakemake.params.positions, GridOptions(**snakemake.params.grid)
-        ),
-        folder=Path(snakemake.output.pictures),
-        options=PicturesOptions(**snakemake.params.options),
+with job(snakemake) as call:
+    call(
+        convert_domain,
+        pictures=snakemake.params.pictures,
+        keys=call(selected_grids),
+        folder=snakemake.output.pictures,
     )

@@ -1,17 +1,12 @@
 """Draw the contact sheet of a station."""
 
-from pathlib import Path
-
-from polarsim.grid import GridOptions, selected_grid
+from polarsim.grid import selected_grid
+from polarsim.job import job
 from polarsim.report.figures.contact import draw_contact
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    draw_contact(
-        keys=selected_grid(
-            int(snakemake.wildcards.terrain), [snakemake.wildcards.position], GridOptions(**snakemake.params.grid)
-        ),
-        labels=Path(snakemake.input.labels),
-        pictures=[Path(snakemake.input.photos), *map(Path, snakemake.input.twins)],
-        figure=Path(snakemake.output.figure),
+with job(snakemake) as call:
+    call(
+        draw_contact,
+        keys=call(selected_grid, positions=[snakemake.wildcards.position]),
+        pictures=[snakemake.input.photos, *snakemake.input.twins],
     )

@@ -1,13 +1,11 @@
 """Draw what the detectors of a run found."""
 
-from pathlib import Path
-
+from polarsim.job import job
 from polarsim.report.figures.detectors import draw_detectors
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    draw_detectors(
-        found={name: Path(path) for name, path in snakemake.input.items()},
-        figures={name: Path(path) for name, path in snakemake.output.items()},
-        origin=snakemake.params.origin,
+with job(snakemake) as call:
+    call(
+        draw_detectors,
+        found=dict(snakemake.input.items()),
+        figures=dict(snakemake.output.items()),
     )

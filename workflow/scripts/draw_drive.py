@@ -1,13 +1,7 @@
 """Draw slip, sinkage and offset over time."""
 
-from pathlib import Path
-
+from polarsim.job import job
 from polarsim.report.figures.drive import draw_drive
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    draw_drive(
-        traces=[Path(trace) for trace in snakemake.input.traces],
-        figure=Path(snakemake.output.figure),
-        origin=snakemake.params.origin,
-    )
+with job(snakemake) as call:
+    call(draw_drive)

@@ -1,14 +1,7 @@
 """Look for defects in the published labels, and draw them."""
 
-from pathlib import Path
-
+from polarsim.job import job
 from polarsim.lint.errata import lint_and_draw
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    lint_and_draw(
-        root=Path(snakemake.params.root),
-        page=Path(snakemake.output.page),
-        table=Path(snakemake.output.table),
-        workers=snakemake.threads,
-    )
+with job(snakemake) as call:
+    call(lint_and_draw, workers=snakemake.threads)

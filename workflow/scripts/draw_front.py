@@ -2,15 +2,8 @@
 
 from pathlib import Path
 
+from polarsim.job import job
 from polarsim.report.figures.shots import draw_front
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    draw_front(
-        view=Path(snakemake.input.poses).parent,
-        pictures=snakemake.params.pictures,
-        truth=Path(snakemake.input.truth),
-        detections=Path(snakemake.input.detections) if snakemake.input.detections else None,
-        confidence=snakemake.params.confidence,
-        figure=Path(snakemake.output.figure),
-    )
+with job(snakemake) as call:
+    call(draw_front, view=Path(snakemake.input.poses).parent)

@@ -2,12 +2,8 @@
 
 from pathlib import Path
 
+from polarsim.job import job
 from polarsim.report.figures.shots import draw_sequence
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    draw_sequence(
-        view=Path(snakemake.input.poses).parent,
-        pictures=snakemake.params.pictures,
-        figure=Path(snakemake.output.figure),
-    )
+with job(snakemake) as call:
+    call(draw_sequence, view=Path(snakemake.input.poses).parent)

@@ -2,18 +2,14 @@
 
 from pathlib import Path
 
-from polarsim.reporting import reporting
-from polarsim.rover.drive.options import DriveOptions
+from polarsim.job import job
 from polarsim.rover.drive.ride import run_drive
-from polarsim.rover.soil.options import SoilOptions
-from polarsim.rover.world.options import WorldOptions
 
-with reporting(log=snakemake.log[0]):
-    run_drive(
+with job(snakemake) as call:
+    call(
+        run_drive,
         meshes=Path(snakemake.input.meshes[0]).parent,
         folder=Path(snakemake.output.trace).parent,
-        world=WorldOptions(**snakemake.params.world),
-        soil=SoilOptions(**snakemake.params.soil),
-        drive=DriveOptions(**snakemake.params.drive),
-        seed=int(snakemake.wildcards.seed),
+        world=snakemake.params.world,
+        drive=snakemake.params.drive,
     )

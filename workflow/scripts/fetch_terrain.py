@@ -1,14 +1,7 @@
 """Fetch and unpack one terrain's raw data."""
 
-from pathlib import Path
-
 from polarsim.acquire.fetch import fetch_terrain
-from polarsim.acquire.options import SourceOptions
-from polarsim.reporting import reporting
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    fetch_terrain(
-        terrain=int(snakemake.wildcards.terrain),
-        source=SourceOptions(**snakemake.params.source),
-        done=Path(snakemake.output.receipt),
-    )
+with job(snakemake) as call:
+    call(fetch_terrain, done=snakemake.output.receipt)

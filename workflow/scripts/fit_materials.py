@@ -1,19 +1,7 @@
 """Fit the materials of one terrain to its photos."""
 
-from pathlib import Path
-
+from polarsim.job import job
 from polarsim.render.fitting.fit import fit_materials
-from polarsim.render.options import RenderOptions
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    fit_materials(
-        terrain=int(snakemake.wildcards.terrain),
-        cameras=Path(snakemake.input.cameras),
-        meshes=Path(snakemake.input.meshes),
-        photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
-        models=snakemake.params.models,
-        materials=Path(snakemake.output.materials),
-        options=RenderOptions(**snakemake.params.options),
-        threads=snakemake.threads,
-    )
+with job(snakemake) as call:
+    call(fit_materials)

@@ -1,13 +1,7 @@
 """Gather the evaluation of every stage."""
 
-from pathlib import Path
-
+from polarsim.job import job
 from polarsim.report.evaluation_table import gather_evaluation
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    gather_evaluation(
-        parts=[Path(path) for path in snakemake.input.parts],
-        stem=Path(snakemake.output.table).with_suffix(""),
-        origin=snakemake.params.origin,
-    )
+with job(snakemake) as call:
+    call(gather_evaluation, stem=snakemake.output.table.removesuffix(".csv"))

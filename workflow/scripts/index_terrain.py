@@ -1,21 +1,7 @@
 """Take one terrain's raw data in."""
 
-from pathlib import Path
-
 from polarsim.acquire.index import index_terrain
-from polarsim.acquire.options import SourceOptions, seed_choice
-from polarsim.grid import GridOptions
-from polarsim.reporting import reporting
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    index_terrain(
-        terrain=int(snakemake.wildcards.terrain),
-        positions=snakemake.params.positions,
-        grid=GridOptions(**snakemake.params.grid),
-        source=SourceOptions(**snakemake.params.source),
-        seed_options=seed_choice(snakemake.params.seeds),
-        photos=Path(snakemake.output.photos),
-        calibration=Path(snakemake.output.calibration),
-        inventory=Path(snakemake.output.inventory),
-        seeds=Path(snakemake.output.seeds),
-    )
+with job(snakemake) as call:
+    call(index_terrain)

@@ -1,18 +1,7 @@
 """Move one terrain's truth into the frame of the run."""
 
-from pathlib import Path
-
-from polarsim.reporting import reporting
+from polarsim.job import job
 from polarsim.scoring.true_scene import lay_truth
 
-with reporting(log=snakemake.log[0]):
-    lay_truth(
-        terrain=int(snakemake.wildcards.terrain),
-        rocks=Path(snakemake.input.rocks),
-        meshes=Path(snakemake.input.meshes),
-        located=Path(snakemake.input.located),
-        inventory=Path(snakemake.input.inventory),
-        truth=Path(snakemake.params.truth),
-        true_cameras=Path(snakemake.output.cameras),
-        true_meshes=Path(snakemake.output.meshes),
-    )
+with job(snakemake) as call:
+    call(lay_truth)

@@ -1,19 +1,7 @@
 """Find where the rig stood at every position of one terrain."""
 
-from pathlib import Path
-
 from polarsim.cameras.locate import locate_cameras
-from polarsim.cameras.options import PlacementOptions
-from polarsim.reporting import reporting
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    locate_cameras(
-        terrain=int(snakemake.wildcards.terrain),
-        positions=snakemake.params.positions,
-        inventory=Path(snakemake.input.inventory),
-        calibration=Path(snakemake.input.calibration),
-        seeds=Path(snakemake.input.seeds),
-        cameras=Path(snakemake.output.cameras),
-        options=PlacementOptions(**snakemake.params.options),
-        threads=snakemake.threads,
-    )
+with job(snakemake) as call:
+    call(locate_cameras)

@@ -1,17 +1,8 @@
 """Share scenes and cover photos out to the parts of one fold's data set."""
 
-from pathlib import Path
-
 from polarsim.covers.dataset import make_cover_dataset
-from polarsim.reporting import reporting
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    make_cover_dataset(
-        scenes=dict(zip(snakemake.params.train, map(Path, snakemake.input.scenes), strict=True)),
-        covers=Path(snakemake.input.covers),
-        test=snakemake.params.test,
-        dataset=Path(snakemake.output.dataset),
-        val_share=snakemake.params.val_share,
-        val_terrains=snakemake.params.val_terrains,
-        seed=snakemake.params.seed,
-    )
+with job(snakemake) as call:
+    scenes = dict(zip(snakemake.params.train, snakemake.input.scenes, strict=True))
+    call(make_cover_dataset, scenes=scenes)

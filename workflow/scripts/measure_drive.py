@@ -2,15 +2,13 @@
 
 from pathlib import Path
 
-from polarsim.reporting import reporting
-from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.job import job
 from polarsim.rover.onboard.measure import measure_drive
 from polarsim.rover.vehicle.table import read_vehicle
 
-with reporting(log=snakemake.log[0]):
-    measure_drive(
-        Path(snakemake.input.poses).parent.parent,
-        read_vehicle(snakemake.input.vehicle),
-        CameraSuiteOptions(**snakemake.params.cameras),
-        int(snakemake.wildcards.seed),
+with job(snakemake) as call:
+    call(
+        measure_drive,
+        folder=Path(snakemake.input.poses).parent.parent,
+        vehicle=read_vehicle(snakemake.input.vehicle),
     )

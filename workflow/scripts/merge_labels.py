@@ -1,9 +1,7 @@
 """Merge the label tables of all terrains."""
 
-from pathlib import Path
-
 from polarsim.formats.tables import merge_label_tables
-from polarsim.reporting import reporting
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    merge_label_tables(tables=[Path(path) for path in snakemake.input.tables], merged=Path(snakemake.output.merged))
+with job(snakemake) as call:
+    call(merge_label_tables)

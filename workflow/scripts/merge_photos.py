@@ -1,9 +1,7 @@
 """Merge the photo tables of all terrains."""
 
-from pathlib import Path
-
 from polarsim.acquire.index import merge_photos
-from polarsim.reporting import reporting
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    merge_photos(tables=[Path(path) for path in snakemake.input.tables], merged=Path(snakemake.output.merged))
+with job(snakemake) as call:
+    call(merge_photos)

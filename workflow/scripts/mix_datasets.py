@@ -3,14 +3,11 @@
 from pathlib import Path
 
 from polarsim.detect.dataset import mix_datasets
-from polarsim.detect.options import SplitOptions
-from polarsim.reporting import reporting
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    mix_datasets(
+with job(snakemake) as call:
+    call(
+        mix_datasets,
         domain=snakemake.wildcards.mix,
-        weights=snakemake.params.weights,
-        datasets={Path(path).name: Path(path) for path in snakemake.input.datasets},
-        dataset=Path(snakemake.output.dataset),
-        options=SplitOptions(**snakemake.params.options),
+        datasets={Path(path).name: path for path in snakemake.input.datasets},
     )

@@ -1,17 +1,7 @@
 """Refine one terrain's rig poses, lenses and lamps on its photos."""
 
-from pathlib import Path
-
-from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.photos import refine_cameras
-from polarsim.reporting import reporting
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    refine_cameras(
-        terrain=int(snakemake.wildcards.terrain),
-        located=Path(snakemake.input.located),
-        meshes=Path(snakemake.input.meshes),
-        photos=Path(snakemake.input.photos) if snakemake.input.photos else None,
-        cameras=Path(snakemake.output.cameras),
-        options=RefinementOptions(**snakemake.params.options),
-    )
+with job(snakemake) as call:
+    call(refine_cameras)

@@ -1,16 +1,7 @@
 """Score one terrain's fitted materials."""
 
-from pathlib import Path
-
-from polarsim.reporting import reporting
+from polarsim.job import job
 from polarsim.scoring.materials import score_materials
 
-with reporting(log=snakemake.log[0]):
-    score_materials(
-        terrain=int(snakemake.wildcards.terrain),
-        materials=Path(snakemake.input.materials),
-        meshes=Path(snakemake.input.meshes),
-        cameras=Path(snakemake.input.cameras),
-        truth=Path(snakemake.params.truth),
-        evaluation=Path(snakemake.output.evaluation),
-    )
+with job(snakemake) as call:
+    call(score_materials)

@@ -1,19 +1,8 @@
 """Score one terrain's outlines against the published polygons."""
 
-from pathlib import Path
-
-from polarsim.grid import GridOptions, selected_grid
-from polarsim.reporting import reporting
-from polarsim.scoring.options import ScoringOptions
+from polarsim.grid import selected_grid
+from polarsim.job import job
 from polarsim.scoring.outlines import score_outlines
 
-with reporting(log=snakemake.log[0]):
-    terrain = int(snakemake.wildcards.terrain)
-    score_outlines(
-        terrain=terrain,
-        keys=selected_grid(terrain, snakemake.params.positions, GridOptions(**snakemake.params.grid)),
-        annotations=Path(snakemake.input.annotations),
-        root=Path(snakemake.params.root),
-        evaluation=Path(snakemake.output.evaluation),
-        options=ScoringOptions(**snakemake.params.options),
-    )
+with job(snakemake) as call:
+    call(score_outlines, keys=call(selected_grid))

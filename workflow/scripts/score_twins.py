@@ -1,19 +1,7 @@
 """Score one terrain's twins."""
 
-from pathlib import Path
-
-from polarsim.reporting import reporting
-from polarsim.scoring.options import ScoringOptions
+from polarsim.job import job
 from polarsim.scoring.twins import score_twins
 
-with reporting(log=snakemake.log[0]):
-    score_twins(
-        terrain=int(snakemake.wildcards.terrain),
-        boxes=Path(snakemake.input.boxes),
-        truth=Path(snakemake.params.truth) if snakemake.params.truth else None,
-        twins=dict(zip(snakemake.params.models, map(Path, snakemake.input.twins), strict=True)),
-        photos=Path(snakemake.input.photos),
-        evaluation=Path(snakemake.output.evaluation),
-        pairs=Path(snakemake.output.pairs),
-        options=ScoringOptions(**snakemake.params.options),
-    )
+with job(snakemake) as call:
+    call(score_twins, twins=dict(zip(snakemake.params.models, snakemake.input.twins, strict=True)))

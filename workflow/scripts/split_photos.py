@@ -1,18 +1,8 @@
 """Split the photos of a run into parts."""
 
-from pathlib import Path
-
-from polarsim.detect.options import SplitOptions
 from polarsim.detect.split import split_photos
-from polarsim.grid import GridOptions, selected_grids
-from polarsim.reporting import reporting
+from polarsim.grid import selected_grids
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    split_photos(
-        keys=selected_grids(
-            snakemake.params.terrains, snakemake.params.positions, GridOptions(**snakemake.params.grid)
-        ),
-        by=snakemake.wildcards.split,
-        split=Path(snakemake.output.split),
-        options=SplitOptions(**snakemake.params.options),
-    )
+with job(snakemake) as call:
+    call(split_photos, keys=call(selected_grids), by=snakemake.wildcards.split)

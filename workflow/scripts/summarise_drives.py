@@ -2,12 +2,8 @@
 
 from pathlib import Path
 
-from polarsim.reporting import reporting
+from polarsim.job import job
 from polarsim.rover.drive.table import summarise_drives
 
-with reporting(log=snakemake.log[0]):
-    summarise_drives(
-        [Path(drive).parent for drive in snakemake.input.drives],
-        each=Path(snakemake.output.each),
-        together=Path(snakemake.output.together),
-    )
+with job(snakemake) as call:
+    call(summarise_drives, folders=[Path(drive).parent for drive in snakemake.input.drives])

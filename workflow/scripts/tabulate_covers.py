@@ -1,13 +1,7 @@
 """Write the table of what detectors find in real cover photos."""
 
-from pathlib import Path
-
+from polarsim.job import job
 from polarsim.report.covers_table import tabulate_covers
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    tabulate_covers(
-        scores=Path(snakemake.input.scores),
-        stem=Path(snakemake.output.table).with_suffix(""),
-        origin=snakemake.params.origin,
-    )
+with job(snakemake) as call:
+    call(tabulate_covers, stem=snakemake.output.table.removesuffix(".csv"))

@@ -1,15 +1,13 @@
 """Tabulate rocks and meshes of all terrains."""
 
-from pathlib import Path
-
+from polarsim.job import job
 from polarsim.report.stage_tables import tabulate_rocks
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    tabulate_rocks(
-        rocks=dict(zip(snakemake.params.terrains, map(Path, snakemake.input.rocks), strict=True)),
-        scores=dict(zip(snakemake.params.terrains, map(Path, snakemake.input.scores), strict=True)),
-        table=Path(snakemake.output.table).with_suffix(""),
-        meshes=Path(snakemake.output.meshes).with_suffix(""),
-        origin=snakemake.params.origin,
+with job(snakemake) as call:
+    call(
+        tabulate_rocks,
+        rocks=dict(zip(snakemake.params.terrains, snakemake.input.rocks, strict=True)),
+        scores=dict(zip(snakemake.params.terrains, snakemake.input.scores, strict=True)),
+        table=snakemake.output.table.removesuffix(".csv"),
+        meshes=snakemake.output.meshes.removesuffix(".csv"),
     )

@@ -1,17 +1,12 @@
 """Tabulate drives and the soil's check."""
 
-from pathlib import Path
-
+from polarsim.job import job
 from polarsim.report.rover_table import tabulate_rover
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    tabulate_rover(
-        drives=Path(snakemake.input.drives),
-        each=Path(snakemake.input.each),
-        soil=Path(snakemake.input.soil),
-        stem=Path(snakemake.output.drives).with_suffix(""),
-        each_stem=Path(snakemake.output.each).with_suffix(""),
-        soil_stem=Path(snakemake.output.soil).with_suffix(""),
-        origin=snakemake.params.origin,
+with job(snakemake) as call:
+    call(
+        tabulate_rover,
+        stem=snakemake.output.table.removesuffix(".csv"),
+        each_stem=snakemake.output.each_table.removesuffix(".csv"),
+        soil_stem=snakemake.output.soil_table.removesuffix(".csv"),
     )

@@ -1,17 +1,12 @@
 """Tabulate stereo depth."""
 
-from pathlib import Path
-
+from polarsim.job import job
 from polarsim.report.stereo_table import tabulate_stereo
-from polarsim.reporting import reporting
 
-with reporting(log=snakemake.log[0]):
-    tabulate_stereo(
-        stereo=Path(snakemake.input.stereo),
-        instances=Path(snakemake.input.instances),
-        ipd=Path(snakemake.input.ipd),
-        stem=Path(snakemake.output.table).with_suffix(""),
-        origin=snakemake.params.origin,
-        bad_mm=snakemake.params.stereo["bad_mm"],
-        bad_percent=snakemake.params.stereo["bad_percent"],
+with job(snakemake) as call:
+    call(
+        tabulate_stereo,
+        stem=snakemake.output.table.removesuffix(".csv"),
+        bad_mm=snakemake.params.options["bad_mm"],
+        bad_percent=snakemake.params.options["bad_percent"],
     )

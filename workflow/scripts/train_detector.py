@@ -1,20 +1,7 @@
 """Train a detector on one domain or mix."""
 
-from pathlib import Path
-
-from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.train import train_detector
-from polarsim.reporting import reporting
+from polarsim.job import job
 
-with reporting(log=snakemake.log[0]):
-    train_detector(
-        dataset=Path(snakemake.input.dataset),
-        weights=Path(snakemake.output.weights),
-        curve=Path(snakemake.output.curve),
-        options=TrainingOptions(**snakemake.params.options),
-        prediction=PredictionOptions(**snakemake.params.prediction),
-        imgsz=snakemake.params.imgsz,
-        seed=int(snakemake.wildcards.seed),
-        threads=snakemake.threads,
-        work=Path(snakemake.params.work),
-    )
+with job(snakemake) as call:
+    call(train_detector)

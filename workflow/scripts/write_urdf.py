@@ -1,10 +1,8 @@
 """Write the rover as URDF."""
 
-from pathlib import Path
-
-from polarsim.reporting import reporting
+from polarsim.job import job
 from polarsim.rover.exchange.urdf import write_urdf
 from polarsim.rover.vehicle.table import read_vehicle
 
-with reporting(log=snakemake.log[0]):
-    write_urdf(Path(snakemake.output.urdf), read_vehicle(snakemake.input.vehicle))
+with job(snakemake) as call:
+    call(write_urdf, path=snakemake.output.urdf, vehicle=read_vehicle(snakemake.input.vehicle))

@@ -1,11 +1,12 @@
-"""Detectors: detectors of several families behind one interface, `families.Family`."""
+"""Detectors of several families behind one interface, `families.Family`."""
 
 from polarsim.detect.detectors.devices import choose_device, load_torch
-from polarsim.detect.detectors.families import LoadedDetector, Trained, Training
+from polarsim.detect.detectors.families import MAX_BOXES, LoadedDetector, Trained, Training
 from polarsim.detect.detectors.files import Detector, read_detector, write_detector
 from polarsim.detect.detectors.models import detector_name, family
 
 __all__ = [
+    "MAX_BOXES",
     "Detector",
     "LoadedDetector",
     "Trained",

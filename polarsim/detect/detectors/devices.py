@@ -38,3 +38,11 @@ def choose_device(device: str) -> str:
     if device == "cuda" and not there:
         raise DetectError("device cuda is configured, torch finds none: set detect.prediction.device to cpu or auto")
     return "cuda" if there and device != "cpu" else "cpu"
+
+
+def computes_bfloat16(precision: str, device: str) -> bool:
+    """Whether a training computes in bfloat16, see `TrainingOptions.precision`; emulated it would be slower."""
+    if precision != "auto":
+        return precision == "bfloat16"
+    torch = load_torch()
+    return bool(torch.cuda.is_bf16_supported() if device == "cuda" else torch.cpu._is_avx512_bf16_supported())

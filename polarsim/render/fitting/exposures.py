@@ -12,16 +12,14 @@ import numpy as np
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
 from polarsim.geometry.lens import Lens
-from polarsim.photo import BLACK_LEVEL, SUNS, WHITE_LEVEL, PhotoKey
+from polarsim.photo import BLACK_LEVEL, ELECTRONS_PER_DN, SUNS, WHITE_LEVEL, PhotoKey
 from polarsim.render.lamps import ROVER, lit_by
 
 log = logging.getLogger("polarsim.render")
 
 _FULL = WHITE_LEVEL - BLACK_LEVEL - 200  # grey values above black that no sensor clips or bends
 _DARK = 4  # grey values above black, below which a pixel tells nothing
-_PER_GREY = (
-    1 / 8
-)  # variance of a grey value by the light's own noise: electrons per grey value, of a sensor like NASA's
+_PER_GREY = 1 / ELECTRONS_PER_DN  # variance of a grey value by the light's own noise, over that value
 _READ = 0.9  # sd of the read noise and of rounding, grey values
 
 

@@ -1,52 +1,35 @@
-"""Materials of a terrain from its photos, files to files."""
+"""Materials of a terrain from its photos, files to files, checked on photos that they were not fitted to."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from polarsim.formats import tables
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.materials import Fitted, FittedMaterials, rock_of_vertex, write_materials
 from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.run_files import pictures_at
 from polarsim.formats.scene import TerrainMesh, read_terrain
-from polarsim.photo import CAMERAS, SUNS, PhotoKey, View
+from polarsim.photo import SUNS, PhotoKey, View
 from polarsim.progress import track
 from polarsim.randomness import generator
-from polarsim.render.fitting.check import compared
 from polarsim.render.fitting.exposures import single_lamps
-from polarsim.render.fitting.samples import Darkening, Samples, radiance, samples_of_view
+from polarsim.render.fitting.samples import Darkening, Samples, Setting, samples_of_view
 from polarsim.render.fitting.search import fitted_models, places_of
-from polarsim.render.fitting.texels import Solution, Texels, solve, texels_of
+from polarsim.render.fitting.texels import Texels, solve, texels_of
 from polarsim.render.lamps import ROVER, lamps_of
 from polarsim.render.materials import Reflectance, between_corners
 from polarsim.render.olat import reflectance_engine
-from polarsim.render.options import Model, Parameters, RenderOptions
+from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 
 log = logging.getLogger("polarsim.render")
 
 LAMPS = (*SUNS, ROVER)
-
-
-@dataclass(frozen=True)
-class Setting:
-    """All but the albedo that makes radiance of samples."""
-
-    model: Model
-    parameters: Parameters
-    darkening: Darkening
-    engine: Reflectance
-    options: RenderOptions
-
-    def radiance(self, samples: Samples) -> np.ndarray:
-        """(n,) at unit albedo."""
-        return radiance(samples, self.model, self.parameters, self.engine, self.options, self.darkening)
 
 
 def fit_materials(
@@ -111,20 +94,16 @@ def fit(
         texels = texels_of(samples, after.radiance(samples), mesh.faces)
         check = _check(samples, texels, before, after, mesh, held_out)
         solution = solve(texels, mesh.faces, rock_of_vertex(mesh))
-        fitted[model] = _fitted(solution, own, check)
+        fitted[model] = Fitted(
+            own.model_dump(mode="json"),
+            {LAMPS[number]: float(np.exp(gain)) for number, gain in solution.lamps.items()},
+            {rock: float(np.exp(mean)) for rock, mean in solution.rocks.items()},
+            np.exp(solution.albedo).astype(np.float32),
+            check,
+        )
         looks = np.bincount(texels.vertex, minlength=len(mesh.vertices))
         log.info("%s: %s, lamps %s, %s", model, own, fitted[model].lamps, check)
     return FittedMaterials(darkening.falloff, darkening.vignetting, fitted, looks)
-
-
-def _fitted(solution: Solution, parameters: Parameters, check: dict[str, Any]) -> Fitted:
-    return Fitted(
-        parameters.model_dump(mode="json"),
-        {LAMPS[number]: float(np.exp(gain)) for number, gain in solution.lamps.items()},
-        {rock: float(np.exp(mean)) for rock, mean in solution.rocks.items()},
-        np.exp(solution.albedo).astype(np.float32),
-        check,
-    )
 
 
 def _check(
@@ -179,11 +158,31 @@ def _samples_of_terrain(
 def _paths_by_view(terrain: int, photos: Path | None) -> Mapping[View, Mapping[PhotoKey, Path]]:
     if photos is None:
         return {}
-    table = tables.read_parquet(photos, ["key", "path"])
     found: dict[View, dict[PhotoKey, Path]] = {}
-    for text, path in zip(table["key"], table["path"], strict=True):
-        key = PhotoKey.parse(str(text))
-        if key.terrain == terrain and Path(str(path)).is_file():
-            found.setdefault((key.position, key.camera), {})[key] = Path(str(path))
-    assert all(camera in CAMERAS for _, camera in found)
+    for key, path in pictures_at(photos).items():
+        if key.terrain == terrain and path.is_file():
+            found.setdefault((key.position, key.camera), {})[key] = path
     return found
+
+
+def errors(ratio: np.ndarray) -> dict[str, float]:
+    """Of logarithms (n,) of photo over twin, one brightness taken out: median absolute value and RMS, in stops."""
+    stops = (ratio - np.median(ratio)) / np.log(2)
+    return {
+        "median_stops": _rounded(float(np.median(np.abs(stops)))),
+        "rms_stops": _rounded(float(np.sqrt(np.mean(stops * stops)))),
+    }
+
+
+def compared(before: np.ndarray, constant: np.ndarray, fitted: np.ndarray) -> dict[str, Any]:
+    """Errors of twins without a fit, with all of it but the albedo, and with all of it; (n,) logarithms each."""
+    return {
+        "count": len(fitted),
+        "unfitted": errors(before),
+        "constant_albedo": errors(constant),
+        "fitted": errors(fitted),
+    }
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.5g}")

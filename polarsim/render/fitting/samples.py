@@ -12,7 +12,7 @@ from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.vectors import dot, length
 from polarsim.render.fitting.exposures import Linear
-from polarsim.render.hits import Hits, cast_strip, for_strips
+from polarsim.render.hits import cast_strip, for_strips
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
 from polarsim.render.lighting import lighting
 from polarsim.render.materials import Reflectance, hemispherical_albedo
@@ -63,25 +63,28 @@ class Darkening:
     vignetting: bool
 
 
-def radiance(
-    samples: Samples,
-    model: Model,
-    parameters: Parameters,
-    engine: Reflectance,
-    options: RenderOptions,
-    darkening: Darkening,
-) -> np.ndarray:
-    """(n,) radiance of the samples at unit albedo, as `render_view` has it in its OLAT images, through the lens."""
-    found = engine(parameters, samples.normal, samples.to_lamp, samples.to_viewer)
-    found *= dot(samples.normal, samples.to_lamp)
-    if darkening.falloff:
-        found *= np.float32(REFERENCE_DISTANCE**2) / samples.distance**2
-    if model not in CHRONO:
-        albedo = hemispherical_albedo(parameters) / np.pi
-        found += np.float32(options.bounce * albedo) * (1 + samples.normal[:, 2]) / np.float32(2)
-        found += np.float32(options.ambient * albedo)
-    found *= samples.intensity
-    return found * samples.vignette if darkening.vignetting else found
+@dataclass(frozen=True)
+class Setting:
+    """All but the albedo that makes radiance of samples."""
+
+    model: Model
+    parameters: Parameters
+    darkening: Darkening
+    engine: Reflectance
+    options: RenderOptions
+
+    def radiance(self, samples: Samples) -> np.ndarray:
+        """(n,) radiance of the samples at unit albedo, as `render_view` has it in its OLAT images, through the lens."""
+        found = self.engine(self.parameters, samples.normal, samples.to_lamp, samples.to_viewer)
+        found *= dot(samples.normal, samples.to_lamp)
+        if self.darkening.falloff:
+            found *= np.float32(REFERENCE_DISTANCE**2) / samples.distance**2
+        if self.model not in CHRONO:
+            albedo = hemispherical_albedo(self.parameters) / np.pi
+            found += np.float32(self.options.bounce * albedo) * (1 + samples.normal[:, 2]) / np.float32(2)
+            found += np.float32(self.options.ambient * albedo)
+        found *= samples.intensity
+        return found * samples.vignette if self.darkening.vignetting else found
 
 
 def samples_of_view(
@@ -127,9 +130,21 @@ def samples_of_view(
             lit[name][rows].reshape(-1)[hits.pixel[numbers]] = True
             kept = np.flatnonzero(on_grid[numbers] & (cosine > _LEAST_COSINE))
             kept = kept[clear_of_rim(hits.point[numbers[kept]], lamp.position, surfaces, options)]
-            part = hits.part(numbers[kept])
-            at = pixel[numbers[kept]]
-            samples = _samples(part, names.index(name), number, photos[name], at, to_lamp[kept], lamp, darkening)
+            part, at, count = hits.part(numbers[kept]), pixel[numbers[kept]], len(kept)
+            samples = Samples(
+                np.full(count, names.index(name), np.int16),
+                np.full(count, number, np.int16),
+                photos[name].rate.reshape(-1)[at],
+                part.face.astype(np.int32),
+                part.weights.astype(np.float32),
+                part.point,
+                part.normal,
+                to_lamp[kept].astype(np.float32),
+                part.to_viewer,
+                np.full(count, lamp.intensity, np.float32),
+                length(lamp.position.astype(np.float32) - part.point),
+                darkening.reshape(-1)[at],
+            )
             found[name, rows.start] = at, samples
 
     for_strips(lens.height, threads, work)
@@ -162,30 +177,3 @@ def clear_of_rim(points: np.ndarray, towards: np.ndarray, surfaces: Surfaces, op
         height = points[:, 2] + share * way[:, 2]
         clear &= ~((share > 0) & (share < 1) & (height < top))
     return clear
-
-
-def _samples(
-    hits: Hits,
-    lamp_number: int,
-    view: int,
-    photo: Linear,
-    pixel: np.ndarray,
-    to_lamp: np.ndarray,
-    lamp: Lamp,
-    darkening: np.ndarray,
-) -> Samples:
-    count = len(pixel)
-    return Samples(
-        np.full(count, lamp_number, np.int16),
-        np.full(count, view, np.int16),
-        photo.rate.reshape(-1)[pixel],
-        hits.face.astype(np.int32),
-        hits.weights.astype(np.float32),
-        hits.point,
-        hits.normal,
-        to_lamp.astype(np.float32),
-        hits.to_viewer,
-        np.full(count, lamp.intensity, np.float32),
-        length(lamp.position.astype(np.float32) - hits.point),
-        darkening.reshape(-1)[pixel],
-    )

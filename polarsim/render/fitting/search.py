@@ -7,13 +7,14 @@ place and one brightness a lamp explain them all; what is left over is what the 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from pydantic import ValidationError
 
-from polarsim.render.fitting.samples import Darkening, Samples, radiance
+from polarsim.render.fitting.samples import Darkening, Samples, Setting
 from polarsim.render.materials import Reflectance
 from polarsim.render.options import Model, Parameters, RenderOptions
 
@@ -37,9 +38,9 @@ class Places:
     place: np.ndarray  # (m,)
     lamp: np.ndarray  # (m,)
 
-    def disagreement(self, found: np.ndarray) -> float:
-        """Mean clipped residual of the radiance (n,) of a model, albedos and lamps' brightness taken out."""
-        model = np.bincount(self.of_sample, found, len(self.light))
+    def disagreement(self, setting: Setting) -> float:
+        """Mean clipped residual of the radiance of a setting, albedos and lamps' brightness taken out."""
+        model = np.bincount(self.of_sample, setting.radiance(self.samples), len(self.light))
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.log(self.light / model)
         if not np.isfinite(ratio).all():
@@ -87,7 +88,8 @@ def fitted_models(
     darkening = best_darkening(places, found, engine, options)
     for _ in range(_TURNS):
         found = {
-            model: fitted_parameters(places, model, own, engine, options, darkening) for model, own in start.items()
+            model: fitted_parameters(places, Setting(model, own, darkening, engine, options))
+            for model, own in start.items()
         }
         before, darkening = darkening, best_darkening(places, found, engine, options)
         if darkening == before:
@@ -101,37 +103,34 @@ def best_darkening(
     """That which all models together agree with best."""
 
     def cost(darkening: Darkening) -> float:
-        found = (radiance(places.samples, model, own, engine, options, darkening) for model, own in models.items())
-        return sum(places.disagreement(values) for values in found)
+        settings = (Setting(model, own, darkening, engine, options) for model, own in models.items())
+        return sum(places.disagreement(setting) for setting in settings)
 
     return min((Darkening(*both) for both in itertools.product((False, True), repeat=2)), key=cost)
 
 
-def fitted_parameters(
-    places: Places,
-    model: Model,
-    start: Parameters,
-    engine: Reflectance,
-    options: RenderOptions,
-    darkening: Darkening,
-) -> Parameters:
-    """The model's parameters with those that the options name fitted; where the search finds none better, `start`."""
+def fitted_parameters(places: Places, setting: Setting) -> Parameters:
+    """A setting's parameters, those that its options name fitted; as they are where the search finds none better."""
     from scipy.optimize import minimize
 
-    names = options.fitting.parameters.get(model, ())
+    start, names = setting.parameters, setting.options.fitting.parameters.get(setting.model, ())
     if not names:
         return start
 
-    def cost(values: np.ndarray) -> float:
-        own = _with(start, names, values)
+    @cache
+    def cost_of(*values: float) -> float:
+        own = _with(start, names, np.array(values))
         if own is None:
             return np.inf
-        return places.disagreement(radiance(places.samples, model, own, engine, options, darkening))
+        return places.disagreement(replace(setting, parameters=own))
+
+    def cost(values: np.ndarray) -> float:
+        return cost_of(*values.tolist())
 
     first = np.array([getattr(start, name) for name in names], float)
     corners = [first, *(_stepped(start, names, first, number) for number in range(len(names)))]
     found = minimize(
-        _cached(cost),
+        cost,
         first,
         method="Nelder-Mead",
         options={
@@ -159,15 +158,3 @@ def _stepped(start: Parameters, names: tuple[str, ...], first: np.ndarray, numbe
     step[number] = 0.2 * abs(first[number]) + 0.02
     up = first + step
     return up if _with(start, names, up) is not None else first - step
-
-
-def _cached(cost: Callable[[np.ndarray], float]) -> Callable[[np.ndarray], float]:
-    known: dict[bytes, float] = {}
-
-    def looked_up(values: np.ndarray) -> float:
-        key = values.tobytes()
-        if key not in known:
-            known[key] = cost(values)
-        return known[key]
-
-    return looked_up

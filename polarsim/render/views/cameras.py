@@ -14,8 +14,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.randomness import generator
-from polarsim.render.views.options import Views
-from polarsim.render.views.sections import OrbitCameras, PathCameras, PinholeLens, PointCameras, RandomCameras
+from polarsim.render.views.options import OrbitCameras, PathCameras, PinholeLens, PointCameras, RandomCameras, Views
 
 Heights = Callable[[np.ndarray], np.ndarray]  # of what lies beneath places (n, 2): (n,) metres, -inf over nothing
 _TRIES = 1000  # random places a camera, before the box is given up

@@ -3,29 +3,191 @@
 from __future__ import annotations
 
 import json
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, PositiveInt, model_validator
 
 from polarsim.formats.yaml_files import read_model
 from polarsim.render.options import RenderOptions
-from polarsim.render.views.sections import (
-    AutoExposure,
-    LunarSuns,
-    NearLamps,
-    OrbitCameras,
-    Part,
-    PathCameras,
-    PinholeLens,
-    PointCameras,
-    RandomCameras,
-    RigLens,
-    RoverLight,
-    SceneSection,
-    StarField,
-    Suns,
-)
+from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9.-]*$")]  # no _: it stands between the parts of file names
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Place = tuple[Finite, Finite, Finite]  # x, y, z, sandbox frame
+FAINTEST_MAG = 7.0  # Hp, of the table of stars
+
+
+def _in_order(low: Place, high: Place) -> None:
+    if any(least > most for least, most in zip(low, high, strict=True)):
+        raise ValueError(f"low corner {list(low)} above high corner {list(high)}")
+
+
+class Part(BaseModel, extra="forbid", frozen=True):
+    """A section of the file."""
+
+
+class TerrainPart(Part):
+    """A terrain's meshes, and where they lie in the scene."""
+
+    meshes: Path = Field(description="Folder of the terrain's meshes, `results/<run>/meshes/TerrainNN`.")
+    terrain: int = Field(ge=1, le=99, description="Number of the terrain in its files' names.")
+    offset_m: Place = Field((0, 0, 0), description="Where the terrain's origin lies in the scene, metres.")
+    heading_deg: Finite = Field(0, description="The terrain's +X in the scene, degrees from +X towards +Y.")
+
+
+class SceneSection(Part):
+    """Terrains side by side."""
+
+    name: Name
+    terrains: tuple[TerrainPart, ...] = Field(min_length=1, description="Terrains, each at its place.")
+
+
+class RigLens(Part):
+    """The calibrated rig's lenses."""
+
+    kind: Literal["rig"] = "rig"
+    placed: Path | None = Field(None, description="PosX.json whose lenses are used; none: the real rig's stated ones.")
+
+
+class PinholeLens(Part):
+    """A lens without distortion."""
+
+    kind: Literal["pinhole"]
+    hfov_deg: float = Field(gt=0, lt=170, description="Horizontal field of view, degrees.")
+    width_px: PositiveInt = Field(1936, le=16384, description="Width of the pictures, px.")
+    height_px: PositiveInt = Field(1216, le=16384, description="Height of the pictures, px.")
+    baseline_m: PositiveFloat = Field(0.3, description="Distance of the right camera with `stereo`, metres.")
+
+
+class PointCameras(Part):
+    """One camera."""
+
+    kind: Literal["point"]
+    name: Name = "point"
+    position_m: Place = Field(description="Camera centre, metres.")
+    look_at_m: Place = Field(description="What lies on the optical axis, metres.")
+    roll_deg: Finite = Field(0, description="Right side down, degrees.")
+
+
+class OrbitCameras(Part):
+    """Cameras on a circle, all looking at one place."""
+
+    kind: Literal["orbit"]
+    name: Name = "orbit"
+    centre_m: Place = Field((0, 0, 0), description="What all look at; the circle lies around it, metres.")
+    radius_m: PositiveFloat = Field(description="Of the circle, metres.")
+    height_m: Finite = Field(description="Of the circle above the centre, metres.")
+    number: PositiveInt = Field(description="Number of cameras.")
+    from_deg: Finite = Field(0, description="Azimuth of the first camera, degrees from +X towards +Y.")
+    over_deg: Finite = Field(360, description="Angle that the cameras divide evenly, degrees; 360 is a full circle.")
+
+
+class PathCameras(Part):
+    """Frames of a drive or flight along a smooth curve, evenly spaced."""
+
+    kind: Literal["path"]
+    name: Name = "path"
+    waypoints_m: tuple[Place, ...] = Field(min_length=2, description="Places that the curve goes through, metres.")
+    number: int = Field(ge=2, description="Number of frames, the first and the last waypoint included.")
+    look_at_m: Place | None = Field(None, description="What all look at, metres; none: ahead along the path.")
+    pitch_deg: float = Field(0, ge=-90, le=90, description="Downwards from the path's heading, degrees.")
+
+
+class RandomCameras(Part):
+    """Cameras anywhere in a box, looking at places anywhere in another one."""
+
+    kind: Literal["random"]
+    name: Name = "random"
+    number: PositiveInt = Field(description="Number of cameras.")
+    low_m: Place = Field(description="Low corner of the box of camera centres, metres.")
+    high_m: Place = Field(description="High corner of it, metres.")
+    look_at_low_m: Place = Field((-1, -1, 0), description="Low corner of the box of places looked at, metres.")
+    look_at_high_m: Place = Field((1, 1, 0), description="High corner of it, metres.")
+    clearance_m: float = Field(0.2, ge=0, description="Least height above what lies beneath the camera, metres.")
+    seed: int = Field(0, ge=0, description="Seed of the places.")
+
+    @model_validator(mode="after")
+    def _boxes(self) -> RandomCameras:
+        _in_order(self.low_m, self.high_m)
+        _in_order(self.look_at_low_m, self.look_at_high_m)
+        return self
+
+
+def _utc(moment: datetime) -> datetime:
+    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+
+
+class NearLamps(Part):
+    """Lamps as in POLAR's hall; lists of azimuths and elevations make a lamp of every pair."""
+
+    kind: Literal["lamp"]
+    name: Name = "lamp"
+    azimuth_deg: tuple[Finite, ...] = Field(min_length=1, description="From +X towards +Y, degrees.")
+    elevation_deg: tuple[Annotated[float, Field(gt=0, le=90)], ...] = Field(
+        min_length=1, description="Above the horizon, degrees."
+    )
+    distance_m: PositiveFloat = Field(description="From `centre_m`, metres.")
+    centre_m: Place = Field((0, 0, 0), description="What azimuth, elevation and distance count from, metres.")
+    intensity: PositiveFloat = Field(1, description="Radiant intensity over that of POLAR's Sun lamp.")
+    radius_m: float = Field(0, ge=0, description="Of the lamp's disc, metres; 0: a point, shadows with sharp edges.")
+
+
+class Suns(Part):
+    """The Sun, 0.53 degrees wide; lists of azimuths and elevations make one of every pair."""
+
+    kind: Literal["sun"]
+    name: Name = "sun"
+    azimuth_deg: tuple[Finite, ...] = Field(min_length=1, description="From +X towards +Y, degrees.")
+    elevation_deg: tuple[Annotated[float, Field(gt=0, le=90)], ...] = Field(
+        min_length=1, description="Above the horizon, degrees."
+    )
+    intensity: PositiveFloat = Field(1, description="Irradiance over that of POLAR's Sun lamp 4 m away.")
+
+
+class LunarSuns(Part):
+    """The real Sun over a place on the Moon at moments of time."""
+
+    kind: Literal["lunar_sun"]
+    name: Name = "moon"
+    latitude_deg: float = Field(ge=-90, le=90, description="Selenographic latitude of the place, degrees.")
+    longitude_deg: float = Field(ge=-180, le=360, description="Selenographic longitude, degrees, east is positive.")
+    start_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="The moment, or the first of them, UTC.")
+    number: PositiveInt = Field(1, description="Number of moments; those of night are left out.")
+    every_h: PositiveFloat = Field(24, description="Hours between two moments.")
+    north_deg: Finite = Field(90, description="Where north lies, degrees from +X towards +Y; at 90 east is +X.")
+    intensity: PositiveFloat = Field(1, description="Irradiance over that of POLAR's Sun lamp 4 m away.")
+
+
+class RoverLight(Part):
+    """A point of light that moves with the camera."""
+
+    states: tuple[bool, ...] = Field((False,), min_length=1, description="Off, on, or both; each makes its pictures.")
+    intensity: PositiveFloat = Field(ROVER_LIGHT_SHARE, description="Radiant intensity over that of POLAR's Sun lamp.")
+    from_camera_m: Place = Field(
+        tuple(ROVER_LIGHT_FROM_LEFT.tolist()), description="Place in the (left) camera's frame: right, down, forward."
+    )
+
+
+class AutoExposure(Part):
+    """What `auto` among the exposures means."""
+
+    percentile: float = Field(95, gt=0, le=100, description="Of the lit pixels: this one gets the grey value.")
+    grey: int = Field(3000, gt=16, le=4095, description="Grey value, 12 bits, black level 16 included.")
+    shortest_ms: PositiveFloat = Field(1, description="Exposures stay above, ms.")
+    longest_ms: PositiveFloat = Field(8192, description="Exposures stay below, ms.")
+
+
+class StarField(Part):
+    """Stars where a pixel meets no surface, those of the Hipparcos catalogue."""
+
+    intensity: float = Field(
+        1, ge=0, description="Flux over that of real stars; at 1 sunlit exposures show hardly one."
+    )
+    faintest_mag: float = Field(
+        FAINTEST_MAG, le=FAINTEST_MAG, ge=-1, description="Magnitude Hp, near the visual one, of the faintest stars."
+    )
 
 
 class Views(Part):

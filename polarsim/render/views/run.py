@@ -10,25 +10,23 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import coco, png
+from polarsim.photo import BLACK_LEVEL
 from polarsim.progress import track
-from polarsim.render.amodal import hidden_parts
-from polarsim.render.ground_truth import annotations_of, whole_rocks
+from polarsim.render.ground_truth import annotations_of, hidden_parts, whole_rocks
 from polarsim.render.lamps import ROVER
 from polarsim.render.olat import render_view
 from polarsim.render.optics import imaged, through_lens
 from polarsim.render.options import RenderOptions
 from polarsim.render.sensor import expose, noise_of
-from polarsim.render.views.exposure import auto_exposure
-from polarsim.render.views.job import Job
-from polarsim.render.views.listing import write_listing
-from polarsim.render.views.options import Views
+from polarsim.render.views.folder import Job, Sheet, Tone, write_listing
+from polarsim.render.views.options import AutoExposure, Views
 from polarsim.render.views.plan import Picture, plan
-from polarsim.render.views.sheet import Sheet, Tone
 from polarsim.render.views.stars import Sky, sky_images, sky_of
 
 log = logging.getLogger("polarsim.render")
 _IMAGES = 24  # that are shaded at once: bounds memory
 Labels = dict[str, list[coco.Annotation]]  # by the name of their instance map
+_LIT = 0.25  # of the median radiance: darker pixels lie in shadow or half-shadow
 
 
 def render_views(
@@ -158,3 +156,16 @@ def _warn_of_strangers(out: Path, grid: Sequence[Picture]) -> None:
     strangers = [path.name for path in sorted((out / "images").glob("*.png")) if path.name not in names]
     if strangers:
         log.warning("%s: %d pictures are not of these views, such as %s", out / "images", len(strangers), strangers[0])
+
+
+def auto_exposure(radiance: np.ndarray, gain: float, options: AutoExposure) -> float:
+    """Exposure, ms, that gives the percentile of the lit pixels of a radiance (h, w) the stated grey value.
+
+    Of a picture without light it is the longest. `gain`: grey values per ms and unit radiance.
+    """
+    positive = radiance[radiance > 0]
+    if not len(positive):
+        return options.longest_ms
+    lit = positive[positive > _LIT * np.median(positive)]
+    exposure = (options.grey - BLACK_LEVEL) / (gain * float(np.percentile(lit, options.percentile)))
+    return float(f"{np.clip(exposure, options.shortest_ms, options.longest_ms):.6g}")

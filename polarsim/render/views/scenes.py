@@ -13,7 +13,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.render.options import RenderOptions
 from polarsim.render.scene import Scene
 from polarsim.render.surfaces import Surfaces
-from polarsim.render.views.sections import SceneSection, TerrainPart
+from polarsim.render.views.options import SceneSection, TerrainPart
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,41 @@
-"""The real stars behind the scene, as bright as they are."""
+"""The real stars behind the scene, as bright as they are: those of a table beside this file.
+
+Source: ESA's Hipparcos, the new reduction (van Leeuwen, Astronomy & Astrophysics 474 (2007) 653; VizieR I/311), which
+is in the public domain. `benchmarks/star_table.py` cut the table from its file.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
+from polarsim.formats import tables
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.render.hits import cast_strip, for_strips
 from polarsim.render.surfaces import Surfaces
-from polarsim.render.views.hipparcos import directions, stars
-from polarsim.render.views.sections import StarField
+from polarsim.render.views.moon import on_sphere
+from polarsim.render.views.options import StarField
 
+COLUMNS = ("hip", "ra_deg", "dec_deg", "hp_mag")
+TABLE = Path(__file__).with_name("hipparcos.parquet")
 SUN_MAGNITUDE = -26.61  # Hp, 1 AU away: irradiance 1; V is -26.74, and Hp 0.13 fainter for the Sun's twin 18 Scorpii
+
+
+@cache
+def stars() -> pd.DataFrame:
+    """The table, `COLUMNS`, brightest first: number, place on J2000's equator as of 2025, magnitude Hp."""
+    return tables.read_parquet(TABLE, COLUMNS)
+
+
+def directions(ra_deg: np.ndarray, dec_deg: np.ndarray) -> np.ndarray:
+    """(n, 3) unit vectors to places (n,) in degrees."""
+    return on_sphere(np.radians(np.asarray(ra_deg, float)), np.radians(np.asarray(dec_deg, float)))
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,26 @@ def page(path: Path, width_px: int, height_px: int) -> Iterator[Any]:
             figure.savefig(temporary, metadata={"Software": None})
 
 
+def heading(figure: Any, text: str) -> None:
+    """The title of all panels."""
+    figure.suptitle(text, x=0.01, ha="left")
+
+
+def legend_line(**look: Any) -> Any:
+    """A line that stands in a legend alone."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], **look)
+
+
+def rectangle(axes: Any, box: Any, colour: str, **look: Any) -> None:
+    """The outline of a box (x0, y0, x1, y1)."""
+    from matplotlib.patches import Rectangle
+
+    x0, y0, x1, y1 = box
+    axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, **look))
+
+
 def note(figure: Any, text: str) -> None:
     """A figure that says why it shows nothing."""
     figure.text(0.5, 0.5, text, ha="center", va="center", color=FAINT, fontsize="large")

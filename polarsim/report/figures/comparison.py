@@ -15,14 +15,17 @@ from polarsim.formats import png
 from polarsim.formats.run_files import cover_photo, pictures_at
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit, white_of
-from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
-from polarsim.report.figures import difference
+from polarsim.photo import BLACK_LEVEL, HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
+from polarsim.scoring.twins import FULL_DN, LIT_DN
 
 GAP = 50  # pixels of a title
 _SAME = 0.35  # share of our boxes' outlines on drawn red lines from which a cover photo is taken to show that photo
 _ALIKE = 0.1  # difference of two such shares that says nothing
 _REACH = 9  # pixels between our line and the red one
+STOPS = 2.0  # of full colour
+_TONES = 0.5  # of full colour, share of white, where tones were matched
+_LEVELS = np.linspace(0, 1, 257)
 
 
 def draw_comparison(
@@ -67,7 +70,7 @@ def draw_comparison(
         white = white_of(pixels)
         panels.append((f"Photo {key}", draw_labels(to_8bit(pixels, white), own, width)))
         differences += [
-            (f"log2 of twin over photo, {model}: ±{difference.STOPS:g}", difference.of_photo(pixels, twin))
+            (f"log2 of twin over photo, {model}: ±{STOPS:g}", difference_of_photo(pixels, twin))
             for model, twin in pictured.items()
         ]
     if printed is not None and printed.exists():
@@ -118,7 +121,7 @@ def _cover_differences(
 ) -> list[tuple[str, np.ndarray]]:
     red = maximum_filter(_red(cover), _REACH)
     return [
-        (f"Published photo and twin {shown}, {model}, tones matched", difference.of_cover(cover, twin, red))
+        (f"Published photo and twin {shown}, {model}, tones matched", difference_of_cover(cover, twin, red))
         for model, twin in twins.items()
         if twin.shape == red.shape
     ]
@@ -158,3 +161,38 @@ def _draw(path: Path, panels: list[tuple[str, np.ndarray]], width: int, empty: s
             axes.set_axis_off()
         for axes, (title, pixels) in zip(grid.ravel(), panels, strict=False):
             picture(axes, pixels, title)
+
+
+def difference_of_photo(photo: np.ndarray, twin: np.ndarray) -> np.ndarray:
+    """(h, w, 3) uint8 picture of log2(twin / photo) of 12-bit pictures (h, w); grey where either is dark or clipped."""
+    signals = [picture.astype(np.float32) - BLACK_LEVEL for picture in (photo, twin)]
+    good = np.logical_and.reduce([(signal > LIT_DN) & (signal < FULL_DN) for signal in signals])
+    ratio = np.log2(np.divide(signals[1], signals[0], where=good, out=np.ones_like(signals[0])))
+    return _coloured(ratio / STOPS, good)
+
+
+def difference_of_cover(cover: np.ndarray, twin: np.ndarray, red: np.ndarray) -> np.ndarray:
+    """(h, w, 3) uint8 picture of tones, twin less cover photo, once the twin has the distribution of its tones.
+
+    Published covers are stretched in ways that nobody wrote down, so that brightness itself cannot be compared.
+
+    Parameters
+    ----------
+    cover : (h, w, 3) uint8
+    twin : (h, w) uint16
+    red : (h, w) bool
+        Where lines or digits were drawn into the cover: left grey.
+    """
+    tones = cover.astype(np.float32).mean(axis=-1) / 255
+    wanted = np.quantile(tones[~red], _LEVELS)
+    own, places = np.unique(np.quantile(twin[~red], _LEVELS), return_index=True)
+    matched = np.interp(twin, own, wanted[places])
+    return _coloured((matched - tones) / _TONES, ~red)
+
+
+def _coloured(share: np.ndarray, good: np.ndarray) -> np.ndarray:
+    """-1 is blue, 0 white, 1 red."""
+    share = np.clip(share, -1, 1)
+    fade = 1 - np.abs(share)
+    channels = [np.where(share > 0, 1, fade), fade, np.where(share < 0, 1, fade)]
+    return np.where(good[..., None], np.round(255 * np.stack(channels, axis=-1)), 128).astype(np.uint8)

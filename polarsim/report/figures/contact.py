@@ -1,6 +1,4 @@
-"""All exposure brackets of a station on one sheet, labels drawn in: what a person looks through to find wrong
-labels.
-"""
+"""All exposure brackets of a station on one sheet, labels drawn in: people look through it to find wrong labels."""
 
 from __future__ import annotations
 
@@ -15,9 +13,8 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from polarsim.annotate.overlay import COLOURS, INK, LINK, PAPER, Marks, draw_labels
+from polarsim.annotate.overlay import COLOURS, INK, LINK, PAPER, Marks, draw_labels, font
 from polarsim.annotate.show import rows_of
-from polarsim.annotate.tags import font
 from polarsim.formats import png
 from polarsim.formats.files import writing
 from polarsim.formats.run_files import pictures_at
@@ -53,12 +50,7 @@ class Tile:
 
 
 def draw_contact(
-    *,
-    keys: Iterable[PhotoKey],
-    labels: Path,
-    pictures: Iterable[Path],
-    figure: Path,
-    width: int = FIGURE_WIDTH,
+    *, keys: Iterable[PhotoKey], labels: Path, pictures: Iterable[Path], figure: Path, width: int = FIGURE_WIDTH
 ) -> None:
     """Write the sheet: a row a Sun azimuth, columns for both cameras with the rover light off and on.
 

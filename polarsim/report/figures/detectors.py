@@ -1,13 +1,26 @@
-"""All figures of what a run's detectors found, from the tables of the detect stage."""
+"""All figures of what a run's detectors found: precision over recall and gains of single rocks, beside matrices."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from polarsim.report.figures.curves import draw_curves
-from polarsim.report.figures.ipd_histogram import draw_ipd_histogram
+import numpy as np
+import pandas as pd
+
+from polarsim.formats.schemas import CURVES
+from polarsim.formats.tables import read_parquet
+from polarsim.photo import BOX_CLASSES, ROCK
+from polarsim.report import paper
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, legend_line, note, page
 from polarsim.report.figures.matrices import draw_detection, draw_ipd
+from polarsim.report.ipd_rocks_table import COLUMNS as ROCK_COLUMNS
+from polarsim.report.ipd_rocks_table import tidy_ipd_rocks
+from polarsim.report.seeds import SEED, averaged, panels, title_text
+
+STYLES = ("-", ":")  # of the IoU thresholds, the smaller one first
+BINS = np.linspace(-1, 1, 41)
 
 
 def draw_detectors(*, found: Mapping[str, Path], figures: Mapping[str, Path], origin: dict[str, str]) -> None:
@@ -22,3 +35,93 @@ def draw_detectors(*, found: Mapping[str, Path], figures: Mapping[str, Path], or
     draw_curves(curves=found["curves"], figure=figures["curves"], origin=origin)
     draw_ipd(ipd=found["ipd"], figure=figures["ipd"], origin=origin)
     draw_ipd_histogram(rocks=found["rocks"], figure=figures["rocks"], origin=origin)
+
+
+def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
+    """Write the figure from detect/curves.parquet; of several seeds the mean and a band of one standard deviation."""
+    table = paper.with_own_names(read_parquet(curves, CURVES.columns), ("trained", "evaluated"), origin["source"])
+    text, parts = title_text(table), panels(table)
+    parts = [(split, averaged(part, CURVES.columns[:-1], ("precision",))) for split, part in parts]
+    detectors = paper.in_order(set(table["trained"]))
+    domains = paper.in_order(set(table["evaluated"]))
+    kinds = [kind for kind in BOX_CLASSES if (table["kind"] == kind).any()]
+    rows = [(kind, split, part) for kind in kinds for split, part in parts]
+    with page(figure, width, round(width * (0.08 + 0.3 * max(1, len(rows))))) as sheet:
+        if not len(table):
+            note(sheet, "no labels to be found")
+            return
+        heading(sheet, f"Precision over recall, source {origin['source']}{text}")
+        grid = sheet.subplots(len(rows), len(detectors), sharex=True, sharey=True, squeeze=False)
+        for row, (kind, split, part) in enumerate(rows):
+            for column, trained in enumerate(detectors):
+                axes = grid[row, column]
+                _draw_lines(axes, part[(part["kind"] == kind) & (part["trained"] == trained)], domains)
+                axes.set_title(f"{kind}, trained on {paper.title(trained)}")
+            grid[row, 0].set_ylabel("precision" if len(parts) == 1 else f"precision, by {split}")
+        for axes in grid[-1]:
+            axes.set_xlabel("recall")
+        lines = [legend_line(color=SERIES[n % len(SERIES)], linewidth=2.2) for n in range(len(domains))]
+        names = [f"on {paper.title(domain)}" for domain in domains]
+        for iou, style in zip(sorted(table["iou"].unique()), STYLES, strict=False):
+            lines.append(legend_line(color="black", linestyle=style, linewidth=2.2))
+            names.append(f"IoU {iou:g}")
+        sheet.legend(lines, names, loc="outside lower center", ncols=len(names))
+
+
+def _draw_lines(axes: Any, table: pd.DataFrame, domains: list[str]) -> None:
+    for iou, style in zip(sorted(table["iou"].unique()), STYLES, strict=False):
+        for number, domain in enumerate(domains):
+            part = table[(table["iou"] == iou) & (table["evaluated"] == domain)].sort_values("recall")
+            colour, middle = SERIES[number % len(SERIES)], part["precision"]
+            axes.plot(part["recall"], middle, style, color=colour, linewidth=1.8)
+            if part["precision_sd"].notna().any():
+                low, high = middle - part["precision_sd"], middle + part["precision_sd"]
+                axes.fill_between(part["recall"], low, high, color=colour, alpha=0.15, linewidth=0)
+    axes.set_xlim(0, 1)
+    axes.set_ylim(0, 1.02)
+    axes.grid(visible=True)
+
+
+def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
+    """Write the figure from detect/rocks.parquet: a rock counts once a seed, by the mean over its photos."""
+    table = tidy_ipd_rocks(read_parquet(rocks, ROCK_COLUMNS), origin["source"])
+    table = table[table["kind"] == ROCK]
+    detectors = list(dict.fromkeys(table["trained"]))
+    rows = [(split, part, trained) for split, part in panels(table) for trained in detectors]
+    title = title_text(table).replace("mean of", "pooled over")
+    pairs = sorted(
+        set(zip(table["first"], table["second"], strict=True)), key=lambda pair: [paper.rank(name) for name in pair]
+    )
+    with page(figure, width, round(width * (0.06 + 0.2 * max(1, len(rows))))) as sheet:
+        if not len(table):
+            note(sheet, "no rock is labelled in two domains")
+            return
+        heading(sheet, f"Mean IoU of each rock, first domain less second, source {origin['source']}{title}")
+        grid = sheet.subplots(len(rows), len(pairs), sharex=True, sharey=True, squeeze=False)
+        for row, (split, part, trained) in enumerate(rows):
+            for column, (first, second) in enumerate(pairs):
+                chosen = (part["trained"] == trained) & (part["first"] == first) & (part["second"] == second)
+                _draw_gains(grid[row, column], part[chosen])
+                if not row:
+                    grid[row, column].set_title(f"{paper.title(first)} - {paper.title(second)}")
+            which = f"\nsplit by {split}" if len(rows) > len(detectors) else ""
+            grid[row, 0].set_ylabel(f"rocks, trained\non {paper.title(trained)}{which}")
+        for axes in grid[-1]:
+            axes.set_xlabel("difference of mean IoU")
+
+
+def _draw_gains(axes: Any, table: pd.DataFrame) -> None:
+    gain = table["difference"].to_numpy(float)
+    axes.hist(gain.clip(-1, 1), BINS, color=SERIES[0])
+    axes.axvline(0, color=FAINT, linewidth=1)
+    axes.set_xlim(-1, 1)
+    axes.grid(visible=True, axis="y")
+    if not len(gain):
+        axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", color=FAINT)
+        return
+    mean = float(gain.mean())
+    axes.axvline(mean, color=SERIES[1], linewidth=2)
+    seeds = table[SEED].nunique() if SEED in table.columns else 1
+    counted = f"{len(table.drop_duplicates(['terrain', 'rock']))} rocks" + (f", {seeds} seeds" if seeds > 1 else "")
+    text = f"{counted}\nmean {mean:+.3f}\nmean size {np.abs(gain).mean():.3f}"
+    axes.text(0.02, 0.96, text, transform=axes.transAxes, ha="left", va="top", color=INK, fontsize="small")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, page
 
 WHEELS = {"lf": "left front", "rf": "right front", "lr": "left rear", "rr": "right rear"}
 COLUMNS = ("time_s", "offset_m", *(f"{code}_{name}" for code in WHEELS for name in ("slip", "sinkage_m", "contact")))
@@ -18,7 +18,7 @@ def draw_drive(*, traces: Sequence[Path], figure: Path, origin: dict[str, str], 
     with page(figure, width, round(width * 0.7)) as sheet:
         axes = sheet.subplots(3, 1, sharex=True)
         others = f", {len(tables) - 1} more drives in grey" if len(tables) > 1 else ""
-        sheet.suptitle(f"First drive by wheel{others}; source {origin['source']}", x=0.01, ha="left")
+        heading(sheet, f"First drive by wheel{others}; source {origin['source']}")
         for table in tables[1:]:
             axes[2].plot(table["time_s"], 1000 * table["offset_m"], color=FAINT, alpha=0.4, linewidth=0.8)
         first = tables[0]

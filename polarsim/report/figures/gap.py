@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import gap_table, paper
-from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, SERIES, note, page
+from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, SERIES, heading, note, page
 from polarsim.report.seeds import averaged, panels, title_text
 
 PANELS = {
@@ -38,7 +38,7 @@ def draw_gap(*, ablation: Path, figure: Path, origin: dict[str, str], width: int
             return
         model = paper.title(str(rocks["model"].iloc[0]))
         title = f"source {origin['source']}{title_text(rocks)}"
-        sheet.suptitle(f"What each component of the {model} twin changes, rocks, {title}", x=0.01, ha="left")
+        heading(sheet, f"What each component of the {model} twin changes, rocks, {title}")
         grid = sheet.subplots(len(splits), len(PANELS), sharey=True, squeeze=False)
         for row, (split, rows) in zip(grid, splits, strict=True):
             own = averaged(rows, ("component", "trained"), [f"{name}_change" for name in PANELS])

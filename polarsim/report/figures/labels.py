@@ -12,7 +12,7 @@ import pandas as pd
 from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, heading, legend_line, note, page
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.labels import EXPOSURES, LIGHT, TASKS
 from polarsim.scoring.metrics import TRUTH_NAMES
@@ -32,7 +32,7 @@ def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = F
         if not errors:
             note(sheet, f"Terrain {terrain:02d}: no box of both")
             return
-        sheet.suptitle(f"Terrain {terrain:02d}: edges of our boxes less those of {name}", x=0.01, ha="left")
+        heading(sheet, f"Terrain {terrain:02d}: edges of our boxes less those of {name}")
         grid = sheet.subplots(len(BOX_CLASSES), len(SIDES), sharex=True, squeeze=False)
         for row, kind in enumerate(BOX_CLASSES):
             parts = {task: errors[kind, task] for task in TASKS if (kind, task) in errors}
@@ -44,7 +44,7 @@ def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = F
         for axes in grid[:, 0]:
             axes.set_ylabel("share of boxes")
         shown = [task for task in TASKS if any(task == part for _, part in errors)]
-        lines = [_line(task) for task in shown]
+        lines = [legend_line(color=SERIES[TASKS.index(task) % len(SERIES)], linewidth=2.5) for task in shown]
         sheet.legend(lines, shown, loc="outside lower center", ncols=len(shown))
 
 
@@ -75,9 +75,3 @@ def _draw_edge(axes: Any, parts: Mapping[str, np.ndarray]) -> None:
     spread = _GOOD * float(np.median(np.abs(everything - middle)))
     text = f"n {len(everything)}\nmedian {middle:+.1f}\nrobust sd {spread:.1f}"
     axes.text(0.98, 0.97, text, transform=axes.transAxes, ha="right", va="top", color=FAINT, fontsize="small")
-
-
-def _line(task: str) -> Any:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=SERIES[TASKS.index(task) % len(SERIES)], linewidth=2.5)

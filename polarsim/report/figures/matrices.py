@@ -11,16 +11,14 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import detection_table, ipd_table, paper
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, note, page
 from polarsim.report.seeds import averaged, panels, title_text
 
 TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mean"}
 
 
 def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write detection of rocks as three matrices for each split, means over seeds: a row a detector, a column a
-    domain.
-    """
+    """Write detection of rocks as three matrices a split, means over seeds: a row a detector, a column a domain."""
     table = detection_table.tidy_detection(read_parquet(detection, detection_table.COLUMNS), origin["source"])
     rocks = table[table["kind"] == ROCK]
     parts = panels(rocks)
@@ -29,7 +27,7 @@ def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], wid
             note(sheet, "no evaluated rocks")
             return
         small = " (small: the paper's photos and twins)" if rocks["paper_map50"].notna().any() else ""
-        sheet.suptitle(f"Rock detection, source {origin['source']}{title_text(rocks)}{small}", x=0.01, ha="left")
+        heading(sheet, f"Rock detection, source {origin['source']}{title_text(rocks)}{small}")
         for row, (split, part) in zip(sheet.subplots(len(parts), 3, squeeze=False), parts, strict=True):
             means = averaged(part, ("trained", "evaluated"), list(TITLES))
             for axes, measure in zip(row, TITLES, strict=True):

@@ -10,7 +10,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, legend_line, note, page
 from polarsim.scoring.reliability import ANY_SOURCE, COLUMNS, brier_score, calibration_error
 
 
@@ -23,13 +23,13 @@ def draw_reliability(*, reliability: Path, figure: Path, origin: dict[str, str],
             return
         sources = sorted(set(bins["label_source"]) - {ANY_SOURCE})
         colours = dict(zip(sources, SERIES * len(sources), strict=False)) | {ANY_SOURCE: INK}
-        sheet.suptitle(f"Confidence of labels, source {origin['source']}", x=0.01, ha="left")
+        heading(sheet, f"Confidence of labels, source {origin['source']}")
         for axes, kind in zip(sheet.subplots(1, len(BOX_CLASSES)), BOX_CLASSES, strict=True):
             _draw_kind(axes, bins[bins["kind"] == kind], colours)
             axes.set_title(kind)
             axes.set_xlabel("confidence")
         sheet.axes[0].set_ylabel("share of labels that are right")
-        lines = [_line(colours[name], name) for name in (*sources, ANY_SOURCE)]
+        lines = [legend_line(color=colours[name], **_look(name)) for name in (*sources, ANY_SOURCE)]
         sheet.legend(lines, [*sources, "all sources"], loc="outside lower center", ncols=len(lines))
 
 
@@ -61,9 +61,3 @@ def _look(name: str) -> dict[str, Any]:
     if name == ANY_SOURCE:
         return {"marker": "o", "markersize": 10, "markerfacecolor": "none", "linewidth": 1.2}
     return {"marker": "o", "markersize": 6, "linewidth": 0, "linestyle": "none"}
-
-
-def _line(colour: str, name: str) -> Any:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=colour, **_look(name))

@@ -11,11 +11,10 @@ from polarsim.formats import png
 from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.formats.run_files import cover_photo, pictures_at
 from polarsim.formats.scene import TerrainMesh, read_terrain
-from polarsim.formats.seeds import read_rock_boxes
 from polarsim.formats.tone import to_8bit
-from polarsim.geometry.boxes import centres, iou
+from polarsim.formats.yolo import read_rock_boxes
+from polarsim.geometry.boxes import assign, centres, iou
 from polarsim.geometry.consensus import consensus_boxes
-from polarsim.geometry.matching import assign
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.photo import HEIGHT, NO_ROCK, WIDTH, PhotoKey

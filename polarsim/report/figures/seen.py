@@ -1,8 +1,9 @@
-"""Photo and twins in rows, as the paper's figures 4 and 5: labels with rock ids, and what one detector sees."""
+"""What one detector finds: photo and twins in rows, as the paper's figures 4 and 5, labels with rock ids drawn in."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,34 +24,49 @@ FOUND = (0, 229, 255)  # of predicted boxes
 _TITLE_PX = 50
 
 
-def draw_seen(
-    *,
+@dataclass(frozen=True)
+class Finds:
+    """What one detector finds in the domains that it was evaluated on, in the paper's order of these."""
+
+    trained: str  # its own domain
+    source: str  # of the run's photos
+    instances: pd.DataFrame  # the rocks that it was evaluated on: their keys are those of the test
+    predictions: dict[str, pd.DataFrame]  # rocks alone, none below the least confidence
+    labels: dict[str, pd.DataFrame]
+    picture_of: Callable[[str, PhotoKey], Path | None]  # photo or twin of a domain and a key
+
+    def title(self, domain: str) -> str:
+        """A domain's name in figures."""
+        return paper.title(paper.own_name(domain, self.source))
+
+
+def read_finds(
     trained: str,
+    source: str,
+    *,
     instances: Path,
     predictions: Mapping[str, Path],
     labels: Mapping[str, Path],
     picture_of: Callable[[str, PhotoKey], Path | None],
     confidence: float,
-    figure: Path,
-    origin: dict[str, str],
-    width: int = FIGURE_WIDTH,
-) -> None:
-    """Write the figure of one detector: a row a domain, a column a test photo; each picture has its own white.
-
-    Parameters
-    ----------
-    instances
-        Rows of the labels that the detector was evaluated on: their keys are those of the test.
-    predictions, labels
-        Of each domain that the detector was evaluated on.
-    picture_of
-        Photo or twin of a domain and a key.
-    confidence
-        Predictions below it are not drawn.
-    """
+) -> Finds:
+    """Read the instance table, and predictions and labels of each domain."""
     table = read_parquet(instances, INSTANCES.columns)
-    keys = shown_keys(table[(table["trained"] == trained) & (table["kind"] == ROCK)])
     domains = sorted(predictions, key=paper.rank)
+    found = {domain: read_parquet(predictions[domain], PREDICTIONS.columns) for domain in domains}
+    return Finds(
+        trained,
+        source,
+        table[(table["trained"] == trained) & (table["kind"] == ROCK)],
+        {name: rows[(rows["kind"] == ROCK) & (rows["confidence"] >= confidence)] for name, rows in found.items()},
+        {domain: read_parquet(labels[domain], LABEL_COLUMNS) for domain in domains},
+        picture_of,
+    )
+
+
+def draw_seen(finds: Finds, figure: Path, width: int = FIGURE_WIDTH) -> None:
+    """Write the figure of one detector: a row a domain, a column a test photo; each picture has its own white."""
+    keys, domains = shown_keys(finds.instances), list(finds.predictions)
     column = width // max(1, len(keys))
     height = round(column * HEIGHT / WIDTH) + _TITLE_PX
     with page(figure, width, height * max(1, len(domains)) if keys else 300) as sheet:
@@ -59,39 +75,31 @@ def draw_seen(
             return
         grid = sheet.subplots(len(domains), len(keys), squeeze=False)
         for row, domain in enumerate(domains):
-            drawn = read_parquet(labels[domain], LABEL_COLUMNS)
-            found = read_parquet(predictions[domain], PREDICTIONS.columns)
-            found = found[(found["kind"] == ROCK) & (found["confidence"] >= confidence)]
-            name = paper.title(paper.own_name(domain, origin["source"]))
+            found, name = finds.predictions[domain], finds.title(domain)
             for axes, key in zip(grid[row], keys, strict=True):
-                path = picture_of(domain, key)
+                path = finds.picture_of(domain, key)
                 if path is None or not path.exists():
                     axes.set_axis_off()
                     note(axes.figure, f"{name}: no picture of {key}")
                     continue
-                seen = _with_boxes(
-                    to_8bit(png.read(path)), rows_of(drawn, key), found[found["key"] == str(key)], column
-                )
-                picture(axes, seen, f"{name}, {key}")
+                labels, own = rows_of(finds.labels[domain], key), found[found["key"] == str(key)]
+                picture(axes, _with_boxes(to_8bit(png.read(path)), labels, own, column), f"{name}, {key}")
 
 
 def shown_keys(instances: pd.DataFrame) -> list[PhotoKey]:
     """Test photos that show most: Sun lamp on, rover light off, near 256 ms, Left, with many rocks; one a terrain.
 
-    Of rows of the rocks that a detector was evaluated on in each domain (`evaluated`, `key`, `rock`); only photos
-    that have
-    a labelled rock in all of them count. Where there are fewer terrains than `PHOTOS`, there are fewer photos.
+    Of rows of the rocks that a detector was evaluated on in each domain (`evaluated`, `key`, `rock`); only photos that
+    have a labelled rock in all of them count. Where there are fewer terrains than `PHOTOS`, there are fewer photos.
     """
     known = instances[instances["rock"] != NO_ROCK]
     labelled = known.groupby(["key", "evaluated"])["rock"].nunique().reset_index().groupby("key")["rock"]
     everywhere = labelled.count() == instances["evaluated"].nunique()
     counts = labelled.min()[everywhere]
-    places = sorted((_place(PhotoKey.parse(str(key)), int(number)) for key, number in counts.items()))
-    chosen: dict[int, tuple[tuple[object, ...], PhotoKey]] = {}
-    for *place, key in places:
-        chosen.setdefault(key.terrain, (tuple(place), key))
-    ordered = sorted(chosen.values(), key=lambda entry: entry)
-    return sorted(key for _, key in ordered[:PHOTOS])
+    chosen: dict[int, PhotoKey] = {}  # the best of each terrain, best first
+    for *_, key in sorted(_place(PhotoKey.parse(str(key)), int(number)) for key, number in counts.items()):
+        chosen.setdefault(key.terrain, key)
+    return sorted(list(chosen.values())[:PHOTOS])
 
 
 def _place(key: PhotoKey, rocks: int) -> tuple[bool, bool, float, bool, int, PhotoKey]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,7 +12,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import ROCK
-from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
+from polarsim.report.figures.canvas import FIGURE_WIDTH, heading, note, page, picture, rectangle
 
 POSES, SHOTS = ["frame", "time_s"], 6
 BOX = ["frame", "kind", "x0", "y0", "x1", "y1"]
@@ -44,12 +43,7 @@ def draw_front(
 
 
 def _draw_shots(
-    view: Path,
-    pictures: str,
-    figure: Path,
-    width: int,
-    truth: pd.DataFrame | None,
-    detections: pd.DataFrame | None,
+    view: Path, pictures: str, figure: Path, width: int, truth: pd.DataFrame | None, detections: pd.DataFrame | None
 ) -> None:
     poses = read_parquet(view / "poses.parquet", POSES)
     chosen = poses.iloc[np.unique(np.linspace(0, len(poses) - 1, SHOTS).round().astype(int))] if len(poses) else poses
@@ -67,16 +61,9 @@ def _draw_shots(
             picture(axes, to_8bit(pixels), f"{time_s:.1f} s")
             for boxes, colour in ((truth, ROCKS), (detections, SEEN)):
                 if boxes is not None:
-                    _draw_boxes(axes, boxes[(boxes["frame"] == frame) & (boxes["kind"] == ROCK)], colour)
+                    own = boxes[(boxes["frame"] == frame) & (boxes["kind"] == ROCK)]
+                    for box in own[BOX[2:]].to_numpy(float) - HALF_PIXEL:  # imshow puts the first pixel's centre at 0
+                        rectangle(axes, box, colour, linewidth=1)
         if truth is not None:
             title += "; yellow: rocks" + ("" if detections is None else ", blue: what the detector takes for rocks")
-        sheet.suptitle(title, x=0.01, ha="left")
-
-
-def _draw_boxes(axes: Any, boxes: pd.DataFrame, colour: str) -> None:
-    from matplotlib.patches import Rectangle
-
-    for row in boxes.to_dict("records"):
-        corner = (row["x0"] - HALF_PIXEL, row["y0"] - HALF_PIXEL)  # imshow puts the first pixel's centre at 0
-        size = (row["x1"] - row["x0"], row["y1"] - row["y0"])
-        axes.add_patch(Rectangle(corner, *size, fill=False, edgecolor=colour, linewidth=1))
+        heading(sheet, title)

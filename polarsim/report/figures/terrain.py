@@ -17,7 +17,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
 from polarsim.geometry.rays import Caster
 from polarsim.photo import NO_ROCK
-from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, note, page, picture
+from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, note, page, picture, rectangle
 from polarsim.survey import SANDBOX_HALF_WIDTH, lamp_position
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
@@ -179,13 +179,9 @@ def _draw_outline(axes: Any, top: TopView, rock: int) -> None:
 
 
 def _draw_rectangles(axes: Any, table: pd.DataFrame, across: str, up: str) -> None:
-    from matplotlib.patches import Rectangle
-
-    for row in table.to_dict("records"):
-        x, y = row[f"{across}0"], row[f"{up}0"]
-        wide, high = row[f"{across}1"] - x, row[f"{up}1"] - y
-        axes.add_patch(Rectangle((x, y), wide, high, fill=False, edgecolor=OUTLINE, linewidth=1.3))
-        _write_id(axes, int(row["rock"]), x + wide / 2, y + high)
+    for rock, *box in table[["rock", f"{across}0", f"{up}0", f"{across}1", f"{up}1"]].itertuples(index=False):
+        rectangle(axes, box, OUTLINE, linewidth=1.3)
+        _write_id(axes, int(rock), (box[0] + box[2]) / 2, box[3])
 
 
 def _write_id(axes: Any, rock: int, x: float, y: float) -> None:

@@ -1,33 +1,136 @@
 """The pictures of a drive as files: every view, Sun, model and exposure at every picture time, with what is in them.
 
 Below a drive's folder: `<view>/<Sun>_<model>_<exposure>/NNNNN.png`, `<view>/<Sun>_labels/NNNNN.txt` and `.json`,
-`<view>/<Sun>_truth.parquet`, `<view>/<Sun>_coco.json`, `<view>/poses.parquet`.
+`<view>/<Sun>_truth.parquet`, `<view>/<Sun>_coco.json`, `<view>/poses.parquet`. A frame's labels are those of all its
+models and exposures under one Sun. They lie in one file a frame, so that a stopped run goes on; tables and COCO files
+are made of them at the end.
 """
 
 from __future__ import annotations
 
+import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from polarsim.detect.parts import digest
 from polarsim.digest import code_digest
-from polarsim.formats import png, tables
+from polarsim.errors import PolarsimError
+from polarsim.formats import coco, png, rle, tables, yolo
+from polarsim.formats.files import read_json, write_text
+from polarsim.geometry.poses import Pose
+from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track
 from polarsim.render.ground_truth import annotations_of
 from polarsim.render.olat import Rendering
 from polarsim.render.options import Model
-from polarsim.rover.cameras.layout import labels_folder, picture_folder
+from polarsim.rover.cameras.layout import POSE_COLUMNS, TRUTH_COLUMNS, labels_folder, picture_folder
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
-from polarsim.rover.cameras.truth import Truth, pose_table, read_truth, write_tables, write_truth
 from polarsim.rover.drive.trace import DRIVE, TRACE, TRACKS, WORLD, read_trace
 from polarsim.rover.vehicle.table import Vehicle
+from polarsim.rover.world.surface import World
 
 log = logging.getLogger("polarsim.rover")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The labels of one frame of a view under one Sun; rocks bear the world's numbers."""
+
+    frame: int
+    time_s: float
+    labels: tuple[coco.Annotation, ...]
+
+
+def write_truth(folder: Path, truth: Truth, size: tuple[int, int], identity: str) -> None:
+    """Write `NNNNN.txt`, boxes as YOLO has them in a picture of `size` (width, height), and then `NNNNN.json`."""
+    yolo.write_boxes(
+        folder / f"{truth.frame:05d}.txt",
+        np.array([BOX_CLASSES.index(label.kind) for label in truth.labels], int),
+        np.array([label.box for label in truth.labels], float),
+        size,
+    )
+    rows = [
+        {
+            "kind": label.kind,
+            "rock": label.rock,
+            "box": label.box.tolist(),
+            "counts": label.mask.counts if label.mask else "",
+        }
+        for label in truth.labels
+    ]
+    content = {"identity": identity, "time_s": truth.time_s, "size": list(size), "labels": rows}
+    write_text(folder / f"{truth.frame:05d}.json", json.dumps(content) + "\n")
+
+
+def read_truth(folder: Path, frame: int, identity: str | None = None) -> Truth | None:
+    """Read what `write_truth` wrote; None where it is not there, or of another identity."""
+    path = folder / f"{frame:05d}.json"
+    if not path.is_file() or not path.with_suffix(".txt").is_file():
+        return None
+    try:
+        content = read_json(path)
+        if identity is not None and content["identity"] != identity:
+            return None
+        width, height = content["size"]
+        labels = [_annotation(row, height, width) for row in content["labels"]]
+        return Truth(frame, float(content["time_s"]), tuple(labels))
+    except (PolarsimError, KeyError, TypeError, ValueError):
+        return None  # broken: made anew
+
+
+def truth_table(truths: Sequence[Truth], world: World, cameras: Mapping[int, Pose]) -> pd.DataFrame:
+    """A row a label, `TRUTH_COLUMNS`; distances along the ground from the camera at its frame to the rock's middle."""
+    rocks = {row["rock"]: row for row in world.rocks.to_dict("records")}
+    rows = []
+    for truth in truths:
+        place = cameras[truth.frame].translation
+        for label in truth.labels:
+            rock = rocks[label.rock]
+            distance = float(np.hypot(rock["x_m"] - place[0], rock["y_m"] - place[1]))
+            pixels = label.mask.area if label.mask else 0
+            own = (truth.frame, truth.time_s, label.kind, label.rock, *label.box.tolist(), pixels)
+            rows.append((*own, distance, float(rock["height_m"])))
+    dtypes = {"kind": "str", **dict.fromkeys(("frame", "rock", "pixels"), "int64")}
+    table = pd.DataFrame(rows, columns=list(TRUTH_COLUMNS))
+    return table.astype({name: dtypes.get(name, "float64") for name in TRUTH_COLUMNS})
+
+
+def pose_table(cameras: Mapping[int, Pose], times: np.ndarray) -> pd.DataFrame:
+    """A row a frame, `POSE_COLUMNS`: `world_from_camera`, x right, y down, z forward."""
+    rows = []
+    for frame, pose in sorted(cameras.items()):
+        x, y, z, w = Rotation.from_matrix(pose.rotation).as_quat(canonical=True)
+        rows.append((frame, float(times[frame]), *pose.translation.tolist(), w, x, y, z))
+    return pd.DataFrame(rows, columns=list(POSE_COLUMNS))
+
+
+def write_tables(
+    folder: Path, sun: str, truths: Sequence[Truth], world: World, cameras: Mapping[int, Pose], size: tuple[int, int]
+) -> None:
+    """`<Sun>_truth.parquet` and `<Sun>_coco.json` of a view."""
+    tables.write_parquet(folder / f"{sun}_truth.parquet", truth_table(truths, world, cameras))
+    pictures: list[tuple[Mapping[str, Any], Sequence[coco.Annotation]]] = [
+        (
+            {"id": truth.frame + 1, "file_name": f"{truth.frame:05d}.png", "width": size[0], "height": size[1]},
+            truth.labels,
+        )
+        for truth in truths
+    ]
+    coco.write_pictures(folder / f"{sun}_coco.json", pictures, "Rocks and shadows on a drive, rendered by polarsim")
+
+
+def _annotation(row: Mapping[str, Any], height: int, width: int) -> coco.Annotation:
+    mask = rle.Rle(height, width, row["counts"]) if row["counts"] else None
+    return coco.Annotation(str(row["kind"]), int(row["rock"]), np.array(row["box"], float), mask, "rendered")
 
 
 def render_frames(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1) -> int:
@@ -66,11 +169,7 @@ def render_frames(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, s
 def _complete(folder: Path, view: str, sun: str, frame: int, options: CameraSuiteOptions, identity: str) -> bool:
     if read_truth(labels_folder(folder, view, sun), frame, identity) is None:
         return False
-    return all(
-        (picture_folder(folder, view, sun, model, exposure) / f"{frame:05d}.png").is_file()
-        for model in options.models
-        for exposure in options.exposures_ms
-    )
+    return all((picture_folder(folder, view, sun, *what) / f"{frame:05d}.png").is_file() for what in options.pictures)
 
 
 def _write(
@@ -84,25 +183,21 @@ def _write(
     pool: ThreadPoolExecutor,
 ) -> int:
     """Write a frame's pictures under a Sun, and then its labels: where these are, the pictures are."""
-    options = suite.options
 
     def write(what: tuple[Model, float]) -> None:
         path = picture_folder(folder, view, sun, *what) / f"{frame:05d}.png"
         png.write(path, suite.exposed(rendering, view, sun, *what))
 
-    wanted = [(model, exposure) for model in options.models for exposure in options.exposures_ms]
-    list(pool.map(write, wanted))
+    list(pool.map(write, suite.options.pictures))
     write_truth(labels_folder(folder, view, sun), truth_of(suite, rendering, sun, frame), _size(suite, view), identity)
-    return len(wanted)
+    return len(suite.options.pictures)
 
 
 def truth_of(suite: CameraSuite, rendering: Rendering, sun: str, frame: int) -> Truth:
     """Labels of a frame as the renderer makes them; its rocks are places in the world's table, those here are rocks."""
     numbers = suite.trace.world.rocks["rock"].to_numpy()
     found = annotations_of(rendering.ids[sun], suite.render_options)
-    labels = [
-        type(label)(label.kind, int(numbers[label.rock - 1]), label.box, label.mask, label.source) for label in found
-    ]
+    labels = [replace(label, rock=int(numbers[label.rock - 1])) for label in found]
     return Truth(frame, float(suite.trace.tracks.time[frame]), tuple(labels))
 
 

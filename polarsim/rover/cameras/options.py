@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -107,6 +108,11 @@ class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
     onboard: OnboardOptions = OnboardOptions()
     videos: bool = Field(False, description="A video is made of every view, Sun, model and exposure.")
     video_speed: PositiveFloat = Field(0.5, description="Videos play at this speed over the real one.")
+
+    @property
+    def pictures(self) -> list[tuple[Model, float]]:
+        """Model and exposure, ms, of every picture of a view under a Sun."""
+        return list(product(self.models, self.exposures_ms))
 
     @field_validator("views", "suns", "lights", "models", "exposures_ms")
     @classmethod

@@ -18,10 +18,9 @@ from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster, Surveyor
-from polarsim.geometry.rays_parts import Part, Parts
+from polarsim.geometry.rays_embree import Part, Parts
 from polarsim.render.options import Material, RenderOptions
-from polarsim.render.skirts import with_skirts
-from polarsim.render.surfaces import Surfaces
+from polarsim.render.surfaces import Surfaces, with_skirts
 from polarsim.rover.cameras.bodywork import Body
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.tracks import Lattice, Tracks, tile_faces

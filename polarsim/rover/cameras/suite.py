@@ -16,15 +16,14 @@ from polarsim.render.olat import NO_LAMP, Rendering, render_view
 from polarsim.render.optics import imaged, through_lens
 from polarsim.render.options import Model
 from polarsim.render.sensor import expose, noise_of
-from polarsim.render.views.sections import StarField
+from polarsim.render.views.options import StarField
 from polarsim.render.views.stars import Sky, sky_of, star_radiance
 from polarsim.rover.cameras import grouser_marks
 from polarsim.rover.cameras.bodywork import body_of, links_at
 from polarsim.rover.cameras.grouser_marks import GrouserMark, Tread
-from polarsim.rover.cameras.headlights import headlights
+from polarsim.rover.cameras.lights import headlights, suns_of
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.render_scene import RenderScene, options_of, rocks_of
-from polarsim.rover.cameras.suns import suns_of
 from polarsim.rover.cameras.tracks import Lattice, Tracks
 from polarsim.rover.drive.trace import Trace
 from polarsim.rover.vehicle.mounts import mount_of

@@ -116,13 +116,7 @@ def law_of(options: DriveOptions) -> SteeringLaw:
         steering: Steering = "crab" if options.steering == "crab" else "ackermann"
         return SteeringLaw(options.speed_m_s, P_ONLY_GAIN_RAD_M, 0.0, limit, steering, turn_above=turn_above)
     return SteeringLaw(
-        options.speed_m_s,
-        GAIN_RAD_M,
-        HEADING_GAIN,
-        limit,
-        options.steering,
-        INTEGRAL_RAD_M2,
-        turn_above=turn_above,
+        options.speed_m_s, GAIN_RAD_M, HEADING_GAIN, limit, options.steering, INTEGRAL_RAD_M2, turn_above=turn_above
     )
 
 

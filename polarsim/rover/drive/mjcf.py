@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from polarsim.errors import RoverError
-from polarsim.rover.vehicle.table import Vehicle, WheelPart
+from polarsim.rover.vehicle.table import Vehicle, WheelPart, cube_inertia
 
 # MuJoCo's bits: wheels meet rocks, and nothing else meets anything.
 WHEEL_BITS: dict[str, Any] = {"contype": "1", "conaffinity": "2"}
@@ -79,19 +79,19 @@ def _corner(base: ET.Element, vehicle: Vehicle, wheel: WheelPart) -> None:
     spring, steering, drive = vehicle.suspension, vehicle.steering, vehicle.drive
     code, limit = wheel.code, float(np.radians(steering.limit_deg))
     arm = ET.SubElement(base, "body", name=f"{code}_arm", pos=_text(wheel.position_m))
-    _inertial(arm, wheel.arm_mass_kg, _cube_inertia(wheel.arm_mass_kg))
+    _inertial(arm, wheel.arm_mass_kg, cube_inertia(wheel.arm_mass_kg))
     ET.SubElement(
         arm, "joint", name=f"{code}_lift", type="slide", axis="0 0 1", range=_text((-spring.travel_m, spring.travel_m)),
         stiffness=f"{spring.stiffness_n_m!r}", damping=f"{spring.damping_n_s_m!r}",
     )  # fmt: skip
     upright = ET.SubElement(arm, "body", name=f"{code}_upright")
-    _inertial(upright, wheel.upright_mass_kg, _cube_inertia(wheel.upright_mass_kg))
+    _inertial(upright, wheel.upright_mass_kg, cube_inertia(wheel.upright_mass_kg))
     ET.SubElement(
         upright, "joint", name=f"{code}_steer", type="hinge", axis="0 0 1", range=_text((-limit, limit)),
         damping=f"{steering.damping_n_m_s_rad!r}", armature=f"{steering.armature_kg_m2!r}",
     )  # fmt: skip
     turning = ET.SubElement(upright, "body", name=f"{code}_wheel")
-    _inertial(turning, wheel.mass_kg, wheel_inertia(wheel))
+    _inertial(turning, wheel.mass_kg, wheel.inertia())
     ET.SubElement(
         turning, "joint", name=f"{code}_spin", type="hinge", axis="0 1 0",
         damping=f"{drive.damping_n_m_s_rad!r}", armature=f"{drive.armature_kg_m2!r}",
@@ -116,18 +116,6 @@ def _actuators(root: ET.Element, vehicle: Vehicle) -> None:
             actuators, "velocity", name=f"{wheel.code}_spin", joint=f"{wheel.code}_spin",
             kv=f"{drive.gain_n_m_s_rad!r}", forcerange=_both(drive.torque_limit_n_m),
         )  # fmt: skip
-
-
-def wheel_inertia(wheel: WheelPart) -> np.ndarray:
-    """(3,) kg m2 of a solid cylinder along y."""
-    axial = wheel.mass_kg * wheel.radius_m**2 / 2
-    across = wheel.mass_kg * (3 * wheel.radius_m**2 + wheel.width_m**2) / 12
-    return np.array([across, axial, across])
-
-
-def _cube_inertia(mass: float, side: float = 0.2) -> np.ndarray:
-    """(3,) of a cube: arms and uprights are small, and their turning matters little."""
-    return np.full(3, mass * side**2 / 6)
 
 
 def _inertial(body: ET.Element, mass: float, inertia: np.ndarray, position: Sequence[float] = (0.0, 0.0, 0.0)) -> None:

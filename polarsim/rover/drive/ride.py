@@ -32,14 +32,7 @@ Progress = Callable[[float], None]  # share of the path that is done, 0 to 1
 
 
 def run_drive(
-    *,
-    meshes: Path,
-    folder: Path,
-    world: WorldOptions,
-    soil: SoilOptions,
-    drive: DriveOptions,
-    seed: int,
-    progress: Progress | None = None,
+    *, meshes: Path, folder: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int
 ) -> Trace:
     """Drive over a run's meshes (`meshes/TerrainNN/`) and write the drive's files; a stopped one is gone on with.
 
@@ -51,8 +44,7 @@ def run_drive(
         Nothing was driven: the path leaves the grid, no such soil, a rock without volume, a step too large. Or
         `EnergyError`: the balance did not close; what was driven is written.
     """
-    job = job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed)
-    return drive_to_end(job, folder, progress)
+    return drive_to_end(job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed), folder)
 
 
 def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Trace:

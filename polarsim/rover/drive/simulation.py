@@ -55,12 +55,7 @@ class Simulation:
     """
 
     def __init__(
-        self,
-        world: World,
-        vehicle: Vehicle,
-        soil: Soil,
-        options: SoilOptions | None = None,
-        start: Start | None = None,
+        self, world: World, vehicle: Vehicle, soil: Soil, options: SoilOptions | None = None, start: Start | None = None
     ) -> None:
         self._mujoco = import_mujoco()
         from polarsim.rover.drive import mujoco_kernels
@@ -149,7 +144,7 @@ class Simulation:
         )
 
     def save(self, path: str | Path, **more: np.ndarray) -> None:
-        """All that `load` needs beside the constructor's arguments, and arrays of the caller's own."""
+        """All that `restore` needs beside the constructor's arguments, and arrays of the caller's own."""
         whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
         physics = np.empty(self._mujoco.mj_stateSize(self.model, whole))
         self._mujoco.mj_getState(self.model, self.data, physics, whole)
@@ -188,9 +183,8 @@ class Simulation:
         )  # fmt: skip
         saved = read_arrays(path, names)
         whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
-        if saved["ground"].shape != self.ground.state.shape or len(saved["physics"]) != self._mujoco.mj_stateSize(
-            self.model, whole
-        ):
+        size = self._mujoco.mj_stateSize(self.model, whole)
+        if saved["ground"].shape != self.ground.state.shape or len(saved["physics"]) != size:
             raise FormatError("the state of another world or rover", path=path)
         self._mujoco.mj_setState(self.model, self.data, saved["physics"], whole)
         self._mujoco.mj_step1(self.model, self.data)
@@ -205,27 +199,6 @@ class Simulation:
         speed, steer, mode, crab = (float(value) for value in saved["command"])
         self.command = Command(speed, steer, MODES[int(mode)], crab)
         return saved
-
-    @classmethod
-    def load(
-        cls,
-        path: str | Path,
-        world: World,
-        vehicle: Vehicle,
-        soil: Soil,
-        options: SoilOptions | None = None,
-    ) -> Simulation:
-        """A simulation as `save` left it, in the same world.
-
-        Raises
-        ------
-        FormatError
-            No saved state, or one of another world or rover.
-        """
-        middle = Start(float(world.x.mean()), float(world.y.mean()))
-        simulation = cls(world, vehicle, soil, options, middle)
-        simulation.restore(path)
-        return simulation
 
     def _require_inside(self, centres: np.ndarray) -> None:
         low_x, low_y, high_x, high_y = self._inside

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterator
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +22,12 @@ from polarsim.randomness import generator
 from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.exchange import messages
 from polarsim.rover.exchange.bag_pictures import PictureTopics
-from polarsim.rover.exchange.messages import Message
+from polarsim.rover.exchange.messages import Message, Stamped, definition
 from polarsim.rover.exchange.options import BagOptions
-from polarsim.rover.exchange.ros2 import definition
-from polarsim.rover.vehicle.mounts import FOLLOWING, base_from_camera, pose_of
-from polarsim.rover.vehicle.table import WHEELS, CameraPart, Vehicle
+from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
+from polarsim.rover.vehicle.table import WHEELS, Vehicle
 
 UP = np.array([0.0, 0.0, 1.0])
-Stamped = tuple[int, str, str, Message]  # time, ns; topic; type; message
 _FOREVER = "{sec: 9223372036, nsec: 854775807}"
 # What rosbag2 writes for a topic whose last message late listeners get too (durability 1: transient local).
 _LATCHED = (
@@ -65,13 +64,18 @@ def picked(times: np.ndarray, hz: float) -> np.ndarray:
 
 
 def _write(path: Path, streams: list[Iterator[Stamped]], options: BagOptions) -> dict[str, int]:
-    writer_of, kinds = _library()
+    try:
+        from mcap.writer import CompressionType, Writer
+    except ImportError as error:
+        raise RoverError("bags need mcap and mcap-ros2-support: pip install 'polarsim[rover]'") from error
     counts: dict[str, int] = {}
     schemas: dict[str, Any] = {}
     with path.open("wb") as file:
-        writer = writer_of(file, compression=kinds[options.compression.upper()])
+        writer = Writer(file, compression=CompressionType[options.compression.upper()])
+        writer.start(profile="ros2", library="polarsim")
         channels: dict[str, int] = {}
-        for time_ns, _, _, (topic, kind, message) in _in_order(streams):
+        # Of one time in the order of the streams: messages themselves are never compared.
+        for time_ns, topic, kind, message in heapq.merge(*streams, key=itemgetter(0)):
             if kind not in schemas:
                 schemas[kind] = _encoder(writer, kind)
             schema, encode = schemas[kind]
@@ -85,20 +89,6 @@ def _write(path: Path, streams: list[Iterator[Stamped]], options: BagOptions) ->
     return counts
 
 
-def _library() -> tuple[Any, Any]:
-    try:
-        from mcap.writer import CompressionType, Writer
-    except ImportError as error:
-        raise RoverError("bags need mcap and mcap-ros2-support: pip install 'polarsim[rover]'") from error
-
-    def started(file: Any, compression: Any) -> Any:
-        writer = Writer(file, compression=compression)
-        writer.start(profile="ros2", library="polarsim")
-        return writer
-
-    return started, CompressionType
-
-
 def _encoder(writer: Any, kind: str) -> tuple[int, Any]:
     """A schema's number in the bag, and what turns its messages into bytes."""
     from mcap_ros2._dynamic import serialize_dynamic
@@ -107,29 +97,15 @@ def _encoder(writer: Any, kind: str) -> tuple[int, Any]:
     return writer.register_schema(kind, "ros2msg", text.encode()), serialize_dynamic(kind, text)[kind]
 
 
-def _in_order(streams: list[Iterator[Stamped]]) -> Iterator[tuple[int, int, int, tuple[str, str, Message]]]:
-    """Merge streams by time, then by their place in the list: messages themselves are never compared."""
-
-    def keyed(place: int, stream: Iterator[Stamped]) -> Iterator[tuple[int, int, int, tuple[str, str, Message]]]:
-        for number, (time_ns, topic, kind, message) in enumerate(stream):
-            yield time_ns, place, number, (topic, kind, message)
-
-    return heapq.merge(*(keyed(place, stream) for place, stream in enumerate(streams)))
-
-
 def _still(trace: Trace, vehicle: Vehicle, options: BagOptions) -> Iterator[Stamped]:
     """What does not move: the world's frames, and cameras on the body."""
     time_ns = options.stamp_ns(float(trace.table["time_s"].iloc[0]))
     frames = [messages.transform(time_ns, "map", "odom", Pose.identity())]
     for camera in vehicle.cameras:
         if camera.name not in FOLLOWING:
-            frames.append(messages.transform(time_ns, camera.link, f"{camera.name}_optical", mounted(camera)))
+            mount = mount_of(camera).base_from_camera
+            frames.append(messages.transform(time_ns, camera.link, f"{camera.name}_optical", mount))
     yield time_ns, "/tf_static", "tf2_msgs/msg/TFMessage", {"transforms": frames}
-
-
-def mounted(camera: CameraPart) -> Pose:
-    """`link_from_optical` of a camera: x right, y down, z forward."""
-    return base_from_camera(np.array(camera.position_m), camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
 
 
 def _states(trace: Trace, vehicle: Vehicle, options: BagOptions) -> Iterator[Stamped]:

@@ -14,11 +14,11 @@ from polarsim.formats import png, tables
 from polarsim.geometry.lens import Lens
 from polarsim.rover.cameras.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_set
 from polarsim.rover.exchange import messages
+from polarsim.rover.exchange.messages import Stamped
 from polarsim.rover.exchange.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
 from polarsim.rover.vehicle.table import CameraPart, Vehicle
 
-Stamped = tuple[int, str, str, messages.Message]
 ARRAY = "vision_msgs/msg/Detection2DArray"
 
 

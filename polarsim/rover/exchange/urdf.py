@@ -12,10 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.formats.files import write_text
 from polarsim.geometry.poses import Pose
-from polarsim.rover.vehicle.mounts import FOLLOWING, base_from_camera, link_from_part
-from polarsim.rover.vehicle.table import ShapePart, Vehicle, WheelPart
+from polarsim.rover.vehicle.mounts import FOLLOWING, link_from_part, mount_of
+from polarsim.rover.vehicle.table import ShapePart, Vehicle, WheelPart, cube_inertia
 
-_SMALL_PART_M = 0.2  # arms and uprights turn as cubes of this side would
 _FREE = 1e4  # N and rad/s where the table has no limit: URDF asks for one
 
 
@@ -36,8 +35,7 @@ def urdf(vehicle: Vehicle) -> str:
         if camera.name not in FOLLOWING:  # these follow the rover and are fixed to no link
             ET.SubElement(robot, "link", name=f"{camera.name}_optical")
             joint = _joint(robot, f"{camera.name}_mount", "fixed", camera.link, f"{camera.name}_optical")
-            pose = base_from_camera(np.array(camera.position_m), camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
-            _origin(joint, pose)
+            _origin(joint, mount_of(camera).base_from_camera)
     for light in vehicle.lights:  # shines along x
         ET.SubElement(robot, "link", name=light.name)
         joint = _joint(robot, f"{light.name}_mount", "fixed", light.link, light.name)
@@ -49,12 +47,10 @@ def urdf(vehicle: Vehicle) -> str:
 def _corner(robot: ET.Element, vehicle: Vehicle, wheel: WheelPart) -> None:
     """`base_link` - lift - arm - steer - upright - spin - wheel."""
     code, spring, steering, drive = wheel.code, vehicle.suspension, vehicle.steering, vehicle.drive
-    small = np.full(3, _SMALL_PART_M**2 / 6)
-    across = (3 * wheel.radius_m**2 + wheel.width_m**2) / 12
     for name, mass, inertia in (
-        ("arm", wheel.arm_mass_kg, wheel.arm_mass_kg * small),
-        ("upright", wheel.upright_mass_kg, wheel.upright_mass_kg * small),
-        ("wheel", wheel.mass_kg, wheel.mass_kg * np.array([across, wheel.radius_m**2 / 2, across])),
+        ("arm", wheel.arm_mass_kg, cube_inertia(wheel.arm_mass_kg)),
+        ("upright", wheel.upright_mass_kg, cube_inertia(wheel.upright_mass_kg)),
+        ("wheel", wheel.mass_kg, wheel.inertia()),
     ):
         link = ET.SubElement(robot, "link", name=f"{code}_{name}")
         _inertial(link, mass, inertia, (0.0, 0.0, 0.0))

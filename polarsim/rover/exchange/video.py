@@ -26,7 +26,7 @@ from polarsim.formats.tone import to_8bit
 from polarsim.photo import BLACK_LEVEL, ROCK, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.render.options import Model
-from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder
+from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
@@ -59,13 +59,7 @@ def make_videos(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, see
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
     times = np.asarray(suite.trace.tracks.time)[suite.frames]
     rate = frame_rate(times, options.video_speed)
-    wanted = [
-        (view, sun, model, exposure)
-        for view in options.views
-        for sun in suite.suns
-        for model in options.models
-        for exposure in options.exposures_ms
-    ]
+    wanted = [(view, sun, *what) for view in options.views for sun in suite.suns for what in options.pictures]
 
     def make(what: tuple[str, str, Model, float]) -> int:
         pictures, video = picture_folder(folder, *what), folder / "videos" / video_name(*what)
@@ -85,9 +79,7 @@ def _make(
 ) -> int:
     """Write one video, unless the same one is there; how many were written."""
     paths = [pictures / f"{frame:05d}.png" for frame in frames]
-    for path in paths:
-        if not path.is_file():
-            raise RoverError("the picture is missing", path=path)
+    require_pictures(paths)
     note = video.with_suffix(".txt")
     told = "" if boxes is None else boxes.to_csv()
     identity = digest(paths, code_digest(__name__), str(rate), told, str(confidence))

@@ -6,7 +6,7 @@ Below a drive's folder: `front_end_cam/<Sun>_<model>_<exposure>/detections.parqu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +14,14 @@ import pandas as pd
 
 from polarsim.detect import detectors, tone
 from polarsim.detect.parts import digest, write_in_parts
-from polarsim.detect.predict import detect
+from polarsim.detect.predict import detect, sizes_of
+from polarsim.detect.sizes import Sizes
 from polarsim.digest import code_digest
 from polarsim.errors import RoverError, about
 from polarsim.formats import png
 from polarsim.formats.files import write_text
-from polarsim.photo import BOX_CLASSES, WIDTH
-from polarsim.render.options import Model
-from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder
+from polarsim.photo import BOX_CLASSES
+from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
 from polarsim.rover.cameras.options import CameraSuiteOptions, OnboardOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
@@ -30,26 +30,6 @@ from polarsim.rover.vehicle.table import Vehicle
 
 _BATCH = 8
 _PART = 25 * _BATCH
-
-
-@dataclass(frozen=True)
-class Setting:
-    """One set of the front camera's pictures."""
-
-    sun: str
-    model: Model
-    exposure_ms: float
-
-
-def settings_of(suite: CameraSuite) -> list[Setting]:
-    """All sets of pictures."""
-    options = suite.options
-    return [
-        Setting(sun, model, exposure)
-        for sun in suite.suns
-        for model in options.models
-        for exposure in options.exposures_ms
-    ]
 
 
 def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1) -> None:
@@ -67,10 +47,10 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, se
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
     detector = detectors.read_detector(weights)
     loaded: detectors.LoadedDetector | None = None
-    for setting in settings_of(suite):
-        pictures = picture_folder(folder, FRONT, setting.sun, setting.model, setting.exposure_ms)
+    for sun, (model, exposure_ms) in product(suite.suns, options.pictures):
+        pictures = picture_folder(folder, FRONT, sun, model, exposure_ms)
         paths = {f"{frame:05d}": pictures / f"{frame:05d}.png" for frame in suite.frames}
-        _require(paths.values())
+        require_pictures(paths.values())
         identity = digest(
             [weights, *paths.values()],
             code_digest(__name__),
@@ -82,7 +62,8 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, se
         if loaded is None:
             with about(weights):
                 loaded = detectors.family(detector.model).load(detector, pictures, onboard.prediction, threads)
-        _write_detections(pictures, paths, loaded, detector.imgsz, setting.exposure_ms, onboard, identity)
+        sizes = sizes_of(detector, onboard.prediction)
+        _write_detections(pictures, paths, loaded, sizes, exposure_ms, onboard, identity)
         write_text(note, identity)
 
 
@@ -90,7 +71,7 @@ def _write_detections(
     pictures: Path,
     paths: dict[str, Path],
     loaded: detectors.LoadedDetector,
-    imgsz: int,
+    sizes: Sizes,
     exposure_ms: float,
     options: OnboardOptions,
     identity: str,
@@ -99,10 +80,12 @@ def _write_detections(
         rows: list[tuple[Any, ...]] = []
         for group in (names[n : n + _BATCH] for n in range(0, len(names), _BATCH)):
             grey = [png.read(paths[name]) for name in group]
-            eights = [tone.to_8_bits(tone.shrink(each, imgsz), options.pictures, exposure_ms) for each in grey]
-            scale = grey[0].shape[1] / WIDTH  # detectors tell boxes in pixels of a full photo
-            for name, result in zip(group, detect(loaded, eights, imgsz), strict=True):
-                rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *(scale * r[:4])) for r in result]
+            small = [tone.shrink(each, max(sizes.widths)) for each in grey]
+            eights = [tone.to_8_bits(each, options.pictures, exposure_ms) for each in small]
+            full = grey[0].shape[1], grey[0].shape[0]
+            found = detect(loaded, eights, sizes, options.prediction.nms_iou, full)
+            for name, result in zip(group, found, strict=True):
+                rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *r[:4]) for r in result]
         return detection_table(rows)
 
     write_in_parts(pictures / "detections.parquet", list(paths), see, _PART, identity)
@@ -110,19 +93,11 @@ def _write_detections(
 
 def detection_table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
     """Typed, rounded and in order: by frame and kind, the surest first."""
-    table = pd.DataFrame(rows, columns=list(DETECTION_COLUMNS))
-    table["frame"], table["kind"] = table["frame"].astype("int64"), table["kind"].astype("str")
-    table["confidence"] = table["confidence"].astype("float64").round(5)
-    for name in BOX:
-        table[name] = table[name].astype("float64").round(2)
+    dtypes = {"frame": "int64", "kind": "str", **dict.fromkeys(("confidence", *BOX), "float64")}
+    table = pd.DataFrame(rows, columns=list(DETECTION_COLUMNS)).astype(dtypes)
+    table = table.round({"confidence": 5, **dict.fromkeys(BOX, 2)})
     order = [True, True, False, *[True] * 4]
     return table.sort_values(list(DETECTION_COLUMNS), ascending=order, kind="stable", ignore_index=True)
-
-
-def _require(paths: Any) -> None:
-    for path in paths:
-        if not path.is_file():
-            raise RoverError("the picture is missing", path=path)
 
 
 def _said(note: Path) -> str:

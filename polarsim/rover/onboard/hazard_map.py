@@ -1,8 +1,8 @@
 """Where rocks lie along the drive, on a grid: as boxes in the front camera's pictures tell, and as it is.
 
-Each look at a piece of ground says rock or none; near looks count more, as one over the
-fourth power of the distance. A cell is rock where a
-rock stands in any of its parts. Rocks are taken for upper halves of ellipsoids over round footprints.
+Each look at a piece of ground says rock or none; near looks count more, as one over the fourth power of the distance.
+A cell is rock where a rock stands in any of its parts. Rocks are taken for upper halves of ellipsoids over round
+footprints.
 """
 
 from __future__ import annotations
@@ -105,9 +105,7 @@ def mapped(found: pd.DataFrame, ride: Ride, grid: Grid, options: OnboardOptions)
 
 
 def compared(found: HazardMap, true: HazardMap) -> pd.DataFrame:
-    """One row: cells looked at, right, false and missed rock cells, F1, median height error of rock cells, and the
-    share of cells whose height is within 5 cm.
-    """
+    """One row: cells looked at, right, false and missed rock cells, F1, height errors: median of rocks, within 5 cm."""
     cells = found.looked
     right = int((found.rock & true.rock & cells).sum())
     false, missed = int((found.rock & ~true.rock & cells).sum()), int((~found.rock & true.rock & cells).sum())

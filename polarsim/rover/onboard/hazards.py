@@ -1,6 +1,4 @@
-"""What a detector's boxes are worth to a driving rover: when it sees rocks, which it overlooks, what stops it in
-vain.
-"""
+"""What a detector's boxes are worth to a driving rover: when it sees rocks, which it misses, what stops it in vain."""
 
 from __future__ import annotations
 

@@ -95,8 +95,7 @@ def _cases(folder: Path, suite: CameraSuite) -> Iterator[tuple[dict[str, Any], p
         yield {"sun": sun, "model": "", "exposure_ms": 0.0, "source": TRUTH}, truth, labels
         if suite.options.onboard.weights is None:
             continue
-        for model in suite.options.models:
-            for exposure in suite.options.exposures_ms:
-                path = picture_folder(folder, FRONT, sun, model, exposure) / "detections.parquet"
-                row = {"sun": sun, "model": model, "exposure_ms": float(exposure), "source": DETECTOR}
-                yield row, truth, tables.read_parquet(path, DETECTION_COLUMNS)
+        for model, exposure in suite.options.pictures:
+            path = picture_folder(folder, FRONT, sun, model, exposure) / "detections.parquet"
+            row = {"sun": sun, "model": model, "exposure_ms": float(exposure), "source": DETECTOR}
+            yield row, truth, tables.read_parquet(path, DETECTION_COLUMNS)

@@ -164,13 +164,9 @@ def _f1(rows: np.ndarray) -> float:
     return float(2 * right / (2 * right + false + missed)) if right + false + missed else np.nan
 
 
-def _mean(values: np.ndarray) -> float:
-    return float(values.mean()) if len(values) else np.nan
+def _if_any(statistic: Statistic) -> Statistic:
+    """The statistic, NaN of no numbers."""
+    return lambda values: float(statistic(values)) if len(values) else np.nan
 
 
-def _median(values: np.ndarray) -> float:
-    return float(np.median(values)) if len(values) else np.nan
-
-
-def _least(values: np.ndarray) -> float:
-    return float(values.min()) if len(values) else np.nan
+_mean, _median, _least = _if_any(np.mean), _if_any(np.median), _if_any(np.min)

@@ -15,19 +15,9 @@ import numpy as np
 
 from polarsim.rover.soil.law import Law
 from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, PLASTIC, ROCK, SHEAR_X, SHEAR_Z, START, YIELD, Ground
-from polarsim.rover.soil.shapes import (
-    INVERSE_WIDTH,
-    KIND,
-    RADIUS,
-    WHEEL,
-    Bodies,
-    half_extent,
-    intersect,
-)
+from polarsim.rover.soil.shapes import INVERSE_WIDTH, KIND, RADIUS, WHEEL, Bodies, half_extent, intersect
 
-STEEPEST = (
-    0.25  # of a surface's normal, its vertical part: a wheel's flank is not taken as larger than four times its cell
-)
+STEEPEST = 0.25  # vertical part of a surface's normal: a wheel's flank is at most four times as large as its cell
 SLOWEST_RIM = 1e-3  # m/s, a wheel that turns more slowly has no slip to speak of
 READINGS = ("sinkage", "depth", "power", "area")
 

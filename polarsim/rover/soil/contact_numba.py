@@ -23,15 +23,7 @@ from polarsim.rover.soil.nodes import (
     YIELD,
     Ground,
 )
-from polarsim.rover.soil.shapes import (
-    GROUSERS,
-    HALF_WIDTH,
-    INVERSE_WIDTH,
-    KIND,
-    RADIUS,
-    WHEEL,
-    Bodies,
-)
+from polarsim.rover.soil.shapes import GROUSERS, HALF_WIDTH, INVERSE_WIDTH, KIND, RADIUS, WHEEL, Bodies
 from polarsim.rover.soil.shapes_numba import clear, dot, intersect, intersect_rim, low_window
 
 _SIZE = len(READINGS)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from polarsim.errors import RoverError, about
-from polarsim.formats import tables
 
 CONSTANTS = ("K_phi", "K_c", "n", "n_slip", "c", "phi_deg", "K", "K_e", "R")
 POSITIVE = ("K_phi", "n", "K", "K_e", "gravity")
@@ -88,6 +87,8 @@ def read_soils(path: str | Path) -> dict[str, Soil]:
     RoverError
         A soil without a name, source or gravity, or with a constant that no soil has.
     """
+    from polarsim.formats import tables  # options need the constants alone, and pandas takes a third of a second
+
     table = tables.read_csv(path, [field.name for field in fields(Soil)])
     soils: dict[str, Soil] = {}
     with about(path):

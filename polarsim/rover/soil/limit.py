@@ -28,35 +28,29 @@ class Steady:
     torque: float  # N m
 
 
-def steady_wheel(
-    wheel: Wheel, law: Law, load: float, slip: float, normal_of_terrain: bool = False, rebound: bool = False
-) -> Steady:
-    """Sinkage at which the soil bears `load` newtons, and what the wheel then pulls.
+def steady_wheel(wheel: Wheel, law: Law, load: float, slip: float, normal_of_terrain: bool = False) -> Steady:
+    """Sinkage at which the soil bears `load` newtons, and what the wheel then pulls; K_e is taken as infinite.
 
     Parameters
     ----------
     slip : float
         1 less forward over rim speed, below 1.
-    rebound : bool
-        With the soil behind the axle that follows the wheel up by its elastic depth; without, K_e is infinite.
     """
     if not slip < 1:
         raise RoverError(f"slip {slip:g}, a wheel that moves has less than 1")
 
     def excess(sinkage: float) -> float:
-        return _bear(wheel, law, sinkage, slip, normal_of_terrain, rebound)[0] - load
+        return _bear(wheel, law, sinkage, slip, normal_of_terrain)[0] - load
 
     deepest = wheel.radius * 0.999
     if excess(deepest) < 0:
         raise RoverError(f"the soil does not bear {load:g} N at slip {slip:g}: the wheel sinks to its axle")
     sinkage = brentq(excess, 1e-7, deepest, xtol=1e-9)
-    _, pull, torque = _bear(wheel, law, sinkage, slip, normal_of_terrain, rebound)
+    _, pull, torque = _bear(wheel, law, sinkage, slip, normal_of_terrain)
     return Steady(sinkage, pull, torque)
 
 
-def _bear(
-    wheel: Wheel, law: Law, sinkage: float, slip: float, normal_of_terrain: bool, rebound: bool
-) -> tuple[float, float, float]:
+def _bear(wheel: Wheel, law: Law, sinkage: float, slip: float, normal_of_terrain: bool) -> tuple[float, float, float]:
     """Vertical force, pull and torque; angles count from the lowest point, positive ahead.
 
     A rim that drives drags the soil by its slip's part along the ground: with w the rim's speed and v = (1 - slip) w
@@ -66,35 +60,20 @@ def _bear(
     ahead = math.acos(1 - sinkage / R)
     exponent = law.n + law.n_slip * min(max(slip, 0.0), 1.0)
     stiffness = law.K_c / wheel.width + law.K_phi
-    spans = [(0.0, ahead)]
-    lowest = stiffness * sinkage**exponent
-    behind = math.acos(max(1 - lowest / law.K_e / R, -1.0))
-    if rebound:
-        spans.append((-behind, 0.0))
-    total = np.zeros(3)
-    for low, high in spans:
-        theta = 0.5 * (high - low) * NODES + 0.5 * (high + low)
-        weight = 0.5 * (high - low) * WEIGHTS
-        if low == 0:
-            sigma = stiffness * (R * (np.cos(theta) - math.cos(ahead))) ** exponent
-        else:
-            sigma = np.maximum(lowest - law.K_e * R * (1 - np.cos(theta)), 0.0)
-        # Over the time since the node was met, R cos(theta) dtheta / v.
-        one, two, three = (ahead_k - k for ahead_k, k in zip(_powers(np.array(ahead)), _powers(theta), strict=True))
-        j = R * (two / (1 - slip) - one if normal_of_terrain else two / (1 - slip) - three)
-        tau = np.sign(j) * (law.c + sigma * law.tan_phi) * (1 - np.exp(-np.abs(j) / law.K))
-        area = wheel.width * R * weight  # of the rim
-        if normal_of_terrain:
-            area = area * np.cos(theta)  # of the ground below it
-            each = sigma, tau, R * (tau * np.cos(theta) + sigma * np.sin(theta))
-        else:
-            each = (
-                sigma * np.cos(theta) + tau * np.sin(theta),
-                tau * np.cos(theta) - sigma * np.sin(theta),
-                R * tau,
-            )
-        total += [float((part * area).sum()) for part in each]
-    return float(total[0]), float(total[1]), float(total[2])
+    theta, weight = 0.5 * ahead * NODES + 0.5 * ahead, 0.5 * ahead * WEIGHTS
+    sigma = stiffness * (R * (np.cos(theta) - math.cos(ahead))) ** exponent
+    # Over the time since the node was met, R cos(theta) dtheta / v.
+    one, two, three = (ahead_k - k for ahead_k, k in zip(_powers(np.array(ahead)), _powers(theta), strict=True))
+    j = R * (two / (1 - slip) - one if normal_of_terrain else two / (1 - slip) - three)
+    tau = np.sign(j) * (law.c + sigma * law.tan_phi) * (1 - np.exp(-np.abs(j) / law.K))
+    area = wheel.width * R * weight  # of the rim
+    if normal_of_terrain:
+        area = area * np.cos(theta)  # of the ground below it
+        each = sigma, tau, R * (tau * np.cos(theta) + sigma * np.sin(theta))
+    else:
+        each = sigma * np.cos(theta) + tau * np.sin(theta), tau * np.cos(theta) - sigma * np.sin(theta), R * tau
+    bears, pulls, turns = (float((part * area).sum()) for part in each)
+    return bears, pulls, turns
 
 
 def _powers(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

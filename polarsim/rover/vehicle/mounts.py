@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
@@ -56,6 +55,8 @@ def base_from_camera(position: np.ndarray, yaw_deg: float, pitch_deg: float, rol
 
 def link_from_part(position: Sequence[float], yaw_deg: float, pitch_deg: float, roll_deg: float = 0.0) -> Pose:
     """Of a shape or light at `position` (3,) in its link, metres; turned about z, the new y, then the new x."""
+    from scipy.spatial.transform import Rotation
+
     turn = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True)
     return Pose(turn.as_matrix(), np.array(position))
 
@@ -74,5 +75,7 @@ def heading(world_from_base: Pose) -> float:
 
 def pose_of(place: np.ndarray, quaternion: np.ndarray) -> Pose:
     """From a place (3,) and a quaternion (4,) w, x, y, z, as a trace has them."""
+    from scipy.spatial.transform import Rotation
+
     w, x, y, z = quaternion
     return Pose(Rotation.from_quat([x, y, z, w]).as_matrix(), np.asarray(place, float))

@@ -56,6 +56,17 @@ class WheelPart(Part):
     grouser_height_m: float = Field(0.0, ge=0, description="Beyond the rim, m.")
     grouser_thickness_m: float = Field(0.0, ge=0, description="Along the rim, m.")
 
+    def inertia(self) -> np.ndarray:
+        """(3,) kg m2 of the turning part, a solid cylinder along y."""
+        axial = self.mass_kg * self.radius_m**2 / 2
+        across = self.mass_kg * (3 * self.radius_m**2 + self.width_m**2) / 12
+        return np.array([across, axial, across])
+
+
+def cube_inertia(mass: float, side: float = 0.2) -> np.ndarray:
+    """(3,) kg m2 of a cube of `side` metres: arms and uprights are small, and their turning matters little."""
+    return np.full(3, mass * side**2 / 6)
+
 
 class Steering(Part):
     """Of every wheel on its own, about the vertical through its centre."""

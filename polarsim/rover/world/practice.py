@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -70,15 +70,8 @@ def _with_rocks(bare: World, options: PracticeGround, seed: int) -> World:
         vertices.append(points)
         triangles.append(shape[1] + corners)
         corners, faces = corners + len(points), faces + len(shape[1])
-    return World(
-        bare.x0,
-        bare.y0,
-        bare.cell,
-        bare.level,
-        pd.DataFrame(rows, columns=list(ROCK_COLUMNS)),
-        np.concatenate(vertices).astype(np.float32),
-        np.concatenate(triangles).astype(np.int32),
-    )
+    table, corners_of = pd.DataFrame(rows, columns=list(ROCK_COLUMNS)), np.concatenate(vertices).astype(np.float32)
+    return replace(bare, rocks=table, vertices=corners_of, triangles=np.concatenate(triangles).astype(np.int32))
 
 
 def _rock(rng: np.random.Generator, size: float) -> tuple[np.ndarray, np.ndarray]:

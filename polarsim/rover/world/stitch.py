@@ -8,7 +8,7 @@ that published meshes that stand decimetres off meet too.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from polarsim.geometry.vectors import cross
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import require_volume, top_at
 from polarsim.rover.world.options import WorldOptions
-from polarsim.rover.world.surface import ROCK_COLUMNS, World, no_rocks
+from polarsim.rover.world.surface import ROCK_COLUMNS, World, bare_world
 
 FILLER_GRAIN = 0.08  # m, over which filler ground's heights are alike
 FADE = 0.3  # m, over which a terrain's edge passes into filler ground
@@ -96,9 +96,7 @@ def stitch(terrains: list[Terrain], options: WorldOptions, seed: int = 0) -> Wor
         total[:, part] += np.where(covered, heights, 0.0) * share
         weights[:, part] += covered * share
     level = _with_filler(total, weights, cell, options.filler_roughness_m, seed)
-    return _with_rocks(
-        World(x0, y0, cell, level, no_rocks(), np.zeros((0, 3)), np.zeros((0, 3), int)), terrains, options
-    )
+    return _with_rocks(bare_world(level, cell, x0, y0), terrains, options)
 
 
 def centres(options: WorldOptions) -> np.ndarray:
@@ -110,7 +108,7 @@ def centres(options: WorldOptions) -> np.ndarray:
 def rough_world(world: World, deviation: float, seed: int) -> World:
     """The same world with a little noise on every node: what differs between seeds."""
     noise = generator(seed, "rover", "ground").normal(0.0, 1.0, world.level.shape) * deviation
-    return World(world.x0, world.y0, world.cell, world.level + noise, world.rocks, world.vertices, world.triangles)
+    return replace(world, level=world.level + noise)
 
 
 def _ramp(value: np.ndarray) -> np.ndarray:
@@ -201,9 +199,7 @@ def _with_rocks(world: World, terrains: list[Terrain], options: WorldOptions) ->
         return world
     table = pd.DataFrame(rows, columns=list(ROCK_COLUMNS))
     corners = np.concatenate(vertices).astype(np.float32)
-    return World(
-        world.x0, world.y0, world.cell, world.level, table, corners, np.concatenate(triangles).astype(np.int32)
-    )
+    return replace(world, rocks=table, vertices=corners, triangles=np.concatenate(triangles).astype(np.int32))
 
 
 def _row(world: World, points: np.ndarray) -> dict[str, float]:

@@ -89,9 +89,7 @@ def write_world(folder: str | Path, world: World) -> None:
     )
     tables.write_parquet(folder / "rocks.parquet", world.rocks[list(ROCK_COLUMNS)])
     write_arrays(
-        folder / "rocks.npz",
-        vertices_m=world.vertices.astype(np.float32),
-        triangles=world.triangles.astype(np.int32),
+        folder / "rocks.npz", vertices_m=world.vertices.astype(np.float32), triangles=world.triangles.astype(np.int32)
     )
 
 

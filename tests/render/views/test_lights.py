@@ -5,8 +5,8 @@ import pytest
 
 from polarsim.errors import ConfigError
 from polarsim.render.views.cameras import cameras_of
-from polarsim.render.views.lights import lights_of, rover_lamp
 from polarsim.render.views.moon import days_since_j2000, sun_over, sun_seen_from_moon
+from polarsim.render.views.plan import lights_of, rover_lamp
 
 LUNAR = {"kind": "lunar_sun", "latitude_deg": 20, "longitude_deg": 30, "start_utc": "2026-05-25T06:00:00Z"}
 

@@ -13,10 +13,9 @@ from polarsim.photo import BLACK_LEVEL, BOX_CLASSES
 from polarsim.render.ground_truth import boxes_of
 from polarsim.render.scene import Scene
 from polarsim.render.views import run
-from polarsim.render.views.exposure import auto_exposure
+from polarsim.render.views.options import AutoExposure
 from polarsim.render.views.plan import plan
-from polarsim.render.views.run import render_views, unit_starts
-from polarsim.render.views.sections import AutoExposure
+from polarsim.render.views.run import auto_exposure, render_views, unit_starts
 
 ORBIT = {"kind": "orbit", "radius_m": 1.6, "height_m": 0.9, "number": 3}
 SUNS = {"kind": "sun", "azimuth_deg": [0, 140], "elevation_deg": [20]}
@@ -95,7 +94,7 @@ def test_what_is_there_is_not_rendered_again(tmp_path, grid, tone, monkeypatch):
 
 def test_pictures_of_other_code_are_made_again(tmp_path, grid, tone, monkeypatch):
     render_views(grid, tmp_path, tone=tone)
-    monkeypatch.setattr("polarsim.render.views.job.code_digest", lambda name: f"other code of {name}")
+    monkeypatch.setattr("polarsim.render.views.folder.code_digest", lambda name: f"other code of {name}")
     assert render_views(grid, tmp_path, tone=tone) == (12, 12)
 
 

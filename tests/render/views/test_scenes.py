@@ -6,8 +6,8 @@ import pytest
 from polarsim.errors import FormatError, RenderError
 from polarsim.formats.instances import GROUND, ROCK_IDS
 from polarsim.render.options import RenderOptions
+from polarsim.render.views.options import SceneSection
 from polarsim.render.views.scenes import Ensemble
-from polarsim.render.views.sections import SceneSection
 
 SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
 BARE = RenderOptions(rim=False, skirt_m=0)

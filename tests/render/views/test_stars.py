@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.star_table import cut
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose, looking
 from polarsim.render.views.cameras import pinhole
-from polarsim.render.views.hipparcos import cut, directions
-from polarsim.render.views.sections import StarField
-from polarsim.render.views.stars import SUN_MAGNITUDE, Sky, sky_images, sky_mask, sky_of, star_radiance
+from polarsim.render.views.options import StarField
+from polarsim.render.views.stars import SUN_MAGNITUDE, Sky, directions, sky_images, sky_mask, sky_of, star_radiance
 
 LENS = pinhole(50, 160, 120)
 UPWARDS = looking(np.array([0.0, 0, 1]), 0.4, -0.9)

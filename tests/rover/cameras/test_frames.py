@@ -7,9 +7,8 @@ from polarsim.errors import PolarsimError
 from polarsim.formats import png, yolo
 from polarsim.formats.tables import read_parquet
 from polarsim.rover.cameras import frames
-from polarsim.rover.cameras.frames import render_frames
+from polarsim.rover.cameras.frames import read_truth, render_frames
 from polarsim.rover.cameras.layout import labels_folder, picture_folder
-from polarsim.rover.cameras.truth import read_truth
 from polarsim.rover.drive.trace import write_trace
 from polarsim.rover.vehicle.mounts import FRONT
 from tests.rover import driven

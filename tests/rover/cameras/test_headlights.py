@@ -13,7 +13,7 @@ from polarsim.render.lamps import Lamp, Spot
 from polarsim.render.olat import NO_LAMP, made_by_device
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.bodywork import body_of
-from polarsim.rover.cameras.headlights import SUN_IN_BAND_W_M2, headlights
+from polarsim.rover.cameras.lights import SUN_IN_BAND_W_M2, headlights
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.vehicle.mounts import FRONT

@@ -7,8 +7,8 @@ import pytest
 
 from polarsim.errors import RoverError
 from polarsim.render.views.moon import sun_over
+from polarsim.rover.cameras.lights import suns_of
 from polarsim.rover.cameras.options import CameraSuiteOptions, RealSun
-from polarsim.rover.cameras.suns import suns_of
 
 
 def test_the_paper_names_four_suns_from_east_over_south_to_west():

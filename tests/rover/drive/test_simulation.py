@@ -110,7 +110,8 @@ def test_a_saved_state_goes_on_to_the_same_bytes(soil, tmp_path):
     whole = Simulation(flat(), VIPER, soil)
     run(whole, 0.5, Command(0.2, 0.2))
     whole.save(tmp_path / "state.npz")
-    other = Simulation.load(tmp_path / "state.npz", flat(), VIPER, soil)
+    other = Simulation(flat(), VIPER, soil)
+    other.restore(tmp_path / "state.npz")
     assert other.state().row(0, 0).tobytes() == whole.state().row(0, 0).tobytes()
     one, two = (run(simulation, 0.5)[-1].row(0, 0) for simulation in (whole, other))
     assert one.tobytes() == two.tobytes()
@@ -120,7 +121,7 @@ def test_a_saved_state_goes_on_to_the_same_bytes(soil, tmp_path):
 def test_a_state_of_another_world_is_refused(soil, tmp_path):
     Simulation(flat(), VIPER, soil).save(tmp_path / "state.npz")
     with pytest.raises(FormatError, match=r"state\.npz: the state of another world"):
-        Simulation.load(tmp_path / "state.npz", flat(5.0), VIPER, soil)
+        Simulation(flat(5.0), VIPER, soil).restore(tmp_path / "state.npz")
 
 
 def test_a_bend_has_the_radius_that_was_commanded(soil):

@@ -13,11 +13,11 @@ from benchmarks.rover_rigs import park, patch_inverse_width, rest_plate
 from polarsim.errors import RoverError
 from polarsim.rover.soil import bulldozing, bulldozing_numba, contact, contact_numba
 from polarsim.rover.soil.bulldozing import Bulldozing
+from polarsim.rover.soil.check import Rig, drive
 from polarsim.rover.soil.contact import Rule
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.limit import steady_wheel
 from polarsim.rover.soil.nodes import FREE, ROCK, SHEAR_X, SHEAR_Z, START, flat_ground, make_ground
-from polarsim.rover.soil.rig import Rig, drive
 from polarsim.rover.soil.shapes import MGRU3, Bodies, Plate, Wheel
 
 SOILS = Path(__file__).parents[3] / "config" / "soils.csv"

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from polarsim.rover.soil.check import TILT_BED, TREC, misses_deg
 from polarsim.rover.soil.law import read_soil
-from polarsim.rover.soil.measured import TILT_BED, TREC, misses_deg
 
 SOILS = Path(__file__).parents[3] / "config" / "soils.csv"
 

@@ -17,7 +17,7 @@ from polarsim.detect.detectors.compact.loss import losses
 from polarsim.detect.detectors.compact.network import Compact
 from polarsim.detect.detectors.compact.pictures import Picture, Pictures, batches, changed
 from polarsim.detect.detectors.compact.weights import as_input, found, network
-from polarsim.detect.detectors.devices import choose_device
+from polarsim.detect.detectors.devices import choose_device, computes_bfloat16
 from polarsim.detect.detectors.families import Trained, Training
 from polarsim.detect.detectors.files import load, read_detector, save
 from polarsim.detect.split import TRAIN, VAL
@@ -100,13 +100,15 @@ def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Trainin
     order = random.permutation(len(pictures))
     steps = math.ceil(len(order) / options.batch)
     totals = np.zeros(2)
+    bfloat16 = computes_bfloat16(options.precision, device)
     state.module.train()
     for batch in batches(pictures, order, options.batch):
         rate = options.learning_rate * _rate(state.steps, steps * options.epochs)
         for group in state.optimizer.param_groups:
             group["lr"] = rate
         shown = [changed(picture, random) for picture in batch] if options.augment else batch
-        logits, boxes = state.module(_input(shown, device))
+        with torch.autocast(device, torch.bfloat16, enabled=bfloat16):
+            logits, boxes = state.module(_input(shown, device))
         parts = losses(logits, boxes, _labels(shown, device))
         state.optimizer.zero_grad()
         sum(parts).backward()  # type: ignore[union-attr]

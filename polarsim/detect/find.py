@@ -1,0 +1,197 @@
+"""Rocks and shadows in anyone's pictures of ground under low light: what `polarsim detect` does."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pydantic import ValidationError
+
+from polarsim.detect import detectors, tone
+from polarsim.detect.options import PicturesOptions, PredictionOptions
+from polarsim.detect.predict import detect, sizes_of
+from polarsim.detect.sizes import Sizes
+from polarsim.errors import DetectError, PolarsimError, about
+from polarsim.formats import coco, png, tables, yolo
+from polarsim.formats.files import writing_folder
+from polarsim.formats.yaml_files import describe_error
+from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, NO_ROCK, WHITE_LEVEL
+from polarsim.progress import track
+
+ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm")
+COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
+_COLOURS = {"rock": (60, 220, 60), "shadow": (0, 150, 255)}  # BGR
+log = logging.getLogger("polarsim")
+
+
+def find_in_pictures(
+    *,
+    pictures: Sequence[Path],
+    weights: Path,
+    out: Path,
+    options: PredictionOptions,
+    threads: int,
+    draw: bool = True,
+) -> pd.DataFrame:
+    """Write what a detector finds in pictures of any size, 8 or 16 bits, grey or colour; `COLUMNS`, px of the picture.
+
+    Parameters
+    ----------
+    pictures
+        Pictures, and folders of which all pictures are taken. One that cannot be read is named and left out.
+    out
+        Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`,
+        and, where asked, `pictures/NAME.jpg` with the boxes drawn.
+
+    Raises
+    ------
+    PolarsimError
+        No picture can be read, two have one name, the weights are no detector of ours, or `out` exists.
+    """
+    paths = _listed(pictures)
+    if out.exists():
+        raise DetectError("is there already: name a new folder", path=out)
+    detector = detectors.read_detector(weights)
+    sizes = sizes_of(detector, options)
+    rows: list[tuple[object, ...]] = []
+    annotated: list[tuple[dict[str, object], list[coco.Annotation]]] = []
+    with writing_folder(out) as folder:
+        (folder / "labels").mkdir()
+        if draw:
+            (folder / "pictures").mkdir()
+        with about(weights):
+            loaded = detectors.family(detector.model).load(detector, folder, options, threads)
+        for path, pixels in _read_ahead(paths):
+            height, width = pixels.shape[:2]
+            found = see(loaded, pixels, sizes, options.nms_iou)
+            rows += [(path.name, BOX_CLASSES[int(row[5])], row[4], *row[:4]) for row in found]
+            yolo.write_boxes(
+                folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], (width, height), found[:, 4]
+            )
+            image = {"id": len(annotated) + 1, "file_name": path.name, "width": width, "height": height}
+            own = [coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]
+            annotated.append((image, own))
+            if draw:
+                _draw(folder / "pictures" / f"{path.stem}.jpg", pixels, found)
+        if not annotated:
+            raise DetectError(f"none of {len(paths)} pictures can be read", path=pictures[0])
+        table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:], 1)})
+        tables.write_csv(folder / "detections.csv", table)
+        coco.write_pictures(folder / "coco.json", annotated, f"Found by {weights.name}")
+    return table
+
+
+def prediction_options(
+    confidence: float, widths: Sequence[str], gates_px: Sequence[str], device: str
+) -> PredictionOptions:
+    """Options of texts that a person typed.
+
+    Raises
+    ------
+    DetectError
+        One is no number, or they do not go together.
+    """
+    try:
+        return PredictionOptions.model_validate(
+            {"confidence": confidence, "nms_iou": 0.5, "widths": widths, "gates_px": gates_px, "device": device}
+        )
+    except ValidationError as error:
+        raise DetectError(describe_error(error, "options")) from error
+
+
+def see(loaded: detectors.LoadedDetector, pixels: np.ndarray, sizes: Sizes, nms_iou: float) -> np.ndarray:
+    """Boxes (n, 6) in one picture (h, w[, 3]) of 8 or 16 bits: x0, y0, x1, y1 in its pixels, confidence, class."""
+    full = pixels.shape[1], pixels.shape[0]
+    longest = max(sizes.widths)
+    small = tone.shrink(_grey(pixels), longest) if max(full) > longest else _grey(pixels)
+    (found,) = detect(loaded, [_eight_bits(small, pixels.dtype)], sizes, nms_iou, full)
+    return found
+
+
+def read_any(path: Path) -> np.ndarray:
+    """(h, w), or (h, w, 3) blue, green, red, of 8 or 16 bits.
+
+    Raises
+    ------
+    DetectError
+        No readable picture, or one of another depth.
+    """
+    import cv2
+
+    if path.suffix.lower() == ".png":
+        png.parse_header(path.read_bytes())  # OpenCV reads a cut file without a word
+    pixels = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise DetectError("no readable picture", path=path)
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise DetectError(f"{pixels.dtype}, expected 8 or 16 bits", path=path)
+    return np.asarray(pixels if pixels.ndim == 2 else pixels[..., :3])  # without transparency
+
+
+def _listed(pictures: Sequence[Path]) -> list[Path]:
+    paths: list[Path] = []
+    for path in pictures:
+        if path.is_dir():
+            inside = sorted(file for file in path.rglob("*") if file.suffix.lower() in ENDINGS)
+            if not inside:
+                raise DetectError(f"no picture in it, looked for {', '.join(ENDINGS)}", path=path)
+            paths += inside
+        elif path.is_file():
+            paths.append(path)
+        else:
+            raise DetectError("no such picture or folder", path=path)
+    seen: dict[str, Path] = {}
+    for path in paths:
+        if path.stem in seen:
+            raise DetectError(f"has the name of {seen[path.stem]}, expected each name once", path=path)
+        seen[path.stem] = path
+    return paths
+
+
+def _read_ahead(paths: Sequence[Path]) -> Iterator[tuple[Path, np.ndarray]]:
+    """Pictures in order, the next ones read while one is looked at; unreadable ones are a warning."""
+    with ThreadPoolExecutor(1) as pool:
+        ahead = [pool.submit(read_any, path) for path in paths[:2]]
+        for number, path in enumerate(track(paths, "detecting")):
+            future = ahead.pop(0)
+            if number + 2 < len(paths):
+                ahead.append(pool.submit(read_any, paths[number + 2]))
+            try:
+                pixels = future.result()
+            except (PolarsimError, OSError) as error:
+                reason = error.reason if isinstance(error, PolarsimError) else error.strerror
+                log.warning("left out: %s: %s", path, reason)
+                continue
+            yield path, pixels
+
+
+def _grey(pixels: np.ndarray) -> np.ndarray:
+    import cv2
+
+    return pixels if pixels.ndim == 2 else np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY))
+
+
+def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:
+    """As detectors see pictures: 8 bits as they are, 12 and 16 bits through the tone curve of training pictures."""
+    if depth == np.uint8:
+        return np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
+    light = pixels.astype(np.float32)
+    if light.max(initial=0) > WHITE_LEVEL:  # all 16 bits are in use, black is 0
+        light = BLACK_LEVEL + light * ((WHITE_LEVEL - BLACK_LEVEL) / np.iinfo(np.uint16).max)
+    return tone.to_8_bits(light, PicturesOptions())
+
+
+def _draw(path: Path, pixels: np.ndarray, found: Iterable[np.ndarray]) -> None:
+    import cv2
+
+    grey = _eight_bits(_grey(pixels), pixels.dtype)
+    canvas = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    line = max(1, round(canvas.shape[1] / 700))
+    for row in found:
+        x0, y0, x1, y1 = np.rint(row[:4]).astype(int).tolist()
+        cv2.rectangle(canvas, (x0, y0), (x1, y1), _COLOURS[BOX_CLASSES[int(row[5])]], line)
+    cv2.imwrite(str(path), canvas, [cv2.IMWRITE_JPEG_QUALITY, 88])

@@ -1,0 +1,125 @@
+"""Detection at several widths of a picture: small rocks are found in wide pictures, large rocks in narrow ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from polarsim.detect import metrics
+from polarsim.detect.nms import suppress
+from polarsim.errors import DetectError
+from polarsim.photo import BOX_CLASSES
+
+_OVERLAP = 1.25  # boxes up to this factor beyond a gate are taken from both widths; suppression leaves one of them
+_GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # that are tried between two widths
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Widths at which a detector looks at a picture, ascending, and the sizes of boxes where one gives way to the next.
+
+    Of boxes with a longer side below `gates_px[n]` the wider picture `widths[n + 1]` is asked, of larger ones
+    `widths[n]`; in pixels of a photo 1936 px wide. There is one gate fewer than widths.
+    """
+
+    widths: tuple[int, ...]
+    gates_px: tuple[float, ...] = ()
+
+    def scaled(self, factor: float) -> Sizes:
+        """The same with gates in pixels of a picture that has `factor` times the width of a photo."""
+        return Sizes(self.widths, tuple(factor * gate for gate in self.gates_px))
+
+    def ranges_px(self) -> list[tuple[float, float]]:
+        """Least and largest longer side of the boxes that are taken at each width."""
+        edges = [np.inf, *self.gates_px, 0.0]
+        return [(low / _OVERLAP, high * _OVERLAP) for high, low in pairwise(edges)]
+
+
+def merge(found: Sequence[np.ndarray], sizes: Sizes, nms_iou: float, most: int) -> np.ndarray:
+    """What is found of one picture at each of `sizes.widths`, as one list of boxes.
+
+    Parameters
+    ----------
+    found : sequence of (n, 6)
+        x0, y0, x1, y1 in pixels of a photo 1936 px wide, confidence, class; one array a width.
+    nms_iou
+        IoU above which the less confident of two boxes of a class is dropped.
+    most
+        Boxes that are kept, the most confident ones.
+
+    Returns
+    -------
+    (m, 6), the most confident first
+    """
+    if len(found) == 1:
+        return found[0]
+    taken = []
+    for rows, (least, largest) in zip(found, sizes.ranges_px(), strict=True):
+        side = (rows[:, 2:4] - rows[:, :2]).max(axis=1, initial=0)
+        taken.append(rows[(side >= least) & (side < largest)])
+    return suppressed(np.concatenate(taken), nms_iou, most)
+
+
+def suppressed(rows: np.ndarray, nms_iou: float, most: int) -> np.ndarray:
+    """Boxes (n, 6) as in `merge` without those that a more confident one of their class overlaps."""
+    kept = [rows[:0]]
+    for kind in range(len(BOX_CLASSES)):
+        own = rows[rows[:, 5] == kind]
+        kept.append(own[suppress(own[:, :4], own[:, 4], nms_iou)] if len(own) else own)
+    table = np.concatenate(kept)
+    return table[np.argsort(-table[:, 4], kind="stable")[:most]]
+
+
+def choose_sizes(
+    labels: Sequence[tuple[np.ndarray, np.ndarray]],
+    found: Mapping[int, Sequence[np.ndarray]],
+    nms_iou: float,
+    most: int,
+) -> Sizes:
+    """The widths and gates with the largest mAP@0.5, mean over the classes that have labels.
+
+    One width alone, and two with each of a few gates between them. The pictures should be of places that the detector
+    was not trained on, and none of those that it will be evaluated on.
+
+    Parameters
+    ----------
+    labels : sequence of (classes (n,), boxes (n, 4))
+        Of every picture, pixels of a photo.
+    found : mapping of width to sequence of (n, 6)
+        What was found of every picture at each width, as in `merge`.
+
+    Raises
+    ------
+    DetectError
+        No picture has a label.
+    """
+    if not any(len(classes) for classes, _ in labels):
+        raise DetectError("no labels to choose the sizes of pictures by")
+    widths = sorted(found)
+    tried = [Sizes((width,)) for width in widths]
+    tried += [Sizes(pair, (gate,)) for pair in combinations(widths, 2) for gate in _GATES_PX]
+
+    def precision(sizes: Sizes) -> float:
+        merged = [
+            merge(rows, sizes, nms_iou, most) for rows in zip(*(found[width] for width in sizes.widths), strict=True)
+        ]
+        return mean_precision(labels, merged)
+
+    return max(tried, key=precision)
+
+
+def mean_precision(labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray]) -> float:
+    """mAP@0.5 of boxes (n, 6) of pictures, mean over the classes that have labels."""
+    values = [
+        metrics.average_precision(
+            [boxes[classes == kind] for classes, boxes in labels],
+            [rows[rows[:, 5] == kind, :4] for rows in found],
+            [rows[rows[:, 5] == kind, 4] for rows in found],
+            np.array([0.5]),
+        )[0]
+        for kind in range(len(BOX_CLASSES))
+    ]
+    return float(np.nanmean(values))

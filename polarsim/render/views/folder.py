@@ -1,0 +1,225 @@
+"""A folder of novel views: the files of each picture, a sheet of small copies, and the lists of what there is."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import ceil, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.digest import code_digest
+from polarsim.errors import PolarsimError
+from polarsim.formats import coco, png, tables, yolo
+from polarsim.formats.files import read_json, write_json, write_text, writing
+from polarsim.geometry.poses import yaw_pitch_roll
+from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, ROCK, SHADOW
+from polarsim.randomness import generator
+from polarsim.render.views.options import Views
+from polarsim.render.views.plan import AUTO, Picture
+from polarsim.render.views.scenes import Ensemble
+
+Tone = Callable[[np.ndarray], np.ndarray]  # (h, w) uint16 of 12 bits to (h, w, 3) uint8
+MOST = 1024  # pictures on a sheet; of more a seeded choice
+_WIDTH, _WIDEST, _GAP = 4000, 480, 2  # px: of the sheet, of one picture, between two
+_NAMED_FROM = 300  # px: narrower pictures have no room for a name
+_COLOURS = {ROCK: (255, 176, 0), SHADOW: (70, 190, 255)}
+_OF_ONE_TERRAIN = ("terrain", "sources", "noise_seed")  # of a scene's sidecar: views may have several
+Entry = tuple[Picture, float, list[coco.Annotation]]  # a picture, its exposure in ms, its labels
+
+
+class Sheet:
+    """Takes pictures as they come, in any order."""
+
+    def __init__(self, names: Sequence[str], size: tuple[int, int], tone: Tone) -> None:
+        """`size`: width and height of the pictures, px."""
+        chosen = np.arange(len(names))
+        if len(names) > MOST:
+            chosen = np.sort(generator(0, "views", "sheet").choice(len(names), MOST, replace=False))
+        self._place = {names[number]: place for place, number in enumerate(chosen.tolist())}
+        self._columns = max(1, ceil(sqrt(len(chosen))))
+        self._wide = min(_WIDEST, _WIDTH // self._columns - _GAP, size[0])
+        self._high = max(1, round(self._wide * size[1] / size[0]))
+        rows = ceil(len(chosen) / self._columns)
+        self._tone = tone
+        self._pixels = np.full((rows * (self._high + _GAP), self._columns * (self._wide + _GAP), 3), 255, np.uint8)
+
+    def wants(self, name: str) -> bool:
+        return name in self._place
+
+    def add(self, name: str, picture: np.ndarray, labels: Sequence[coco.Annotation]) -> None:
+        """Put a picture (h, w), uint16 of 12 bits or uint8, at its place, its labels drawn in."""
+        import cv2
+
+        size = (self._wide, self._high)
+        small = cv2.resize(picture.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        eight = picture.dtype == np.uint8
+        tile = (
+            np.repeat(np.round(small).astype(np.uint8)[..., None], 3, axis=2)
+            if eight
+            else self._tone(np.round(np.maximum(small, BLACK_LEVEL)).astype(np.uint16))
+        )
+        tile = np.ascontiguousarray(tile)
+        scale = self._wide / picture.shape[1]
+        for label in sorted(labels, key=lambda label: label.kind, reverse=True):  # rocks on top
+            x0, y0, x1, y1 = (round(float(edge) * scale) for edge in label.box)
+            cv2.rectangle(tile, (x0, y0), (x1 - 1, y1 - 1), _COLOURS[label.kind], 1)
+        if self._wide >= _NAMED_FROM:
+            cv2.putText(
+                tile, name, (4, self._high - 6), cv2.FONT_HERSHEY_SIMPLEX, 0.38, (255, 255, 255), 1, cv2.LINE_AA
+            )
+        row, column = divmod(self._place[name], self._columns)
+        top, left = row * (self._high + _GAP), column * (self._wide + _GAP)
+        self._pixels[top : top + self._high, left : left + self._wide] = tile
+
+    def write(self, path: str | Path) -> None:
+        """Write a JPEG."""
+        import cv2
+
+        done, coded = cv2.imencode(".jpg", self._pixels[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+        assert done
+        with writing(path) as temporary:
+            temporary.write_bytes(coded.tobytes())
+
+
+@dataclass(frozen=True)
+class Job:
+    """A file of views, and how and where its pictures are written."""
+
+    views: Views
+    out: Path
+    preview: bool  # eight bits instead of twelve
+    tone: Tone
+    sheet: Sheet
+    digests: dict[str, str] = field(default_factory=dict)  # SHA-256 of instance maps by their names
+    code: str = field(default_factory=lambda: code_digest("polarsim.render.views.run"))  # that makes the pictures
+
+    def path(self, kind: str, name: str) -> Path:
+        """Of a picture's file in one of the folders."""
+        suffix = {"labels": ".txt", "sidecars": ".json"}.get(kind, ".png")
+        return self.out / kind / f"{name}{suffix}"
+
+    def sidecar(self, picture: Picture, exposure_ms: float) -> dict[str, Any]:
+        """All that makes a picture, as JSON has it; OSError where its instance map is not there."""
+        shot, views = picture.shot(self.views, exposure_ms), self.views
+        content = picture.scene.parts[0].scene.sidecar(shot)
+        own = {
+            **{key: value for key, value in content.items() if key not in _OF_ONE_TERRAIN},
+            **picture.columns(),
+            "terrains": [
+                {
+                    "terrain": part.section.terrain,
+                    "offset_m": list(part.section.offset_m),
+                    "heading_deg": part.section.heading_deg,
+                    "meshes": part.scene.mesh_digests,
+                }
+                for part in picture.scene.parts
+            ],
+            "moment_utc": picture.light.moment_utc,
+            "exposure": "stated" if picture.exposure_ms else {AUTO: views.auto_exposure.model_dump()},
+            "stars": views.stars.model_dump() if views.stars else None,
+            "bits": 8 if self.preview else 12,
+            "code": self.code,
+            "instances": self._instances_digest(picture.ground_truth),
+        }
+        return dict(json.loads(json.dumps(own)))
+
+    def found(self, picture: Picture) -> float | None:
+        """The exposure of a picture that is there as it would be made now; None where one of its files is not."""
+        try:
+            there = read_json(self.path("sidecars", picture.name))
+            exposure = float(there["exposure_ms"])
+            wanted = self.sidecar(picture, picture.exposure_ms or exposure)
+        except (PolarsimError, OSError, KeyError, TypeError, ValueError):
+            return None
+        complete = all(self.path(kind, picture.name).is_file() for kind in ("images", "labels"))
+        return exposure if complete and there == wanted else None
+
+    def write_instances(self, picture: Picture, ids: np.ndarray) -> None:
+        """Write the instance map (h, w) uint16 that the picture shares with others."""
+        self.digests.pop(picture.ground_truth, None)
+        png.write(self.path("instances", picture.ground_truth), ids)
+
+    def write(self, picture: Picture, grey: np.ndarray, exposure_ms: float, labels: Sequence[coco.Annotation]) -> None:
+        """Write a picture (h, w) uint16 and its boxes, and then its sidecar: where that is, the others are."""
+        self.path("sidecars", picture.name).unlink(missing_ok=True)
+        pixels = self.tone(grey)[..., 0] if self.preview else grey
+        png.write(self.path("images", picture.name), pixels)
+        yolo.write_boxes(
+            self.path("labels", picture.name),
+            np.array([BOX_CLASSES.index(label.kind) for label in labels], int),
+            np.array([label.box for label in labels], float),
+            picture.size,
+        )
+        write_json(self.path("sidecars", picture.name), self.sidecar(picture, exposure_ms))
+        if self.sheet.wants(picture.name):
+            self.sheet.add(picture.name, pixels, labels)
+
+    def _instances_digest(self, name: str) -> str:
+        if name not in self.digests:
+            self.digests[name] = hashlib.sha256(self.path("instances", name).read_bytes()).hexdigest()
+        return self.digests[name]
+
+
+def write_listing(out: Path, entries: Sequence[Entry]) -> None:
+    """Write index.csv, annotations.json, rocks.csv and data.yaml."""
+    tables.write_csv(out / "index.csv", pd.DataFrame([_index_row(*entry) for entry in entries]))
+    pictures = [
+        (
+            {
+                "id": picture.number + 1,
+                "file_name": f"{picture.name}.png",
+                "width": picture.size[0],
+                "height": picture.size[1],
+                **picture.columns(),
+                "exposure_ms": exposure_ms,
+            },
+            labels,
+        )
+        for picture, exposure_ms, labels in entries
+    ]
+    coco.write_pictures(out / "annotations.json", pictures, "Rocks and shadows of novel views, labelled by polarsim")
+    scenes = {picture.scene.name: picture.scene for picture, _, _ in entries}
+    tables.write_csv(out / "rocks.csv", _rocks(list(scenes.values())))
+    names = "".join(f"  {number}: {name}\n" for number, name in enumerate(BOX_CLASSES))
+    note = "# Paths are relative to this file. For validation divide by camera: pictures of one are alike."
+    write_text(out / "data.yaml", f"{note}\ntrain: images\nval: images\nnames:\n{names}")
+
+
+def _index_row(picture: Picture, exposure_ms: float, labels: list[coco.Annotation]) -> dict[str, object]:
+    pose = picture.camera.world_from_camera
+    angles = zip(("yaw_deg", "pitch_deg", "roll_deg"), np.degrees(yaw_pitch_roll(pose)).tolist(), strict=True)
+    return {
+        "name": picture.name,
+        **picture.columns(),
+        "exposure_ms": exposure_ms,
+        **dict(zip(("x_m", "y_m", "z_m"), pose.translation.tolist(), strict=True)),
+        **dict(angles),
+        "azimuth_deg": picture.light.azimuth_deg,
+        "elevation_deg": picture.light.elevation_deg,
+        "moment_utc": picture.light.moment_utc,
+        "instances": f"{picture.ground_truth}.png",
+        "rocks": sum(label.kind == ROCK for label in labels),
+        "shadows": sum(label.kind == SHADOW for label in labels),
+    }
+
+
+def _rocks(scenes: Sequence[Ensemble]) -> pd.DataFrame:
+    """Every rock of every scene, and the terrain and id that it has in its meshes."""
+    rows = [
+        {
+            "scene": scene.name,
+            "rock": rock,
+            "terrain": scene.parts[place].section.terrain,
+            "terrain_rock": own,
+            "meshes": str(scene.parts[place].section.meshes),
+        }
+        for scene in scenes
+        for rock, (place, own) in scene.rocks.items()
+    ]
+    return pd.DataFrame(rows, columns=["scene", "rock", "terrain", "terrain_rock", "meshes"])

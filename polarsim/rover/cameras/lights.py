@@ -1,0 +1,77 @@
+"""The light on a drive: Suns that the paper names, the real one over a place and at a date, none; the rover's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.errors import RoverError
+from polarsim.geometry.poses import Pose
+from polarsim.render.lamps import REFERENCE_DISTANCE, SUN_RADIUS_DEG, Lamp, Spot, beam_power
+from polarsim.render.views.moon import local_from_celestial, sun_over
+from polarsim.rover.cameras.options import NIGHT, REAL, SUN_AZIMUTHS_DEG, CameraSuiteOptions
+from polarsim.rover.vehicle.mounts import link_from_part
+from polarsim.rover.vehicle.table import LightPart
+
+# W/m2 of the Sun at 1 AU between 400 and 1000 nm, where a silicon sensor sees: 60 % of 1361, as of a black body of
+# 5772 K. Sun lamps of intensity 1 stand for it.
+SUN_IN_BAND_W_M2 = 810.0
+
+
+@dataclass(frozen=True)
+class Sun:
+    """A Sun's light, where it stands (from east to north), and how the stars lie over the world; no light at night."""
+
+    name: str
+    lamp: Lamp | None
+    azimuth_deg: float
+    elevation_deg: float
+    world_from_celestial: np.ndarray  # (3, 3) rotation
+
+
+def suns_of(options: CameraSuiteOptions) -> dict[str, Sun]:
+    """All Suns by name, in the order of the options.
+
+    Raises
+    ------
+    RoverError
+        None is asked for, or the real one is down.
+    """
+    found: dict[str, Sun] = {name: _named(name, options.sun_elevation_deg) for name in options.suns}
+    real = options.real_sun
+    if real is not None:
+        compass, height = sun_over(real.latitude_deg, real.longitude_deg, real.moment_utc)
+        if height < -SUN_RADIUS_DEG:
+            raise RoverError(
+                f"suite: the Sun is {-height:.1f} degrees below the horizon at {real.moment_utc:%Y-%m-%d %H:%M}"
+            )
+        azimuth = (90 - compass) % 360
+        sky = local_from_celestial(real.latitude_deg, real.longitude_deg, real.moment_utc)
+        found[REAL] = Sun(REAL, Lamp.sun(azimuth, height), azimuth, height, sky)
+    if not found:
+        raise RoverError("suite: no Sun is asked for")
+    return found
+
+
+def _named(name: str, elevation_deg: float) -> Sun:
+    if name == NIGHT:
+        return Sun(name, None, 0.0, -90.0, np.eye(3))
+    azimuth = SUN_AZIMUTHS_DEG[name]
+    return Sun(name, Lamp.sun(azimuth, elevation_deg), azimuth, elevation_deg, np.eye(3))
+
+
+def headlights(lights: Sequence[LightPart], world_from_link: Mapping[str, Pose]) -> dict[str, Spot]:
+    """Lamps by name, where the rover's links are."""
+    found = {}
+    for light in lights:
+        pose = world_from_link[light.link] @ link_from_part(light.position_m, light.yaw_deg, light.pitch_deg)
+        found[light.name] = Spot(pose.translation, _intensity(light), axis=pose.rotation[:, 0], beam_deg=light.beam_deg)
+    return found
+
+
+def _intensity(light: LightPart) -> float:
+    """Over that of a Sun lamp of intensity 1: what `power_w` in a beam of cos^m sends along its axis."""
+    watts_per_steradian = light.power_w * (beam_power(light.beam_deg) + 1) / (2 * np.pi)
+    return float(watts_per_steradian / REFERENCE_DISTANCE**2 / SUN_IN_BAND_W_M2)

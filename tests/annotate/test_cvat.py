@@ -1,0 +1,30 @@
+import json
+
+import numpy as np
+
+from polarsim.annotate.export import cvat_labels
+from polarsim.formats import coco
+from polarsim.photo import PhotoKey
+
+
+def test_every_attribute_is_declared_to_cvat_which_drops_others(tmp_path):
+    box = coco.Annotation("rock", 7, np.array([100.0, 200, 150, 230]), None, "fused", 0.8)
+    coco.write_coco(tmp_path / "boxes.json", {PhotoKey.parse("01_A_off_30_L_0256"): [box]})
+    written = json.loads((tmp_path / "boxes.json").read_text())["annotations"][0]
+    assert written["attributes"] == {"rock": 7, "confidence": 0.8, "label_source": "fused"}
+    assert written["segmentation"] == []  # else CVAT imports polygons, no rectangles
+    for entry in cvat_labels():
+        assert {attribute["name"] for attribute in entry["attributes"]} == set(written["attributes"])
+
+
+def test_a_source_among_attributes_comes_back(tmp_path):
+    content = {
+        "images": [{"id": 1, "file_name": "01_A_off_30_L_0256.png"}],
+        "categories": [{"id": 1, "name": "rock"}],
+        "annotations": [
+            {"image_id": 1, "category_id": 1, "bbox": [10, 20, 30, 40], "attributes": {"label_source": "fused"}}
+        ],
+    }
+    (tmp_path / "boxes.json").write_text(json.dumps(content))
+    ((read,),) = coco.read_coco(tmp_path / "boxes.json").values()
+    assert read.source == "fused"

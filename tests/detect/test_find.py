@@ -1,0 +1,119 @@
+"""`polarsim detect`: pictures of any size and depth, and what is written about them."""
+
+import json
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.detect import detectors, find
+from polarsim.detect.find import find_in_pictures, prediction_options, read_any
+from polarsim.detect.options import PredictionOptions
+from polarsim.detect.predict import detect
+from polarsim.detect.sizes import Sizes
+from polarsim.errors import DetectError
+
+torch = pytest.importorskip("torch")
+BOX = np.array([100, 80, 180, 140], float)  # of the bright block in a picture 640 x 400
+
+
+@pytest.fixture
+def weights(tmp_path):
+    from polarsim.detect.detectors.compact.weights import network
+
+    state = {name: value.half() for name, value in network("compact").state_dict().items()}
+    detectors.write_detector(tmp_path / "blocks.pt", detectors.Detector("compact", 320, 1, "scratch", state))
+    return tmp_path / "blocks.pt"
+
+
+@pytest.fixture
+def block_finder(monkeypatch):
+    """In the network's place something that finds the bright block, so that boxes are known."""
+
+    def found(pictures):
+        places = [np.argwhere(picture > 200) for picture in pictures]
+        return [np.array([[*p.min(0)[::-1], *(p.max(0)[::-1] + 1), 0.9, 0]], float) for p in places]
+
+    class Family:
+        load = staticmethod(lambda *_: found)
+
+    monkeypatch.setattr(find.detectors, "family", lambda _: Family)
+
+
+def picture(size=(640, 400), depth=np.uint8, channels=1):
+    scale = size[0] / 640
+    x0, y0, x1, y1 = (BOX * scale).astype(int)
+    bright, dark = {np.uint8: (250, 40), np.uint16: (60000, 3000)}[depth]
+    pixels = np.full((size[1], size[0]), dark, depth)
+    pixels[y0:y1, x0:x1] = bright
+    return pixels if channels == 1 else np.repeat(pixels[..., None], channels, axis=2)
+
+
+def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(weights, block_finder, tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "whole.png"), picture())
+    cv2.imwrite(str(folder / "half.png"), picture((320, 200)))
+    cv2.imwrite(str(folder / "colour.jpg"), picture(channels=3))
+    cv2.imwrite(str(folder / "deep.tif"), picture(depth=np.uint16))
+    (folder / "broken.png").write_bytes((folder / "whole.png").read_bytes()[:200])
+    found = find_in_pictures(
+        pictures=[folder], weights=weights, out=tmp_path / "out", options=PredictionOptions(), threads=1
+    )
+    assert found["picture"].tolist() == ["colour.jpg", "deep.tif", "half.png", "whole.png"]  # the broken one is not
+    corners = found[["x0", "y0", "x1", "y1"]].to_numpy()
+    np.testing.assert_allclose(corners[[0, 1, 3]], [BOX] * 3, atol=2.5)  # a pixel of the network is two of theirs
+    np.testing.assert_allclose(corners[2], BOX / 2, atol=1.5)
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "out/detections.csv"), found, check_dtype=False)
+    fields = (tmp_path / "out/labels/half.txt").read_text().split()
+    assert (fields[0], fields[5]) == ("0", "0.9000")
+    np.testing.assert_allclose(float(fields[1]) * 320, (corners[2, 0] + corners[2, 2]) / 2, atol=0.1)
+    images = {row["file_name"]: row for row in json.loads((tmp_path / "out/coco.json").read_text())["images"]}
+    assert (images["half.png"]["width"], images["half.png"]["height"]) == (320, 200)
+    assert cv2.imread(str(tmp_path / "out/pictures/whole.jpg")).shape == (400, 640, 3)
+
+
+def test_what_cannot_be_looked_at_is_one_line_and_nothing_is_written(weights, tmp_path):
+    def run(*pictures, out=tmp_path / "out"):
+        find_in_pictures(pictures=pictures, weights=weights, out=out, options=PredictionOptions(), threads=1)
+
+    (tmp_path / "text.png").write_text("no picture")
+    (tmp_path / "empty").mkdir()
+    for pictures, reason in (
+        ([tmp_path / "text.png"], "none of 1 pictures can be read"),
+        ([tmp_path / "empty"], "no picture in it"),
+        ([tmp_path / "absent.png"], "no such picture"),
+        ([tmp_path / "text.png", tmp_path / "text.png"], "each name once"),
+    ):
+        with pytest.raises(DetectError, match=reason):
+            run(*pictures)
+    with pytest.raises(DetectError, match="there already"):
+        run(tmp_path / "text.png", out=tmp_path / "empty")
+    assert not (tmp_path / "out").exists()
+
+
+def test_pictures_in_floats_are_refused(tmp_path):
+    cv2.imwrite(str(tmp_path / "float.tif"), np.ones((8, 8), np.float32))
+    with pytest.raises(DetectError, match="float32, expected 8 or 16 bits"):
+        read_any(tmp_path / "float.tif")
+
+
+def test_options_that_do_not_go_together_are_one_line():
+    assert prediction_options(0.3, ["512", "896"], ["64"], "cpu").gates_px == (64.0,)
+    for widths, gates in ((["wide"], []), (["512", "896"], [])):
+        with pytest.raises(DetectError, match=r"width|integer|gate"):
+            prediction_options(0.3, widths, gates, "cpu")
+
+
+def test_a_picture_of_another_shape_is_not_stretched():
+    """A rover's 16:9 picture: boxes came out 1.12 times too low and too high in pixels of a photo."""
+    pixels = np.zeros((1080, 1920), np.uint8)
+    pixels[600:700, 400:520] = 255
+
+    def finder(pictures):
+        places = [np.argwhere(one > 128) for one in pictures]
+        return [np.array([[*p.min(0)[::-1], *(p.max(0)[::-1] + 1), 0.9, 0]], float) for p in places]
+
+    (found,) = detect(finder, [pixels], Sizes((960,)), 0.5, (1920, 1080))
+    np.testing.assert_allclose(found[0, :4], [400, 600, 520, 700], atol=2.1)

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.detect.options import PredictionOptions
+from polarsim.detect.sizes import Sizes, choose_sizes, merge
+
+BOTH = Sizes((512, 896), (64.0,))
+
+
+def rows(*sides, confidence=0.5, left=0.0, kind=0):
+    """Square boxes of these sides, one beside the other."""
+    x0 = left + np.cumsum([0.0, *sides[:-1]]) + 10 * np.arange(len(sides))
+    return np.array([(x, 0, x + side, side, confidence, kind) for x, side in zip(x0, sides, strict=True)], float)
+
+
+def test_small_boxes_come_from_the_wide_picture_and_large_ones_from_the_narrow_one():
+    found = merge([rows(20, 200), rows(20, 200, left=1000)], BOTH, 0.5, 300)
+    assert sorted(found[:, 0].tolist()) == [30.0, 1000.0]  # the narrow one's 200 px, the wide one's 20 px
+
+
+def test_a_rock_at_the_gate_is_found_at_both_widths_and_kept_once():
+    found = merge([rows(64, confidence=0.4), rows(64, confidence=0.6)], BOTH, 0.5, 300)
+    assert found[:, 4].tolist() == [0.6]
+    other = merge([rows(64, confidence=0.4), rows(64, confidence=0.6, kind=1)], BOTH, 0.5, 300)
+    assert other[:, 5].tolist() == [1, 0]  # a rock and its shadow do not suppress each other
+
+
+def test_gates_follow_the_size_of_the_picture():
+    found = merge([rows(18), rows(18, left=500)], BOTH.scaled(0.25), 0.5, 300)
+    assert found[:, 0].tolist() == [0.0, 500.0]  # 16 px is the gate of a quarter photo: 18 px lies in both ranges
+
+
+@given(st.lists(st.floats(1, 500), min_size=1, max_size=8), st.integers(1, 5))
+def test_merging_invents_nothing_and_keeps_the_most_confident(sides, most):
+    wide = rows(*sides, confidence=0.3)
+    found = merge([rows(*sides, confidence=0.2), wide], BOTH, 0.5, most)
+    assert len(found) <= most
+    assert (np.diff(found[:, 4]) <= 0).all()
+    assert set(map(tuple, found[:, :4])) <= set(map(tuple, wide[:, :4]))
+    if most >= len(sides):
+        assert len(found) == len(sides)  # every box is in the range of one width at least
+
+
+def test_sizes_are_chosen_by_what_is_found_where():
+    """Small rocks are found in wide pictures alone, large ones in narrow pictures alone: both are needed."""
+    labels = [(np.array([0, 0]), rows(20, 300)[:, :4])]
+    found = {512: [rows(20, 300)[1:]], 896: [rows(20, 300)[:1]]}
+    assert choose_sizes(labels, found, 0.5, 300).widths == (512, 896)
+    assert choose_sizes(labels, {512: [rows(20, 300)], 896: [rows(5)]}, 0.5, 300) == Sizes((512,))
+
+
+@pytest.mark.parametrize(
+    "given", [{"widths": [512, 896]}, {"widths": [896, 512], "gates_px": [64]}, {"gates_px": [64]}, {"widths": [500]}]
+)
+def test_widths_and_gates_that_do_not_go_together_are_refused(given):
+    with pytest.raises(ValueError, match=r"widths|gates_px|multiple"):
+        PredictionOptions.model_validate(given)
