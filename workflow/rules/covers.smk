@@ -50,7 +50,7 @@ rule render_scenes:
         mem_mb=2000,
         runtime=240,
     params:
-        stored_px=CONFIG.detect.pictures.imgsz,
+        stored_px=CONFIG.detect.pictures.longer_side,
         options=options("covers.scenes"),
         code=code_of("render_scenes"),
     script:
