@@ -142,9 +142,10 @@ def calls_of(script: str) -> list[tuple[str, str, set[str]]]:
     return [(modules[node.args[0].id], node.args[0].id, {word.arg for word in node.keywords}) for node in nodes]
 
 
-@pytest.mark.parametrize("script", sorted(rules_by_script()))
-def test_a_rule_names_once_what_its_script_does_not_give(script):
-    (rule,) = rules_by_script()[script]
+@pytest.mark.parametrize(
+    ("script", "rule"), [(script, rule) for script, rules in sorted(rules_by_script().items()) for rule in rules]
+)
+def test_a_rule_names_once_what_its_script_does_not_give(script, rule):
     wildcards = set(re.findall(r"\{(\w+)\}", rule)) | {"threads"}
     sections = [names_in(rule, section) for section in ("output", "input", "params")]
     assert calls_of(script)
