@@ -105,9 +105,8 @@ def prediction_options(
 
 def see(loaded: detectors.LoadedDetector, pixels: np.ndarray, sizes: Sizes, nms_iou: float) -> np.ndarray:
     """Boxes (n, 6) in one picture (h, w[, 3]) of 8 or 16 bits: x0, y0, x1, y1 in its pixels, confidence, class."""
-    full = pixels.shape[1], pixels.shape[0]
-    longest = max(sizes.widths)
-    small = tone.shrink(_grey(pixels), longest) if max(full) > longest else _grey(pixels)
+    grey, full, longest = _grey(pixels), (pixels.shape[1], pixels.shape[0]), max(sizes.widths)
+    small = tone.shrink(grey, longest) if max(full) > longest else grey
     (found,) = detect(loaded, [_eight_bits(small, pixels.dtype)], sizes, nms_iou, full)
     return found
 
@@ -122,9 +121,10 @@ def read_any(path: Path) -> np.ndarray:
     """
     import cv2
 
+    content = path.read_bytes()
     if path.suffix.lower() == ".png":
-        png.parse_header(path.read_bytes())  # OpenCV reads a cut file without a word
-    pixels = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
+        png.parse_header(content)  # OpenCV reads a cut file without a word
+    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
     if pixels is None:
         raise DetectError("no readable picture", path=path)
     if pixels.dtype not in (np.uint8, np.uint16):

@@ -27,16 +27,16 @@ def weights(tmp_path):
     return tmp_path / "blocks.pt"
 
 
+def brightest(pictures):
+    """In the network's place: the box of the bright block of each picture, so that boxes are known."""
+    places = [np.argwhere(picture > 200) for picture in pictures]
+    return [np.array([[*p.min(0)[::-1], *(p.max(0)[::-1] + 1), 0.9, 0]], float) for p in places]
+
+
 @pytest.fixture
 def block_finder(monkeypatch):
-    """In the network's place something that finds the bright block, so that boxes are known."""
-
-    def found(pictures):
-        places = [np.argwhere(picture > 200) for picture in pictures]
-        return [np.array([[*p.min(0)[::-1], *(p.max(0)[::-1] + 1), 0.9, 0]], float) for p in places]
-
     class Family:
-        load = staticmethod(lambda *_: found)
+        load = staticmethod(lambda *_: brightest)
 
     monkeypatch.setattr(find.detectors, "family", lambda _: Family)
 
@@ -57,11 +57,17 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
     cv2.imwrite(str(folder / "half.png"), picture((320, 200)))
     cv2.imwrite(str(folder / "colour.jpg"), picture(channels=3))
     cv2.imwrite(str(folder / "deep.tif"), picture(depth=np.uint16))
+    (folder / "empty.jpg").touch()
     (folder / "broken.png").write_bytes((folder / "whole.png").read_bytes()[:200])
     found = find_in_pictures(
         pictures=[folder], weights=weights, out=tmp_path / "out", options=PredictionOptions(), threads=1
     )
-    assert found["picture"].tolist() == ["colour.jpg", "deep.tif", "half.png", "whole.png"]  # the broken one is not
+    assert found["picture"].tolist() == [
+        "colour.jpg",
+        "deep.tif",
+        "half.png",
+        "whole.png",
+    ]  # not those two
     corners = found[["x0", "y0", "x1", "y1"]].to_numpy()
     np.testing.assert_allclose(corners[[0, 1, 3]], [BOX] * 3, atol=2.5)  # a pixel of the network is two of theirs
     np.testing.assert_allclose(corners[2], BOX / 2, atol=1.5)
@@ -111,9 +117,5 @@ def test_a_picture_of_another_shape_is_not_stretched():
     pixels = np.zeros((1080, 1920), np.uint8)
     pixels[600:700, 400:520] = 255
 
-    def finder(pictures):
-        places = [np.argwhere(one > 128) for one in pictures]
-        return [np.array([[*p.min(0)[::-1], *(p.max(0)[::-1] + 1), 0.9, 0]], float) for p in places]
-
-    (found,) = detect(finder, [pixels], Sizes((960,)), 0.5, (1920, 1080))
+    (found,) = detect(brightest, [pixels], Sizes((960,)), 0.5, (1920, 1080))
     np.testing.assert_allclose(found[0, :4], [400, 600, 520, 700], atol=2.1)
