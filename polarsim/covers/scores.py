@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.detect import metrics
+from polarsim.detect import bootstrap, metrics
 from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.detectors import detector_name
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
@@ -88,11 +88,9 @@ def cover_figures(
         ranked = metrics.rank(truth, [rows[:, :4] for rows in found], [rows[:, 4] for rows in found])
         whole = metrics.precision_at_recalls(ranked).mean(axis=1)
         random = generator(seed, "covers", "bootstrap", kind)
-        drawn = [
-            metrics.precision_at_recalls(ranked, weights=_times(len(keys), random)).mean(axis=1)[0]
-            for _ in range(resamples if len(keys) > 1 else 0)
-        ]
-        low, high = np.nanpercentile(drawn, [2.5, 97.5]) if drawn else (np.nan, np.nan)
+        drawn = np.array([_times(len(keys), random) for _ in range(resamples)])
+        precision = bootstrap.resampled_precision(ranked, 0, np.arange(len(keys)), drawn)[:, 0]
+        low, high = bootstrap.interval(precision, len(keys))
         best = np.concatenate([metrics.best_overlap(t, f[:, :4]) for t, f in zip(truth, found, strict=True)])
         rows.append((kind, len(keys), len(best), whole[0], low, high, whole.mean(), best.mean()))
     names = ["kind", "images", "labels", "map50", "map50_low", "map50_high", "map50_95", "iou_mean"]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry import boxes
+from polarsim.photo import BOX_CLASSES
 
 IOU_THRESHOLDS = np.linspace(0.5, 0.95, 10)  # mAP@[0.5:0.95]; the first one is mAP@0.5
 RECALLS = np.linspace(0, 1, 101)
@@ -95,6 +96,32 @@ def average_precision(
     """(t,) average precision at each IoU threshold, of the labels of one range of area; NaN without labels."""
     ranked = rank(labels, predictions, confidences, thresholds, [area])
     return precision_at_recalls(ranked).mean(axis=1)
+
+
+def mean_precision(
+    labels: Sequence[tuple[np.ndarray, np.ndarray]],
+    found: Sequence[np.ndarray],
+    thresholds: np.ndarray = IOU_THRESHOLDS,
+) -> np.ndarray:
+    """(t,) average precision at each IoU threshold, mean over the classes that have labels; 0 where none has.
+
+    Parameters
+    ----------
+    labels : sequence of (classes (n,), boxes (n, 4))
+    found : sequence of (m, 6)
+        x0, y0, x1, y1, confidence, class.
+    """
+    by_class = [
+        average_precision(
+            [corners[classes == kind] for classes, corners in labels],
+            [rows[rows[:, 5] == kind, :4] for rows in found],
+            [rows[rows[:, 5] == kind, 4] for rows in found],
+            thresholds,
+        )
+        for kind in range(len(BOX_CLASSES))
+    ]
+    labelled = [row for row in by_class if not np.isnan(row).any()]
+    return np.mean(labelled, axis=0) if labelled else np.zeros(len(thresholds))
 
 
 def precision_at_recalls(ranked: Ranked, area: int = 0, weights: np.ndarray | None = None) -> np.ndarray:

@@ -85,9 +85,9 @@ def detect(
     if len({picture.shape for picture in pictures}) > 1:
         raise DetectError(f"pictures of sizes {sorted({picture.shape for picture in pictures})}, expected one size")
     by_width = [_detect_at(loaded, pictures, width, full) for width in sizes.widths]
-    photo = full[0] / WIDTH  # gates are in pixels of a photo
+    in_full = sizes.scaled(full[0] / WIDTH)  # gates are in pixels of a photo
     for found in zip(*by_width, strict=True):
-        yield merge(found, sizes.scaled(photo), nms_iou, detectors.MAX_BOXES)
+        yield merge(found, in_full, nms_iou, detectors.MAX_BOXES)
 
 
 def _detect_at(

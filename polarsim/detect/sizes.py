@@ -9,9 +9,8 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from polarsim.detect import metrics
-from polarsim.detect.nms import suppress
+from polarsim.detect.nms import suppress_by_class
 from polarsim.errors import DetectError
-from polarsim.photo import BOX_CLASSES
 
 _OVERLAP = 1.25  # boxes up to this factor beyond a gate are taken from both widths; suppression leaves one of them
 _GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # that are tried between two widths
@@ -60,17 +59,7 @@ def merge(found: Sequence[np.ndarray], sizes: Sizes, nms_iou: float, most: int) 
     for rows, (least, largest) in zip(found, sizes.ranges_px(), strict=True):
         side = (rows[:, 2:4] - rows[:, :2]).max(axis=1, initial=0)
         taken.append(rows[(side >= least) & (side < largest)])
-    return suppressed(np.concatenate(taken), nms_iou, most)
-
-
-def suppressed(rows: np.ndarray, nms_iou: float, most: int) -> np.ndarray:
-    """Boxes (n, 6) as in `merge` without those that a more confident one of their class overlaps."""
-    kept = [rows[:0]]
-    for kind in range(len(BOX_CLASSES)):
-        own = rows[rows[:, 5] == kind]
-        kept.append(own[suppress(own[:, :4], own[:, 4], nms_iou)] if len(own) else own)
-    table = np.concatenate(kept)
-    return table[np.argsort(-table[:, 4], kind="stable")[:most]]
+    return suppress_by_class(np.concatenate(taken), nms_iou, most)
 
 
 def choose_sizes(
@@ -106,20 +95,6 @@ def choose_sizes(
         merged = [
             merge(rows, sizes, nms_iou, most) for rows in zip(*(found[width] for width in sizes.widths), strict=True)
         ]
-        return mean_precision(labels, merged)
+        return float(metrics.mean_precision(labels, merged, np.array([0.5]))[0])
 
     return max(tried, key=precision)
-
-
-def mean_precision(labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray]) -> float:
-    """mAP@0.5 of boxes (n, 6) of pictures, mean over the classes that have labels."""
-    values = [
-        metrics.average_precision(
-            [boxes[classes == kind] for classes, boxes in labels],
-            [rows[rows[:, 5] == kind, :4] for rows in found],
-            [rows[rows[:, 5] == kind, 4] for rows in found],
-            np.array([0.5]),
-        )[0]
-        for kind in range(len(BOX_CLASSES))
-    ]
-    return float(np.nanmean(values))

@@ -22,7 +22,6 @@ from polarsim.detect.detectors.families import Trained, Training
 from polarsim.detect.detectors.files import load, read_detector, save
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.errors import DetectError, about
-from polarsim.photo import BOX_CLASSES
 from polarsim.randomness import generator
 
 _WARM_UP = 100  # steps over which the rate rises
@@ -147,16 +146,7 @@ def _validate(module: Compact, pictures: Pictures, training: Training, device: s
             totals += [float(part) for part in losses(logits, boxes, _labels(batch, device))]
         seen += batch
         detections += found(logits, boxes, training.prediction)
-    precision = [
-        metrics.average_precision(
-            [picture.boxes[picture.classes == kind] for picture in seen],
-            [rows[rows[:, 5] == kind, :4] for rows in detections],
-            [rows[rows[:, 5] == kind, 4] for rows in detections],
-        )
-        for kind in range(len(BOX_CLASSES))
-    ]
-    labelled = [row for row in precision if not np.isnan(row).any()]
-    mean = np.mean(labelled, axis=0) if labelled else np.zeros(len(metrics.IOU_THRESHOLDS))
+    mean = metrics.mean_precision([(picture.classes, picture.boxes) for picture in seen], detections)
     class_loss, box_loss = (totals / math.ceil(len(seen) / training.options.batch)).tolist()
     return {
         "val_class_loss": class_loss,

@@ -13,7 +13,7 @@ from polarsim.detect.detectors.compact.network import WIDTHS, Compact
 from polarsim.detect.detectors.devices import choose_device
 from polarsim.detect.detectors.families import MAX_BOXES, LoadedDetector
 from polarsim.detect.detectors.files import Detector
-from polarsim.detect.nms import nms
+from polarsim.detect.nms import suppress_by_class
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.photo import BOX_CLASSES
@@ -68,8 +68,6 @@ def found(logits: Tensor, boxes: Tensor, options: PredictionOptions) -> list[np.
             surest, place = score[kind].topk(min(_MOST, score.shape[1]))
             likely = surest > options.confidence
             surest, corners = surest[likely], box[kind][:, place[likely]].T
-            kept = nms(corners, surest, options.nms_iou)
-            rows.append(np.column_stack([corners[kept], surest[kept], np.full(len(kept), kind)]).astype(float))
-        table = np.concatenate(rows)
-        pictures.append(table[np.argsort(-table[:, 4], kind="stable")[:MAX_BOXES]])
+            rows.append(np.column_stack([corners, surest, np.full(len(surest), kind)]).astype(float))
+        pictures.append(suppress_by_class(np.concatenate(rows), options.nms_iou, MAX_BOXES))
     return pictures
