@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from polarsim.formats.files import writing
 
@@ -70,6 +72,19 @@ def rectangle(axes: Any, box: Any, colour: str, **look: Any) -> None:
 
     x0, y0, x1, y1 = box
     axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, **look))
+
+
+def boxed(pixels: np.ndarray, boxes: Iterable[tuple[np.ndarray, tuple[int, int, int]]], width: int) -> np.ndarray:
+    """(h', width, 3) uint8: a grey picture (h, w) scaled, with boxes (4,) in its own pixels, each in a colour (RGB)."""
+    from PIL import Image, ImageDraw
+
+    scale = width / pixels.shape[1]
+    size = (width, round(width * pixels.shape[0] / pixels.shape[1]))
+    image = Image.fromarray(pixels).resize(size, Image.Resampling.BOX).convert("RGB")
+    pen, line = ImageDraw.Draw(image), max(1, round(width / 500))
+    for box, colour in boxes:
+        pen.rectangle([float(edge) for edge in scale * box], outline=colour, width=line)
+    return np.asarray(image)
 
 
 def note(figure: Any, text: str) -> None:

@@ -14,7 +14,7 @@ from polarsim.formats.schemas import PREDICTIONS
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, ROCK, WIDTH
-from polarsim.report.figures.canvas import FIGURE_WIDTH, page, picture
+from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, picture
 
 _COLUMNS = 2
 _TITLE_PX = 40
@@ -52,7 +52,8 @@ def draw_covers(
         for axes, path in zip(grid, paths, strict=False):
             key = path.stem
             own, seen = (table.loc[table["key"] == key, _CORNERS].to_numpy(float) for table in (drawn, found))
-            picture(axes, _with_boxes(png.read(path), own, seen, column), f"{key}, confidence from {least:.2f}")
+            coloured = [*((box, COLOURS[ROCK]) for box in own), *((box, _FOUND) for box in seen)]
+            picture(axes, boxed(png.read(path), coloured, column), f"{key}, confidence from {least:.2f}")
 
 
 def best_confidence(labels: pd.DataFrame, predictions: pd.DataFrame) -> float:
@@ -73,16 +74,3 @@ def best_confidence(labels: pd.DataFrame, predictions: pd.DataFrame) -> float:
         if (f1 := 2 * hits / (number + 1 + count)) > best:
             best, least = f1, float(confidence)
     return least
-
-
-def _with_boxes(photo: np.ndarray, labels: np.ndarray, found: np.ndarray, width: int) -> np.ndarray:
-    """(h', width, 3) uint8: labels, and predicted boxes above them."""
-    from PIL import Image, ImageDraw
-
-    scale = width / photo.shape[1]
-    image = Image.fromarray(photo).resize((width, round(photo.shape[0] * scale)), Image.Resampling.BOX).convert("RGB")
-    pen, line = ImageDraw.Draw(image), max(1, round(width / 500))
-    for corners, colour in ((labels, COLOURS[ROCK]), (found, _FOUND)):
-        for box in corners * scale:
-            pen.rectangle([float(edge) for edge in box], outline=colour, width=line)
-    return np.asarray(image)

@@ -10,7 +10,7 @@ import numpy as np
 from polarsim.annotate.overlay import COLOURS
 from polarsim.formats import png, yolo
 from polarsim.photo import BOX_CLASSES
-from polarsim.report.figures.canvas import FIGURE_WIDTH, page, picture
+from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, picture
 
 _COLUMNS = 4  # pictures of each terrain, of different scenes where there are so many
 _TITLE_PX = 40
@@ -39,13 +39,8 @@ def _spread(folder: Path) -> list[Path]:
 
 def _with_labels(path: Path, width: int) -> np.ndarray:
     """(h', width, 3) uint8: a picture with the boxes of its rocks and shadows."""
-    from PIL import Image, ImageDraw
-
     pixels = png.read(path)
-    size = (width, round(width * pixels.shape[0] / pixels.shape[1]))
-    classes, corners = yolo.read_boxes(path.parents[1] / "labels" / f"{path.stem}.txt", size)
-    image = Image.fromarray(pixels).resize(size, Image.Resampling.BOX).convert("RGB")
-    pen = ImageDraw.Draw(image)
-    for kind, box in zip(classes, corners, strict=True):
-        pen.rectangle([float(edge) for edge in box], outline=COLOURS[BOX_CLASSES[kind]])
-    return np.asarray(image)
+    labels = path.parents[1] / "labels" / f"{path.stem}.txt"
+    classes, corners = yolo.read_boxes(labels, (pixels.shape[1], pixels.shape[0]))
+    coloured = [(box, COLOURS[BOX_CLASSES[kind]]) for kind, box in zip(classes, corners, strict=True)]
+    return boxed(pixels, coloured, width)
