@@ -63,7 +63,9 @@ def make_cover_dataset(
         )
     order = generator(seed, "covers", "val terrains", *sorted(test)).permutation(sorted(scenes)).tolist()
     share_of = dict.fromkeys(order, 0.0 if val_terrains else val_share) | dict.fromkeys(order[:val_terrains], 1.0)
-    entries = [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], share_of, seed)]
+    entries = [
+        entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], share_of[terrain], seed)
+    ]
     for path in sorted(covers.glob("*.png")):
         with about(path):
             if PhotoKey.parse(path.stem).terrain in test:
@@ -72,7 +74,7 @@ def make_cover_dataset(
         write_dataset(DOMAIN, dataset, entries, folder, {"test": sorted(test), "train": sorted(scenes)})
 
 
-def _scenes(terrain: int, folder: Path, val_share: Mapping[int, float], seed: int) -> list[Entry]:
+def _scenes(terrain: int, folder: Path, share: float, seed: int) -> list[Entry]:
     """Pictures of a terrain's rocks, whole scenes drawn for validation: at least one of a share, or all or none."""
     found: dict[int, list[str]] = {}
     for path in sorted((folder / "images").glob("*.png")):
@@ -83,7 +85,6 @@ def _scenes(terrain: int, folder: Path, val_share: Mapping[int, float], seed: in
     if len(found) < 2:
         raise DetectError(f"{len(found)} scenes of terrain {terrain:02d}, at least 2 are needed", path=folder)
     order = generator(seed, "covers", "val", terrain).permutation(sorted(found))
-    share = val_share[terrain]
     count = round(share * len(found)) if share in (0, 1) else min(len(found) - 1, max(1, round(share * len(found))))
     val = set(order[:count].tolist())
     return [

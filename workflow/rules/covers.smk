@@ -83,7 +83,7 @@ rule make_cover_dataset:
         "../scripts/make_cover_dataset.py"
 
 
-rule train_cover_detector:
+use rule train_detector as train_cover_detector with:
     """A detector that has not seen a fold's terrains."""
     input:
         dataset="results/{run}/covers/folds/{fold}/dataset",
@@ -95,21 +95,15 @@ rule train_cover_detector:
         "results/{run}/logs/covers/train_cover_detector_{fold}_seed{seed}.log",
     benchmark:
         "results/{run}/benchmarks/covers/train_cover_detector_{fold}_seed{seed}.tsv"
-    priority: TRAINING_WAITS
-    resources:
-        mem_mb=2500,
-        runtime=2880,  # minutes
     params:
         options=options("detect.training"),
         prediction=options("detect.prediction"),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/covers/folds/{fold}/seed{seed}/work",
         code=code_of("train_detector"),
-    script:
-        "../scripts/train_detector.py"
 
 
-rule predict_covers:
+use rule predict as predict_covers with:
     """What a detector sees in the cover photos of the terrains that it has not seen."""
     input:
         weights="results/{run}/covers/folds/{fold}/seed{seed}/detector.pt",
@@ -124,11 +118,6 @@ rule predict_covers:
     resources:
         mem_mb=2000,
         runtime=60,
-    params:
-        options=options("detect.prediction"),
-        code=code_of("predict"),
-    script:
-        "../scripts/predict.py"
 
 
 rule score_covers:
