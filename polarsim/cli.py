@@ -423,8 +423,10 @@ def detect(
     """Find rocks and shadows in anyone's pictures of ground under low light; boxes as CSV, YOLO and COCO."""
     from polarsim.detect.find import find_in_pictures, prediction_options
 
-    options = prediction_options(confidence, _listed(widths), _listed(gates), device)
-    found = find_in_pictures(pictures=pictures, weights=weights, out=out, options=options, threads=threads, draw=draw)
+    options = prediction_options(_listed(widths), _listed(gates), device)
+    found = find_in_pictures(
+        pictures=pictures, weights=weights, out=out, options=options, threads=threads, confidence=confidence, draw=draw
+    )
     counts = ", ".join(f"{(found['kind'] == kind).sum()} {kind}s" for kind in ("rock", "shadow"))
     typer.echo(f"{counts} in {out}")
 

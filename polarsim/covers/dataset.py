@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from polarsim.detect.dataset import KINDS, Entry, write_dataset
-from polarsim.detect.split import TEST, TRAIN, VAL
+from polarsim.detect.split import PARTS, TEST, TRAIN, VAL
 from polarsim.errors import DetectError, LabelError, about
 from polarsim.formats.files import writing_folder
 from polarsim.photo import PhotoKey
@@ -25,7 +25,7 @@ def scene_name(terrain: int, scene: int, lamp: int) -> str:
 def make_cover_dataset(
     *,
     scenes: Mapping[int, Path],
-    covers: Path,
+    covers: Path | None,
     test: Sequence[int],
     dataset: Path,
     val_share: float,
@@ -40,10 +40,10 @@ def make_cover_dataset(
     ----------
     scenes : mapping of int to Path
         Folders that `render_scenes` wrote, by the terrain whose rocks they show.
-    covers : Path
+    covers : Path, optional
         Folder of cover photos that `read_covers` wrote. Labels of these are not part of the data set.
     test : sequence of int
-        Terrains whose cover photos are the test part.
+        Terrains whose cover photos are the test part; without any there is no test part.
     val_share : float
         Share of each terrain's scenes that is the val part, where `val_terrains` is 0.
     val_terrains : int
@@ -66,12 +66,13 @@ def make_cover_dataset(
     entries = [
         entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], share_of[terrain], seed)
     ]
-    for path in sorted(covers.glob("*.png")):
+    for path in sorted(covers.glob("*.png")) if covers else []:
         with about(path):
             if PhotoKey.parse(path.stem).terrain in test:
                 entries.append(Entry(path.stem, TEST, path, None))
     with writing_folder(dataset) as folder:
-        write_dataset(DOMAIN, dataset, entries, folder, {"test": sorted(test), "train": sorted(scenes)})
+        facts = {"test": sorted(test), "train": sorted(scenes)}
+        write_dataset(DOMAIN, dataset, entries, folder, facts, needed=PARTS if test else (TRAIN, VAL))
 
 
 def _scenes(terrain: int, folder: Path, share: float, seed: int) -> list[Entry]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Annotated, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from polarsim.photo import TERRAINS, USUAL_EXPOSURE_MS, PhotoKey
 from polarsim.render.options import Model
 
+CARVED = 0  # stands for a terrain where rocks are not scanned but carved by the analog's generator
 Range = tuple[float, float]  # from least to most
 
 
@@ -28,7 +29,7 @@ class ReliefOptions(BaseModel, extra="forbid", frozen=True):
     ridge_length_m: Range = Field((0.015, 0.12), description="Correlation length along a ridge.")
     swell_sd_m: Range = Field((0.0, 0.02), description="Standard deviation of wide swells.")
     swell_width_m: float = Field(0.25, gt=0, description="Correlation length of swells.")
-    most_craters: int = Field(2, ge=0, description="A scene has from none to so many craters.")
+    most_craters: int = Field(1, ge=0, description="A scene has from none to so many craters.")
     crater_radius_m: Range = Field((0.1, 1.1), description="Radius of a crater at its crest.")
     crater_depth: Range = Field((0.1, 0.3), description="Depth of a crater over its radius.")
 
@@ -57,13 +58,13 @@ class SceneOptions(BaseModel, extra="forbid", frozen=True):
 
     rocks: tuple[int, int] = Field((3, 40), description="Rocks of a scene.")
     rock_size_m: Range = Field((0.05, 0.6), description="Longest extent of a rock.")
-    size_power: Range = Field((1.0, 2.5), description="Power at which the number of rocks larger than a size falls.")
+    size_power: Range = Field((0.5, 2.0), description="Power at which the number of rocks larger than a size falls.")
     rock_scale: Range = Field((0.3, 2.0), description="Size of a strewn rock over that of the scanned one.")
     tumbled_share: float = Field(0.25, ge=0, le=1, description="Share of rocks that are turned about any axis.")
     tilt_sd_deg: float = Field(6, ge=0, description="Tilt of the other ones, which are turned about the vertical.")
     sunk: Range = Field((0.0, 0.6), description="Share of its height that a rock on sand is sunk.")
     sunk_into_rocks: Range = Field((0.02, 0.15), description="Share of its height that a rock of a pile is sunk.")
-    piled_share: Range = Field((0.0, 0.5), description="Share of a scene's rocks that lie in piles.")
+    piled_share: Range = Field((0.0, 0.35), description="Share of a scene's rocks that lie in piles.")
     evenness: Range = Field(
         (0.0, 1.0), description="From rocks strewn evenly over the picture, 0, to over the sand, 1."
     )
@@ -71,6 +72,13 @@ class SceneOptions(BaseModel, extra="forbid", frozen=True):
     sand_half_width_m: float = Field(2.05, gt=0, description="Half the width of the sand inside walls.")
     open_half_width_m: float = Field(3.0, gt=0, description="Half the width of sand without walls.")
 
+    rig_share: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="Share of scenes seen as by NASA's rig: from outside the sand, by its lens. The others are seen "
+        "from anywhere that the next three ranges allow, as by a rover too.",
+    )
     camera_height_m: Range = Field((0.3, 2.0), description="Height of the camera above the sand.")
     camera_distance_m: Range = Field((0.7, 4.5), description="How far before the camera it looks at the sand.")
     focal_px: Range = Field((1500, 2800), description="Focal length in pixels of a full photo; the rig's has 2070.")
@@ -142,6 +150,22 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
         USUAL_EXPOSURE_MS, gt=0, description="Exposure whose labels a cover photo is scored by, or the nearest to it."
     )
     scenes: SceneOptions = Field(SceneOptions(), description="Scenes that detectors are trained on.")
+    carved_scenes: int = Field(
+        512,
+        ge=0,
+        description="Scenes of rocks that the analog's generator carves. One detector is trained on them alone, once, "
+        "and that of every fold starts from its weights: it has seen no scanned rock. 0: folds start from random "
+        "weights.",
+    )
+    carved_epochs: int = Field(24, ge=1, description="Passes over these scenes' pictures.")
+    widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
+        (512, 640, 768, 896, 1024, 1280),
+        description="Widths of a picture, px, that are tried. Those at which a fold's detector looks at its photos are "
+        "chosen on the photos of all other folds, unless `detect.prediction.widths` names them.",
+    )
+    publish: bool = Field(
+        False, description="Train a detector on the rocks of all terrains too, to take away: `covers/detector.pt`."
+    )
     val_share: float = Field(0.08, gt=0, lt=1, description="Share of each terrain's scenes that selects the weights.")
     val_terrains: int = Field(
         0,

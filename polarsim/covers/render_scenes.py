@@ -37,7 +37,7 @@ Label = tuple[str, int, np.ndarray]
 
 
 def render_scenes(
-    *, terrain: int, meshes: Path, pictures: Path, stored_px: int, options: SceneOptions, threads: int
+    *, terrain: int, meshes: Path, pictures: Path, number: int, stored_px: int, options: SceneOptions, threads: int
 ) -> None:
     """Write `images/NAME.png` and `labels/NAME.txt` (YOLO) of every scene and lamp.
 
@@ -50,6 +50,8 @@ def render_scenes(
         Folder with the terrain's rocks, closed.
     pictures : Path
         Folder to write.
+    number : int
+        Scenes to strew.
 
     Raises
     ------
@@ -63,10 +65,10 @@ def render_scenes(
     with writing_folder(pictures) as folder:
         for kind in ("images", "labels"):
             (folder / kind).mkdir()
-        for number in track(range(options.number), f"scenes of terrain {terrain:02d}"):
-            random = generator(options.seed, "covers", "scene", terrain, number)
+        for scene in track(range(number), f"scenes of terrain {terrain:02d}"):
+            random = generator(options.seed, "covers", "scene", terrain, scene)
             for lamp, (picture, labels) in enumerate(draw_pictures(shapes, stored_px, options, random, threads)):
-                name = scene_name(terrain, number, lamp)
+                name = scene_name(terrain, scene, lamp)
                 png.write(folder / "images" / f"{name}.png", picture)
                 size = round(WIDTH * options.scale), round(HEIGHT * options.scale)
                 classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in labels], int)

@@ -24,10 +24,11 @@ ALL = "all"  # terrains together
 def score_covers(
     *,
     labels: Path,
-    predictions: Mapping[tuple[str, int], Path],
+    predictions: Mapping[int, Path],
     datasets: Mapping[str, Path],
     scores: Path,
     training: TrainingOptions,
+    start: str,
     options: ComparisonOptions,
 ) -> None:
     """Write the figures of every seed of training: over all cover photos, and of each terrain.
@@ -38,10 +39,12 @@ def score_covers(
     ----------
     labels : Path
         Label table that `read_covers` wrote.
-    predictions : mapping of (fold, seed) to Path
-        What each fold's detector sees in its test part.
+    predictions : mapping of seed to Path
+        What the folds' detectors see in all cover photos, each in those of its own test part.
     datasets : mapping of fold to Path
         Their data sets.
+    start : str
+        What the detectors started from, as the table is to name it.
 
     Raises
     ------
@@ -52,9 +55,8 @@ def score_covers(
     keys = [key for folder in datasets.values() for key in read_pictures(folder, TEST)]
     pictures = [len(read_pictures(folder, TRAIN)) for folder in datasets.values()]
     parts = []
-    for seed in sorted({seed for _, seed in predictions}):
-        paths = [path for (_, own), path in predictions.items() if own == seed]
-        found = pd.concat([tables.read_parquet(path, PREDICTIONS.columns) for path in paths])
+    for seed, path in sorted(predictions.items()):
+        found = tables.read_parquet(path, PREDICTIONS.columns)
         terrains = sorted({PhotoKey.parse(key).terrain for key in keys})
         chosen = {ALL: keys} | {
             f"{terrain:02d}": [key for key in keys if PhotoKey.parse(key).terrain == terrain] for terrain in terrains
@@ -64,7 +66,7 @@ def score_covers(
             parts.append(figures.assign(terrain=name, seed=seed))
     table = pd.concat(parts, ignore_index=True).assign(
         detector=detector_name(training.model),
-        start=training.start,
+        start=start,
         epochs=training.epochs,
         folds=len(datasets),
         pictures=round(float(np.mean(pictures))),

@@ -20,6 +20,8 @@ _COARSE = 1 / 32  # of a photo's size: pictures in which tries are looked at
 _TRIES = 60
 _AIMED = 0.7  # of the way from the middle of the sand to its edge: how far off a camera looks
 _ASIDE = 0.03  # of the picture's size: standard deviation of the principal point's place
+# NASA's rig by its survey and by cameras fitted to published labels, with room around them (docs/notes/cameras.md).
+_RIG_HEIGHT_M, _RIG_DISTANCE_M, _RIG_FOCAL_PX, _RIG_AIMED = (1.2, 1.9), (2.4, 4.6), (1950, 2200), 0.3
 _DISTORTION_SD, _MOST_DISTORTION = 0.08, 0.15  # of k1: the rig's lenses have -0.11
 
 
@@ -35,8 +37,9 @@ def draw_camera(chosen: RenderOptions, options: SceneOptions, random: np.random.
         No try shows any sand.
     """
     best, seen = None, np.zeros((0, 2))
+    of_rig = random.random() < options.rig_share
     for _ in range(_TRIES):
-        camera = _any_camera(chosen, options, random)
+        camera = _any_camera(chosen, options, of_rig, random)
         view = camera.scaled(_COARSE)
         places = level_sand(view, chosen)
         if len(places) > len(seen):
@@ -88,14 +91,16 @@ def coarse_sand(surfaces: Surfaces, camera: Camera, options: SceneOptions) -> Hi
     return hits.part(np.flatnonzero(surfaces.id_of_face.take(hits.face) == GROUND))
 
 
-def _any_camera(chosen: RenderOptions, options: SceneOptions, random: np.random.Generator) -> Camera:
-    focal = random.uniform(*options.focal_px)
+def _any_camera(chosen: RenderOptions, options: SceneOptions, of_rig: bool, random: np.random.Generator) -> Camera:
+    focal = random.uniform(*(_RIG_FOCAL_PX if of_rig else options.focal_px))
     bend = float(np.clip(_DISTORTION_SD * random.standard_normal(), -_MOST_DISTORTION, _MOST_DISTORTION))
     across, down = (np.array([WIDTH, HEIGHT]) * (0.5 + _ASIDE * random.standard_normal(2))).tolist()
     lens = Lens(focal, focal, across, down, (bend, 0.0, 0.0, 0.0, 0.0))
     yaw = random.uniform(0, 2 * np.pi)
-    height, distance = random.uniform(*options.camera_height_m), random.uniform(*options.camera_distance_m)
-    aim = random.uniform(-_AIMED, _AIMED, 2) * chosen.rim_half_width_m
+    height = random.uniform(*(_RIG_HEIGHT_M if of_rig else options.camera_height_m))
+    distance = random.uniform(*(_RIG_DISTANCE_M if of_rig else options.camera_distance_m))
+    aimed = _RIG_AIMED if of_rig else _AIMED
+    aim = random.uniform(-aimed, aimed, 2) * chosen.rim_half_width_m
     centre = np.array([*(aim - distance * np.array([np.cos(yaw), np.sin(yaw)])), height])
     roll = np.radians(options.roll_sd_deg) * random.standard_normal()
     return Camera(looking(centre, yaw, float(np.arctan2(height, distance)), float(roll)), lens)

@@ -12,6 +12,7 @@ import pandas as pd
 from pydantic import ValidationError
 
 from polarsim.detect import detectors, tone
+from polarsim.detect.calibration import calibrated
 from polarsim.detect.options import PicturesOptions, PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import Sizes
@@ -25,6 +26,7 @@ from polarsim.progress import track
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm")
 COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
 _COLOURS = {"rock": (60, 220, 60), "shadow": (0, 150, 255)}  # BGR
+_LEAST = 0.01  # confidence before calibration
 log = logging.getLogger("polarsim")
 
 
@@ -35,6 +37,7 @@ def find_in_pictures(
     out: Path,
     options: PredictionOptions,
     threads: int,
+    confidence: float = 0.25,
     draw: bool = True,
 ) -> pd.DataFrame:
     """Write what a detector finds in pictures of any size, 8 or 16 bits, grey or colour; `COLUMNS`, px of the picture.
@@ -46,6 +49,8 @@ def find_in_pictures(
     out
         Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`,
         and, where asked, `pictures/NAME.jpg` with the boxes drawn.
+    confidence
+        Least confidence of a box that is written; calibrated, where the detector has a calibration.
 
     Raises
     ------
@@ -67,7 +72,8 @@ def find_in_pictures(
             loaded = detectors.family(detector.model).load(detector, folder, options, threads)
         for path, pixels in _read_ahead(paths):
             height, width = pixels.shape[:2]
-            found = see(loaded, pixels, sizes, options.nms_iou)
+            found = calibrated(see(loaded, pixels, sizes, options.nms_iou), detector.calibration)
+            found = found[found[:, 4] >= confidence]
             rows += [(path.name, BOX_CLASSES[int(row[5])], row[4], *row[:4]) for row in found]
             yolo.write_boxes(
                 folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], (width, height), found[:, 4]
@@ -85,9 +91,7 @@ def find_in_pictures(
     return table
 
 
-def prediction_options(
-    confidence: float, widths: Sequence[str], gates_px: Sequence[str], device: str
-) -> PredictionOptions:
+def prediction_options(widths: Sequence[str], gates_px: Sequence[str], device: str) -> PredictionOptions:
     """Options of texts that a person typed.
 
     Raises
@@ -97,7 +101,7 @@ def prediction_options(
     """
     try:
         return PredictionOptions.model_validate(
-            {"confidence": confidence, "nms_iou": 0.5, "widths": widths, "gates_px": gates_px, "device": device}
+            {"confidence": _LEAST, "nms_iou": 0.5, "widths": widths, "gates_px": gates_px, "device": device}
         )
     except ValidationError as error:
         raise DetectError(describe_error(error, "options")) from error

@@ -62,8 +62,10 @@ def predict(*, weights: Path, dataset: Path, predictions: Path, options: Predict
 
 
 def sizes_of(detector: detectors.Detector, options: PredictionOptions) -> Sizes:
-    """The widths that the options name, else that of the detector's training."""
-    return Sizes(options.widths, options.gates_px) if options.widths else Sizes((detector.imgsz,))
+    """The widths that the options name, else those that were chosen for the detector, else that of its training."""
+    if options.widths:
+        return Sizes(options.widths, options.gates_px)
+    return Sizes(detector.widths, detector.gates_px) if detector.widths else Sizes((detector.imgsz,))
 
 
 def detect(

@@ -28,6 +28,7 @@ def train_detector(
     seed: int,
     threads: int,
     work: Path,
+    start: Path | None = None,
 ) -> None:
     """Train on a data set and keep the weights of the best validation, as the paper does.
 
@@ -47,6 +48,8 @@ def train_detector(
         Threads of torch on a CPU. Weights are the same bytes only for the same number of threads.
     work : Path
         Folder for checkpoints. A training that was stopped goes on from there when nothing that decides it has changed.
+    start : Path, optional
+        Detector of the same model to start from, in place of the options' pretrained weights.
 
     Raises
     ------
@@ -55,6 +58,8 @@ def train_detector(
     """
     if not any(path.stat().st_size for path in (dataset / "labels" / TRAIN).glob("*.txt")):
         raise DetectError("not one labelled box in its train part", path=dataset)
+    if start:
+        options = options.model_copy(update={"pretrained": start, "pretrained_url": None, "pretrained_sha256": None})
     ensure_weights(options)
     try:
         training = detectors.Training(dataset, work / "training", options, prediction, imgsz, seed, threads)
@@ -84,6 +89,7 @@ def _prepare(training: detectors.Training) -> None:
         "imgsz": training.imgsz,
         "seed": training.seed,
         "dataset": digest(files),
+        "start": digest([training.options.pretrained] if training.options.pretrained else []),
     }
     folder = training.folder
     if not (folder / "identity.json").is_file() or read_json(folder / "identity.json") != identity:

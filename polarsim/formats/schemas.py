@@ -56,6 +56,10 @@ PREDICTIONS = _schema(
 )
 CURVES = _schema("detect/curves.parquet", "trained:s evaluated:s kind:s iou:f recall:f precision:f")
 INSTANCES = _schema("detect/instances.parquet", "trained:s evaluated:s key:s kind:s rock:i iou:f area_px:f:px2")
+COVER_FOUND = _schema(
+    "covers/folds/FOLD/seedN/found.parquet",
+    "key:s width:i:px kind:s confidence:f x0:f:px y0:f:px x1:f:px y1:f:px",
+)
 COVER_SCORES = _schema(
     "covers/scores.parquet",
     "terrain:s kind:s seed:i detector:s start:s epochs:i folds:i pictures:i images:i labels:i",
@@ -87,8 +91,8 @@ SOIL_LIMIT = _schema(
 )
 SOIL_MEASURED = _schema("rover/soil_measured.parquet", "rig:s soil:s slip:f slope_deg:f:degrees model_deg:f:degrees")
 SCHEMAS = (
-    PHOTOS, LABELS, MATCHES, ALIGNMENT, ROCKS, PREDICTIONS, CURVES, INSTANCES, COVER_SCORES, OFFSETS, LABEL_PAIRS,
-    TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, SOIL_LIMIT, SOIL_MEASURED,
+    PHOTOS, LABELS, MATCHES, ALIGNMENT, ROCKS, PREDICTIONS, CURVES, INSTANCES, COVER_FOUND, COVER_SCORES, OFFSETS,
+    LABEL_PAIRS, TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, SOIL_LIMIT, SOIL_MEASURED,
 )  # fmt: skip
 
 

@@ -19,12 +19,13 @@ def rendered(tmp_path):
     for rock, size in ((1, (0.2, 0.15, 0.12)), (4, (0.3, 0.2, 0.2))):
         obj.write(tmp_path / "meshes" / obj.rock_name(1, rock), block(*size), "rock")
 
-    def render(name, **options):
+    def render(name, number=1, **options):
         chosen = {
-            "number": 1, "lamps": 3, "scale": 0.1, "rocks": (4, 4), "relief": ReliefOptions(cell_m=0.05), "strokes": 0,
+            "lamps": 3, "scale": 0.1, "rocks": (4, 4), "rig_share": 0, "strokes": 0,
+            "relief": ReliefOptions(cell_m=0.05),
         } | options  # fmt: skip
         render_scenes(
-            terrain=1, meshes=tmp_path / "meshes", pictures=tmp_path / name, stored_px=128,
+            terrain=1, meshes=tmp_path / "meshes", pictures=tmp_path / name, number=number, stored_px=128,
             options=SceneOptions(**chosen), threads=1,
         )  # fmt: skip
         return tmp_path / name
@@ -120,6 +121,6 @@ def test_a_terrain_without_rocks_is_named(tmp_path):
     (tmp_path / "meshes").mkdir()
     with pytest.raises(DetectError, match="no rock meshes are here"):
         render_scenes(
-            terrain=6, meshes=tmp_path / "meshes", pictures=tmp_path / "scenes", stored_px=64,
+            terrain=6, meshes=tmp_path / "meshes", pictures=tmp_path / "scenes", number=1, stored_px=64,
             options=SceneOptions(), threads=1,
         )  # fmt: skip

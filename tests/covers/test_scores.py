@@ -48,21 +48,21 @@ def test_one_photo_has_no_interval():
 def scored(tmp_path):
     """Two folds of one photo each: of terrain 1 both rocks are found, of terrain 3 none."""
     boxes = np.array([[10.0, 10, 50, 50], [100, 100, 150, 150]])
-    rows, predictions, datasets = [], {}, {}
+    rows, parts, datasets = [], [], {}
     for key, found in (("01_A_off_30_L_0256", boxes), ("03_A_off_30_R_0256", boxes + 300)):
         fold = key[:2]
         rows += [row | {"kind": "shadow"} if n else row for n, row in enumerate(label_rows_of(key, boxes))]
-        predictions[fold, 0] = tmp_path / f"{fold}.parquet"
         table = labelled(key, found, confidence=0.9)
         table["kind"] = ["rock", "shadow"]
-        tables.write_parquet(predictions[fold, 0], table[list(PREDICTIONS.columns)].astype(PREDICTIONS.dtypes))
+        parts.append(table[list(PREDICTIONS.columns)].astype(PREDICTIONS.dtypes))
         datasets[fold] = tmp_path / fold
         pictures = pd.DataFrame([(key, "test"), ("t04_s000_l0", "train"), ("t04_s001_l0", "train")])
         tables.write_csv(datasets[fold] / "pictures.csv", pictures.set_axis(["key", "part"], axis=1))
     tables.write_parquet(tmp_path / "labels.parquet", tables.label_table(rows))
+    tables.write_parquet(tmp_path / "predictions.parquet", pd.concat(parts, ignore_index=True))
     score_covers(
-        labels=tmp_path / "labels.parquet", predictions=predictions, datasets=datasets,
-        scores=tmp_path / "scores.parquet", training=TrainingOptions(model="compact", epochs=7),
+        labels=tmp_path / "labels.parquet", predictions={0: tmp_path / "predictions.parquet"}, datasets=datasets,
+        scores=tmp_path / "scores.parquet", training=TrainingOptions(model="compact", epochs=7), start="scratch",
         options=ComparisonOptions(resamples=100),
     )  # fmt: skip
     return tmp_path / "scores.parquet"
@@ -116,7 +116,7 @@ def test_every_photo_has_a_panel_with_its_labels_and_what_is_sure_enough(tmp_pat
     )
     tables.write_parquet(tmp_path / "found.parquet", found[list(PREDICTIONS.columns)].astype(PREDICTIONS.dtypes))
     draw_covers(
-        photos=tmp_path / "photos", labels=tmp_path / "labels.parquet", predictions=[tmp_path / "found.parquet"],
+        photos=tmp_path / "photos", labels=tmp_path / "labels.parquet", predictions=tmp_path / "found.parquet",
         figure=tmp_path / "covers.png", width=800,
     )  # fmt: skip
     picture = png.read(tmp_path / "covers.png").astype(int)

@@ -106,10 +106,10 @@ def test_pictures_in_floats_are_refused(tmp_path):
 
 
 def test_options_that_do_not_go_together_are_one_line():
-    assert prediction_options(0.3, ["512", "896"], ["64"], "cpu").gates_px == (64.0,)
+    assert prediction_options(["512", "896"], ["64"], "cpu").gates_px == (64.0,)
     for widths, gates in ((["wide"], []), (["512", "896"], [])):
         with pytest.raises(DetectError, match=r"width|integer|gate"):
-            prediction_options(0.3, widths, gates, "cpu")
+            prediction_options(widths, gates, "cpu")
 
 
 def test_a_picture_of_another_shape_is_not_stretched():

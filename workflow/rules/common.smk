@@ -10,6 +10,7 @@ from pathlib import Path
 from polarsim.acquire.inputs import raw_inputs
 from polarsim.acquire.options import describe_seeds
 from polarsim.config import parse_config
+from polarsim.covers.options import CARVED
 from polarsim.digest import script_digest
 from polarsim.errors import ConfigError
 from polarsim.formats.release import (

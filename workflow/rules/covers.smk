@@ -7,6 +7,7 @@ rule real:
         of_run("results/{run}/tables/covers.csv"),
         of_run("results/{run}/figures/{name}.png", name=["covers", "scenes"]),
         of_run("results/{run}/results.html") if CONFIG.covers.run else [],
+        of_run("results/{run}/covers/detector.{ending}", ending=["pt", "md"]) if CONFIG.covers.publish else [],
 
 
 rule read_covers:
@@ -35,6 +36,27 @@ rule read_covers:
         "../scripts/read_covers.py"
 
 
+rule carve_rocks:
+    """Rocks as the analog's generator makes them, for scenes that show no scanned rock."""
+    output:
+        meshes=directory("results/{run}/covers/carved"),
+    log:
+        "results/{run}/logs/covers/carve_rocks.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/carve_rocks.tsv"
+    priority: TRAINING_WAITS
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        number=CARVED_ROCKS,
+        terrain=CARVED,
+        seed=CONFIG.covers.scenes.seed,
+        code=code_of("carve_rocks"),
+    script:
+        "../scripts/carve_rocks.py"
+
+
 rule render_scenes:
     """Pictures of scenes that are strewn with one terrain's rocks, with exact labels; folds share them."""
     input:
@@ -50,6 +72,7 @@ rule render_scenes:
         mem_mb=2000,
         runtime=240,
     params:
+        number=scenes_of_terrain,
         stored_px=CONFIG.detect.pictures.longer_side,
         options=options("covers.scenes"),
         code=code_of("render_scenes"),
@@ -58,10 +81,10 @@ rule render_scenes:
 
 
 rule make_cover_dataset:
-    """Scenes of all terrains but a fold's to train and validate, cover photos of the fold's to test: links."""
+    """Scenes to train and validate, of all terrains but a fold's, and cover photos of the fold's to test: links."""
     input:
         scenes=scenes_of_fold,
-        covers="results/{run}/covers/photos",
+        covers=covers_of_fold,
     output:
         dataset=directory("results/{run}/covers/folds/{fold}/dataset"),
     log:
@@ -84,10 +107,11 @@ rule make_cover_dataset:
 
 
 use rule train_detector as train_cover_detector with:
-    """A detector that has not seen a fold's terrains."""
+    """A detector that has not seen a fold's terrains, or one of carved rocks alone, or of all terrains."""
     input:
         dataset="results/{run}/covers/folds/{fold}/dataset",
         pictures=scenes_behind,
+        start=weights_before,
     output:
         weights="results/{run}/covers/folds/{fold}/seed{seed}/detector.pt",
         curve="results/{run}/covers/folds/{fold}/seed{seed}/detector.csv",
@@ -96,35 +120,66 @@ use rule train_detector as train_cover_detector with:
     benchmark:
         "results/{run}/benchmarks/covers/train_cover_detector_{fold}_seed{seed}.tsv"
     params:
-        options=options("detect.training"),
+        options=training_of_fold,
         prediction=options("detect.prediction"),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/covers/folds/{fold}/seed{seed}/work",
         code=code_of("train_detector"),
 
 
-use rule predict as predict_covers with:
-    """What a detector sees in the cover photos of the terrains that it has not seen."""
+rule look_at_covers:
+    """What a detector sees in the cover photos of the terrains that it has not seen, at several widths."""
     input:
         weights="results/{run}/covers/folds/{fold}/seed{seed}/detector.pt",
-        datasets=["results/{run}/covers/folds/{fold}/dataset"],
+        dataset="results/{run}/covers/folds/{fold}/dataset",
         pictures="results/{run}/covers/photos",
     output:
-        predictions=["results/{run}/covers/folds/{fold}/seed{seed}/predictions.parquet"],
+        found="results/{run}/covers/folds/{fold}/seed{seed}/found.parquet",
     log:
-        "results/{run}/logs/covers/predict_covers_{fold}_seed{seed}.log",
+        "results/{run}/logs/covers/look_at_covers_{fold}_seed{seed}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/predict_covers_{fold}_seed{seed}.tsv"
+        "results/{run}/benchmarks/covers/look_at_covers_{fold}_seed{seed}.tsv"
     resources:
         mem_mb=2000,
         runtime=60,
+    params:
+        widths=CONFIG.detect.prediction.widths or CONFIG.covers.widths,
+        options=options("detect.prediction"),
+        code=code_of("look_at_covers"),
+    script:
+        "../scripts/look_at_covers.py"
+
+
+rule choose_cover_widths:
+    """At which widths each fold's detector looks at its photos, by the photos of the other folds."""
+    input:
+        labels="results/{run}/covers/labels.parquet",
+        found=of_folds("found.parquet"),
+        datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
+    output:
+        predictions="results/{run}/covers/seed{seed}/predictions.parquet",
+        sizes="results/{run}/covers/seed{seed}/sizes.csv",
+    log:
+        "results/{run}/logs/covers/choose_cover_widths_seed{seed}.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/choose_cover_widths_seed{seed}.tsv"
+    resources:
+        mem_mb=1000,
+        runtime=15,
+    params:
+        folds=list(COVER_FOLDS),
+        imgsz=CONFIG.detect.pictures.imgsz,
+        options=options("detect.prediction"),
+        code=code_of("choose_cover_widths"),
+    script:
+        "../scripts/choose_cover_widths.py"
 
 
 rule score_covers:
     """Average precision over all cover photos and on each terrain, with intervals."""
     input:
         labels="results/{run}/covers/labels.parquet",
-        predictions=of_folds("predictions.parquet"),
+        predictions=of_run("results/{run}/covers/seed{seed}/predictions.parquet", seed=SEEDS),
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
         pictures="results/{run}/covers/photos",
     output:
@@ -138,12 +193,39 @@ rule score_covers:
         runtime=15,
     params:
         folds=list(COVER_FOLDS),
-        trainings=[(fold, seed) for fold in COVER_FOLDS for seed in SEEDS],
+        seeds=SEEDS,
         training=options("detect.training"),
+        start="carved rocks" if CONFIG.covers.carved_scenes else CONFIG.detect.training.start,
         options=options("detect.comparison"),
         code=code_of("score_covers"),
     script:
         "../scripts/score_covers.py"
+
+
+rule publish_detector:
+    """A detector of the rocks of all terrains to take away, its widths, its calibration, and its card."""
+    input:
+        weights=of_run("results/{run}/covers/folds/all/seed{seed}/detector.pt", seed=SEEDS[0]),
+        labels="results/{run}/covers/labels.parquet",
+        found=expand("results/{{run}}/covers/folds/{fold}/seed{seed}/found.parquet", fold=COVER_FOLDS, seed=SEEDS[0]),
+        datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
+        scores="results/{run}/covers/scores.parquet",
+    output:
+        detector="results/{run}/covers/detector.pt",
+        card="results/{run}/covers/detector.md",
+    log:
+        "results/{run}/logs/covers/publish_detector.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/publish_detector.tsv"
+    resources:
+        mem_mb=1000,
+        runtime=15,
+    params:
+        folds=list(COVER_FOLDS),
+        options=options("detect.prediction"),
+        code=code_of("publish_detector"),
+    script:
+        "../scripts/publish_detector.py"
 
 
 rule tabulate_covers:
@@ -172,11 +254,7 @@ rule draw_covers:
     input:
         photos="results/{run}/covers/photos",
         labels="results/{run}/covers/labels.parquet",
-        predictions=of_run(
-            "results/{run}/covers/folds/{fold}/seed{seed}/predictions.parquet",
-            fold=COVER_FOLDS,
-            seed=SEEDS[:1],
-        ),
+        predictions=of_run("results/{run}/covers/seed{seed}/predictions.parquet", seed=SEEDS[0]),
     output:
         figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
     log:

@@ -6,6 +6,6 @@ from polarsim.job import job
 with job(snakemake) as call:
     call(
         score_covers,
-        predictions=dict(zip(map(tuple, snakemake.params.trainings), snakemake.input.predictions, strict=True)),
+        predictions=dict(zip(snakemake.params.seeds, snakemake.input.predictions, strict=True)),
         datasets=dict(zip(snakemake.params.folds, snakemake.input.datasets, strict=True)),
     )

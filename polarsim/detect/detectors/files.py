@@ -24,6 +24,9 @@ class Detector:
     epochs: int
     start: str  # "scratch", or the name of the weights it started from
     state: dict[str, Any]  # tensors by name, half precision
+    widths: tuple[int, ...] = ()  # px, at which it looks at pictures best; none: imgsz. See `detect.sizes`
+    gates_px: tuple[float, ...] = ()  # one fewer
+    calibration: tuple[tuple[float, float], ...] = ()  # slope and offset of each class, see `detect.calibration`
 
 
 def write_detector(path: Path, detector: Detector) -> None:
@@ -44,7 +47,11 @@ def read_detector(path: Path) -> Detector:
         raise DetectError(f"not weights that polarsim wrote, expected format {_FORMAT!r}", path=path)
     if tuple(content["classes"]) != BOX_CLASSES:
         raise DetectError(f"a detector of classes {content['classes']}, expected {list(BOX_CLASSES)}", path=path)
-    return Detector(**{name: content[name] for name in Detector.__dataclass_fields__})
+    known = {name: content[name] for name in Detector.__dataclass_fields__ if name in content}  # older ones have fewer
+    try:
+        return Detector(**known)
+    except TypeError as error:
+        raise DetectError(f"weights without all that a detector has, {error}", path=path) from error
 
 
 def save(path: Path, content: dict[str, Any]) -> None:

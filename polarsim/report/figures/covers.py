@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +22,7 @@ _CORNERS = ["x0", "y0", "x1", "y1"]
 _SAME = 0.5  # IoU from which a prediction is right
 
 
-def draw_covers(
-    *, photos: Path, labels: Path, predictions: Sequence[Path], figure: Path, width: int = FIGURE_WIDTH
-) -> None:
+def draw_covers(*, photos: Path, labels: Path, predictions: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
     """Write the figure: a panel a cover photo, rocks alone.
 
     Parameters
@@ -34,11 +31,11 @@ def draw_covers(
         Folder of cover photos without strokes, `KEY.png`.
     labels : Path
         Their label table.
-    predictions : sequence of Path
-        Prediction tables; together they hold every photo once.
+    predictions : Path
+        Prediction table of all of them.
     """
     drawn = read_parquet(labels, LABEL_COLUMNS)
-    found = pd.concat([read_parquet(path, PREDICTIONS.columns) for path in predictions])
+    found = read_parquet(predictions, PREDICTIONS.columns)
     drawn, found = drawn[drawn["kind"] == ROCK], found[found["kind"] == ROCK]
     least = best_confidence(drawn[drawn["key"].isin(found["key"])], found)
     found = found[found["confidence"] >= least]

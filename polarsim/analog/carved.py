@@ -1,0 +1,27 @@
+"""Rocks by themselves, as many as one likes: the analog's generator without a sandbox around them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.analog.rocks import carve, icosphere
+from polarsim.formats import obj
+from polarsim.formats.files import writing_folder
+from polarsim.geometry.meshes import Mesh
+from polarsim.randomness import generator
+
+_SIZE_M = (0.06, 0.4)  # longest extent, evenly over its logarithm
+_DETAIL = 5  # subdivisions: 20,480 triangles a rock
+
+
+def carve_rocks(*, number: int, terrain: int, seed: int, meshes: Path) -> None:
+    """Write a folder of closed rock meshes, metres, each about the origin; a rock depends on seed and number alone."""
+    _, faces = icosphere(_DETAIL)
+    with writing_folder(meshes) as folder:
+        for rock in range(number):
+            random = generator(seed, "analog", "carved", rock)
+            size = float(np.exp(random.uniform(*np.log(_SIZE_M))))
+            vertices = carve(random, rock, size, _DETAIL).vertices
+            obj.write(folder / obj.rock_name(terrain, rock), Mesh(vertices, faces), f"rock{rock}")

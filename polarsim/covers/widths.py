@@ -1,0 +1,142 @@
+"""At which widths of a picture detectors look at cover photos, chosen on the photos of other folds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.detect import detectors
+from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
+from polarsim.detect.frame import read_picture
+from polarsim.detect.options import PredictionOptions
+from polarsim.detect.predict import detect
+from polarsim.detect.sizes import Sizes, choose_sizes, merge
+from polarsim.detect.split import TEST
+from polarsim.errors import DetectError, about
+from polarsim.formats import tables
+from polarsim.formats.schemas import COVER_FOUND, PREDICTIONS
+from polarsim.photo import BOX_CLASSES
+
+Found = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> boxes (n, 6) as detectors give them
+Truth = Sequence[tuple[np.ndarray, np.ndarray]]  # classes (n,) and boxes (n, 4) of every photo
+
+
+def look_at_covers(
+    *, weights: Path, dataset: Path, found: Path, widths: Sequence[int], options: PredictionOptions, threads: int
+) -> None:
+    """Write what a detector finds in the cover photos of a data set's test part, at each of some widths, px.
+
+    Raises
+    ------
+    PolarsimError
+        Weights that are no detector, a broken picture or data set.
+    """
+    detector = detectors.read_detector(weights)
+    with about(weights):
+        loaded = detectors.family(detector.model).load(detector, found.parent, options, threads)
+    rows = []
+    for key in read_pictures(dataset, TEST):
+        picture = read_picture(dataset / "images" / TEST / f"{key}.png")
+        for width in sorted({detector.imgsz, *widths}):
+            for box in next(detect(loaded, [picture], Sizes((width,)), options.nms_iou)):
+                rows.append((key, width, BOX_CLASSES[int(box[5])], box[4], *box[:4]))
+    table = pd.DataFrame(rows, columns=list(COVER_FOUND.columns)).astype(COVER_FOUND.dtypes)
+    tables.write_parquet(found, table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)}))
+
+
+def choose_widths(
+    *,
+    labels: Path,
+    found: Mapping[str, Path],
+    datasets: Mapping[str, Path],
+    predictions: Path,
+    sizes: Path,
+    imgsz: int,
+    options: PredictionOptions,
+) -> None:
+    """Write one prediction table of all cover photos, and the widths and gates of every fold.
+
+    A fold's widths are those with the largest mAP@0.5, mean of rocks and shadows, on the photos of all other folds, as
+    their own detectors see them: neither detector nor choice has seen the terrain. With one fold alone there is nothing
+    to choose by, and its photos are looked at as wide as its training's pictures. Widths that the options name are
+    taken as they are.
+
+    Parameters
+    ----------
+    found : mapping of fold to Path
+        What `look_at_covers` wrote.
+    datasets : mapping of fold to Path
+        Data sets of the folds, whose test parts name the photos.
+    sizes : Path
+        CSV to write: fold, widths, gates_px (spaces between numbers), width_of_training.
+    imgsz : int
+        Width of the training's pictures, px.
+    """
+    truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
+    seen = {fold: read_found(path, read_pictures(datasets[fold], TEST)) for fold, path in found.items()}
+    parts, rows = [], []
+    for fold, own in seen.items():
+        others = {key: by_width for other in seen if other != fold for key, by_width in seen[other].items()}
+        chosen = widths_for(truth, others, imgsz, options)
+        parts.append(_table(own, chosen, options.nms_iou))
+        rows.append((fold, *map(_joined, (chosen.widths, chosen.gates_px)), imgsz))
+    table = pd.concat(parts, ignore_index=True).astype(PREDICTIONS.dtypes)
+    tables.write_parquet(predictions, table[list(PREDICTIONS.columns)])
+    tables.write_csv(sizes, pd.DataFrame(rows, columns=["fold", "widths", "gates_px", "width_of_training"]))
+
+
+def widths_for(labels: pd.DataFrame, others: Found, imgsz: int, options: PredictionOptions) -> Sizes:
+    """The widths that the options name, else the best on these photos, else that of the training."""
+    if options.widths:
+        return Sizes(options.widths, options.gates_px)
+    if not others:
+        return Sizes((imgsz,))
+    widths = sorted(next(iter(others.values())))
+    by_width = {width: [found[width] for found in others.values()] for width in widths}
+    return choose_sizes(truth_of(labels, list(others)), by_width, options.nms_iou, detectors.MAX_BOXES)
+
+
+def truth_of(labels: pd.DataFrame, keys: Sequence[str]) -> Truth:
+    """Classes and boxes of a label table, of every photo."""
+    by_key = dict(iter(labels[labels["kind"].isin(BOX_CLASSES)].groupby("key")))
+    return [_labelled(by_key[key]) if key in by_key else (np.zeros(0, int), np.zeros((0, 4))) for key in keys]
+
+
+def read_found(path: Path, keys: Sequence[str]) -> Found:
+    """What `look_at_covers` wrote of these photos; those in which nothing was found too."""
+    table = tables.read_parquet(path, COVER_FOUND.columns)
+    widths = sorted(table["width"].unique().tolist())
+    if not widths:
+        raise DetectError("the detector found nothing in any cover photo at any width", path=path)
+    found: Found = {key: {width: np.zeros((0, 6)) for width in widths} for key in keys}
+    for width in widths:
+        for key, rows in table[table["width"] == width].groupby("key"):
+            kinds = rows["kind"].map(BOX_CLASSES.index).to_numpy(float)
+            corners = rows[list(BOX_COLUMNS)].to_numpy(float)
+            found[str(key)][width] = np.column_stack([corners, rows["confidence"], kinds])
+    return found
+
+
+def _labelled(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+    return rows["kind"].map(BOX_CLASSES.index).to_numpy(int), rows[list(BOX_COLUMNS)].to_numpy(float)
+
+
+def merged(by_width: Mapping[int, np.ndarray], sizes: Sizes, nms_iou: float) -> np.ndarray:
+    """Boxes (n, 6) of one photo at the chosen widths."""
+    return merge([by_width[width] for width in sizes.widths], sizes, nms_iou, detectors.MAX_BOXES)
+
+
+def _table(found: Found, sizes: Sizes, nms_iou: float) -> pd.DataFrame:
+    rows = [
+        (key, BOX_CLASSES[int(box[5])], box[4], *box[:4])
+        for key, by_width in found.items()
+        for box in merged(by_width, sizes, nms_iou)
+    ]
+    return pd.DataFrame(rows, columns=list(PREDICTIONS.columns))
+
+
+def _joined(numbers: Sequence[float]) -> str:
+    return " ".join(f"{number:g}" for number in numbers)

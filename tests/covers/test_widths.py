@@ -1,0 +1,121 @@
+"""Widths are chosen without the photos that they are used on, and a detector leaves with what was chosen for it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.covers.publish import publish_detector
+from polarsim.covers.widths import choose_widths, look_at_covers, read_found
+from polarsim.detect import detectors
+from polarsim.detect.detectors.compact.weights import network
+from polarsim.detect.options import PredictionOptions
+from polarsim.errors import DetectError
+from polarsim.formats import png, tables
+from polarsim.formats.schemas import COVER_FOUND, COVER_SCORES, PREDICTIONS
+from tests.covers.test_scores import label_rows_of
+
+KEYS = {"01": "01_A_off_30_L_0256", "03": "03_A_off_30_R_0256", "04": "04_A_off_30_L_0256"}
+SMALL, LARGE = np.array([10.0, 10, 30, 30]), np.array([100.0, 100, 400, 400])
+OPTIONS = PredictionOptions(nms_iou=0.5)
+
+
+def finds(key, width, boxes, kind="rock", confidence=0.9):
+    return [(key, width, kind, confidence, *box) for box in boxes]
+
+
+def write_found(path, rows):
+    tables.write_parquet(path, pd.DataFrame(rows, columns=list(COVER_FOUND.columns)).astype(COVER_FOUND.dtypes))
+    return path
+
+
+@pytest.fixture
+def folds(tmp_path):
+    """Three folds of one photo. At 512 px they find the large rock, at 1,024 px the small one; 04 both at 1,024."""
+    found, datasets, labels = {}, {}, []
+    for fold, key in KEYS.items():
+        rows = finds(key, 512, [LARGE]) + finds(key, 1024, [SMALL]) + finds(key, 512, [LARGE], "shadow")
+        if fold == "04":
+            rows = (
+                finds(key, 512, [SMALL + 700]) + finds(key, 1024, [SMALL, LARGE]) + finds(key, 1024, [LARGE], "shadow")
+            )
+        found[fold] = write_found(tmp_path / f"found{fold}.parquet", rows)
+        datasets[fold] = tmp_path / f"dataset{fold}"
+        tables.write_csv(datasets[fold] / "pictures.csv", pd.DataFrame({"key": [key], "part": ["test"]}))
+        labels += label_rows_of(key, np.array([SMALL, LARGE]))
+        labels += [row | {"kind": "shadow"} for row in label_rows_of(key, LARGE[None])]
+    tables.write_parquet(tmp_path / "labels.parquet", tables.label_table(labels))
+    return {"labels": tmp_path / "labels.parquet", "found": found, "datasets": datasets}
+
+
+def choose(folds, tmp_path, options=OPTIONS):
+    choose_widths(
+        **folds, predictions=tmp_path / "predictions.parquet", sizes=tmp_path / "sizes.csv", imgsz=512, options=options
+    )
+    sizes = tables.read_csv(tmp_path / "sizes.csv", ("fold", "widths")).astype({"fold": str, "widths": str})
+    found = tables.read_parquet(tmp_path / "predictions.parquet", PREDICTIONS.columns)
+    return dict(zip([f"{int(fold):02d}" for fold in sizes["fold"]], sizes["widths"], strict=True)), found
+
+
+def test_a_folds_widths_are_those_of_the_other_folds(folds, tmp_path):
+    """By itself fold 04 would take 1,024 px alone; 01 and 03 say both."""
+    widths, found = choose(folds, tmp_path)
+    assert widths["04"] == "512 1024"
+    own = found[found["key"] == KEYS["04"]]
+    assert own["x0"].tolist() == [SMALL[0]]  # large boxes are asked of 512 px
+    assert set(found["key"]) == set(KEYS.values())
+
+
+def test_one_fold_alone_and_named_widths(folds, tmp_path):
+    alone = {"labels": folds["labels"]} | {name: {"01": folds[name]["01"]} for name in ("found", "datasets")}
+    assert choose(alone, tmp_path)[0] == {"01": "512"}
+    assert set(choose(folds, tmp_path, PredictionOptions(nms_iou=0.5, widths=[1024]))[0].values()) == {"1024"}
+
+
+def test_a_detector_that_finds_nothing_is_named(tmp_path):
+    path = write_found(tmp_path / "none.parquet", [])
+    with pytest.raises(DetectError, match="found nothing in any cover photo"):
+        read_found(path, ["a"])
+
+
+def test_photos_are_looked_at_at_every_width_and_that_of_the_training(tmp_path):
+    weights = tmp_path / "detector.pt"
+    detectors.write_detector(weights, detectors.Detector("compact", 96, 1, "scratch", network("compact").state_dict()))
+    key = KEYS["01"]
+    dataset = tmp_path / "dataset"
+    png.write(dataset / "images" / "test" / f"{key}.png", np.full((80, 128), 60, np.uint8))
+    tables.write_csv(dataset / "pictures.csv", pd.DataFrame({"key": [key], "part": ["test"]}))
+    look_at_covers(
+        weights=weights, dataset=dataset, found=tmp_path / "found.parquet", widths=[64, 128],
+        options=PredictionOptions(nms_iou=0.5, confidence=0.001), threads=1,
+    )  # fmt: skip
+    by_width = read_found(tmp_path / "found.parquet", [key])[key]
+    assert sorted(by_width) == [64, 96, 128]
+
+
+def test_a_detector_leaves_with_widths_calibration_and_a_card(folds, tmp_path):
+    weights, state = tmp_path / "all.pt", network("compact").state_dict()
+    detectors.write_detector(weights, detectors.Detector("compact", 512, 3, "carved", state))
+    scores = pd.DataFrame(
+        [("all", "rock", 0.41, 0.3, 0.5, 6), ("03", "rock", 0.2, np.nan, np.nan, 2), ("01", "rock", 0.6, 0.5, 0.7, 4)],
+        columns=["terrain", "kind", "map50", "map50_low", "map50_high", "labels"],
+    ).assign(
+        seed=0, detector="compact", start="carved", epochs=3, folds=3, pictures=9, images=3, map50_95=0.1, iou_mean=0.2
+    )
+    tables.write_parquet(tmp_path / "scores.parquet", scores[list(COVER_SCORES.columns)].astype(COVER_SCORES.dtypes))
+    publish_detector(
+        weights=weights, **folds, scores=tmp_path / "scores.parquet", detector=tmp_path / "detector.pt",
+        card=tmp_path / "detector.md", options=OPTIONS,
+    )  # fmt: skip
+    detector = detectors.read_detector(tmp_path / "detector.pt")
+    assert detector.widths == (512, 1024)
+    assert len(detector.gates_px) == 1
+    assert len(detector.calibration) == 2
+    card = (tmp_path / "detector.md").read_text()
+    assert "| all | rock | 0 | 6 | 0.410 | [0.300, 0.500] |" in card
+    assert "rocks of terrain 03 (0.20)" in card
+    only = {name: {"01": folds[name]["01"]} for name in ("found", "datasets")}
+    with pytest.raises(DetectError, match="1 fold"):
+        publish_detector(
+            weights=weights, labels=folds["labels"], **only, scores=tmp_path / "scores.parquet",
+            detector=tmp_path / "d.pt", card=tmp_path / "d.md", options=OPTIONS,
+        )  # fmt: skip

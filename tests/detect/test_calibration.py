@@ -1,0 +1,64 @@
+"""Confidences after calibration say how often a box is right."""
+
+import numpy as np
+import pytest
+
+from polarsim.detect.calibration import calibrated, calibration_error, fit_calibration
+from polarsim.errors import DetectError
+
+BOX = np.array([10.0, 10, 50, 50])
+FAR = np.array([200.0, 200, 240, 240])
+
+
+def pictures(confidences, share, random, kind=0):
+    """A picture for each confidence, with one box in it that is right as often as `share` says of its confidence."""
+    labels, found = [], []
+    for confidence in confidences:
+        right = random.random() < share(confidence)
+        labels.append((np.array([kind]), BOX[None]))
+        found.append(np.array([[*(BOX if right else FAR), confidence, kind]]))
+    return labels, found
+
+
+@pytest.mark.parametrize("slope", [0.5, 2.0])
+def test_what_was_too_sure_or_too_unsure_is_mended(slope):
+    random = np.random.default_rng(3)
+
+    def share(confidence):
+        return 1 / (1 + np.exp(-slope * np.log(confidence / (1 - confidence)) + 0.7))
+
+    labels, found = pictures(random.uniform(0.05, 0.95, 4000), share, random)
+    ((fitted, offset),) = fit_calibration(labels, found, 1)
+    assert fitted == pytest.approx(slope, rel=0.15)
+    assert offset == pytest.approx(-0.7, abs=0.15)
+    others = pictures(random.uniform(0.05, 0.95, 4000), share, random)
+    before, after = (
+        calibration_error(others[0], rows)
+        for rows in (others[1], [calibrated(row, ((fitted, offset),)) for row in others[1]])
+    )
+    assert after < 0.03 < before
+
+
+def test_calibration_keeps_boxes_and_their_order_within_a_class():
+    rows = np.array([[*BOX, 0.9, 0], [*FAR, 0.4, 1], [*FAR, 0.2, 0]])
+    changed = calibrated(rows, ((1.7, -0.5), (1.0, 0.0)))
+    assert np.array_equal(changed[:, [0, 1, 2, 3, 5]], rows[:, [0, 1, 2, 3, 5]])
+    assert changed[0, 4] > changed[2, 4]
+    assert changed[1, 4] == pytest.approx(0.4)
+    assert calibrated(rows, ()) is rows
+
+
+def test_the_error_of_calibration_by_hand():
+    """Two boxes of 0.92 of which one is right, two of 0.32 of which none is: (2 * 0.42 + 2 * 0.32) / 4."""
+    label = [(np.array([0]), BOX[None])] * 4
+    found = [
+        np.array([[*box, confidence, 0]])
+        for box, confidence in zip([BOX, FAR, FAR, FAR], [0.92] * 2 + [0.32] * 2, strict=True)
+    ]
+    assert calibration_error(label, found) == pytest.approx(0.37)
+    assert np.isnan(calibration_error(label, [np.zeros((0, 6))] * 4))
+
+
+def test_a_class_of_which_nothing_was_found_is_named():
+    with pytest.raises(DetectError, match="nothing was found of class 1"):
+        fit_calibration([(np.array([0]), BOX[None])], [np.array([[*BOX, 0.5, 0]])], 2)

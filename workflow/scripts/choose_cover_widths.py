@@ -1,0 +1,12 @@
+"""Choose the widths at which every fold's detector looks at its photos on the photos of the other folds."""
+
+from polarsim.covers.widths import choose_widths
+from polarsim.job import job
+
+with job(snakemake) as call:
+    folds = snakemake.params.folds
+    call(
+        choose_widths,
+        found=dict(zip(folds, snakemake.input.found, strict=True)),
+        datasets=dict(zip(folds, snakemake.input.datasets, strict=True)),
+    )
