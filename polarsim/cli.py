@@ -407,11 +407,13 @@ def detect(
     pictures: Annotated[
         list[Path], typer.Argument(help="Pictures, or folders of them; any size, 8 or 16 bits, grey or colour.")
     ],
-    weights: Annotated[Path, typer.Option(help="Detector (.pt) that a run trained.")],
     out: Annotated[Path, typer.Option(help="New folder to write.")],
+    weights: Annotated[
+        Path | None, typer.Option(help="Detector (.pt) that a run trained; default: the one that comes with polarsim.")
+    ] = None,
     confidence: Annotated[float, typer.Option(min=0.001, max=0.99, help="Least confidence of a box.")] = 0.25,
     widths: Annotated[
-        str, typer.Option(help="Widths at which a picture is looked at, px, comma between; default: the training's.")
+        str, typer.Option(help="Widths at which a picture is looked at, px, comma between; default: the detector's.")
     ] = "",
     gates: Annotated[
         str, typer.Option(help="Between each two widths the box side where the wider one takes over, px of 1936.")
@@ -422,11 +424,13 @@ def detect(
 ) -> None:
     """Find rocks and shadows in anyone's pictures of ground under low light; boxes as CSV, YOLO and COCO."""
     from polarsim.detect.find import find_in_pictures, prediction_options
+    from polarsim.detect.options import PACKAGED
 
     options = prediction_options(_listed(widths), _listed(gates), device)
     found = find_in_pictures(
-        pictures=pictures, weights=weights, out=out, options=options, threads=threads, confidence=confidence, draw=draw
-    )
+        pictures=pictures, weights=weights or PACKAGED, out=out, options=options, threads=threads,
+        confidence=confidence, draw=draw,
+    )  # fmt: skip
     counts = ", ".join(f"{(found['kind'] == kind).sum()} {kind}s" for kind in ("rock", "shadow"))
     typer.echo(f"{counts} in {out}")
 

@@ -9,6 +9,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
+# The detector that comes with polarsim, and its card; made by `snakemake real --configfile config/covers.yaml`.
+PACKAGED = Path(__file__).parent / "packaged" / "rocks.pt"
 VIEWS = "views"  # the training domain of pictures that nobody photographed
 SplitName = Literal["photo", "view", "position", "terrain"]
 
@@ -87,7 +89,11 @@ class TrainingOptions(BaseModel, extra="forbid", frozen=True):
         pattern="^(yolov5[nsmlx]|yolov8[nsmlx]|yolov9[tsmce]|yolov10[nsmblx]|yolo(11|12|26)[nsmlx]|compact(-l)?)$",
         description="Detector: compact and compact-l are our own (BSD-3-Clause), all others Ultralytics' (AGPL-3.0).",
     )
-    pretrained: Path | None = Field(None, description="Weights to start from (.pt); none: random weights.")
+    pretrained: Path | Literal["packaged"] | None = Field(
+        None,
+        description="Weights to start from (.pt), or `packaged`: those of the detector that comes with polarsim, for "
+        "model compact. None: random weights.",
+    )
     pretrained_url: str | None = Field(
         None,
         pattern="^(https|file)://",
@@ -112,16 +118,23 @@ class TrainingOptions(BaseModel, extra="forbid", frozen=True):
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
-        if self.pretrained_url and not (self.pretrained and self.pretrained_sha256):
+        if self.pretrained_url and not (isinstance(self.pretrained, Path) and self.pretrained_sha256):
             raise ValueError("pretrained_url needs pretrained, where the file goes, and pretrained_sha256")
+        if self.pretrained == "packaged" and self.model != "compact":
+            raise ValueError(f"pretrained: the packaged detector is of model compact, not {self.model}")
         if self.mosaic and self.model.startswith("compact"):
             raise ValueError(f"mosaic: detector {self.model} has none")
         return self
 
     @property
+    def start_weights(self) -> Path | None:
+        """The file of weights that a training starts from."""
+        return PACKAGED if self.pretrained == "packaged" else self.pretrained
+
+    @property
     def start(self) -> str:
         """What a training starts from, as tables name it."""
-        return self.pretrained.name if self.pretrained else "scratch"
+        return self.start_weights.name if self.start_weights else "scratch"
 
 
 class PredictionOptions(BaseModel, extra="forbid", frozen=True):

@@ -61,6 +61,8 @@ def train_detector(
     if start:
         options = options.model_copy(update={"pretrained": start, "pretrained_url": None, "pretrained_sha256": None})
     ensure_weights(options)
+    if options.start_weights and not options.start_weights.is_file():
+        raise DetectError("the pretrained weights are missing", path=options.start_weights)
     try:
         training = detectors.Training(dataset, work / "training", options, prediction, imgsz, seed, threads)
         _prepare(training)
@@ -89,7 +91,7 @@ def _prepare(training: detectors.Training) -> None:
         "imgsz": training.imgsz,
         "seed": training.seed,
         "dataset": digest(files),
-        "start": digest([training.options.pretrained] if training.options.pretrained else []),
+        "start": digest([training.options.start_weights] if training.options.start_weights else []),
     }
     folder = training.folder
     if not (folder / "identity.json").is_file() or read_json(folder / "identity.json") != identity:

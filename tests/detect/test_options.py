@@ -20,3 +20,12 @@ from polarsim.detect.options import DetectOptions
 def test_options_that_name_nothing_or_one_thing_twice_are_refused(changes, told):
     with pytest.raises(ValidationError, match=told):
         DetectOptions(**changes)
+
+
+def test_the_packaged_detector_is_named_and_fits_one_model():
+    options = TrainingOptions(model="compact", pretrained="packaged")
+    assert options.start_weights == PACKAGED
+    assert options.start == PACKAGED.name
+    assert TrainingOptions.model_validate({"model": "compact", "pretrained": "w.pt"}).start == "w.pt"
+    with pytest.raises(ValidationError, match="of model compact, not yolov5n"):
+        TrainingOptions(model="yolov5n", pretrained="packaged")

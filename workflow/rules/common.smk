@@ -11,6 +11,7 @@ from polarsim.acquire.inputs import raw_inputs
 from polarsim.acquire.options import describe_seeds
 from polarsim.config import parse_config
 from polarsim.covers.options import CARVED
+from polarsim.detect.options import PACKAGED
 from polarsim.digest import script_digest
 from polarsim.errors import ConfigError
 from polarsim.formats.release import (

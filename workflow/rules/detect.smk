@@ -121,6 +121,7 @@ rule train_detector:
     input:
         dataset="results/{run}/detect/{split}/datasets/{trained}",
         pictures=pictures_behind_training,
+        start=str(PACKAGED) if CONFIG.detect.training.pretrained == "packaged" else [],
     output:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         curve="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.csv",

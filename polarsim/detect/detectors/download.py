@@ -23,9 +23,9 @@ def ensure_weights(options: TrainingOptions) -> None:
     FetchError
         No such address, or another file than `pretrained_sha256` pins.
     """
-    if options.pretrained and options.pretrained_url and not options.pretrained.is_file():
+    if options.start_weights and options.pretrained_url and not options.start_weights.is_file():
         assert options.pretrained_sha256, "options are checked"
-        fetch(options.pretrained_url, options.pretrained, options.pretrained_sha256)
+        fetch(options.pretrained_url, options.start_weights, options.pretrained_sha256)
 
 
 def fetch(url: str, path: Path, sha256: str) -> None:

@@ -79,11 +79,9 @@ def _start(training: Training, device: str) -> State:
     with torch.random.fork_rng(devices=[]):  # on the CPU for all devices: same seed, same start
         torch.manual_seed(int(generator(training.seed, "detect", "weights").integers(2**31)))
         module, average = network(options.model), network(options.model)
-    if options.pretrained:
-        if not options.pretrained.is_file():
-            raise DetectError("the pretrained weights are missing", path=options.pretrained)
-        with about(options.pretrained):
-            module = network(options.model, read_detector(options.pretrained).state)
+    if options.start_weights:
+        with about(options.start_weights):
+            module = network(options.model, read_detector(options.start_weights).state)
     average.load_state_dict(module.state_dict())
     module, average = module.to(device), average.to(device).eval()
     kernels = [value for value in module.parameters() if value.ndim > 1]

@@ -73,8 +73,8 @@ def _fit(run: Path, training: Training) -> Any:
         log.info("going on with the training in %s", run)
         arguments |= {"model": str(last), "resume": str(last)}
     start = None
-    if options.pretrained:
-        start = load_start(options.pretrained, options.model, run.parent)
+    if options.start_weights:
+        start = load_start(options.start_weights, options.model, run.parent)
 
     class Validator(library.DetectionValidator):  # type: ignore[name-defined, misc]
         def postprocess(self, preds: Any) -> list[dict[str, Any]]:

@@ -53,10 +53,8 @@ def load_start(path: Path, model: str, folder: Path) -> Any:
     Raises
     ------
     DetectError
-        The file is missing or holds no such weights.
+        The file holds no such weights.
     """
-    if not path.is_file():
-        raise DetectError("the pretrained weights are missing", path=path)
     library = ultralytics(folder)
     try:
         detector = read_detector(path)
