@@ -1,7 +1,7 @@
 import pytest
 from pydantic import ValidationError
 
-from polarsim.detect.options import DetectOptions
+from polarsim.detect.options import PACKAGED, DetectOptions, TrainingOptions
 
 
 @pytest.mark.parametrize(
