@@ -28,10 +28,10 @@ from polarsim.photo import BOX_CLASSES, PhotoKey
 
 CORNERS = ["x0", "y0", "x1", "y1"]
 OPTIONS = PredictionOptions(nms_iou=0.5)
-Found = dict[str, dict[int, np.ndarray]]  # photo -> width -> boxes (n, 6)
+BoxesByWidth = dict[str, dict[int, np.ndarray]]  # photo -> width -> boxes (n, 6)
 
 
-def look(covers: Path, fold: str, seed: int, widths: list[int], scratch: Path) -> Found:
+def look(covers: Path, fold: str, seed: int, widths: list[int], scratch: Path) -> BoxesByWidth:
     """What a fold's detector finds in the photos of its terrains at each width."""
     detector = detectors.read_detector(covers / "folds" / fold / f"seed{seed}" / "detector.pt")
     loaded = detectors.family(detector.model).load(detector, scratch, OPTIONS, threads=1)
@@ -47,7 +47,7 @@ def look(covers: Path, fold: str, seed: int, widths: list[int], scratch: Path) -
     }
 
 
-def chosen_sizes(labels: pd.DataFrame, others: Found, widths: list[int]) -> Sizes:
+def chosen_sizes(labels: pd.DataFrame, others: BoxesByWidth, widths: list[int]) -> Sizes:
     own = [labels[labels["key"] == key] for key in others]
     truth = [
         (np.array([BOX_CLASSES.index(kind) for kind in rows["kind"]], int), rows[CORNERS].to_numpy(float))
@@ -57,7 +57,7 @@ def chosen_sizes(labels: pd.DataFrame, others: Found, widths: list[int]) -> Size
     return choose_sizes(truth, by_width, OPTIONS.nms_iou, detectors.MAX_BOXES)
 
 
-def as_table(found: Found, sizes: Sizes) -> pd.DataFrame:
+def as_table(found: BoxesByWidth, sizes: Sizes) -> pd.DataFrame:
     rows = []
     for key, by_width in found.items():
         merged = merge([by_width[width] for width in sizes.widths], sizes, OPTIONS.nms_iou, detectors.MAX_BOXES)
