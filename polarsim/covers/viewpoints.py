@@ -19,6 +19,7 @@ from polarsim.render.surfaces import Surfaces
 _COARSE = 1 / 32  # of a photo's size: pictures in which tries are looked at
 _TRIES = 60
 _AIMED = 0.7  # of the way from the centre of the sand to its edge: how far off a camera looks
+_ROLL_SD_DEG = 2.0  # a tripod stands upright by eye
 _ASIDE = 0.03  # of the picture's size: standard deviation of the principal point's position
 _DISTORTION_SD, _MOST_DISTORTION = 0.08, 0.15  # of k1: the rig's lenses have -0.11
 
@@ -97,7 +98,7 @@ def _any_camera(chosen: RenderOptions, options: SceneOptions, random: np.random.
     height, distance = random.uniform(*options.camera_height_m), random.uniform(*options.camera_distance_m)
     aim = random.uniform(-_AIMED, _AIMED, 2) * chosen.rim_half_width_m
     centre = np.array([*(aim - distance * np.array([np.cos(yaw), np.sin(yaw)])), height])
-    roll = np.radians(options.roll_sd_deg) * random.standard_normal()
+    roll = np.radians(_ROLL_SD_DEG) * random.standard_normal()
     return Camera(looking(centre, yaw, float(np.arctan2(height, distance)), float(roll)), lens)
 
 
