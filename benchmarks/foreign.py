@@ -2,7 +2,7 @@
 
 `python benchmarks/foreign.py FOLDER [seed] [meshes] [--hard] [--bare] [--touching] [--without-boxes]`
 
-Another sandbox, another scanner: real scanned rocks (OBJ files of the published release, turned and scaled; lumpy
+Another sandbox, another scanner: real scanned rocks (OBJ files of the published release, rotated and scaled; lumpy
 ellipsoids where there are none) on waves, craters and ripples, in a box of thick boards that loose cloth hangs over
 differently in every scan. Ranges have noise that grows with range and incidence, stripes along rows and columns, mixed
 pixels by the width of the beam, gross outliers, and nothing from grazing surfaces. Files are in NASA's form, full size.
@@ -43,7 +43,7 @@ from polarsim.cameras.options import PlacementOptions
 from polarsim.formats import nasa, obj, tables, yolo
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.obj import Mesh
-from polarsim.formats.rigs import PlacedRig, read_placed, write_placed, write_rig
+from polarsim.formats.rigs import LocalisedRig, read_localised, write_localised, write_rig
 from polarsim.geometry.boxes import area, around, clip
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import rectified_left, stated_rig
@@ -112,15 +112,15 @@ def pebbles(axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> l
 
 
 def _sunk(lump: Mesh, size: float, axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> Mesh:
-    place = np.array([[*rng.uniform(-1.8, 1.8, 2)]])
-    level = at(axis, height, place)[0] + rng.uniform(0.0, 0.25) * size
-    return Mesh(size * lump.vertices + [*place[0], level], lump.faces)
+    position = np.array([[*rng.uniform(-1.8, 1.8, 2)]])
+    level = at(axis, height, position)[0] + rng.uniform(0.0, 0.25) * size
+    return Mesh(size * lump.vertices + [*position[0], level], lump.faces)
 
 
 def at(axis: np.ndarray, height: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(n,) heights of the ground at points (n, 2 or 3)."""
-    place = (points[:, [1, 0]] - axis[0]) / STEP
-    return ndimage.map_coordinates(height, place.T, order=1, mode="nearest")
+    position = (points[:, [1, 0]] - axis[0]) / STEP
+    return ndimage.map_coordinates(height, position.T, order=1, mode="nearest")
 
 
 def shapes(meshes: Path | None, rng: np.random.Generator) -> list[Mesh]:
@@ -131,10 +131,10 @@ def shapes(meshes: Path | None, rng: np.random.Generator) -> list[Mesh]:
     for mesh in found:
         used, faces = np.unique(mesh.faces, return_inverse=True)
         vertices = mesh.vertices[used]
-        middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
         side = np.ptp(vertices[:, :2], axis=0).max()
         if np.ptp(vertices[:, 2]) > 0.25 * side:  # flat ones would vanish in the sand
-            solids.append(Mesh((vertices - middle) / side, faces.reshape(-1, 3)))
+            solids.append(Mesh((vertices - centre) / side, faces.reshape(-1, 3)))
     return solids
 
 
@@ -150,14 +150,14 @@ def _lump(rng: np.random.Generator) -> Mesh:
 
 
 def strewn(axis: np.ndarray, height: np.ndarray, count: int, given: list[Mesh], rng: np.random.Generator) -> list[Mesh]:
-    """Rocks of a power law of sizes, turned about the vertical, sunk into the ground, none touching another."""
+    """Rocks of a power law of sizes, rotated about the vertical, sunk into the ground, none touching another."""
     placed: list[Mesh] = []
     taken = np.zeros((0, 3))
     sizes = np.clip(SMALLEST * rng.uniform(0, 1, count) ** -0.8, SMALLEST, LARGEST)
     for size in np.sort(sizes)[::-1]:
         shape = given[rng.integers(len(given))]
-        turn = Pose.from_rotvec(np.array([0, 0, rng.uniform(0, 6.28)]), np.zeros(3))
-        vertices = size * turn.apply(shape.vertices)
+        rotation = Pose.from_rotvec(np.array([0, 0, rng.uniform(0, 6.28)]), np.zeros(3))
+        vertices = size * rotation.apply(shape.vertices)
         for _ in range(200):
             x, y = rng.uniform(-1.75, 1.75, 2)
             if (np.hypot(*(taken[:, :2] - [x, y]).T) > taken[:, 2] + 0.6 * size + 0.02).all():
@@ -193,19 +193,19 @@ def gathered(rocks: list[Mesh], axis: np.ndarray, height: np.ndarray, rng: np.ra
 
 def _pushed(rock: Mesh, parent: Mesh, axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> Mesh | None:
     """A rock slid over the ground, out of a random direction, until it touches its parent; None at the walls."""
-    middles = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))[:2] / 2 for mesh in (rock, parent)]
+    centres = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))[:2] / 2 for mesh in (rock, parent)]
     angle, tree = rng.uniform(0, 2 * np.pi), KDTree(parent.vertices)
     near, far = 0.0, sum(np.ptp(mesh.vertices[:, :2], axis=0).max() for mesh in (rock, parent))
     foot = rock.vertices[rock.vertices[:, 2] < np.quantile(rock.vertices[:, 2], 0.1)]
     for _ in range(10):
         apart = (near + far) / 2
-        place = middles[1] + apart * np.array([np.cos(angle), np.sin(angle)])
-        shift = np.append(place - middles[0], 0.0)
-        shift[2] = np.median(at(axis, height, foot + shift) - at(axis, height, foot))
-        vertices = rock.vertices + shift
+        position = centres[1] + apart * np.array([np.cos(angle), np.sin(angle)])
+        translation = np.append(position - centres[0], 0.0)
+        translation[2] = np.median(at(axis, height, foot + translation) - at(axis, height, foot))
+        vertices = rock.vertices + translation
         meets = np.isfinite(tree.query(vertices, distance_upper_bound=TOUCH)[0]).any()
         near, far = (apart, far) if meets or apart < 0.02 else (near, apart)
-    return Mesh(vertices, rock.faces) if (np.abs(place) < 1.75).all() else None
+    return Mesh(vertices, rock.faces) if (np.abs(position) < 1.75).all() else None
 
 
 def _laid(rock: Mesh, parent: Mesh, placed: list[Mesh], rng: np.random.Generator) -> Mesh | None:
@@ -214,8 +214,8 @@ def _laid(rock: Mesh, parent: Mesh, placed: list[Mesh], rng: np.random.Generator
     if size > 0.8 * larger:
         return None
     hull = ConvexHull(rock.vertices)
-    middles = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2 for mesh in (rock, parent)]
-    above = np.append((middles[1] - middles[0])[:2] + rng.normal(0, 0.2 * larger, 2), 1.0)
+    centres = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2 for mesh in (rock, parent)]
+    above = np.append((centres[1] - centres[0])[:2] + rng.normal(0, 0.2 * larger, 2), 1.0)
     start = rock.vertices + above
     down = np.broadcast_to([0.0, 0.0, -1.0], start.shape)
     rays = np.concatenate([start, down], axis=1).astype(np.float32)
@@ -243,8 +243,8 @@ def box(cloth: float, rng: np.random.Generator) -> Mesh:
         wall = np.stack(
             [outward, np.broadcast_to(along, outward.shape), np.broadcast_to(steps[:, 1:], outward.shape)], -1
         )
-        turn = Pose.from_rotvec(np.array([0, 0, side * np.pi / 2]), np.zeros(3))
-        parts.append(turn.apply(wall.reshape(-1, 3)))
+        rotation = Pose.from_rotvec(np.array([0, 0, side * np.pi / 2]), np.zeros(3))
+        parts.append(rotation.apply(wall.reshape(-1, 3)))
         faces.append(_grid_faces(*outward.shape) + start)
         start += outward.size
     floor = np.array([[-9, -9, FLOOR], [9, -9, FLOOR], [9, 9, FLOOR], [-9, 9, FLOOR]], float)
@@ -292,11 +292,11 @@ def _scene(solids: list[Mesh]) -> o3d.t.geometry.RaycastingScene:
 
 def _hits(scene: o3d.t.geometry.RaycastingScene, pose: Pose, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Distances and cosines of incidence (h, w) along unit rays (h, w, 3)."""
-    turned = pose.rotate(rays.reshape(-1, 3)).reshape(rays.shape)
-    start = np.broadcast_to(pose.translation, turned.shape)
-    hit = scene.cast_rays(o3d.core.Tensor(np.concatenate([start, turned], axis=-1).astype(np.float32)))
+    rotated = pose.rotate(rays.reshape(-1, 3)).reshape(rays.shape)
+    start = np.broadcast_to(pose.translation, rotated.shape)
+    hit = scene.cast_rays(o3d.core.Tensor(np.concatenate([start, rotated], axis=-1).astype(np.float32)))
     distance, normals = hit["t_hit"].numpy().astype(float), hit["primitive_normals"].numpy()
-    return np.where(distance < 10, distance, np.nan), np.abs((normals * turned).sum(axis=-1))
+    return np.where(distance < 10, distance, np.nan), np.abs((normals * rotated).sum(axis=-1))
 
 
 def make(
@@ -314,15 +314,15 @@ def make(
         rocks = gathered(rocks, axis, height, np.random.default_rng([seed, 3]))
     rig, grid = stated_rig(), rectified_left(stated_rig())
     maps = {}
-    for position, (place, yaw, pitch) in TRIPODS.items():
-        centre = np.array(place) + rng.normal(0, 0.08, 3)
-        turned = np.radians([yaw + rng.normal(0, 2), pitch + rng.normal(0, 1.5), rng.normal(0, 1)])
-        sandbox_from_left = looking(centre, *turned)
+    for position, (tripod, yaw, pitch) in TRIPODS.items():
+        centre = np.array(tripod) + rng.normal(0, 0.08, 3)
+        angles = np.radians([yaw + rng.normal(0, 2), pitch + rng.normal(0, 1.5), rng.normal(0, 1)])
+        sandbox_from_left = looking(centre, *angles)
         solids = [ground, *rocks, *clutter, box(0.02, rng)]
         points = swept(solids, sandbox_from_left @ grid.left_from_rectified, grid.lens.pixel_directions(), rng)
         maps[position] = str(folder / f"Pos{position}_org-XYZ.tif")
         nasa.write_range_map(maps[position], points)
-        write_placed(folder / f"truth/cameras/Pos{position}.json", PlacedRig(rig, sandbox_from_left, "truth"))
+        write_localised(folder / f"truth/cameras/Pos{position}.json", LocalisedRig(rig, sandbox_from_left, "truth"))
     write_inventory(folder / "inventory.json", Inventory(TERRAIN, "polar", range_maps=maps))
     write_rig(folder / "calibration.json", rig, "stated")
     _write_truth(folder / "truth", ground, rocks, axis, height)
@@ -353,7 +353,7 @@ def draw(folder: Path, seed: int) -> None:
     rocks = [obj.read(path) for path in obj.rock_files(folder / "truth/meshes").values()]
     scene = _scene([obj.read(folder / "truth/meshes" / obj.ground_name(TERRAIN)), *rocks])
     for position in TRIPODS:
-        placed = read_placed(folder / f"truth/cameras/Pos{position}.json")
+        placed = read_localised(folder / f"truth/cameras/Pos{position}.json")
         lens, boxes = placed.rig.left, []
         for rock in rocks:
             pixels = placed.project("L", rock.vertices)
@@ -430,7 +430,9 @@ def small_finds(folder: Path) -> dict[str, float]:
     Rocks count by their own size, in the frame of position A, paired with finds of any size.
     """
     true, found = (pd.read_parquet(folder / name) for name in ("truth/rocks.parquet", "rocks.parquet"))
-    placed = [read_placed(folder / place / "PosA.json").sandbox_from_left for place in ("truth/cameras", "cameras")]
+    placed = [
+        read_localised(folder / source / "PosA.json").sandbox_from_left for source in ("truth/cameras", "cameras")
+    ]
     true_from_sandbox = placed[0] @ placed[1].inverse()
     found[["x", "y", "z"]] = true_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
     pairs = pair_rocks(true, found)

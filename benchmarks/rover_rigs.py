@@ -12,7 +12,7 @@ from polarsim.rover.soil import bulldozing_numba, contact_numba
 from polarsim.rover.soil.bulldozing import Bulldozing
 from polarsim.rover.soil.check import Press
 from polarsim.rover.soil.contact import Rule, Wrenches, press
-from polarsim.rover.soil.law import Law
+from polarsim.rover.soil.law import ContactLaw
 from polarsim.rover.soil.nodes import Ground, flat_ground
 from polarsim.rover.soil.shapes import Bodies, Plate, Wheel, reach
 
@@ -24,16 +24,16 @@ def patch_inverse_width(length: float, width: float) -> float:
     return (length + width) / (length * width)
 
 
-def rest_plate(plate: Plate, law: Law, load: float, cell: float, press: Press = press) -> float:
+def rest_plate(plate: Plate, law: ContactLaw, load: float, cell: float, press: Press = press) -> float:
     """Depth, metres, at which a plate comes to rest that is pressed ever harder until it bears the load."""
     ground = flat_ground(2 * plate.length, 2 * plate.width, cell)
-    # The middle lies on a node, or between two where that makes the length a whole number of cells.
-    middle = ground.x[len(ground.x) // 2] + (cell / 2 if round(plate.length / cell) % 2 == 0 else 0.0)
+    # The centre lies on a node, or between two where that makes the length a whole number of cells.
+    centre = ground.x[len(ground.x) // 2] + (cell / 2 if round(plate.length / cell) % 2 == 0 else 0.0)
     numbers, still = plate.numbers(cell)[None], np.zeros((1, 3))
     low, high = 0.0, 0.5
 
     def borne(depth: float) -> float:
-        bodies = Bodies(numbers, np.array([[middle, 0.0, -depth]]), AXES[None], still, still)
+        bodies = Bodies(numbers, np.array([[centre, 0.0, -depth]]), AXES[None], still, still)
         return float(press(ground.copy(), bodies, law, Rule(), 1e-3).forces[0, 2])
 
     if borne(high) < load:
@@ -58,7 +58,7 @@ class Parked:
 
 def park(
     wheel: Wheel,
-    law: Law,
+    law: ContactLaw,
     mass: float,
     gravity: float,
     slope_deg: float,
@@ -70,7 +70,7 @@ def park(
 ) -> Parked:
     """Let a locked wheel down on a slope and watch it; free along the slope and across it, nothing damps but the soil.
 
-    The grid lies along the slope and gravity is turned, which is the same.
+    The grid lies along the slope and gravity is rotated, which is the same.
     """
     ground = flat_ground(4 * wheel.reach, wheel.width + 0.12, cell)
     pull = mass * gravity * np.array([math.sin(math.radians(slope_deg)), 0.0, -math.cos(math.radians(slope_deg))])
@@ -90,7 +90,7 @@ def park(
 class SoilBin:
     """Ground and the law by which it gives way; `steps` counts the steps so far."""
 
-    def __init__(self, ground: Ground, law: Law, bulldozing_rule: Bulldozing | None = None) -> None:
+    def __init__(self, ground: Ground, law: ContactLaw, bulldozing_rule: Bulldozing | None = None) -> None:
         self.ground, self.law, self.bulldozing, self.steps = ground, law, bulldozing_rule, 0
 
     def step(self, bodies: Bodies, dt: float) -> Wrenches:

@@ -3,11 +3,10 @@ ceilings.
 
 `python benchmarks/shadow_causes.py RELEASE WORK [--config config/release.yaml] [--terrains 1 3 4 8 11 12]`
 
-RELEASE and WORK are those of `benchmarks/transfers.py`, whose placed runs below WORK are taken up. The first table has
-shadows as a renderer makes them (ground that a rock hides from the lamp), against the fullest annotated file of each
-exposure
-bracket under a Sun lamp, rover light off, both cameras. The second has the Left drawing's shadows in the Right photos,
-every published file, with what nobody can know replaced by what the Right drawing says.
+RELEASE and WORK are those of `benchmarks/transfers.py`, whose localised runs below WORK are taken up. The first table
+has shadows as a renderer makes them (ground that a rock hides from the lamp), against the fullest annotated file of
+each exposure bracket under a Sun lamp, rover light off, both cameras. The second has the Left drawing's shadows in the
+Right photos, every published file, with what nobody can know replaced by what the Right drawing says.
 """
 
 from __future__ import annotations
@@ -61,23 +60,23 @@ class Seen:
         rays = sightlines(world, view, rows, columns)
         self.on_rock = self.ids.rock != NO_ROCK
         met = self.on_rock.ravel()
-        self.rock_places = view.centre + rays.distance[met, None] * rays.directions[met]
+        self.rock_points = view.centre + rays.distance[met, None] * rays.directions[met]
 
-    def shaded(self, places: np.ndarray, lamp: np.ndarray) -> np.ndarray:
-        """(n,) the rock that hides a lamp from places (n, 3)."""
-        distance, face = self.world.rocks.nearest(places, lamp - places)
+    def shaded(self, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
+        """(n,) the rock that hides a lamp from points (n, 3)."""
+        distance, face = self.world.rocks.nearest(points, lamp - points)
         return np.where(distance < 1, self.world.rock_of_rocks_face[face], NO_ROCK)
 
     def shadows(self, lamp: np.ndarray, *, lifted: float = 0.0, walls: float = WALL_M) -> np.ndarray:
         """(rows, columns) whose shadow is seen on the ground, that lies `lifted` metres higher than its mesh."""
         picture = np.full(self.ids.shape, NO_ROCK)
         bare = self.ids.rock[self.ids.ground] == NO_ROCK
-        places = self.ids.places[bare]
-        sight = places - self.view.centre
-        places = places + lifted / sight[:, 2:] * sight
-        rock = self.shaded(places, lamp)
+        points = self.ids.points[bare]
+        sight = points - self.view.centre
+        points = points + lifted / sight[:, 2:] * sight
+        rock = self.shaded(points, lamp)
         if walls:
-            passing = passing_heights(places, lamp, self.world.ground_bounds)
+            passing = passing_heights(points, lamp, self.world.ground_bounds)
             rock[passing < self.world.ground_level + walls] = NO_ROCK
         picture[self.ids.ground & (self.ids.rock == NO_ROCK)] = rock
         return picture
@@ -96,8 +95,8 @@ class Seen:
 
     def with_rocks(self, picture: np.ndarray, lamp: np.ndarray, *, own: bool) -> np.ndarray:
         """Shadows on rocks added: each rock's on itself, or those on others."""
-        to_lamp = lamp - self.rock_places
-        starts = self.rock_places + 0.004 * to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
+        to_lamp = lamp - self.rock_points
+        starts = self.rock_points + 0.004 * to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
         thrower = self.shaded(starts, lamp)
         counts = (thrower == self.ids.rock[self.on_rock]) == own
         found = picture.copy()
@@ -158,13 +157,13 @@ class Propagated:
 
 
 def propagated(run: Run, options: LabelsOptions) -> Propagated:
-    run.place()
-    placed = rigs.read_all_placed(run.folder / "cameras")
+    run.localise()
+    localised = rigs.read_all_localised(run.folder / "cameras")
     drawings = read_drawings(run.folder / "seeds", run.terrain)
     starts = shadow_starts(drawings, options.shadow_start(run.terrain))
-    suns = lamps.read_suns(run.folder / "cameras", placed)
+    suns = lamps.read_suns(run.folder / "cameras", localised)
     terrain = read_terrain(run.folder / "meshes", run.terrain)
-    return Propagated(gather(terrain, placed, suns, choose_seeds(drawings, {}, starts), options), starts)
+    return Propagated(gather(terrain, localised, suns, choose_seeds(drawings, {}, starts), options), starts)
 
 
 def fullest(truth: Truth) -> dict[tuple[str, CameraSide, Azimuth], np.ndarray]:
@@ -180,7 +179,7 @@ def score_causes(known: Known, truth: Truth, options: LabelsOptions) -> Iterator
     annotated = fullest(truth)
     suns = known.world.suns
     meshes = build_world(known.terrain, TRIM, suns, options.wall_height_m)  # without stand-ins
-    for position in sorted(known.placed):
+    for position in sorted(known.localised):
         labels = PositionLabels(known, position, options)
         for camera in ("L", "R"):
             seen = Seen(meshes, labels.rocks.view(camera))
@@ -195,7 +194,7 @@ def score_causes(known: Known, truth: Truth, options: LabelsOptions) -> Iterator
 def score_ceilings(
     known: Known, starts: ShadowStarts, truth: Truth, options: LabelsOptions
 ) -> Iterator[tuple[str, Counts]]:
-    for position in sorted(known.placed):
+    for position in sorted(known.localised):
         labels = PositionLabels(known, position, options)
         left, right = labels.rocks.view("L"), labels.rocks.view("R")
         for azimuth in SUNS:

@@ -33,11 +33,16 @@ ROVER_LIGHT_FROM_LEFT = np.array([0.15, 0.0, 0.0])  # in the left camera's frame
 
 POSITION_DISTANCE_MM = {"A": 1500, "B": 4000, "C": 1500}  # from the box's edge, as NASA's folders are named
 SANDBOX_HALF_WIDTH = 2.0  # of the sand inside the walls
+WALL_HEIGHT = 0.30  # of the walls' tops above the sand; a photo of terrain 1 has them at 0.29 to 0.36
+# What must not reach over any wall stays so far below the stated height: 1 cm for the lowest top, 1 cm for the sand's
+# level, which is a median.
+WALL_MARGIN = 0.02
+SURELY_WALL = round(WALL_HEIGHT - WALL_MARGIN, 2)  # every wall is at least so high above the sand
 TERRAIN_NAMES = {1: "LargeOnly", 3: "MeanDistr", 6: "Smooth", 11: "FreshCrater", 12: "OldCrater"}
 
 
 def lamp_position(azimuth: str, lift: float = 0.0) -> np.ndarray:
-    """(3,) surveyed place of the Sun lamp of an azimuth, sandbox frame; `no` has none (KeyError).
+    """(3,) surveyed position of the Sun lamp of an azimuth, sandbox frame; `no` has none (KeyError).
 
     `lift` is how much higher than here the survey's level lies in the terrain's own frame, metres: see `survey_lift`.
     """
@@ -52,7 +57,7 @@ def survey_lift(left_heights: Iterable[float]) -> float:
     median height: shadows of terrain 11 are met at F1 0.51 instead of 0.45, those of 01 and 04 alike.
     """
     heights = list(left_heights)
-    usual = float(np.median([place[2] for place in SURVEYED_LEFT.values()]))
+    usual = float(np.median([position[2] for position in SURVEYED_LEFT.values()]))
     return float(np.median(heights)) - usual if heights else 0.0
 
 

@@ -11,7 +11,7 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 _BLUR_PX = 0.6  # sd of the lens's point spread
 _VIGNETTING = 0.30  # light lost in the corners
-_VEIL, _HALO = 0.002, 0.007  # shares of the light that the lens spreads over everything, and widely about its place
+_VEIL, _HALO = 0.002, 0.007  # shares of the light that the lens spreads over everything, and widely about its position
 _PIXEL_GAIN = 0.006  # sd of the pixels' sensitivity
 
 
@@ -41,28 +41,28 @@ def lamp_glare(lamp: Lamp, camera: Camera, brightness: float, rng: np.random.Gen
     """
     lens = camera.lens
     height, width = lens.shape
-    place = camera.world_from_camera.inverse().apply(lamp.place)
-    distance = float(np.linalg.norm(place))
-    off_axis = np.arccos(place[2] / distance)
+    position = camera.world_from_camera.inverse().apply(lamp.position)
+    distance = float(np.linalg.norm(position))
+    off_axis = np.arccos(position[2] / distance)
     out = np.zeros((height, width), np.float32)
     if off_axis > np.radians(105) or distance < 0.3:
         return out
     strength = brightness * (4 / distance) ** 2
-    ahead = place / distance
-    middle = np.array([width / 2, height / 2])
+    ahead = position / distance
+    centre = np.array([width / 2, height / 2])
     aside = ahead[:2] / max(float(np.hypot(*ahead[:2])), 1e-6)
     in_picture = False
     if ahead[2] > 0.3:
-        spot = lens.project(place[None])[0]
+        spot = lens.project(position[None])[0]
         in_picture = bool(np.all((spot > 0) & (spot < [width, height])))
     if in_picture:
         _blob(out, spot, lens.fx * lamp.radius / distance, 4000 * strength, 2.0)
         _blob(out, spot, 90, 8 * strength, 0.4)
         _blob(out, spot, 1400, 0.12 * strength, 1.0)
         for share, size in ((-0.35, 18), (-0.62, 30), (0.45, 12), (0.3, 26)):  # ghosts on the line through the centre
-            _blob(out, middle + share * (spot - middle) + rng.normal(0, 4, 2), size, 2 * strength, 4.0)
+            _blob(out, centre + share * (spot - centre) + rng.normal(0, 4, 2), size, 2 * strength, 4.0)
     else:
-        corner = middle + aside * min(abs(width / 2 / aside[0]), abs(height / 2 / aside[1]))
+        corner = centre + aside * min(abs(width / 2 / aside[0]), abs(height / 2 / aside[1]))
         _blob(out, corner, 240, 0.25 * strength * float(np.clip(np.cos(off_axis) + 0.35, 0.05, 1)), 1.0)
     return out
 

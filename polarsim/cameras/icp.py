@@ -27,7 +27,7 @@ GATE = 3.0  # voxels: pairs further apart are none
 COARSE_SAMPLES = 6_000  # points of a scan in a coarse alignment
 FINE_SAMPLES = 20_000  # points of a scan in the joint one
 SLOPE_BINS = 5  # of the normals' two level components: every slope has its say, not only the wide flats
-TURNED_AWAY = 0.5  # cosine between normals below which two points are of different surfaces
+FACING_AWAY = 0.5  # cosine between normals below which two points are of different surfaces
 PARTNER_REACH = 0.04  # metres: partners further apart are none
 TUKEY = 4.685  # standard deviations: 95 % efficient where errors are Gaussian
 WIDTHS = (4.0, 2.0, 1.0)  # of Tukey's scale, one a pass of the joint alignment
@@ -93,14 +93,14 @@ def surface(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> Surface:
     )
     dense = np.isfinite(distance).all(axis=1)
     neighbours, own = thin[near[dense]], thin[dense]
-    middle = neighbours.mean(axis=1)
-    offsets = neighbours - middle[:, None]
+    centre = neighbours.mean(axis=1)
+    offsets = neighbours - centre[:, None]
     scatter = np.einsum("nkc,nkd->ncd", offsets, offsets) / (NORMAL_NEIGHBOURS - PLANE_UNKNOWNS)
     variances, axes = np.linalg.eigh(scatter)
     normals = axes[:, :, 0]
     normals = np.where(((viewpoint - own) * normals).sum(axis=1, keepdims=True) < 0, -normals, normals)
-    on_plane = own - ((own - middle) * normals).sum(axis=1, keepdims=True) * normals
-    # At most: in the middle of its neighbours a plane is known better than at their border.
+    on_plane = own - ((own - centre) * normals).sum(axis=1, keepdims=True) * normals
+    # At most: in the centre of its neighbours a plane is known better than at their border.
     spread = np.sqrt(np.maximum(variances[:, 0], 0) * PLANE_UNKNOWNS / NORMAL_NEIGHBOURS)
     return Surface(on_plane, normals, np.maximum(spread, LEAST_SPREAD))
 
@@ -146,7 +146,7 @@ def align_jointly(surfaces: Mapping[str, Surface], start: Mapping[str, Pose], re
 
 
 def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose]) -> dict[str, np.ndarray]:
-    """(6, 6) formal covariance of each scan's turn (radians) and shift (metres), the mean of all scans held.
+    """(6, 6) formal covariance of each scan's rotation (radians) and translation (metres), the mean of all scans held.
 
     Neighbouring points share errors: smoothing, roughness seen from one side, stripes of the scanner. So what is summed
     is the square of each patch's pull, not of each point's: the sandwich estimate over clusters (Liang and Zeger,
@@ -161,7 +161,7 @@ def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose]) -> d
     for pair in _pairs(free, surfaces, samples, poses, 1.0):
         bread += (pair.slopes * pair.bends[:, None]).T @ pair.slopes
         pulls.append(pair.slopes * (pair.weights * pair.distances)[:, None])
-        patches.append(np.floor(pair.places[:, :2] / PATCH).astype(int))
+        patches.append(np.floor(pair.points[:, :2] / PATCH).astype(int))
     _, patch = np.unique(np.concatenate(patches), axis=0, return_inverse=True)
     pull = np.zeros((patch.max() + 1, 6 * len(free)))
     np.add.at(pull, patch.ravel(), np.concatenate(pulls))
@@ -186,9 +186,9 @@ def measure(fixed: Surface, moving: Surface, fixed_from_moving: Pose, tolerance:
 class _Pair:
     """The partners of one ordered pair of scans, as many as count."""
 
-    places: np.ndarray  # (n, 3) of the moving scan's points in the reference's frame, metres
+    points: np.ndarray  # (n, 3) of the moving scan's points in the reference's frame, metres
     distances: np.ndarray  # (n,) from the partners' planes, metres
-    slopes: np.ndarray  # (n, 6 u) of the distance by turns and shifts of the u unknown scans
+    slopes: np.ndarray  # (n, 6 u) of the distance by rotations and translations of the u unknown scans
     weights: np.ndarray  # (n,) inverse variances times Tukey's weights
     bends: np.ndarray  # (n,) inverse variances times the second derivatives of Tukey's loss
 
@@ -206,15 +206,15 @@ def _pairs(
         rows, partner, distances = _partners(surfaces[fixed], samples[moving], fixed_from_moving)
         variance = samples[moving].spread[rows] ** 2 + surfaces[fixed].spread[partner] ** 2
         near = np.clip(1 - (distances / (width * TUKEY)) ** 2 / variance, 0, None)
-        places = poses[moving].apply(samples[moving].points[rows])
+        points = poses[moving].apply(samples[moving].points[rows])
         direction = poses[fixed].rotate(surfaces[fixed].normals[partner])
-        slope = np.concatenate([np.cross(places, direction), direction], axis=1)  # of the distance, by the moving scan
+        slope = np.concatenate([np.cross(points, direction), direction], axis=1)  # of the distance, by the moving scan
         slopes = np.zeros((len(rows), 6 * len(names)))
         for sign, name in ((1, moving), (-1, fixed)):
             if name in names:
                 k = 6 * names.index(name)
                 slopes[:, k : k + 6] = sign * slope
-        yield _Pair(places, distances, slopes, near**2 / variance, near * (5 * near - 4) / variance)
+        yield _Pair(points, distances, slopes, near**2 / variance, near * (5 * near - 4) / variance)
 
 
 def _partners(fixed: Surface, sample: Surface, fixed_from_moving: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -223,7 +223,7 @@ def _partners(fixed: Surface, sample: Surface, fixed_from_moving: Pose) -> tuple
     gap, nearest = fixed.tree.query(points, distance_upper_bound=PARTNER_REACH)
     rows, partner = np.flatnonzero(np.isfinite(gap)), np.asarray(nearest)
     facing = (fixed_from_moving.rotate(sample.normals[rows]) * fixed.normals[partner[rows]]).sum(axis=1)
-    rows = rows[facing > TURNED_AWAY]
+    rows = rows[facing > FACING_AWAY]
     partner = partner[rows]
     distance = ((points[rows] - fixed.points[partner]) * fixed.normals[partner]).sum(axis=1)
     return rows, partner, distance

@@ -6,7 +6,7 @@ from pydantic import BaseModel, Field
 
 
 class PlacementOptions(BaseModel, extra="forbid", frozen=True):
-    """How rigs are placed by labels and meshes where there are no scans. The defaults fit the real data."""
+    """How rigs are localised by labels and meshes where there are no scans. The defaults fit the real data."""
 
     distance_m: tuple[float, float] = Field(
         (1.0, 7.0),
@@ -18,7 +18,7 @@ class PlacementOptions(BaseModel, extra="forbid", frozen=True):
     survey_sd_m: float = Field(
         0.4,
         gt=0,
-        description="A tripod stands about its surveyed place with this standard deviation, m on each axis; a "
+        description="A tripod stands about its surveyed position with this standard deviation, m on each axis; a "
         "smaller one trusts the survey more.",
     )
     survey_sd_deg: float = Field(
@@ -30,7 +30,7 @@ class PlacementOptions(BaseModel, extra="forbid", frozen=True):
     rock_shift_sd_mm: float = Field(
         7,
         ge=0,
-        description="Published rock meshes may lie off their places by this standard deviation, mm on each axis; 0:"
+        description="Published rock meshes may lie off their positions by this standard deviation, mm on each axis; 0:"
         " they lie where they are said to.",
     )
 
@@ -48,5 +48,5 @@ class RefinementOptions(BaseModel, extra="forbid", frozen=True):
 class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     """Where the rigs stood."""
 
-    placement: PlacementOptions = Field(PlacementOptions(), description="How rigs are placed by labels and meshes.")
+    placement: PlacementOptions = Field(PlacementOptions(), description="How rigs are localised by labels and meshes.")
     refinement: RefinementOptions = Field(RefinementOptions(), description="How rigs are refined on photos.")

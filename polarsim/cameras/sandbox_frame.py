@@ -2,9 +2,9 @@
 
 What scans alone leave open is settled so: +Z is the normal of a robust plane through the whole sand, and z = 0 its
 height at the origin. Origin and heading come from the box: its inner walls lie at +-`SANDBOX_HALF_WIDTH` along X and
-Y, and the survey says which wall is which: they are looked for about where the tripods put them, by the turn and shift
-that best lay these on their surveyed places and headings. Where fewer than two walls at right angles are seen, that is
-the frame.
+Y, and the survey says which wall is which: they are looked for about where the tripods put them, by the rotation and
+translation that best lay these on their surveyed positions and headings. Where fewer than two walls at right angles are
+seen, that is the frame.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from polarsim.cameras.heightmaps import height_map
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
-from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
 
 GROUND_STEP = 0.04  # metres: cells that weigh alike in the ground's plane
 GROUND_SCALES = [0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.05, 0.04, 0.04, 0.04]
 GROUND_SHARE = 0.9  # of the half width: beyond it sand piles up at the walls
 
-WALL_BAND = (0.06, 0.28)  # metres above the sand in which a wall is looked for: the lowest top lies at 0.29
-WALL_SLACK = 0.6  # metres that a wall may be off its place before the frame is known
+WALL_BAND = (0.06, SURELY_WALL)  # metres above the sand in which a wall is looked for: no foot, no top edge
+WALL_SLACK = 0.6  # metres that a wall may be off its position before the frame is known
 WALL_UPRIGHT = 0.3  # |z| of the normal of a wall, at most
 WALL_FACING = 0.95  # cosine between a wall's normal and the axis
 WALL_THICK = 0.03  # metres about the wall's plane that count as it
@@ -53,13 +53,13 @@ def find_sandbox_frame(
     all_normals = np.concatenate([normals[position] for position in sorted(points)])
     upright = level_from(_ground(all_points))
     settled = _from_survey({position: upright @ pose for position, pose in level_from_left.items()}) @ upright
-    turned = settled.apply(all_points)
-    walls = _walls(turned, settled.rotate(all_normals))
+    rotated = settled.apply(all_points)
+    walls = _walls(rotated, settled.rotate(all_normals))
     if len({wall.axis for wall in walls}) == 2:
-        settled = _from_walls(turned, walls) @ settled
+        settled = _from_walls(rotated, walls) @ settled
     else:
         walls = []
-    # The plane's height is meant at the origin, which has moved since; its slope is nil, so any place will do.
+    # The plane's height is meant at the origin, which has moved since; its slope is nil, so any point will do.
     ground = _ground(settled.apply(all_points))
     down = Pose(np.eye(3), np.array([0, 0, -ground[2]]))
     return SandboxFrame(down @ settled, len(walls))
@@ -79,13 +79,13 @@ def _ground(points: np.ndarray) -> np.ndarray:
     reach = GROUND_SHARE * SANDBOX_HALF_WIDTH
     heights = height_map(points[np.abs(points[:, 2]) < 0.6], reach, GROUND_STEP).height
     row, column = np.nonzero(np.isfinite(heights))
-    place = (np.stack([column, row], axis=1) + 0.5) * GROUND_STEP - reach
-    cells = np.column_stack([place, heights[row, column]])
+    centres = (np.stack([column, row], axis=1) + 0.5) * GROUND_STEP - reach
+    cells = np.column_stack([centres, heights[row, column]])
     return tracked_plane(cells, np.array([0, 0, np.median(cells[:, 2])]), GROUND_SCALES)
 
 
 def _walls(points: np.ndarray, normals: np.ndarray) -> list[_Wall]:
-    """Inner walls of a box that is turned by at most half a right angle."""
+    """Inner walls of a box that is rotated by at most half a right angle."""
     outer = np.abs(points[:, :2]).max(axis=1)
     likely = (
         (points[:, 2] > WALL_BAND[0])
@@ -98,15 +98,15 @@ def _walls(points: np.ndarray, normals: np.ndarray) -> list[_Wall]:
         return []
     heading = np.angle(np.exp(4j * np.arctan2(normals[rows, 1], normals[rows, 0])).sum()) / 4
     home = Pose.from_rotvec(np.array([0, 0, -heading]), np.zeros(3))
-    place, facing = home.apply(points[rows]), home.rotate(normals[rows])
+    upright, facing = home.apply(points[rows]), home.rotate(normals[rows])
     walls = []
     for axis in (0, 1):
         for side in (-1, 1):
             inward = -side * facing[:, axis] > WALL_FACING
-            off = side * place[:, axis] - SANDBOX_HALF_WIDTH
+            off = side * upright[:, axis] - SANDBOX_HALF_WIDTH
             near = np.flatnonzero(inward & (np.abs(off) < WALL_SLACK))
             kept = near[_peak(off[near])]
-            pieces = np.unique(np.floor(place[kept, 1 - axis] / WALL_CELL))
+            pieces = np.unique(np.floor(upright[kept, 1 - axis] / WALL_CELL))
             if len(pieces) * WALL_CELL >= WALL_LENGTH:
                 walls.append(_Wall(axis, side, rows[kept]))
     return walls
@@ -124,7 +124,7 @@ def _peak(values: np.ndarray) -> np.ndarray:
 
 
 def _from_walls(points: np.ndarray, walls: list[_Wall]) -> Pose:
-    """Turn and shift that lay the walls on their places; opposite walls may both be off by half the box's error."""
+    """Pose that lays the walls on their stated lines; opposite walls may both be off by half the box's error."""
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
         moved = _flat(unknowns)
@@ -151,15 +151,15 @@ def _from_survey(level_from_left: Mapping[str, Pose]) -> Pose:
         moved = _flat(unknowns)
         parts = []
         for pose, surveyed in pairs:
-            turned = moved @ pose
-            turn = yaw_pitch_roll(turned)[0] - yaw_pitch_roll(surveyed)[0]
-            parts += [*((turned.translation - surveyed.translation)[:2] / TRIPOD_SD)]
-            parts += [((turn + np.pi) % (2 * np.pi) - np.pi) / HEADING_SD]
+            rotated = moved @ pose
+            yaw = yaw_pitch_roll(rotated)[0] - yaw_pitch_roll(surveyed)[0]
+            parts += [*((rotated.translation - surveyed.translation)[:2] / TRIPOD_SD)]
+            parts += [((yaw + np.pi) % (2 * np.pi) - np.pi) / HEADING_SD]
         return np.array(parts)
 
     return _flat(least_squares(residuals, np.zeros(3)).x)
 
 
 def _flat(unknowns: np.ndarray) -> Pose:
-    """Turn about +Z and shift along X and Y."""
+    """Rotation about +Z and translation along X and Y."""
     return Pose.from_rotvec(np.array([0, 0, unknowns[0]]), np.array([unknowns[1], unknowns[2], 0.0]))

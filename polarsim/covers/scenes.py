@@ -22,14 +22,21 @@ from polarsim.render.options import HapkeParameters, Material, Model, Principled
 from polarsim.rocks.solids import decimated
 
 FIRST_ROCK = 1  # number of the first rock of a scene; what a rock was called in its terrain is no part of it
-_TRIES = 12  # places that are tried before a rock is laid where most room was
+_TRIES = 12  # positions that are tried before a rock is laid where most room was
 _MOST_HALVINGS = 6  # of a rock's extent to the sides of its triangles: 24,000 of them
 _FACES_OF_WHOLE_SIDES = 6  # triangles with sides of 1 that a rock of that extent has
-_PILE_SPREAD = 0.6  # rocks of a pile lie so far from its middle, times their mean size
-_PILE_ROCKS = 8  # rocks of a scene to one place of a pile
-_EVEN_CELL_M = 0.25  # places within such cells share their chance
+_PILE_SPREAD = 0.6  # rocks of a pile lie so far from its centre, times their mean size
+_PILE_ROCKS = 8  # rocks of a scene to one in a pile
+_EVEN_CELL_M = 0.25  # points within such cells share their chance
 _CAMERA_ROOM_M = 0.8  # width of what no rock stands in, about the camera's foot
 _MARGIN_M = 0.1  # of sand around what is seen
+_MOST_CELLS = 270  # of the ground's mesh along the longer side of what is seen: as fine as pictures show
+_EVENNESS = (0.0, 1.0)  # from rocks strewn evenly over the picture, 0, to evenly over the sand, 1
+_WALLED_M, _OPEN_M = 2.05, 3.0  # half the width of the sand inside walls and without them
+# Ranges, from least to most, about what is known of the sandbox and of sands.
+_WALL_HEIGHT_M, _WALL_ALBEDO = (0.2, 0.36), (0.2, 0.9)  # photos show tops of 0.29 to 0.36 m
+_HAPKE_B, _HAPKE_C, _HAPKE_THETA_DEG = (0.15, 0.4), (-0.2, 0.6), (10, 35)  # lobes' width and weight; roughness
+_AMBIENT = (0.0, 0.02)  # even light over a lamp's irradiance: the hall is dark
 _TRIANGLE_PX = 1.5  # sides of the triangles of rocks in the picture, at least where they were scanned so finely
 
 
@@ -44,7 +51,7 @@ class Scene:
 
 
 class Shape:
-    """A rock without its place: middle at the origin, longest extent 1. Copies with fewer faces are made once."""
+    """A rock without a pose: centre at the origin, longest extent 1. Copies with fewer faces are made once."""
 
     def __init__(self, mesh: Mesh) -> None:
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
@@ -101,30 +108,30 @@ def strew(
     options: SceneOptions,
     random: np.random.Generator,
 ) -> list[Mesh]:
-    """Rocks on sand of `heights` (h, w) over the places x, y (h, w) of a grid, metres: single ones and piles.
+    """Rocks on sand of `heights` (h, w) over the nodes x, y (h, w) of a grid, metres: single ones and piles.
 
-    They lie at some of the places `seen` (m, 2), which the camera sees. Large rocks are laid first. Each is dropped
+    They lie at some of the points `seen` (m, 2), which the camera sees. Large rocks are laid first. Each is dropped
     straight down until it touches what lies there, and then sunk by a share of its height: deep into sand, a little
     into rocks.
     """
     count = int(random.integers(options.rocks[0], options.rocks[1] + 1))
     sizes = np.sort(draw_sizes(count, options, random))[::-1]
     piled = random.random(count) < random.uniform(*options.piled_share)
-    chance = _chances(seen, random.uniform(*options.evenness))
+    chance = _chances(seen, random.uniform(*_EVENNESS))
     piles = seen[random.choice(len(seen), max(1, round(count / _PILE_ROCKS)), p=chance)]
     top, laid = heights.copy(), []
     taken = [(camera.centre[:2], _CAMERA_ROOM_M)]
     for size, in_pile in zip(sizes.tolist(), piled.tolist(), strict=True):
         if in_pile:
-            place = piles[random.integers(len(piles))] + _PILE_SPREAD * size * random.standard_normal(2)
+            position = piles[random.integers(len(piles))] + _PILE_SPREAD * size * random.standard_normal(2)
             sunk = random.uniform(*options.sunk_into_rocks)
         else:
-            place = _free_place(size, taken, seen[random.choice(len(seen), _TRIES, p=chance)])
+            position = _free_position(size, taken, seen[random.choice(len(seen), _TRIES, p=chance)])
             sunk = random.uniform(*options.sunk)
-        taken.append((place, size))
-        pixel_m = float(np.linalg.norm(camera.centre - [*place, 0])) / camera.lens.fx
+        taken.append((position, size))
+        pixel_m = float(np.linalg.norm(camera.centre - [*position, 0])) / camera.lens.fx
         mesh = _fitting(shapes, size, options.rock_scale, random).mesh(size, _TRIANGLE_PX * pixel_m)
-        points = mesh.vertices @ draw_turn(options, random).as_matrix().T + np.array([*place, 0.0])
+        points = mesh.vertices @ draw_rotation(options, random).as_matrix().T + np.array([*position, 0.0])
         points[:, 2] += _drop(points, grid, top) - sunk * np.ptp(points[:, 2])
         _raise(top, points, grid)
         laid.append(Mesh(points, mesh.faces))
@@ -134,7 +141,7 @@ def strew(
 def draw_sizes(count: int, options: SceneOptions, random: np.random.Generator) -> np.ndarray:
     """(n,) metres; the number of rocks larger than d falls with a power of d between the least and the largest size.
 
-    Power laws describe rocks at the places where Surveyors landed (Cintala & McBride, NASA TM-104804 (1995)).
+    Power laws describe rocks at the sites where Surveyors landed (Cintala & McBride, NASA TM-104804 (1995)).
     """
     low, high = options.rock_size_m
     power = random.uniform(*options.size_power)
@@ -142,7 +149,7 @@ def draw_sizes(count: int, options: SceneOptions, random: np.random.Generator) -
     return np.asarray((low**-power - share * (low**-power - high**-power)) ** (-1 / power))
 
 
-def draw_turn(options: SceneOptions, random: np.random.Generator) -> Rotation:
+def draw_rotation(options: SceneOptions, random: np.random.Generator) -> Rotation:
     """Mostly about the upright axis, with a small tilt; else about any axis."""
     if random.random() < options.tumbled_share:
         return Rotation.random(random_state=random)
@@ -168,20 +175,20 @@ def draw_render_options(options: SceneOptions, random: np.random.Generator) -> R
         models=(model,),
         hapke=HapkeParameters(
             w=draw(options.hapke_w),
-            b=draw(options.hapke_b),
-            c=draw(options.hapke_c),
+            b=draw(_HAPKE_B),
+            c=draw(_HAPKE_C),
             b_s0=draw((0, 2)),
             h_s=draw((0.03, 0.1)),
-            theta_bar_deg=draw(options.hapke_theta_deg),
+            theta_bar_deg=draw(_HAPKE_THETA_DEG),
         ),
         principled=PrincipledParameters(roughness=draw(options.roughness), specular=draw(options.specular)),
         materials={"rocks": Material()},
         rim=walled,
-        rim_albedo=draw(options.rim_albedo),
-        rim_height_m=draw(options.rim_height_m),
-        rim_half_width_m=options.sand_half_width_m if walled else options.open_half_width_m,
+        rim_albedo=draw(_WALL_ALBEDO),
+        rim_height_m=draw(_WALL_HEIGHT_M),
+        rim_half_width_m=_WALLED_M if walled else _OPEN_M,
         skirt_m=0,  # the rocks are closed
-        ambient=draw(options.ambient),
+        ambient=draw(_AMBIENT),
         blur_px=draw(options.blur_px),
         lens_flare=draw(options.lens_flare),
         noise=options.noise,
@@ -202,29 +209,29 @@ def _fitting(shapes: Sequence[Shape], size: float, scale: Range, random: np.rand
 
 
 def _chances(seen: np.ndarray, evenness: float) -> np.ndarray:
-    """(m,) chance of each place (m, 2), from even over the picture (0) to even over the sand (1)."""
+    """(m,) chance of each point (m, 2), from even over the picture (0) to even over the sand (1)."""
     cell = np.rint(seen / _EVEN_CELL_M).astype(int)
     _, number, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     chance = (1.0 / count[number.reshape(-1)]) ** evenness
     return np.asarray(chance / chance.sum())
 
 
-def _free_place(size: float, taken: list[tuple[np.ndarray, float]], places: np.ndarray) -> np.ndarray:
-    """(2,) the first of places (n, 2) where nothing else lies, or the one with most room."""
+def _free_position(size: float, taken: list[tuple[np.ndarray, float]], positions: np.ndarray) -> np.ndarray:
+    """(2,) the first of positions (n, 2) where nothing else lies, or the one with most room."""
     room = [
-        min((float(np.hypot(*(place - other))) - (size + wide) / 2 for other, wide in taken), default=np.inf)
-        for place in places
+        min((float(np.hypot(*(position - other))) - (size + wide) / 2 for other, wide in taken), default=np.inf)
+        for position in positions
     ]
     return np.asarray(
-        next((place for place, gap in zip(places, room, strict=True) if gap > 0), places[np.argmax(room)])
+        next((position for position, gap in zip(positions, room, strict=True) if gap > 0), positions[np.argmax(room)])
     )
 
 
 def _grid_around(seen: np.ndarray, most: float, options: SceneOptions) -> tuple[np.ndarray, np.ndarray]:
-    """X and y (h, w) of a square grid over the sand that is seen, no farther than `most` from the middle; metres."""
+    """X and y (h, w) of a square grid over the sand that is seen, no farther than `most` from the centre; metres."""
     low = np.maximum(seen.min(axis=0) - _MARGIN_M, -most)
     high = np.minimum(seen.max(axis=0) + _MARGIN_M, most)
-    cell = max(options.relief.cell_m, float((high - low).max()) / options.relief.most_cells)
+    cell = max(options.relief.cell_m, float((high - low).max()) / _MOST_CELLS)
     x, y = (
         first + cell * np.arange(int(np.ceil((last - first) / cell)) + 1) for first, last in zip(low, high, strict=True)
     )

@@ -14,7 +14,7 @@ LEAF = 4  # most triangles of a leaf
 LEVELS = 40  # most inner nodes on the way down to a leaf: what a walk's stack must hold
 COUNT_BITS = 3  # of a leaf's code that say how many triangles it has
 _MOST = 1 << (31 - COUNT_BITS)  # triangles that a leaf's code can number
-_BINS = 16  # places of a node where it may be cut
+_BINS = 16  # cuts of a node that are tried
 _FEW_BINS = 4  # of small nodes
 
 
@@ -36,7 +36,7 @@ class Tree:
 
 
 def _code(first: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Of leaves, by the place of their first triangle in the tree's order and their number of triangles."""
+    """Of leaves, by the index of their first triangle in the tree's order and their number of triangles."""
     return ~((first << COUNT_BITS) | count)
 
 
@@ -49,7 +49,7 @@ class _Level:
     triangle: np.ndarray  # (k,) its number
     start: np.ndarray  # (n,) first triangle of a node, in these arrays
     count: np.ndarray  # (n,)
-    first: np.ndarray  # (n,) its place in the tree's order
+    first: np.ndarray  # (n,) its index in the tree's order
 
     @property
     def node(self) -> np.ndarray:
@@ -116,12 +116,12 @@ def _cut(level: _Level, depth: int) -> _Level:
     before -= before[level.start][node]
     in_first = np.add.reduceat(~second, level.start, dtype=np.int64)
     within = np.arange(len(node)) - level.start[node]
-    place = level.start[node] + np.where(second, in_first[node] + within - before, before)
+    index = level.start[node] + np.where(second, in_first[node] + within - before, before)
     count = np.stack([in_first, level.count - in_first], axis=1)
 
     def moved(values: np.ndarray) -> np.ndarray:
         out = np.empty_like(values)
-        out[place] = values
+        out[index] = values
         return out
 
     def starts(of_node: np.ndarray) -> np.ndarray:
@@ -140,16 +140,16 @@ def _cut(level: _Level, depth: int) -> _Level:
 def _by_area(level: _Level, node: np.ndarray, depth: int) -> np.ndarray:
     """(k,) bool: triangles that go to the second child.
 
-    A node is cut across the axis along which its triangles' middles spread most, where the children's areas times their
-    numbers of triangles are least. Where all middles fall together, and where the tree would get too deep, its
+    A node is cut across the axis along which its triangles' centres spread most, where the children's areas times their
+    numbers of triangles are least. Where all centres fall together, and where the tree would get too deep, its
     triangles are halved as they come.
     """
-    middle, spread = _along_widest(level, node)
+    centre, spread = _along_widest(level, node)
     bins = _BINS if len(node) > 2 * _BINS * len(level.count) else _FEW_BINS
     with np.errstate(divide="ignore", over="ignore"):
         scale = np.where(spread > 0, np.float32(bins * (1 - 1e-6)) / spread, np.float32(0))
     scale[~np.isfinite(scale)] = 0  # spreads too small for a quotient
-    found = np.minimum((middle * scale[node]).astype(np.int64), bins - 1)
+    found = np.minimum((centre * scale[node]).astype(np.int64), bins - 1)
     cut = _best_cut(level, node * bins + found, bins)
     second = found > cut[node]
     halved = (cut < 0) | (level.count > LEAF * 2.0 ** (LEVELS - 2 - depth))
@@ -160,12 +160,12 @@ def _by_area(level: _Level, node: np.ndarray, depth: int) -> np.ndarray:
 
 
 def _along_widest(level: _Level, node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles' middles (k,) along the axis of their node's widest spread, from its lowest; that spread (n,)."""
-    middles = [low / 2 + high / 2 for low, high in zip(level.low, level.high, strict=True)]
-    lowest = np.stack([np.minimum.reduceat(values, level.start) for values in middles])
-    spreads = np.stack([np.maximum.reduceat(values, level.start) for values in middles]) - lowest
+    """Triangles' centres (k,) along the axis of their node's widest spread, from its lowest; that spread (n,)."""
+    centres = [low / 2 + high / 2 for low, high in zip(level.low, level.high, strict=True)]
+    lowest = np.stack([np.minimum.reduceat(values, level.start) for values in centres])
+    spreads = np.stack([np.maximum.reduceat(values, level.start) for values in centres]) - lowest
     axis = spreads.argmax(axis=0)
-    chosen = np.choose(axis[node].astype(np.intp), middles)
+    chosen = np.choose(axis[node].astype(np.intp), centres)
     each = np.arange(len(axis))
     return chosen - lowest[axis, each][node], spreads[axis, each]
 
@@ -201,11 +201,11 @@ def _areas(low: list[np.ndarray], high: list[np.ndarray]) -> np.ndarray:
 
 
 def _without(level: _Level, leaf: np.ndarray, order: np.ndarray) -> _Level:
-    """The level without its leaves, whose triangles find their places in the tree's order."""
+    """The level without its leaves, whose triangles find their indices in the tree's order."""
     node = level.node
     done = leaf[node]
-    place = level.first[node] + np.arange(len(node)) - level.start[node]
-    order[place[done]] = level.triangle[done]
+    index = level.first[node] + np.arange(len(node)) - level.start[node]
+    order[index[done]] = level.triangle[done]
     count = level.count[~leaf]
     return _Level(
         [values[~done] for values in level.low],

@@ -38,7 +38,7 @@ class Outlines:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """(m, 3) middles of the rocks' extents."""
+        """(m, 3) centres of the rocks' extents."""
         return np.asarray((self.whole.min(axis=1) + self.whole.max(axis=1)) / 2)
 
     def part(self, rows: np.ndarray) -> Outlines:
@@ -112,17 +112,17 @@ def hull_points(points: np.ndarray) -> np.ndarray:
 def spread_directions(count: int) -> np.ndarray:
     """(count, 3) unit vectors spread evenly over the sphere (Fibonacci lattice)."""
     step = np.arange(count) + 0.5
-    z, turn = 1 - 2 * step / count, np.pi * (1 + np.sqrt(5)) * step
+    z, angle = 1 - 2 * step / count, np.pi * (1 + np.sqrt(5)) * step
     radius = np.sqrt(1 - z**2)
-    return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
 
 
 def _rim_height(vertices: np.ndarray) -> np.ndarray:
     """(n,) height of the plane through the rock's rim at each vertex: a robust fit to its lowest outer vertices."""
     low, high = vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)
-    place = (2 * vertices[:, :2] - low - high) / np.maximum(high - low, 1e-9)  # -1 to 1 over the rock's extent
-    outer = np.flatnonzero(np.abs(place).max(axis=1) > 0.75)
-    sector = np.floor((np.arctan2(place[outer, 1], place[outer, 0]) / (2 * np.pi) + 0.5) * RIM_SECTORS).astype(int)
+    share = (2 * vertices[:, :2] - low - high) / np.maximum(high - low, 1e-9)  # -1 to 1 over the rock's extent
+    outer = np.flatnonzero(np.abs(share).max(axis=1) > 0.75)
+    sector = np.floor((np.arctan2(share[outer, 1], share[outer, 0]) / (2 * np.pi) + 0.5) * RIM_SECTORS).astype(int)
     order = np.lexsort((vertices[outer, 2], sector))
     _, first = np.unique(sector[order], return_index=True)
     rim = vertices[outer[order[first]]]

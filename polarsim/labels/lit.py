@@ -12,7 +12,7 @@ from polarsim.photo import Azimuth
 POINTS = 150  # of a rock's surface, about, to which rays are cast
 LIFT = 0.003  # metres from the surface towards the lamp: where a ray starts, clear of the rock's own faces
 FARTHEST = np.diag([0.6, 0.6, 0.3])  # metres, x y z: twice the survey's standard deviations
-PLACES = np.concatenate([np.zeros((1, 3)), FARTHEST, -FARTHEST])  # of a lamp about the surveyed one
+OFFSETS = np.concatenate([np.zeros((1, 3)), FARTHEST, -FARTHEST])  # of a lamp about the surveyed one
 
 
 def lit_share(world: World, rock: int, azimuth: Azimuth) -> float:
@@ -44,8 +44,8 @@ def shaded(world: World, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
 def hidden_by_dark(world: World, rock: int, azimuth: Azimuth, annotated: Iterable[Azimuth]) -> bool:
     """A rock that people do not draw under a Sun lamp, for it is dark there.
 
-    The survey places lamps to decimetres only, and walls and slopes throw long shadows. A rock counts as dark if it is
-    so wherever the lamp may have stood, and if it should not be dark as well at the azimuths where people drew it
+    The survey localises lamps to decimetres only, and walls and slopes throw long shadows. A rock counts as dark if it
+    is so wherever the lamp may have stood, and if it should not be dark as well at the azimuths where people drew it
     (`annotated`): there the meshes or the walls are not as they were.
     """
     return in_the_dark(world, rock, azimuth) and not any(in_the_dark(world, rock, other) for other in annotated)
@@ -56,4 +56,4 @@ def in_the_dark(world: World, rock: int, azimuth: Azimuth) -> bool:
     if rock not in world.bodies or azimuth not in world.suns:
         return False
     points = surface(world, rock)
-    return all(shaded(world, points, world.suns[azimuth] + off).all() for off in PLACES)
+    return all(shaded(world, points, world.suns[azimuth] + off).all() for off in OFFSETS)

@@ -20,7 +20,7 @@ import pandas as pd
 
 from polarsim.formats import coco, lamps, png, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
@@ -85,10 +85,10 @@ class ViewOutlines:
     """Outlines in one view under any lamp. Rays are cast once; labels are rows of the label table."""
 
     def __init__(
-        self, world: World, placed: PlacedRig, side: str, labels: pd.DataFrame, options: LabelsOptions
+        self, world: World, localised: LocalisedRig, side: str, labels: pd.DataFrame, options: LabelsOptions
     ) -> None:
-        self.options, self._placed = options, placed
-        view = placed.camera(side)
+        self.options, self._localised = options, localised
+        view = localised.camera(side)
         self._size = view.size
         self.world = with_domes(world, _domes(world, view, labels))
         width, height = self._size
@@ -104,34 +104,34 @@ class ViewOutlines:
 
         Shadows come first; far things come before near ones, which are lower in the photo.
         """
-        place = lamp(self.world, self._placed, light, azimuth)
-        if place is None and labels.empty:
+        lamp_position = lamp(self.world, self._localised, light, azimuth)
+        if lamp_position is None and labels.empty:
             return Drawing({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]), self.options.simplify_px)
         things = dict(zip(things_of(labels), _boxes(labels), strict=True))
-        content = (b"" if place is None else place.tobytes(), frozenset(things))
+        content = (b"" if lamp_position is None else lamp_position.tobytes(), frozenset(things))
         if content not in self._annotated:
             order = sorted(things, key=lambda thing: (thing[0] == ROCK, things[thing][3], thing))
-            parts = visible([self._shape(thing, things[thing], place) for thing in order], *self._size)
+            parts = visible([self._shape(thing, things[thing], lamp_position) for thing in order], *self._size)
             self._annotated[content] = Drawing(
                 dict(zip(order, parts, strict=True)), self._backdrop, self.options.simplify_px
             )
         return self._annotated[content]
 
-    def _shape(self, thing: Thing, box: np.ndarray, place: np.ndarray | None) -> Shape:
+    def _shape(self, thing: Thing, box: np.ndarray, lamp_position: np.ndarray | None) -> Shape:
         """All of a label's rock or shadow, whatever hides it."""
         kind, rock, _ = thing
         own_share = OUTLINE_MESH_SHARE if kind == ROCK else OUTLINE_CAST_SHARE
-        return fitted(self._own_shapes(kind, place).get(rock), box, own_share)
+        return fitted(self._own_shapes(kind, lamp_position).get(rock), box, own_share)
 
-    def _own_shapes(self, kind: str, place: np.ndarray | None) -> dict[int, Shape]:
+    def _own_shapes(self, kind: str, lamp_position: np.ndarray | None) -> dict[int, Shape]:
         """What the meshes show of rocks or of their shadows."""
         if kind == ROCK:
             return self._rocks
-        if place is None:
+        if lamp_position is None:
             return {}
-        if place.tobytes() not in self._shadows:
-            self._shadows[place.tobytes()] = _convex_shapes(self.ids.shadow_of(self.world, place))
-        return self._shadows[place.tobytes()]
+        if lamp_position.tobytes() not in self._shadows:
+            self._shadows[lamp_position.tobytes()] = _convex_shapes(self.ids.shadow_of(self.world, lamp_position))
+        return self._shadows[lamp_position.tobytes()]
 
 
 def _convex_shapes(ids: np.ndarray) -> dict[int, Shape]:
@@ -175,18 +175,18 @@ def draw_masks(
     Polygons and grey maps are one drawing an exposure bracket, of its fullest labels; COCO has each photo's own labels.
     """
     labels = tables.read_parquet(table, tables.LABEL_COLUMNS)
-    placed = rigs.read_all_placed(cameras)
-    for position in sorted({key.position for key in keys} - set(placed)):
+    localised = rigs.read_all_localised(cameras)
+    for position in sorted({key.position for key in keys} - set(localised)):
         log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
-    suns = lamps.read_suns(cameras, placed)
-    world, bare = build_worlds(read_terrain(meshes, terrain), placed, suns, options)
+    suns = lamps.read_suns(cameras, localised)
+    world, bare = build_worlds(read_terrain(meshes, terrain), localised, suns, options)
     photos: dict[PhotoKey, list[coco.Annotation]] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
-        drawn = sorted((key for key in keys if key.position in placed), key=lambda key: (key.view, key))
+        drawn = sorted((key for key in keys if key.position in localised), key=lambda key: (key.view, key))
         for (_, position, camera), members in groupby(drawn, key=lambda key: key.view):
             in_view = labels[(labels["position"] == position) & (labels["camera"] == camera)]
-            shown = bare if placed[position].surveyed else world
-            outlines = ViewOutlines(shown, placed[position], camera, in_view, options)
+            shown = bare if localised[position].surveyed else world
+            outlines = ViewOutlines(shown, localised[position], camera, in_view, options)
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
             for _, own in groupby(members, key=lambda key: key.bracket):
                 rows_of = {key: of_photo.get(str(key), in_view[:0]) for key in own}

@@ -18,10 +18,10 @@ from polarsim.lint.rules import Defect
 from polarsim.photo import BOX_CLASSES, SUNS, Bracket, PhotoKey, by_bracket, exposures
 
 FOUND, UNMOVED = 0.1, 0.9  # IoU of a box with its like in another exposure, and of one that did not move
-Found = Iterator[tuple[PhotoKey, Defect]]
+Defects = Iterator[tuple[PhotoKey, Defect]]
 
 
-def set_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
+def set_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Defects of the files of one exposure bracket, against what most of them hold."""
     filled = {key: boxes for key, boxes in files.items() if len(boxes[0])}
     if filled:
@@ -50,7 +50,7 @@ def missing_exposures(there: set[PhotoKey]) -> list[PhotoKey]:
 
 def of_class(files: Mapping[PhotoKey, Boxes], number: int) -> dict[PhotoKey, np.ndarray]:
     """(n, 4) boxes of a class in files with boxes; short exposures hide all shadows, so files without are left out."""
-    boxes = {key: places[classes == number] for key, (classes, places) in files.items() if len(classes)}
+    boxes = {key: rows[classes == number] for key, (classes, rows) in files.items() if len(classes)}
     return {key: found for key, found in boxes.items() if len(found) or number == ROCK_CLASS}
 
 
@@ -68,7 +68,7 @@ def modals(boxes: Mapping[PhotoKey, np.ndarray]) -> dict[Bracket, np.ndarray]:
     return {name: modal({key: boxes[key] for key in keys}) for name, keys in by_bracket(boxes).items()}
 
 
-def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Found:
+def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Defects:
     """Boxes of one class that are missing, additional or elsewhere than in most exposures."""
     of_kind, kind = of_class(files, number), BOX_CLASSES[number]
     common = modal(of_kind)
@@ -82,13 +82,13 @@ def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Found:
         ):
             if len(wrong) or len(wanted):
                 detail = f"{max(len(wrong), len(wanted))} of {len(common)}"
-                places = tuple(tuple(box) for box in np.reshape(wanted, (-1, 4)).tolist())
-                yield key, Defect(f"{kind}_{name}", detail, tuple(rows[list(wrong)].tolist()), places)
+                lacking = tuple(tuple(box) for box in np.reshape(wanted, (-1, 4)).tolist())
+                yield key, Defect(f"{kind}_{name}", detail, tuple(rows[list(wrong)].tolist()), lacking)
 
 
 @dataclass(frozen=True)
 class Change:
-    """How boxes differ from others: places (k, 4) that are missing, new rows, moved rows and their places before."""
+    """How boxes differ from others: boxes (k, 4) that are missing, new rows, moved rows and their boxes before."""
 
     missing: np.ndarray
     extra: np.ndarray
@@ -111,7 +111,7 @@ def changed(before: np.ndarray, after: np.ndarray) -> Change:
     )
 
 
-def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
+def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Defects of the files of one terrain, against files under other lamps."""
     yield from _copied(files)
     yield from _without_right(files)
@@ -121,7 +121,7 @@ def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
         yield from _across_lights(mine)
 
 
-def _copied(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _copied(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Files of one view with the same content under two Sun lamps."""
     same: dict[tuple[object, ...], list[PhotoKey]] = {}
     for key, (classes, boxes) in sorted(files.items()):
@@ -135,7 +135,7 @@ def _copied(files: Mapping[PhotoKey, Boxes]) -> Found:
                 yield key, Defect("copied_azimuth", f"the same as {other}")
 
 
-def _without_right(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _without_right(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Left photos without Sun that are labelled while their Right is not, though the Right set is there."""
     right = {key for key in files if key.camera == "R"}
     sets = {(key.position, key.light) for key in right if key.azimuth == "no"}
@@ -145,7 +145,7 @@ def _without_right(files: Mapping[PhotoKey, Boxes]) -> Found:
             yield key, Defect("missing_right", f"no {key.other_camera}")
 
 
-def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Rocks and classes of one view against the best files of the other azimuths, rover light off."""
     best = {key.azimuth: key for key in _best(files) if key.light == "off" and key.azimuth in SUNS}
     rocks = {azimuth: _rocks(files[key]) for azimuth, key in best.items()}
@@ -169,7 +169,7 @@ def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
             yield key, Defect("swapped_class", detail, tuple(swapped.tolist()))
 
 
-def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Exposure brackets of one view with the rover light on, against the same ones with it off; named by their best
     file.
     """

@@ -13,32 +13,32 @@ from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
-from polarsim.lint.siblings import Found, modals, of_class
+from polarsim.lint.siblings import Defects, modals, of_class
 from polarsim.photo import CAMERAS, SUNS, Bracket, PhotoKey
 
 LEAST_BOXES = 3  # fewer tell no view
 BETTER, GOOD = 0.25, 0.4  # mean IoU by which another view must fit better, and at least
-SHIFTS_PX = np.arange(-320, 1, 4)  # Left to Right at the photo's middle that are tried
-SLOPE, DROP_PX = -0.18, 15.5  # shift per row, and rows that Right lies below Left: the release's rig
-ROUNDS = 3  # of fitting the shift as a plane
+OFFSETS_PX = np.arange(-320, 1, 4)  # Left to Right at the photo's centre that are tried
+SLOPE, DROP_PX = -0.18, 15.5  # offset per row, and rows that Right lies below Left: the release's rig
+ROUNDS = 3  # of fitting the offset as a plane
 NEAR_PX = 40.0  # boxes further from where the plane has them are no pair
 LEAST_PAIRS = 6  # that a plane is fitted to
 ACROSS_PX, OFF_PX = 25.0, 15.0  # a rock off its line: near across, and so many rows off
 ALIKE = 0.4  # largest log ratio of the sides of one rock's boxes in Left and Right
-ROCK_FOOT, SHADOW_FOOT = 0.75, 0.5  # share of a box's height, from its top, at which a thing's middle meets the ground
+ROCK_FOOT, SHADOW_FOOT = 0.75, 0.5  # share of a box's height, from its top, at which a thing's centre meets the ground
 REACH = 0.12  # metres on the ground between a rock's box and its shadow's
 AWAY, TOWARDS = 0.0, -0.7  # cosine to the direction of light: from there on a shadow may be, and cannot be, a rock's
 
 
-def view_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
-    """Defects of the files of one terrain that need more than one view, or the places of cameras and lamps."""
+def view_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
+    """Defects of the files of one terrain that need more than one view, or the positions of cameras and lamps."""
     yield from _of_other_views(files)
     yield from _of_other_azimuths(files)
     yield from _off_epipolar(files)
     yield from _sunward(files)
 
 
-def _of_other_views(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _of_other_views(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Rocks of a file against the exposure brackets of all views, its own set left out; the median over sets counts."""
     rocks = of_class(files, ROCK_CLASS)
     sets = modals(rocks)
@@ -66,7 +66,7 @@ def _fits_of_views(boxes: np.ndarray, sets: Mapping[Bracket, np.ndarray]) -> dic
     return {view: float(np.median(found)) for view, found in fits.items()}
 
 
-def _of_other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _of_other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Shadows of an exposure bracket against those under the same lamp with the other light, and under other lamps."""
     shadows = of_class(files, SHADOW_CLASS)
     sets = modals(shadows)
@@ -95,7 +95,7 @@ def _fit(boxes: np.ndarray, known: np.ndarray) -> float:
     return float(overlap[match_sum(overlap)].sum() / max(1, len(boxes)))
 
 
-def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Rocks of a Right file that lie above or below where all pairs of the station put the Left one."""
     rocks = of_class(files, ROCK_CLASS)
     sets = modals(rocks)
@@ -115,10 +115,10 @@ def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 
 def _right_from_left(left: np.ndarray, right: np.ndarray) -> np.ndarray | None:
-    """(3, 2) shift of a box's middle as a plane over the Left photo; None where too few boxes pair."""
+    """(3, 2) offset of a box's centre as a plane over the Left photo; None where too few boxes pair."""
     if min(len(left), len(right)) < LEAST_PAIRS:
         return None
-    starts = [np.array([[a - SLOPE * 608, DROP_PX], [0, 0], [SLOPE, 0]]) for a in SHIFTS_PX]
+    starts = [np.array([[a - SLOPE * 608, DROP_PX], [0, 0], [SLOPE, 0]]) for a in OFFSETS_PX]
     plane = max(starts, key=lambda start: _fit(_moved(left, start), right))
     for _ in range(ROUNDS):
         moved = _moved(left, plane)
@@ -157,7 +157,7 @@ def _off_line(expected: np.ndarray, right: np.ndarray) -> list[int]:
     return rows
 
 
-def _sunward(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _sunward(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Shadows that touch a rock on the side of the Sun lamp, and no rock on the other side."""
     rig = stated_rig()
     for key, (classes, boxes) in sorted(files.items()):
@@ -173,7 +173,7 @@ def _sunward(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 
 def _feet(boxes: np.ndarray, key: PhotoKey, rig: StereoRig, foot: float) -> np.ndarray:
-    """(n, 3, 2) places on level ground, metres, of boxes' middles at a share of their height and of lower corners."""
+    """(n, 3, 2) points on level ground, metres, of boxes' centres at a share of their height and of lower corners."""
     left = looking(
         survey.SURVEYED_LEFT[key.position],
         np.radians(survey.NOMINAL_YAW_DEG[key.position]),

@@ -15,7 +15,7 @@ from polarsim.formats import ply, rigs, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.ply import Cloud
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scans import read_scan
 from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.poses import Pose
@@ -23,15 +23,15 @@ from polarsim.rocks import table
 from polarsim.rocks.annotated import with_annotated
 from polarsim.rocks.bumps import Bumps, with_bumps
 from polarsim.rocks.carving import carved
-from polarsim.rocks.clouds import settling_shifts, surface_cloud, voxel_means
+from polarsim.rocks.clouds import settling_translations, surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
 from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_places
+from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_positions
 from polarsim.rocks.regions import Cut, Limits, cut_by_shape, find_regions, surface_points
-from polarsim.rocks.scans import Extent, ScanPoints, merged, place_scan
+from polarsim.rocks.scans import Extent, ScanPoints, merged, scan_in_sandbox
 
 log = logging.getLogger("polarsim")
 FOOT_HEIGHT = 0.006  # metres above ground at which a rock begins
@@ -54,15 +54,15 @@ def find_rocks(
     clouds: Path,
     options: RocksOptions,
 ) -> None:
-    """Read a terrain's scans, tell rocks from ground, write the table, the cuboids, the ids' places and the clouds.
+    """Read a terrain's scans, tell rocks from ground, write the table, the cuboids, the ids' positions and the clouds.
 
     A position without a scan, or with a scan but no pose, is a warning. A terrain without any scan has no rock and an
     empty ground cloud. Seeds that lie under another position's name are left out with a warning.
     """
-    placed = rigs.read_all_placed(cameras)
+    localised = rigs.read_all_localised(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()
-    evidence = Evidence(placed, read_rock_boxes(seeds, terrain), CONFIRMING_IOU)
-    scans = read_scans(read_inventory(inventory), placed)
+    evidence = Evidence(localised, read_rock_boxes(seeds, terrain), CONFIRMING_IOU)
+    scans = read_scans(read_inventory(inventory), localised)
     if not len(scans):
         log.warning("%s: no scan of terrain %02d, so no rock and no ground", inventory, terrain)
         _write(rocks, cuboids, ids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), {})
@@ -77,73 +77,82 @@ def find_rocks(
         size=options.min_size_mm / 1000,
     )
     cut = cut_by_shape(sand, limits)
-    evidence = _of_their_place(sand, limits, evidence, cut)
+    evidence = _of_their_position(sand, limits, evidence, cut)
     bumps = Bumps(BUMP_HEIGHT, options.bump_size_mm / 1000)
     sand, regions = with_annotated(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
     sand, regions = carved(sand, regions, limits, evidence)
     sand, regions = with_bumps(sand, regions, limits, evidence, bumps)
     sand, found = crop_rocks(sand, regions, typed, limits.foot)
     rock_of_point = rock_of_points(sand, found, scans, limits.foot)
-    points = {rock: _by_scan(scans.select(rock_of_point == rock), placed) for rock in found}
-    shifts = {rock: settling_shifts(list(parts.values())) if options.settle else None for rock, parts in points.items()}
+    points = {rock: _by_scan(scans.select(rock_of_point == rock), localised) for rock in found}
+    translations = {
+        rock: settling_translations(list(parts.values())) if options.settle else None for rock, parts in points.items()
+    }
     unlabelled = [rock for rock, one in found.items() if not one.region.confirmed]
     log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(found), unlabelled or "none")
-    rows = [_row(rock, one, points[rock], shifts[rock]) for rock, one in found.items()]
+    rows = [_row(rock, one, points[rock], translations[rock]) for rock, one in found.items()]
     rock_clouds = {
-        rock: surface_cloud(voxel_means(_settled(points[rock], shifts[rock]), options.rock_cell_mm / 1000))
+        rock: surface_cloud(voxel_means(_settled(points[rock], translations[rock]), options.rock_cell_mm / 1000))
         for rock in found
     }
-    _write(rocks, cuboids, ids, clouds, rows, found, rock_clouds, ground_cloud(sand), placed)
+    _write(rocks, cuboids, ids, clouds, rows, found, rock_clouds, ground_cloud(sand), localised)
 
 
-def _of_their_place(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
+def _of_their_position(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
     """Evidence without seeds under another position's name; what stands out by shape alone tells."""
-    if not evidence.agreed or len(evidence.placed) < 2:
+    if not evidence.agreed or len(evidence.localised) < 2:
         return evidence
     by_shape = find_regions(sand, limits, replace(evidence, annotated={}), cut)
-    return evidence.of_their_place([surface_points(sand, region.seen) for region in by_shape])
+    return evidence.of_their_position([surface_points(sand, region.seen) for region in by_shape])
 
 
 def ground_cloud(sand: Sand) -> Cloud:
     """A point a cell of seen ground, with the surface's normal."""
     normals = upward_normals(sand.grid, sand.ground)
-    points = np.concatenate([sand.grid.places(), sand.ground[..., None]], axis=-1)
+    points = np.concatenate([sand.grid.centres(), sand.ground[..., None]], axis=-1)
     return Cloud(points[sand.is_ground], normals[sand.is_ground])
 
 
-def read_scans(inventory: Inventory, placed: Mapping[str, PlacedRig]) -> ScanPoints:
-    """All scans of a terrain in the sandbox, as the cameras stage placed them."""
+def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig]) -> ScanPoints:
+    """All scans of a terrain in the sandbox, as the cameras stage localised them."""
     scans = []
     for position in inventory.scanned:
-        if position not in placed:
+        if position not in localised:
             log.warning("terrain %02d: the scan at %s has no pose and is left out", inventory.terrain, position)
             continue
-        if placed[position].surveyed:
-            log.warning("terrain %02d: the scan at %s places no camera and is left out", inventory.terrain, position)
+        if localised[position].surveyed:
+            log.warning("terrain %02d: the scan at %s localises no camera and is left out", inventory.terrain, position)
             continue
-        points_left = read_scan(inventory, position, placed[position].rig)
-        scan = place_scan(points_left, placed[position].sandbox_from_left)
+        points_left = read_scan(inventory, position, localised[position].rig)
+        scan = scan_in_sandbox(points_left, localised[position].sandbox_from_left)
         scans.append(scan.select(NEIGHBOURHOOD.contains(scan.points)))
     return merged(scans)
 
 
-def _by_scan(points: ScanPoints, placed: Mapping[str, PlacedRig]) -> dict[str, ScanPoints]:
+def _by_scan(points: ScanPoints, localised: Mapping[str, LocalisedRig]) -> dict[str, ScanPoints]:
     """The points of each position's scan; positions that saw none are left out."""
-    positions = sorted(placed)
-    eyes = np.array([placed[position].sandbox_from_left.translation for position in positions])  # those of the maps
+    positions = sorted(localised)
+    eyes = np.array([localised[position].sandbox_from_left.translation for position in positions])  # those of the maps
     scanner = points.scanner(eyes)
     parts = {position: points.select(scanner == number) for number, position in enumerate(positions)}
     return {position: part for position, part in parts.items() if len(part)}
 
 
-def _settled(parts: Mapping[str, ScanPoints], shifts: np.ndarray | None) -> ScanPoints:
-    """The points of all scans of a rock, shifted where shifts (s, 3) are known."""
-    if shifts is None:
+def _settled(parts: Mapping[str, ScanPoints], translations: np.ndarray | None) -> ScanPoints:
+    """The points of all scans of a rock, moved where translations (s, 3) are known."""
+    if translations is None:
         return merged(list(parts.values()))
-    return merged([part.moved(Pose(np.eye(3), shift)) for part, shift in zip(parts.values(), shifts, strict=True)])
+    return merged(
+        [
+            part.moved(Pose(np.eye(3), translation))
+            for part, translation in zip(parts.values(), translations, strict=True)
+        ]
+    )
 
 
-def _row(rock: int, found: Rock, points: Mapping[str, ScanPoints], shifts: np.ndarray | None) -> dict[str, object]:
+def _row(
+    rock: int, found: Rock, points: Mapping[str, ScanPoints], translations: np.ndarray | None
+) -> dict[str, object]:
     region = found.region
     return table.row(
         rock,
@@ -153,7 +162,7 @@ def _row(rock: int, found: Rock, points: Mapping[str, ScanPoints], shifts: np.nd
         volume=region.volume,
         points={position: len(part) for position, part in points.items()},
         visible_share=len(region.seen) / len(region.footprint),
-        scan_shift=math.nan if shifts is None else float(np.linalg.norm(shifts, axis=1).max()),
+        scan_translation=math.nan if translations is None else float(np.linalg.norm(translations, axis=1).max()),
         source=found.source,
         confirmed=region.confirmed,
     )
@@ -168,14 +177,14 @@ def _write(
     found: Mapping[int, Rock],
     rock_clouds: Mapping[int, Cloud],
     ground: Cloud,
-    placed: Mapping[str, PlacedRig],
+    localised: Mapping[str, LocalisedRig],
 ) -> None:
-    places = [(position, *rig.sandbox_from_left.translation) for position, rig in placed.items()]
+    tripods = [(position, *rig.sandbox_from_left.translation) for position, rig in localised.items()]
     with writing_folder(clouds) as folder:
         ply.write(folder / "ground.ply", ground)
         for rock, cloud in rock_clouds.items():
             ply.write(folder / f"rock{rock}.ply", cloud)
-        tables.write_csv(folder / "scanners.csv", pd.DataFrame(places, columns=["position", "x", "y", "z"]))
+        tables.write_csv(folder / "scanners.csv", pd.DataFrame(tripods, columns=["position", "x", "y", "z"]))
     write_cuboids(cuboids, {rock: one.cuboid for rock, one in found.items()})
-    write_places(ids, {rock: one.region.centre for rock, one in found.items()})
+    write_positions(ids, {rock: one.region.centre for rock, one in found.items()})
     tables.write_parquet(rocks, table.rock_table(rows))

@@ -14,7 +14,7 @@ from polarsim.formats import obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.ply import Cloud
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.scene import PUBLISHED
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.planes import robust_plane
@@ -98,15 +98,15 @@ def _skirt_share(mesh: Mesh) -> float:
     """Share of a surface's area that lies in its skirt."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    middle = (a + b + c) / 3
-    return float(area[middle[:, 2] < _skirt_height(mesh, middle)].sum() / max(area.sum(), 1e-30))
+    centre = (a + b + c) / 3
+    return float(area[centre[:, 2] < _skirt_height(mesh, centre)].sum() / max(area.sum(), 1e-30))
 
 
-def _skirt_height(mesh: Mesh, places: np.ndarray) -> np.ndarray:
-    """(n,) height of the skirt's upper end at places (n, 3)."""
+def _skirt_height(mesh: Mesh, points: np.ndarray) -> np.ndarray:
+    """(n,) height of the skirt's upper end at points (n, 3)."""
     slope_x, slope_y, level = robust_plane(rim(mesh), RIM_SCALE)
     bottom, top = mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()
-    over_rim = slope_x * places[:, 0] + slope_y * places[:, 1] + level + SKIRT
+    over_rim = slope_x * points[:, 0] + slope_y * points[:, 1] + level + SKIRT
     return np.minimum(over_rim, bottom + SKIRT_SHARE * (top - bottom))
 
 
@@ -126,7 +126,7 @@ def repair_rocks(
         published = {rock: obj.read(path) for rock, path in read_inventory(inventory).rock_meshes().items()}
     ground = obj.read(meshes / obj.ground_name(terrain)).vertices
     grid, heights = ground_heights(Cloud(ground, np.zeros_like(ground)), FITTED_GROUND_CELL)
-    rigs = read_all_placed(cameras).values()
+    rigs = read_all_localised(cameras).values()
     scanners = np.array([rig.sandbox_from_left.translation for rig in rigs]).reshape(-1, 3)
     closed = {}
     for rock, path in track(list(obj.rock_files(meshes).items()), f"repair of terrain {terrain:02d}"):

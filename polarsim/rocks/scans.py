@@ -26,9 +26,9 @@ class ScanPoints:
         """The points of a mask or index array (n,)."""
         return ScanPoints(self.points[chosen], self.to_scanner[chosen], self.weights[chosen])
 
-    def scanner(self, places: np.ndarray) -> np.ndarray:
-        """(n,) number of the scanner that saw each point, of scanners at places (s, 3), metres."""
-        away = places[:, None] - self.points  # (s, n, 3)
+    def scanner(self, points: np.ndarray) -> np.ndarray:
+        """(n,) number of the scanner that saw each point, of scanners at positions (s, 3), metres."""
+        away = points[:, None] - self.points  # (s, n, 3)
         along = np.einsum("snk,nk->sn", away, self.to_scanner) / np.linalg.norm(away, axis=-1)
         return np.asarray(along.argmax(axis=0))
 
@@ -63,7 +63,7 @@ class Extent:
         return (x >= self.x0) & (x <= self.x1) & (y >= self.y0) & (y <= self.y1)
 
 
-def place_scan(points_left: np.ndarray, sandbox_from_left: Pose) -> ScanPoints:
+def scan_in_sandbox(points_left: np.ndarray, sandbox_from_left: Pose) -> ScanPoints:
     """A scan's points (n, 3), in the frame of the camera beside the scanner, in the sandbox."""
     distance = np.linalg.norm(points_left, axis=1)
     to_scanner = sandbox_from_left.rotate(-points_left / distance[:, None])

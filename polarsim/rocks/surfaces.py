@@ -25,7 +25,7 @@ DENSE_STEP = 0.35  # of the points' spacing
 ROOM, GROUND_ROOM = 1.2, 1.02  # least side of the solver's cube over the cloud's; the ground's border is cut off
 MIN_DEPTH, MAX_DEPTH = 4, 11  # of the octree
 SINK = 0.015  # metres that a rock's closed underside lies below the ground
-UNSEEN_COSINE = 0.05  # a facet whose normal turns away further than this from every scanner was not seen
+UNSEEN_COSINE = 0.05  # a facet whose normal points away further than this from every scanner was not seen
 GAP = 0.0075  # metres from the seen surface from which the unseen one begins
 BARE = 0.03  # metres along a facet to the nearest seen point from which on nothing was seen below it, no hollow either
 BULGE = 0.25  # rocks bulge beyond the hull of their seen side: metres outward per metre from what was seen
@@ -60,8 +60,8 @@ def closing_points(
     to_scanners = scanners[None] - points[:, None]
     cosine = (to_scanners * normals[:, None]).sum(axis=-1) / np.linalg.norm(to_scanners, axis=-1)
     buried = above < -spacing  # ends below the ground: no plinth is seen
-    turned_away = cosine.max(axis=1, initial=-1) < UNSEEN_COSINE
-    back = (above >= -spacing) & (gap > GAP) & (turned_away | (beside > BARE))
+    facing_away = cosine.max(axis=1, initial=-1) < UNSEEN_COSINE
+    back = (above >= -spacing) & (gap > GAP) & (facing_away | (beside > BARE))
     points = points + np.where(back, BULGE * np.minimum(gap, np.maximum(above, 0)), 0)[:, None] * normals
     kept = (buried | back) & ~bare.ravel()[np.maximum(grid.cell_of(points), 0)]
     return Cloud(points[kept], normals[kept])
@@ -94,9 +94,9 @@ def _outline(points: np.ndarray) -> np.ndarray:
         raise ReconstructionError(f"{len(points)} points lie on one line or are too few") from error
 
 
-def _sunk(places: np.ndarray, grid: FloorGrid, ground: np.ndarray) -> np.ndarray:
-    """(n, 3) places (n, 2) below the ground."""
-    return np.column_stack([places, grid.sample(ground, places) - SINK])
+def _sunk(points: np.ndarray, grid: FloorGrid, ground: np.ndarray) -> np.ndarray:
+    """(n, 3) points below (n, 2) ones of the ground."""
+    return np.column_stack([points, grid.sample(ground, points) - SINK])
 
 
 def hull_points(mesh: Mesh, spacing: float) -> Cloud:
@@ -145,7 +145,7 @@ def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
     cell : float
         Cell of the reconstruction, metres.
     """
-    points = np.concatenate([grid.places(), heights[..., None]], axis=-1).reshape(-1, 3)
+    points = np.concatenate([grid.centres(), heights[..., None]], axis=-1).reshape(-1, 3)
     surface = poisson(Cloud(points, upward_normals(grid, heights).reshape(-1, 3)), cell, GROUND_ROOM)
     inside = grid.extent.contains(surface.vertices)
     return largest_island(compacted(surface.vertices, surface.faces[inside[surface.faces].all(axis=1)]))

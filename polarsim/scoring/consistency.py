@@ -2,7 +2,7 @@
 
 Every scan is put through its written pose and asked how it would still have to move to lie on the written meshes; all
 scans together too. Cameras that photos or labels moved are held against those that the meshes were made with, and
-meshes against the boxes that placed the cameras. What does not agree becomes a plain sentence.
+meshes against the boxes that localised the cameras. What does not agree becomes a plain sentence.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import pandas as pd
 from polarsim.formats import obj
 from polarsim.formats.best_photos import best_pictures
 from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.scans import read_scan
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tables import read_parquet
@@ -64,17 +64,17 @@ def check_consistency(
     annotated
         Folder of all label files that people drew, which stand in where no photos show both cameras; may be None.
     """
-    known, placed = read_inventory(inventory), read_all_placed(located)
+    known, localised = read_inventory(inventory), read_all_localised(located)
     scans = {
-        position: on_sand(placed[position], read_scan(known, position, placed[position].rig))
+        position: on_sand(localised[position], read_scan(known, position, localised[position].rig))
         for position in known.scanned
-        if position in placed and not placed[position].surveyed
+        if position in localised and not localised[position].surveyed
     }
     metrics = []
-    scene, last = read_terrain(meshes, terrain), read_all_placed(cameras)
+    scene, last = read_terrain(meshes, terrain), read_all_localised(cameras)
     if scans:
         metrics += scans_on_meshes(scans, scene)
-    metrics += cameras_together(placed, last)
+    metrics += cameras_together(localised, last)
     if (located / "matches.parquet").exists():
         metrics += boxes_met(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
     both = photos_of_both(last, caster(scene.vertices, scene.faces), best_pictures(terrain, photos)) if photos else []
@@ -88,9 +88,9 @@ def check_consistency(
     write_metrics(evaluation, STAGE, terrain, metrics)
 
 
-def on_sand(placed: PlacedRig, points_left: np.ndarray) -> np.ndarray:
+def on_sand(localised: LocalisedRig, points_left: np.ndarray) -> np.ndarray:
     """(m, 3) points of a scan (n, 3) on the sand and its rocks, through the written pose, in the sandbox."""
-    points = placed.sandbox_from_left.apply(points_left)
+    points = localised.sandbox_from_left.apply(points_left)
     inside = (np.abs(points[:, :2]) < SANDBOX_HALF_WIDTH - MARGIN).all(axis=1)
     return points[inside][:: max(1, inside.sum() // POINTS)]
 
@@ -99,41 +99,41 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
     """How scans (n, 3) in the sandbox would still have to move to lie on the meshes: all together, and by pairs."""
     surface = Surface(scene.vertices, scene.faces)
     everything = np.concatenate(list(scans.values()))
-    turn, shift = _size(_further(everything, surface), everything.mean(axis=0))
+    rotation, translation = _size(_further(everything, surface), everything.mean(axis=0))
     metrics = [
-        Metric("all scans on the meshes", "common_turn", turn, "deg", len(scans), "own"),
-        Metric("all scans on the meshes", "common_shift", shift, "mm", len(scans), "own"),
+        Metric("all scans on the meshes", "common_turn", rotation, "deg", len(scans), "own"),
+        Metric("all scans on the meshes", "common_shift", translation, "mm", len(scans), "own"),
     ]
     moves = {}
     for position, points in sorted(scans.items()):
         moves[position] = _further(points, surface)
         settled = moves[position].apply(points)
-        place, face = surface.nearest(settled)
-        above = ((settled - place) * surface.normals[face]).sum(axis=1)
+        nearest, face = surface.nearest(settled)
+        above = ((settled - nearest) * surface.normals[face]).sum(axis=1)
         left_mm = 1000 * float(np.median(np.abs(above)))
         metrics.append(Metric(f"scan {position} on the meshes", "distance_median", left_mm, "mm", len(points), "own"))
     for one, other in combinations(sorted(moves), 2):
-        turn, shift = _size(moves[one].inverse() @ moves[other], everything.mean(axis=0))
+        rotation, translation = _size(moves[one].inverse() @ moves[other], everything.mean(axis=0))
         subject = f"scans {one} and {other}"
-        metrics.append(Metric(subject, "turn_between", turn, "deg", 2, "own"))
-        metrics.append(Metric(subject, "shift_between", shift, "mm", 2, "own"))
+        metrics.append(Metric(subject, "turn_between", rotation, "deg", 2, "own"))
+        metrics.append(Metric(subject, "shift_between", translation, "mm", 2, "own"))
     return metrics
 
 
-def cameras_together(before: Mapping[str, PlacedRig], after: Mapping[str, PlacedRig]) -> list[Metric]:
-    """What all cameras of a terrain did in common since the meshes were made, and which none but the survey places."""
+def cameras_together(before: Mapping[str, LocalisedRig], after: Mapping[str, LocalisedRig]) -> list[Metric]:
+    """What all cameras of a terrain did in common after the meshes, and which none but the survey localises."""
     metrics = [
         Metric(f"camera {position}", "surveyed", float(rig.surveyed), "1", 1, "own")
         for position, rig in sorted(after.items())
     ]
     if len(set(before) & set(after)) > 1:
-        turn = float(np.degrees(angle_between(align_rigs(after, before), Pose.identity())))
-        metrics.append(Metric("cameras since the meshes", "cameras_turn", turn, "deg", len(after), "own"))
+        rotation = float(np.degrees(angle_between(align_rigs(after, before), Pose.identity())))
+        metrics.append(Metric("cameras since the meshes", "cameras_turn", rotation, "deg", len(after), "own"))
     return metrics
 
 
 def boxes_met(matches: pd.DataFrame) -> list[Metric]:
-    """Mean IoU of projected meshes and the boxes that placed the cameras, by position."""
+    """Mean IoU of projected meshes and the boxes that localised the cameras, by position."""
     return [
         Metric(f"meshes on boxes, position {position}", "boxes_iou", float(part["iou"].mean()), "1", len(part), "own")
         for position, part in matches.groupby("position")
@@ -145,7 +145,7 @@ def _further(points: np.ndarray, surface: Surface) -> Pose:
     return refine_alignment(Pose.identity(), points, surface).inverse()
 
 
-def _size(motion: Pose, place: np.ndarray) -> tuple[float, float]:
-    """Degrees of a motion's turn, and millimetres that it shifts a place (3,)."""
-    turn_deg = float(np.degrees(angle_between(motion, Pose.identity())))
-    return turn_deg, 1000 * float(np.linalg.norm(motion.apply(place) - place))
+def _size(motion: Pose, point: np.ndarray) -> tuple[float, float]:
+    """Degrees of a motion's rotation, and millimetres that it moves a point (3,)."""
+    rotation_deg = float(np.degrees(angle_between(motion, Pose.identity())))
+    return rotation_deg, 1000 * float(np.linalg.norm(motion.apply(point) - point))

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from polarsim.formats.best_photos import Pictures, read_shrunk
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.boxes import assign, iou
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.patches import Ties, Window, find_ties, look_with_both
@@ -29,13 +29,13 @@ WINDOW = Window(half=10, search=8, step=16, likeness=0.7, noise=0.4)  # pixels o
 LEAST_TIES = 50  # windows found, for offsets to be told
 LEAST_TRIED = 100  # windows looked for, for a share to be told
 LEAST_BOXES = 5  # rocks that boxes of both cameras show
-SPREAD = 1.4826  # standard deviations of a normal distribution in its median distance from the middle
+SPREAD = 1.4826  # standard deviations of a normal distribution in its median distance from the median
 
 
-def photos_of_both(placed: Mapping[str, PlacedRig], surface: Caster, pictures: Pictures) -> list[Metric]:
+def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictures: Pictures) -> list[Metric]:
     """How far windows of the left photos lie across and along the rows of the right ones, by position."""
     metrics = []
-    for position, rig in sorted(placed.items()):
+    for position, rig in sorted(localised.items()):
         left, right = (pictures.get((position, camera), {}) for camera in CAMERAS)
         azimuths = sorted(set(left) & set(right))
         if azimuths and not rig.surveyed:
@@ -63,11 +63,11 @@ def ties_met(subject: str, rig: StereoRig, ties: list[Ties]) -> list[Metric]:
     points = np.concatenate([one.points_left for one in ties])
     rows = _along_rows(rig, points)
     across, along = rows[:, 0] * off[:, 1] - rows[:, 1] * off[:, 0], (rows * off).sum(axis=1)
-    middle = float(np.median(across))
-    spread = float(SPREAD * np.median(np.abs(across - middle)))
+    median = float(np.median(across))
+    spread = float(SPREAD * np.median(np.abs(across - median)))
     return [
         *metrics,
-        Metric(subject, "across_rows", abs(middle), "px", found, "photos"),
+        Metric(subject, "across_rows", abs(median), "px", found, "photos"),
         Metric(subject, "across_rows_spread", spread, "px", found, "photos"),
         Metric(subject, "along_rows", abs(float(np.median(along))), "px", found, "photos"),
     ]
@@ -81,11 +81,11 @@ def _along_rows(rig: StereoRig, points_left: np.ndarray) -> np.ndarray:
 
 
 def boxes_of_both(
-    placed: Mapping[str, PlacedRig], outlines: Outlines, annotated: Mapping[PhotoKey, Labels]
+    localised: Mapping[str, LocalisedRig], outlines: Outlines, annotated: Mapping[PhotoKey, Labels]
 ) -> list[Metric]:
     """How otherwise projected meshes meet the boxes of the right camera than those of the left one, by position."""
     metrics = []
-    for position, rig in sorted(placed.items()):
+    for position, rig in sorted(localised.items()):
         boxes = {camera: agreed_boxes(annotated, position, camera) for camera in CAMERAS}
         if min(map(len, boxes.values())) < LEAST_BOXES or rig.surveyed:
             continue

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.schemas import OFFSETS
 from polarsim.formats.tables import read_parquet, write_csv, write_parquet
@@ -98,20 +98,20 @@ def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Compari
 
 
 def _moved(found: pd.DataFrame, truth_from_sandbox: Pose) -> pd.DataFrame:
-    """The table of found rocks with their places in the true frame."""
-    places = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
-    return found.assign(x=places[:, 0], y=places[:, 1], z=places[:, 2])
+    """The table of found rocks with their positions in the true frame."""
+    points = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
+    return found.assign(x=points[:, 0], y=points[:, 1], z=points[:, 2])
 
 
 def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison) -> list[Metric]:
     """How far from its true pixel a true rock's point is seen, with the meshes laid on the true surface."""
-    placed, true = read_all_placed(cameras), read_all_placed(truth / "cameras")
+    localised, true = read_all_localised(cameras), read_all_localised(truth / "cameras")
     points = true_points(truth, terrain)
     return [
         metric
-        for position in sorted(set(placed) & set(true))
+        for position in sorted(set(localised) & set(true))
         for metric in projection_errors(
-            "rock_reprojection", position, placed[position], true[position], points, compared.truth_from_sandbox
+            "rock_reprojection", position, localised[position], true[position], points, compared.truth_from_sandbox
         )
     ]
 
@@ -208,8 +208,8 @@ def _wide_seen(true: pd.DataFrame, points: np.ndarray, rock: np.ndarray) -> np.n
 def _alignment_metrics(compared: Comparison) -> list[Metric]:
     points, alignment, by_cameras = compared.true.points, compared.truth_from_sandbox, compared.by_cameras
     moved_mm = 1000 * np.linalg.norm(alignment.inverse().apply(points) - by_cameras.inverse().apply(points), axis=1)
-    turned_deg = float(np.degrees(angle_between(by_cameras, alignment)))
+    rotation_deg = float(np.degrees(angle_between(by_cameras, alignment)))
     return [
         Metric("frame", "icp_shift_median", float(np.median(moved_mm)), "mm", len(points), "truth"),
-        Metric("frame", "icp_turn", turned_deg, "deg", len(points), "truth"),
+        Metric("frame", "icp_turn", rotation_deg, "deg", len(points), "truth"),
     ]

@@ -15,7 +15,7 @@ BARE = HallOptions(brightness=(0, 0), folds_sd=(0, 0), most_cards=0, most_glares
 
 
 def project(points):
-    """Seen from above the middle of the near wall towards the far one."""
+    """Seen from above the centre of the near wall towards the far one."""
     return LENS.project(POSE.inverse().apply(points))
 
 
@@ -29,9 +29,9 @@ def furnished(rng, around, radiance=1.0, **options):
 
 @pytest.fixture
 def around():
-    place = np.zeros(SHAPE, bool)
-    place[:20] = True
-    return place
+    position = np.zeros(SHAPE, bool)
+    position[:20] = True
+    return position
 
 
 def test_nothing_asked_for_changes_nothing(rng, around):

@@ -24,7 +24,7 @@ CLASS_LISTS = st.permutations([*BOX_CLASSES, "dog", "crater"])
 
 
 def line(number, x, y, width, height):
-    """A YOLO line by the format's definition: middle and size over the size of a photo of 1936 x 1216."""
+    """A YOLO line by the format's definition: centre and size over the size of a photo of 1936 x 1216."""
     return f"{number} {(x + width / 2) / 1936:.6f} {(y + height / 2) / 1216:.6f} {width / 1936:.6f} {height / 1216:.6f}"
 
 
@@ -94,8 +94,8 @@ def test_a_missing_folder_and_a_photo_with_two_files_are_refused(tmp_path):
     with pytest.raises(FormatError, match="no such folder"):
         read_annotated(tmp_path / "nowhere")
     (tmp_path / "Terrain01").mkdir()
-    for place in (tmp_path, tmp_path / "Terrain01"):
-        (place / f"{KEY}.txt").write_text("")
+    for position in (tmp_path, tmp_path / "Terrain01"):
+        (position / f"{KEY}.txt").write_text("")
     with pytest.raises(FormatError, match=str(KEY)):
         read_annotated(tmp_path)
 

@@ -86,11 +86,13 @@ numbers = st.floats(-0.2, 0.2)
 @settings(max_examples=25)
 @given(
     focal=st.floats(1500, 2500), centre=st.tuples(st.floats(900, 1000), st.floats(550, 650)),
-    terms=st.tuples(numbers, numbers, numbers, numbers, numbers), turn=st.tuples(numbers, numbers, numbers),
+    terms=st.tuples(numbers, numbers, numbers, numbers, numbers), rotvec=st.tuples(numbers, numbers, numbers),
 )  # fmt: skip
-def test_a_calibration_survives_writing_and_reading(tmp_path_factory, focal, centre, terms, turn):
+def test_a_calibration_survives_writing_and_reading(tmp_path_factory, focal, centre, terms, rotvec):
     lens = Lens(focal, focal * 0.99, *centre, terms)
-    rig = StereoRig(lens, Lens(focal + 1, focal, *centre), Pose.from_rotvec(np.array(turn), np.array([0.3, 0.01, 0.0])))
+    rig = StereoRig(
+        lens, Lens(focal + 1, focal, *centre), Pose.from_rotvec(np.array(rotvec), np.array([0.3, 0.01, 0.0]))
+    )
     path = tmp_path_factory.mktemp("calibration") / nasa.CALIBRATION_NAME
     nasa.write_calibration(path, rig)
     again = nasa.read_calibration(path)
@@ -217,8 +219,8 @@ def test_damaged_bytes_give_a_format_error_or_a_result_and_nothing_else(tmp_path
     complaints = []
     for _ in range(150):
         damaged = bytearray(sound)
-        for place in rng.integers(0, len(sound), rng.integers(1, 6)):
-            damaged[place] = rng.integers(0, 256)
+        for position in rng.integers(0, len(sound), rng.integers(1, 6)):
+            damaged[position] = rng.integers(0, 256)
         path.write_bytes(damaged[: rng.integers(1, len(damaged) + 1)] if rng.random() < 0.4 else damaged)
         try:
             READERS[name](path)

@@ -11,7 +11,7 @@ coordinates = st.floats(-100, 100, width=32)
 
 @st.composite
 def triangles(draw):
-    """Vertices and faces; coarse coordinates, so that many middles and whole triangles fall together."""
+    """Vertices and faces; coarse coordinates, so that many centres and whole triangles fall together."""
     count = draw(st.integers(1, 60))
     coarse = st.integers(-2, 2).map(float)
     values = draw(st.sampled_from([coarse, coordinates]))
@@ -30,7 +30,7 @@ def walked(tree):
                 left.append((code, depth + 1))
 
 
-def places(code):
+def points(code):
     first, count = ~code >> bvh.COUNT_BITS, ~code & ((1 << bvh.COUNT_BITS) - 1)
     return np.arange(first, first + count)
 
@@ -39,7 +39,7 @@ def places(code):
 @given(triangles())
 def test_every_triangle_is_in_exactly_one_leaf(scene):
     tree = bvh.built(*scene)
-    in_leaves = np.concatenate([places(code) for *_, code in walked(tree) if code < 0])
+    in_leaves = np.concatenate([points(code) for *_, code in walked(tree) if code < 0])
     np.testing.assert_array_equal(np.sort(in_leaves), np.arange(len(scene[1])))
     np.testing.assert_array_equal(np.sort(tree.order), np.arange(len(scene[1])))
 
@@ -59,7 +59,7 @@ def test_boxes_hold_the_boxes_and_triangles_below_them(scene):
     tree = bvh.built(vertices, faces)
     corners = vertices.astype(np.float32)[faces[tree.order]]
     for _, low, high, code in walked(tree):
-        inside = tree.boxes[code] if code >= 0 else corners[places(code)].reshape(-1, 3)
+        inside = tree.boxes[code] if code >= 0 else corners[points(code)].reshape(-1, 3)
         assert (inside >= low).all()
         assert (inside <= high).all()
 
@@ -69,13 +69,13 @@ def test_boxes_hold_the_boxes_and_triangles_below_them(scene):
 def test_leaves_are_small_and_not_too_deep(scene):
     for depth, _, _, code in walked(bvh.built(*scene)):
         assert depth <= bvh.LEVELS
-        assert code >= 0 or len(places(code)) <= bvh.LEAF
+        assert code >= 0 or len(points(code)) <= bvh.LEAF
 
 
 def test_a_tree_that_would_get_too_deep_is_halved(monkeypatch):
     count = 300
-    middles = 2.0 ** -np.arange(count)[:, None] * 1e30  # each cut takes few off
-    vertices = (middles[:, None] * np.array([[1, 0, 0], [1.1, 0, 0], [1, 0.1, 0]])).reshape(-1, 3)
+    centres = 2.0 ** -np.arange(count)[:, None] * 1e30  # each cut takes few off
+    vertices = (centres[:, None] * np.array([[1, 0, 0], [1.1, 0, 0], [1, 0.1, 0]])).reshape(-1, 3)
     faces = np.arange(3 * count).reshape(-1, 3)
     deep = max(depth for depth, *_ in walked(bvh.built(vertices, faces)))
     monkeypatch.setattr(bvh, "LEVELS", 8)

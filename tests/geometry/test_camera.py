@@ -12,9 +12,9 @@ CAMERA = Camera(looking(np.array([-3.0, 0.2, 1.4]), 0.1, 0.4, 0.05), stated_rig(
 @given(st.floats(0, 1936), st.floats(0, 1216), st.floats(0.5, 9))
 def test_a_ray_through_a_pixel_is_seen_at_it(u, v, depth):
     pixel = np.array([[u, v]])
-    place = CAMERA.centre + depth * CAMERA.directions(pixel)
-    np.testing.assert_allclose(CAMERA.project(place), pixel, atol=1e-7)
-    np.testing.assert_allclose(CAMERA.world_from_camera.inverse().apply(place)[0, 2], depth)  # along the axis
+    position = CAMERA.centre + depth * CAMERA.directions(pixel)
+    np.testing.assert_allclose(CAMERA.project(position), pixel, atol=1e-7)
+    np.testing.assert_allclose(CAMERA.world_from_camera.inverse().apply(position)[0, 2], depth)  # along the axis
 
 
 def test_the_optical_axis_leads_where_the_camera_looks():
@@ -28,7 +28,7 @@ def test_inside_is_what_the_photo_shows():
     assert CAMERA.inside(pixels).tolist() == [True, True, False, False, False]
 
 
-def test_all_pixels_are_looked_through_in_their_middles():
+def test_all_pixels_are_looked_through_in_their_centres():
     small = CAMERA.scaled(1 / 16)
     directions = small.pixel_directions()
     assert directions.shape == (76, 121, 3)

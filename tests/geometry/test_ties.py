@@ -38,9 +38,9 @@ def ground():
         directions = pose.rotate(lens.pixel_directions()).reshape(-1, 3)
         distance, _ = rays.nearest(np.broadcast_to(pose.translation, directions.shape), directions)
         met = np.isfinite(distance)
-        place = (pose.translation + distance[met, None] * directions[met])[:, :2]
+        position = (pose.translation + distance[met, None] * directions[met])[:, :2]
         grey = np.zeros(len(directions))
-        grey[met] = 1000 + 15000 * map_coordinates(pattern, ((place[:, ::-1] + 2) / 4 * 1199).T, order=1)
+        grey[met] = 1000 + 15000 * map_coordinates(pattern, ((position[:, ::-1] + 2) / 4 * 1199).T, order=1)
         return (BLACK_LEVEL + np.clip(grey, 0, 3000)).reshape(lens.shape).astype(np.float32)
 
     return rays, photo(RIG.left, POSE), photo(RIG.right, POSE @ RIG.left_from_right)
@@ -67,9 +67,9 @@ def test_expected_pixels_are_those_of_the_points(ground):
     np.testing.assert_allclose(seen, ties.expected, atol=1e-3)
 
 
-def test_a_right_camera_turned_about_x_lies_beside_the_rows(ground):
-    turned = replace(RIG, left_from_right=RIG.left_from_right @ Pose.from_rotvec(np.radians([0.2, 0, 0]), np.zeros(3)))
-    off = np.median((ties := ties_under(ground, turned)).right - ties.expected, axis=0)
+def test_a_right_camera_rotated_about_x_lies_beside_the_rows(ground):
+    rotated = replace(RIG, left_from_right=RIG.left_from_right @ Pose.from_rotvec(np.radians([0.2, 0, 0]), np.zeros(3)))
+    off = np.median((ties := ties_under(ground, rotated)).right - ties.expected, axis=0)
     assert abs(off[1]) == pytest.approx(np.radians(0.2) * RIG.right.fy, abs=0.1)
     assert abs(off[0]) < 0.1
 

@@ -22,18 +22,22 @@ def mirrored(box):
 @given(box(), box(), st.floats(200, 1200))
 def test_left_and_right_are_alike(shadow, rock, px_per_m):
     found = as_people_draw(shadow, rock, rock, px_per_m)
-    turned = as_people_draw(mirrored(shadow), mirrored(rock), mirrored(rock), px_per_m)
-    np.testing.assert_allclose(turned, mirrored(found), atol=1e-9)
+    flipped = as_people_draw(mirrored(shadow), mirrored(rock), mirrored(rock), px_per_m)
+    np.testing.assert_allclose(flipped, mirrored(found), atol=1e-9)
 
 
 @given(st.floats(-300, 300), st.floats(-300, 300))
-def test_the_place_in_the_photo_does_not_matter(dx, dy):
-    rock, shadow, shift = np.array([500.0, 400, 560, 450]), np.array([550.0, 420, 680, 448]), np.array([dx, dy, dx, dy])
+def test_the_position_in_the_photo_does_not_matter(dx, dy):
+    rock, shadow, offset = (
+        np.array([500.0, 400, 560, 450]),
+        np.array([550.0, 420, 680, 448]),
+        np.array([dx, dy, dx, dy]),
+    )
     found = as_people_draw(shadow, rock, rock, 600)
-    np.testing.assert_allclose(as_people_draw(shadow + shift, rock + shift, rock + shift, 600), found + shift)
+    np.testing.assert_allclose(as_people_draw(shadow + offset, rock + offset, rock + offset, 600), found + offset)
 
 
-def test_people_begin_a_shadow_farther_from_the_middle_of_its_rock_than_its_visible_part():
+def test_people_begin_a_shadow_farther_from_the_centre_of_its_rock_than_its_visible_part():
     # Facts on the labels, 2.6: with the lamp at the side the near edge lies at 0.75 to 0.93 of the rock's width.
     rock, shadow = np.array([500.0, 400, 560, 450]), np.array([530.0, 420, 680, 448])
     found = as_people_draw(shadow, rock, rock, 600)

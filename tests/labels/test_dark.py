@@ -15,7 +15,7 @@ from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK, ROCK
 from polarsim.survey import SUN_LAMPS
 
-from .conftest import block, flat_ground, placed
+from .conftest import block, flat_ground, localised
 
 OPEN, BEHIND, BARRIER = 1, 2, 3
 ROCKS = {  # centre of the base, full extents: BARRIER stands between BEHIND and lamp 180, at x = -3.5 m
@@ -44,7 +44,7 @@ def world(terrain):
 
 def labelled(terrain, annotated_at, options, azimuth="180"):
     """Rocks labelled under a lamp where the same boxes were annotated under others."""
-    rig = placed("A")
+    rig = localised("A")
     world = build_world(terrain, TRIM)
     boxes = np.array([project_rock(world, rig.camera("L"), rock).box for rock in ROCKS])
     drawings = {("L", other): Annotated(boxes, None) for other in annotated_at}
@@ -64,7 +64,7 @@ def test_no_rock_shades_itself_from_every_ray(world):
 
 
 @pytest.mark.parametrize(("above", "dark"), [(-0.1, True), (0.1, False)])
-def test_a_rock_that_one_place_of_the_lamp_lights_is_not_in_the_dark(world, above, dark):
+def test_a_rock_that_one_position_of_the_lamp_lights_is_not_in_the_dark(world, above, dark):
     """The ray over the barrier's far edge (0.2, 0.8 m high) to the far end of the rock's top (0.7, 0.1 m high)."""
     x, y, _ = SUN_LAMPS["180"]
     nearest = x + 0.6  # two standard deviations of the survey towards the barrier

@@ -16,7 +16,7 @@ from polarsim.render.sensor_options import SensorOptions
 from polarsim.render.surfaces import surfaces_of
 
 SD_OF_BOX = 1 / np.sqrt(12)
-TURN = 0.13  # radians, of edges against the rows: the slanted edges of ISO 12233
+ROTATION = 0.13  # radians, of edges against the rows: the slanted edges of ISO 12233
 
 
 def offsets(samples, **options):
@@ -27,7 +27,7 @@ def gaussian(samples, sd_px=0.5):
     return offsets(samples, pixel_filter="gaussian", filter_sd_px=sd_px)
 
 
-def test_one_ray_goes_through_the_centre_and_four_through_the_middles_of_the_quarters():
+def test_one_ray_goes_through_the_centre_and_four_through_the_centres_of_the_quarters():
     assert sample_offsets(SensorOptions()) == ((0, 0),)
     quarters = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
     assert sample_offsets(SensorOptions(samples=4)) == quarters
@@ -35,27 +35,27 @@ def test_one_ray_goes_through_the_centre_and_four_through_the_middles_of_the_qua
 
 @pytest.mark.parametrize("side", [3, 4])
 def test_a_box_has_one_sample_in_each_cell_and_in_each_fine_row_and_column(side):
-    places = offsets(side**2) + 0.5
-    cells = np.floor(places * side)
+    points = offsets(side**2) + 0.5
+    cells = np.floor(points * side)
     assert len(np.unique(cells, axis=0)) == side**2
     for axis in range(2):
-        np.testing.assert_allclose(np.sort(places[:, axis]), (np.arange(side**2) + 0.5) / side**2)
+        np.testing.assert_allclose(np.sort(points[:, axis]), (np.arange(side**2) + 0.5) / side**2)
 
 
 @pytest.mark.parametrize("samples", [4, 9, 16])
 @given(sd_px=st.floats(0.05, 1.5), angle=st.floats(0, np.pi))
 def test_a_gaussian_has_its_width_in_every_direction(samples, sd_px, angle):
-    places = gaussian(samples, sd_px)
-    along = places @ [np.cos(angle), np.sin(angle)]
+    points = gaussian(samples, sd_px)
+    along = points @ [np.cos(angle), np.sin(angle)]
     assert along.mean() == pytest.approx(0, abs=1e-12)
     assert along.std() == pytest.approx(sd_px)
 
 
 @pytest.mark.parametrize("samples", [4, 16, 400, 10_000])
 def test_with_many_samples_an_edge_comes_near_the_normal_distribution(samples):
-    places = np.sort(gaussian(samples)[:, 0])
+    points = np.sort(gaussian(samples)[:, 0])
     steps = np.arange(samples) / samples
-    found = ndtr(places / 0.5)
+    found = ndtr(points / 0.5)
     assert np.maximum(np.abs(found - steps), np.abs(found - steps - 1 / samples)).max() < 0.75 / samples**0.9
 
 
@@ -75,7 +75,7 @@ def test_a_gaussian_of_one_sample_is_refused():
 def test_a_rendered_edge_is_as_wide_as_the_filter(blocks, options, sd_px):
     """The variance of an edge's profile F, centred, is the integral of 2 |x| (1 - F or F): here over its pixels."""
     lens, height = Lens(220.0, 220.0, 100.0, 70.0, width=200, height=140), 6.0
-    cos, sin = np.cos(TURN), np.sin(TURN)
+    cos, sin = np.cos(ROTATION), np.sin(ROTATION)
     pose = Pose(np.array([[cos, sin, 0], [sin, -cos, 0], [0, 0, -1]]), np.array([0.0, 0, height]))
     chosen = RenderOptions(rim=False, bounce=0, **options)
     lamp = {"lamp": Lamp(np.array([0.0, 0, 1e4]))}

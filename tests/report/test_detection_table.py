@@ -53,9 +53,9 @@ def test_every_ipd_of_the_paper_is_the_difference_of_two_of_its_mean_ious():
 def test_the_papers_figures_stand_in_columns_of_their_own_and_change_none_of_ours():
     given = detection(("real", "hapke", "principled"))
     table = tidy_detection(given, "polar")
-    places = ["kind", "trained", "evaluated"]
-    row = table.set_index(places).loc[("rock", "principled", "real")]
-    same = given.set_index(places).loc[("rock", "principled", "real")]
+    points = ["kind", "trained", "evaluated"]
+    row = table.set_index(points).loc[("rock", "principled", "real")]
+    same = given.set_index(points).loc[("rock", "principled", "real")]
     assert row["map50"] == same["map50"]
     assert (row["paper_map50"], row["paper_map50_95"], row["paper_iou_mean"]) == (0.662, 0.318, 0.513)
     assert table.loc[table["kind"] != "rock", "paper_map50"].isna().all()
@@ -124,8 +124,8 @@ def test_a_missing_column_is_named_with_its_file(tmp_path):
 
 def test_ipd_pairs_are_brought_into_the_papers_order_whichever_way_they_come():
     given = ipd()
-    turned = given.rename(columns={"first": "second", "second": "first"})
-    pd.testing.assert_frame_equal(tidy_ipd(given, "analog"), tidy_ipd(turned[given.columns], "analog"))
+    swapped = given.rename(columns={"first": "second", "second": "first"})
+    pd.testing.assert_frame_equal(tidy_ipd(given, "analog"), tidy_ipd(swapped[given.columns], "analog"))
     shown = format_ipd(tidy_ipd(ipd(("real", "hapke", "principled")), "polar"))
     assert list(shown.columns[2:5]) == ["Principled - Hapke", "Real - Hapke", "Real - Principled"]
     assert shown.loc[0, "Real - Principled"] == "0.1000 [0.050, 0.150] / 0.2000 [0.120, 0.280]"
@@ -144,9 +144,9 @@ def test_ipd_has_a_row_for_each_split():
 
 def with_intervals(table):
     bounds = {
-        f"{name}_{bound}": table[name] + shift
+        f"{name}_{bound}": table[name] + offset
         for name in ("map50", "map50_95", "iou_mean")
-        for bound, shift in (("low", -0.1), ("high", 0.1))
+        for bound, offset in (("low", -0.1), ("high", 0.1))
     }
     return table.assign(**bounds, unit="view")
 

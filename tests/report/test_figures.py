@@ -6,7 +6,7 @@ import pytest
 
 from polarsim.formats import obj, png, release, yolo
 from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import key_columns, label_table, write_csv, write_parquet
@@ -90,10 +90,10 @@ def offsets_drawn(folder, rows, name):
 
 def test_surface_outside_the_true_one_is_drawn_red_and_inside_blue(tmp_path):
     rng = np.random.default_rng(1)
-    places = rng.uniform(-1.5, 1.5, (3000, 3))
+    points = rng.uniform(-1.5, 1.5, (3000, 3))
     counts = []
     for offset in (5.0, -5.0):
-        pixels = offsets_drawn(tmp_path, [(1, *place, offset) for place in places], f"{offset:g}.png")[:, :650]
+        pixels = offsets_drawn(tmp_path, [(1, *position, offset) for position in points], f"{offset:g}.png")[:, :650]
         counts.append([((pixels[..., one] - pixels[..., other]) > 60).sum() for one, other in ((0, 2), (2, 0))])
     (red, no_blue), (no_red, blue) = counts
     assert red > 4 * no_blue  # the colour bar has some of both
@@ -127,8 +127,8 @@ def residuals_drawn(folder, name):
 
 def test_boxes_beside_their_meshes_get_arrows_and_right_ones_none(tmp_path, world):
     world.write(tmp_path)
-    placed, scene = read_all_placed(tmp_path / "cameras"), read_terrain(tmp_path / "meshes", 3)
-    position, rig = sorted(placed.items())[0]
+    localised, scene = read_all_localised(tmp_path / "cameras"), read_terrain(tmp_path / "meshes", 3)
+    position, rig = sorted(localised.items())[0]
     boxes = np.array([around(rig.project("L", scene.rock_vertices(rock))) for rock in scene.rocks])
     arrows = []
     for off in (0, 8):
@@ -143,7 +143,7 @@ def test_residuals_need_neither_photos_nor_seeds(tmp_path, world):
     assert (residuals_drawn(tmp_path, "bare.png") < 128).any()
 
 
-def test_from_above_a_cube_has_its_area_its_height_and_its_place(tmp_path, world):
+def test_from_above_a_cube_has_its_area_its_height_and_its_position(tmp_path, world):
     world.write(tmp_path)
     scene = read_terrain(tmp_path / "meshes", 3)
     top = top_view(scene, caster(scene.vertices, scene.faces))
@@ -243,9 +243,9 @@ def test_a_comparison_shows_what_is_there(tmp_path):
     shown = png.read(tmp_path / "two.png")
     # Beside each other with the photo's white: the twin, with 284 of 684 DN above black, is darker than the photo.
     left, right = shown[:, 150].astype(int).mean(axis=-1), shown[:, 450].astype(int).mean(axis=-1)
-    middle = slice(shown.shape[0] // 4, shown.shape[0] // 4 + 20)  # of the upper of two rows
-    assert np.median(left[middle]) == 255
-    assert np.median(right[middle]) == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
+    centre = slice(shown.shape[0] // 4, shown.shape[0] // 4 + 20)  # of the upper of two rows
+    assert np.median(left[centre]) == 255
+    assert np.median(right[centre]) == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
     assert is_drawn(tmp_path / "none.png")
 
 
@@ -282,14 +282,14 @@ def reliability_drawn(folder, rows, name):
 
 
 def test_points_of_sure_and_right_labels_lie_above_and_right_of_doubtful_ones(tmp_path):
-    places = []
+    points = []
     for confidence in (0.3, 0.8):
         point = {"kind": "rock", "label_source": "seed", "labels": 50, "low": confidence, "high": confidence}
         shares = dict.fromkeys(("confidence", "right", "right_low", "right_high"), confidence) | {"brier": 0.1}
         pixels = reliability_drawn(tmp_path, [point | shares], f"{confidence}.png")[:-80, :650]  # without the legend
         blue = (pixels[..., 2] > 130) & (pixels[..., 0] < 60)
-        places.append(np.argwhere(blue).mean(axis=0))
-    (low_row, low_column), (high_row, high_column) = places
+        points.append(np.argwhere(blue).mean(axis=0))
+    (low_row, low_column), (high_row, high_column) = points
     side = high_column - low_column
     assert side > 200
     assert low_row - high_row == pytest.approx(side, rel=0.02)  # the diagonal is one

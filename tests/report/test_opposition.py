@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 
 from polarsim.formats import png
 from polarsim.formats.lamps import write_suns
-from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.tables import write_parquet
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
-from polarsim.report.figures.opposition import draw_opposition, extreme_places, lit_by_one_lamp, phase_angles
+from polarsim.report.figures.opposition import draw_opposition, extreme_spots, lit_by_one_lamp, phase_angles
 
 EYE = np.array([3.5, 0.0, 1.5])
 NARROW = 640  # px
@@ -51,19 +51,19 @@ def test_only_photos_of_one_lamp_have_a_phase_angle():
 def cameras(tmp_path):
     lens = Lens(2066.0, 2066.0, WIDTH / 2, HEIGHT / 2)
     apart = Pose(np.eye(3), np.array([0.3, 0.0, 0.0]))
-    rig = PlacedRig(StereoRig(lens, lens, apart), looking(EYE, np.pi, np.radians(25)))
-    write_placed(tmp_path / "cameras" / "PosA.json", rig)
+    rig = LocalisedRig(StereoRig(lens, lens, apart), looking(EYE, np.pi, np.radians(25)))
+    write_localised(tmp_path / "cameras" / "PosA.json", rig)
     write_suns(tmp_path / "cameras", {"30": np.array([-3.5, 0.0, 0.8])})
     return tmp_path / "cameras"
 
 
 def test_the_rover_light_is_nearer_to_opposition_than_a_lamp_across(cameras):
-    near, far = extreme_places([ALONE, BOTH, ROVER], cameras, 140)
+    near, far = extreme_spots([ALONE, BOTH, ROVER], cameras, 140)
     assert (near.key, far.key) == (ROVER, ALONE)
     # 0.15 m beside the camera at 3 to 5 m: 1.7 to 2.9 degrees.
     assert 1.5 < near.phase_deg < 3
     assert far.phase_deg > 120
-    assert extreme_places([BOTH], cameras, 140) is None
+    assert extreme_spots([BOTH], cameras, 140) is None
 
 
 def draw(tmp_path, cameras, keys, brightness):

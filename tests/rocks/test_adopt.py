@@ -80,7 +80,7 @@ def test_a_published_ground_is_used(tmp_path):
 
 
 def wavy_ground(lift=0.0, half=2.0, step=0.05):
-    """A published ground with a pit of 12 cm in its middle and waves of 2 cm."""
+    """A published ground with a pit of 12 cm in its centre and waves of 2 cm."""
     x, y = np.meshgrid(np.arange(-half, half + step / 2, step), np.arange(-half, half + step / 2, step))
     return height_mesh_of(x, y, wavy(x, y) + lift)
 
@@ -115,8 +115,8 @@ def test_rocks_stand_on_the_published_ground_and_tables_say_so(tmp_path):
     assert made_from(tmp_path / "meshes")["terrain04_rock3.obj"] == "published"
     np.testing.assert_allclose(table["height_m"], 0.06, atol=0.008)  # a half ball's, above waves of up to 3.4 degrees
     ground = obj.read(tmp_path / "meshes" / "terrain04_ground.obj")
-    middle = np.linalg.norm(ground.vertices[:, :2], axis=1).argmin()
-    assert ground.vertices[middle, 2] == pytest.approx(wavy(0, 0), abs=1e-5)  # the pit is in it
+    centre = np.linalg.norm(ground.vertices[:, :2], axis=1).argmin()
+    assert ground.vertices[centre, 2] == pytest.approx(wavy(0, 0), abs=1e-5)  # the pit is in it
 
 
 def test_a_fitted_ground_is_told_from_a_published_one(tmp_path):
@@ -129,7 +129,7 @@ def test_a_fitted_ground_is_told_from_a_published_one(tmp_path):
     }
 
 
-def test_a_published_ground_that_faces_down_is_turned_over(tmp_path):
+def test_a_published_ground_that_faces_down_is_flipped(tmp_path):
     ground = wavy_ground()
     adopt_on(tmp_path, Mesh(ground.vertices, ground.faces[:, ::-1]))
     assert obj.read(tmp_path / "meshes" / "terrain04_ground.obj").normals()[:, 2].min() > 0.5
@@ -162,13 +162,13 @@ def test_ids_that_are_no_numbers_are_refused(tmp_path):
 
 
 def test_the_ground_runs_through_rims_on_a_slope_and_ignores_one_that_is_off():
-    places = np.array([[x, y] for x in (-1.2, -0.4, 0.4, 1.2) for y in (-1.0, 0.2, 1.1)])
-    heights = 0.03 * places[:, 0] - 0.02 * places[:, 1] + 0.1
+    points = np.array([[x, y] for x in (-1.2, -0.4, 0.4, 1.2) for y in (-1.0, 0.2, 1.1)])
+    heights = 0.03 * points[:, 0] - 0.02 * points[:, 1] + 0.1
     heights[5] += 0.15  # a rock on another
-    rims = [rim(half_ball(x, y, z)) for (x, y), z in zip(places, heights, strict=True)]
+    rims = [rim(half_ball(x, y, z)) for (x, y), z in zip(points, heights, strict=True)]
     ground = fit_ground(rims, GRID)
-    sloping = 0.03 * GRID.places()[..., 0] - 0.02 * GRID.places()[..., 1] + 0.1
-    far = (np.linalg.norm(GRID.places()[:, :, None] - places, axis=-1) > 0.6).all(axis=-1)
+    sloping = 0.03 * GRID.centres()[..., 0] - 0.02 * GRID.centres()[..., 1] + 0.1
+    far = (np.linalg.norm(GRID.centres()[:, :, None] - points, axis=-1) > 0.6).all(axis=-1)
     assert np.abs(ground - sloping)[far].max() < 0.004
     for number, foot in enumerate(rims):
         assert np.abs(foot[:, 2] - GRID.sample(ground, foot)).max() < 0.008, number

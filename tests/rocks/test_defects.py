@@ -30,10 +30,10 @@ def half_ball():
 
 def with_skirt(mesh, reach=0.03):
     """The same with a level ring of sand around its foot."""
-    turn = np.linspace(0, 2 * np.pi, 121)
-    inner, outer = (radius * np.column_stack([np.cos(turn), np.sin(turn)]) for radius in (RADIUS, RADIUS + reach))
-    ring = np.column_stack([np.concatenate([inner, outer]), np.zeros(2 * len(turn))])
-    a = np.arange(len(turn) - 1)
+    angle = np.linspace(0, 2 * np.pi, 121)
+    inner, outer = (radius * np.column_stack([np.cos(angle), np.sin(angle)]) for radius in (RADIUS, RADIUS + reach))
+    ring = np.column_stack([np.concatenate([inner, outer]), np.zeros(2 * len(angle))])
+    a = np.arange(len(angle) - 1)
     faces = np.concatenate([np.stack([a, a + 121, a + 1], 1), np.stack([a + 1, a + 121, a + 122], 1)])
     return Mesh(np.concatenate([mesh.vertices, ring]), np.concatenate([mesh.faces, faces + len(mesh.vertices)]))
 
@@ -60,7 +60,7 @@ def test_what_was_spoiled_is_counted():
     corner = len(ball.vertices)
     crumb = np.array([[1, 1, 0.1], [1.01, 1, 0.1], [1, 1.01, 0.1]])
     twin = ball.vertices[spoiled[0, 0]][None]
-    spoiled[0, 0] = corner + 3  # a corner of its own, at the same place
+    spoiled[0, 0] = corner + 3  # a corner of its own, at the same point
     vertices = np.concatenate([ball.vertices, crumb, twin, [[5.0, 5, 5]]])  # the last one is used by nobody
     found = defects(Mesh(vertices, np.concatenate([spoiled, [[corner, corner + 1, corner + 2]]])))
     expected = {"unused_vertices": 1, "doubled_vertices": 1, "islands": 2, "small_component_faces": 1, "holes": 1}

@@ -10,7 +10,7 @@ from polarsim.formats import obj, png, tables
 from polarsim.geometry.meshes import Mesh
 from polarsim.rover.cameras.frames import pose_table
 from polarsim.rover.cameras.layout import TRUTH_COLUMNS
-from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks, trace_table, write_trace
+from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace, trace_table, write_trace
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.practice import PracticeGround, practice_world
@@ -47,7 +47,7 @@ def straight_drive(seconds: float = 2.0, log_hz: float = 100.0, picture_hz: floa
     rows[:, column("time_s")] = times
     rows[:, column("x_m")] = 1.0 - SPEED * times
     rows[:, column("z_m")] = RADIUS
-    rows[:, column("qz")] = 1.0  # half a turn about z
+    rows[:, column("qz")] = 1.0  # rotated by 180 degrees about z
     rows[:, column("vx_m_s")] = -SPEED
     rows[:, column("az_m_s2")] = 1.62
     for number, code in enumerate(WHEELS):
@@ -59,7 +59,7 @@ def straight_drive(seconds: float = 2.0, log_hz: float = 100.0, picture_hz: floa
         rows[:, column(f"{code}_load_n")] = 174.0
         rows[:, column(f"{code}_contact")] = number
     shots = np.arange(0, seconds + 1e-9, 1 / picture_hz)
-    tracks = Tracks(
+    tracks = GroundChanges(
         shots, np.arange(len(shots) + 1), np.arange(len(shots), dtype=np.int32), np.full(len(shots), -1e-3, np.float32)
     )
     return Trace(trace_table(rows), bare_world(np.zeros((41, 81)), 0.05, -2.0, -1.0), tracks, {"ended": "finished"})
@@ -97,14 +97,14 @@ def configured(**rover) -> dict:
 def write_meshes(folder: Path, terrain: int) -> None:
     """A sandbox of 4 x 4 m with three rocks, as a run's meshes."""
     world = practice_world(PracticeGround(length_m=4.0, width_m=4.0, cell_m=0.1, rocks=3, largest_m=0.1), 1)
-    middle = np.array([2.0, 0.0, 0.0])
+    centre = np.array([2.0, 0.0, 0.0])
     x, y = np.meshgrid(world.x, world.y)
     number = np.arange(world.level.size).reshape(world.level.shape)
     a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
     nodes = np.stack([x, y, world.level], axis=-1).reshape(-1, 3)
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    obj.write(folder / obj.ground_name(terrain), Mesh(nodes - middle, faces), "ground")
+    obj.write(folder / obj.ground_name(terrain), Mesh(nodes - centre, faces), "ground")
     for rock in world.rocks["rock"]:
         vertices, triangles = world.rock_mesh(int(rock))
         name = obj.rock_name(terrain, int(rock) + 1)
-        obj.write(folder / name, Mesh(vertices - middle, triangles), f"rock{rock + 1}")
+        obj.write(folder / name, Mesh(vertices - centre, triangles), f"rock{rock + 1}")

@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from polarsim.formats import png
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.casters import caster
 from polarsim.geometry.outlines import Outlines
@@ -25,7 +25,7 @@ from polarsim.scoring.surface import Surface
 
 @pytest.fixture
 def scene():
-    """Sand with bumps that tell shifts along it too."""
+    """Sand with bumps that tell translations along it too."""
     axis = np.linspace(-1.8, 1.8, 121)
     x, y = (values.ravel() for values in np.meshgrid(axis, axis))
     vertices = np.column_stack([x, y, 0.04 * np.sin(5 * x) * np.cos(6 * y)])
@@ -48,10 +48,10 @@ def said(metrics):
     return complaints(metrics_table("consistency", 3, metrics))
 
 
-def rotated(points, degrees, axis, shift_mm=(0, 0, 0)):
-    turn = np.zeros(3)
-    turn[axis] = np.radians(degrees)
-    return Pose.from_rotvec(turn, np.array(shift_mm) / 1000).apply(points)
+def rotated(points, degrees, axis, translation_mm=(0, 0, 0)):
+    rotvec = np.zeros(3)
+    rotvec[axis] = np.radians(degrees)
+    return Pose.from_rotvec(rotvec, np.array(translation_mm) / 1000).apply(points)
 
 
 def test_a_sound_run_has_nothing_to_say(scans, scene):
@@ -59,10 +59,10 @@ def test_a_sound_run_has_nothing_to_say(scans, scene):
 
 
 def test_meshes_in_another_frame_than_the_scans_are_noticed(scans, scene):
-    # An ICP after the cameras stage turned all surfaces by (0.185, 0.084, 0.007) degrees.
-    turned = TerrainMesh(rotated(scene.vertices, 0.185, 0), scene.faces, scene.rock_of_face)
-    (first, *_) = said(scans_on_meshes(scans, turned))
-    assert first.startswith("Terrain 3: all scans on the meshes: all scans together would have to turn by 0.1")
+    # An ICP after the cameras stage rotated all surfaces by (0.185, 0.084, 0.007) degrees.
+    rotated_mesh = TerrainMesh(rotated(scene.vertices, 0.185, 0), scene.faces, scene.rock_of_face)
+    (first, *_) = said(scans_on_meshes(scans, rotated_mesh))
+    assert first.startswith("Terrain 3: all scans on the meshes: all scans together would have to rotate by 0.1")
 
 
 def test_scans_that_were_aligned_behind_the_cameras_back_are_noticed(scans, scene):
@@ -74,22 +74,22 @@ def test_scans_that_were_aligned_behind_the_cameras_back_are_noticed(scans, scen
     )
 
 
-def test_a_camera_that_only_the_survey_places_is_named(world):
-    placed = {position: PlacedRig(stated_rig(), pose, "labels", {}) for position, pose in world.poses.items()}
-    placed["C"] = PlacedRig(stated_rig(), world.poses["C"], "survey", {})
-    (sentence,) = said(cameras_together(placed, placed))
-    assert sentence.startswith("Terrain 3: camera C: nothing but the survey places the camera")
+def test_a_camera_that_only_the_survey_localises_is_named(world):
+    localised = {position: LocalisedRig(stated_rig(), pose, "labels", {}) for position, pose in world.poses.items()}
+    localised["C"] = LocalisedRig(stated_rig(), world.poses["C"], "survey", {})
+    (sentence,) = said(cameras_together(localised, localised))
+    assert sentence.startswith("Terrain 3: camera C: nothing but the survey localises the camera")
 
 
-def test_cameras_that_photos_turned_away_from_the_meshes_are_noticed(world):
-    before = {position: PlacedRig(stated_rig(), pose, "scans", {}) for position, pose in world.poses.items()}
-    turn = Pose.from_rotvec(np.radians([0.15, 0.1, 0]), np.zeros(3))
+def test_cameras_that_photos_rotated_away_from_the_meshes_are_noticed(world):
+    before = {position: LocalisedRig(stated_rig(), pose, "scans", {}) for position, pose in world.poses.items()}
+    rotation = Pose.from_rotvec(np.radians([0.15, 0.1, 0]), np.zeros(3))
     after = {
-        position: PlacedRig(rig.rig, turn @ rig.sandbox_from_left, "scans, photos", {})
+        position: LocalisedRig(rig.rig, rotation @ rig.sandbox_from_left, "scans, photos", {})
         for position, rig in before.items()
     }
     (sentence,) = said(cameras_together(before, after))
-    assert "turned together by 0.180 degrees" in sentence
+    assert "rotated together by 0.180 degrees" in sentence
 
 
 def test_meshes_that_miss_their_boxes_are_noticed():
@@ -113,7 +113,7 @@ def wavy():
 
 @pytest.fixture(scope="module")
 def stereo(wavy, tmp_path_factory):
-    """A placed rig and its best photos, left and right, under two Sun lamps."""
+    """A localised rig and its best photos, left and right, under two Sun lamps."""
     rays, pattern = wavy
     folder, pictures = tmp_path_factory.mktemp("stereo"), {}
     for camera in "LR":
@@ -121,9 +121,9 @@ def stereo(wavy, tmp_path_factory):
         directions = pose.rotate(lens.pixel_directions()).reshape(-1, 3).astype(np.float32)
         distance, _ = rays.nearest(np.broadcast_to(pose.translation, directions.shape), directions)
         met = np.isfinite(distance)
-        place = (pose.translation + distance[met, None] * directions[met])[:, :2]
+        position = (pose.translation + distance[met, None] * directions[met])[:, :2]
         grey = np.zeros(len(directions))
-        grey[met] = 1000 + 15000 * map_coordinates(pattern, ((place[:, ::-1] + 2) / 4 * 1199).T, order=1)
+        grey[met] = 1000 + 15000 * map_coordinates(pattern, ((position[:, ::-1] + 2) / 4 * 1199).T, order=1)
         photo = (BLACK_LEVEL + np.clip(grey, 0, 3000)).reshape(lens.shape).astype(np.uint16)
         for azimuth in ("30", "270"):
             path = folder / f"03_A_off_{azimuth}_{camera}_0256.png"
@@ -132,12 +132,12 @@ def stereo(wavy, tmp_path_factory):
     return rays, pictures
 
 
-STANDING = PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans, photos", {})
+STANDING = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans, photos", {})
 
 
-def turned_right(rig, degrees):
-    turn = Pose.from_rotvec(np.radians(degrees), np.zeros(3))
-    return replace(rig, rig=replace(rig.rig, left_from_right=rig.rig.left_from_right @ turn))
+def rotated_right(rig, degrees):
+    rotation = Pose.from_rotvec(np.radians(degrees), np.zeros(3))
+    return replace(rig, rig=replace(rig.rig, left_from_right=rig.rig.left_from_right @ rotation))
 
 
 def test_photos_of_one_rig_have_nothing_to_say(stereo):
@@ -149,13 +149,13 @@ def test_photos_of_one_rig_have_nothing_to_say(stereo):
     assert known["across_rows_spread"] < 0.3
 
 
-def test_a_right_camera_that_is_turned_about_x_is_noticed(stereo):
-    (sentence,) = said(photos_of_both({"A": turned_right(STANDING, [0.1, 0, 0])}, *stereo))
+def test_a_right_camera_that_is_rotated_about_x_is_noticed(stereo):
+    (sentence,) = said(photos_of_both({"A": rotated_right(STANDING, [0.1, 0, 0])}, *stereo))
     assert "left and right photos, position A: the right photos lie 3.6 px beside the rows" in sentence
 
 
-def test_a_right_camera_that_is_turned_about_its_view_is_noticed(stereo):
-    (sentence,) = said(photos_of_both({"A": turned_right(STANDING, [0, 0, 0.3])}, *stereo))
+def test_a_right_camera_that_is_rotated_about_its_view_is_noticed(stereo):
+    (sentence,) = said(photos_of_both({"A": rotated_right(STANDING, [0, 0, 0.3])}, *stereo))
     assert "the right photos' rows stray by" in sentence
 
 
@@ -195,15 +195,15 @@ def test_boxes_of_both_cameras_on_their_meshes_have_nothing_to_say(rocky):
     assert said(metrics) == []
 
 
-def test_boxes_tell_of_a_right_camera_that_is_turned(rocky):
-    (sentence,) = said(boxes_of_both({"A": turned_right(STANDING, [0.1, 0, 0])}, *rocky))
+def test_boxes_tell_of_a_right_camera_that_is_rotated(rocky):
+    (sentence,) = said(boxes_of_both({"A": rotated_right(STANDING, [0.1, 0, 0])}, *rocky))
     assert "left and right boxes, position A: boxes of the right camera lie" in sentence
 
 
 def test_boxes_tell_of_cameras_that_were_exchanged(rocky):
     outlines, annotated = rocky
     swapped = {replace(key, camera={"L": "R", "R": "L"}[key.camera]): boxes for key, boxes in annotated.items()}
-    seen_left = replace(STANDING, sandbox_from_left=STANDING.sandbox_from("R"))  # as placed by what is called left
+    seen_left = replace(STANDING, sandbox_from_left=STANDING.sandbox_from("R"))  # as localised by what is called left
     (sentence, *_) = said(boxes_of_both({"A": seen_left}, outlines, swapped))
     assert "of IoU worse than the left one's" in sentence
 

@@ -2,7 +2,7 @@ import numpy as np
 
 from polarsim.formats import nasa
 from polarsim.formats.inventory import Inventory
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.scoring.surface import Surface
@@ -16,7 +16,7 @@ UP = np.tile([0.0, 0, 1], (3, 1))
 
 def seen(known=None):
     grid = rectified_left(stated_rig())
-    rig = PlacedRig(stated_rig(), DOWN @ grid.left_from_rectified.inverse())
+    rig = LocalisedRig(stated_rig(), DOWN @ grid.left_from_rectified.inverse())
     (view,) = sights({"A": rig, "B": rig}, {"A"}, known)
     return view.sees(FLOOR, PLACES, UP).tolist(), view.sees(FLOOR, PLACES, -UP).tolist()
 
@@ -25,7 +25,7 @@ def test_without_a_map_all_counts_that_faces_the_camera_inside_the_picture():
     assert seen() == ([True, True, False], [False, False, False])
 
 
-def test_a_place_without_a_return_in_the_map_was_not_seen(tmp_path):
+def test_a_point_without_a_return_in_the_map_was_not_seen(tmp_path):
     lens = rectified_left(stated_rig()).lens
     points = 3.0 * lens.pixel_directions()
     points[:, : int(lens.cx) + 20] = np.nan  # the left half of the picture came to nothing

@@ -7,7 +7,7 @@ import pytest
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, yolo
-from polarsim.formats.rigs import PlacedRig, read_placed, write_placed
+from polarsim.formats.rigs import LocalisedRig, read_localised, write_localised
 from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, read_parquet, write_parquet
 from polarsim.geometry import boxes as box_geometry
@@ -72,10 +72,10 @@ def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path, wor
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own")
     path = tmp_path / "own/cameras/PosA.json"
-    placed = read_placed(path)
-    left = placed.sandbox_from_left
+    localised = read_localised(path)
+    left = localised.sandbox_from_left
     up = Pose(left.rotation, left.translation + np.array([0, 0, 0.01]))
-    write_placed(path, PlacedRig(placed.rig, up))
+    write_localised(path, LocalisedRig(localised.rig, up))
     cameras_scored(
         tmp_path,
         cameras=tmp_path / "own/cameras",
@@ -103,13 +103,15 @@ def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path, 
 
 
 def test_cameras_are_scored_on_the_boxes_that_all_photos_of_a_view_agree_on(tmp_path, cube):
-    rig = PlacedRig(stated_rig(), surveyed_pose("A"))
-    write_placed(tmp_path / "cameras" / "PosA.json", rig)
-    places = {1: (0.2, 0.4, 0.0), 2: (-0.5, -0.3, 0.0), 3: (0.9, -0.7, 0.0)}
-    for rock, place in places.items():
-        obj.write(tmp_path / "meshes" / obj.rock_name(3, rock), cube(place, 0.15), "rock")
+    rig = LocalisedRig(stated_rig(), surveyed_pose("A"))
+    write_localised(tmp_path / "cameras" / "PosA.json", rig)
+    points = {1: (0.2, 0.4, 0.0), 2: (-0.5, -0.3, 0.0), 3: (0.9, -0.7, 0.0)}
+    for rock, position in points.items():
+        obj.write(tmp_path / "meshes" / obj.rock_name(3, rock), cube(position, 0.15), "rock")
     for camera in "LR":
-        around = [box_geometry.around(rig.project(camera, cube(place, 0.15).vertices)) for place in places.values()]
+        around = [
+            box_geometry.around(rig.project(camera, cube(position, 0.15).vertices)) for position in points.values()
+        ]
         for azimuth, off_px in (("30", 0.0), ("180", 0.0), ("270", 30.0)):  # one azimuth annotated badly
             moved = np.array(around) + (off_px if camera == "R" else 0.0)
             path = tmp_path / "annotated" / f"03_A_off_{azimuth}_{camera}_0256.txt"
@@ -387,7 +389,7 @@ def test_a_twin_at_half_the_brightness_is_one_stop_down():
     assert log_ratio(photo, twin).size == 35 * 60
 
 
-def test_similarity_is_one_with_itself_and_falls_with_a_shift(rng):
+def test_similarity_is_one_with_itself_and_falls_with_an_offset(rng):
     photo = (16 + 2000 * rng.random((80, 80))).astype(np.uint16)
     assert similarity(photo, photo) == pytest.approx(1)
     assert similarity(photo, np.roll(photo, 3, axis=1)) < 0.3

@@ -15,43 +15,43 @@ from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9.-]*$")]  # no _: it stands between the parts of file names
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Place = tuple[Finite, Finite, Finite]  # x, y, z, sandbox frame
+Point = tuple[Finite, Finite, Finite]  # x, y, z, sandbox frame
 FAINTEST_MAG = 7.0  # Hp, of the table of stars
 
 
-def _in_order(low: Place, high: Place) -> None:
+def _in_order(low: Point, high: Point) -> None:
     if any(least > most for least, most in zip(low, high, strict=True)):
         raise ValueError(f"low corner {list(low)} above high corner {list(high)}")
 
 
-class Part(BaseModel, extra="forbid", frozen=True):
+class Section(BaseModel, extra="forbid", frozen=True):
     """A section of the file."""
 
 
-class TerrainPart(Part):
+class TerrainPart(Section):
     """A terrain's meshes, and where they lie in the scene."""
 
     meshes: Path = Field(description="Folder of the terrain's meshes, `results/<run>/meshes/TerrainNN`.")
     terrain: int = Field(ge=1, le=99, description="Number of the terrain in its files' names.")
-    offset_m: Place = Field((0, 0, 0), description="Where the terrain's origin lies in the scene, metres.")
+    offset_m: Point = Field((0, 0, 0), description="Where the terrain's origin lies in the scene, metres.")
     heading_deg: Finite = Field(0, description="The terrain's +X in the scene, degrees from +X towards +Y.")
 
 
-class SceneSection(Part):
+class SceneSection(Section):
     """Terrains side by side."""
 
     name: Name
-    terrains: tuple[TerrainPart, ...] = Field(min_length=1, description="Terrains, each at its place.")
+    terrains: tuple[TerrainPart, ...] = Field(min_length=1, description="Terrains, each at its position.")
 
 
-class RigLens(Part):
+class RigLens(Section):
     """The calibrated rig's lenses."""
 
     kind: Literal["rig"] = "rig"
     placed: Path | None = Field(None, description="PosX.json whose lenses are used; none: the real rig's stated ones.")
 
 
-class PinholeLens(Part):
+class PinholeLens(Section):
     """A lens without distortion."""
 
     kind: Literal["pinhole"]
@@ -61,22 +61,22 @@ class PinholeLens(Part):
     baseline_m: PositiveFloat = Field(0.3, description="Distance of the right camera with `stereo`, metres.")
 
 
-class PointCameras(Part):
+class PointCameras(Section):
     """One camera."""
 
     kind: Literal["point"]
     name: Name = "point"
-    position_m: Place = Field(description="Camera centre, metres.")
-    look_at_m: Place = Field(description="What lies on the optical axis, metres.")
+    position_m: Point = Field(description="Camera centre, metres.")
+    look_at_m: Point = Field(description="What lies on the optical axis, metres.")
     roll_deg: Finite = Field(0, description="Right side down, degrees.")
 
 
-class OrbitCameras(Part):
-    """Cameras on a circle, all looking at one place."""
+class OrbitCameras(Section):
+    """Cameras on a circle, all looking at one point."""
 
     kind: Literal["orbit"]
     name: Name = "orbit"
-    centre_m: Place = Field((0, 0, 0), description="What all look at; the circle lies around it, metres.")
+    centre_m: Point = Field((0, 0, 0), description="What all look at; the circle lies around it, metres.")
     radius_m: PositiveFloat = Field(description="Of the circle, metres.")
     height_m: Finite = Field(description="Of the circle above the centre, metres.")
     number: PositiveInt = Field(description="Number of cameras.")
@@ -84,29 +84,29 @@ class OrbitCameras(Part):
     over_deg: Finite = Field(360, description="Angle that the cameras divide evenly, degrees; 360 is a full circle.")
 
 
-class PathCameras(Part):
+class PathCameras(Section):
     """Frames of a drive or flight along a smooth curve, evenly spaced."""
 
     kind: Literal["path"]
     name: Name = "path"
-    waypoints_m: tuple[Place, ...] = Field(min_length=2, description="Places that the curve goes through, metres.")
+    waypoints_m: tuple[Point, ...] = Field(min_length=2, description="Points that the curve goes through, metres.")
     number: int = Field(ge=2, description="Number of frames, the first and the last waypoint included.")
-    look_at_m: Place | None = Field(None, description="What all look at, metres; none: ahead along the path.")
+    look_at_m: Point | None = Field(None, description="What all look at, metres; none: ahead along the path.")
     pitch_deg: float = Field(0, ge=-90, le=90, description="Downwards from the path's heading, degrees.")
 
 
-class RandomCameras(Part):
-    """Cameras anywhere in a box, looking at places anywhere in another one."""
+class RandomCameras(Section):
+    """Cameras anywhere in a box, looking at points anywhere in another one."""
 
     kind: Literal["random"]
     name: Name = "random"
     number: PositiveInt = Field(description="Number of cameras.")
-    low_m: Place = Field(description="Low corner of the box of camera centres, metres.")
-    high_m: Place = Field(description="High corner of it, metres.")
-    look_at_low_m: Place = Field((-1, -1, 0), description="Low corner of the box of places looked at, metres.")
-    look_at_high_m: Place = Field((1, 1, 0), description="High corner of it, metres.")
+    low_m: Point = Field(description="Low corner of the box of camera centres, metres.")
+    high_m: Point = Field(description="High corner of it, metres.")
+    look_at_low_m: Point = Field((-1, -1, 0), description="Low corner of the box of points looked at, metres.")
+    look_at_high_m: Point = Field((1, 1, 0), description="High corner of it, metres.")
     clearance_m: float = Field(0.2, ge=0, description="Least height above what lies beneath the camera, metres.")
-    seed: int = Field(0, ge=0, description="Seed of the places.")
+    seed: int = Field(0, ge=0, description="Seed of the positions.")
 
     @model_validator(mode="after")
     def _boxes(self) -> RandomCameras:
@@ -119,7 +119,7 @@ def _utc(moment: datetime) -> datetime:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
-class NearLamps(Part):
+class NearLamps(Section):
     """Lamps as in POLAR's hall; lists of azimuths and elevations make a lamp of every pair."""
 
     kind: Literal["lamp"]
@@ -129,12 +129,12 @@ class NearLamps(Part):
         min_length=1, description="Above the horizon, degrees."
     )
     distance_m: PositiveFloat = Field(description="From `centre_m`, metres.")
-    centre_m: Place = Field((0, 0, 0), description="What azimuth, elevation and distance count from, metres.")
+    centre_m: Point = Field((0, 0, 0), description="What azimuth, elevation and distance count from, metres.")
     intensity: PositiveFloat = Field(1, description="Radiant intensity over that of POLAR's Sun lamp.")
     radius_m: float = Field(0, ge=0, description="Of the lamp's disc, metres; 0: a point, shadows with sharp edges.")
 
 
-class Suns(Part):
+class Suns(Section):
     """The Sun, 0.53 degrees wide; lists of azimuths and elevations make one of every pair."""
 
     kind: Literal["sun"]
@@ -146,12 +146,12 @@ class Suns(Part):
     intensity: PositiveFloat = Field(1, description="Irradiance over that of POLAR's Sun lamp 4 m away.")
 
 
-class LunarSuns(Part):
-    """The real Sun over a place on the Moon at moments of time."""
+class LunarSuns(Section):
+    """The real Sun over a site on the Moon at moments of time."""
 
     kind: Literal["lunar_sun"]
     name: Name = "moon"
-    latitude_deg: float = Field(ge=-90, le=90, description="Selenographic latitude of the place, degrees.")
+    latitude_deg: float = Field(ge=-90, le=90, description="Selenographic latitude of the site, degrees.")
     longitude_deg: float = Field(ge=-180, le=360, description="Selenographic longitude, degrees, east is positive.")
     start_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="The moment, or the first of them, UTC.")
     number: PositiveInt = Field(1, description="Number of moments; those of night are left out.")
@@ -160,17 +160,18 @@ class LunarSuns(Part):
     intensity: PositiveFloat = Field(1, description="Irradiance over that of POLAR's Sun lamp 4 m away.")
 
 
-class RoverLight(Part):
+class RoverLight(Section):
     """A point of light that moves with the camera."""
 
     states: tuple[bool, ...] = Field((False,), min_length=1, description="Off, on, or both; each makes its pictures.")
     intensity: PositiveFloat = Field(ROVER_LIGHT_SHARE, description="Radiant intensity over that of POLAR's Sun lamp.")
-    from_camera_m: Place = Field(
-        tuple(ROVER_LIGHT_FROM_LEFT.tolist()), description="Place in the (left) camera's frame: right, down, forward."
+    from_camera_m: Point = Field(
+        tuple(ROVER_LIGHT_FROM_LEFT.tolist()),
+        description="Position in the (left) camera's frame: right, down, forward.",
     )
 
 
-class AutoExposure(Part):
+class AutoExposure(Section):
     """What `auto` among the exposures means."""
 
     percentile: float = Field(95, gt=0, le=100, description="Of the lit pixels: this one gets the grey value.")
@@ -179,7 +180,7 @@ class AutoExposure(Part):
     longest_ms: PositiveFloat = Field(8192, description="Exposures stay below, ms.")
 
 
-class StarField(Part):
+class StarField(Section):
     """Stars where a pixel meets no surface, those of the Hipparcos catalogue."""
 
     intensity: float = Field(
@@ -190,7 +191,7 @@ class StarField(Part):
     )
 
 
-class Views(Part):
+class Views(Section):
     """A file of views. All lengths in metres, sandbox frame: +X to azimuth 0, +Y to 90, +Z up."""
 
     scenes: tuple[SceneSection, ...] = Field(min_length=1, description="Scenes; each is seen by all cameras.")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from polarsim.rover.cameras.tracks import Tracks
+from polarsim.rover.cameras.tracks import WheelTracks
 
 DEPTH_M, SD_M = 0.006, 0.006  # of a mark, and the standard deviation of its profile along the rut
 _EDGE_M = 0.01  # over which a mark ends at the wheel's side
@@ -23,7 +23,7 @@ class GrouserMark:
     """One groove: when, where (2,), and which way (2,) the wheel was heading there."""
 
     time_s: float
-    place: np.ndarray
+    position: np.ndarray
     ahead: np.ndarray
 
 
@@ -51,33 +51,33 @@ def marks_of(
     Parameters
     ----------
     time_s, spin : (n,)
-        Moments, and how far the wheel had turned then, radians.
+        Moments, and how far the wheel had rotated by then, radians.
     centres, quaternions : (n, 3), (n, 4)
         Of the wheel; its axle is the y axis, quaternions are w, x, y, z.
     soil : (n,) bool
         It stands on soil.
     """
-    turns = spin * grousers / (2 * np.pi)
+    strikes = spin * grousers / (2 * np.pi)
     axle = Rotation.from_quat(quaternions[:, [1, 2, 3, 0]]).apply([0.0, 1, 0])
     ahead = np.stack([axle[:, 1], -axle[:, 0]], axis=1)  # axle x up: level
     found = []
-    for row in np.flatnonzero(np.floor(turns[1:]) != np.floor(turns[:-1])):
+    for row in np.flatnonzero(np.floor(strikes[1:]) != np.floor(strikes[:-1])):
         if not soil[row]:
             continue
-        whole = max(np.floor(turns[row]), np.floor(turns[row + 1]))
-        share = (whole - turns[row]) / (turns[row + 1] - turns[row])
-        place = centres[row, :2] + share * (centres[row + 1, :2] - centres[row, :2])
+        whole = max(np.floor(strikes[row]), np.floor(strikes[row + 1]))
+        share = (whole - strikes[row]) / (strikes[row + 1] - strikes[row])
+        position = centres[row, :2] + share * (centres[row + 1, :2] - centres[row, :2])
         direction = ahead[row] / max(np.linalg.norm(ahead[row]), 1e-9)
-        found.append(GrouserMark(float(time_s[row] + share * (time_s[row + 1] - time_s[row])), place, direction))
+        found.append(GrouserMark(float(time_s[row] + share * (time_s[row + 1] - time_s[row])), position, direction))
     return found
 
 
-def stamp(tracks: Tracks, events: Sequence[GrouserMark], tread: Tread) -> None:
+def stamp(tracks: WheelTracks, events: Sequence[GrouserMark], tread: Tread) -> None:
     """Write marks into the tracks, in their order."""
     lattice, fine, shape = tracks.lattice, tracks.fine.cell, np.array(tracks.fine.level.shape)
     reach = np.hypot(tread.spacing, tread.width) / 2 + fine
     for event in events:
-        centre = (event.place[::-1] - [lattice.y0, lattice.x0]) / fine  # row, column
+        centre = (event.position[::-1] - [lattice.y0, lattice.x0]) / fine  # row, column
         low = np.clip(np.floor(centre - reach / fine).astype(int), 0, shape)
         high = np.clip(np.ceil(centre + reach / fine).astype(int) + 1, 0, shape)
         if (high <= low).any():

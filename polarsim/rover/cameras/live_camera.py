@@ -18,7 +18,7 @@ from polarsim.render.sensor import expose
 from polarsim.rover.cameras.bodywork import body_of, links_at
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.render_scene import RenderScene, options_of, rocks_of
-from polarsim.rover.cameras.tracks import Lattice, Tracks
+from polarsim.rover.cameras.tracks import Lattice, WheelTracks
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State
 from polarsim.rover.vehicle.mounts import FRONT, mount_of, pose_of
@@ -56,7 +56,7 @@ class LiveCamera:
         body = body_of(vehicle)
         self._render = options_of(suite, body)
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
-        tracks = Tracks(lattice, _near(world, path), suite.finer)
+        tracks = WheelTracks(lattice, _near(world, path), suite.finer)
         self._scene = RenderScene(tracks, rocks_of(world), body, skirt_m=self._render.skirt_m, far_m=suite.far_m)
         self._lamps = {SUN: Lamp.sun(options.sun_azimuth_deg, options.sun_elevation_deg)}
 
@@ -72,9 +72,12 @@ class LiveCamera:
         return to_8_bits(grey, PicturesOptions(tone="gamma"))[..., None]
 
     def _links(self, state: State, base: Pose) -> dict[str, Pose]:
-        places = np.stack([state.wheel(name) for name in ("x_m", "y_m", "z_m")], axis=1)
-        turns = np.stack([state.wheel(name) for name in ("qw", "qx", "qy", "qz")], axis=1)
-        wheels = {code: pose_of(place, turn) for code, place, turn in zip(WHEELS, places, turns, strict=True)}
+        positions = np.stack([state.wheel(name) for name in ("x_m", "y_m", "z_m")], axis=1)
+        quaternions = np.stack([state.wheel(name) for name in ("qw", "qx", "qy", "qz")], axis=1)
+        wheels = {
+            code: pose_of(position, quaternion)
+            for code, position, quaternion in zip(WHEELS, positions, quaternions, strict=True)
+        }
         lift = dict(zip(WHEELS, state.wheel("lift_m"), strict=True))
         return links_at(self._vehicle, base, wheels, lift, dict(zip(WHEELS, state.wheel("steer_rad"), strict=True)))
 
@@ -82,10 +85,10 @@ class LiveCamera:
 def _near(world: World, path: Path) -> np.ndarray:
     """(rows, columns) bool: nodes within `BESIDE_M` of the path."""
     x, y = np.meshgrid(world.x, world.y)
-    places = np.stack([x, y], axis=-1)
+    points = np.stack([x, y], axis=-1)
     near = np.zeros(x.shape, bool)
     for start, end in zip(path.points, path.points[1:], strict=False):
         along = end - start
-        share = np.clip((places - start) @ along / (along @ along), 0, 1)
-        near |= np.linalg.norm(places - start - share[..., None] * along, axis=-1) < BESIDE_M
+        share = np.clip((points - start) @ along / (along @ along), 0, 1)
+        near |= np.linalg.norm(points - start - share[..., None] * along, axis=-1) < BESIDE_M
     return near

@@ -18,12 +18,12 @@ from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster, Surveyor
-from polarsim.geometry.rays_embree import Part, Parts
+from polarsim.geometry.rays_embree import MovableMesh, MovableScene
 from polarsim.render.options import Material, RenderOptions
 from polarsim.render.surfaces import Surfaces, with_skirts
 from polarsim.rover.cameras.bodywork import Body
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.cameras.tracks import Lattice, Tracks, tile_faces
+from polarsim.rover.cameras.tracks import Lattice, WheelTracks, tile_faces
 from polarsim.rover.world.surface import World
 
 _REST, _ROCKS = 1, 2  # bits of parts
@@ -48,7 +48,7 @@ class Rocks:
 class MovingSurfaces(Surfaces):
     """Surfaces in parts. The faces of ground and body come first, the rocks' last; arrays change in place."""
 
-    parts: Parts | None = None
+    parts: MovableScene | None = None
 
     @cached_property
     def all(self) -> Surveyor:
@@ -64,7 +64,7 @@ class MovingSurfaces(Surfaces):
 class RenderScene:
     """All that is seen on a drive; `show` moves it to a moment."""
 
-    def __init__(self, tracks: Tracks, rocks: Rocks, body: Body, *, skirt_m: float, far_m: float) -> None:
+    def __init__(self, tracks: WheelTracks, rocks: Rocks, body: Body, *, skirt_m: float, far_m: float) -> None:
         """
         Parameters
         ----------
@@ -99,7 +99,7 @@ class RenderScene:
         self._first_face = np.cumsum([0, *(len(own) for own in faces)])
         masks = [_REST] * (len(faces) - 1) + [_ROCKS]
         parts = [(v, f, mask) for v, f, mask in zip(vertices, faces, masks, strict=True)]
-        self._parts = Parts([Part(*part) for part in parts])
+        self._parts = MovableScene([MovableMesh(*part) for part in parts])
         self.surfaces = MovingSurfaces(
             np.concatenate(vertices),
             np.concatenate([own + first for own, first in zip(faces, self._first_vertex, strict=False)]),
@@ -140,11 +140,11 @@ def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> tuple[n
         for end in [start + lattice.cell * (size - 1)]
     )
     rim = np.concatenate([lattice.level[0], lattice.level[-1], lattice.level[:, 0], lattice.level[:, -1]])
-    middle = np.median(rim)
+    centre = np.median(rim)
     beyond = np.concatenate([steps[::-1], np.zeros(1), steps]) if count else np.zeros(1)
     out_y, out_x = (np.concatenate([beyond[:count], np.zeros(size), beyond[len(beyond) - count :]]) for size in shape)
     share = np.exp(-np.maximum(out_y[:, None], out_x[None]) / _FADE_M)
-    z = middle + share * (_beyond_rim(lattice.level, steps / lattice.cell) - middle)
+    z = centre + share * (_beyond_rim(lattice.level, steps / lattice.cell) - centre)
     along_y, along_x = np.gradient(z, y, x)
     inner = (slice(count, count + shape[0]), slice(count, count + shape[1]))
     along_y[inner], along_x[inner] = lattice.slopes  # what tiles continue
@@ -155,16 +155,16 @@ def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> tuple[n
     number = np.arange(z.size).reshape(z.shape)
     a, b, c, d = (part[kept] for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    places = np.stack([*np.meshgrid(x, y), z], axis=-1)
-    return places.reshape(-1, 3), faces, normals.reshape(-1, 3)
+    points = np.stack([*np.meshgrid(x, y), z], axis=-1)
+    return points.reshape(-1, 3), faces, normals.reshape(-1, 3)
 
 
 def rocks_of(world: World) -> Rocks:
-    """A world's rocks; rock numbers here are places in its table, from 1 on."""
+    """A world's rocks; rock numbers here are indices in its table, from 1 on."""
     number = np.zeros(len(world.triangles), np.int64)
     spans = world.rocks[["first_face", "faces"]].to_numpy(int)
-    for place, (first, count) in enumerate(spans, 1):
-        number[first : first + count] = place
+    for label, (first, count) in enumerate(spans, 1):
+        number[first : first + count] = label
     return Rocks(world.vertices, world.triangles[number > 0], number[number > 0])
 
 

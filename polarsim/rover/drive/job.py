@@ -27,7 +27,7 @@ P_ONLY_GAIN_RAD_M = 1.0472  # steering angle per offset where the offset alone s
 # within a few metres and without a swing.
 GAIN_RAD_M, INTEGRAL_RAD_M2, HEADING_GAIN = 4.0, 4.0, 2.0
 TURN_ABOVE_DEG = 45.0  # sharper corners are taken by a turn on the spot
-SAMPLE = 0.1  # m between places of the path at which the wheels are checked
+SAMPLE = 0.1  # m between points of the path at which the wheels are checked
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: Drive
 
 
 def route_of(job: Job) -> Route:
-    """The path's points; the middle line of the terrains, from east to west, where none are given."""
+    """The path's points; the centre line of the terrains, from east to west, where none are given."""
     if job.drive.path_m is not None:
         return Route(np.array(job.drive.path_m, float))
     half = job.rocks.length_m * len(job.rocks.terrains) / 2
@@ -92,17 +92,17 @@ def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:
     Raises
     ------
     OffGridError
-        It does: one line with the place.
+        It does: one line with the position.
     """
     reach = max(wheel.radius_m for wheel in vehicle.wheels) + vehicle.wheels[0].width_m / 2 + EDGE
     wheels = vehicle.wheel_centres[:, :2]
     for begin, heading, length in zip(route.points, route.headings, route.lengths, strict=False):
         step = np.array([math.cos(heading), math.sin(heading)])
-        turned = wheels @ np.array([[step[0], step[1]], [-step[1], step[0]]])
+        rotated = wheels @ np.array([[step[0], step[1]], [-step[1], step[0]]])
         for along in (*np.arange(0.0, length, SAMPLE), length):
-            places = begin + along * step + turned
+            points = begin + along * step + rotated
             low, high = (world.x[0] + reach, world.y[0] + reach), (world.x[-1] - reach, world.y[-1] - reach)
-            if not ((places >= low) & (places <= high)).all():
+            if not ((points >= low) & (points <= high)).all():
                 x, y = begin + along * step
                 raise OffGridError(
                     f"the path leaves the ground at ({x:.2f}, {y:.2f}) m: wheels may go from x {low[0]:.2f} to "
@@ -123,8 +123,8 @@ def law_of(options: DriveOptions) -> SteeringLaw:
 def start_of(job: Job, route: Route) -> Start:
     """The path's first point, moved and turned by the seed."""
     spread, heading = job.drive.spread, float(route.headings[0])
-    along, offset, turn = generator(job.seed, "rover", "start").uniform(-1, 1, 3) * (
+    along, offset, angle = generator(job.seed, "rover", "start").uniform(-1, 1, 3) * (
         spread.along_m, spread.offset_m, math.radians(spread.heading_deg),
     )  # fmt: skip
     x, y = route.points[0] + along * np.array([math.cos(heading), math.sin(heading)])
-    return Start(float(x - offset * math.sin(heading)), float(y + offset * math.cos(heading)), heading + float(turn))
+    return Start(float(x - offset * math.sin(heading)), float(y + offset * math.cos(heading)), heading + float(angle))

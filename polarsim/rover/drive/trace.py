@@ -37,7 +37,7 @@ TRACE, TRACKS, DRIVE, WORLD = "trace.parquet", "tracks.npz", "drive.json", "worl
 
 
 @dataclass(frozen=True)
-class Tracks:
+class GroundChanges:
     """The ground's change, frame by frame: cells that changed since the frame before, and their levels then."""
 
     time: np.ndarray  # (F,) s
@@ -57,16 +57,16 @@ class Trace:
 
     table: pd.DataFrame  # `COLUMNS`
     world: World
-    tracks: Tracks
+    tracks: GroundChanges
     drive: dict[str, Any] = field(default_factory=dict)  # drive.json
 
     def pose_at(self, time_s: float, wheel: str | None = None) -> Pose:
         """`world_from_base` between logged instants, or that of a wheel by its code (its own frame spins)."""
-        place, turn = self._paths[wheel or ""]
+        translation, rotation = self._paths[wheel or ""]
         times = self.table["time_s"].to_numpy()
         at = float(np.clip(time_s, times[0], times[-1]))
-        position = np.array([np.interp(at, times, column) for column in place.T])
-        return Pose(turn(at).as_matrix(), position)
+        position = np.array([np.interp(at, times, column) for column in translation.T])
+        return Pose(rotation(at).as_matrix(), position)
 
     def value_at(self, time_s: float, column: str) -> float:
         """A number between logged instants."""
@@ -78,14 +78,14 @@ class Trace:
         paths = {}
         for wheel in ("", *WHEELS):
             prefix = f"{wheel}_" if wheel else ""
-            place = self.table[[f"{prefix}{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy()
-            turns = self.table[[f"{prefix}{name}" for name in ("qx", "qy", "qz", "qw")]].to_numpy()
-            paths[wheel] = place, Slerp(times, Rotation.from_quat(turns))
+            translations = self.table[[f"{prefix}{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy()
+            quaternions = self.table[[f"{prefix}{name}" for name in ("qx", "qy", "qz", "qw")]].to_numpy()
+            paths[wheel] = translations, Slerp(times, Rotation.from_quat(quaternions))
         return paths
 
 
 def trace_table(rows: np.ndarray) -> pd.DataFrame:
-    """A table of rows (n, len(COLUMNS)) of numbers in the order of `COLUMNS`, contacts as their place in `CONTACTS`."""
+    """A table of rows (n, len(COLUMNS)) of numbers in the order of `COLUMNS`, contacts as their index in `CONTACTS`."""
     table = pd.DataFrame(rows.reshape(-1, len(COLUMNS)), columns=list(COLUMNS))
     for name in CONTACT_COLUMNS:
         table[name] = np.array(CONTACTS, dtype=object)[table[name].to_numpy(int)]
@@ -122,7 +122,7 @@ def read_trace(folder: str | Path) -> Trace:
     if len(table) < 2:
         raise FormatError(f"{len(table)} rows, a drive has two or more", path=folder / TRACE)
     arrays = read_arrays(folder / TRACKS, ("time_s", "start", "cell", "level_m"))
-    tracks = Tracks(arrays["time_s"], arrays["start"], arrays["cell"], arrays["level_m"])
+    tracks = GroundChanges(arrays["time_s"], arrays["start"], arrays["cell"], arrays["level_m"])
     if len(tracks.start) != len(tracks.time) + 1 or (len(tracks.cell) and tracks.cell.max() >= world.level.size):
         raise FormatError(f"its cells do not belong to the ground of {world.level.shape} nodes", path=folder / TRACKS)
     return Trace(table, world, tracks, read_json(folder / DRIVE))

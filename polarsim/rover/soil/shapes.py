@@ -95,7 +95,7 @@ def half_extent(numbers: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """(2,) metres along x and y, from its centre, beyond which a body of `numbers` (8,) reaches nowhere."""
     length = np.maximum(numbers[RADIUS] + numbers[GROUSER_HEIGHT] * (numbers[GROUSERS] > 0), numbers[HALF_LENGTH])
     width = numbers[HALF_WIDTH]
-    # A wheel is a disc of any turn; a plate turns with its frame and gets the circle around it.
+    # A wheel is a disc of any rotation; a plate rotates with its frame and gets the circle around it.
     axle = rotation[:2, 1] if numbers[KIND] == WHEEL else np.zeros(2)
     # Rounding makes an axle along y a little longer than 1.
     half = length * np.sqrt(np.maximum(1 - axle**2, 0.0)) + width * np.abs(axle)
@@ -126,7 +126,7 @@ def intersect(
     numbers : (8,) float
         `Wheel.numbers` or `Plate.numbers`.
     centre, rotation : (3,), (3, 3) float
-        The body's place; columns of the rotation are its axes in the world.
+        The body's position; columns of the rotation are its axes in the world.
     x, y : (n,) float
         Nodes.
     """
@@ -139,7 +139,7 @@ def intersect(
 
 
 def _covered(distance: np.ndarray, half: float, cell: float) -> np.ndarray:
-    """Share of a cell at `distance` from the middle of a strip that the strip covers.
+    """Share of a cell at `distance` from the centre of a strip that the strip covers.
 
     So a load does not jump when a wheel's edge passes a row of nodes.
     """
@@ -203,17 +203,21 @@ def _intersect_grouser(
     radial = math.cos(angle) * forward + math.sin(angle) * up
     tangent = math.cos(angle) * up - math.sin(angle) * forward
     dx, dy = x - centre[0], y - centre[1]
-    enter, leave = np.full(len(x), -np.inf), np.full(len(x), np.inf)
-    tip = numbers[RADIUS] + numbers[GROUSER_HEIGHT]
-    spans = ((radial, 0.0, tip), (tangent, -numbers[HALF_THICKNESS], numbers[HALF_THICKNESS]))
-    for axis, low, high in (*spans, (a, -numbers[HALF_WIDTH] - cell / 2, numbers[HALF_WIDTH] + cell / 2)):
+    tip, wide = numbers[RADIUS] + numbers[GROUSER_HEIGHT], numbers[HALF_WIDTH] + cell / 2
+    spans = ((radial, 0.0, tip), (tangent, -numbers[HALF_THICKNESS], numbers[HALF_THICKNESS]), (a, -wide, wide))
+    enters, leaves = [], []
+    for axis, low, high in spans:
         at = dx * axis[0] + dy * axis[1]
         if abs(axis[2]) < LEVEL_AXLE:
-            leave = np.where((at < low) | (at > high), -np.inf, leave)
+            enters.append(np.full(len(x), -np.inf))
+            leaves.append(np.where((at < low) | (at > high), -np.inf, np.inf))
         else:
             one, two = (low - at) / axis[2], (high - at) / axis[2]
-            enter, leave = np.maximum(enter, np.minimum(one, two)), np.minimum(leave, np.maximum(one, two))
-    hit = (enter < leave) & (enter < 0)
+            enters.append(np.minimum(one, two))
+            leaves.append(np.maximum(one, two))
+    # The box's sides lie half a cell off the wheel's: a line that enters there meets none of its width, and is no hit.
+    enter = np.maximum(enters[0], enters[1])
+    hit = (enters[2] < enter) & (enter < np.minimum.reduce(leaves)) & (enter < 0)
     h = np.where(hit, enter, 0.0)
     u = dx * a[0] + dy * a[1] + h * a[2]
     weight = np.where(hit, _covered(u, numbers[HALF_WIDTH], cell), 0.0)

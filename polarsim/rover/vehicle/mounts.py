@@ -21,7 +21,7 @@ FOLLOWING = ("CamBirdViewLeft", "CamBirdViewRight")  # they do not roll with the
 
 @dataclass(frozen=True)
 class Mount:
-    """A camera fixed to the rover, or, where it is `level`, one that follows its place and heading without rolling."""
+    """A camera fixed to the rover, or, where it is `level`, one that follows it in position and heading only."""
 
     name: str
     base_from_camera: Pose
@@ -54,15 +54,15 @@ def base_from_camera(position: np.ndarray, yaw_deg: float, pitch_deg: float, rol
 
 
 def link_from_part(position: Sequence[float], yaw_deg: float, pitch_deg: float, roll_deg: float = 0.0) -> Pose:
-    """Of a shape or light at `position` (3,) in its link, metres; turned about z, the new y, then the new x."""
+    """Of a shape or light at `position` (3,) in its link, metres; rotated about z, the new y, then the new x."""
     from scipy.spatial.transform import Rotation
 
-    turn = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True)
-    return Pose(turn.as_matrix(), np.array(position))
+    rotation = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True)
+    return Pose(rotation.as_matrix(), np.array(position))
 
 
 def levelled(world_from_base: Pose) -> Pose:
-    """The same place and heading, upright."""
+    """The same position and heading, upright."""
     yaw = heading(world_from_base)
     return Pose.from_rotvec(np.array([0.0, 0, yaw]), world_from_base.translation)
 
@@ -73,9 +73,9 @@ def heading(world_from_base: Pose) -> float:
     return float(np.arctan2(forward[1], forward[0]))
 
 
-def pose_of(place: np.ndarray, quaternion: np.ndarray) -> Pose:
-    """From a place (3,) and a quaternion (4,) w, x, y, z, as a trace has them."""
+def pose_of(position: np.ndarray, quaternion: np.ndarray) -> Pose:
+    """From a position (3,) and a quaternion (4,) w, x, y, z, as a trace has them."""
     from scipy.spatial.transform import Rotation
 
     w, x, y, z = quaternion
-    return Pose(Rotation.from_quat([x, y, z, w]).as_matrix(), np.asarray(place, float))
+    return Pose(Rotation.from_quat([x, y, z, w]).as_matrix(), np.asarray(position, float))

@@ -23,11 +23,11 @@ WheelCode = Literal["lf", "rf", "lr", "rr"]
 Triple = tuple[float, float, float]
 
 
-class Part(BaseModel, extra="forbid", frozen=True):
+class Section(BaseModel, extra="forbid", frozen=True):
     """A section of the table."""
 
 
-class Chassis(Part):
+class Chassis(Section):
     """All that moves as one with `base_link`."""
 
     mass_kg: PositiveFloat = Field(description="Mass of body and mast, without what hangs below, kg.")
@@ -42,44 +42,44 @@ class Chassis(Part):
         return self.mass_kg / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
 
 
-class WheelPart(Part):
+class WheelPart(Section):
     """One wheel and what holds it."""
 
     code: WheelCode = Field(description="lf, rf, lr or rr.")
     position_m: Triple = Field(description="Centre in base_link with the suspension at rest, m.")
     radius_m: PositiveFloat = Field(description="Of the rim, m.")
     width_m: PositiveFloat = Field(description="Of the rim, m.")
-    mass_kg: PositiveFloat = Field(description="Of the turning part, kg.")
+    mass_kg: PositiveFloat = Field(description="Of the rotating part, kg.")
     arm_mass_kg: PositiveFloat = Field(description="Of what slides with the suspension and does not steer, kg.")
-    upright_mass_kg: PositiveFloat = Field(description="Of what steers and does not turn, kg.")
+    upright_mass_kg: PositiveFloat = Field(description="Of what steers and does not rotate, kg.")
     grousers: int = Field(0, ge=0, description="Straight grousers round the rim.")
     grouser_height_m: float = Field(0.0, ge=0, description="Beyond the rim, m.")
     grouser_thickness_m: float = Field(0.0, ge=0, description="Along the rim, m.")
 
     def inertia(self) -> np.ndarray:
-        """(3,) kg m2 of the turning part, a solid cylinder along y."""
+        """(3,) kg m2 of the rotating part, a solid cylinder along y."""
         axial = self.mass_kg * self.radius_m**2 / 2
         across = self.mass_kg * (3 * self.radius_m**2 + self.width_m**2) / 12
         return np.array([across, axial, across])
 
 
 def cube_inertia(mass: float, side: float = 0.2) -> np.ndarray:
-    """(3,) kg m2 of a cube of `side` metres: arms and uprights are small, and their turning matters little."""
+    """(3,) kg m2 of a cube of `side` metres: arms and uprights are small, and their rotation matters little."""
     return np.full(3, mass * side**2 / 6)
 
 
-class Steering(Part):
+class Steering(Section):
     """Of every wheel on its own, about the vertical through its centre."""
 
     limit_deg: float = Field(gt=0, le=180, description="Largest angle either way, degrees.")
-    rate_deg_s: PositiveFloat = Field(description="Fastest turn, degrees per second.")
+    rate_deg_s: PositiveFloat = Field(description="Fastest rotation, degrees per second.")
     stiffness_n_m_rad: PositiveFloat = Field(description="Of the position servo, N m per rad.")
     damping_n_m_s_rad: PositiveFloat = Field(description="Of the joint, N m s per rad.")
     torque_limit_n_m: PositiveFloat = Field(description="The servo gives no more, N m.")
     armature_kg_m2: float = Field(0.0, ge=0, description="Rotor's inertia seen at the joint, kg m2.")
 
 
-class Suspension(Part):
+class Suspension(Section):
     """A spring and a damper under each corner, along base_link's z."""
 
     stiffness_n_m: PositiveFloat = Field(description="N per m; without force the wheel hangs at its position.")
@@ -87,7 +87,7 @@ class Suspension(Part):
     travel_m: PositiveFloat = Field(description="Either way, m.")
 
 
-class Drive(Part):
+class Drive(Section):
     """A speed servo in every wheel."""
 
     gain_n_m_s_rad: PositiveFloat = Field(description="Torque per error of wheel speed, N m s per rad.")
@@ -98,7 +98,7 @@ class Drive(Part):
     armature_kg_m2: float = Field(0.0, ge=0, description="Rotor's inertia seen at the wheel, kg m2.")
 
 
-class CameraPart(Part):
+class CameraPart(Section):
     """A pinhole camera; with all angles 0 it looks along the link's x and z is up."""
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="Of files, frames and topics.")
@@ -106,7 +106,7 @@ class CameraPart(Part):
     position_m: Triple = Field(description="In the link's frame, m.")
     yaw_deg: float = Field(0.0, description="From x towards y (left), degrees.")
     pitch_deg: float = Field(0.0, description="Down is positive, degrees.")
-    roll_deg: float = Field(0.0, description="Turns the right axis towards down, degrees.")
+    roll_deg: float = Field(0.0, description="Rotates the right axis towards down, degrees.")
     width_px: int = Field(gt=0, description="Pixels across.")
     height_px: int = Field(gt=0, description="Pixels down.")
     hfov_deg: float | None = Field(None, gt=0, lt=180, description="Horizontal field of view, degrees.")
@@ -127,7 +127,7 @@ class CameraPart(Part):
         return self.width_px / 2 / math.tan(math.radians(self.hfov_deg) / 2)
 
 
-class LightPart(Part):
+class LightPart(Section):
     """A lamp; with all angles 0 it shines along the link's x."""
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="Of the lamp.")
@@ -143,21 +143,21 @@ class LightPart(Part):
 _Named = TypeVar("_Named", CameraPart, LightPart)
 
 
-class ShapePart(Part):
+class ShapePart(Section):
     """A simple body for shadows and pictures."""
 
     name: str = Field(description="What it stands for.")
     link: str = Field("base_link", description="base_link, <code>_arm, <code>_upright or <code>_wheel.")
-    kind: Literal["box", "cylinder"] = Field(description="A cylinder's axis is y before it is turned.")
+    kind: Literal["box", "cylinder"] = Field(description="A cylinder's axis is y before it is rotated.")
     position_m: Triple = Field((0.0, 0.0, 0.0), description="Of its centre in the link's frame, m.")
     size_m: Triple = Field(description="Box: length, width, height; cylinder: diameter, length along y, diameter; m.")
-    yaw_deg: float = Field(0.0, description="Turn about z, then about the new y, then about the new x, degrees.")
+    yaw_deg: float = Field(0.0, description="Rotation about z, then about the new y, then about the new x, degrees.")
     pitch_deg: float = Field(0.0, description="Down is positive, degrees.")
     roll_deg: float = Field(0.0, description="About x, degrees.")
     albedo: float = Field(0.3, ge=0, le=1, description="Share of light that it sends back.")
 
 
-class Vehicle(Part):
+class Vehicle(Section):
     """A four-wheeled rover."""
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="Of the robot.")

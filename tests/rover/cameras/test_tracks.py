@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from polarsim.rover.cameras.tracks import TILE, Lattice, Tracks, spline_weights, tile_faces
+from polarsim.rover.cameras.tracks import TILE, Lattice, WheelTracks, spline_weights, tile_faces
 from polarsim.rover.soil import bulldozing
 from polarsim.rover.soil.bulldozing_numba import settle as fast_settle
 from polarsim.rover.soil.nodes import LEVEL, make_ground
@@ -17,12 +17,12 @@ def heights(own, number):
 
 
 @settings(max_examples=15, deadline=None)
-@given(place=st.floats(0, 5), finer=st.integers(1, 5))
-def test_splines_give_back_straight_lines(place, finer):
+@given(position=st.floats(0, 5), finer=st.integers(1, 5))
+def test_splines_give_back_straight_lines(position, finer):
     weights, derivative = spline_weights(6, finer)
-    nodes = place + 0.3 * np.arange(-1, 8)
+    nodes = position + 0.3 * np.arange(-1, 8)
     fine = np.arange(6 * finer + 1) / finer
-    np.testing.assert_allclose(weights @ nodes, place + 0.3 * fine, atol=1e-9)
+    np.testing.assert_allclose(weights @ nodes, position + 0.3 * fine, atol=1e-9)
     np.testing.assert_allclose(derivative @ nodes, 0.3, atol=1e-9)
     assert weights.min() >= 0  # so that they cannot overshoot
 
@@ -37,7 +37,7 @@ def test_fine_ground_goes_through_the_nodes_and_continues_slopes(finer, seed):
     np.testing.assert_allclose(fine.level[::finer, ::finer], lattice.level, atol=1e-12)
     y, x = np.mgrid[: fine.level.shape[0], : fine.level.shape[1]] * fine.cell
     true = 0.02 * np.sin(8 * x + seed) * np.cos(7 * y) + 0.1 * x - 0.05 * y
-    assert np.abs(fine.level - true).max() < 2e-6  # flat cells are off by 1e-4 in their middle
+    assert np.abs(fine.level - true).max() < 2e-6  # flat cells are off by 1e-4 in their centre
 
 
 def test_flat_cells_do_not_show_under_a_low_sun(rng):
@@ -47,7 +47,7 @@ def test_flat_cells_do_not_show_under_a_low_sun(rng):
 
     def leap(finer):
         """How bright smooth shading would have the faces that just look away: what shows as an edge."""
-        own = Tracks(lattice, np.ones(lattice.level.shape, bool), finer, 36)
+        own = WheelTracks(lattice, np.ones(lattice.level.shape, bool), finer, 36)
         light = []
         for number in range(len(own.tiles)):
             vertices, normals = own.mesh(number)
@@ -72,12 +72,12 @@ def test_tiles_meet_without_a_gap_while_the_rut_runs_through_them():
     lattice = hills()
     own = tracks(lattice)
     own.show(rutted(lattice))
-    of_place = {}
+    of_node = {}
     for number in range(len(own.tiles)):
         vertices, normals = own.mesh(number)
         for vertex, normal in zip(np.round(vertices, 6), normals, strict=True):
             key = tuple(vertex[:2])
-            before = of_place.setdefault(key, (vertex[2], normal))
+            before = of_node.setdefault(key, (vertex[2], normal))
             np.testing.assert_allclose(vertex[2], before[0], atol=1e-9)
             np.testing.assert_allclose(normal, before[1], atol=1e-6)
 
@@ -136,7 +136,7 @@ def test_no_wall_of_a_rut_is_steeper_than_sand_lies():
     lattice = Lattice(0, 0, CELL, np.zeros((97, 129)))
     level = lattice.level.copy()
     level[40:50, 30:90] -= 0.05
-    own = Tracks(lattice, level != 0, 4, 36)
+    own = WheelTracks(lattice, level != 0, 4, 36)
     own.show(level)
     up = min(own.mesh(number)[1][:, 2].min() for number in range(len(own.tiles)))
     assert (

@@ -17,7 +17,7 @@ def test_the_lower_side_of_a_box_lies_where_the_rock_meets_the_ground(x, y, widt
 
 
 @given(x=st.floats(1.8, 5), height=st.floats(0.03, 0.4), width=st.floats(0.02, 0.3))
-def test_a_top_above_the_footprints_middle_tells_the_height(x, height, width):
+def test_a_top_above_the_footprints_centre_tells_the_height(x, height, width):
     lower, upper = box_of(x, 0, width, 0), box_of(x + width / 2, 0, width, height)
     box = np.array([lower[0], upper[1], lower[2], lower[3]])
     found = estimate(box, CAMERA, level)
@@ -32,8 +32,8 @@ def test_on_a_slope_the_rock_lies_where_the_slope_is():
 @given(roll=st.floats(-0.2, 0.2), pitch=st.floats(-0.2, 0.2))
 def test_the_plane_under_the_wheels_tilts_with_the_rover(roll, pitch):
     pose = Pose.from_rotvec(np.array([roll, pitch, 0.3]), np.array([1.0, 2, 0.4]))
-    place = pose.apply(np.array([2.0, -0.7, GROUND]))
-    np.testing.assert_allclose(plane_under(pose, GROUND)(*place[:2]), place[2], atol=1e-9)
+    position = pose.apply(np.array([2.0, -0.7, GROUND]))
+    np.testing.assert_allclose(plane_under(pose, GROUND)(*position[:2]), position[2], atol=1e-9)
 
 
 def test_a_box_above_the_horizon_is_nowhere():

@@ -1,0 +1,118 @@
+"""All positions of a terrain localised by seed boxes, the surest first; rocks that stand off their positions move
+along.
+
+Published meshes were cut and placed by hand: most stand within millimetres, some off by centimetres. What the boxes of
+a position tell of the rocks helps to localise the next one.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from polarsim.cameras.labels import FINAL_NOISE, MIN_BOXES, LabelLocalisation, checked, localise_by_labels
+from polarsim.cameras.options import PlacementOptions
+from polarsim.cameras.refine import BoxFit, check_pose, pose_of
+from polarsim.cameras.surveyed import pose_beside
+from polarsim.cameras.translations import Translations, fit_translations, no_translations, translated
+from polarsim.errors import RegistrationError
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.outlines import Outlines
+
+log = logging.getLogger("polarsim")
+
+
+@dataclass(frozen=True)
+class Localisations:
+    """Where positions stand, where rocks do, and why positions were refused."""
+
+    localised: dict[str, LabelLocalisation]
+    translations: Translations
+    refused: dict[str, str]  # position -> reason
+
+
+def localise_all(
+    seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, options: PlacementOptions
+) -> Localisations:
+    """Localise every position whose boxes and meshes suffice.
+
+    Parameters
+    ----------
+    seen : position -> (b, 4) float
+        Rock boxes of the left photos, pixels.
+
+    Returns
+    -------
+    Placements
+        Positions with too few boxes or meshes are neither localised nor refused.
+    """
+    usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= MIN_BOXES]
+    found = Localisations({}, no_translations(outlines, options.rock_shift_sd_mm / 1000), {})
+    alone = {position: _alone(position, seen[position], outlines, lens, options) for position in usable}
+    surest_first = sorted(usable, key=lambda position: (-(one.share if (one := alone[position]) else 0.0), position))
+    for position in surest_first:
+        found = _with_position(found, position, seen[position], outlines, lens, options, alone[position])
+    return found
+
+
+def untranslated_fits(found: Localisations, outlines: Outlines, lens: Lens) -> list[BoxFit]:
+    """What the boxes of the localised positions say of the meshes as they are, seen from the same poses."""
+    return [
+        check_pose(one.fit.sandbox_from_left, outlines, one.boxes, lens, one.prior, FINAL_NOISE)
+        for one in found.localised.values()
+    ]
+
+
+def _alone(
+    position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: PlacementOptions
+) -> LabelLocalisation | None:
+    """A position by itself, without what others tell of rocks; None where nothing is explained."""
+    try:
+        return localise_by_labels(boxes, outlines, lens, pose_beside(position, {}), options)
+    except RegistrationError:
+        return None
+
+
+def _with_position(
+    before: Localisations,
+    position: str,
+    boxes: np.ndarray,
+    outlines: Outlines,
+    lens: Lens,
+    options: PlacementOptions,
+    alone: LabelLocalisation | None,
+) -> Localisations:
+    """One more position, and all poses and translations fitted anew; or one more that is refused."""
+    try:
+        if alone is None or before.localised:  # others have told of the rocks since
+            moved = translated(outlines, before.translations.metres)
+            poses = {other: one.fit.sandbox_from_left for other, one in before.localised.items()}
+            surveyed = pose_beside(position, poses)
+            alone = localise_by_labels(boxes, moved, lens, surveyed, options)
+        after = _fitted({**before.localised, position: alone}, before.translations, outlines, lens, options)
+        checked(after.localised[position])
+    except RegistrationError as error:
+        return replace(before, refused={**before.refused, position: error.reason})
+    return replace(after, refused=before.refused)
+
+
+def _fitted(
+    localised: Mapping[str, LabelLocalisation],
+    start: Translations,
+    outlines: Outlines,
+    lens: Lens,
+    options: PlacementOptions,
+) -> Localisations:
+    """All positions localised together with translations of the rocks."""
+    if not options.rock_shift_sd_mm:
+        return Localisations(dict(localised), start, {})
+    unknowns, translations = fit_translations(localised, outlines, lens, options.rock_shift_sd_mm / 1000, start.metres)
+    moved = translated(outlines, translations.metres)
+    after = {}
+    for position, one in localised.items():
+        fit = check_pose(pose_of(unknowns[position]), moved, one.boxes, lens, one.prior, FINAL_NOISE)
+        after[position] = replace(one, fit=fit)
+    return Localisations(after, translations, {})
