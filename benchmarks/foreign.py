@@ -131,10 +131,10 @@ def shapes(meshes: Path | None, rng: np.random.Generator) -> list[Mesh]:
     for mesh in found:
         used, faces = np.unique(mesh.faces, return_inverse=True)
         vertices = mesh.vertices[used]
-        middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
         side = np.ptp(vertices[:, :2], axis=0).max()
         if np.ptp(vertices[:, 2]) > 0.25 * side:  # flat ones would vanish in the sand
-            solids.append(Mesh((vertices - middle) / side, faces.reshape(-1, 3)))
+            solids.append(Mesh((vertices - centre) / side, faces.reshape(-1, 3)))
     return solids
 
 
@@ -193,14 +193,14 @@ def gathered(rocks: list[Mesh], axis: np.ndarray, height: np.ndarray, rng: np.ra
 
 def _pushed(rock: Mesh, parent: Mesh, axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> Mesh | None:
     """A rock slid over the ground, out of a random direction, until it touches its parent; None at the walls."""
-    middles = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))[:2] / 2 for mesh in (rock, parent)]
+    centres = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))[:2] / 2 for mesh in (rock, parent)]
     angle, tree = rng.uniform(0, 2 * np.pi), KDTree(parent.vertices)
     near, far = 0.0, sum(np.ptp(mesh.vertices[:, :2], axis=0).max() for mesh in (rock, parent))
     foot = rock.vertices[rock.vertices[:, 2] < np.quantile(rock.vertices[:, 2], 0.1)]
     for _ in range(10):
         apart = (near + far) / 2
-        place = middles[1] + apart * np.array([np.cos(angle), np.sin(angle)])
-        shift = np.append(place - middles[0], 0.0)
+        place = centres[1] + apart * np.array([np.cos(angle), np.sin(angle)])
+        shift = np.append(place - centres[0], 0.0)
         shift[2] = np.median(at(axis, height, foot + shift) - at(axis, height, foot))
         vertices = rock.vertices + shift
         meets = np.isfinite(tree.query(vertices, distance_upper_bound=TOUCH)[0]).any()
@@ -214,8 +214,8 @@ def _laid(rock: Mesh, parent: Mesh, placed: list[Mesh], rng: np.random.Generator
     if size > 0.8 * larger:
         return None
     hull = ConvexHull(rock.vertices)
-    middles = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2 for mesh in (rock, parent)]
-    above = np.append((middles[1] - middles[0])[:2] + rng.normal(0, 0.2 * larger, 2), 1.0)
+    centres = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2 for mesh in (rock, parent)]
+    above = np.append((centres[1] - centres[0])[:2] + rng.normal(0, 0.2 * larger, 2), 1.0)
     start = rock.vertices + above
     down = np.broadcast_to([0.0, 0.0, -1.0], start.shape)
     rays = np.concatenate([start, down], axis=1).astype(np.float32)

@@ -27,13 +27,13 @@ def patch_inverse_width(length: float, width: float) -> float:
 def rest_plate(plate: Plate, law: Law, load: float, cell: float, press: Press = press) -> float:
     """Depth, metres, at which a plate comes to rest that is pressed ever harder until it bears the load."""
     ground = flat_ground(2 * plate.length, 2 * plate.width, cell)
-    # The middle lies on a node, or between two where that makes the length a whole number of cells.
-    middle = ground.x[len(ground.x) // 2] + (cell / 2 if round(plate.length / cell) % 2 == 0 else 0.0)
+    # The centre lies on a node, or between two where that makes the length a whole number of cells.
+    centre = ground.x[len(ground.x) // 2] + (cell / 2 if round(plate.length / cell) % 2 == 0 else 0.0)
     numbers, still = plate.numbers(cell)[None], np.zeros((1, 3))
     low, high = 0.0, 0.5
 
     def borne(depth: float) -> float:
-        bodies = Bodies(numbers, np.array([[middle, 0.0, -depth]]), AXES[None], still, still)
+        bodies = Bodies(numbers, np.array([[centre, 0.0, -depth]]), AXES[None], still, still)
         return float(press(ground.copy(), bodies, law, Rule(), 1e-3).forces[0, 2])
 
     if borne(high) < load:

@@ -58,9 +58,9 @@ def icosphere(detail: int) -> tuple[np.ndarray, np.ndarray]:
     for _ in range(detail):
         edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
         unique, index = np.unique(edges, axis=0, return_inverse=True)
-        middle = vertices[unique].sum(axis=1)
+        centre = vertices[unique].sum(axis=1)
         ab, bc, ca = np.split(index.ravel() + len(vertices), 3)
-        vertices = np.concatenate([vertices, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
+        vertices = np.concatenate([vertices, centre / np.linalg.norm(centre, axis=1, keepdims=True)])
         a, b, c = faces.T
         faces = np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
     return vertices, faces

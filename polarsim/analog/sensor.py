@@ -49,7 +49,7 @@ def lamp_glare(lamp: Lamp, camera: Camera, brightness: float, rng: np.random.Gen
         return out
     strength = brightness * (4 / distance) ** 2
     ahead = place / distance
-    middle = np.array([width / 2, height / 2])
+    centre = np.array([width / 2, height / 2])
     aside = ahead[:2] / max(float(np.hypot(*ahead[:2])), 1e-6)
     in_picture = False
     if ahead[2] > 0.3:
@@ -60,9 +60,9 @@ def lamp_glare(lamp: Lamp, camera: Camera, brightness: float, rng: np.random.Gen
         _blob(out, spot, 90, 8 * strength, 0.4)
         _blob(out, spot, 1400, 0.12 * strength, 1.0)
         for share, size in ((-0.35, 18), (-0.62, 30), (0.45, 12), (0.3, 26)):  # ghosts on the line through the centre
-            _blob(out, middle + share * (spot - middle) + rng.normal(0, 4, 2), size, 2 * strength, 4.0)
+            _blob(out, centre + share * (spot - centre) + rng.normal(0, 4, 2), size, 2 * strength, 4.0)
     else:
-        corner = middle + aside * min(abs(width / 2 / aside[0]), abs(height / 2 / aside[1]))
+        corner = centre + aside * min(abs(width / 2 / aside[0]), abs(height / 2 / aside[1]))
         _blob(out, corner, 240, 0.25 * strength * float(np.clip(np.cos(off_axis) + 0.35, 0.05, 1)), 1.0)
     return out
 

@@ -100,7 +100,7 @@ class _Label:
     box: tuple[float, float, float, float]
 
     @property
-    def middle(self) -> tuple[float, float]:
+    def centre(self) -> tuple[float, float]:
         return (self.box[0] + self.box[2]) / 2, (self.box[1] + self.box[3]) / 2
 
     def tag(self, marks: Marks) -> str:
@@ -168,15 +168,15 @@ def add_legend(pixels: np.ndarray, title: str, labels: pd.DataFrame, kinds: Sequ
     width = pixels.shape[1]
     size = max(11, round(width / 70))
     strip = Image.new("RGB", (width, round(2.2 * size)), PAPER)
-    pen, letters, middle = ImageDraw.Draw(strip), font(size), round(1.1 * size)
-    pen.text((size, middle), title, fill=INK, font=letters, anchor="lm")
+    pen, letters, centre = ImageDraw.Draw(strip), font(size), round(1.1 * size)
+    pen.text((size, centre), title, fill=INK, font=letters, anchor="lm")
     place = width - size
     for kind in _bottom_up(kinds):
         text = f"{kind} ({int((labels['kind'] == kind).sum())})"
         place -= round(pen.textlength(text, font=letters))
-        pen.text((place, middle), text, fill=INK, font=letters, anchor="lm")
+        pen.text((place, centre), text, fill=INK, font=letters, anchor="lm")
         place -= round(1.4 * size)
-        pen.rectangle([place, middle - size // 2, place + size, middle + size // 2], outline=INK, fill=COLOURS[kind])
+        pen.rectangle([place, centre - size // 2, place + size, centre + size // 2], outline=INK, fill=COLOURS[kind])
         place -= size
     return np.concatenate([pixels, np.asarray(strip)])
 
@@ -202,16 +202,16 @@ def _fill(picture: Any, mask: np.ndarray, colour: Colour) -> None:
 
 
 def _draw_links(pen: Any, labels: Sequence[_Label], line: int) -> None:
-    """A line from the middle of every shadow to a dot in the middle of its rock, the nearest one of its number."""
+    """A line from the centre of every shadow to a dot in the centre of its rock, the nearest one of its number."""
     thin = max(min(line, 2), round(0.6 * line))
     rim, dot = thin + 2 * (line > 1), max(1.5, 1.3 * line)
     rocks = [label for label in labels if label.kind == ROCK and label.rock != NO_ROCK]
     for shadow in (label for label in labels if label.kind == SHADOW):
-        ends = [rock.middle for rock in rocks if rock.rock == shadow.rock]
+        ends = [rock.centre for rock in rocks if rock.rock == shadow.rock]
         if ends:
-            x, y = min(ends, key=lambda end: (dist(end, shadow.middle), end))
-            pen.line([shadow.middle, (x, y)], fill=(0, 0, 0), width=rim)  # sand may be as bright as the line
-            pen.line([shadow.middle, (x, y)], fill=LINK, width=thin)
+            x, y = min(ends, key=lambda end: (dist(end, shadow.centre), end))
+            pen.line([shadow.centre, (x, y)], fill=(0, 0, 0), width=rim)  # sand may be as bright as the line
+            pen.line([shadow.centre, (x, y)], fill=LINK, width=thin)
             pen.ellipse([x - dot, y - dot, x + dot, y + dot], fill=LINK, outline=(0, 0, 0))
 
 

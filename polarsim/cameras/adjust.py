@@ -65,7 +65,7 @@ def adjust(
     Parameters
     ----------
     placed : position -> PlacedRig
-        The start, and the middle of the priors; all with one calibration.
+        The start, and the mean of the priors; all with one calibration.
     independent : int
         How many windows of a view at most count: neighbours err alike.
     lenses : bool

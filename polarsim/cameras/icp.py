@@ -93,14 +93,14 @@ def surface(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> Surface:
     )
     dense = np.isfinite(distance).all(axis=1)
     neighbours, own = thin[near[dense]], thin[dense]
-    middle = neighbours.mean(axis=1)
-    offsets = neighbours - middle[:, None]
+    centre = neighbours.mean(axis=1)
+    offsets = neighbours - centre[:, None]
     scatter = np.einsum("nkc,nkd->ncd", offsets, offsets) / (NORMAL_NEIGHBOURS - PLANE_UNKNOWNS)
     variances, axes = np.linalg.eigh(scatter)
     normals = axes[:, :, 0]
     normals = np.where(((viewpoint - own) * normals).sum(axis=1, keepdims=True) < 0, -normals, normals)
-    on_plane = own - ((own - middle) * normals).sum(axis=1, keepdims=True) * normals
-    # At most: in the middle of its neighbours a plane is known better than at their border.
+    on_plane = own - ((own - centre) * normals).sum(axis=1, keepdims=True) * normals
+    # At most: in the centre of its neighbours a plane is known better than at their border.
     spread = np.sqrt(np.maximum(variances[:, 0], 0) * PLANE_UNKNOWNS / NORMAL_NEIGHBOURS)
     return Surface(on_plane, normals, np.maximum(spread, LEAST_SPREAD))
 

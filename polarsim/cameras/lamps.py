@@ -50,7 +50,7 @@ def shots_of(
 def refine_lamp(
     start: np.ndarray, surveyed: np.ndarray, shots: list[Shot], window: Window, independent: int
 ) -> np.ndarray | None:
-    """(3,) place of a lamp, found across the line to the sandbox's middle; None where photos show too little of it.
+    """(3,) place of a lamp, found across the line to the sandbox's centre; None where photos show too little of it.
 
     One linear step: shadows move evenly with a lamp.
 
@@ -73,7 +73,7 @@ def refine_lamp(
 
 
 def _across(place: np.ndarray) -> np.ndarray:
-    """(2, 3) unit vectors across the line from a lamp to the sandbox's middle: level, and upright."""
+    """(2, 3) unit vectors across the line from a lamp to the sandbox's centre: level, and upright."""
     side = np.array([place[1], -place[0], 0.0])
     return np.stack([side / np.linalg.norm(side), [0.0, 0.0, 1.0]])
 

@@ -201,7 +201,7 @@ def _match_rows(position: str, placement: LabelPlacement, rocks: np.ndarray) -> 
 
 
 def _offsets(placement: LabelPlacement) -> np.ndarray:
-    """(n, 2) of the projected boxes' middles from the annotated ones, pixels."""
+    """(n, 2) of the projected boxes' centres from the annotated ones, pixels."""
     mesh, seed = placement.fit.projected[placement.fit.outline], placement.boxes[placement.fit.box]
     return np.asarray((mesh[:, :2] + mesh[:, 2:] - seed[:, :2] - seed[:, 2:]) / 2)
 

@@ -164,7 +164,7 @@ def _levelled(position: str, points: np.ndarray) -> _Levelled:
     area = _sand_area(icp.surface(near, viewpoint, COARSE_VOXELS[0]))
     if area < MIN_SAND_AREA:
         raise RegistrationError(
-            f"the scan of position {position} shows {area:.1f} m2 of level sand within {SAND_REACH:g} m of the middle, "
+            f"the scan of position {position} shows {area:.1f} m2 of level sand within {SAND_REACH:g} m of the centre, "
             f"{MIN_SAND_AREA:g} m2 needed: walls alone place no camera"
         )
     fine = icp.surface(near, viewpoint, VOXEL)
@@ -172,7 +172,7 @@ def _levelled(position: str, points: np.ndarray) -> _Levelled:
 
 
 def _sand_area(coarse: icp.Surface) -> float:
-    """Square metres of level surface about the middle, by a scan on the coarsest grid."""
+    """Square metres of level surface about the centre, by a scan on the coarsest grid."""
     sand = (np.abs(coarse.points) < [SAND_REACH, SAND_REACH, LEVEL]).all(axis=1) & (np.abs(coarse.normals[:, 2]) > FLAT)
     return float(sand.sum() * COARSE_VOXELS[0] ** 2)
 

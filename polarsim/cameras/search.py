@@ -1,6 +1,6 @@
 """A view's pose from boxes and meshes with no start: every pairing of a rock with a box, from every likely place.
 
-From a given place and with a level camera, exactly one yaw and pitch puts the middle of a rock on the middle of a box.
+From a given place and with a level camera, exactly one yaw and pitch puts the centre of a rock on the centre of a box.
 So places on a coarse grid, times all pairs, hold a hypothesis near the truth; it shows by how many other rocks then
 meet a box of their size. Directions and sizes are compared as on a plane at distance 1, without distortion.
 """
@@ -85,24 +85,24 @@ def search_pose(outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.n
 
 @dataclass(frozen=True)
 class _SeenBoxes:
-    """Boxes on the plane at distance 1: middles (b, 2), log sizes (b, 2), and the plane's tolerance."""
+    """Boxes on the plane at distance 1: centres (b, 2), log sizes (b, 2), and the plane's tolerance."""
 
-    middle: np.ndarray
+    centre: np.ndarray
     log_size: np.ndarray
     sd: float
 
     @classmethod
     def of(cls, boxes: np.ndarray, lens: Lens, sd_px: float) -> _SeenBoxes:
-        middle_px = (boxes[:, :2] + boxes[:, 2:]) / 2
+        centre_px = (boxes[:, :2] + boxes[:, 2:]) / 2
         half_px = (boxes[:, 2:] - boxes[:, :2]) / 2
         across, down = half_px * [1, 0], half_px * [0, 1]
-        width = lens.directions(middle_px + across)[:, 0] - lens.directions(middle_px - across)[:, 0]
-        height = lens.directions(middle_px + down)[:, 1] - lens.directions(middle_px - down)[:, 1]
-        return cls(lens.directions(middle_px)[:, :2], np.log(np.stack([width, height], axis=1)), sd_px / lens.fx)
+        width = lens.directions(centre_px + across)[:, 0] - lens.directions(centre_px - across)[:, 0]
+        height = lens.directions(centre_px + down)[:, 1] - lens.directions(centre_px - down)[:, 1]
+        return cls(lens.directions(centre_px)[:, :2], np.log(np.stack([width, height], axis=1)), sd_px / lens.fx)
 
     def features(self) -> np.ndarray:
         """(b, 4) so scaled that squared distances are the search's chi squared."""
-        return np.concatenate([self.middle / self.sd, self.log_size / SIZE_SD], axis=1)
+        return np.concatenate([self.centre / self.sd, self.log_size / SIZE_SD], axis=1)
 
 
 def _hypotheses_at(centre: np.ndarray, outlines: Outlines, seen: _SeenBoxes) -> list[Hypothesis]:
@@ -112,7 +112,7 @@ def _hypotheses_at(centre: np.ndarray, outlines: Outlines, seen: _SeenBoxes) -> 
     directions, log_size = _rocks_from(home, outlines)
     with np.errstate(invalid="ignore"):
         rock, box = np.nonzero((np.abs(log_size[:, None] - seen.log_size[None]) < SIZE_SD).all(axis=-1))
-    yaw, pitch = _aimed(directions[rock], seen.middle[box])
+    yaw, pitch = _aimed(directions[rock], seen.centre[box])
     off = (yaw - yaw_home + np.pi) % (2 * np.pi) - np.pi
     with np.errstate(invalid="ignore"):
         good = (pitch > PITCH[0]) & (pitch < PITCH[1]) & (np.abs(off) < YAW_OFF_ORIGIN)
@@ -125,16 +125,16 @@ def _hypotheses_at(centre: np.ndarray, outlines: Outlines, seen: _SeenBoxes) -> 
 
 
 def _rocks_from(home: Pose, outlines: Outlines) -> tuple[np.ndarray, np.ndarray]:
-    """Sandbox directions (m, 3) of the middles of the rocks' boxes, and their log sizes (m, 2) as if on the axis."""
+    """Sandbox directions (m, 3) of the centres of the rocks' boxes, and their log sizes (m, 2) as if on the axis."""
     upper, whole = (home.inverse().apply(points) for points in (outlines.upper, outlines.whole))
     x, y = upper[..., 0] / upper[..., 2], whole[..., 1] / whole[..., 2]
     low, high = np.stack([x.min(1), y.min(1)], axis=1), np.stack([x.max(1), y.max(1)], axis=1)
-    middle = np.column_stack([(low + high) / 2, np.ones(len(low))])
+    centre = np.column_stack([(low + high) / 2, np.ones(len(low))])
     front = (upper[..., 2] > 0.1).all(axis=1) & (whole[..., 2] > 0.1).all(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        log_size = np.log(high - low) - _log_stretch(middle)[:, None]
+        log_size = np.log(high - low) - _log_stretch(centre)[:, None]
     log_size[~front] = np.inf
-    return home.rotate(middle / np.linalg.norm(middle, axis=1, keepdims=True)), log_size
+    return home.rotate(centre / np.linalg.norm(centre, axis=1, keepdims=True)), log_size
 
 
 def _log_stretch(points: np.ndarray) -> np.ndarray:
@@ -142,10 +142,10 @@ def _log_stretch(points: np.ndarray) -> np.ndarray:
     return np.asarray(0.75 * np.log(1 + (points[..., :2] ** 2).sum(axis=-1)))
 
 
-def _aimed(directions: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Yaw and pitch (n,) of the level camera that sees unit sandbox directions (n, 3) at middles (n, 2)."""
-    reach = np.sqrt(1 + (middle**2).sum(axis=1))
-    right, down, forward = middle[:, 0] / reach, middle[:, 1] / reach, 1 / reach
+def _aimed(directions: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Yaw and pitch (n,) of the level camera that sees unit sandbox directions (n, 3) at centres (n, 2)."""
+    reach = np.sqrt(1 + (centre**2).sum(axis=1))
+    right, down, forward = centre[:, 0] / reach, centre[:, 1] / reach, 1 / reach
     with np.errstate(invalid="ignore"):  # no pitch reaches a direction that is too steep
         pitch = np.arcsin(-directions[:, 2] / np.hypot(down, forward)) - np.arctan2(down, forward)
     ahead = np.cos(pitch) * forward - np.sin(pitch) * down

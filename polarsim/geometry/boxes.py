@@ -17,7 +17,7 @@ def area(boxes: np.ndarray) -> np.ndarray:
 
 
 def centres(boxes: np.ndarray) -> np.ndarray:
-    """(n, 2) middles of boxes (n, 4)."""
+    """(n, 2) centres of boxes (n, 4)."""
     return np.asarray((boxes[:, :2] + boxes[:, 2:]) / 2)
 
 

@@ -140,16 +140,16 @@ def _cut(level: _Level, depth: int) -> _Level:
 def _by_area(level: _Level, node: np.ndarray, depth: int) -> np.ndarray:
     """(k,) bool: triangles that go to the second child.
 
-    A node is cut across the axis along which its triangles' middles spread most, where the children's areas times their
-    numbers of triangles are least. Where all middles fall together, and where the tree would get too deep, its
+    A node is cut across the axis along which its triangles' centres spread most, where the children's areas times their
+    numbers of triangles are least. Where all centres fall together, and where the tree would get too deep, its
     triangles are halved as they come.
     """
-    middle, spread = _along_widest(level, node)
+    centre, spread = _along_widest(level, node)
     bins = _BINS if len(node) > 2 * _BINS * len(level.count) else _FEW_BINS
     with np.errstate(divide="ignore", over="ignore"):
         scale = np.where(spread > 0, np.float32(bins * (1 - 1e-6)) / spread, np.float32(0))
     scale[~np.isfinite(scale)] = 0  # spreads too small for a quotient
-    found = np.minimum((middle * scale[node]).astype(np.int64), bins - 1)
+    found = np.minimum((centre * scale[node]).astype(np.int64), bins - 1)
     cut = _best_cut(level, node * bins + found, bins)
     second = found > cut[node]
     halved = (cut < 0) | (level.count > LEAF * 2.0 ** (LEVELS - 2 - depth))
@@ -160,12 +160,12 @@ def _by_area(level: _Level, node: np.ndarray, depth: int) -> np.ndarray:
 
 
 def _along_widest(level: _Level, node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles' middles (k,) along the axis of their node's widest spread, from its lowest; that spread (n,)."""
-    middles = [low / 2 + high / 2 for low, high in zip(level.low, level.high, strict=True)]
-    lowest = np.stack([np.minimum.reduceat(values, level.start) for values in middles])
-    spreads = np.stack([np.maximum.reduceat(values, level.start) for values in middles]) - lowest
+    """Triangles' centres (k,) along the axis of their node's widest spread, from its lowest; that spread (n,)."""
+    centres = [low / 2 + high / 2 for low, high in zip(level.low, level.high, strict=True)]
+    lowest = np.stack([np.minimum.reduceat(values, level.start) for values in centres])
+    spreads = np.stack([np.maximum.reduceat(values, level.start) for values in centres]) - lowest
     axis = spreads.argmax(axis=0)
-    chosen = np.choose(axis[node].astype(np.intp), middles)
+    chosen = np.choose(axis[node].astype(np.intp), centres)
     each = np.arange(len(axis))
     return chosen - lowest[axis, each][node], spreads[axis, each]
 

@@ -38,7 +38,7 @@ class Outlines:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """(m, 3) middles of the rocks' extents."""
+        """(m, 3) centres of the rocks' extents."""
         return np.asarray((self.whole.min(axis=1) + self.whole.max(axis=1)) / 2)
 
     def part(self, rows: np.ndarray) -> Outlines:

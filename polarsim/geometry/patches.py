@@ -29,7 +29,7 @@ class Window:
 
     half: int  # a window reaches so far to each side
     search: int  # and is looked for so far away
-    step: int  # between the middles of neighbouring windows
+    step: int  # between the centres of neighbouring windows
     likeness: float  # least correlation with the photo
     noise: float  # standard deviation of a window's place over sqrt((1 - correlation) / bend of the correlation)
 
@@ -42,7 +42,7 @@ class Found:
     its peak.
     """
 
-    pixel: np.ndarray  # (n, 2) middles in the shaded view
+    pixel: np.ndarray  # (n, 2) centres in the shaded view
     seen: np.ndarray  # (n, 2) and in the photo
     whitening: np.ndarray  # (n, 2, 2) turns an offset, px, into two of standard deviation 1
     tried: int  # windows that were looked for
@@ -71,7 +71,7 @@ def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Wind
     around = np.ones((size, size), np.uint8)
     spread = cv2.dilate(ours, around) - cv2.erode(ours, around)
     free = usable[y, x] & (clipped[y, x] < _MOST_CLIPPED) & (spread[y, x] > _FLAT)
-    middles, corners, peaks = [], [], []
+    centres, corners, peaks = [], [], []
     for row, column in zip(y[free], x[free], strict=True):
         wanted = ours[row - half : row + half + 1, column - half : column + half + 1]
         area = theirs[row - reach : row + reach + 1, column - reach : column + reach + 1]
@@ -79,10 +79,10 @@ def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Wind
         down, across = divmod(int(likeness.argmax()), likeness.shape[1])
         if likeness[down, across] < window.likeness or not _inside(down, across, likeness.shape):
             continue
-        middles.append((column + HALF_PIXEL, row + HALF_PIXEL))
+        centres.append((column + HALF_PIXEL, row + HALF_PIXEL))
         corners.append((across - window.search, down - window.search))
         peaks.append(likeness[down - 1 : down + 2, across - 1 : across + 2].astype(float))
-    pixel = np.array(middles).reshape(-1, 2)
+    pixel = np.array(centres).reshape(-1, 2)
     move, whitening = _peaks_of(np.array(peaks).reshape(-1, 3, 3), window.noise)
     return Found(pixel, pixel + np.array(corners, float).reshape(-1, 2) + move, whitening, int(free.sum()))
 
@@ -92,21 +92,21 @@ def _inside(row: int, column: int, shape: tuple[int, ...]) -> bool:
 
 
 def _peaks_of(likeness: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
-    """Peaks of correlations, given (n, 3, 3) about their largest values: places (n, 2) from the middle, whitenings.
+    """Peaks of correlations, given (n, 3, 3) about their largest values: places (n, 2) from the centre, whitenings.
 
-    Those of the parabola through the middle and its neighbours; never further than a pixel along its axes.
+    Those of the parabola through the centre and its neighbours; never further than a pixel along its axes.
     """
-    middle = likeness[:, 1, 1]
+    centre = likeness[:, 1, 1]
     slope = np.stack([likeness[:, 1, 2] - likeness[:, 1, 0], likeness[:, 2, 1] - likeness[:, 0, 1]], axis=1) / 2
     bend = np.empty((len(likeness), 2, 2))
-    bend[:, 0, 0] = 2 * middle - likeness[:, 1, 2] - likeness[:, 1, 0]
-    bend[:, 1, 1] = 2 * middle - likeness[:, 2, 1] - likeness[:, 0, 1]
+    bend[:, 0, 0] = 2 * centre - likeness[:, 1, 2] - likeness[:, 1, 0]
+    bend[:, 1, 1] = 2 * centre - likeness[:, 2, 1] - likeness[:, 0, 1]
     mixed = likeness[:, 0, 2] + likeness[:, 2, 0] - likeness[:, 0, 0] - likeness[:, 2, 2]
     bend[:, 0, 1] = bend[:, 1, 0] = mixed / 4
     bends, axes = np.linalg.eigh(bend)
     bends = np.maximum(bends, _LEAST_BEND)
     along = np.clip(np.einsum("nki,nk->ni", axes, slope) / bends, -1, 1)
-    sharpness = np.sqrt(bends / np.maximum(1 - middle, _LEAST_UNLIKENESS)[:, None]) / noise
+    sharpness = np.sqrt(bends / np.maximum(1 - centre, _LEAST_UNLIKENESS)[:, None]) / noise
     return np.einsum("nki,ni->nk", axes, along), np.einsum("nki,ni,nli->nkl", axes, sharpness, axes)
 
 
@@ -122,7 +122,7 @@ class BothSeen:
 class Ties:
     """Windows that were found in both photos, in pixels of these."""
 
-    points_left: np.ndarray  # (n, 3) what their middles show, left frame, metres
+    points_left: np.ndarray  # (n, 3) what their centres show, left frame, metres
     left: np.ndarray  # (n, 2)
     expected: np.ndarray  # (n, 2) where the right photo should show them
     right: np.ndarray  # (n, 2) and where it does

@@ -112,7 +112,7 @@ def _without_holes(outer: np.ndarray, holes: list[np.ndarray]) -> list[np.ndarra
 
     region = Polygon(outer, holes)
     x0, y0, x1, y1 = region.bounds
-    # A quarter pixel off the middle: contour points have coordinates in halves, a cut through them could leave slivers.
+    # A quarter pixel off the centre: contour points have coordinates in halves, a cut through them could leave slivers.
     cut = np.floor((holes[0][:, 0].min() + holes[0][:, 0].max()) / 2) + 0.25
     rings = []
     for low, high in ((x0 - 1, cut), (cut, x1 + 1)):

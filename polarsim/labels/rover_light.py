@@ -15,7 +15,7 @@ TERMS = ("all", "share here", "share elsewhere", "small", "far m")
 COEFFICIENTS = (2.64, 2.23, 1.65, 1.78, -0.65)
 PRESENCE = 0.45  # least probability of a label: F1 is highest where labels that are right less often than half of it go
 LARGE_PX = 50.0  # sqrt(area) from which on size does not matter
-USUAL_M = 3.5  # distance of the middle of the sandbox, about
+USUAL_M = 3.5  # distance of the centre of the sandbox, about
 
 
 def terms(share: float, elsewhere: float, size_px: float, distance_m: float) -> np.ndarray:

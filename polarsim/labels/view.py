@@ -12,7 +12,7 @@ from polarsim.labels.world import World
 
 BORDER_PX = 2.0  # an edge this near to the photo's border is where the photo ends
 SURE_VERTICES = 3  # fewer visible vertices than this are no rock
-CENTRE_DEPTH = 0.3  # of a rock's width: how far the middle of what we see of it lies behind its foot
+CENTRE_DEPTH = 0.3  # of a rock's width: how far the centre of what we see of it lies behind its foot
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ def ground_depth(world: World, view: Camera, pixels: np.ndarray) -> np.ndarray:
 def move_flat(world: World, source: Camera, target: Camera, boxes: np.ndarray) -> np.ndarray:
     """Boxes (n, 4) of flat things as the rig's other camera sees them: moved like the ground at their centres."""
     boxes = np.asarray(boxes, float).reshape(-1, 4)
-    middle = centres(boxes)
-    return boxes + np.tile(_shift_at_depth(source, target, middle, ground_depth(world, source, middle)), 2)
+    centre = centres(boxes)
+    return boxes + np.tile(_shift_at_depth(source, target, centre, ground_depth(world, source, centre)), 2)
 
 
 def _shift_at_depth(source: Camera, target: Camera, pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:

@@ -18,14 +18,14 @@ from polarsim.photo import CAMERAS, SUNS, Bracket, PhotoKey
 
 LEAST_BOXES = 3  # fewer tell no view
 BETTER, GOOD = 0.25, 0.4  # mean IoU by which another view must fit better, and at least
-SHIFTS_PX = np.arange(-320, 1, 4)  # Left to Right at the photo's middle that are tried
+SHIFTS_PX = np.arange(-320, 1, 4)  # Left to Right at the photo's centre that are tried
 SLOPE, DROP_PX = -0.18, 15.5  # shift per row, and rows that Right lies below Left: the release's rig
 ROUNDS = 3  # of fitting the shift as a plane
 NEAR_PX = 40.0  # boxes further from where the plane has them are no pair
 LEAST_PAIRS = 6  # that a plane is fitted to
 ACROSS_PX, OFF_PX = 25.0, 15.0  # a rock off its line: near across, and so many rows off
 ALIKE = 0.4  # largest log ratio of the sides of one rock's boxes in Left and Right
-ROCK_FOOT, SHADOW_FOOT = 0.75, 0.5  # share of a box's height, from its top, at which a thing's middle meets the ground
+ROCK_FOOT, SHADOW_FOOT = 0.75, 0.5  # share of a box's height, from its top, at which a thing's centre meets the ground
 REACH = 0.12  # metres on the ground between a rock's box and its shadow's
 AWAY, TOWARDS = 0.0, -0.7  # cosine to the direction of light: from there on a shadow may be, and cannot be, a rock's
 
@@ -115,7 +115,7 @@ def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 
 def _right_from_left(left: np.ndarray, right: np.ndarray) -> np.ndarray | None:
-    """(3, 2) shift of a box's middle as a plane over the Left photo; None where too few boxes pair."""
+    """(3, 2) shift of a box's centre as a plane over the Left photo; None where too few boxes pair."""
     if min(len(left), len(right)) < LEAST_PAIRS:
         return None
     starts = [np.array([[a - SLOPE * 608, DROP_PX], [0, 0], [SLOPE, 0]]) for a in SHIFTS_PX]
@@ -173,7 +173,7 @@ def _sunward(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 
 def _feet(boxes: np.ndarray, key: PhotoKey, rig: StereoRig, foot: float) -> np.ndarray:
-    """(n, 3, 2) places on level ground, metres, of boxes' middles at a share of their height and of lower corners."""
+    """(n, 3, 2) places on level ground, metres, of boxes' centres at a share of their height and of lower corners."""
     left = looking(
         survey.SURVEYED_LEFT[key.position],
         np.radians(survey.NOMINAL_YAW_DEG[key.position]),

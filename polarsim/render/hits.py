@@ -129,7 +129,7 @@ def sample_offsets(options: SensorOptions) -> tuple[Offset, ...]:
     samples share a row or column (Cook, ACM TOG 5 (1986) 51, and Chiu et al., Graphics Gems IV): an upright edge then
     makes as many shades as there are samples. A Gaussian: samples lie at its quantiles, so that pixels stay apart from
     one another and no weights are needed; they are moved outwards until their variance is that of the Gaussian, since
-    the middles of its quantiles leave out its tails.
+    the centres of its quantiles leave out its tails.
     """
     side = isqrt(options.samples)
     if options.pixel_filter == "gaussian":

@@ -20,7 +20,7 @@ from polarsim.rocks.heights import hull_mask
 SMOOTHING = 0.0075  # metres, sigma of heights whose curvature is taken
 NORMAL_SMOOTHING = 0.005  # metres, sigma of heights whose normals are taken
 BESIDE = 0.0125  # metres, sigma about a border's cell within which a piece's normal counts
-DEPTH = 15.0  # 1 / m of curvature that a crease must lie above the middle of both pieces that it parts
+DEPTH = 15.0  # 1 / m of curvature that a crease must lie above the centre of both pieces that it parts
 CURVATURES = (-60.0, 120.0)  # 1 / m between which curvatures differ
 SMALLEST = 12  # cells of a piece that is looked at on its own
 FOLD = 0.25  # radians from which a border counts as folded

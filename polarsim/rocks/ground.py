@@ -52,15 +52,15 @@ class Sand:
 def sand_extent(scans: ScanPoints, cell: float = 0.02) -> Extent:
     """The rectangle of sand between the walls: where the surface rises by a wall's height, else the survey's.
 
-    On each side the wall stands at the median over strips of the first place, from the middle outwards, where points
+    On each side the wall stands at the median over strips of the first place, from the centre outwards, where points
     lie high above the sand's median height.
     """
     half = SANDBOX_HALF_WIDTH
     area = scans.points[(np.abs(scans.points[:, :2]) < WALL_SEARCH[1]).all(axis=1)]
     if not len(area):
         return Extent(-half, -half, half, half)
-    middle = (np.abs(area[:, :2]) < 1.0).all(axis=1)
-    level = np.median(area[middle, 2]) if middle.any() else np.median(area[:, 2])
+    central = (np.abs(area[:, :2]) < 1.0).all(axis=1)
+    level = np.median(area[central, 2]) if central.any() else np.median(area[:, 2])
     high = area[area[:, 2] > level + WALL_HEIGHT]
     sides = {}
     for axis in (0, 1):

@@ -121,7 +121,7 @@ def in_order(regions: Sequence[Region]) -> list[Region]:
 
 
 def by_id(regions: Sequence[Region]) -> dict[int, Region]:
-    """Regions by the number of the square of the sandbox in which their middle lies, from 1, along x, then along y.
+    """Regions by the number of the square of the sandbox in which their centre lies, from 1, along x, then along y.
 
     Of several in one square the largest has this number, the next one 256 more, the third one 512 more; any others
     count on from there. So a rock that comes, goes or moves by millimetres changes its own id at most, or one in its

@@ -98,8 +98,8 @@ def _skirt_share(mesh: Mesh) -> float:
     """Share of a surface's area that lies in its skirt."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    middle = (a + b + c) / 3
-    return float(area[middle[:, 2] < _skirt_height(mesh, middle)].sum() / max(area.sum(), 1e-30))
+    centre = (a + b + c) / 3
+    return float(area[centre[:, 2] < _skirt_height(mesh, centre)].sum() / max(area.sum(), 1e-30))
 
 
 def _skirt_height(mesh: Mesh, places: np.ndarray) -> np.ndarray:

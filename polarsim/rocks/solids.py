@@ -133,21 +133,21 @@ def _grouped_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def _halved(mesh: Mesh, edges: np.ndarray) -> Mesh:
-    """The mesh with a vertex in the middle of some edges (n, 2), and their faces cut there."""
-    middles = mesh.vertices[edges].mean(axis=1)
-    middle = {(int(a), int(b)): len(mesh.vertices) + k for k, (a, b) in enumerate(edges)}
+    """The mesh with a vertex in the centre of some edges (n, 2), and their faces cut there."""
+    centres = mesh.vertices[edges].mean(axis=1)
+    centre = {(int(a), int(b)): len(mesh.vertices) + k for k, (a, b) in enumerate(edges)}
 
     def cut(face: tuple[int, int, int]) -> list[tuple[int, int, int]]:
         for a, b, c in (face, (face[1], face[2], face[0]), (face[2], face[0], face[1])):
-            if (min(a, b), max(a, b)) in middle:
-                half = middle[min(a, b), max(a, b)]
+            if (min(a, b), max(a, b)) in centre:
+                half = centre[min(a, b), max(a, b)]
                 return [*cut((a, half, c)), *cut((half, b, c))]
         return [face]
 
     touched = np.isin(mesh.faces, edges).sum(axis=1) >= 2
     parts = [part for a, b, c in mesh.faces[touched].tolist() for part in cut((a, b, c))]
     faces = np.concatenate([mesh.faces[~touched], np.array(parts, np.int64).reshape(-1, 3)])
-    return Mesh(np.concatenate([mesh.vertices, middles]), faces)
+    return Mesh(np.concatenate([mesh.vertices, centres]), faces)
 
 
 def _solid_pairs(mesh: Mesh, rows: np.ndarray, edges: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ def row(
     Parameters
     ----------
     cuboid : Cuboid
-        Its middle is the rock's centre.
+        Its centre is that of the rock.
     points : position -> int
         Points of each scan; none for published meshes.
     visible_share : float

@@ -51,7 +51,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     Parameters
     ----------
     world : folder of a drive's world, or the world; none: a new practice ground for every episode.
-    path_m : points x, y to follow; none: the middle line from the east to the west.
+    path_m : points x, y to follow; none: the centre line from the east to the west.
     image : make pictures; `camera` says from where and in what light.
     """
 
@@ -91,7 +91,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         super().reset(seed=seed, options=options)
         own = int(self.np_random.integers(2**31))
         world = practice_world(self._practice, own) if self._world is None else self._world
-        path = Path(np.array(self._points if self._points else _middle(world), float))
+        path = Path(np.array(self._points if self._points else _centre(world), float))
         heading = float(path.headings[0])
         aside, turned = self.np_random.uniform(-1, 1, 2) * (0.1, math.radians(5))
         x, y = path.points[0] + aside * np.array([-math.sin(heading), math.cos(heading)])
@@ -187,8 +187,8 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         }
 
 
-def _middle(world: World) -> list[tuple[float, float]]:
-    """Along the middle of a world from the east to the west, clear of its rim."""
+def _centre(world: World) -> list[tuple[float, float]]:
+    """Along the centre of a world from the east to the west, clear of its rim."""
     y = float(world.y.mean())
     margin = min(2.0, 0.25 * float(np.ptp(world.x)))
     return [(float(world.x[-1]) - margin, y), (float(world.x[0]) + margin, y)]

@@ -79,7 +79,7 @@ def refine_alignment(truth_from_sandbox: Pose, ground_truth: np.ndarray, surface
     ground says nothing of motions along it; there the cameras' alignment holds, by `SHIFT_SD` and `TURN_SD`.
     """
     pose = truth_from_sandbox
-    moved = np.zeros(6)  # turn and shift so far, in the sandbox about the points' middle
+    moved = np.zeros(6)  # turn and shift so far, in the sandbox about the points' centre
     centre = pose.inverse().apply(ground_truth.mean(axis=0))
     prior = np.diag(1 / np.array([TURN_SD] * 3 + [SHIFT_SD] * 3))
     for gate in np.geomspace(*ICP_GATES, ICP_STEPS):

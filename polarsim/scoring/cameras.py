@@ -219,7 +219,7 @@ def true_points(truth: Path, terrain: int) -> np.ndarray:
 
 
 def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) -> list[Metric]:
-    """The angle at the sandbox's middle between where a lamp is taken to stand and where it stood.
+    """The angle at the sandbox's centre between where a lamp is taken to stand and where it stood.
 
     Shadows tell a lamp's direction and hardly its distance, so the angle is what counts.
 

@@ -29,7 +29,7 @@ WINDOW = Window(half=10, search=8, step=16, likeness=0.7, noise=0.4)  # pixels o
 LEAST_TIES = 50  # windows found, for offsets to be told
 LEAST_TRIED = 100  # windows looked for, for a share to be told
 LEAST_BOXES = 5  # rocks that boxes of both cameras show
-SPREAD = 1.4826  # standard deviations of a normal distribution in its median distance from the middle
+SPREAD = 1.4826  # standard deviations of a normal distribution in its median distance from the median
 
 
 def photos_of_both(placed: Mapping[str, PlacedRig], surface: Caster, pictures: Pictures) -> list[Metric]:
@@ -63,11 +63,11 @@ def ties_met(subject: str, rig: StereoRig, ties: list[Ties]) -> list[Metric]:
     points = np.concatenate([one.points_left for one in ties])
     rows = _along_rows(rig, points)
     across, along = rows[:, 0] * off[:, 1] - rows[:, 1] * off[:, 0], (rows * off).sum(axis=1)
-    middle = float(np.median(across))
-    spread = float(SPREAD * np.median(np.abs(across - middle)))
+    median = float(np.median(across))
+    spread = float(SPREAD * np.median(np.abs(across - median)))
     return [
         *metrics,
-        Metric(subject, "across_rows", abs(middle), "px", found, "photos"),
+        Metric(subject, "across_rows", abs(median), "px", found, "photos"),
         Metric(subject, "across_rows_spread", spread, "px", found, "photos"),
         Metric(subject, "along_rows", abs(float(np.median(along))), "px", found, "photos"),
     ]

@@ -46,8 +46,8 @@ def equal_bins(told: Told) -> np.ndarray:
     _, place = np.unique(told.confidence, return_inverse=True)
     weight = np.bincount(place, told.weight)
     total = weight.sum()
-    middle = np.cumsum(weight) - weight / 2
-    return np.asarray(np.floor(np.clip(total // FEWEST, 1, BINS) * middle / total).astype(int)[place])
+    centre = np.cumsum(weight) - weight / 2
+    return np.asarray(np.floor(np.clip(total // FEWEST, 1, BINS) * centre / total).astype(int)[place])
 
 
 def reliability_bins(told: Told) -> pd.DataFrame:
@@ -84,9 +84,9 @@ def reliability_table(pairs: pd.DataFrame) -> pd.DataFrame:
 def wilson(share: float, n: float) -> tuple[float, float]:
     """95 % interval of a share of n (Wilson, J. Am. Stat. Assoc. 22 (1927) 209)."""
     spread = _Z * _Z / n
-    middle = share + spread / 2
+    centre = share + spread / 2
     half = float(np.sqrt(share * (1 - share) * spread + spread * spread / 4))
-    return max(0.0, (middle - half) / (1 + spread)), min(1.0, (middle + half) / (1 + spread))
+    return max(0.0, (centre - half) / (1 + spread)), min(1.0, (centre + half) / (1 + spread))
 
 
 def calibration_error(bins: pd.DataFrame) -> float:

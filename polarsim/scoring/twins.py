@@ -109,8 +109,8 @@ def compare_pictures(photo_path: Path, twin_path: Path) -> Likeness:
     if photo.shape != twin.shape:
         raise FormatError(f"{twin.shape[::-1]} pixels, its photo has {photo.shape[::-1]}", path=twin_path)
     ratio = log_ratio(photo, twin)
-    middle = (float(np.median(ratio)), float(np.median(np.abs(ratio)))) if ratio.size else (np.nan, np.nan)
-    return Likeness(ratio.size, *middle, similarity(photo, twin))
+    medians = (float(np.median(ratio)), float(np.median(np.abs(ratio)))) if ratio.size else (np.nan, np.nan)
+    return Likeness(ratio.size, *medians, similarity(photo, twin))
 
 
 def likeness_metrics(model: str, found: Sequence[Likeness]) -> list[Metric]:

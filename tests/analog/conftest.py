@@ -24,7 +24,7 @@ def coarse() -> AnalogOptions:
 
 @pytest.fixture(scope="session")
 def ball_scene():
-    """Flat sand with one ball in its middle, inside the walls."""
+    """Flat sand with one ball in its centre, inside the walls."""
     axis = np.linspace(-2, 2, 81)
     ball = Rock(1, icosphere(3)[0] * BALL_RADIUS + [0, 0, BALL_HEIGHT], 0.3, 0.0, 0.0)
     flat = Ground(axis, np.zeros((81, 81)))

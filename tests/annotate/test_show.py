@@ -92,7 +92,7 @@ def linked(*labels):
     return (drawn == LINK).all(axis=-1)
 
 
-def test_a_line_joins_the_middles_of_a_shadow_and_its_rock():
+def test_a_line_joins_the_centres_of_a_shadow_and_its_rock():
     on = linked(label(box=(400, 300, 800, 500)), label("shadow", box=(1000, 700, 1200, 900)))
     for share in (0.02, 0.25, 0.5, 0.75):
         x, y = round(600 + share * 500), round(400 + share * 400)  # between (600, 400) and (1100, 800)

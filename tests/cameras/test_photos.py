@@ -103,7 +103,7 @@ def test_photos_bring_a_pose_back_to_where_the_camera_stood(refined):
         assert np.abs(off).max() < 0.3
 
 
-def test_lamps_are_found_across_the_line_to_the_middle(refined):
+def test_lamps_are_found_across_the_line_to_the_centre(refined):
     suns = read_suns(refined[1] / "cameras", refined[0])
     for azimuth, off in SUNS.items():
         line = lamp_position(azimuth) / np.linalg.norm(lamp_position(azimuth))

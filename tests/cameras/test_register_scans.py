@@ -146,7 +146,7 @@ def test_a_scan_of_a_wall_is_left_out_by_name_and_what_it_shows(scans):
     assert list(network.level_from_left) == ["C"]
     (reason,) = network.refused
     assert re.search(
-        r"the scan of position A shows 0\.\d m2 of level sand within 1.6 m of the middle, 1 m2", str(reason)
+        r"the scan of position A shows 0\.\d m2 of level sand within 1.6 m of the centre, 1 m2", str(reason)
     )
 
 

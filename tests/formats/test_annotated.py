@@ -24,7 +24,7 @@ CLASS_LISTS = st.permutations([*BOX_CLASSES, "dog", "crater"])
 
 
 def line(number, x, y, width, height):
-    """A YOLO line by the format's definition: middle and size over the size of a photo of 1936 x 1216."""
+    """A YOLO line by the format's definition: centre and size over the size of a photo of 1936 x 1216."""
     return f"{number} {(x + width / 2) / 1936:.6f} {(y + height / 2) / 1216:.6f} {width / 1936:.6f} {height / 1216:.6f}"
 
 

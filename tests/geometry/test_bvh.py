@@ -11,7 +11,7 @@ coordinates = st.floats(-100, 100, width=32)
 
 @st.composite
 def triangles(draw):
-    """Vertices and faces; coarse coordinates, so that many middles and whole triangles fall together."""
+    """Vertices and faces; coarse coordinates, so that many centres and whole triangles fall together."""
     count = draw(st.integers(1, 60))
     coarse = st.integers(-2, 2).map(float)
     values = draw(st.sampled_from([coarse, coordinates]))
@@ -74,8 +74,8 @@ def test_leaves_are_small_and_not_too_deep(scene):
 
 def test_a_tree_that_would_get_too_deep_is_halved(monkeypatch):
     count = 300
-    middles = 2.0 ** -np.arange(count)[:, None] * 1e30  # each cut takes few off
-    vertices = (middles[:, None] * np.array([[1, 0, 0], [1.1, 0, 0], [1, 0.1, 0]])).reshape(-1, 3)
+    centres = 2.0 ** -np.arange(count)[:, None] * 1e30  # each cut takes few off
+    vertices = (centres[:, None] * np.array([[1, 0, 0], [1.1, 0, 0], [1, 0.1, 0]])).reshape(-1, 3)
     faces = np.arange(3 * count).reshape(-1, 3)
     deep = max(depth for depth, *_ in walked(bvh.built(vertices, faces)))
     monkeypatch.setattr(bvh, "LEVELS", 8)

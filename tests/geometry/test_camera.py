@@ -28,7 +28,7 @@ def test_inside_is_what_the_photo_shows():
     assert CAMERA.inside(pixels).tolist() == [True, True, False, False, False]
 
 
-def test_all_pixels_are_looked_through_in_their_middles():
+def test_all_pixels_are_looked_through_in_their_centres():
     small = CAMERA.scaled(1 / 16)
     directions = small.pixel_directions()
     assert directions.shape == (76, 121, 3)

@@ -33,7 +33,7 @@ def test_the_place_in_the_photo_does_not_matter(dx, dy):
     np.testing.assert_allclose(as_people_draw(shadow + shift, rock + shift, rock + shift, 600), found + shift)
 
 
-def test_people_begin_a_shadow_farther_from_the_middle_of_its_rock_than_its_visible_part():
+def test_people_begin_a_shadow_farther_from_the_centre_of_its_rock_than_its_visible_part():
     # Facts on the labels, 2.6: with the lamp at the side the near edge lies at 0.75 to 0.93 of the rock's width.
     rock, shadow = np.array([500.0, 400, 560, 450]), np.array([530.0, 420, 680, 448])
     found = as_people_draw(shadow, rock, rock, 600)

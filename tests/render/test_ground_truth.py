@@ -48,8 +48,8 @@ def test_the_shadow_of_a_block_is_its_projection_from_the_lamp(surfaces, above, 
     shadow = next(box for kind, rock, box in boxes_of(ids, plain) if kind == "shadow")
     expected = projected_box(np.concatenate([tips, [[-SIDE / 2, SIDE / 2, 0], [SIDE / 2, SIDE / 2, 0]]]), above, lens)
     np.testing.assert_allclose(shadow[[0, 1, 2]], expected[[0, 1, 2]], atol=1.0)
-    middle = ids[:, 100]  # through block and shadow: one begins where the other ends
-    assert np.flatnonzero(middle == 2001)[-1] + 1 == np.flatnonzero(middle == 1001)[0]
+    centre = ids[:, 100]  # through block and shadow: one begins where the other ends
+    assert np.flatnonzero(centre == 2001)[-1] + 1 == np.flatnonzero(centre == 1001)[0]
 
 
 def test_a_thin_line_of_dark_pixels_does_not_widen_a_shadows_box(plain):

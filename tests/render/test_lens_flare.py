@@ -16,9 +16,9 @@ def options(plain):
 
 def test_all_scattered_light_falls_into_the_half_space_before_the_lens():
     edges = np.linspace(0, np.pi / 2, 200_001)
-    middle = (edges[1:] + edges[:-1]) / 2
+    centre = (edges[1:] + edges[:-1]) / 2
     rings = 2 * np.pi * (np.cos(edges[:-1]) - np.cos(edges[1:]))
-    assert (scattering(middle) * rings).sum() == pytest.approx(1, rel=1e-6)
+    assert (scattering(centre) * rings).sum() == pytest.approx(1, rel=1e-6)
 
 
 def test_the_veiling_glare_thins_out_as_stiles_and_holladay_measured():
@@ -44,13 +44,13 @@ def test_a_lamp_outside_the_picture_veils_the_side_towards_it(surfaces, camera, 
 def test_the_veiling_glare_is_the_share_of_the_light_that_enters_the_lens(surfaces, lens, options):
     pose = looking(np.array([2.0, 0.0, 1.0]), np.pi, 0.0)
     lamp = Lamp(np.array([-1.0, 0.0, 1.0]), intensity=2.0)  # straight ahead, 3 m away
-    middle = lens_flare_of(surfaces, Camera(pose, lens), lamp, options)[70, 100]
+    centre = lens_flare_of(surfaces, Camera(pose, lens), lamp, options)[70, 100]
     angle = np.arctan(np.hypot(0.5, 0.5) / 220)
     light = 2.0 * (REFERENCE_DISTANCE / 3) ** 2
-    assert middle == pytest.approx(0.01 * light * scattering(np.array(angle)), rel=1e-3)
+    assert centre == pytest.approx(0.01 * light * scattering(np.array(angle)), rel=1e-3)
     even = options.model_copy(update={"falloff": False})
     assert lens_flare_of(surfaces, Camera(pose, lens), lamp, even)[70, 100] == pytest.approx(
-        middle / (4 / 3) ** 2, rel=1e-5
+        centre / (4 / 3) ** 2, rel=1e-5
     )
 
 

@@ -54,8 +54,8 @@ def test_the_shadow_of_a_block_ends_where_geometry_says(surfaces, above, lens, p
     lamp = Lamp(np.array([3.0, 0.0, 1.0]))
     image = olat_image(surfaces, above, lens, lamp, plain)
     dark_to = -0.2 - 0.2 * (3.0 + 0.2) / (1.0 - 0.2)  # the ray over the far top edge (-0.2, ., 0.2) down to z = 0
-    middle = np.array([[x, 0.0, 0.0] for x in (dark_to - 0.03, dark_to + 0.03, -0.25, 0.25)])
-    columns, rows = np.floor(lens.project(above.inverse().apply(middle))).astype(int).T
+    centre = np.array([[x, 0.0, 0.0] for x in (dark_to - 0.03, dark_to + 0.03, -0.25, 0.25)])
+    columns, rows = np.floor(lens.project(above.inverse().apply(centre))).astype(int).T
     assert (image[rows, columns] > 0).tolist() == [True, False, False, True]
 
 
@@ -137,9 +137,9 @@ def test_walls_throw_shadows_onto_the_sand(blocks, above, lens):
     with_walls, without = (olat_image(surfaces, above, lens, lamp, options).ravel() for surfaces in (walled, bare))
     hits, ground = ground_points(walled, above, lens)
     reach = 1.3 - 0.28 * (3.5 - 1.3) / (1.2 - 0.28)  # the ray over the wall's inner top edge; the other walls are far
-    middle = ground & (np.abs(hits.point[:, 1]) < 0.15)
-    banded = hits.pixel[middle & (hits.point[:, 0] > reach + 0.03)]
-    free = hits.pixel[middle & (hits.point[:, 0] < reach - 0.03) & (hits.point[:, 0] > 0.3)]
+    centre = ground & (np.abs(hits.point[:, 1]) < 0.15)
+    banded = hits.pixel[centre & (hits.point[:, 0] > reach + 0.03)]
+    free = hits.pixel[centre & (hits.point[:, 0] < reach - 0.03) & (hits.point[:, 0] > 0.3)]
     assert min(len(banded), len(free)) > 100
     assert not with_walls[banded].any()
     assert (without[banded] > 0).all()

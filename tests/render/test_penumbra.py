@@ -28,21 +28,21 @@ def end_of_shadow(lamp_x, lamp_z):
 
 def test_a_penumbra_is_as_wide_as_the_lamp_s_disc_makes_it(surfaces):
     """The disc faces the point: its highest and lowest points lie across the line of sight."""
-    middle = end_of_shadow(*LAMP.position[[0, 2]])
-    along = LAMP.position - [middle, 0, 0]
+    centre = end_of_shadow(*LAMP.position[[0, 2]])
+    along = LAMP.position - [centre, 0, 0]
     up = np.array([-along[2], 0, along[0]]) / np.linalg.norm(along) * LAMP.radius_m
     high, low = (end_of_shadow(*(LAMP.position + sign * up)[[0, 2]]) for sign in (1, -1))
     assert high - low > 0.05
     np.testing.assert_allclose(shares(surfaces, np.array([high + 0.01, low - 0.01])), [0, 1])
-    np.testing.assert_allclose(shares(surfaces, np.array([middle])), 0.5, atol=0.02)
+    np.testing.assert_allclose(shares(surfaces, np.array([centre])), 0.5, atol=0.02)
     inside = shares(surfaces, np.linspace(low, high, 20))
     assert (np.diff(inside) <= 1e-6).all()
 
 
 def test_a_quarter_of_the_way_shows_the_circle_s_segment(surfaces):
-    """Beyond half a radius from its middle a disc has (1 / 3 - sqrt(3) / (4 pi)) of its area."""
-    middle = end_of_shadow(*LAMP.position[[0, 2]])
-    along = LAMP.position - [middle, 0, 0]
+    """Beyond half a radius from its centre a disc has (1 / 3 - sqrt(3) / (4 pi)) of its area."""
+    centre = end_of_shadow(*LAMP.position[[0, 2]])
+    along = LAMP.position - [centre, 0, 0]
     up = np.array([-along[2], 0, along[0]]) / np.linalg.norm(along) * LAMP.radius_m / 2
     x = end_of_shadow(*(LAMP.position + up)[[0, 2]])
     assert shares(surfaces, np.array([x]))[0] == pytest.approx(1 / 3 - np.sqrt(3) / (4 * np.pi), abs=0.02)
@@ -84,10 +84,10 @@ def test_ground_that_sees_too_little_of_a_disc_is_shadow(surfaces, above, lens, 
     assert sizes[0] < 0.99 * sizes[1] < 0.97 * sizes[2]
 
 
-def test_half_a_disc_ends_the_shadow_about_where_its_middle_does(surfaces, above, lens, ids_of):
+def test_half_a_disc_ends_the_shadow_about_where_its_centre_does(surfaces, above, lens, ids_of):
     point = Lamp(LAMP.position)
-    disc, middle = (ids_of(surfaces, above, lens, {"lamp": lamp})["lamp"] == SHADOW_IDS + 1 for lamp in (LAMP, point))
-    assert (disc & middle).sum() > 0.95 * (disc | middle).sum()
+    disc, centre = (ids_of(surfaces, above, lens, {"lamp": lamp})["lamp"] == SHADOW_IDS + 1 for lamp in (LAMP, point))
+    assert (disc & centre).sum() > 0.95 * (disc | centre).sum()
 
 
 def test_the_sun_is_half_a_degree_wide_and_as_bright_everywhere(surfaces):

@@ -27,7 +27,7 @@ def gaussian(samples, sd_px=0.5):
     return offsets(samples, pixel_filter="gaussian", filter_sd_px=sd_px)
 
 
-def test_one_ray_goes_through_the_centre_and_four_through_the_middles_of_the_quarters():
+def test_one_ray_goes_through_the_centre_and_four_through_the_centres_of_the_quarters():
     assert sample_offsets(SensorOptions()) == ((0, 0),)
     quarters = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
     assert sample_offsets(SensorOptions(samples=4)) == quarters

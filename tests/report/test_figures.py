@@ -243,9 +243,9 @@ def test_a_comparison_shows_what_is_there(tmp_path):
     shown = png.read(tmp_path / "two.png")
     # Beside each other with the photo's white: the twin, with 284 of 684 DN above black, is darker than the photo.
     left, right = shown[:, 150].astype(int).mean(axis=-1), shown[:, 450].astype(int).mean(axis=-1)
-    middle = slice(shown.shape[0] // 4, shown.shape[0] // 4 + 20)  # of the upper of two rows
-    assert np.median(left[middle]) == 255
-    assert np.median(right[middle]) == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
+    centre = slice(shown.shape[0] // 4, shown.shape[0] // 4 + 20)  # of the upper of two rows
+    assert np.median(left[centre]) == 255
+    assert np.median(right[centre]) == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
     assert is_drawn(tmp_path / "none.png")
 
 

@@ -80,7 +80,7 @@ def test_a_published_ground_is_used(tmp_path):
 
 
 def wavy_ground(lift=0.0, half=2.0, step=0.05):
-    """A published ground with a pit of 12 cm in its middle and waves of 2 cm."""
+    """A published ground with a pit of 12 cm in its centre and waves of 2 cm."""
     x, y = np.meshgrid(np.arange(-half, half + step / 2, step), np.arange(-half, half + step / 2, step))
     return height_mesh_of(x, y, wavy(x, y) + lift)
 
@@ -115,8 +115,8 @@ def test_rocks_stand_on_the_published_ground_and_tables_say_so(tmp_path):
     assert made_from(tmp_path / "meshes")["terrain04_rock3.obj"] == "published"
     np.testing.assert_allclose(table["height_m"], 0.06, atol=0.008)  # a half ball's, above waves of up to 3.4 degrees
     ground = obj.read(tmp_path / "meshes" / "terrain04_ground.obj")
-    middle = np.linalg.norm(ground.vertices[:, :2], axis=1).argmin()
-    assert ground.vertices[middle, 2] == pytest.approx(wavy(0, 0), abs=1e-5)  # the pit is in it
+    centre = np.linalg.norm(ground.vertices[:, :2], axis=1).argmin()
+    assert ground.vertices[centre, 2] == pytest.approx(wavy(0, 0), abs=1e-5)  # the pit is in it
 
 
 def test_a_fitted_ground_is_told_from_a_published_one(tmp_path):

@@ -125,8 +125,8 @@ def test_finds_do_not_overlap_and_are_no_ground():
 def test_curvature_of_a_paraboloid_is_twice_its_factor_and_that_of_a_ridge_is_none():
     grid = FloorGrid(Extent(-0.2, -0.2, 0.2, 0.2), CELL)
     x, y = np.moveaxis(grid.places(), -1, 0)
-    middle = (slice(30, 50), slice(30, 50))
+    centre = (slice(30, 50), slice(30, 50))
     np.testing.assert_allclose(
-        curvature(-3 * x**2 - 5 * y**2, CELL, 0.012)[middle], 6, rtol=0.01
+        curvature(-3 * x**2 - 5 * y**2, CELL, 0.012)[centre], 6, rtol=0.01
     )  # filters end at 4 sigma
-    np.testing.assert_allclose(curvature(-5 * (0.6 * x + 0.8 * y) ** 2, CELL, 0.012)[middle], 0, atol=0.06)
+    np.testing.assert_allclose(curvature(-5 * (0.6 * x + 0.8 * y) ** 2, CELL, 0.012)[centre], 0, atol=0.06)

@@ -8,7 +8,7 @@ Y, X = np.mgrid[0:60, 0:90] * CELL
 
 
 def ball(x, y, radius, sunk=0.0):
-    """Heights of a ball, its middle `sunk` metres below the ground."""
+    """Heights of a ball, its centre `sunk` metres below the ground."""
     return np.sqrt(np.clip(radius**2 - (X - x) ** 2 - (Y - y) ** 2, 0, None)) - sunk
 
 
@@ -17,7 +17,7 @@ def relief_of(above):
 
 
 def halves(above):
-    """The terms of the two pieces left and right of the middle of what stands."""
+    """The terms of the two pieces left and right of the centre of what stands."""
     parts = np.where(above > 0.006, np.where(X.mean() > X, 1, 2), 0)
     return dict(zip(TERM_NAMES, Joining(relief_of(above), parts).pairs[1, 2], strict=True))
 
@@ -76,7 +76,7 @@ def test_what_is_rough_all_over_opens_no_hull():
 
 
 def test_depth_below_the_hull_of_a_pit():
-    # A flat top of 5 x 5 points with the middle one 7 mm lower.
+    # A flat top of 5 x 5 points with the centre one 7 mm lower.
     points = np.array([[x, y, 0.05] for x in range(5) for y in range(5)], float) * [0.01, 0.01, 1]
     points[12, 2] -= 0.007
     depths = depths_below_hull(points)

@@ -255,7 +255,7 @@ def test_an_upright_strip_makes_no_spike_in_the_ground(bare_scans, rng):
 
 
 def test_sand_that_is_seen_under_an_overhang_does_not_cut_a_rock(rng):
-    # A vault of 24 cm, 12 cm high, of which one scan sees the top and another one the sand below its middle.
+    # A vault of 24 cm, 12 cm high, of which one scan sees the top and another one the sand below its centre.
     sand = np.column_stack([rng.uniform(-1.9, 1.9, (1_000_000, 2)), np.zeros(1_000_000)])
     away = np.hypot(*(sand[:, :2] - [0.4, 0.2]).T)
     vault = np.column_stack([sand[away < 0.12, :2], np.sqrt(0.12**2 - away[away < 0.12] ** 2)])

@@ -97,14 +97,14 @@ def configured(**rover) -> dict:
 def write_meshes(folder: Path, terrain: int) -> None:
     """A sandbox of 4 x 4 m with three rocks, as a run's meshes."""
     world = practice_world(PracticeGround(length_m=4.0, width_m=4.0, cell_m=0.1, rocks=3, largest_m=0.1), 1)
-    middle = np.array([2.0, 0.0, 0.0])
+    centre = np.array([2.0, 0.0, 0.0])
     x, y = np.meshgrid(world.x, world.y)
     number = np.arange(world.level.size).reshape(world.level.shape)
     a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
     nodes = np.stack([x, y, world.level], axis=-1).reshape(-1, 3)
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    obj.write(folder / obj.ground_name(terrain), Mesh(nodes - middle, faces), "ground")
+    obj.write(folder / obj.ground_name(terrain), Mesh(nodes - centre, faces), "ground")
     for rock in world.rocks["rock"]:
         vertices, triangles = world.rock_mesh(int(rock))
         name = obj.rock_name(terrain, int(rock) + 1)
-        obj.write(folder / name, Mesh(vertices - middle, triangles), f"rock{rock + 1}")
+        obj.write(folder / name, Mesh(vertices - centre, triangles), f"rock{rock + 1}")

@@ -66,7 +66,7 @@ def rig_of(views: Views) -> StereoRig:
 
 
 def pinhole(hfov_deg: float, width_px: int, height_px: int) -> Lens:
-    """A lens with square pixels, its axis through the picture's middle."""
+    """A lens with square pixels, its axis through the picture's centre."""
     focal = width_px / 2 / np.tan(np.radians(hfov_deg) / 2)
     return Lens(float(focal), float(focal), width_px / 2, height_px / 2, width=width_px, height=height_px)
 

@@ -72,10 +72,10 @@ def _draw_lines(axes: Any, table: pd.DataFrame, domains: list[str]) -> None:
     for iou, style in zip(sorted(table["iou"].unique()), STYLES, strict=False):
         for number, domain in enumerate(domains):
             part = table[(table["iou"] == iou) & (table["evaluated"] == domain)].sort_values("recall")
-            colour, middle = SERIES[number % len(SERIES)], part["precision"]
-            axes.plot(part["recall"], middle, style, color=colour, linewidth=1.8)
+            colour, precision = SERIES[number % len(SERIES)], part["precision"]
+            axes.plot(part["recall"], precision, style, color=colour, linewidth=1.8)
             if part["precision_sd"].notna().any():
-                low, high = middle - part["precision_sd"], middle + part["precision_sd"]
+                low, high = precision - part["precision_sd"], precision + part["precision_sd"]
                 axes.fill_between(part["recall"], low, high, color=colour, alpha=0.15, linewidth=0)
     axes.set_xlim(0, 1)
     axes.set_ylim(0, 1.02)

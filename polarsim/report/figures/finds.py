@@ -137,7 +137,7 @@ def _draw_rock(cells: Any, sights: list[Sight], finds: Finds) -> None:
     """Both crops show the same window, each with its own white: twins may be much darker than their photo."""
     reach = boxes.around(np.concatenate([sight.label.reshape(2, 2) for sight in sights]))
     half = min(max(60.0, 1.1 * float((reach[2:] - reach[:2]).max())), HEIGHT / 2)
-    middle = np.clip((reach[:2] + reach[2:]) / 2, half, [WIDTH - half, HEIGHT - half])
+    centre = np.clip((reach[:2] + reach[2:]) / 2, half, [WIDTH - half, HEIGHT - half])
     key = PhotoKey.parse(sights[0].key)
     for axes, sight in zip(cells, sights, strict=True):
         path = finds.picture_of(sight.domain, key)
@@ -145,7 +145,7 @@ def _draw_rock(cells: Any, sights: list[Sight], finds: Finds) -> None:
         if path is None or not path.exists():
             axes.text(0.5, 0.5, "no picture", transform=axes.transAxes, ha="center", color=FAINT)
             continue
-        (left, top), side = np.floor(middle - half).astype(int), int(2 * half)
+        (left, top), side = np.floor(centre - half).astype(int), int(2 * half)
         crop = png.read(path)[top : top + side, left : left + side]
         extent = (left, left + crop.shape[1], top + crop.shape[0], top)
         axes.imshow(to_8bit(crop), extent=extent, interpolation="antialiased")

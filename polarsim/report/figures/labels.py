@@ -71,7 +71,7 @@ def _draw_edge(axes: Any, parts: Mapping[str, np.ndarray]) -> None:
     axes.set_ylim(0, 1.1 * tallest)
     moved = [values for task, values in parts.items() if task not in COPIED]
     everything = np.concatenate(moved or list(parts.values()))
-    middle = float(np.median(everything))
-    spread = _GOOD * float(np.median(np.abs(everything - middle)))
-    text = f"n {len(everything)}\nmedian {middle:+.1f}\nrobust sd {spread:.1f}"
+    median = float(np.median(everything))
+    spread = _GOOD * float(np.median(np.abs(everything - median)))
+    text = f"n {len(everything)}\nmedian {median:+.1f}\nrobust sd {spread:.1f}"
     axes.text(0.98, 0.97, text, transform=axes.transAxes, ha="right", va="top", color=FAINT, fontsize="small")

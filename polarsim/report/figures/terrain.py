@@ -75,7 +75,7 @@ def _draw_meshes(
     _draw_top(sheet, above, top, f"{name} from above, {len(scene.rocks)} rocks", heights)
     for rock in scene.rocks:
         _draw_outline(above, top, rock)
-        _write_id(above, rock, *_middle(top, rock, scene))
+        _write_id(above, rock, *_centre(top, rock, scene))
     picture(aslant, slanted_view(scene, rays, round(width * 0.52)), "From tripod A's side, lamp at Sun azimuth 30")
 
 
@@ -192,12 +192,12 @@ def _write_id(axes: Any, rock: int, x: float, y: float) -> None:
     )
 
 
-def _middle(top: TopView, rock: int, scene: TerrainMesh) -> tuple[float, float]:
+def _centre(top: TopView, rock: int, scene: TerrainMesh) -> tuple[float, float]:
     """Where a rock's number stands: at its upper edge on the map, or where its mesh is when it lies below others."""
     shown = np.argwhere(top.rock == rock)
     if not len(shown):
-        middle = scene.rock_vertices(rock).mean(axis=0)
-        return float(middle[0]), float(middle[1])
+        centre = scene.rock_vertices(rock).mean(axis=0)
+        return float(centre[0]), float(centre[1])
     return float(_columns(top)[shown[:, 1]].mean()), float(_rows(top)[shown[:, 0]].max())
 
 

@@ -88,7 +88,7 @@ def read_truth(folder: Path, frame: int, identity: str | None = None) -> Truth |
 
 
 def truth_table(truths: Sequence[Truth], world: World, cameras: Mapping[int, Pose]) -> pd.DataFrame:
-    """A row a label, `TRUTH_COLUMNS`; distances along the ground from the camera at its frame to the rock's middle."""
+    """A row a label, `TRUTH_COLUMNS`; distances along the ground from the camera at its frame to the rock's centre."""
     rocks = {row["rock"]: row for row in world.rocks.to_dict("records")}
     rows = []
     for truth in truths:

@@ -140,11 +140,11 @@ def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> tuple[n
         for end in [start + lattice.cell * (size - 1)]
     )
     rim = np.concatenate([lattice.level[0], lattice.level[-1], lattice.level[:, 0], lattice.level[:, -1]])
-    middle = np.median(rim)
+    centre = np.median(rim)
     beyond = np.concatenate([steps[::-1], np.zeros(1), steps]) if count else np.zeros(1)
     out_y, out_x = (np.concatenate([beyond[:count], np.zeros(size), beyond[len(beyond) - count :]]) for size in shape)
     share = np.exp(-np.maximum(out_y[:, None], out_x[None]) / _FADE_M)
-    z = middle + share * (_beyond_rim(lattice.level, steps / lattice.cell) - middle)
+    z = centre + share * (_beyond_rim(lattice.level, steps / lattice.cell) - centre)
     along_y, along_x = np.gradient(z, y, x)
     inner = (slice(count, count + shape[0]), slice(count, count + shape[1]))
     along_y[inner], along_x[inner] = lattice.slopes  # what tiles continue

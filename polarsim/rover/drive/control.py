@@ -43,7 +43,7 @@ def steer(
     if command.mode == "crab":
         return [_within(command.steer_rad, limit)] * len(places), [speed] * len(places)
     if command.mode == "turn":
-        angles = [math.atan2(x, -y) for x, y in places]  # across the line to the middle
+        angles = [math.atan2(x, -y) for x, y in places]  # across the line to the centre
         speeds = [speed] * len(places)
     elif command.crab_rad:
         turn = 2 * math.tan(command.steer_rad) / wheelbase  # rad per metre
@@ -53,7 +53,7 @@ def steer(
     elif abs(command.steer_rad) < STRAIGHT:
         return [0.0] * len(places), [speed] * len(places)
     else:
-        # All axles point at one point beside the middle, where the front's and the rear's meet.
+        # All axles point at one point beside the centre, where the front's and the rear's meet.
         radius = wheelbase / 2 / math.tan(command.steer_rad)
         side = math.copysign(1.0, radius)
         angles = [math.atan2(x * side, (radius - y) * side) for x, y in places]

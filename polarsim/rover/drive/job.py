@@ -79,7 +79,7 @@ def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: Drive
 
 
 def route_of(job: Job) -> Route:
-    """The path's points; the middle line of the terrains, from east to west, where none are given."""
+    """The path's points; the centre line of the terrains, from east to west, where none are given."""
     if job.drive.path_m is not None:
         return Route(np.array(job.drive.path_m, float))
     half = job.rocks.length_m * len(job.rocks.terrains) / 2

@@ -35,7 +35,7 @@ class DriveOptions(BaseModel, extra="forbid", frozen=True):
     path_m: tuple[Point, ...] | None = Field(
         None,
         min_length=2,
-        description="The rover follows these points x, y of the world, m; null: the middle line from east to west.",
+        description="The rover follows these points x, y of the world, m; null: the centre line from east to west.",
     )
     speed_m_s: PositiveFloat = Field(0.2, le=2.0, description="The body drives at this speed, m/s.")
     control: Literal["heading", "P-only"] = Field(

@@ -276,7 +276,7 @@ class Simulation:
         self._energy_zero = self._mechanical()
 
     def _support(self, x: float, y: float) -> float:
-        """Highest ground under a wheel's middle; on a rock its top."""
+        """Highest ground under a wheel's centre; on a rock its top."""
         column = round((x - self.ground.x0) / self.ground.cell)
         row = round((y - self.ground.y0) / self.ground.cell)
         near = math.ceil(0.12 / self.ground.cell)

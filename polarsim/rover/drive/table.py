@@ -102,8 +102,8 @@ def drive_table(traces: Iterable[Trace]) -> pd.DataFrame:
         values = values[np.isfinite(values)]
         low, high = interval(values)
         ends = (values.min(), values.max()) if len(values) else (math.nan, math.nan)
-        middle = float(values.mean()) if len(values) else math.nan
-        rows.append((*key, len(values), middle, low, high, *ends))
+        mean = float(values.mean()) if len(values) else math.nan
+        rows.append((*key, len(values), mean, low, high, *ends))
     return pd.DataFrame(rows, columns=list(DRIVES.columns))
 
 

@@ -1,7 +1,7 @@
 """From a box in the front camera's picture to a place and a size on the ground before the rover.
 
 A box's lower side is where a rock meets the ground; its width at that distance is the rock's width, and its depth too;
-its upper side is the rock's top, above the footprint's middle. The ground ahead is the plane under the wheels, which is
+its upper side is the rock's top, above the footprint's centre. The ground ahead is the plane under the wheels, which is
 all that a rover with one camera knows, or the ground as it was surveyed before the drive.
 """
 
@@ -25,7 +25,7 @@ class Estimate:
     """Rocks as boxes show them, n of them; world frame, metres."""
 
     near: np.ndarray  # (n, 2) where the box's lower side meets the ground
-    middle: np.ndarray  # (n, 2) of the footprint
+    centre: np.ndarray  # (n, 2) of the footprint
     width: np.ndarray  # (n,)
     height: np.ndarray  # (n,) not below 0
 
@@ -52,11 +52,11 @@ def estimate(boxes: np.ndarray, camera: Camera, ground: Heights) -> Estimate:
     ahead = near[:, :2] - eye[:2]
     reach = np.hypot(*ahead.T)
     away = ahead / np.where(reach > 0, reach, 1.0)[:, None]
-    middle = near[:, :2] + away * (width / 2)[:, None]
+    centre = near[:, :2] + away * (width / 2)[:, None]
     upper = camera.directions(np.stack([(left + right) / 2, top], axis=1))
     rise = upper[:, 2] / np.maximum(np.hypot(upper[:, 0], upper[:, 1]), 1e-9)
     height = eye[2] + rise * (reach + width / 2) - near[:, 2]
-    return Estimate(near[:, :2], middle, width, np.maximum(height, 0))
+    return Estimate(near[:, :2], centre, width, np.maximum(height, 0))
 
 
 def on_ground(pixels: np.ndarray, camera: Camera, ground: Heights) -> np.ndarray:

@@ -30,7 +30,7 @@ _LEAST_SHARE = 0.5  # of a cell that must have been looked at
 
 @dataclass(frozen=True)
 class Grid:
-    """Places (rows, columns) at the middles of the parts of cells, metres."""
+    """Places (rows, columns) at the centres of the parts of cells, metres."""
 
     x: np.ndarray  # (columns,)
     y: np.ndarray  # (rows,)
@@ -155,8 +155,8 @@ def _is_cut(corners: np.ndarray, size: np.ndarray) -> np.ndarray:
 def _shape(rocks: Estimate, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Height of the highest estimated rock at places, metres; 0 beside them."""
     highest = np.zeros(x.shape)
-    for middle, width, height in zip(rocks.middle, rocks.width, rocks.height, strict=True):
-        if np.isfinite(middle).all() and width > 0:
-            squared = ((x - middle[0]) ** 2 + (y - middle[1]) ** 2) / (width / 2) ** 2
+    for centre, width, height in zip(rocks.centre, rocks.width, rocks.height, strict=True):
+        if np.isfinite(centre).all() and width > 0:
+            squared = ((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / (width / 2) ** 2
             highest = np.maximum(highest, np.where(squared < 1, height * np.sqrt(np.maximum(1 - squared, 0)), 0.0))
     return highest

@@ -34,7 +34,7 @@ class Ride:
     base_from_camera: Pose
     ground_m: float  # height of the ground in base_link
     front_m: float  # how far the wheels reach beyond the camera
-    half_width_m: float  # from the middle to the wheels' outer side
+    half_width_m: float  # from the centre to the wheels' outer side
     wheel_paths: np.ndarray  # (p, 2) places of all wheels, m
     wheel_half_m: float  # half a wheel's width
     length_m: float  # driven

@@ -139,7 +139,7 @@ def intersect(
 
 
 def _covered(distance: np.ndarray, half: float, cell: float) -> np.ndarray:
-    """Share of a cell at `distance` from the middle of a strip that the strip covers.
+    """Share of a cell at `distance` from the centre of a strip that the strip covers.
 
     So a load does not jump when a wheel's edge passes a row of nodes.
     """

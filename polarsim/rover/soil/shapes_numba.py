@@ -118,7 +118,7 @@ def clear(shape, rotation, dx, dy, depth):  # type: ignore[no-untyped-def]
         return False
     along = dx * rotation[0, 1] + dy * rotation[1, 1] - depth * rotation[2, 1]
     tip = shape[RADIUS] + (shape[GROUSER_HEIGHT] if shape[GROUSERS] > 0 else 0.0)
-    # A grouser's corners lie farther out than its middle.
+    # A grouser's corners lie farther out than its centre.
     return dx * dx + dy * dy + depth * depth - along * along > tip**2 + shape[HALF_THICKNESS] ** 2
 
 

@@ -2,7 +2,7 @@
 
 A hull fills hollows. How much it does is seen from above, where wheels come from: the mean height by which the hull
 stands over the rock, over the hull's outline. That works for open shells too, as scans give them, where a volume does
-not. A rock whose hull stands too high is cut across its longest axis, at the middle of its hollow, into two parts with
+not. A rock whose hull stands too high is cut across its longest axis, at the centre of its hollow, into two parts with
 hulls of their own, the worst part first, until none is too high or there are as many as allowed.
 """
 
@@ -73,10 +73,10 @@ def convex_parts(vertices: np.ndarray, faces: np.ndarray, hollow: float, most: i
 
 
 def _split(vertices: np.ndarray, part: _Part) -> list[_Part] | None:
-    """A triangle belongs to the side of its middle, so that parts overlap by a triangle at the cut."""
-    middles = vertices[part.triangles].mean(axis=1)[:, part.axis]
+    """A triangle belongs to the side of its centre, so that parts overlap by a triangle at the cut."""
+    centres = vertices[part.triangles].mean(axis=1)[:, part.axis]
     halves = []
-    for side in (middles < part.cut, middles >= part.cut):
+    for side in (centres < part.cut, centres >= part.cut):
         if side.sum() < 4:
             return None
         try:

@@ -1,6 +1,6 @@
 """Terrains side by side: one grid of heights from their ground meshes, their rocks on it, filler ground around.
 
-The first terrain is the eastern one. Each keeps its middle `length_m`; neighbours pass into each other over `blend_m`
+The first terrain is the eastern one. Each keeps its centre `length_m`; neighbours pass into each other over `blend_m`
 about their seam, for which each ground reaches beyond its own length. Heights count from each terrain's sand level, so
 that published meshes that stand decimetres off meet too.
 """
@@ -66,7 +66,7 @@ def read_terrain(folder: str | Path, number: int) -> Terrain:
 
 
 def stitch(terrains: list[Terrain], options: WorldOptions, seed: int = 0) -> World:
-    """The strip, its middle at x = y = 0.
+    """The strip, its centre at x = y = 0.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def stitch(terrains: list[Terrain], options: WorldOptions, seed: int = 0) -> Wor
 
 
 def centres(options: WorldOptions) -> np.ndarray:
-    """(n,) x of the terrains' middles, the first in the east."""
+    """(n,) x of the terrains' centres, the first in the east."""
     count = len(options.terrains)
     return options.length_m * ((count - 1) / 2 - np.arange(count))
 
@@ -221,7 +221,7 @@ def _row(world: World, points: np.ndarray) -> dict[str, float]:
 
 
 def _outward(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Faces turned so that on the whole they look away from the rock's middle, as some published ones do not."""
+    """Faces turned so that on the whole they look away from the rock's centre, as some published ones do not."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     away = (a + b + c) / 3 - (points.min(axis=0) + points.max(axis=0)) / 2
     return faces if float((cross(b - a, c - a) * away).sum()) >= 0 else faces[:, ::-1]

@@ -43,7 +43,7 @@ class Studio:
 
 
 def sandbox() -> TerrainMesh:
-    """Ground of 5 cm triangles, 2 m wide, and two blocks: one in its middle, one far outside the pictures."""
+    """Ground of 5 cm triangles, 2 m wide, and two blocks: one in its centre, one far outside the pictures."""
     axis = np.linspace(-1, 1, 41)
     x, y = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
     vertices = [np.stack([x, y, 0.02 * np.sin(3 * x) * np.cos(4 * y)], axis=1)]

@@ -13,7 +13,7 @@ LEVEL = lambda places: np.zeros(len(places))  # noqa: E731
 
 
 @given(PLACES, PLACES, st.floats(-3, 3), st.floats(10, 120))
-def test_what_is_looked_at_is_seen_in_the_middle(position, target, roll, hfov_deg):
+def test_what_is_looked_at_is_seen_in_the_centre(position, target, roll, hfov_deg):
     assume(np.linalg.norm(target - position) > 1e-3)
     lens = pinhole(hfov_deg, 640, 480)
     pixel = lens.project(looking_at(position, target, roll).inverse().apply(target))

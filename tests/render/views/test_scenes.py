@@ -30,8 +30,8 @@ def test_rocks_of_several_terrains_are_numbered_on(folders):
     surfaces = scene.surfaces
     for rock, (place, _) in scene.rocks.items():
         faces = surfaces.faces[surfaces.id_of_face == ROCK_IDS + rock]
-        middle = surfaces.vertices[np.unique(faces)].mean(axis=0)
-        np.testing.assert_allclose(middle, [4 * place, 0, HEIGHT / 2], atol=1e-9)
+        centre = surfaces.vertices[np.unique(faces)].mean(axis=0)
+        np.testing.assert_allclose(centre, [4 * place, 0, HEIGHT / 2], atol=1e-9)
     assert set(np.unique(surfaces.id_of_face)) == {GROUND, ROCK_IDS + 1, ROCK_IDS + 2, ROCK_IDS + 3}
 
 

@@ -29,12 +29,12 @@ def test_an_unknown_camera_is_refused(drive):
 def test_the_front_camera_sees_the_rock_ahead_where_it_stands(suite):
     ids = suite.render(FRONT, ["2"]).ids[NO_LAMP]
     x, y, height, _ = driven.ROCKS[0]
-    middle = np.array([x, y, driven.level(x, y) + height / 2])
-    column, row = suite.camera(FRONT, 10).project(middle).astype(int)
+    centre = np.array([x, y, driven.level(x, y) + height / 2])
+    column, row = suite.camera(FRONT, 10).project(centre).astype(int)
     assert ids[row, column] == ROCK_IDS + 1
 
 
-def test_the_third_person_sees_the_rover_in_the_middle(suite):
+def test_the_third_person_sees_the_rover_in_the_centre(suite):
     ids = suite.render("CamBirdViewLeft", ["2"]).ids[NO_LAMP]
     height, width = ids.shape
     assert BODY <= ids[height // 2, width // 2] < ROCK_IDS

@@ -37,7 +37,7 @@ def test_fine_ground_goes_through_the_nodes_and_continues_slopes(finer, seed):
     np.testing.assert_allclose(fine.level[::finer, ::finer], lattice.level, atol=1e-12)
     y, x = np.mgrid[: fine.level.shape[0], : fine.level.shape[1]] * fine.cell
     true = 0.02 * np.sin(8 * x + seed) * np.cos(7 * y) + 0.1 * x - 0.05 * y
-    assert np.abs(fine.level - true).max() < 2e-6  # flat cells are off by 1e-4 in their middle
+    assert np.abs(fine.level - true).max() < 2e-6  # flat cells are off by 1e-4 in their centre
 
 
 def test_flat_cells_do_not_show_under_a_low_sun(rng):

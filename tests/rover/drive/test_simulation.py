@@ -31,7 +31,7 @@ def soil():
 
 
 def flat(length: float = 4.0, slope_deg: float = 0.0):
-    """Ground that rises along x, the middle at x = y = 0."""
+    """Ground that rises along x, the centre at x = y = 0."""
     columns, rows = round(length / 0.02) + 1, 121
     x = -length / 2 + 0.02 * np.arange(columns)
     return bare_world(np.tile(math.tan(math.radians(slope_deg)) * x, (rows, 1)), 0.02, -length / 2, -1.2)

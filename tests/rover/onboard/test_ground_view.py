@@ -17,7 +17,7 @@ def test_the_lower_side_of_a_box_lies_where_the_rock_meets_the_ground(x, y, widt
 
 
 @given(x=st.floats(1.8, 5), height=st.floats(0.03, 0.4), width=st.floats(0.02, 0.3))
-def test_a_top_above_the_footprints_middle_tells_the_height(x, height, width):
+def test_a_top_above_the_footprints_centre_tells_the_height(x, height, width):
     lower, upper = box_of(x, 0, width, 0), box_of(x + width / 2, 0, width, height)
     box = np.array([lower[0], upper[1], lower[2], lower[3]])
     found = estimate(box, CAMERA, level)

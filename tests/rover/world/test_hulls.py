@@ -41,7 +41,7 @@ def test_a_hollow_rock_is_split_until_its_hulls_do_not_fill_the_hollow():
     mesh = bent()
     parts = convex_parts(mesh.vertices, mesh.faces, 0.01, 8)
     assert 1 < len(parts) <= 8
-    # Over the middle of the gap no hull stands as high as that of the whole did, 0.2 m.
+    # Over the centre of the gap no hull stands as high as that of the whole did, 0.2 m.
     tops = []
     for part in parts:
         hull = trimesh.convex.convex_hull(part)

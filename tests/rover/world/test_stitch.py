@@ -22,10 +22,10 @@ def test_the_first_terrain_lies_in_the_east():
 
 def test_grounds_of_one_slope_meet_without_a_seam_whatever_their_level():
     world = stitch([Terrain(4, plane(-0.2, 0.1), {}), Terrain(1, plane(0.05, 0.1), {})], SMALL)
-    middle = np.abs(world.y) < 0.6
+    centre = np.abs(world.y) < 0.6
     inside = np.abs(world.x) < 0.9
     wanted = np.broadcast_to(0.1 * world.y[:, None], world.level.shape)
-    np.testing.assert_allclose(world.level[np.ix_(middle, inside)], wanted[np.ix_(middle, inside)], atol=1e-6)
+    np.testing.assert_allclose(world.level[np.ix_(centre, inside)], wanted[np.ix_(centre, inside)], atol=1e-6)
 
 
 def test_filler_ground_is_level_far_from_the_terrains():
