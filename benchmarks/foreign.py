@@ -2,7 +2,7 @@
 
 `python benchmarks/foreign.py FOLDER [seed] [meshes] [--hard] [--bare] [--touching] [--without-boxes]`
 
-Another sandbox, another scanner: real scanned rocks (OBJ files of the published release, turned and scaled; lumpy
+Another sandbox, another scanner: real scanned rocks (OBJ files of the published release, rotated and scaled; lumpy
 ellipsoids where there are none) on waves, craters and ripples, in a box of thick boards that loose cloth hangs over
 differently in every scan. Ranges have noise that grows with range and incidence, stripes along rows and columns, mixed
 pixels by the width of the beam, gross outliers, and nothing from grazing surfaces. Files are in NASA's form, full size.
@@ -150,14 +150,14 @@ def _lump(rng: np.random.Generator) -> Mesh:
 
 
 def strewn(axis: np.ndarray, height: np.ndarray, count: int, given: list[Mesh], rng: np.random.Generator) -> list[Mesh]:
-    """Rocks of a power law of sizes, turned about the vertical, sunk into the ground, none touching another."""
+    """Rocks of a power law of sizes, rotated about the vertical, sunk into the ground, none touching another."""
     placed: list[Mesh] = []
     taken = np.zeros((0, 3))
     sizes = np.clip(SMALLEST * rng.uniform(0, 1, count) ** -0.8, SMALLEST, LARGEST)
     for size in np.sort(sizes)[::-1]:
         shape = given[rng.integers(len(given))]
-        turn = Pose.from_rotvec(np.array([0, 0, rng.uniform(0, 6.28)]), np.zeros(3))
-        vertices = size * turn.apply(shape.vertices)
+        rotation = Pose.from_rotvec(np.array([0, 0, rng.uniform(0, 6.28)]), np.zeros(3))
+        vertices = size * rotation.apply(shape.vertices)
         for _ in range(200):
             x, y = rng.uniform(-1.75, 1.75, 2)
             if (np.hypot(*(taken[:, :2] - [x, y]).T) > taken[:, 2] + 0.6 * size + 0.02).all():
@@ -200,9 +200,9 @@ def _pushed(rock: Mesh, parent: Mesh, axis: np.ndarray, height: np.ndarray, rng:
     for _ in range(10):
         apart = (near + far) / 2
         place = centres[1] + apart * np.array([np.cos(angle), np.sin(angle)])
-        shift = np.append(place - centres[0], 0.0)
-        shift[2] = np.median(at(axis, height, foot + shift) - at(axis, height, foot))
-        vertices = rock.vertices + shift
+        translation = np.append(place - centres[0], 0.0)
+        translation[2] = np.median(at(axis, height, foot + translation) - at(axis, height, foot))
+        vertices = rock.vertices + translation
         meets = np.isfinite(tree.query(vertices, distance_upper_bound=TOUCH)[0]).any()
         near, far = (apart, far) if meets or apart < 0.02 else (near, apart)
     return Mesh(vertices, rock.faces) if (np.abs(place) < 1.75).all() else None
@@ -243,8 +243,8 @@ def box(cloth: float, rng: np.random.Generator) -> Mesh:
         wall = np.stack(
             [outward, np.broadcast_to(along, outward.shape), np.broadcast_to(steps[:, 1:], outward.shape)], -1
         )
-        turn = Pose.from_rotvec(np.array([0, 0, side * np.pi / 2]), np.zeros(3))
-        parts.append(turn.apply(wall.reshape(-1, 3)))
+        rotation = Pose.from_rotvec(np.array([0, 0, side * np.pi / 2]), np.zeros(3))
+        parts.append(rotation.apply(wall.reshape(-1, 3)))
         faces.append(_grid_faces(*outward.shape) + start)
         start += outward.size
     floor = np.array([[-9, -9, FLOOR], [9, -9, FLOOR], [9, 9, FLOOR], [-9, 9, FLOOR]], float)
@@ -292,11 +292,11 @@ def _scene(solids: list[Mesh]) -> o3d.t.geometry.RaycastingScene:
 
 def _hits(scene: o3d.t.geometry.RaycastingScene, pose: Pose, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Distances and cosines of incidence (h, w) along unit rays (h, w, 3)."""
-    turned = pose.rotate(rays.reshape(-1, 3)).reshape(rays.shape)
-    start = np.broadcast_to(pose.translation, turned.shape)
-    hit = scene.cast_rays(o3d.core.Tensor(np.concatenate([start, turned], axis=-1).astype(np.float32)))
+    rotated = pose.rotate(rays.reshape(-1, 3)).reshape(rays.shape)
+    start = np.broadcast_to(pose.translation, rotated.shape)
+    hit = scene.cast_rays(o3d.core.Tensor(np.concatenate([start, rotated], axis=-1).astype(np.float32)))
     distance, normals = hit["t_hit"].numpy().astype(float), hit["primitive_normals"].numpy()
-    return np.where(distance < 10, distance, np.nan), np.abs((normals * turned).sum(axis=-1))
+    return np.where(distance < 10, distance, np.nan), np.abs((normals * rotated).sum(axis=-1))
 
 
 def make(
@@ -316,8 +316,8 @@ def make(
     maps = {}
     for position, (place, yaw, pitch) in TRIPODS.items():
         centre = np.array(place) + rng.normal(0, 0.08, 3)
-        turned = np.radians([yaw + rng.normal(0, 2), pitch + rng.normal(0, 1.5), rng.normal(0, 1)])
-        sandbox_from_left = looking(centre, *turned)
+        angles = np.radians([yaw + rng.normal(0, 2), pitch + rng.normal(0, 1.5), rng.normal(0, 1)])
+        sandbox_from_left = looking(centre, *angles)
         solids = [ground, *rocks, *clutter, box(0.02, rng)]
         points = swept(solids, sandbox_from_left @ grid.left_from_rectified, grid.lens.pixel_directions(), rng)
         maps[position] = str(folder / f"Pos{position}_org-XYZ.tif")

@@ -58,7 +58,7 @@ def cost(task: Task) -> Cost:
     ready = time.process_time()
     rig = surveyed_rig()
     lens = rig.rig.left.scaled(task.scale)
-    lamps = {f"{turn:.2f}": Lamp(np.array([4 * np.cos(turn), 4 * np.sin(turn), 1.0])) for turn in range(task.lamps)}
+    lamps = {f"{angle:.2f}": Lamp(np.array([4 * np.cos(angle), 4 * np.sin(angle), 1.0])) for angle in range(task.lamps)}
     view = render_view(
         surfaces, Camera(rig.sandbox_from_left, lens), lamps, ["principled"], None, RenderOptions(), task.threads
     )

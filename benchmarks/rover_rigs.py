@@ -70,7 +70,7 @@ def park(
 ) -> Parked:
     """Let a locked wheel down on a slope and watch it; free along the slope and across it, nothing damps but the soil.
 
-    The grid lies along the slope and gravity is turned, which is the same.
+    The grid lies along the slope and gravity is rotated, which is the same.
     """
     ground = flat_ground(4 * wheel.reach, wheel.width + 0.12, cell)
     pull = mass * gravity * np.array([math.sin(math.radians(slope_deg)), 0.0, -math.cos(math.radians(slope_deg))])

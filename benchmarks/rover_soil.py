@@ -50,13 +50,13 @@ def step_costs(seconds: float) -> None:
     ):
         ground = make_ground(np.zeros((round(4 / cell), round(12 / cell))), cell, -2.0, -2.0)
         bed = SoilBin(ground, soil.law(), bulldozing_rule=rule)
-        numbers, turns = np.repeat(wheel.numbers(cell)[None], 4, 0), np.repeat(np.eye(3)[None], 4, 0)
+        numbers, rotations = np.repeat(wheel.numbers(cell)[None], 4, 0), np.repeat(np.eye(3)[None], 4, 0)
         spins, speed = np.tile([0.0, 0.2 / wheel.radius, 0.0], (4, 1)), 0.195
         centres = np.column_stack([corners, np.full(4, wheel.radius)])
         sinking, spent, steps = np.zeros(4), 0.0, round(seconds / 1e-3)
         for step in range(-200, steps):  # the first 200 settle and compile
             velocities = np.column_stack([np.full(4, speed), np.zeros(4), sinking])
-            bodies = Bodies(numbers, centres, turns, velocities, spins)
+            bodies = Bodies(numbers, centres, rotations, velocities, spins)
             began = time.process_time()
             forces = bed.step(bodies, 1e-3).forces[:, 2]
             spent += (time.process_time() - began) * (step >= 0)

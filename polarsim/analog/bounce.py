@@ -87,17 +87,17 @@ def _lit_radiance(
 
 
 def _hemisphere(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(n, rays, 3) float32 directions, uniform over the hemispheres about normals: one spread set, turned at random."""
+    """(n, rays, 3) float32 directions, uniform over hemispheres about normals: one spread set, rotated at random."""
     k = np.arange(2 * _BOUNCE_RAYS) + 0.5
     z = 1 - k / _BOUNCE_RAYS
     angle = np.pi * (1 + 5**0.5) * k
     sphere = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], 1)[:_BOUNCE_RAYS]
-    turn = rng.uniform(0, 2 * np.pi, len(normals))
+    angle = rng.uniform(0, 2 * np.pi, len(normals))
     side = np.where(np.abs(normals[:, 2:]) < 0.9, [[0, 0, 1.0]], [[1.0, 0, 0]])
     first = np.cross(normals, side)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(normals, first)
-    right = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
+    right = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
     ahead = np.cross(normals, right)
     frame = np.stack([right, ahead, normals], axis=1)
     return np.einsum("rk,nkx->nrx", sphere, frame).astype(np.float32)

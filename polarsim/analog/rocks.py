@@ -45,7 +45,7 @@ def icosphere(detail: int) -> tuple[np.ndarray, np.ndarray]:
     """Unit vectors (v, 3) and faces (f, 3); the vertices of coarser spheres come first."""
     golden = (1 + 5**0.5) / 2
     corners = [[-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0]]
-    vertices = np.array([np.roll(corner, turn) for turn in (0, 1, 2) for corner in corners], float)
+    vertices = np.array([np.roll(corner, step) for step in (0, 1, 2) for corner in corners], float)
     vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
     edge = np.sort(np.linalg.norm(vertices[:, None] - vertices[None], axis=-1).ravel())[12]
     near = np.abs(np.linalg.norm(vertices[:, None] - vertices[None], axis=-1) - edge) < 1e-6
@@ -86,12 +86,12 @@ def carve(rng: np.random.Generator, rock: int, size: float, detail: int) -> Rock
     pitted = -np.clip(octaves(rng, points, (9.0,), 0.0) - 1.0, 0, 1)  # vesicles
     points *= (1 + 0.05 * lumps + rng.uniform(0.03, 0.10) * rough + rng.uniform(0, 0.05) * pitted)[:, None]
     tilt = Rotation.from_rotvec(rng.normal(0, 0.25, 3) * [1, 1, 0])
-    turned = (Rotation.from_rotvec([0, 0, rng.uniform(0, 2 * np.pi)]) * tilt).apply(points)
-    turned -= (turned.min(axis=0) + turned.max(axis=0)) / 2
-    turned *= size / np.ptp(turned, axis=0).max()
+    rotated = (Rotation.from_rotvec([0, 0, rng.uniform(0, 2 * np.pi)]) * tilt).apply(points)
+    rotated -= (rotated.min(axis=0) + rotated.max(axis=0)) / 2
+    rotated *= size / np.ptp(rotated, axis=0).max()
     bright = rng.random() < 0.2
     return Rock(
-        rock, turned, float(rng.uniform(0.14, 0.36)), float(rng.uniform(0.1, 0.5)) if bright else 0.02,
+        rock, rotated, float(rng.uniform(0.14, 0.36)), float(rng.uniform(0.1, 0.5)) if bright else 0.02,
         float(rng.uniform(0.5, 1.2)) if bright else float(rng.uniform(0, 0.3)),
     )  # fmt: skip
 
@@ -104,7 +104,7 @@ def _cut(directions: np.ndarray, normals: np.ndarray, distances: np.ndarray) -> 
 
 
 def _spread_directions(rng: np.random.Generator, count: int) -> np.ndarray:
-    """(count, 3) unit vectors, spread so that no side is left open (a jittered Fibonacci lattice, turned)."""
+    """(count, 3) unit vectors, spread so that no side is left open (a jittered Fibonacci lattice, rotated)."""
     k = np.arange(count) + 0.5
     z = 1 - 2 * k / count
     angle = np.pi * (1 + 5**0.5) * k

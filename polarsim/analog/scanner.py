@@ -15,7 +15,7 @@ from polarsim.geometry.poses import Pose
 
 SCANNED = ("A", "C")  # positions with a scan of their own; B's map is made from these two
 _PAN, _TILT_UP, _TILT_DOWN = np.radians([36.0, 3.0, 48.0])  # the scanner's window about its heading and the horizon
-_REGISTRATION_MM, _REGISTRATION_DEG = 2.0, 0.05  # sd of the shift and the turn of NASA's registration of a map
+_REGISTRATION_MM, _REGISTRATION_DEG = 2.0, 0.05  # sd of NASA's registration of a map
 _FARTHEST = 9.0  # metres
 _EDGE = 0.03  # jump of range between neighbours that makes a depth edge, metres
 _GAP = 0.05  # neighbours farther apart than this, and than _GAP_SHARE of the range, are not joined
@@ -114,5 +114,5 @@ def range_map(surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: Lens, thr
 
 def registration_error(rng: np.random.Generator) -> Pose:
     """The small rigid error with which NASA put a scan into a camera's frame."""
-    turn = np.radians(rng.normal(0, _REGISTRATION_DEG / np.sqrt(3), 3))
-    return Pose.from_rotvec(turn, rng.normal(0, _REGISTRATION_MM / 1000 / np.sqrt(3), 3))
+    rotation = np.radians(rng.normal(0, _REGISTRATION_DEG / np.sqrt(3), 3))
+    return Pose.from_rotvec(rotation, rng.normal(0, _REGISTRATION_MM / 1000 / np.sqrt(3), 3))

@@ -73,8 +73,8 @@ def _true_rig(rng: np.random.Generator) -> StereoRig:
             distortion=terms,
         )  # fmt: skip
 
-    turn = Pose.from_rotvec(np.radians(rng.normal(0, 0.05, 3)), rng.normal(0, 0.0005, 3))
-    return StereoRig(lens(stated.left), lens(stated.right), stated.left_from_right @ turn)
+    motion = Pose.from_rotvec(np.radians(rng.normal(0, 0.05, 3)), rng.normal(0, 0.0005, 3))
+    return StereoRig(lens(stated.left), lens(stated.right), stated.left_from_right @ motion)
 
 
 def _calibrated(rig: StereoRig, rng: np.random.Generator) -> StereoRig:
@@ -89,8 +89,8 @@ def _calibrated(rig: StereoRig, rng: np.random.Generator) -> StereoRig:
 
     right_from_left = rig.left_from_right.inverse()
     moved = right_from_left.translation + rng.normal(0, _BASELINE_ERROR_MM / 1000, 3)
-    turned = Rotation.from_rotvec(np.radians(rng.normal(0, 0.005, 3))).as_matrix() @ right_from_left.rotation
-    return StereoRig(lens(rig.left), lens(rig.right), Pose(turned, _six_digits(moved)).inverse())
+    rotation = Rotation.from_rotvec(np.radians(rng.normal(0, 0.005, 3))).as_matrix() @ right_from_left.rotation
+    return StereoRig(lens(rig.left), lens(rig.right), Pose(rotation, _six_digits(moved)).inverse())
 
 
 def _six_digits(values: np.ndarray) -> np.ndarray:

@@ -99,20 +99,20 @@ def look(scene: Scene, caster: Caster, textures: Textures, camera: Camera, threa
     rotation = camera.world_from_camera.rotation.astype(np.float32)
     centre = camera.centre.astype(np.float32)
     for rows in strips(height):
-        turned = directions[rows] @ rotation.T
-        hit = caster.first_hits(rays_from(centre, turned), threads)
-        for name, values in _surface(scene, textures, hit, turned, centre, camera.lens.fx).items():
+        rotated = directions[rows] @ rotation.T
+        hit = caster.first_hits(rays_from(centre, rotated), threads)
+        for name, values in _surface(scene, textures, hit, rotated, centre, camera.lens.fx).items():
             parts[name][rows] = values
     return GBuffer(camera.centre, **parts)
 
 
 def _surface(
-    scene: Scene, textures: Textures, hit: dict[str, np.ndarray], turned: np.ndarray, centre: np.ndarray, focal: float
+    scene: Scene, textures: Textures, hit: dict[str, np.ndarray], rotated: np.ndarray, centre: np.ndarray, focal: float
 ) -> dict[str, np.ndarray]:
     distance = np.where(np.isfinite(hit["t_hit"]), hit["t_hit"], 20.0).astype(np.float32)
     face = np.where(np.isfinite(hit["t_hit"]), hit["primitive_ids"], 0).astype(np.int32)
     weights = hit["primitive_uvs"]
-    places = centre + distance[..., None] * turned
+    places = centre + distance[..., None] * rotated
     corners = scene.faces[face]
     second, third = weights[..., :1], weights[..., 1:]
     normals = (
@@ -121,7 +121,7 @@ def _surface(
         + scene.normals[corners[..., 2]] * third
     )
     material = scene.material[face]
-    footprint = distance * lengths(turned) / np.float32(focal)
+    footprint = distance * lengths(rotated) / np.float32(focal)
     albedo, bumpy = _textured(scene, textures, face, places, normals, material, footprint)
     missed = ~np.isfinite(hit["t_hit"])
     objects = np.where(missed, HALL_OBJECT, scene.object_of_face[face])

@@ -49,7 +49,7 @@ class Priors:
 
 @dataclass(frozen=True)
 class Adjusted:
-    """The rigs after the adjustment, and each pose's covariance (6, 6): turn (rad) and shift (m) in its left frame."""
+    """The rigs adjusted; each pose's covariance (6, 6) of rotation, rad, and translation, m, in its left frame."""
 
     placed: dict[str, PlacedRig]
     covariance: dict[str, np.ndarray]

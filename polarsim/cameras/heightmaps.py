@@ -1,4 +1,4 @@
-"""How two levelled scans lie to each other, roughly: height maps turned and shifted until relief meets relief."""
+"""How two levelled scans lie to each other, roughly: height maps rotated and translated until relief meets relief."""
 
 from __future__ import annotations
 
@@ -48,26 +48,26 @@ def height_map(points: np.ndarray, reach: float, step: float) -> HeightMap:
         return HeightMap((total / np.where(count > 0, count, np.nan)).reshape(side, side), step)
 
 
-def turned_and_shifted(
-    fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, yaws: np.ndarray, shift: float, count: int
+def rotated_and_translated(
+    fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, yaws: np.ndarray, translation: float, count: int
 ) -> list[Pose]:
     """The best `fixed_from_moving` of two levelled clouds (n, 3), by correlation of their relief, best first.
 
     Parameters
     ----------
     yaws : (y,) float
-        Turns about +z to try, radians.
-    shift : float
-        Shifts along x and y to try, up to so many metres: one wall of the box looks like another.
+        Rotations about +z to try, radians.
+    translation : float
+        Translations along x and y to try, up to so many metres: one wall of the box looks like another.
     count : int
-        How many to give; they differ by more than a few steps or a turn.
+        How many to give; they differ by more than a few steps or a rotation.
     """
     target = _Masked.of(height_map(fixed, reach, step))
     peaks: list[tuple[float, float, np.ndarray]] = []
     for yaw in yaws:
-        turned = Pose.from_rotvec(np.array([0, 0, yaw]), np.zeros(3)).apply(moving)
-        score = target.correlate(_Masked.of(height_map(turned, reach, step)))
-        peaks += [(value, yaw, cells * step) for value, cells in _peaks(score, round(shift / step), count)]
+        rotated = Pose.from_rotvec(np.array([0, 0, yaw]), np.zeros(3)).apply(moving)
+        score = target.correlate(_Masked.of(height_map(rotated, reach, step)))
+        peaks += [(value, yaw, cells * step) for value, cells in _peaks(score, round(translation / step), count)]
     peaks.sort(key=lambda peak: -peak[0])
     kept: list[tuple[float, np.ndarray]] = []
     yaw_step = float(np.abs(np.diff(yaws)).min()) if len(yaws) > 1 else 0.0
@@ -83,7 +83,7 @@ def turned_and_shifted(
 
 @dataclass(frozen=True)
 class _Masked:
-    """Spectra of a map's relief, of its square and of its mask, padded so that shifts do not wrap."""
+    """Spectra of a map's relief, of its square and of its mask, padded so that translations do not wrap."""
 
     relief: np.ndarray
     square: np.ndarray
@@ -99,7 +99,7 @@ class _Masked:
         return cls(next(parts), next(parts), next(parts), float(known.sum()), side)
 
     def correlate(self, moving: _Masked) -> np.ndarray:
-        """(side, side) normalised correlation over the cells that both know, for every shift of `moving`.
+        """(side, side) normalised correlation over the cells that both know, for every translation of `moving`.
 
         Masked correlation after Padfield, IEEE Trans. Image Process. 21 (2012) 2706.
         """
@@ -117,7 +117,7 @@ class _Masked:
 
 
 def _peaks(score: np.ndarray, limit: int, count: int) -> list[tuple[float, np.ndarray]]:
-    """The highest scores within `limit` cells, some cells apart, with their shifts (2,) along x and y in cells."""
+    """Highest scores within `limit` cells, some cells apart, with their translations (2,) along x and y in cells."""
     limit = min(limit, len(score) // 2 - 1)
     near = np.roll(score, (limit, limit), axis=(0, 1))[: 2 * limit + 1, : 2 * limit + 1].copy()
     found = []

@@ -27,7 +27,7 @@ GATE = 3.0  # voxels: pairs further apart are none
 COARSE_SAMPLES = 6_000  # points of a scan in a coarse alignment
 FINE_SAMPLES = 20_000  # points of a scan in the joint one
 SLOPE_BINS = 5  # of the normals' two level components: every slope has its say, not only the wide flats
-TURNED_AWAY = 0.5  # cosine between normals below which two points are of different surfaces
+FACING_AWAY = 0.5  # cosine between normals below which two points are of different surfaces
 PARTNER_REACH = 0.04  # metres: partners further apart are none
 TUKEY = 4.685  # standard deviations: 95 % efficient where errors are Gaussian
 WIDTHS = (4.0, 2.0, 1.0)  # of Tukey's scale, one a pass of the joint alignment
@@ -146,7 +146,7 @@ def align_jointly(surfaces: Mapping[str, Surface], start: Mapping[str, Pose], re
 
 
 def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose]) -> dict[str, np.ndarray]:
-    """(6, 6) formal covariance of each scan's turn (radians) and shift (metres), the mean of all scans held.
+    """(6, 6) formal covariance of each scan's rotation (radians) and translation (metres), the mean of all scans held.
 
     Neighbouring points share errors: smoothing, roughness seen from one side, stripes of the scanner. So what is summed
     is the square of each patch's pull, not of each point's: the sandwich estimate over clusters (Liang and Zeger,
@@ -188,7 +188,7 @@ class _Pair:
 
     places: np.ndarray  # (n, 3) of the moving scan's points in the reference's frame, metres
     distances: np.ndarray  # (n,) from the partners' planes, metres
-    slopes: np.ndarray  # (n, 6 u) of the distance by turns and shifts of the u unknown scans
+    slopes: np.ndarray  # (n, 6 u) of the distance by rotations and translations of the u unknown scans
     weights: np.ndarray  # (n,) inverse variances times Tukey's weights
     bends: np.ndarray  # (n,) inverse variances times the second derivatives of Tukey's loss
 
@@ -223,7 +223,7 @@ def _partners(fixed: Surface, sample: Surface, fixed_from_moving: Pose) -> tuple
     gap, nearest = fixed.tree.query(points, distance_upper_bound=PARTNER_REACH)
     rows, partner = np.flatnonzero(np.isfinite(gap)), np.asarray(nearest)
     facing = (fixed_from_moving.rotate(sample.normals[rows]) * fixed.normals[partner[rows]]).sum(axis=1)
-    rows = rows[facing > TURNED_AWAY]
+    rows = rows[facing > FACING_AWAY]
     partner = partner[rows]
     distance = ((points[rows] - fixed.points[partner]) * fixed.normals[partner]).sum(axis=1)
     return rows, partner, distance

@@ -118,8 +118,8 @@ def survey_prior(surveyed: Pose | None, options: PlacementOptions) -> PosePrior:
     if surveyed is None:
         return PosePrior(np.zeros(6), np.append(np.full(5, np.inf), roll))
     yaw, pitch, _ = yaw_pitch_roll(surveyed)
-    turn = np.radians(options.survey_sd_deg)
-    sd = np.array([options.survey_sd_m] * 3 + [turn, turn, roll])
+    angle = np.radians(options.survey_sd_deg)
+    sd = np.array([options.survey_sd_m] * 3 + [angle, angle, roll])
     return PosePrior(np.array([*surveyed.translation, yaw, pitch, 0.0]), sd)
 
 

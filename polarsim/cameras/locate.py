@@ -15,12 +15,12 @@ import pandas as pd
 
 from polarsim.cameras.labels import LabelPlacement
 from polarsim.cameras.options import PlacementOptions
-from polarsim.cameras.placements import Placements, place_all, unshifted_fits
+from polarsim.cameras.placements import Placements, place_all, untranslated_fits
 from polarsim.cameras.rounding import rounded, rounded_figures
 from polarsim.cameras.sandbox_frame import find_sandbox_frame
 from polarsim.cameras.scans import register_scans
-from polarsim.cameras.shifts import shift_table
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
+from polarsim.cameras.translations import translation_table
 from polarsim.errors import RegistrationError, within
 from polarsim.formats import colmap, obj, tables
 from polarsim.formats.files import writing_folder
@@ -122,12 +122,13 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
 
 
 def _formal_errors(covariance: np.ndarray, place: np.ndarray) -> dict[str, float]:
-    """Standard deviations of a tripod at `place` (3,), from the covariance (6, 6) of turn and shift about the origin.
+    """Standard deviations of a tripod at `place` (3,), from the covariance (6, 6) of rotation and translation about the
+    origin.
 
     They are relative to the mean of the terrain's scans, whose common frame rests on the walls or on the survey.
     """
     x, y, z = place
-    lever = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # of the turn's cross product with the place
+    lever = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # of the rotation's cross product with the place
     moves = np.hstack([lever, np.eye(3)])
     return {
         "sd_mm": float(1000 * np.sqrt(np.trace(moves @ covariance @ moves.T))),
@@ -146,9 +147,9 @@ def _locate_by_labels(
     _tell_refused(found)
     details = {}
     if options.rock_shift_sd_mm and found.placed:
-        before = unshifted_fits(found, outlines, rig.left)
+        before = untranslated_fits(found, outlines, rig.left)
         fits = [one.fit for one in found.placed.values()]
-        details[SHIFT_FILE] = shift_table(outlines.rocks, found.shifts, before, fits)
+        details[SHIFT_FILE] = translation_table(outlines.rocks, found.translations, before, fits)
     placed, rows = {}, []
     for position, placement in sorted(found.placed.items()):
         pose = placement.fit.sandbox_from_left
@@ -232,8 +233,8 @@ def _off_survey(position: str, pose: Pose) -> dict[str, float]:
     surveyed = surveyed_pose(position)
     if surveyed is None:
         return {}
-    turn = np.degrees(yaw_pitch_roll(pose)[0] - yaw_pitch_roll(surveyed)[0])
+    yaw = np.degrees(yaw_pitch_roll(pose)[0] - yaw_pitch_roll(surveyed)[0])
     return {
         "off_survey_m": float(np.linalg.norm(pose.translation - surveyed.translation)),
-        "off_survey_deg": float((turn + 180) % 360 - 180),
+        "off_survey_deg": float((yaw + 180) % 360 - 180),
     }

@@ -15,8 +15,8 @@ import numpy as np
 from polarsim.cameras.labels import FINAL_NOISE, MIN_BOXES, LabelPlacement, checked, place_by_labels
 from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.refine import BoxFit, check_pose, pose_of
-from polarsim.cameras.shifts import Shifts, fit_shifts, no_shifts, shifted
 from polarsim.cameras.surveyed import pose_beside
+from polarsim.cameras.translations import Translations, fit_translations, no_translations, translated
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
@@ -29,7 +29,7 @@ class Placements:
     """Where positions stand, where rocks do, and why positions were refused."""
 
     placed: dict[str, LabelPlacement]
-    shifts: Shifts
+    translations: Translations
     refused: dict[str, str]  # position -> reason
 
 
@@ -47,7 +47,7 @@ def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, op
         Positions with too few boxes or meshes are neither placed nor refused.
     """
     usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= MIN_BOXES]
-    found = Placements({}, no_shifts(outlines, options.rock_shift_sd_mm / 1000), {})
+    found = Placements({}, no_translations(outlines, options.rock_shift_sd_mm / 1000), {})
     alone = {position: _alone(position, seen[position], outlines, lens, options) for position in usable}
     surest_first = sorted(usable, key=lambda position: (-(one.share if (one := alone[position]) else 0.0), position))
     for position in surest_first:
@@ -55,7 +55,7 @@ def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, op
     return found
 
 
-def unshifted_fits(found: Placements, outlines: Outlines, lens: Lens) -> list[BoxFit]:
+def untranslated_fits(found: Placements, outlines: Outlines, lens: Lens) -> list[BoxFit]:
     """What the boxes of the placed positions say of the meshes as they are, seen from the same poses."""
     return [
         check_pose(one.fit.sandbox_from_left, outlines, one.boxes, lens, one.prior, FINAL_NOISE)
@@ -82,14 +82,14 @@ def _with_position(
     options: PlacementOptions,
     alone: LabelPlacement | None,
 ) -> Placements:
-    """One more position, and all poses and shifts fitted anew; or one more that is refused."""
+    """One more position, and all poses and translations fitted anew; or one more that is refused."""
     try:
         if alone is None or before.placed:  # others have told of the rocks since
-            moved = shifted(outlines, before.shifts.metres)
+            moved = translated(outlines, before.translations.metres)
             poses = {other: one.fit.sandbox_from_left for other, one in before.placed.items()}
             surveyed = pose_beside(position, poses)
             alone = place_by_labels(boxes, moved, lens, surveyed, options)
-        after = _fitted({**before.placed, position: alone}, before.shifts, outlines, lens, options)
+        after = _fitted({**before.placed, position: alone}, before.translations, outlines, lens, options)
         checked(after.placed[position])
     except RegistrationError as error:
         return replace(before, refused={**before.refused, position: error.reason})
@@ -97,15 +97,15 @@ def _with_position(
 
 
 def _fitted(
-    placed: Mapping[str, LabelPlacement], start: Shifts, outlines: Outlines, lens: Lens, options: PlacementOptions
+    placed: Mapping[str, LabelPlacement], start: Translations, outlines: Outlines, lens: Lens, options: PlacementOptions
 ) -> Placements:
-    """All positions placed together with shifts of the rocks."""
+    """All positions placed together with translations of the rocks."""
     if not options.rock_shift_sd_mm:
         return Placements(dict(placed), start, {})
-    unknowns, shifts = fit_shifts(placed, outlines, lens, options.rock_shift_sd_mm / 1000, start.metres)
-    moved = shifted(outlines, shifts.metres)
+    unknowns, translations = fit_translations(placed, outlines, lens, options.rock_shift_sd_mm / 1000, start.metres)
+    moved = translated(outlines, translations.metres)
     after = {}
     for position, one in placed.items():
         fit = check_pose(pose_of(unknowns[position]), moved, one.boxes, lens, one.prior, FINAL_NOISE)
         after[position] = replace(one, fit=fit)
-    return Placements(after, shifts, {})
+    return Placements(after, translations, {})

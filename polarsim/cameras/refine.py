@@ -166,18 +166,20 @@ def pose_of(unknowns: np.ndarray) -> Pose:
 def _moved(from_centre: np.ndarray, pose: Pose, yaw: float) -> np.ndarray:
     """(..., 3, 6) how points, seen from the camera, move in sandbox axes with each unknown.
 
-    A camera that turns about an axis sees the world turn the other way: -axis x point. Yaw turns about up, pitch about
-    minus the level right axis, roll about the optical axis.
+    A camera that rotates about an axis sees the world rotate the other way: -axis x point. Yaw rotates about up, pitch
+    about minus the level right axis, roll about the optical axis.
     """
     level_right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
     axes = np.stack([np.array([0.0, 0.0, 1.0]), -level_right, pose.rotation[:, 2]])
-    turns = [np.cross(from_centre, axis) for axis in axes]
-    shifts = [np.broadcast_to(-np.eye(3)[k], from_centre.shape) for k in range(3)]
-    return np.stack([*shifts, *turns], axis=-1)
+    rotations = [np.cross(from_centre, axis) for axis in axes]
+    translations = [np.broadcast_to(-np.eye(3)[k], from_centre.shape) for k in range(3)]
+    return np.stack([*translations, *rotations], axis=-1)
 
 
 def _projection_slope(lens: Lens, points: np.ndarray) -> np.ndarray:
     """(..., 2, 3) change of the pixel with the point in the camera's frame, by central differences."""
     step = 1e-6
-    columns = [(lens.project(points + shift) - lens.project(points - shift)) / (2 * step) for shift in step * np.eye(3)]
+    columns = [
+        (lens.project(points + offset) - lens.project(points - offset)) / (2 * step) for offset in step * np.eye(3)
+    ]
     return np.stack(columns, axis=-1)

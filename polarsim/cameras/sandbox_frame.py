@@ -2,9 +2,9 @@
 
 What scans alone leave open is settled so: +Z is the normal of a robust plane through the whole sand, and z = 0 its
 height at the origin. Origin and heading come from the box: its inner walls lie at +-`SANDBOX_HALF_WIDTH` along X and
-Y, and the survey says which wall is which: they are looked for about where the tripods put them, by the turn and shift
-that best lay these on their surveyed places and headings. Where fewer than two walls at right angles are seen, that is
-the frame.
+Y, and the survey says which wall is which: they are looked for about where the tripods put them, by the rotation and
+translation that best lay these on their surveyed places and headings. Where fewer than two walls at right angles are
+seen, that is the frame.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ def find_sandbox_frame(
     all_normals = np.concatenate([normals[position] for position in sorted(points)])
     upright = level_from(_ground(all_points))
     settled = _from_survey({position: upright @ pose for position, pose in level_from_left.items()}) @ upright
-    turned = settled.apply(all_points)
-    walls = _walls(turned, settled.rotate(all_normals))
+    rotated = settled.apply(all_points)
+    walls = _walls(rotated, settled.rotate(all_normals))
     if len({wall.axis for wall in walls}) == 2:
-        settled = _from_walls(turned, walls) @ settled
+        settled = _from_walls(rotated, walls) @ settled
     else:
         walls = []
     # The plane's height is meant at the origin, which has moved since; its slope is nil, so any place will do.
@@ -85,7 +85,7 @@ def _ground(points: np.ndarray) -> np.ndarray:
 
 
 def _walls(points: np.ndarray, normals: np.ndarray) -> list[_Wall]:
-    """Inner walls of a box that is turned by at most half a right angle."""
+    """Inner walls of a box that is rotated by at most half a right angle."""
     outer = np.abs(points[:, :2]).max(axis=1)
     likely = (
         (points[:, 2] > WALL_BAND[0])
@@ -124,7 +124,7 @@ def _peak(values: np.ndarray) -> np.ndarray:
 
 
 def _from_walls(points: np.ndarray, walls: list[_Wall]) -> Pose:
-    """Turn and shift that lay the walls on their places; opposite walls may both be off by half the box's error."""
+    """Pose that lays the walls on their stated lines; opposite walls may both be off by half the box's error."""
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
         moved = _flat(unknowns)
@@ -151,15 +151,15 @@ def _from_survey(level_from_left: Mapping[str, Pose]) -> Pose:
         moved = _flat(unknowns)
         parts = []
         for pose, surveyed in pairs:
-            turned = moved @ pose
-            turn = yaw_pitch_roll(turned)[0] - yaw_pitch_roll(surveyed)[0]
-            parts += [*((turned.translation - surveyed.translation)[:2] / TRIPOD_SD)]
-            parts += [((turn + np.pi) % (2 * np.pi) - np.pi) / HEADING_SD]
+            rotated = moved @ pose
+            yaw = yaw_pitch_roll(rotated)[0] - yaw_pitch_roll(surveyed)[0]
+            parts += [*((rotated.translation - surveyed.translation)[:2] / TRIPOD_SD)]
+            parts += [((yaw + np.pi) % (2 * np.pi) - np.pi) / HEADING_SD]
         return np.array(parts)
 
     return _flat(least_squares(residuals, np.zeros(3)).x)
 
 
 def _flat(unknowns: np.ndarray) -> Pose:
-    """Turn about +Z and shift along X and Y."""
+    """Rotation about +Z and translation along X and Y."""
     return Pose.from_rotvec(np.array([0, 0, unknowns[0]]), np.array([unknowns[1], unknowns[2], 0.0]))

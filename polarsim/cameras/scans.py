@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from polarsim.cameras import icp
-from polarsim.cameras.heightmaps import agreement, relief_correlation, turned_and_shifted
+from polarsim.cameras.heightmaps import agreement, relief_correlation, rotated_and_translated
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import RegistrationError
 from polarsim.geometry.planes import level_from, tracked_plane
@@ -20,7 +20,7 @@ SCAN_RADIUS = 3.2  # metres about the terrain's centre: beyond it scans show the
 VOXEL = 0.012  # metres: grid to which scans are thinned for the last alignment
 MAP_STEP = 0.02  # metres: grid of the height maps that are correlated
 YAW_RANGE_DEG, YAW_STEP_DEG = 15.0, 1.0  # of the search between two scans: the survey tells yaw to some degrees
-SHIFT_RANGE = 1.0  # metres along x and y of the same search
+TRANSLATION_RANGE = 1.0  # metres along x and y of the same search
 CANDIDATES = 5  # best correlations that are tried by ICP
 SAME_SURFACE = 0.01  # metres: points of two scans nearer than this lie on one surface
 MIN_FITNESS = 0.5  # part of the overlap that must agree between scans
@@ -53,7 +53,7 @@ class Network:
 
     level_from_left: dict[str, Pose]
     pairs: list[Pair]
-    covariances: dict[str, np.ndarray]  # (6, 6) of turn and shift in the level frame, the mean of all scans held
+    covariances: dict[str, np.ndarray]  # (6, 6) rotation, translation; level frame, the scans' mean held
     points: dict[str, np.ndarray]  # (n, 3) thinned, in the level frame
     normals: dict[str, np.ndarray]  # (n, 3)
     refused: list[RegistrationError]  # of scans that are not of this terrain, and therefore in none of the above
@@ -180,10 +180,10 @@ def _sand_area(coarse: icp.Surface) -> float:
 def _found(fixed: str, moving: str, levelled: Mapping[str, _Levelled]) -> Pose:
     """`fixed_from_moving`: the best of several candidates, each tried on the coarse grids."""
     first, second = levelled[fixed], levelled[moving]
-    turn = np.radians(YAW_RANGE_DEG)
-    yaws = np.linspace(-turn, turn, 2 * round(YAW_RANGE_DEG / YAW_STEP_DEG) + 1)
+    farthest = np.radians(YAW_RANGE_DEG)
+    yaws = np.linspace(-farthest, farthest, 2 * round(YAW_RANGE_DEG / YAW_STEP_DEG) + 1)
     grids = first.coarse[-1].points, second.coarse[-1].points
-    starts = turned_and_shifted(*grids, SCAN_RADIUS, MAP_STEP, yaws, SHIFT_RANGE, CANDIDATES)
+    starts = rotated_and_translated(*grids, SCAN_RADIUS, MAP_STEP, yaws, TRANSLATION_RANGE, CANDIDATES)
     tried = [icp.align_coarsely(first.coarse, second.coarse, COARSE_VOXELS, start) for start in starts]
     share = [_agreement(first, second, pose) for pose in tried]
     if max(share) < MIN_FITNESS:

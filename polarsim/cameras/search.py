@@ -174,10 +174,10 @@ def _scores(
 
 
 def _twins(first: Hypothesis, second: Hypothesis) -> bool:
-    turn = (first.yaw - second.yaw + np.pi) % (2 * np.pi) - np.pi
+    yaw = (first.yaw - second.yaw + np.pi) % (2 * np.pi) - np.pi
     return (
         float(np.linalg.norm(first.centre - second.centre)) < TWIN_DISTANCE
-        and max(abs(turn), abs(first.pitch - second.pitch)) < TWIN_ANGLE
+        and max(abs(yaw), abs(first.pitch - second.pitch)) < TWIN_ANGLE
     )
 
 

@@ -22,7 +22,7 @@ def surveyed_pose(position: str) -> Pose | None:
 
 
 def pose_beside(position: str, placed: Mapping[str, Pose]) -> Pose | None:
-    """The surveyed pose, moved as the terrain's other positions stand off theirs (mean offset; no turn).
+    """The surveyed pose, moved as the terrain's other positions stand off theirs (mean offset; no rotation).
 
     Every terrain has its own frame, so its tripods share part of their distance from the survey; their tilts do not.
     """

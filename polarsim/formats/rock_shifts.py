@@ -9,12 +9,12 @@ import numpy as np
 from polarsim.formats import tables
 
 FILE = "rock_shifts.csv"
-SHIFT_COLUMNS = ("dx_mm", "dy_mm", "dz_mm")
-COLUMNS = ("rock", *SHIFT_COLUMNS, "sd_mm", "boxes", "iou_before", "iou_after")
+TRANSLATION_COLUMNS = ("dx_mm", "dy_mm", "dz_mm")
+COLUMNS = ("rock", *TRANSLATION_COLUMNS, "sd_mm", "boxes", "iou_before", "iou_after")
 
 
-def read_shifts(cameras: Path) -> dict[int, np.ndarray]:
-    """Shift (3,) in metres, sandbox frame, by rock id; none where a terrain's cameras shift no rock.
+def read_translations(cameras: Path) -> dict[int, np.ndarray]:
+    """Shift (3,) in metres, sandbox frame, by rock id; none where a terrain's cameras translation no rock.
 
     Raises
     ------
@@ -25,5 +25,5 @@ def read_shifts(cameras: Path) -> dict[int, np.ndarray]:
     if not path.is_file():
         return {}
     table = tables.read_csv(path, COLUMNS)
-    shifts = table[list(SHIFT_COLUMNS)].to_numpy(float) / 1000
-    return dict(zip(table["rock"].astype(int).tolist(), shifts, strict=True))
+    translations = table[list(TRANSLATION_COLUMNS)].to_numpy(float) / 1000
+    return dict(zip(table["rock"].astype(int).tolist(), translations, strict=True))

@@ -112,9 +112,9 @@ def hull_points(points: np.ndarray) -> np.ndarray:
 def spread_directions(count: int) -> np.ndarray:
     """(count, 3) unit vectors spread evenly over the sphere (Fibonacci lattice)."""
     step = np.arange(count) + 0.5
-    z, turn = 1 - 2 * step / count, np.pi * (1 + np.sqrt(5)) * step
+    z, angle = 1 - 2 * step / count, np.pi * (1 + np.sqrt(5)) * step
     radius = np.sqrt(1 - z**2)
-    return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
 
 
 def _rim_height(vertices: np.ndarray) -> np.ndarray:

@@ -23,13 +23,13 @@ def tracked_plane(points: np.ndarray, start: np.ndarray, scales: list[float]) ->
 
 
 def level_from(plane: np.ndarray) -> Pose:
-    """The least turn that makes the plane level, and the shift that puts its height at x = y = 0 to z = 0."""
+    """The least rotation that makes the plane level, and the translation that puts its height at x = y = 0 to z = 0."""
     normal = np.array([-plane[0], -plane[1], 1.0])
     normal /= np.linalg.norm(normal)
     axis = np.cross(normal, [0, 0, 1])
     sine = np.linalg.norm(axis)
-    turn = axis / sine * np.arcsin(sine) if sine > 0 else axis
-    rotation = Pose.from_rotvec(turn, np.zeros(3)).rotation
+    rotvec = axis / sine * np.arcsin(sine) if sine > 0 else axis
+    rotation = Pose.from_rotvec(rotvec, np.zeros(3)).rotation
     return Pose(rotation, -rotation @ np.array([0, 0, plane[2]]))
 
 

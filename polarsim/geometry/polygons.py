@@ -50,9 +50,9 @@ def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
         parts = [points[a : b - 1] for a, b in pairwise(offsets)]
         rings += _without_holes(parts[0], parts[1:])
     # Index 0 is the padding's centre, half a pixel before the first corner.
-    shift = np.array([left - HALF_PIXEL, top - HALF_PIXEL])
+    offset = np.array([left - HALF_PIXEL, top - HALF_PIXEL])
     fewer = [_simplified(ring, simplify_px) for ring in rings]
-    found = [_clockwise(ring + shift) for ring in fewer if ring is not None]
+    found = [_clockwise(ring + offset) for ring in fewer if ring is not None]
     return sorted(found, key=lambda ring: (-signed_area(ring), ring[0, 0], ring[0, 1]))
 
 
@@ -98,9 +98,9 @@ def _fill(ring: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice, np.nd
     crossing = start[edge, 0] + along * (end[edge, 0] - start[edge, 0])
     # The first pixel centre at or beyond the crossing.
     column = np.clip(np.ceil(crossing - HALF_PIXEL).astype(int), 0, width)
-    turns = np.zeros((height, width + 1), np.int32)
-    np.add.at(turns, (row, column), 1)
-    inside = np.cumsum(turns, axis=1)[:, :width] % 2 == 1
+    crossings = np.zeros((height, width + 1), np.int32)
+    np.add.at(crossings, (row, column), 1)
+    inside = np.cumsum(crossings, axis=1)[:, :width] % 2 == 1
     return slice(low[1], low[1] + height), slice(low[0], low[0] + width), inside
 
 

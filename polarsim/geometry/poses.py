@@ -92,7 +92,7 @@ def looking(centre: np.ndarray, yaw: float, pitch: float, roll: float = 0.0) -> 
     pitch : float
         Downwards, radians.
     roll : float
-        Turns the right axis towards down, radians.
+        Rotates the right axis towards down, radians.
     """
     forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)])
     level_right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])

@@ -28,7 +28,7 @@ class StereoRig:
 
 @dataclass(frozen=True)
 class RectifiedGrid:
-    """The rectified left camera: a pinhole without distortion, turned about the left camera's centre."""
+    """The rectified left camera: a pinhole without distortion, rotated about the left camera's centre."""
 
     lens: Lens
     left_from_rectified: Pose

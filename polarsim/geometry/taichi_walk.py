@@ -57,24 +57,26 @@ def _through_box(low, high, origin, inverse, wider, near, far):
 def _sheared(corner, origin, shear, axis):
     """A corner seen along the ray: two coordinates across it, the third in lengths of the direction."""
     p = corner - origin
-    turned = ti.math.vec3(p[1], p[2], p[0])
+    permuted = ti.math.vec3(p[1], p[2], p[0])
     if axis == 1:
-        turned = ti.math.vec3(p[2], p[0], p[1])
+        permuted = ti.math.vec3(p[2], p[0], p[1])
     if axis == 2:
-        turned = p
-    return ti.math.vec3(turned[0] - shear[0] * turned[2], turned[1] - shear[1] * turned[2], shear[2] * turned[2])
+        permuted = p
+    return ti.math.vec3(
+        permuted[0] - shear[0] * permuted[2], permuted[1] - shear[1] * permuted[2], shear[2] * permuted[2]
+    )
 
 
 @ti.func
 def _shear(along):
     """Shear of a direction and its longest axis, 0 to 2, as a float."""
     size = ti.abs(along)
-    turned, axis = ti.math.vec3(along[1], along[2], along[0]), 0
+    permuted, axis = ti.math.vec3(along[1], along[2], along[0]), 0
     if size[1] > size[0] and size[1] >= size[2]:
-        turned, axis = ti.math.vec3(along[2], along[0], along[1]), 1
+        permuted, axis = ti.math.vec3(along[2], along[0], along[1]), 1
     elif size[2] > size[0] and size[2] > size[1]:
-        turned, axis = along, 2
-    return ti.math.vec4(turned[0] / turned[2], turned[1] / turned[2], 1 / turned[2], axis)
+        permuted, axis = along, 2
+    return ti.math.vec4(permuted[0] / permuted[2], permuted[1] / permuted[2], 1 / permuted[2], axis)
 
 
 @ti.func

@@ -48,8 +48,8 @@ class Shape:
 
     def rings(self, simplify_px: float) -> list[np.ndarray]:
         """Its outlines in the picture, (n, 2) each, largest first."""
-        shift = np.array([self.left, self.top], float)
-        return [ring + shift for ring in outlines(self.mask, simplify_px)]
+        offset = np.array([self.left, self.top], float)
+        return [ring + offset for ring in outlines(self.mask, simplify_px)]
 
     def cut(self, width: int, height: int) -> Shape:
         """What of it lies in a picture."""

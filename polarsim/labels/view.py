@@ -49,24 +49,24 @@ def at_border(boxes: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 
 def move_rocks(world: World, source: Camera, target: Camera, boxes: np.ndarray, rocks: np.ndarray) -> np.ndarray:
-    """Boxes (n, 4) of rocks (n,) as the rig's other camera sees them: shifted, sizes kept (they differ by 1 %).
+    """Boxes (n, 4) of rocks (n,) as the rig's other camera sees them: moved, sizes kept (they differ by 1 %).
 
-    The shift is that of the rock's mesh, mean over its vertices; of a rock without mesh, that of the point on the ray
+    The offset is that of the rock's mesh, mean over its vertices; of a rock without mesh, that of the point on the ray
     through its centre that lies `CENTRE_DEPTH` widths behind its foot.
     """
     boxes = np.asarray(boxes, float).reshape(-1, 4)
     foot = np.stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]], axis=-1)
     width = (boxes[:, 2] - boxes[:, 0]) / source.lens.fx  # as a share of the depth
     depth = ground_depth(world, source, foot) * (1 + CENTRE_DEPTH * width)
-    shift = _shift_at_depth(source, target, centres(boxes), depth)
+    offset = _offset_at_depth(source, target, centres(boxes), depth)
     for row, rock in enumerate(rocks):
         body = world.bodies.get(int(rock))
         if body is not None and body.meshed:
             vertices = body.vertices[body.above]
             moved = target.project(vertices) - source.project(vertices)
             if np.isfinite(moved).all():
-                shift[row] = moved.mean(axis=0)
-    return boxes + np.tile(shift, 2)
+                offset[row] = moved.mean(axis=0)
+    return boxes + np.tile(offset, 2)
 
 
 def ground_depth(world: World, view: Camera, pixels: np.ndarray) -> np.ndarray:
@@ -78,10 +78,10 @@ def move_flat(world: World, source: Camera, target: Camera, boxes: np.ndarray) -
     """Boxes (n, 4) of flat things as the rig's other camera sees them: moved like the ground at their centres."""
     boxes = np.asarray(boxes, float).reshape(-1, 4)
     centre = centres(boxes)
-    return boxes + np.tile(_shift_at_depth(source, target, centre, ground_depth(world, source, centre)), 2)
+    return boxes + np.tile(_offset_at_depth(source, target, centre, ground_depth(world, source, centre)), 2)
 
 
-def _shift_at_depth(source: Camera, target: Camera, pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
+def _offset_at_depth(source: Camera, target: Camera, pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """(n, 2) how far pixels (n, 2) of known depth (n,) move between two cameras; inf depth: the far plane of 100 m."""
     points = source.centre + np.minimum(depth, 100.0)[:, None] * source.directions(pixels)
     return target.project(points) - pixels

@@ -18,9 +18,9 @@ from polarsim.photo import CAMERAS, SUNS, Bracket, PhotoKey
 
 LEAST_BOXES = 3  # fewer tell no view
 BETTER, GOOD = 0.25, 0.4  # mean IoU by which another view must fit better, and at least
-SHIFTS_PX = np.arange(-320, 1, 4)  # Left to Right at the photo's centre that are tried
-SLOPE, DROP_PX = -0.18, 15.5  # shift per row, and rows that Right lies below Left: the release's rig
-ROUNDS = 3  # of fitting the shift as a plane
+OFFSETS_PX = np.arange(-320, 1, 4)  # Left to Right at the photo's centre that are tried
+SLOPE, DROP_PX = -0.18, 15.5  # offset per row, and rows that Right lies below Left: the release's rig
+ROUNDS = 3  # of fitting the offset as a plane
 NEAR_PX = 40.0  # boxes further from where the plane has them are no pair
 LEAST_PAIRS = 6  # that a plane is fitted to
 ACROSS_PX, OFF_PX = 25.0, 15.0  # a rock off its line: near across, and so many rows off
@@ -115,10 +115,10 @@ def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 
 def _right_from_left(left: np.ndarray, right: np.ndarray) -> np.ndarray | None:
-    """(3, 2) shift of a box's centre as a plane over the Left photo; None where too few boxes pair."""
+    """(3, 2) offset of a box's centre as a plane over the Left photo; None where too few boxes pair."""
     if min(len(left), len(right)) < LEAST_PAIRS:
         return None
-    starts = [np.array([[a - SLOPE * 608, DROP_PX], [0, 0], [SLOPE, 0]]) for a in SHIFTS_PX]
+    starts = [np.array([[a - SLOPE * 608, DROP_PX], [0, 0], [SLOPE, 0]]) for a in OFFSETS_PX]
     plane = max(starts, key=lambda start: _fit(_moved(left, start), right))
     for _ in range(ROUNDS):
         moved = _moved(left, plane)

@@ -125,27 +125,27 @@ Offset = tuple[float, float]
 def sample_offsets(options: SensorOptions) -> tuple[Offset, ...]:
     """(x, y) of a pixel's samples, in pixels from its centre; their mean is the pixel's value.
 
-    A box: cells of equal size, one sample each. From 9 samples on, and in a Gaussian, the grid is turned so that no two
-    samples share a row or column (Cook, ACM TOG 5 (1986) 51, and Chiu et al., Graphics Gems IV): an upright edge then
-    makes as many shades as there are samples. A Gaussian: samples lie at its quantiles, so that pixels stay apart from
-    one another and no weights are needed; they are moved outwards until their variance is that of the Gaussian, since
-    the centres of its quantiles leave out its tails.
+    A box: cells of equal size, one sample each. From 9 samples on, and in a Gaussian, the grid is rotated so that no
+    two samples share a row or column (Cook, ACM TOG 5 (1986) 51, and Chiu et al., Graphics Gems IV): an upright edge
+    then makes as many shades as there are samples. A Gaussian: samples lie at its quantiles, so that pixels stay apart
+    from one another and no weights are needed; they are moved outwards until their variance is that of the Gaussian,
+    since the centres of its quantiles leave out its tails.
     """
     side = isqrt(options.samples)
     if options.pixel_filter == "gaussian":
         places = ndtri((np.arange(options.samples) + 0.5) / options.samples)
         places *= options.filter_sd_px / np.sqrt((places**2).mean())
-        return _turned(places, side)
+        return _rotated(places, side)
     if side <= 2:
         cells = [(cell + 0.5) / side - 0.5 for cell in range(side)]
         return tuple((x, y) for y in cells for x in cells)
-    return _turned((np.arange(options.samples) + 0.5) / options.samples - 0.5, side)
+    return _rotated((np.arange(options.samples) + 0.5) / options.samples - 0.5, side)
 
 
-def _turned(places: np.ndarray, side: int) -> tuple[Offset, ...]:
+def _rotated(places: np.ndarray, side: int) -> tuple[Offset, ...]:
     """One sample in each of side x side cells, row and column by row and column of `places` (side^2,).
 
-    A quarter turn takes the pattern to itself: no direction is blurred more than another.
+    A rotation by a quarter takes the pattern to itself: no direction is blurred more than another.
     """
     return tuple(
         (float(places[column * side + row]), float(places[row * side + side - 1 - column]))

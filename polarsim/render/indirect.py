@@ -71,9 +71,9 @@ class Paths:
         """
         sent = np.zeros((len(self._models), len(self._lamps), len(hits.pixel)), np.float32)
         vector = np.zeros((len(self._models), len(self._lamps), 3, len(hits.pixel)), np.float32)
-        turn = rng.random((len(hits.pixel), 2))
+        rotation = rng.random((len(hits.pixel), 2))
         for number in range(rays):
-            direction, weight = scattered(hits, ((turn + number * _STEPS) % 1).astype(np.float32))
+            direction, weight = scattered(hits, ((rotation + number * _STEPS) % 1).astype(np.float32))
             lit, arriving = self._arriving(hits, direction, weight, rng)
             along, weight = direction.take(lit, axis=0), weight.take(lit)
             sent[:, :, lit] += arriving * (weight * self._scattered(hits, lit, along))[:, None]

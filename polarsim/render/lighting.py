@@ -13,7 +13,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.surfaces import Surfaces
 
 PROBES = 5  # rays to the centre and rim of the disc: where all agree, no more are cast
-_SCATTER = (0.6180339887, 0.7548776662)  # steps that never come near a place of before: turns of neighbours differ
+_SCATTER = (0.6180339887, 0.7548776662)  # steps that never come near a place of before: rotations of neighbours differ
 _GOLDEN = np.pi * (3 - np.sqrt(5))  # radians between two points of Vogel's sunflower, which covers a disc evenly
 
 
@@ -23,7 +23,7 @@ def visible_share(
     to_lamp: np.ndarray,
     radius_m: float,
     samples: int,
-    turn: np.ndarray,
+    rotation: np.ndarray,
     every: int = 1,
 ) -> np.ndarray:
     """(n,) float32 share, 0 to 1, of a disc that faces each point and that nothing hides from it.
@@ -34,8 +34,8 @@ def visible_share(
         Places, and vectors to the disc's centre, metres.
     samples : int
         Rays a point, where some of the first ones are occluded and some are not.
-    turn : (n,) float
-        Radians by which the pattern of rays is turned: another one for each point makes grain of what would be bands.
+    rotation : (n,) float
+        Radians by which the pattern of rays is rotated: another one for each point makes grain of what would be bands.
     every : int
         Above 1, of points in the order of a picture: only every so many-th one is probed at centre and rim. Where two
         of them see the same, all or nothing, those between look at the centre alone, unless that differs nearby.
@@ -45,7 +45,7 @@ def visible_share(
         """(m,) share of the pattern's places on the disc that points with these numbers (m,) see."""
         at, towards = _rows(numbers, points, to_lamp)
         occluded = np.zeros(len(numbers), np.float32)
-        for along in _on_disc(towards, radius_m, pattern, turn[numbers]):
+        for along in _on_disc(towards, radius_m, pattern, rotation[numbers]):
             occluded += surfaces.all.occluded(at, along, 1.0)
         return 1 - occluded / np.float32(len(pattern))
 
@@ -102,23 +102,23 @@ def _sunflower(samples: int) -> np.ndarray:
     return np.stack([np.sqrt((number + 0.5) / samples), number * _GOLDEN], axis=1)
 
 
-def to_disc(to_lamp: np.ndarray, radius_m: float, samples: int, turn: np.ndarray) -> Iterator[np.ndarray]:
+def to_disc(to_lamp: np.ndarray, radius_m: float, samples: int, rotation: np.ndarray) -> Iterator[np.ndarray]:
     """The vectors (n, 3) along which `visible_share` looks at a disc; first to its centre, as `to_lamp` (n, 3) does."""
     yield to_lamp
     if radius_m:
-        yield from _on_disc(to_lamp, radius_m, np.concatenate([_rim()[1:], _sunflower(samples)]), turn)
+        yield from _on_disc(to_lamp, radius_m, np.concatenate([_rim()[1:], _sunflower(samples)]), rotation)
 
 
-def turns(pixel: np.ndarray, first_row: int | np.ndarray) -> np.ndarray:
-    """(n,) radians by which the pattern of rays to a disc is turned at pixels (n,) of a strip: each its own."""
+def rotations(pixel: np.ndarray, first_row: int | np.ndarray) -> np.ndarray:
+    """(n,) radians by which the pattern of rays to a disc is rotated at pixels (n,) of a strip: each its own."""
     return np.asarray(2 * np.pi * ((pixel * _SCATTER[0] + first_row * _SCATTER[1]) % 1))
 
 
-def _on_disc(to_lamp: np.ndarray, radius_m: float, pattern: np.ndarray, turn: np.ndarray) -> Iterator[np.ndarray]:
+def _on_disc(to_lamp: np.ndarray, radius_m: float, pattern: np.ndarray, rotation: np.ndarray) -> Iterator[np.ndarray]:
     across, upward = _facing(to_lamp)
     for radius, angle in pattern:
-        turned, far = (angle + turn).astype(np.float32), np.float32(radius * radius_m)
-        offset = scaled(across, far * np.cos(turned)) + scaled(upward, far * np.sin(turned))
+        rotated, far = (angle + rotation).astype(np.float32), np.float32(radius * radius_m)
+        offset = scaled(across, far * np.cos(rotated)) + scaled(upward, far * np.sin(rotated))
         yield to_lamp + offset
 
 
@@ -147,9 +147,9 @@ def lighting(
         irradiance *= share
         lit = lit[share[lit] > 0]
     elif lamp.radius_m:
-        turn = turns(hits.pixel[lit], hits.rows.start)
+        rotation = rotations(hits.pixel[lit], hits.rows.start)
         points, towards = hits.point.take(lit, axis=0), to_lamp.take(lit, axis=0)
-        seen = visible_share(surfaces, points, towards, lamp.radius_m, samples, turn)
+        seen = visible_share(surfaces, points, towards, lamp.radius_m, samples, rotation)
         irradiance[lit] *= seen
         lit = lit[seen > 0]
     else:
@@ -167,9 +167,9 @@ def disc_share(surfaces: Surfaces, hits: Hits, lamp: Lamp, samples: int, every: 
     to_lamp, _ = lamp.light_at(hits.point, falloff=False)
     facing = np.flatnonzero(dot(hits.plane, to_lamp) > 0)
     points, towards = hits.point.take(facing, axis=0), to_lamp.take(facing, axis=0)
-    turn = turns(hits.pixel[facing], hits.rows.start)
+    rotation = rotations(hits.pixel[facing], hits.rows.start)
     share = np.zeros(len(hits.pixel), np.float32)
-    share[facing] = visible_share(surfaces, points, towards, lamp.radius_m, samples, turn, every)
+    share[facing] = visible_share(surfaces, points, towards, lamp.radius_m, samples, rotation, every)
     return share
 
 

@@ -9,7 +9,7 @@ from polarsim.geometry.rays import START_OFFSET, Caster
 from polarsim.geometry.vectors import dot, length, moved, scaled
 from polarsim.render.hits import Hits
 from polarsim.render.lamps import Lamp
-from polarsim.render.lighting import to_disc, turns
+from polarsim.render.lighting import rotations, to_disc
 from polarsim.render.surfaces import Surfaces
 
 _RELIEF_REACH = 0.15  # metres: ground nearer than this is roughness of the place, not another thing that hides the lamp
@@ -36,8 +36,8 @@ def ground_shadows(
     ids = ids.copy()
     ground = np.flatnonzero(dark & (ids == GROUND))
     point, plane = hits.point.take(ground, axis=0), hits.plane.take(ground, axis=0)
-    turn = turns(hits.pixel[ground], hits.rows.start)
-    for towards in to_disc(lamp.light_at(point, falloff=False)[0], lamp.radius_m, samples, turn):
+    rotation = rotations(hits.pixel[ground], hits.rows.start)
+    for towards in to_disc(lamp.light_at(point, falloff=False)[0], lamp.radius_m, samples, rotation):
         left = np.flatnonzero(ids[ground] == GROUND)
         if not len(left):
             break
@@ -87,8 +87,8 @@ def shading_of(surfaces: Surfaces, hits: Hits, lamp: Lamp, dark: np.ndarray, sam
     shading[dark & away] = FACES_AWAY
     left = np.flatnonzero(dark & ~away)
     own = surfaces.id_of_face.take(hits.face)
-    turn = turns(hits.pixel[left], hits.rows.start)
-    for towards in to_disc(to_lamp.take(left, axis=0), lamp.radius_m, samples, turn):
+    rotation = rotations(hits.pixel[left], hits.rows.start)
+    for towards in to_disc(to_lamp.take(left, axis=0), lamp.radius_m, samples, rotation):
         open_still = np.flatnonzero(shading[left] == LIT)
         if not len(open_still):
             break

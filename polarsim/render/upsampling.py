@@ -46,7 +46,7 @@ class Grid:
         vector: np.ndarray,
     ) -> Grid:
         """From noisy light, radiance `sent` (k, h, w) and light vectors, averaged over alike neighbours."""
-        weights = [_weights_beside(seen, point, normal, thickness, *shift) for shift in _AROUND]
+        weights = [_weights_beside(seen, point, normal, thickness, *offset) for offset in _AROUND]
         vector = _averaged(vector, weights)
         arriving = irradiance(vector, normal)
         share = np.divide(sent, arriving, out=np.zeros_like(sent), where=arriving > 0)
@@ -112,8 +112,8 @@ def _weights_beside(
 def _averaged(pictures: np.ndarray, weights: list[np.ndarray]) -> np.ndarray:
     """Pictures (..., h, w), each place the mean of those around it by their weights, in the order of `_AROUND`."""
     total = np.zeros_like(pictures)
-    for weight, shift in zip(weights, _AROUND, strict=True):
-        own, other = _overlap(weight.shape, *shift)
+    for weight, offset in zip(weights, _AROUND, strict=True):
+        own, other = _overlap(weight.shape, *offset)
         total[..., *own] += weight[own] * pictures[..., *other]
     whole = sum(weights, np.zeros_like(weights[0]))
     return np.asarray(np.divide(total, whole, out=np.zeros_like(total), where=whole > 0))
@@ -122,7 +122,7 @@ def _averaged(pictures: np.ndarray, weights: list[np.ndarray]) -> np.ndarray:
 def _overlap(shape: tuple[int, ...], down: int, right: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
     """The part of a picture that has neighbours so far down and right, and these neighbours."""
     own, other = [], []
-    for size, shift in zip(shape, (down, right), strict=True):
-        own.append(slice(max(0, -shift), size - max(0, shift)))
-        other.append(slice(max(0, shift), size - max(0, -shift)))
+    for size, offset in zip(shape, (down, right), strict=True):
+        own.append(slice(max(0, -offset), size - max(0, offset)))
+        other.append(slice(max(0, offset), size - max(0, -offset)))
     return (own[0], own[1]), (other[0], other[1])

@@ -30,11 +30,11 @@ def tabulate_ipd_rocks(*, rocks: Path, stem: Path, origin: dict[str, str], detec
 def tidy_ipd_rocks(rocks: pd.DataFrame, source: str) -> pd.DataFrame:
     """Domains by their names in our tables, each pair in the paper's order of them."""
     table = paper.with_own_names(rocks, DOMAINS, source)
-    turned = pd.Series(
+    swapped = pd.Series(
         [paper.ordered_pair(*pair) != pair for pair in zip(table["first"], table["second"], strict=True)], dtype=bool
     )
     for one, other in (("first", "second"), ("iou_first", "iou_second")):
-        table[one], table[other] = table[one].where(~turned, table[other]), table[other].where(~turned, table[one])
+        table[one], table[other] = table[one].where(~swapped, table[other]), table[other].where(~swapped, table[one])
     table["difference"] = table["iou_first"] - table["iou_second"]
     ranks = (table[name].map(paper.rank) for name in DOMAINS)
     return paper.sorted_rows(table, *ranks, table["kind"], table["terrain"], table["rock"])

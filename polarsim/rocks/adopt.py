@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.errors import FormatError, about
 from polarsim.formats import obj, scene, tables
 from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rock_shifts import read_shifts
+from polarsim.formats.rock_shifts import read_translations
 from polarsim.geometry.casters import caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.vectors import cross
@@ -103,9 +103,9 @@ def adopt_rocks(*, terrain: int, inventory: Path, cameras: Path, rocks: Path, cu
     published = read_inventory(inventory)
     with about(inventory):
         files = published.rock_meshes()
-    shifts = read_shifts(cameras)
+    translations = read_translations(cameras)
     as_published = {rock: cleaned(obj.read(path)) for rock, path in files.items()}
-    adopted = {rock: moved(mesh, shifts.get(rock, np.zeros(3))) for rock, mesh in as_published.items()}
+    adopted = {rock: moved(mesh, translations.get(rock, np.zeros(3))) for rock, mesh in as_published.items()}
     grid = FloorGrid(Extent(-HALF_WIDTH, -HALF_WIDTH, HALF_WIDTH, HALF_WIDTH), FITTED_GROUND_CELL)
     if published.ground:
         ground = read_ground(published.ground, {rock: rim(mesh) for rock, mesh in as_published.items()})
@@ -129,9 +129,9 @@ def cleaned(mesh: Mesh) -> Mesh:
     return largest_island(merged_vertices(mesh))
 
 
-def moved(mesh: Mesh, shift: np.ndarray) -> Mesh:
-    """The mesh shifted by (3,) metres."""
-    return Mesh(mesh.vertices + shift, mesh.faces)
+def moved(mesh: Mesh, translation: np.ndarray) -> Mesh:
+    """The mesh translated by (3,) metres."""
+    return Mesh(mesh.vertices + translation, mesh.faces)
 
 
 def cuboid_of(mesh: Mesh) -> Cuboid:

@@ -1,6 +1,6 @@
 """Clouds of single rocks: several scans laid on each other, merged in voxels, freed of the scanner's noise.
 
-One motion of a scan may not fit all rocks: scans settle on each other once more rock by rock, by small shifts.
+One motion of a scan may not fit all rocks: scans settle on each other once more rock by rock, by small translations.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ VOXEL = 0.006  # metres to which scans are thinned
 REACH = 0.009  # metres to a partner on the other scan
 ALIKE = 0.9  # least cosine between partners' normals
 LIMITS = (0.004, 0.003, 0.002, 0.002)  # metres from the partner's plane from which points have no say, one a round
-SHIFT_SD = 0.001  # metres: how far a scan may lie off at a rock
-LARGEST_SD = 0.0003  # metres: standard deviation of a shift, where points tell it least, that still is believed
+TRANSLATION_SD = 0.001  # metres: how far a scan may lie off at a rock
+LARGEST_SD = 0.0003  # metres: standard deviation of a translation, where points tell it least, that still is believed
 LEAST_TOLD = 0.03  # of all pairs that must tell the direction told least: noise of normals is no slope
-EXPLAINED = 0.5  # least share of the distances' variance that shifts must take away: shape alone feigns a millimetre
+EXPLAINED = 0.5  # share of the distances' variance that must go: shape alone feigns a millimetre
 _FREE = 3  # directions along which all scans together may move
 
 
@@ -95,10 +95,10 @@ def _on_quadrics(
     weighted = (terms * weights[..., None]).swapaxes(1, 2)
     normal_matrix = weighted @ terms + RIDGE
     heights = np.linalg.solve(normal_matrix, weighted @ z[..., None])[..., 0]
-    turned = own - heights[:, [1]] * across - heights[:, [2]] * along
+    tilted = own - heights[:, [1]] * across - heights[:, [2]] * along
     return (
         points[rows] + NEIGHBOUR_SCALE * heights[:, [0]] * own,
-        turned / np.linalg.norm(turned, axis=1, keepdims=True),
+        tilted / np.linalg.norm(tilted, axis=1, keepdims=True),
     )
 
 
@@ -110,12 +110,13 @@ def tangents(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return across, np.cross(normals, across)
 
 
-def settling_shifts(scans: Sequence[ScanPoints]) -> np.ndarray | None:
-    """(s, 3) shifts, metres, that bring a rock's scans together; zero where they lie together as well as can be told.
+def settling_translations(scans: Sequence[ScanPoints]) -> np.ndarray | None:
+    """(s, 3) translations, metres, that bring a rock's scans together; zero where they lie together as well as can be
+    told.
 
     Distances are those between the scans' smooth surfaces, along normals, so a rock needs faces towards three sides
-    that two scans share: None where points leave some direction open. The mean shift, weighted as the points are, is
-    nil, so the rock stays in its place.
+    that two scans share: None where points leave some direction open. The mean translation, weighted as the points are,
+    is nil, so the rock stays in its place.
 
     Parameters
     ----------
@@ -136,19 +137,21 @@ def settling_shifts(scans: Sequence[ScanPoints]) -> np.ndarray | None:
         pairs, least_told = np.trace(normal) / 2, np.linalg.eigvalsh(normal)[_FREE]
         if least_told < LEAST_TOLD * pairs or variance > LARGEST_SD**2 * least_told:
             return None
-        moved = np.linalg.solve(normal / variance + np.eye(len(normal)) / SHIFT_SD**2, right / variance).reshape(-1, 3)
-    shifts = np.zeros((len(scans), 3))
+        moved = np.linalg.solve(normal / variance + np.eye(len(normal)) / TRANSLATION_SD**2, right / variance).reshape(
+            -1, 3
+        )
+    translations = np.zeros((len(scans), 3))
     if _equations(parts, trees, moved, LIMITS[0])[2] > (1 - EXPLAINED) * variances[0]:
-        return shifts
+        return translations
     weights = np.array([scans[number].weights.sum() for number in usable])
-    shifts[usable] = moved - weights @ moved / weights.sum()
-    return np.round(shifts, 7)  # the last bits of a solver never reach a file
+    translations[usable] = moved - weights @ moved / weights.sum()
+    return np.round(translations, 7)  # the last bits of a solver never reach a file
 
 
 def _equations(
     parts: list[Cloud], trees: Sequence[KDTree], moved: np.ndarray, limit: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Normal matrix (3 s, 3 s) and right side of all shifts, and the variance of a distance, of all ordered pairs."""
+    """Normal matrix (3 s, 3 s) and right side of all translations, and a distance's variance, of all ordered pairs."""
     size = 3 * len(parts)
     normal, right, squares, total = np.zeros((size, size)), np.zeros(size), 0.0, 0.0
     for one, other in permutations(range(len(parts)), 2):

@@ -23,7 +23,7 @@ from polarsim.rocks import table
 from polarsim.rocks.annotated import with_annotated
 from polarsim.rocks.bumps import Bumps, with_bumps
 from polarsim.rocks.carving import carved
-from polarsim.rocks.clouds import settling_shifts, surface_cloud, voxel_means
+from polarsim.rocks.clouds import settling_translations, surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
@@ -85,12 +85,14 @@ def find_rocks(
     sand, found = crop_rocks(sand, regions, typed, limits.foot)
     rock_of_point = rock_of_points(sand, found, scans, limits.foot)
     points = {rock: _by_scan(scans.select(rock_of_point == rock), placed) for rock in found}
-    shifts = {rock: settling_shifts(list(parts.values())) if options.settle else None for rock, parts in points.items()}
+    translations = {
+        rock: settling_translations(list(parts.values())) if options.settle else None for rock, parts in points.items()
+    }
     unlabelled = [rock for rock, one in found.items() if not one.region.confirmed]
     log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(found), unlabelled or "none")
-    rows = [_row(rock, one, points[rock], shifts[rock]) for rock, one in found.items()]
+    rows = [_row(rock, one, points[rock], translations[rock]) for rock, one in found.items()]
     rock_clouds = {
-        rock: surface_cloud(voxel_means(_settled(points[rock], shifts[rock]), options.rock_cell_mm / 1000))
+        rock: surface_cloud(voxel_means(_settled(points[rock], translations[rock]), options.rock_cell_mm / 1000))
         for rock in found
     }
     _write(rocks, cuboids, ids, clouds, rows, found, rock_clouds, ground_cloud(sand), placed)
@@ -136,14 +138,21 @@ def _by_scan(points: ScanPoints, placed: Mapping[str, PlacedRig]) -> dict[str, S
     return {position: part for position, part in parts.items() if len(part)}
 
 
-def _settled(parts: Mapping[str, ScanPoints], shifts: np.ndarray | None) -> ScanPoints:
-    """The points of all scans of a rock, shifted where shifts (s, 3) are known."""
-    if shifts is None:
+def _settled(parts: Mapping[str, ScanPoints], translations: np.ndarray | None) -> ScanPoints:
+    """The points of all scans of a rock, moved where translations (s, 3) are known."""
+    if translations is None:
         return merged(list(parts.values()))
-    return merged([part.moved(Pose(np.eye(3), shift)) for part, shift in zip(parts.values(), shifts, strict=True)])
+    return merged(
+        [
+            part.moved(Pose(np.eye(3), translation))
+            for part, translation in zip(parts.values(), translations, strict=True)
+        ]
+    )
 
 
-def _row(rock: int, found: Rock, points: Mapping[str, ScanPoints], shifts: np.ndarray | None) -> dict[str, object]:
+def _row(
+    rock: int, found: Rock, points: Mapping[str, ScanPoints], translations: np.ndarray | None
+) -> dict[str, object]:
     region = found.region
     return table.row(
         rock,
@@ -153,7 +162,7 @@ def _row(rock: int, found: Rock, points: Mapping[str, ScanPoints], shifts: np.nd
         volume=region.volume,
         points={position: len(part) for position, part in points.items()},
         visible_share=len(region.seen) / len(region.footprint),
-        scan_shift=math.nan if shifts is None else float(np.linalg.norm(shifts, axis=1).max()),
+        scan_translation=math.nan if translations is None else float(np.linalg.norm(translations, axis=1).max()),
         source=found.source,
         confirmed=region.confirmed,
     )

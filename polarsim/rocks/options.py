@@ -22,7 +22,7 @@ class RocksOptions(BaseModel, extra="forbid", frozen=True):
         description="Sand is up to so steep, degrees, and what is steeper is rock. Loose sand rests at up to 38.",
     )
     settle: bool = Field(
-        True, description="Scans are shifted onto each other rock by rock, where points tell by how much."
+        True, description="Scans are moved onto each other rock by rock, where points tell by how much."
     )
     rock_cell_mm: float = Field(
         1.9,

@@ -32,7 +32,7 @@ def rim(mesh: Mesh) -> np.ndarray:
     order = outer[np.lexsort((mesh.vertices[outer, 2], sector))]
     first = np.unique(np.sort(sector), return_index=True)[1]
     points = mesh.vertices[order[first]].copy()
-    points[:, 2] = np.median([np.roll(points[:, 2], shift) for shift in (-1, 0, 1)], axis=0)
+    points[:, 2] = np.median([np.roll(points[:, 2], step) for step in (-1, 0, 1)], axis=0)
     return points
 
 

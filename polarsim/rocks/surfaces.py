@@ -25,7 +25,7 @@ DENSE_STEP = 0.35  # of the points' spacing
 ROOM, GROUND_ROOM = 1.2, 1.02  # least side of the solver's cube over the cloud's; the ground's border is cut off
 MIN_DEPTH, MAX_DEPTH = 4, 11  # of the octree
 SINK = 0.015  # metres that a rock's closed underside lies below the ground
-UNSEEN_COSINE = 0.05  # a facet whose normal turns away further than this from every scanner was not seen
+UNSEEN_COSINE = 0.05  # a facet whose normal points away further than this from every scanner was not seen
 GAP = 0.0075  # metres from the seen surface from which the unseen one begins
 BARE = 0.03  # metres along a facet to the nearest seen point from which on nothing was seen below it, no hollow either
 BULGE = 0.25  # rocks bulge beyond the hull of their seen side: metres outward per metre from what was seen
@@ -60,8 +60,8 @@ def closing_points(
     to_scanners = scanners[None] - points[:, None]
     cosine = (to_scanners * normals[:, None]).sum(axis=-1) / np.linalg.norm(to_scanners, axis=-1)
     buried = above < -spacing  # ends below the ground: no plinth is seen
-    turned_away = cosine.max(axis=1, initial=-1) < UNSEEN_COSINE
-    back = (above >= -spacing) & (gap > GAP) & (turned_away | (beside > BARE))
+    facing_away = cosine.max(axis=1, initial=-1) < UNSEEN_COSINE
+    back = (above >= -spacing) & (gap > GAP) & (facing_away | (beside > BARE))
     points = points + np.where(back, BULGE * np.minimum(gap, np.maximum(above, 0)), 0)[:, None] * normals
     kept = (buried | back) & ~bare.ravel()[np.maximum(grid.cell_of(points), 0)]
     return Cloud(points[kept], normals[kept])

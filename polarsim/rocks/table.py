@@ -21,7 +21,7 @@ def row(
     source: str,
     points: Mapping[str, int] | None = None,
     visible_share: float = math.nan,
-    scan_shift: float = math.nan,
+    scan_translation: float = math.nan,
     confirmed: Sequence[str] = (),
 ) -> dict[str, object]:
     """One rock.
@@ -34,8 +34,8 @@ def row(
         Points of each scan; none for published meshes.
     visible_share : float
         Part of its plan that some scan saw.
-    scan_shift : float
-        How far the scan that moved most was shifted to meet the others on this rock, metres; NaN where it was not.
+    scan_translation : float
+        How far the scan that moved most was translated to meet the others on this rock, metres; NaN where it was not.
     confirmed : sequence of str
         Positions whose seed boxes show the rock.
     """
@@ -45,7 +45,7 @@ def row(
         "rock": rock, "x": x, "y": y, "z": z,
         "size_m": size, "height_m": height, "volume_m3": volume, "points": sum(points.values()),
         "points_by_scan": " ".join(f"{position}:{count}" for position, count in sorted(points.items())),
-        "visible_share": visible_share, "scan_shift_mm": 1000 * scan_shift,
+        "visible_share": visible_share, "scan_shift_mm": 1000 * scan_translation,
         **dict(zip(("x0", "y0", "z0", "x1", "y1", "z1"), (*cuboid.low, *cuboid.high), strict=True)),
         "source": source, "confirmed": " ".join(confirmed),
     }  # fmt: skip

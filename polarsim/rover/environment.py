@@ -93,9 +93,9 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         world = practice_world(self._practice, own) if self._world is None else self._world
         path = Path(np.array(self._points if self._points else _centre(world), float))
         heading = float(path.headings[0])
-        aside, turned = self.np_random.uniform(-1, 1, 2) * (0.1, math.radians(5))
+        aside, yaw = self.np_random.uniform(-1, 1, 2) * (0.1, math.radians(5))
         x, y = path.points[0] + aside * np.array([-math.sin(heading), math.cos(heading)])
-        start = Start(float(x), float(y), heading + turned)
+        start = Start(float(x), float(y), heading + yaw)
         self._simulation = Simulation(world, self.vehicle, self._soil, self.options, start)
         # Only where it is along the path is asked of this driver; it commands nothing.
         self._driver = Driver(path, SteeringLaw(TOP[0], 0.0, 0.0, TOP[1]))

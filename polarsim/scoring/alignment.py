@@ -16,10 +16,10 @@ from polarsim.formats.rigs import PlacedRig, read_all_placed
 from polarsim.geometry.poses import Pose, fit_pose
 from polarsim.scoring.surface import Surface
 
-ARM = 4.0  # metres: about how far the sand is, where a turn by a quarter of a milliradian weighs as a millimetre
+ARM = 4.0  # metres: about how far the sand is, where a rotation by a quarter of a milliradian weighs as a millimetre
 _AXES = np.concatenate([np.zeros((1, 3)), ARM * np.eye(3), -ARM * np.eye(3)])
 
-SHIFT_SD, TURN_SD = 0.02, np.radians(0.3)  # metres, radians: how far the cameras' alignment may be off
+TRANSLATION_SD, ROTATION_SD = 0.02, np.radians(0.3)  # metres, radians: how far the cameras' alignment may be off
 PATCHES, PATCH_SD = 1600, 0.002  # square decimetres of sand, each with an error of its own of this size, metres
 ICP_STEPS = 12
 ICP_GATES = (0.03, 0.003)  # metres: pairs farther apart are left out, at the first and at the last step
@@ -28,8 +28,8 @@ ICP_GATES = (0.03, 0.003)  # metres: pairs farther apart are left out, at the fi
 def fit_alignment(estimated: Mapping[str, Pose], true: Mapping[str, Pose]) -> Pose:
     """`truth_from_sandbox` that best brings estimated camera poses onto the true ones, over their common positions.
 
-    Centres alone leave a turn about their line free. So each camera counts as its centre and the ends of arms of length
-    `ARM` along its axes, and the points are fitted in the least-squares sense.
+    Centres alone leave a rotation about their line free. So each camera counts as its centre and the ends of arms of
+    length `ARM` along its axes, and the points are fitted in the least-squares sense.
 
     Raises
     ------
@@ -74,14 +74,14 @@ def refine_alignment(truth_from_sandbox: Pose, ground_truth: np.ndarray, surface
     """The alignment that brings our surface onto points of the true ground (n, 3): point-to-plane ICP with a closing
     gate.
 
-    Errors of camera poses would count as errors of shape without this step: a turn of 0.02 degrees moves a rock at
+    Errors of camera poses would count as errors of shape without this step: a rotation of 0.02 degrees moves a rock at
     three metres by a millimetre. Rocks are left out, for those that are all too large would pull the frame along. Level
-    ground says nothing of motions along it; there the cameras' alignment holds, by `SHIFT_SD` and `TURN_SD`.
+    ground says nothing of motions along it; there the cameras' alignment holds, by `TRANSLATION_SD` and `ROTATION_SD`.
     """
     pose = truth_from_sandbox
-    moved = np.zeros(6)  # turn and shift so far, in the sandbox about the points' centre
+    moved = np.zeros(6)  # rotation and translation so far, in the sandbox about the points' centre
     centre = pose.inverse().apply(ground_truth.mean(axis=0))
-    prior = np.diag(1 / np.array([TURN_SD] * 3 + [SHIFT_SD] * 3))
+    prior = np.diag(1 / np.array([ROTATION_SD] * 3 + [TRANSLATION_SD] * 3))
     for gate in np.geomspace(*ICP_GATES, ICP_STEPS):
         points = pose.inverse().apply(ground_truth)
         closest, face = surface_sandbox.nearest(points)
@@ -94,7 +94,7 @@ def refine_alignment(truth_from_sandbox: Pose, ground_truth: np.ndarray, surface
         rows = weight * np.concatenate([np.cross(points - centre, normals), normals], axis=1)
         offset = weight * np.einsum("nk,nk->n", closest - points, normals)
         step = np.linalg.lstsq(np.concatenate([rows, prior]), np.concatenate([offset, -prior @ moved]), rcond=None)[0]
-        turn = Pose.from_rotvec(step[:3], np.zeros(3))
-        pose = pose @ Pose(turn.rotation, centre - turn.rotation @ centre + step[3:]).inverse()
+        rotation = Pose.from_rotvec(step[:3], np.zeros(3))
+        pose = pose @ Pose(rotation.rotation, centre - rotation.rotation @ centre + step[3:]).inverse()
         moved += step
     return pose

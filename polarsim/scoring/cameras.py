@@ -183,12 +183,12 @@ def stated(placed: Mapping[str, PlacedRig]) -> list[Metric]:
 
 
 def _pose_errors(subject: str, names: tuple[str, str], estimated: Pose, true: Pose) -> list[Metric]:
-    """How far a pose is shifted and turned against the true one, as the two metrics of these names."""
-    shift_mm = 1000 * float(np.linalg.norm(estimated.translation - true.translation))
-    turn_deg = float(np.degrees(angle_between(estimated, true)))
+    """How far a pose is translated and rotated against the true one, as the two metrics of these names."""
+    offset_mm = 1000 * float(np.linalg.norm(estimated.translation - true.translation))
+    rotation_deg = float(np.degrees(angle_between(estimated, true)))
     return [
-        Metric(subject, names[0], shift_mm, "mm", 1, "truth"),
-        Metric(subject, names[1], turn_deg, "deg", 1, "truth"),
+        Metric(subject, names[0], offset_mm, "mm", 1, "truth"),
+        Metric(subject, names[1], rotation_deg, "deg", 1, "truth"),
     ]
 
 

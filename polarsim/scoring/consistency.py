@@ -99,10 +99,10 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
     """How scans (n, 3) in the sandbox would still have to move to lie on the meshes: all together, and by pairs."""
     surface = Surface(scene.vertices, scene.faces)
     everything = np.concatenate(list(scans.values()))
-    turn, shift = _size(_further(everything, surface), everything.mean(axis=0))
+    rotation, translation = _size(_further(everything, surface), everything.mean(axis=0))
     metrics = [
-        Metric("all scans on the meshes", "common_turn", turn, "deg", len(scans), "own"),
-        Metric("all scans on the meshes", "common_shift", shift, "mm", len(scans), "own"),
+        Metric("all scans on the meshes", "common_turn", rotation, "deg", len(scans), "own"),
+        Metric("all scans on the meshes", "common_shift", translation, "mm", len(scans), "own"),
     ]
     moves = {}
     for position, points in sorted(scans.items()):
@@ -113,10 +113,10 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
         left_mm = 1000 * float(np.median(np.abs(above)))
         metrics.append(Metric(f"scan {position} on the meshes", "distance_median", left_mm, "mm", len(points), "own"))
     for one, other in combinations(sorted(moves), 2):
-        turn, shift = _size(moves[one].inverse() @ moves[other], everything.mean(axis=0))
+        rotation, translation = _size(moves[one].inverse() @ moves[other], everything.mean(axis=0))
         subject = f"scans {one} and {other}"
-        metrics.append(Metric(subject, "turn_between", turn, "deg", 2, "own"))
-        metrics.append(Metric(subject, "shift_between", shift, "mm", 2, "own"))
+        metrics.append(Metric(subject, "turn_between", rotation, "deg", 2, "own"))
+        metrics.append(Metric(subject, "shift_between", translation, "mm", 2, "own"))
     return metrics
 
 
@@ -127,8 +127,8 @@ def cameras_together(before: Mapping[str, PlacedRig], after: Mapping[str, Placed
         for position, rig in sorted(after.items())
     ]
     if len(set(before) & set(after)) > 1:
-        turn = float(np.degrees(angle_between(align_rigs(after, before), Pose.identity())))
-        metrics.append(Metric("cameras since the meshes", "cameras_turn", turn, "deg", len(after), "own"))
+        rotation = float(np.degrees(angle_between(align_rigs(after, before), Pose.identity())))
+        metrics.append(Metric("cameras since the meshes", "cameras_turn", rotation, "deg", len(after), "own"))
     return metrics
 
 
@@ -146,6 +146,6 @@ def _further(points: np.ndarray, surface: Surface) -> Pose:
 
 
 def _size(motion: Pose, place: np.ndarray) -> tuple[float, float]:
-    """Degrees of a motion's turn, and millimetres that it shifts a place (3,)."""
-    turn_deg = float(np.degrees(angle_between(motion, Pose.identity())))
-    return turn_deg, 1000 * float(np.linalg.norm(motion.apply(place) - place))
+    """Degrees of a motion's rotation, and millimetres that it moves a point (3,)."""
+    rotation_deg = float(np.degrees(angle_between(motion, Pose.identity())))
+    return rotation_deg, 1000 * float(np.linalg.norm(motion.apply(place) - place))

@@ -99,8 +99,8 @@ def contact_share(rock: Mesh, ground: Surface) -> float:
     """Share of the directions about a rock in which its mesh comes to within 2 mm of the ground, or below it."""
     above = ground.height_below(rock.vertices)
     offset = rock.vertices[:, :2] - (rock.vertices[:, :2].min(axis=0) + rock.vertices[:, :2].max(axis=0)) / 2
-    turn = np.arctan2(offset[:, 1], offset[:, 0])
-    sector = np.minimum(((turn + np.pi) / (2 * np.pi) * SECTORS).astype(int), SECTORS - 1)
+    azimuth = np.arctan2(offset[:, 1], offset[:, 0])
+    sector = np.minimum(((azimuth + np.pi) / (2 * np.pi) * SECTORS).astype(int), SECTORS - 1)
     lowest = np.full(SECTORS, np.inf)
     np.fmin.at(lowest, sector, above)  # NaN beside the ground
     return float((lowest[np.unique(sector)] < CONTACT).mean())

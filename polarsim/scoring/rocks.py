@@ -208,8 +208,8 @@ def _wide_seen(true: pd.DataFrame, points: np.ndarray, rock: np.ndarray) -> np.n
 def _alignment_metrics(compared: Comparison) -> list[Metric]:
     points, alignment, by_cameras = compared.true.points, compared.truth_from_sandbox, compared.by_cameras
     moved_mm = 1000 * np.linalg.norm(alignment.inverse().apply(points) - by_cameras.inverse().apply(points), axis=1)
-    turned_deg = float(np.degrees(angle_between(by_cameras, alignment)))
+    rotation_deg = float(np.degrees(angle_between(by_cameras, alignment)))
     return [
         Metric("frame", "icp_shift_median", float(np.median(moved_mm)), "mm", len(points), "truth"),
-        Metric("frame", "icp_turn", turned_deg, "deg", len(points), "truth"),
+        Metric("frame", "icp_turn", rotation_deg, "deg", len(points), "truth"),
     ]

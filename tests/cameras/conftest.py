@@ -29,8 +29,8 @@ def rock(rng: np.random.Generator, place: np.ndarray, size: float) -> Mesh:
     number[hull.vertices] = np.arange(len(hull.vertices))
     faces = number[hull.simplices]
     outwards = (np.cross(*(points[hull.simplices[:, k]] - points[hull.simplices[:, 0]] for k in (1, 2)))).T
-    turned = (outwards.T * points[hull.simplices[:, 0]]).sum(axis=1) < 0
-    faces[turned] = faces[turned][:, ::-1]
+    flipped = (outwards.T * points[hull.simplices[:, 0]]).sum(axis=1) < 0
+    faces[flipped] = faces[flipped][:, ::-1]
     return Mesh(points[hull.vertices] + place, faces)
 
 

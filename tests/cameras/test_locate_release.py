@@ -78,6 +78,6 @@ def test_every_position_of_a_terrain_whose_rocks_stand_off_is_placed(release_roo
     found = place_all(seen, outlines, stated_rig().left, OPTIONS)
     assert not found.refused
     assert all(placement.share > 0.55 for placement in found.placed.values())
-    off = np.linalg.norm(found.shifts.metres, axis=1)
+    off = np.linalg.norm(found.translations.metres, axis=1)
     assert set(outlines.rocks[off > 0.03]) >= {3, 4, 6}
     assert np.median(off) < 0.02

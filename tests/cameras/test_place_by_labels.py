@@ -131,8 +131,8 @@ def test_the_jacobian_is_that_of_the_residuals(labelled, outlines, true_poses):
 
 
 def test_a_position_beside_others_shares_their_mean_offset_from_the_survey():
-    shift = np.array([0.1, -0.2, 0.3])
-    placed = {p: Pose(surveyed_pose(p).rotation, surveyed_pose(p).translation + shift) for p in "AC"}
-    np.testing.assert_allclose(pose_beside("B", placed).translation, surveyed_pose("B").translation + shift)
+    translation = np.array([0.1, -0.2, 0.3])
+    placed = {p: Pose(surveyed_pose(p).rotation, surveyed_pose(p).translation + translation) for p in "AC"}
+    np.testing.assert_allclose(pose_beside("B", placed).translation, surveyed_pose("B").translation + translation)
     np.testing.assert_array_equal(pose_beside("B", {}).matrix, surveyed_pose("B").matrix)
     assert pose_beside("G", placed) is None

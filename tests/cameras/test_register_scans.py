@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from polarsim.cameras import scans as registration
-from polarsim.cameras.heightmaps import agreement, height_map, relief_correlation, turned_and_shifted
+from polarsim.cameras.heightmaps import agreement, height_map, relief_correlation, rotated_and_translated
 from polarsim.cameras.icp import Surface, align_jointly, covariances, measure, surface
 from polarsim.cameras.sandbox_frame import find_sandbox_frame
 from polarsim.cameras.scans import level_pose, register_scans
@@ -127,7 +127,7 @@ def test_the_scan_that_two_others_contradict_is_left_out_by_name(sandbox, scans,
         assert network.pairs[0].agreement > 0.9
 
 
-def test_a_scan_that_is_turned_round_is_left_out_by_name(scans):
+def test_a_scan_that_is_rotated_by_half_a_circle_is_left_out_by_name(scans):
     backwards = scans["C"] * np.array([-1, 1, -1])  # by 180 degrees about the camera's vertical
     network = register_scans({"A": scans["A"], "C": backwards})
     assert list(network.level_from_left) == ["A"]
@@ -167,13 +167,13 @@ def test_levelling_finds_the_tilt_and_height_of_a_tripod(scans, true_poses):
     assert np.degrees(np.arccos(np.clip(up_found @ up_true, -1, 1))) < 0.6
 
 
-def test_correlation_finds_a_known_turn_and_shift(rng):
+def test_correlation_finds_a_known_rotation_and_translation(rng):
     bumps = rng.uniform(-1.2, 1.2, (60, 2))
     grid = np.stack(np.meshgrid(*[np.arange(-1.5, 1.5, 0.01)] * 2), axis=-1).reshape(-1, 2)
     heights = sum(0.05 * np.exp(-((grid - bump) ** 2).sum(axis=1) / 0.05**2) for bump in bumps)
     fixed = np.column_stack([grid, heights])
     true = Pose.from_rotvec(np.array([0, 0, np.radians(6.0)]), np.array([0.30, -0.12, 0.0]))
-    best = turned_and_shifted(
+    best = rotated_and_translated(
         fixed, true.inverse().apply(fixed), 2.0, 0.02, np.radians(np.arange(-10, 11, 2.0)), 1.0, 3
     )
     assert np.linalg.norm(best[0].translation - true.translation) < 0.03
@@ -247,7 +247,7 @@ def noisy_copies(rng, noise):
     return surfaces
 
 
-def turns_and_shifts(poses):
+def rotations_and_translations(poses):
     """(s, 6) of small motions, less their mean."""
     motions = np.array(
         [[*Rotation.from_matrix(pose.rotation).as_rotvec(), *pose.translation] for _, pose in sorted(poses.items())]
@@ -261,7 +261,7 @@ def test_formal_errors_are_as_large_as_the_true_ones(rng):
         surfaces = noisy_copies(rng, 0.003)
         found = align_jointly(surfaces, {name: Pose.identity() for name in EYES}, "A")
         formal = covariances(surfaces, found)
-        for error, name in zip(turns_and_shifts(found), sorted(EYES), strict=True):
+        for error, name in zip(rotations_and_translations(found), sorted(EYES), strict=True):
             ratios.append(error @ np.linalg.pinv(formal[name], rcond=1e-6, hermitian=True) @ error / 6)
     assert 0.5 < 1 / np.sqrt(np.mean(ratios)) < 2  # 0.08 mm were claimed where 2 mm were wrong
 
@@ -272,5 +272,5 @@ def test_which_scan_is_held_does_not_matter(rng):
     held = []
     for reference in ("A", "B"):
         poses = align_jointly(surfaces, {n: start[reference].inverse() @ start[n] for n in start}, reference)
-        held.append(turns_and_shifts({name: poses["A"].inverse() @ pose for name, pose in poses.items()}))
+        held.append(rotations_and_translations({name: poses["A"].inverse() @ pose for name, pose in poses.items()}))
     np.testing.assert_allclose(held[0], held[1], atol=2e-5)

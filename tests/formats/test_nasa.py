@@ -86,11 +86,13 @@ numbers = st.floats(-0.2, 0.2)
 @settings(max_examples=25)
 @given(
     focal=st.floats(1500, 2500), centre=st.tuples(st.floats(900, 1000), st.floats(550, 650)),
-    terms=st.tuples(numbers, numbers, numbers, numbers, numbers), turn=st.tuples(numbers, numbers, numbers),
+    terms=st.tuples(numbers, numbers, numbers, numbers, numbers), rotvec=st.tuples(numbers, numbers, numbers),
 )  # fmt: skip
-def test_a_calibration_survives_writing_and_reading(tmp_path_factory, focal, centre, terms, turn):
+def test_a_calibration_survives_writing_and_reading(tmp_path_factory, focal, centre, terms, rotvec):
     lens = Lens(focal, focal * 0.99, *centre, terms)
-    rig = StereoRig(lens, Lens(focal + 1, focal, *centre), Pose.from_rotvec(np.array(turn), np.array([0.3, 0.01, 0.0])))
+    rig = StereoRig(
+        lens, Lens(focal + 1, focal, *centre), Pose.from_rotvec(np.array(rotvec), np.array([0.3, 0.01, 0.0]))
+    )
     path = tmp_path_factory.mktemp("calibration") / nasa.CALIBRATION_NAME
     nasa.write_calibration(path, rig)
     again = nasa.read_calibration(path)

@@ -45,8 +45,8 @@ def slivers(draw):
     y, x = np.mgrid[:50, :70] + 0.5
     mask = np.zeros(x.shape, bool)
     for _ in range(draw(st.integers(1, 3))):
-        turn, dx, dy = draw(st.floats(0, np.pi)), x - draw(st.floats(10, 60)), y - draw(st.floats(10, 40))
-        along, across = np.cos(turn) * dx + np.sin(turn) * dy, np.cos(turn) * dy - np.sin(turn) * dx
+        angle, dx, dy = draw(st.floats(0, np.pi)), x - draw(st.floats(10, 60)), y - draw(st.floats(10, 40))
+        along, across = np.cos(angle) * dx + np.sin(angle) * dy, np.cos(angle) * dy - np.sin(angle) * dx
         mask |= (along / draw(st.floats(3, 40))) ** 2 + (across / draw(st.floats(0.6, 9))) ** 2 < 1
     return mask
 

@@ -47,7 +47,7 @@ def test_a_camera_that_looks_down_and_ahead_has_known_axes():
     np.testing.assert_allclose(pose.rotate(np.array([0.0, 1, 0])), [half, 0, -root], atol=1e-12)
 
 
-def test_roll_turns_the_right_axis_towards_down():
+def test_roll_rotates_the_right_axis_towards_down():
     level, rolled = looking(np.zeros(3), 0.3, 0.4), looking(np.zeros(3), 0.3, 0.4, np.radians(90))
     np.testing.assert_allclose(rolled.rotation[:, 0], level.rotation[:, 1], atol=1e-12)
 
@@ -64,7 +64,7 @@ def test_a_fit_undoes_any_rigid_motion(target_from_source):
     np.testing.assert_allclose(found.apply(POINTS), target_from_source.apply(POINTS), atol=1e-9)
 
 
-def test_the_angle_between_poses_is_that_of_the_turn_between_them():
+def test_the_angle_between_poses_is_that_of_the_rotation_between_them():
     first, second = looking(np.zeros(3), 0.2, 0.3), looking(np.ones(3), 0.2, 0.3 + 0.05)
     assert angle_between(first, second) == pytest.approx(0.05)
 

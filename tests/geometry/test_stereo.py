@@ -26,8 +26,8 @@ def test_a_far_point_has_nearly_the_same_direction_in_both_cameras():
     rig = stated_rig()
     point = np.array([0.0, 0.0, 1000.0])
     in_right = rig.left_from_right.inverse().apply(point)
-    turn = np.degrees(np.arccos(in_right[2] / np.linalg.norm(in_right)))
-    assert turn < 0.2  # R and T of the calibration turn by 0.16 degrees
+    angle = np.degrees(np.arccos(in_right[2] / np.linalg.norm(in_right)))
+    assert angle < 0.2  # R and T of the calibration rotate by 0.16 degrees
 
 
 def test_cameras_are_asked_for_by_letter():

@@ -67,9 +67,9 @@ def test_expected_pixels_are_those_of_the_points(ground):
     np.testing.assert_allclose(seen, ties.expected, atol=1e-3)
 
 
-def test_a_right_camera_turned_about_x_lies_beside_the_rows(ground):
-    turned = replace(RIG, left_from_right=RIG.left_from_right @ Pose.from_rotvec(np.radians([0.2, 0, 0]), np.zeros(3)))
-    off = np.median((ties := ties_under(ground, turned)).right - ties.expected, axis=0)
+def test_a_right_camera_rotated_about_x_lies_beside_the_rows(ground):
+    rotated = replace(RIG, left_from_right=RIG.left_from_right @ Pose.from_rotvec(np.radians([0.2, 0, 0]), np.zeros(3)))
+    off = np.median((ties := ties_under(ground, rotated)).right - ties.expected, axis=0)
     assert abs(off[1]) == pytest.approx(np.radians(0.2) * RIG.right.fy, abs=0.1)
     assert abs(off[0]) < 0.1
 

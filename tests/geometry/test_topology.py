@@ -9,7 +9,7 @@ from polarsim.geometry.topology import is_watertight, part_of_vertex
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
 
-def test_a_tetrahedron_is_closed_until_a_face_is_missing_or_turned_or_doubled():
+def test_a_tetrahedron_is_closed_until_a_face_is_missing_or_flipped_or_doubled():
     assert is_watertight(TETRAHEDRON)
     assert not is_watertight(TETRAHEDRON[1:])
     assert not is_watertight(np.concatenate([TETRAHEDRON[:1, ::-1], TETRAHEDRON[1:]]))

@@ -22,8 +22,8 @@ def mirrored(box):
 @given(box(), box(), st.floats(200, 1200))
 def test_left_and_right_are_alike(shadow, rock, px_per_m):
     found = as_people_draw(shadow, rock, rock, px_per_m)
-    turned = as_people_draw(mirrored(shadow), mirrored(rock), mirrored(rock), px_per_m)
-    np.testing.assert_allclose(turned, mirrored(found), atol=1e-9)
+    flipped = as_people_draw(mirrored(shadow), mirrored(rock), mirrored(rock), px_per_m)
+    np.testing.assert_allclose(flipped, mirrored(found), atol=1e-9)
 
 
 @given(st.floats(-300, 300), st.floats(-300, 300))

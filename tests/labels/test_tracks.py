@@ -31,8 +31,8 @@ def test_the_order_in_which_drawings_are_given_does_not_matter():
         ("L", "180"): np.array([SECOND, FIRST + 2]),
         ("L", "270"): np.array([SECOND - 3]),
     }
-    turned = dict(reversed(annotated.items()))
-    for one, other in zip(find_tracks(annotated, 0.3), find_tracks(turned, 0.3), strict=True):
+    backwards = dict(reversed(annotated.items()))
+    for one, other in zip(find_tracks(annotated, 0.3), find_tracks(backwards, 0.3), strict=True):
         np.testing.assert_array_equal(one.mean, other.mean)
 
 

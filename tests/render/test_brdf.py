@@ -64,8 +64,8 @@ def directions(incidence_deg, emergence_deg, azimuth_deg, dtype=float):
 def random_directions(rng, n, widest_deg=89.9):
     low = np.cos(np.radians(widest_deg))
     i, e = np.degrees(np.arccos(rng.uniform(low, 1, (2, n))))
-    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]  # no axis is special
-    return [vectors @ turn.T for vectors in directions(i, e, rng.uniform(0, 180, n))]
+    rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]  # no axis is special
+    return [vectors @ rotation.T for vectors in directions(i, e, rng.uniform(0, 180, n))]
 
 
 def off_the_step(normal, to_lamp, to_viewer):

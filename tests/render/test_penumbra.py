@@ -110,8 +110,8 @@ def test_sparse_probes_see_what_all_probes_see(surfaces, every):
     x = np.linspace(EDGE - 1.2, EDGE + 0.3, 4000)
     points = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1).astype(np.float32)
     to_lamp = (LAMP.position - points).astype(np.float32)
-    turn = np.linspace(0, 40, len(x))
-    full, sparse = (visible_share(surfaces, points, to_lamp, 0.2, 16, turn, step) for step in (1, every))
+    rotation = np.linspace(0, 40, len(x))
+    full, sparse = (visible_share(surfaces, points, to_lamp, 0.2, 16, rotation, step) for step in (1, every))
     soft = (full > 0) & (full < 1)
     assert soft.mean() > 0.02
     np.testing.assert_array_equal(sparse, full)

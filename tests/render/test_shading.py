@@ -13,7 +13,7 @@ from polarsim.geometry.poses import looking
 from polarsim.photo import NO_ROCK
 from polarsim.render.hits import STRIP, cast_strip
 from polarsim.render.lamps import Lamp
-from polarsim.render.lighting import lighting, to_disc, turns
+from polarsim.render.lighting import lighting, rotations, to_disc
 from polarsim.render.maps import maps_of
 from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import BY_RELIEF, BY_WALL, FACES_AWAY, LIT, NOTHING
@@ -195,9 +195,9 @@ def test_under_a_disc_dark_is_what_sees_too_little_of_it(surfaces, hits):
     disc = replace(LOW, radius_m=0.25)
     towards = disc.light_at(hits.point, falloff=False)[0]
     first_row = hits.pixel // LENS.width // STRIP * STRIP
-    turn = turns(hits.pixel - first_row * LENS.width, first_row)
+    rotation = rotations(hits.pixel - first_row * LENS.width, first_row)
     by = None
-    for way in to_disc(towards, disc.radius_m, OPTIONS.lamp_samples, turn):
+    for way in to_disc(towards, disc.radius_m, OPTIONS.lamp_samples, rotation):
         found = blocking(surfaces, hits, way)
         by = found if by is None else {number: by[number] | found[number] for number in by}
     sizes = []

@@ -124,8 +124,8 @@ def test_a_missing_column_is_named_with_its_file(tmp_path):
 
 def test_ipd_pairs_are_brought_into_the_papers_order_whichever_way_they_come():
     given = ipd()
-    turned = given.rename(columns={"first": "second", "second": "first"})
-    pd.testing.assert_frame_equal(tidy_ipd(given, "analog"), tidy_ipd(turned[given.columns], "analog"))
+    swapped = given.rename(columns={"first": "second", "second": "first"})
+    pd.testing.assert_frame_equal(tidy_ipd(given, "analog"), tidy_ipd(swapped[given.columns], "analog"))
     shown = format_ipd(tidy_ipd(ipd(("real", "hapke", "principled")), "polar"))
     assert list(shown.columns[2:5]) == ["Principled - Hapke", "Real - Hapke", "Real - Principled"]
     assert shown.loc[0, "Real - Principled"] == "0.1000 [0.050, 0.150] / 0.2000 [0.120, 0.280]"

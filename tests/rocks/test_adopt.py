@@ -129,7 +129,7 @@ def test_a_fitted_ground_is_told_from_a_published_one(tmp_path):
     }
 
 
-def test_a_published_ground_that_faces_down_is_turned_over(tmp_path):
+def test_a_published_ground_that_faces_down_is_flipped(tmp_path):
     ground = wavy_ground()
     adopt_on(tmp_path, Mesh(ground.vertices, ground.faces[:, ::-1]))
     assert obj.read(tmp_path / "meshes" / "terrain04_ground.obj").normals()[:, 2].min() > 0.5

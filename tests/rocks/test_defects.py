@@ -30,10 +30,10 @@ def half_ball():
 
 def with_skirt(mesh, reach=0.03):
     """The same with a level ring of sand around its foot."""
-    turn = np.linspace(0, 2 * np.pi, 121)
-    inner, outer = (radius * np.column_stack([np.cos(turn), np.sin(turn)]) for radius in (RADIUS, RADIUS + reach))
-    ring = np.column_stack([np.concatenate([inner, outer]), np.zeros(2 * len(turn))])
-    a = np.arange(len(turn) - 1)
+    angle = np.linspace(0, 2 * np.pi, 121)
+    inner, outer = (radius * np.column_stack([np.cos(angle), np.sin(angle)]) for radius in (RADIUS, RADIUS + reach))
+    ring = np.column_stack([np.concatenate([inner, outer]), np.zeros(2 * len(angle))])
+    a = np.arange(len(angle) - 1)
     faces = np.concatenate([np.stack([a, a + 121, a + 1], 1), np.stack([a + 1, a + 121, a + 122], 1)])
     return Mesh(np.concatenate([mesh.vertices, ring]), np.concatenate([mesh.faces, faces + len(mesh.vertices)]))
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.rocks.clouds import settling_shifts
+from polarsim.rocks.clouds import settling_translations
 from polarsim.rocks.scans import ScanPoints, merged
 
 OFF = np.array([0.0015, -0.0020, 0.0010])  # metres
@@ -27,25 +27,25 @@ def scan(eye, count=8000, noise=0.002, seed=0, off=(0, 0, 0), flat=False):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_scan_that_lies_off_at_a_rock_is_brought_back(seed):
     near, far = scan((2.0, -1.0, 1.5), seed=seed), scan((0.5, -3.0, 1.5), seed=seed + 10, off=OFF)
-    shifts = settling_shifts([near, far])
-    assert shifts is not None
-    assert np.linalg.norm((shifts[0] - shifts[1]) - OFF) < 0.4e-3
+    translations = settling_translations([near, far])
+    assert translations is not None
+    assert np.linalg.norm((translations[0] - translations[1]) - OFF) < 0.4e-3
     weights = np.array([near.weights.sum(), far.weights.sum()])
-    assert weights @ shifts == pytest.approx(0, abs=1e-6 * weights.sum())  # the rock stays where it is
+    assert weights @ translations == pytest.approx(0, abs=1e-6 * weights.sum())  # the rock stays where it is
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_scans_that_agree_are_left_where_they_are(seed):
-    shifts = settling_shifts([scan((2.0, -1.0, 1.5), seed=seed), scan((0.5, -3.0, 1.5), seed=seed + 10)])
-    assert shifts is not None
-    assert not shifts.any()
+    translations = settling_translations([scan((2.0, -1.0, 1.5), seed=seed), scan((0.5, -3.0, 1.5), seed=seed + 10)])
+    assert translations is not None
+    assert not translations.any()
 
 
 def test_the_order_of_scans_and_points_hardly_matters():
     scans = [scan((2.0, -1.0, 1.5)), scan((0.5, -3.0, 1.5), seed=1, off=OFF)]
-    shifts = settling_shifts(scans)
-    turned = settling_shifts([part.select(np.arange(len(part))[::-1]) for part in reversed(scans)])
-    assert turned == pytest.approx(shifts[::-1], abs=0.1e-3)
+    translations = settling_translations(scans)
+    backwards = settling_translations([part.select(np.arange(len(part))[::-1]) for part in reversed(scans)])
+    assert backwards == pytest.approx(translations[::-1], abs=0.1e-3)
 
 
 @pytest.mark.parametrize(
@@ -60,4 +60,4 @@ def test_the_order_of_scans_and_points_hardly_matters():
     ids=["one scan", "few points of the other", "a plate", "no point", "no scan"],
 )
 def test_points_that_leave_a_direction_open_move_nothing(scans):
-    assert settling_shifts(scans) is None
+    assert settling_translations(scans) is None

@@ -15,8 +15,8 @@ numbers = st.floats(-1, 1)
 
 
 @given(st.tuples(numbers, numbers, numbers), st.tuples(numbers, numbers, numbers))
-def test_the_alignment_undoes_any_rigid_motion_of_the_frame(turn, shift):
-    moved = Pose.from_rotvec(np.array(turn), np.array(shift))
+def test_the_alignment_undoes_any_rigid_motion_of_the_frame(rotation, translation):
+    moved = Pose.from_rotvec(np.array(rotation), np.array(translation))
     alignment = fit_alignment({"A": moved @ A, "C": moved @ C}, {"A": A, "B": A, "C": C})
     np.testing.assert_allclose((alignment @ moved).matrix, np.eye(4), atol=1e-9)
 
@@ -34,13 +34,13 @@ def test_frames_without_a_common_position_cannot_be_compared():
 
 
 @pytest.mark.parametrize(
-    ("turn", "shift"),
+    ("rotation", "translation"),
     [((0, 0, 0.001), (0.004, -0.005, 0)), ((0.001, -0.001, 0), (0, 0, 0.005)), ((0, 0, 0), (-0.005, 0.005, 0.005))],
 )
-def test_icp_finds_a_small_motion_of_the_whole_terrain(turn, shift, sand):
+def test_icp_finds_a_small_motion_of_the_whole_terrain(rotation, translation, sand):
     surface = Surface(sand.vertices, sand.faces)
     points, _ = surface.sample(4000, np.random.default_rng(1))
-    truth_from_sandbox = Pose.from_rotvec(np.array(turn), np.array(shift))
+    truth_from_sandbox = Pose.from_rotvec(np.array(rotation), np.array(translation))
     found = refine_alignment(Pose.identity(), truth_from_sandbox.apply(points), surface)
     assert angle_between(found, truth_from_sandbox) < 1e-4
     np.testing.assert_allclose(found.apply(points), truth_from_sandbox.apply(points), atol=1e-4)

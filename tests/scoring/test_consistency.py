@@ -48,10 +48,10 @@ def said(metrics):
     return complaints(metrics_table("consistency", 3, metrics))
 
 
-def rotated(points, degrees, axis, shift_mm=(0, 0, 0)):
-    turn = np.zeros(3)
-    turn[axis] = np.radians(degrees)
-    return Pose.from_rotvec(turn, np.array(shift_mm) / 1000).apply(points)
+def rotated(points, degrees, axis, translation_mm=(0, 0, 0)):
+    rotvec = np.zeros(3)
+    rotvec[axis] = np.radians(degrees)
+    return Pose.from_rotvec(rotvec, np.array(translation_mm) / 1000).apply(points)
 
 
 def test_a_sound_run_has_nothing_to_say(scans, scene):
@@ -59,10 +59,10 @@ def test_a_sound_run_has_nothing_to_say(scans, scene):
 
 
 def test_meshes_in_another_frame_than_the_scans_are_noticed(scans, scene):
-    # An ICP after the cameras stage turned all surfaces by (0.185, 0.084, 0.007) degrees.
-    turned = TerrainMesh(rotated(scene.vertices, 0.185, 0), scene.faces, scene.rock_of_face)
-    (first, *_) = said(scans_on_meshes(scans, turned))
-    assert first.startswith("Terrain 3: all scans on the meshes: all scans together would have to turn by 0.1")
+    # An ICP after the cameras stage rotated all surfaces by (0.185, 0.084, 0.007) degrees.
+    rotated_mesh = TerrainMesh(rotated(scene.vertices, 0.185, 0), scene.faces, scene.rock_of_face)
+    (first, *_) = said(scans_on_meshes(scans, rotated_mesh))
+    assert first.startswith("Terrain 3: all scans on the meshes: all scans together would have to rotate by 0.1")
 
 
 def test_scans_that_were_aligned_behind_the_cameras_back_are_noticed(scans, scene):
@@ -81,15 +81,15 @@ def test_a_camera_that_only_the_survey_places_is_named(world):
     assert sentence.startswith("Terrain 3: camera C: nothing but the survey places the camera")
 
 
-def test_cameras_that_photos_turned_away_from_the_meshes_are_noticed(world):
+def test_cameras_that_photos_rotated_away_from_the_meshes_are_noticed(world):
     before = {position: PlacedRig(stated_rig(), pose, "scans", {}) for position, pose in world.poses.items()}
-    turn = Pose.from_rotvec(np.radians([0.15, 0.1, 0]), np.zeros(3))
+    rotation = Pose.from_rotvec(np.radians([0.15, 0.1, 0]), np.zeros(3))
     after = {
-        position: PlacedRig(rig.rig, turn @ rig.sandbox_from_left, "scans, photos", {})
+        position: PlacedRig(rig.rig, rotation @ rig.sandbox_from_left, "scans, photos", {})
         for position, rig in before.items()
     }
     (sentence,) = said(cameras_together(before, after))
-    assert "turned together by 0.180 degrees" in sentence
+    assert "rotated together by 0.180 degrees" in sentence
 
 
 def test_meshes_that_miss_their_boxes_are_noticed():
@@ -135,9 +135,9 @@ def stereo(wavy, tmp_path_factory):
 STANDING = PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans, photos", {})
 
 
-def turned_right(rig, degrees):
-    turn = Pose.from_rotvec(np.radians(degrees), np.zeros(3))
-    return replace(rig, rig=replace(rig.rig, left_from_right=rig.rig.left_from_right @ turn))
+def rotated_right(rig, degrees):
+    rotation = Pose.from_rotvec(np.radians(degrees), np.zeros(3))
+    return replace(rig, rig=replace(rig.rig, left_from_right=rig.rig.left_from_right @ rotation))
 
 
 def test_photos_of_one_rig_have_nothing_to_say(stereo):
@@ -149,13 +149,13 @@ def test_photos_of_one_rig_have_nothing_to_say(stereo):
     assert known["across_rows_spread"] < 0.3
 
 
-def test_a_right_camera_that_is_turned_about_x_is_noticed(stereo):
-    (sentence,) = said(photos_of_both({"A": turned_right(STANDING, [0.1, 0, 0])}, *stereo))
+def test_a_right_camera_that_is_rotated_about_x_is_noticed(stereo):
+    (sentence,) = said(photos_of_both({"A": rotated_right(STANDING, [0.1, 0, 0])}, *stereo))
     assert "left and right photos, position A: the right photos lie 3.6 px beside the rows" in sentence
 
 
-def test_a_right_camera_that_is_turned_about_its_view_is_noticed(stereo):
-    (sentence,) = said(photos_of_both({"A": turned_right(STANDING, [0, 0, 0.3])}, *stereo))
+def test_a_right_camera_that_is_rotated_about_its_view_is_noticed(stereo):
+    (sentence,) = said(photos_of_both({"A": rotated_right(STANDING, [0, 0, 0.3])}, *stereo))
     assert "the right photos' rows stray by" in sentence
 
 
@@ -195,8 +195,8 @@ def test_boxes_of_both_cameras_on_their_meshes_have_nothing_to_say(rocky):
     assert said(metrics) == []
 
 
-def test_boxes_tell_of_a_right_camera_that_is_turned(rocky):
-    (sentence,) = said(boxes_of_both({"A": turned_right(STANDING, [0.1, 0, 0])}, *rocky))
+def test_boxes_tell_of_a_right_camera_that_is_rotated(rocky):
+    (sentence,) = said(boxes_of_both({"A": rotated_right(STANDING, [0.1, 0, 0])}, *rocky))
     assert "left and right boxes, position A: boxes of the right camera lie" in sentence
 
 

@@ -24,7 +24,7 @@ _ROUNDS = 5
 _CLEAR = 0.1  # residual that counts fully, natural logarithm
 _MOST = 5.0  # and how many times that counts at most: edges of shadows and other faults
 _EVALUATIONS = 45  # a parameter
-_TURNS = 3
+_ROUNDS = 3
 _LEAST = 3  # samples of a place under a lamp in a view
 
 
@@ -86,7 +86,7 @@ def fitted_models(
     """
     found = dict(start)
     darkening = best_darkening(places, found, engine, options)
-    for _ in range(_TURNS):
+    for _ in range(_ROUNDS):
         found = {
             model: fitted_parameters(places, Setting(model, own, darkening, engine, options))
             for model, own in start.items()

@@ -2,7 +2,7 @@
 
 A texel is what lies nearest to a vertex: samples count for the corners of their triangle by barycentric weights. For
 each texel, view and lamp the sum of the photo's light over the sum of the model's is one observation; sums, for grains
-that face the lamp and grains that turn away from it must cancel out, which they do not in a mean of logarithms. Its
+that face the lamp and grains that face away from it must cancel out, which they do not in a mean of logarithms. Its
 logarithm is that of the lamp's brightness plus that of the albedo. Residuals weigh by their lamp's scatter and by
 Cauchy's function. Differences between neighbours and from the thing's mean count as further, weak observations, so that
 every vertex has an albedo.

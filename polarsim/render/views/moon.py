@@ -108,7 +108,7 @@ def on_sphere(longitude: Any, latitude: Any) -> np.ndarray:
 
 
 def _about_z(angle: float) -> np.ndarray:
-    """Components of a vector in axes that are turned by an angle about z."""
+    """Components of a vector in axes that are rotated by an angle about z."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
 

@@ -81,7 +81,7 @@ def _suns(section: Suns) -> Iterator[Found]:
 
 def _lunar(section: LunarSuns) -> Iterator[Found]:
     place = (section.latitude_deg, section.longitude_deg)
-    sandbox_from_local = _turned(section.north_deg - 90)  # local: x east, y north, z up
+    sandbox_from_local = _rotation(section.north_deg - 90)  # local: x east, y north, z up
     for number in range(section.number):
         moment = section.start_utc + timedelta(hours=number * section.every_h)
         told = moment.strftime("%Y-%m-%dT%H:%M:%SZ")
@@ -94,7 +94,7 @@ def _lunar(section: LunarSuns) -> Iterator[Found]:
         yield Lamp.sun(azimuth, elevation, section.intensity), azimuth, elevation, told, sky
 
 
-def _turned(angle_deg: float) -> np.ndarray:
+def _rotation(angle_deg: float) -> np.ndarray:
     return Pose.from_rotvec(np.array([0, 0, np.radians(angle_deg)]), np.zeros(3)).rotation
 
 

@@ -25,8 +25,8 @@ class Placed:
 
     @property
     def scene_from_terrain(self) -> Pose:
-        turn = np.array([0, 0, np.radians(self.section.heading_deg)])
-        return Pose.from_rotvec(turn, np.array(self.section.offset_m, float))
+        rotvec = np.array([0, 0, np.radians(self.section.heading_deg)])
+        return Pose.from_rotvec(rotvec, np.array(self.section.offset_m, float))
 
     @cached_property
     def surfaces(self) -> Surfaces:

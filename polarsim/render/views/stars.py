@@ -95,18 +95,18 @@ def star_radiance(sky: Sky, sandbox_from_celestial: np.ndarray, camera: Camera) 
 
 def sky_images(
     sky: Sky,
-    turns: Mapping[str, np.ndarray],
+    rotations: Mapping[str, np.ndarray],
     surfaces: Surfaces,
     camera: Camera,
     threads: int,
 ) -> dict[str, np.ndarray]:
-    """(h, w) float32 radiance of the stars behind a scene, by name of each turn, `sandbox_from_celestial` (3, 3)."""
+    """(h, w) float32 radiance of stars behind a scene, by name of each rotation, `sandbox_from_celestial` (3, 3)."""
     empty = sky_mask(surfaces, camera, threads)
     olat_images: dict[bytes, np.ndarray] = {}  # lights without a date share one
-    for turn in turns.values():
-        if turn.tobytes() not in olat_images:
-            olat_images[turn.tobytes()] = empty * star_radiance(sky, turn, camera)
-    return {name: olat_images[turn.tobytes()] for name, turn in turns.items()}
+    for rotation in rotations.values():
+        if rotation.tobytes() not in olat_images:
+            olat_images[rotation.tobytes()] = empty * star_radiance(sky, rotation, camera)
+    return {name: olat_images[rotation.tobytes()] for name, rotation in rotations.items()}
 
 
 def _least_cosine(lens: Lens) -> float:

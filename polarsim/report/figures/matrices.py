@@ -56,14 +56,14 @@ def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], width: int = FI
 
 def _draw_bars(axes: Any, rocks: pd.DataFrame) -> None:
     place = np.arange(len(rocks))
-    for shift, name, text, colour in (
+    for offset, name, text, colour in (
         (-0.2, "ipd", "|mean difference|", SERIES[0]),
         (0.2, "ipd_abs", "mean |difference|", SERIES[1]),
     ):
         value = rocks[name].to_numpy(float)
         below, above = value - rocks[f"{name}_low"].to_numpy(float), rocks[f"{name}_high"].to_numpy(float) - value
         errors = np.nan_to_num(np.stack([below, above])).clip(0)
-        axes.bar(place + shift, value, 0.36, yerr=errors, color=colour, label=text, ecolor=INK, capsize=4)
+        axes.bar(place + offset, value, 0.36, yerr=errors, color=colour, label=text, ecolor=INK, capsize=4)
     theirs = rocks["paper_ipd"].to_numpy(float)
     if not np.isnan(theirs).all():
         axes.plot(place - 0.2, theirs, "D", color="white", markeredgecolor=INK, label="paper's |mean difference|")

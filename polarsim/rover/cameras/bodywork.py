@@ -57,8 +57,8 @@ def grousers(link: str, wheel: WheelPart) -> Solid:
     bar = box(np.array([-half[0], -half[1], foot]), np.array([half[0], half[1], crest]))
     parts = []
     for number in range(wheel.grousers):
-        turn = Pose.from_rotvec(np.array([0, 2 * np.pi * number / wheel.grousers, 0]), np.zeros(3))
-        parts.append((turn.apply(bar[0]), bar[1], turn.rotate(bar[2])))
+        rotation = Pose.from_rotvec(np.array([0, 2 * np.pi * number / wheel.grousers, 0]), np.zeros(3))
+        parts.append((rotation.apply(bar[0]), bar[1], rotation.rotate(bar[2])))
     return Solid(link, *_joined(parts))
 
 

@@ -51,21 +51,21 @@ def marks_of(
     Parameters
     ----------
     time_s, spin : (n,)
-        Moments, and how far the wheel had turned then, radians.
+        Moments, and how far the wheel had rotated by then, radians.
     centres, quaternions : (n, 3), (n, 4)
         Of the wheel; its axle is the y axis, quaternions are w, x, y, z.
     soil : (n,) bool
         It stands on soil.
     """
-    turns = spin * grousers / (2 * np.pi)
+    strikes = spin * grousers / (2 * np.pi)
     axle = Rotation.from_quat(quaternions[:, [1, 2, 3, 0]]).apply([0.0, 1, 0])
     ahead = np.stack([axle[:, 1], -axle[:, 0]], axis=1)  # axle x up: level
     found = []
-    for row in np.flatnonzero(np.floor(turns[1:]) != np.floor(turns[:-1])):
+    for row in np.flatnonzero(np.floor(strikes[1:]) != np.floor(strikes[:-1])):
         if not soil[row]:
             continue
-        whole = max(np.floor(turns[row]), np.floor(turns[row + 1]))
-        share = (whole - turns[row]) / (turns[row + 1] - turns[row])
+        whole = max(np.floor(strikes[row]), np.floor(strikes[row + 1]))
+        share = (whole - strikes[row]) / (strikes[row + 1] - strikes[row])
         place = centres[row, :2] + share * (centres[row + 1, :2] - centres[row, :2])
         direction = ahead[row] / max(np.linalg.norm(ahead[row]), 1e-9)
         found.append(GrouserMark(float(time_s[row] + share * (time_s[row + 1] - time_s[row])), place, direction))

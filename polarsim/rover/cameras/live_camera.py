@@ -73,8 +73,11 @@ class LiveCamera:
 
     def _links(self, state: State, base: Pose) -> dict[str, Pose]:
         places = np.stack([state.wheel(name) for name in ("x_m", "y_m", "z_m")], axis=1)
-        turns = np.stack([state.wheel(name) for name in ("qw", "qx", "qy", "qz")], axis=1)
-        wheels = {code: pose_of(place, turn) for code, place, turn in zip(WHEELS, places, turns, strict=True)}
+        quaternions = np.stack([state.wheel(name) for name in ("qw", "qx", "qy", "qz")], axis=1)
+        wheels = {
+            code: pose_of(place, quaternion)
+            for code, place, quaternion in zip(WHEELS, places, quaternions, strict=True)
+        }
         lift = dict(zip(WHEELS, state.wheel("lift_m"), strict=True))
         return links_at(self._vehicle, base, wheels, lift, dict(zip(WHEELS, state.wheel("steer_rad"), strict=True)))
 

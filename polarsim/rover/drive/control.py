@@ -46,8 +46,10 @@ def steer(
         angles = [math.atan2(x, -y) for x, y in places]  # across the line to the centre
         speeds = [speed] * len(places)
     elif command.crab_rad:
-        turn = 2 * math.tan(command.steer_rad) / wheelbase  # rad per metre
-        ways = [(math.cos(command.crab_rad) - turn * y, math.sin(command.crab_rad) + turn * x) for x, y in places]
+        curvature = 2 * math.tan(command.steer_rad) / wheelbase  # rad per metre
+        ways = [
+            (math.cos(command.crab_rad) - curvature * y, math.sin(command.crab_rad) + curvature * x) for x, y in places
+        ]
         angles = [math.atan2(across, along) for along, across in ways]
         speeds = [speed * math.hypot(along, across) for along, across in ways]
     elif abs(command.steer_rad) < STRAIGHT:
@@ -110,7 +112,7 @@ class SteeringLaw:
     integral_gain: float = 0.0
     drift_limit: float = math.radians(10)
     turn_above: float = math.radians(45)
-    turned: float = math.radians(2)  # a turn on the spot ends this near to the next line
+    turn_tolerance: float = math.radians(2)  # a turn on the spot ends this near to the next line
 
 
 @dataclass
@@ -145,20 +147,20 @@ class Driver:
         headway, self.done = max(done - self.done, 0.0), done
         self.heading_error = wrapped(heading - self.path.headings[self.line])
         if self.turning:
-            if abs(self.heading_error) > self.law.turned:
+            if abs(self.heading_error) > self.law.turn_tolerance:
                 return Command(-math.copysign(self.law.speed, self.heading_error), 0.0, "turn")
             self.turning = False
         law = self.law
         self.drift = _within(self.drift - law.integral_gain * self.offset * headway, law.drift_limit)
         aim = self.drift - law.gain * self.offset
-        turn = -law.heading_gain * self.heading_error
+        correction = -law.heading_gain * self.heading_error
         if law.steering == "crab":
             return Command(law.speed, _within(aim - self.heading_error, math.pi / 2), "crab")
         if law.steering == "combined":
             # Crab leads back to the line at once, without a swing; the bend keeps the rover pointing along it.
             crab = _within(_within(aim, law.limit) - self.heading_error, law.limit)
-            return Command(law.speed, _within(turn, law.limit), "drive", crab)
-        return Command(law.speed, _within(aim + turn, law.limit), "drive")
+            return Command(law.speed, _within(correction, law.limit), "drive", crab)
+        return Command(law.speed, _within(aim + correction, law.limit), "drive")
 
 
 def _within(value: float, limit: float) -> float:

@@ -98,9 +98,9 @@ def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:
     wheels = vehicle.wheel_centres[:, :2]
     for begin, heading, length in zip(route.points, route.headings, route.lengths, strict=False):
         step = np.array([math.cos(heading), math.sin(heading)])
-        turned = wheels @ np.array([[step[0], step[1]], [-step[1], step[0]]])
+        rotated = wheels @ np.array([[step[0], step[1]], [-step[1], step[0]]])
         for along in (*np.arange(0.0, length, SAMPLE), length):
-            places = begin + along * step + turned
+            places = begin + along * step + rotated
             low, high = (world.x[0] + reach, world.y[0] + reach), (world.x[-1] - reach, world.y[-1] - reach)
             if not ((places >= low) & (places <= high)).all():
                 x, y = begin + along * step
@@ -123,8 +123,8 @@ def law_of(options: DriveOptions) -> SteeringLaw:
 def start_of(job: Job, route: Route) -> Start:
     """The path's first point, moved and turned by the seed."""
     spread, heading = job.drive.spread, float(route.headings[0])
-    along, offset, turn = generator(job.seed, "rover", "start").uniform(-1, 1, 3) * (
+    along, offset, angle = generator(job.seed, "rover", "start").uniform(-1, 1, 3) * (
         spread.along_m, spread.offset_m, math.radians(spread.heading_deg),
     )  # fmt: skip
     x, y = route.points[0] + along * np.array([math.cos(heading), math.sin(heading)])
-    return Start(float(x - offset * math.sin(heading)), float(y + offset * math.cos(heading)), heading + float(turn))
+    return Start(float(x - offset * math.sin(heading)), float(y + offset * math.cos(heading)), heading + float(angle))

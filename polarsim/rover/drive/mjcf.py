@@ -90,15 +90,15 @@ def _corner(base: ET.Element, vehicle: Vehicle, wheel: WheelPart) -> None:
         upright, "joint", name=f"{code}_steer", type="hinge", axis="0 0 1", range=_text((-limit, limit)),
         damping=f"{steering.damping_n_m_s_rad!r}", armature=f"{steering.armature_kg_m2!r}",
     )  # fmt: skip
-    turning = ET.SubElement(upright, "body", name=f"{code}_wheel")
-    _inertial(turning, wheel.mass_kg, wheel.inertia())
+    spinning = ET.SubElement(upright, "body", name=f"{code}_wheel")
+    _inertial(spinning, wheel.mass_kg, wheel.inertia())
     ET.SubElement(
-        turning, "joint", name=f"{code}_spin", type="hinge", axis="0 1 0",
+        spinning, "joint", name=f"{code}_spin", type="hinge", axis="0 1 0",
         damping=f"{drive.damping_n_m_s_rad!r}", armature=f"{drive.armature_kg_m2!r}",
         solimpfriction=HARD_BRAKE,
     )  # fmt: skip
     ET.SubElement(
-        turning, "geom", name=f"{code}_rim", type="cylinder", size=_text((wheel.radius_m, wheel.width_m / 2)),
+        spinning, "geom", name=f"{code}_rim", type="cylinder", size=_text((wheel.radius_m, wheel.width_m / 2)),
         zaxis="0 1 0", solref=STIFF_ROCK, friction=f"{vehicle.friction_on_rock!r} 0.005 0.0001", **WHEEL_BITS,
     )  # fmt: skip
 

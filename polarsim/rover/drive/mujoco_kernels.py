@@ -152,14 +152,14 @@ def _slip(rim, forward):  # type: ignore[no-untyped-def]
 def _look(state, owner, x0, y0, cell, shapes, centres, rotations, clearance, tops, seen):  # type: ignore[no-untyped-def]
     """Keep `tops`: heights above which no wheel touches or lets go a node, so that most of its window can be left out.
 
-    Looked up anew once a wheel has moved by a cell from where it was `seen`, or its axle turned by as much.
+    Looked up anew once a wheel has moved by a cell from where it was `seen`, or its axle rotated by as much.
     """
     rows, columns = owner.shape
     for wheel in range(len(shapes)):
         far = 0.0
         for axis in range(3):
-            turned = abs(rotations[wheel, axis, 1] - seen[wheel, 3 + axis]) * shapes[wheel, RADIUS]
-            far = max(far, abs(centres[wheel, axis] - seen[wheel, axis]) * (axis < 2), turned)
+            rotated = abs(rotations[wheel, axis, 1] - seen[wheel, 3 + axis]) * shapes[wheel, RADIUS]
+            far = max(far, abs(centres[wheel, axis] - seen[wheel, axis]) * (axis < 2), rotated)
         if far <= cell:
             continue
         for axis in range(3):

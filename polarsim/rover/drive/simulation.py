@@ -255,10 +255,10 @@ class Simulation:
 
     def _put_down(self, start: Start) -> None:
         """Along the slope that bears it, no wheel below the ground or rock under it, and locked."""
-        turn = np.array(
+        rotation = np.array(
             [[math.cos(start.heading), -math.sin(start.heading)], [math.sin(start.heading), math.cos(start.heading)]]
         )
-        centres = self.vehicle.wheel_centres[:, :2] @ turn.T + (start.x, start.y)
+        centres = self.vehicle.wheel_centres[:, :2] @ rotation.T + (start.x, start.y)
         self._require_inside(centres)
         supports = np.array([self._support(x, y) for x, y in centres])
         # The plane through what bears the wheels, in a frame that heads as the rover does.
@@ -269,9 +269,9 @@ class Simulation:
         forward = np.array([1.0, 0.0, along]) / math.hypot(1.0, along)
         level_from_base = np.stack([forward, np.cross(up, forward), up], axis=1)
         z = max(supports + self._radii / up[2] - (places @ level_from_base.T)[:, 2])
-        turned = Rotation.from_euler("z", start.heading) * Rotation.from_matrix(level_from_base)
+        attitude = Rotation.from_euler("z", start.heading) * Rotation.from_matrix(level_from_base)
         self.data.qpos[:3] = start.x, start.y, z
-        self.data.qpos[3:7] = turned.as_quat()[[3, 0, 1, 2]]
+        self.data.qpos[3:7] = attitude.as_quat()[[3, 0, 1, 2]]
         self._mujoco.mj_step1(self.model, self.data)
         self._energy_zero = self._mechanical()
 

@@ -62,11 +62,11 @@ class Trace:
 
     def pose_at(self, time_s: float, wheel: str | None = None) -> Pose:
         """`world_from_base` between logged instants, or that of a wheel by its code (its own frame spins)."""
-        place, turn = self._paths[wheel or ""]
+        place, rotation = self._paths[wheel or ""]
         times = self.table["time_s"].to_numpy()
         at = float(np.clip(time_s, times[0], times[-1]))
         position = np.array([np.interp(at, times, column) for column in place.T])
-        return Pose(turn(at).as_matrix(), position)
+        return Pose(rotation(at).as_matrix(), position)
 
     def value_at(self, time_s: float, column: str) -> float:
         """A number between logged instants."""
@@ -79,8 +79,8 @@ class Trace:
         for wheel in ("", *WHEELS):
             prefix = f"{wheel}_" if wheel else ""
             place = self.table[[f"{prefix}{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy()
-            turns = self.table[[f"{prefix}{name}" for name in ("qx", "qy", "qz", "qw")]].to_numpy()
-            paths[wheel] = place, Slerp(times, Rotation.from_quat(turns))
+            quaternions = self.table[[f"{prefix}{name}" for name in ("qx", "qy", "qz", "qw")]].to_numpy()
+            paths[wheel] = place, Slerp(times, Rotation.from_quat(quaternions))
         return paths
 
 

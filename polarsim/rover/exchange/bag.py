@@ -120,8 +120,8 @@ def _states(trace: Trace, vehicle: Vehicle, options: BagOptions) -> Iterator[Sta
         base = _base(row)
         yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": _moving(time_ns, base, row, vehicle)}
         velocity = np.array([row[name] for name in ("vx_m_s", "vy_m_s", "vz_m_s")])
-        turning = np.array([row[name] for name in ("wx_rad_s", "wy_rad_s", "wz_rad_s")])
-        yield time_ns, "/odom", "nav_msgs/msg/Odometry", messages.odometry(time_ns, base, velocity, turning)
+        angular_velocity = np.array([row[name] for name in ("wx_rad_s", "wy_rad_s", "wz_rad_s")])
+        yield time_ns, "/odom", "nav_msgs/msg/Odometry", messages.odometry(time_ns, base, velocity, angular_velocity)
         joints = messages.joint_state(time_ns, [row[n] for n in order], [rates[n][place] for n in order])
         yield time_ns, "/joint_states", "sensor_msgs/msg/JointState", joints
         yield time_ns, "/wheels/state", "polarsim_msgs/msg/WheelStates", messages.wheel_states(time_ns, row)
@@ -154,8 +154,8 @@ def _imu(trace: Trace, options: BagOptions, seed: int) -> Iterator[Stamped]:
         time_ns, true = options.stamp_ns(float(times[place])), readings[place]
         read = true + noise.normal(size=6) * np.repeat(sd, 3)
         yield time_ns, "/imu", "sensor_msgs/msg/Imu", messages.imu(time_ns, read[:3], read[3:], sd, None)
-        turn = Rotation.from_quat(quaternions[place]).as_matrix()
-        exact = messages.imu(time_ns, true[:3], true[3:], (0.0, 0.0), turn)
+        rotation = Rotation.from_quat(quaternions[place]).as_matrix()
+        exact = messages.imu(time_ns, true[:3], true[3:], (0.0, 0.0), rotation)
         yield time_ns, "/imu/truth", "sensor_msgs/msg/Imu", exact
 
 

@@ -88,14 +88,14 @@ def transform(time_ns: int, parent: str, child: str, parent_from_child: Pose) ->
     }
 
 
-def odometry(time_ns: int, world_from_base: Pose, velocity: np.ndarray, turning: np.ndarray) -> Message:
-    """nav_msgs/Odometry: the true pose in `odom`; `velocity` (3,) in the world, `turning` (3,) in base_link."""
+def odometry(time_ns: int, world_from_base: Pose, velocity: np.ndarray, angular_velocity: np.ndarray) -> Message:
+    """nav_msgs/Odometry: the true pose in `odom`; `velocity` (3,) in the world, `angular_velocity` (3,) in the base."""
     return {
         "header": header(time_ns, "odom"),
         "child_frame_id": "base_link",
         "pose": {"pose": pose(world_from_base), "covariance": [0.0] * 36},
         "twist": {
-            "twist": {"linear": vector(world_from_base.rotation.T @ velocity), "angular": vector(turning)},
+            "twist": {"linear": vector(world_from_base.rotation.T @ velocity), "angular": vector(angular_velocity)},
             "covariance": [0.0] * 36,
         },
     }
@@ -113,14 +113,18 @@ def joint_state(time_ns: int, position: Sequence[float], velocity: Sequence[floa
 
 
 def imu(
-    time_ns: int, acceleration: np.ndarray, turning: np.ndarray, sd: tuple[float, float], turn: np.ndarray | None
+    time_ns: int,
+    acceleration: np.ndarray,
+    angular_velocity: np.ndarray,
+    sd: tuple[float, float],
+    rotation: np.ndarray | None,
 ) -> Message:
-    """sensor_msgs/Imu; `sd` of acceleration, m/s2, and rate, rad/s; `turn` (3, 3), where it is known, of base_link."""
+    """sensor_msgs/Imu; `sd` of acceleration, m/s2, rate, rad/s; `rotation` (3, 3), where it is known, of base_link."""
     return {
         "header": header(time_ns, "base_link"),
-        "orientation": quaternion(np.eye(3) if turn is None else turn),
-        "orientation_covariance": list(_UNMEASURED) if turn is None else [0.0] * 9,
-        "angular_velocity": vector(turning),
+        "orientation": quaternion(np.eye(3) if rotation is None else rotation),
+        "orientation_covariance": list(_UNMEASURED) if rotation is None else [0.0] * 9,
+        "angular_velocity": vector(angular_velocity),
         "angular_velocity_covariance": (np.eye(3) * sd[1] ** 2).ravel().tolist(),
         "linear_acceleration": vector(acceleration),
         "linear_acceleration_covariance": (np.eye(3) * sd[0] ** 2).ravel().tolist(),

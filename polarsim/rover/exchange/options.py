@@ -21,7 +21,7 @@ class BagOptions(BaseModel, extra="forbid", frozen=True):
         0.01, ge=0, description="A reading of acceleration on /imu has this noise (sd), m/s2."
     )
     gyroscope_sd_rad_s: float = Field(
-        0.001, ge=0, description="A reading of the rate of turn on /imu has this noise (sd), rad/s."
+        0.001, ge=0, description="A reading of the angular rate on /imu has this noise (sd), rad/s."
     )
     height_hz: float = Field(
         0.5, ge=0, description="The ground's heights are written at this rate, 1/s; 0: not at all."

@@ -84,7 +84,7 @@ def _joint(
 
 
 def _limit(joint: ET.Element, effort: float, rate: float, reach: float | None) -> None:
-    """Either way; a wheel turns without end."""
+    """Either way; a wheel rotates without end."""
     limit = ET.SubElement(joint, "limit", effort=_number(effort), velocity=_number(rate))
     if reach is not None:
         limit.set("lower", _number(-reach))
@@ -128,7 +128,7 @@ def _lying(link_from_cylinder: Pose) -> Pose:
 
 
 def _origin(place: ET.Element, parent_from_own: Pose) -> None:
-    """URDF's roll, pitch, yaw turn about the fixed axes x, y, z in this order."""
+    """URDF's roll, pitch, yaw rotate about the fixed axes x, y, z in this order."""
     angles = Rotation.from_matrix(parent_from_own.rotation).as_euler("xyz")
     ET.SubElement(place, "origin", xyz=_text(parent_from_own.translation), rpy=_text(angles))
 
@@ -138,5 +138,5 @@ def _text(values: Sequence[float] | np.ndarray) -> str:
 
 
 def _number(value: float) -> str:
-    """Nine digits: angles of turned axes would else end in digits that differ from machine to machine."""
+    """Nine digits: angles of rotated axes would else end in digits that differ from machine to machine."""
     return f"{round(float(value), 9) + 0.0:.9g}"

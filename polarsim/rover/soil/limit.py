@@ -72,8 +72,8 @@ def _bear(wheel: Wheel, law: Law, sinkage: float, slip: float, normal_of_terrain
         each = sigma, tau, R * (tau * np.cos(theta) + sigma * np.sin(theta))
     else:
         each = sigma * np.cos(theta) + tau * np.sin(theta), tau * np.cos(theta) - sigma * np.sin(theta), R * tau
-    bears, pulls, turns = (float((part * area).sum()) for part in each)
-    return bears, pulls, turns
+    bears, pulls, torque = (float((part * area).sum()) for part in each)
+    return bears, pulls, torque
 
 
 def _powers(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

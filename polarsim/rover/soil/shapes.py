@@ -95,7 +95,7 @@ def half_extent(numbers: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """(2,) metres along x and y, from its centre, beyond which a body of `numbers` (8,) reaches nowhere."""
     length = np.maximum(numbers[RADIUS] + numbers[GROUSER_HEIGHT] * (numbers[GROUSERS] > 0), numbers[HALF_LENGTH])
     width = numbers[HALF_WIDTH]
-    # A wheel is a disc of any turn; a plate turns with its frame and gets the circle around it.
+    # A wheel is a disc of any rotation; a plate rotates with its frame and gets the circle around it.
     axle = rotation[:2, 1] if numbers[KIND] == WHEEL else np.zeros(2)
     # Rounding makes an axle along y a little longer than 1.
     half = length * np.sqrt(np.maximum(1 - axle**2, 0.0)) + width * np.abs(axle)

@@ -54,11 +54,11 @@ def base_from_camera(position: np.ndarray, yaw_deg: float, pitch_deg: float, rol
 
 
 def link_from_part(position: Sequence[float], yaw_deg: float, pitch_deg: float, roll_deg: float = 0.0) -> Pose:
-    """Of a shape or light at `position` (3,) in its link, metres; turned about z, the new y, then the new x."""
+    """Of a shape or light at `position` (3,) in its link, metres; rotated about z, the new y, then the new x."""
     from scipy.spatial.transform import Rotation
 
-    turn = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True)
-    return Pose(turn.as_matrix(), np.array(position))
+    rotation = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True)
+    return Pose(rotation.as_matrix(), np.array(position))
 
 
 def levelled(world_from_base: Pose) -> Pose:

@@ -49,22 +49,22 @@ class WheelPart(Part):
     position_m: Triple = Field(description="Centre in base_link with the suspension at rest, m.")
     radius_m: PositiveFloat = Field(description="Of the rim, m.")
     width_m: PositiveFloat = Field(description="Of the rim, m.")
-    mass_kg: PositiveFloat = Field(description="Of the turning part, kg.")
+    mass_kg: PositiveFloat = Field(description="Of the rotating part, kg.")
     arm_mass_kg: PositiveFloat = Field(description="Of what slides with the suspension and does not steer, kg.")
-    upright_mass_kg: PositiveFloat = Field(description="Of what steers and does not turn, kg.")
+    upright_mass_kg: PositiveFloat = Field(description="Of what steers and does not rotate, kg.")
     grousers: int = Field(0, ge=0, description="Straight grousers round the rim.")
     grouser_height_m: float = Field(0.0, ge=0, description="Beyond the rim, m.")
     grouser_thickness_m: float = Field(0.0, ge=0, description="Along the rim, m.")
 
     def inertia(self) -> np.ndarray:
-        """(3,) kg m2 of the turning part, a solid cylinder along y."""
+        """(3,) kg m2 of the rotating part, a solid cylinder along y."""
         axial = self.mass_kg * self.radius_m**2 / 2
         across = self.mass_kg * (3 * self.radius_m**2 + self.width_m**2) / 12
         return np.array([across, axial, across])
 
 
 def cube_inertia(mass: float, side: float = 0.2) -> np.ndarray:
-    """(3,) kg m2 of a cube of `side` metres: arms and uprights are small, and their turning matters little."""
+    """(3,) kg m2 of a cube of `side` metres: arms and uprights are small, and their rotation matters little."""
     return np.full(3, mass * side**2 / 6)
 
 
@@ -72,7 +72,7 @@ class Steering(Part):
     """Of every wheel on its own, about the vertical through its centre."""
 
     limit_deg: float = Field(gt=0, le=180, description="Largest angle either way, degrees.")
-    rate_deg_s: PositiveFloat = Field(description="Fastest turn, degrees per second.")
+    rate_deg_s: PositiveFloat = Field(description="Fastest rotation, degrees per second.")
     stiffness_n_m_rad: PositiveFloat = Field(description="Of the position servo, N m per rad.")
     damping_n_m_s_rad: PositiveFloat = Field(description="Of the joint, N m s per rad.")
     torque_limit_n_m: PositiveFloat = Field(description="The servo gives no more, N m.")
@@ -106,7 +106,7 @@ class CameraPart(Part):
     position_m: Triple = Field(description="In the link's frame, m.")
     yaw_deg: float = Field(0.0, description="From x towards y (left), degrees.")
     pitch_deg: float = Field(0.0, description="Down is positive, degrees.")
-    roll_deg: float = Field(0.0, description="Turns the right axis towards down, degrees.")
+    roll_deg: float = Field(0.0, description="Rotates the right axis towards down, degrees.")
     width_px: int = Field(gt=0, description="Pixels across.")
     height_px: int = Field(gt=0, description="Pixels down.")
     hfov_deg: float | None = Field(None, gt=0, lt=180, description="Horizontal field of view, degrees.")
@@ -148,10 +148,10 @@ class ShapePart(Part):
 
     name: str = Field(description="What it stands for.")
     link: str = Field("base_link", description="base_link, <code>_arm, <code>_upright or <code>_wheel.")
-    kind: Literal["box", "cylinder"] = Field(description="A cylinder's axis is y before it is turned.")
+    kind: Literal["box", "cylinder"] = Field(description="A cylinder's axis is y before it is rotated.")
     position_m: Triple = Field((0.0, 0.0, 0.0), description="Of its centre in the link's frame, m.")
     size_m: Triple = Field(description="Box: length, width, height; cylinder: diameter, length along y, diameter; m.")
-    yaw_deg: float = Field(0.0, description="Turn about z, then about the new y, then about the new x, degrees.")
+    yaw_deg: float = Field(0.0, description="Rotation about z, then about the new y, then about the new x, degrees.")
     pitch_deg: float = Field(0.0, description="Down is positive, degrees.")
     roll_deg: float = Field(0.0, description="About x, degrees.")
     albedo: float = Field(0.3, ge=0, le=1, description="Share of light that it sends back.")

@@ -221,7 +221,7 @@ def _row(world: World, points: np.ndarray) -> dict[str, float]:
 
 
 def _outward(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Faces turned so that on the whole they look away from the rock's centre, as some published ones do not."""
+    """Faces flipped so that on the whole they look away from the rock's centre, as some published ones do not."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     away = (a + b + c) / 3 - (points.min(axis=0) + points.max(axis=0)) / 2
     return faces if float((cross(b - a, c - a) * away).sum()) >= 0 else faces[:, ::-1]

@@ -49,7 +49,7 @@ def test_the_sun_stood_over_the_apollo_sites_where_the_surface_journal_says(
     np.testing.assert_allclose(found, (azimuth, elevation), atol=0.03)
 
 
-def test_the_moon_is_turned_as_spice_turns_it():
+def test_the_moon_is_rotated_as_spice_rotates_it():
     """CSPICE's sxform("IAU_MOON", "J2000", 14610 days) with pck00011.tpc."""
     expected = [
         [0.5720547105837333, 0.8198082524397307, -0.025842548842481546],

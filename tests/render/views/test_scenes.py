@@ -41,12 +41,12 @@ def test_heights_are_those_of_what_lies_on_top(folders):
     np.testing.assert_allclose(scene.heights(places), [HEIGHT, 0, HEIGHT + 0.5, 0.5, -np.inf], atol=1e-6)
 
 
-def test_a_turned_terrain_has_its_normals_turned(folders):
-    plain, turned = ensemble(folders, ((0, 0, 0), 0)), ensemble(folders, ((0, 0, 0), 30))
+def test_a_rotated_terrain_has_its_normals_rotated(folders):
+    plain, rotated = ensemble(folders, ((0, 0, 0), 0)), ensemble(folders, ((0, 0, 0), 30))
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
-    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    np.testing.assert_allclose(turned.surfaces.normals, plain.surfaces.normals @ turn.T, atol=1e-12)
-    corner = np.abs(turned.surfaces.vertices[:, :2]).max(axis=0)
+    rotation = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    np.testing.assert_allclose(rotated.surfaces.normals, plain.surfaces.normals @ rotation.T, atol=1e-12)
+    corner = np.abs(rotated.surfaces.vertices[:, :2]).max(axis=0)
     np.testing.assert_allclose(corner, 2 * (c + s), atol=1e-6)
     assert corner.min() > SIDE
 

@@ -105,14 +105,14 @@ def test_a_star_lights_the_pixels_around_its_place_and_keeps_its_light(pixel):
     np.testing.assert_allclose(total(radiance), 1, rtol=0.02)
 
 
-def test_stars_turn_with_the_camera():
-    """A turned camera sees a star where its direction says; a moved one sees it where it was."""
+def test_stars_rotate_with_the_camera():
+    """A rotated camera sees a star where its direction says; a moved one sees it where it was."""
     star = one_star([80.5, 60.5])
-    turned = Pose(Rotation.from_rotvec([0, 0, 0.1]).as_matrix() @ UPWARDS.rotation, np.array([5.0, 3, 2]))
-    radiance = star_radiance(star, np.eye(3), Camera(turned, LENS))
+    rotated = Pose(Rotation.from_rotvec([0, 0, 0.1]).as_matrix() @ UPWARDS.rotation, np.array([5.0, 3, 2]))
+    radiance = star_radiance(star, np.eye(3), Camera(rotated, LENS))
     rows, columns = np.nonzero(radiance)
     weights = radiance[rows, columns] / radiance.sum()
-    expected = LENS.project(star.directions[0] @ turned.rotation)
+    expected = LENS.project(star.directions[0] @ rotated.rotation)
     np.testing.assert_allclose([columns @ weights + 0.5, rows @ weights + 0.5], expected, atol=1e-3)
     assert abs(expected[0] - 80.5) > 5
     moved = Pose(UPWARDS.rotation, np.array([100.0, 0, 0]))
@@ -121,13 +121,13 @@ def test_stars_turn_with_the_camera():
     )
 
 
-def test_the_sky_turns_with_time():
-    turn = Rotation.from_rotvec([0.2, -0.1, 0.3]).as_matrix()
+def test_the_sky_rotates_with_time():
+    rotation = Rotation.from_rotvec([0.2, -0.1, 0.3]).as_matrix()
     sky = sky_of(StarField(faintest_mag=5))
-    turned_camera = Pose(turn.T @ UPWARDS.rotation, UPWARDS.translation)
+    rotated_camera = Pose(rotation.T @ UPWARDS.rotation, UPWARDS.translation)
     np.testing.assert_allclose(
-        star_radiance(sky, turn, Camera(UPWARDS, LENS)),
-        star_radiance(sky, np.eye(3), Camera(turned_camera, LENS)),
+        star_radiance(sky, rotation, Camera(UPWARDS, LENS)),
+        star_radiance(sky, np.eye(3), Camera(rotated_camera, LENS)),
         rtol=1e-4,
     )
 

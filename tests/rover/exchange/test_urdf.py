@@ -48,7 +48,7 @@ def test_wheels_stand_where_the_table_has_them(model):
         np.testing.assert_allclose(data.body(f"{wheel.code}_wheel").xpos - base, wheel.position_m, atol=1e-9)
 
 
-def test_a_positive_turn_of_a_wheel_drives_forward(model):
+def test_a_positive_rotation_of_a_wheel_drives_forward(model):
     axis = model.joint("lf_spin").axis
     np.testing.assert_allclose(np.cross(axis, [0, 0, 1]), [1, 0, 0])  # the rim's top goes ahead
 
@@ -57,10 +57,10 @@ def test_cameras_look_where_the_table_has_them():
     root = ET.fromstring(urdf(VEHICLE))
     camera = VEHICLE.camera("hap")
     origin = root.find("joint[@name='hap_mount']/origin")
-    turn = Rotation.from_euler("xyz", [float(value) for value in origin.get("rpy").split()]).as_matrix()
+    rotation = Rotation.from_euler("xyz", [float(value) for value in origin.get("rpy").split()]).as_matrix()
     expected = base_from_camera(np.array(camera.position_m), camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
-    np.testing.assert_allclose(turn, expected.rotation, atol=1e-8)
-    assert turn[0, 2] < -0.8  # an aft camera's axis points back
+    np.testing.assert_allclose(rotation, expected.rotation, atol=1e-8)
+    assert rotation[0, 2] < -0.8  # an aft camera's axis points back
     assert root.find("joint[@name='CamBirdViewLeft_mount']") is None
 
 
@@ -69,8 +69,8 @@ def test_lights_shine_where_the_table_says():
     beams = {}
     for light in VEHICLE.lights:
         origin = root.find(f"joint[@name='{light.name}_mount']/origin")
-        turn = Rotation.from_euler("xyz", [float(value) for value in origin.get("rpy").split()]).as_matrix()
-        beams[light.name] = turn[:, 0]
+        rotation = Rotation.from_euler("xyz", [float(value) for value in origin.get("rpy").split()]).as_matrix()
+        beams[light.name] = rotation[:, 0]
         assert [float(value) for value in origin.get("xyz").split()] == pytest.approx(light.position_m)
     assert len(beams) == 8
     down = np.radians(25)

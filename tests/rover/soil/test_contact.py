@@ -29,7 +29,7 @@ def _lunar_law():
     return read_soil(SOILS, "lunar").law()
 
 
-def turned(yaw: float, lean: float, rolled: float) -> np.ndarray:
+def rotated(yaw: float, lean: float, rolled: float) -> np.ndarray:
     """World from a wheel that heads to `yaw`, leans and has rolled."""
     c, s = math.cos(yaw), math.sin(yaw)
     heading = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
@@ -40,7 +40,7 @@ def turned(yaw: float, lean: float, rolled: float) -> np.ndarray:
 
 
 def one_wheel(wheel, cell, centre, velocity=(0.0, 0.0, 0.0), rim_speed=0.0, yaw=0.0, lean=0.0, rolled=0.0) -> Bodies:
-    rotation = turned(yaw, lean, rolled)
+    rotation = rotated(yaw, lean, rolled)
     spin = rotation[:, 1] * rim_speed / wheel.radius
     return Bodies(
         wheel.numbers(cell)[None], np.array([centre]), rotation[None], np.array([velocity], float), spin[None]
@@ -176,7 +176,7 @@ def test_both_engines_give_the_same_numbers(yaw, lean, slip, terrain, grousers, 
 
 
 @ENGINES
-def test_a_turned_wheel_has_turned_forces(lunar, press):
+def test_a_rotated_wheel_has_rotated_forces(lunar, press):
     """On level ground +y is as good as +x."""
     cell, law, forces = 0.02, lunar.law(), []
     for yaw in (0.0, math.pi / 2):
@@ -241,12 +241,12 @@ def test_grousers_thinner_than_a_cell_are_refused():
 
 def test_an_axle_a_rounding_longer_than_one_still_bears(lunar):
     """The rotation of a rover's wheel is never exact: along y its axle may be 1 + 2e-16."""
-    turn = np.eye(3)
-    turn[1, 1] = np.nextafter(1.0, 2.0)
+    axes = np.eye(3)
+    axes[1, 1] = np.nextafter(1.0, 2.0)
     wheel, still = Wheel(0.25, 0.20), np.zeros((1, 3))
     for press in (contact.press, contact_numba.press):
         ground = flat_ground(1.0, 0.4, 0.02)
-        bodies = Bodies(wheel.numbers(0.02)[None], np.array([[0.5, 0.0, 0.24]]), turn[None], still, still)
+        bodies = Bodies(wheel.numbers(0.02)[None], np.array([[0.5, 0.0, 0.24]]), axes[None], still, still)
         assert press(ground, bodies, lunar.law(), Rule(), 1e-3).forces[0, 2] > 10
 
 

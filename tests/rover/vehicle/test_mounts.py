@@ -13,12 +13,12 @@ from tests.rover import driven
 
 LENS = pinhole(44, 1936, 1216)
 places = arrays(float, 3, elements=st.floats(-20, 20))
-turns = arrays(float, 3, elements=st.floats(-1.5, 1.5))
+rotvecs = arrays(float, 3, elements=st.floats(-1.5, 1.5))
 angles = st.floats(-80, 80)
 
 
 def poses():
-    return st.builds(Pose.from_rotvec, turns, places)
+    return st.builds(Pose.from_rotvec, rotvecs, places)
 
 
 def front(level=False):
@@ -69,8 +69,8 @@ def test_a_scaled_camera_sees_the_same():
     assert whole.lens.width == 1936
 
 
-@given(turn=turns, place=places)
-def test_a_traces_quaternion_is_the_rotation_it_was_made_of(turn, place):
-    rotation = Rotation.from_rotvec(turn)
+@given(rotvec=rotvecs, place=places)
+def test_a_traces_quaternion_is_the_rotation_it_was_made_of(rotvec, place):
+    rotation = Rotation.from_rotvec(rotvec)
     x, y, z, w = rotation.as_quat()
     np.testing.assert_allclose(pose_of(place, np.array([w, x, y, z])).rotation, rotation.as_matrix(), atol=1e-12)

@@ -7,10 +7,10 @@ import pytest
 
 from polarsim.cameras import search
 from polarsim.cameras.options import PlacementOptions
-from polarsim.cameras.placements import Placements, place_all, unshifted_fits
-from polarsim.cameras.shifts import FARTHEST, shift_table, shifted
+from polarsim.cameras.placements import Placements, place_all, untranslated_fits
+from polarsim.cameras.translations import FARTHEST, translated, translation_table
 from polarsim.formats.rigs import PlacedRig
-from polarsim.formats.rock_shifts import FILE, read_shifts
+from polarsim.formats.rock_shifts import FILE, read_translations
 from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.geometry.stereo import stated_rig
@@ -46,7 +46,7 @@ class Solution:
 
     @property
     def before(self):
-        return unshifted_fits(self.found, self.outlines, LENS)
+        return untranslated_fits(self.found, self.outlines, LENS)
 
     @property
     def after(self):
@@ -55,7 +55,7 @@ class Solution:
 
 def solved(labelled, annotated, off, options=OPTIONS):
     """All positions placed when the meshes lie `off` (m, 3) metres from where they belong."""
-    outlines = shifted(outlines_of(labelled.meshes, 0.0, 0.0), off)
+    outlines = translated(outlines_of(labelled.meshes, 0.0, 0.0), off)
     seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in annotated.items()}
     return Solution(outlines, place_all(seen, outlines, LENS, options))
 
@@ -85,37 +85,37 @@ def iou_in_right_photos(labelled, outlines, placements):
     return np.mean(found)
 
 
-def test_shifts_take_back_most_of_what_rocks_are_off(off, solution):
-    shifts = solution.found.shifts
-    seen = shifts.boxes >= 2
+def test_translations_take_back_most_of_what_rocks_are_off(off, solution):
+    translations = solution.found.translations
+    seen = translations.boxes >= 2
     assert seen.sum() >= 12
-    left = (off + shifts.metres)[seen]
+    left = (off + translations.metres)[seen]
     left -= left.mean(axis=0)  # a motion of everything shows in no box
     assert np.sqrt((left**2).mean()) < 0.4 * np.sqrt((off[seen] ** 2).mean())
 
 
 def test_the_right_photos_agree_better_too(labelled, solution):
-    placed, shifts = solution.found.placed, solution.found.shifts
+    placed, translations = solution.found.placed, solution.found.translations
     plain = iou_in_right_photos(labelled, solution.outlines, placed)
-    corrected = iou_in_right_photos(labelled, shifted(solution.outlines, shifts.metres), placed)
+    corrected = iou_in_right_photos(labelled, translated(solution.outlines, translations.metres), placed)
     assert corrected > plain + 0.03
 
 
 def test_the_frame_stays_where_it_is(solution):
-    shifts = solution.found.shifts
-    assert np.abs(shifts.metres.mean(axis=0)).max() < 0.001
-    assert (shifts.sd <= 0.010 + 1e-9).all()
-    assert np.median(shifts.sd[shifts.boxes >= 2]) < 0.006
+    translations = solution.found.translations
+    assert np.abs(translations.metres.mean(axis=0)).max() < 0.001
+    assert (translations.sd <= 0.010 + 1e-9).all()
+    assert np.median(translations.sd[translations.boxes >= 2]) < 0.006
 
 
 def test_rocks_that_lie_right_stay(labelled, annotated):
-    shifts = solved(labelled, annotated, np.zeros((15, 3))).found.shifts
-    assert np.median(np.linalg.norm(shifts.metres, axis=1)) < 0.003
+    translations = solved(labelled, annotated, np.zeros((15, 3))).found.translations
+    assert np.median(np.linalg.norm(translations.metres, axis=1)) < 0.003
 
 
-def test_a_stronger_prior_shifts_less(labelled, annotated, off, solution):
-    held = solved(labelled, annotated, off, OPTIONS.model_copy(update={"rock_shift_sd_mm": 1.0})).found.shifts
-    assert np.linalg.norm(held.metres) < 0.7 * np.linalg.norm(solution.found.shifts.metres)
+def test_a_stronger_prior_moves_rocks_less(labelled, annotated, off, solution):
+    held = solved(labelled, annotated, off, OPTIONS.model_copy(update={"rock_shift_sd_mm": 1.0})).found.translations
+    assert np.linalg.norm(held.metres) < 0.7 * np.linalg.norm(solution.found.translations.metres)
 
 
 def test_a_few_rocks_put_centimetres_off_do_not_pull_the_others(labelled, annotated):
@@ -125,7 +125,7 @@ def test_a_few_rocks_put_centimetres_off_do_not_pull_the_others(labelled, annota
     assert set(found.placed) == set("ABC")
     for position, one in found.placed.items():
         assert np.linalg.norm(one.fit.sandbox_from_left.translation - TRUE_POSES[position].translation) < 0.02
-    left = np.linalg.norm(off + found.shifts.metres, axis=1)[found.shifts.boxes >= 2]
+    left = np.linalg.norm(off + found.translations.metres, axis=1)[found.translations.boxes >= 2]
     assert np.median(left) < 0.003
     assert left.max() < 0.02
 
@@ -133,7 +133,7 @@ def test_a_few_rocks_put_centimetres_off_do_not_pull_the_others(labelled, annota
 def test_no_rock_moves_further_than_anybody_could_have_put_it(labelled, annotated):
     off = np.zeros((15, 3))
     off[3] = 0.0, 0.16, 0.0
-    metres = solved(labelled, annotated, off).found.shifts.metres
+    metres = solved(labelled, annotated, off).found.translations.metres
     assert np.linalg.norm(metres, axis=1).max() <= FARTHEST
 
 
@@ -148,16 +148,16 @@ def test_a_position_that_is_refused_leaves_the_others_as_they_are(labelled, anno
     )
 
 
-def test_the_table_gives_back_the_shifts(tmp_path, solution):
-    rocks, shifts = solution.outlines.rocks, solution.found.shifts
-    table = shift_table(rocks, shifts, solution.before, solution.after)
+def test_the_table_gives_back_the_translations(tmp_path, solution):
+    rocks, translations = solution.outlines.rocks, solution.found.translations
+    table = translation_table(rocks, translations, solution.before, solution.after)
     assert table["iou_after"].mean() > table["iou_before"].mean()
     table.to_csv(tmp_path / FILE, index=False)
-    read = read_shifts(tmp_path)
+    read = read_translations(tmp_path)
     assert sorted(read) == table["rock"].tolist()
-    for rock, metres in zip(rocks, shifts.metres, strict=True):
+    for rock, metres in zip(rocks, translations.metres, strict=True):
         np.testing.assert_allclose(read[int(rock)], metres, atol=1e-5)
 
 
-def test_no_table_is_no_shift(tmp_path):
-    assert read_shifts(tmp_path) == {}
+def test_no_table_is_no_translation(tmp_path):
+    assert read_translations(tmp_path) == {}

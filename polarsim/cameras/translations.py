@@ -1,4 +1,4 @@
-"""Rocks shifted by millimetres so that the boxes of all views agree: published meshes were cut and placed by hand."""
+"""Rocks moved by millimetres so that boxes of all views agree: published meshes were cut and placed by hand."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pandas as pd
 
 from polarsim.cameras.labels import FINAL_NOISE, LabelPlacement
 from polarsim.cameras.refine import BoxFit, EdgeProblem, pose_of, unknowns_of
-from polarsim.formats.rock_shifts import SHIFT_COLUMNS
+from polarsim.formats.rock_shifts import TRANSLATION_COLUMNS
 from polarsim.geometry.boxes import MATCH_GATE_PX, assign
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
@@ -24,29 +24,29 @@ SETTLED = 1e-6  # metres and radians: a fit whose unknowns move less has ended
 
 
 @dataclass(frozen=True)
-class Shifts:
+class Translations:
     """Where rocks belong, sandbox frame."""
 
     metres: np.ndarray  # (m, 3)
     sd: np.ndarray  # (m, 3) metres; the prior's where no box tells
-    boxes: np.ndarray  # (m,) boxes that a shift rests on
+    boxes: np.ndarray  # (m,) boxes that a translation rests on
 
 
-def no_shifts(outlines: Outlines, sd: float) -> Shifts:
+def no_translations(outlines: Outlines, sd: float) -> Translations:
     """Rocks where their meshes have them, known to `sd` metres on each axis."""
     shape = len(outlines), 3
-    return Shifts(np.zeros(shape), np.full(shape, sd), np.zeros(len(outlines), int))
+    return Translations(np.zeros(shape), np.full(shape, sd), np.zeros(len(outlines), int))
 
 
-def shifted(outlines: Outlines, metres: np.ndarray) -> Outlines:
-    """Outlines moved by shifts (m, 3)."""
+def translated(outlines: Outlines, metres: np.ndarray) -> Outlines:
+    """Outlines moved by translations (m, 3)."""
     return replace(outlines, whole=outlines.whole + metres[:, None], upper=outlines.upper + metres[:, None])
 
 
-def fit_shifts(
+def fit_translations(
     positions: Mapping[str, LabelPlacement], outlines: Outlines, lens: Lens, sd: float, start: np.ndarray
-) -> tuple[dict[str, np.ndarray], Shifts]:
-    """Poses of all views and shifts of all rocks together; iterated least squares with Cauchy weights of the edges.
+) -> tuple[dict[str, np.ndarray], Translations]:
+    """Poses of all views and translations of all rocks; iterated least squares with Cauchy weights of the edges.
 
     A prior of `sd` metres on each axis holds the rocks, and with them the terrain's frame: moving all rocks and all
     cameras alike changes no box. Its tails are a Cauchy distribution's: few rocks were put centimetres off, and these
@@ -55,20 +55,20 @@ def fit_shifts(
     Parameters
     ----------
     start : (m, 3) float
-        Shifts known so far, metres.
+        Translations known so far, metres.
 
     Returns
     -------
     unknowns : position -> (6,) float
         Centre (metres), yaw, pitch and roll (radians) of the left cameras.
-    shifts : Shifts
+    translations : Translations
     """
     unknowns = {position: unknowns_of(one.fit.sandbox_from_left) for position, one in positions.items()}
     metres = start
     strangers = np.zeros(len(outlines), bool)  # rocks whose boxes are somebody else's
     pairs: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for _ in range(ROUNDS):
-        moved = shifted(outlines, metres)
+        moved = translated(outlines, metres)
         for position, one in positions.items():
             rows, columns = assign(moved.seen(Camera(pose_of(unknowns[position]), lens)), one.boxes, MATCH_GATE_PX)
             known = ~strangers[rows]
@@ -86,7 +86,7 @@ def fit_shifts(
     normal_matrix, _ = _normal_equations(positions, pairs, unknowns, outlines, metres, lens, sd)
     variance = np.diag(np.linalg.inv(normal_matrix))[6 * len(positions) :].reshape(-1, 3)
     seen = np.concatenate([rows for rows, _ in pairs.values()])
-    return unknowns, Shifts(metres, np.sqrt(variance), np.bincount(seen, minlength=len(outlines)))
+    return unknowns, Translations(metres, np.sqrt(variance), np.bincount(seen, minlength=len(outlines)))
 
 
 def _normal_equations(
@@ -98,10 +98,10 @@ def _normal_equations(
     lens: Lens,
     sd: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Matrix and right side for the poses' unknowns (6 a position), then the shifts (3 a rock)."""
+    """Matrix and right side for the poses' unknowns (6 a position), then the translations (3 a rock)."""
     poses = 6 * len(positions)
     size = poses + 3 * len(outlines)
-    moved = shifted(outlines, metres)
+    moved = translated(outlines, metres)
     matrix, side = np.zeros((size, size)), np.zeros(size)
     for number, (position, one) in enumerate(positions.items()):
         rows, columns = pairs[position]
@@ -123,20 +123,22 @@ def _normal_equations(
     return matrix, side
 
 
-def shift_table(rocks: np.ndarray, shifts: Shifts, before: Sequence[BoxFit], after: Sequence[BoxFit]) -> pd.DataFrame:
+def translation_table(
+    rocks: np.ndarray, translations: Translations, before: Sequence[BoxFit], after: Sequence[BoxFit]
+) -> pd.DataFrame:
     """A row a rock, to a hundredth of a millimetre; IoU are means over the views that show the rock, NaN without one.
 
     Parameters
     ----------
     before, after : sequence of BoxFit
-        Fits of all views to the meshes as they are and to the shifted ones.
+        Fits of all views to the meshes as they are and to the translated ones.
     """
-    millimetres = np.round(1000 * shifts.metres, 2) + 0.0
+    millimetres = np.round(1000 * translations.metres, 2) + 0.0
     columns = {
         "rock": rocks,
-        **dict(zip(SHIFT_COLUMNS, millimetres.T, strict=True)),
-        "sd_mm": np.round(1000 * np.linalg.norm(shifts.sd, axis=1), 2),
-        "boxes": shifts.boxes,
+        **dict(zip(TRANSLATION_COLUMNS, millimetres.T, strict=True)),
+        "sd_mm": np.round(1000 * np.linalg.norm(translations.sd, axis=1), 2),
+        "boxes": translations.boxes,
         "iou_before": _mean_iou(before, len(rocks)),
         "iou_after": _mean_iou(after, len(rocks)),
     }
