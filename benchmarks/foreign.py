@@ -43,7 +43,7 @@ from polarsim.cameras.options import PlacementOptions
 from polarsim.formats import nasa, obj, tables, yolo
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.obj import Mesh
-from polarsim.formats.rigs import PlacedRig, read_placed, write_placed, write_rig
+from polarsim.formats.rigs import LocalisedRig, read_localised, write_localised, write_rig
 from polarsim.geometry.boxes import area, around, clip
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import rectified_left, stated_rig
@@ -322,7 +322,7 @@ def make(
         points = swept(solids, sandbox_from_left @ grid.left_from_rectified, grid.lens.pixel_directions(), rng)
         maps[position] = str(folder / f"Pos{position}_org-XYZ.tif")
         nasa.write_range_map(maps[position], points)
-        write_placed(folder / f"truth/cameras/Pos{position}.json", PlacedRig(rig, sandbox_from_left, "truth"))
+        write_localised(folder / f"truth/cameras/Pos{position}.json", LocalisedRig(rig, sandbox_from_left, "truth"))
     write_inventory(folder / "inventory.json", Inventory(TERRAIN, "polar", range_maps=maps))
     write_rig(folder / "calibration.json", rig, "stated")
     _write_truth(folder / "truth", ground, rocks, axis, height)
@@ -353,7 +353,7 @@ def draw(folder: Path, seed: int) -> None:
     rocks = [obj.read(path) for path in obj.rock_files(folder / "truth/meshes").values()]
     scene = _scene([obj.read(folder / "truth/meshes" / obj.ground_name(TERRAIN)), *rocks])
     for position in TRIPODS:
-        placed = read_placed(folder / f"truth/cameras/Pos{position}.json")
+        placed = read_localised(folder / f"truth/cameras/Pos{position}.json")
         lens, boxes = placed.rig.left, []
         for rock in rocks:
             pixels = placed.project("L", rock.vertices)
@@ -430,7 +430,7 @@ def small_finds(folder: Path) -> dict[str, float]:
     Rocks count by their own size, in the frame of position A, paired with finds of any size.
     """
     true, found = (pd.read_parquet(folder / name) for name in ("truth/rocks.parquet", "rocks.parquet"))
-    placed = [read_placed(folder / place / "PosA.json").sandbox_from_left for place in ("truth/cameras", "cameras")]
+    placed = [read_localised(folder / place / "PosA.json").sandbox_from_left for place in ("truth/cameras", "cameras")]
     true_from_sandbox = placed[0] @ placed[1].inverse()
     found[["x", "y", "z"]] = true_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
     pairs = pair_rocks(true, found)

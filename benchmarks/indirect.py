@@ -22,7 +22,7 @@ import numpy as np
 
 from polarsim.formats.instances import GROUND
 from polarsim.formats.lamps import read_suns
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import lamps_of
@@ -42,7 +42,7 @@ def main() -> None:
     parser.add_argument("--full", action="store_true")
     given = parser.parse_args()
     name = f"Terrain{given.terrain:02d}"
-    rigs = read_all_placed(given.run / "cameras" / name)
+    rigs = read_all_localised(given.run / "cameras" / name)
     suns = read_suns(given.run / "cameras" / name, rigs)
     options = RenderOptions(rim_albedo=given.rim_albedo, bounce=0)
     surfaces = surfaces_of(read_terrain(given.run / "meshes" / name, given.terrain), options)

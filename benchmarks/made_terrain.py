@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import NO_ROCK
 
 
-def surveyed_rig() -> PlacedRig:
+def surveyed_rig() -> LocalisedRig:
     """NASA's rig at position A, roughly."""
-    return PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.radians(178), np.radians(25)), "benchmark")
+    return LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.radians(178), np.radians(25)), "benchmark")
 
 
 def grid(height: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -23,7 +23,7 @@ import numpy as np
 
 from polarsim.formats.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.formats.lamps import read_suns
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
@@ -113,7 +113,7 @@ def main() -> None:
     asked.add_argument("--least", type=int, default=200, help="pixels")
     args = asked.parse_args()
     folder = f"Terrain{args.terrain:02d}"
-    rigs = read_all_placed(args.run / "cameras" / folder)
+    rigs = read_all_localised(args.run / "cameras" / folder)
     surfaces = surfaces_of(read_terrain(args.run / "meshes" / folder, args.terrain), OPTIONS)
     pose, lens = rigs[args.position].sandbox_from("L"), rigs[args.position].rig.left.scaled(args.scale)
     amodal(surfaces, pose, lens, args.least)

@@ -30,7 +30,7 @@ from made_terrain import made_terrain, surveyed_rig
 
 from polarsim.formats import obj
 from polarsim.formats.files import write_json
-from polarsim.formats.rigs import write_placed
+from polarsim.formats.rigs import write_localised
 from polarsim.formats.scene import TerrainMesh
 from polarsim.photo import NO_ROCK, SUNS, PhotoKey
 from polarsim.render.lamps import lamps_of, lit_by
@@ -68,7 +68,7 @@ def ours(mesh: TerrainMesh, keys: Sequence[PhotoKey], options: RenderOptions, th
         out = Path(name)
         for folder in ("cameras", "meshes"):
             (out / folder).mkdir()
-        write_placed(out / "cameras" / f"Pos{POSITION}.json", surveyed_rig())
+        write_localised(out / "cameras" / f"Pos{POSITION}.json", surveyed_rig())
         write_terrain(out / "meshes", mesh)
         wall, cpu = time.perf_counter(), time.process_time()
         render_twins(

@@ -3,11 +3,10 @@ ceilings.
 
 `python benchmarks/shadow_causes.py RELEASE WORK [--config config/release.yaml] [--terrains 1 3 4 8 11 12]`
 
-RELEASE and WORK are those of `benchmarks/transfers.py`, whose placed runs below WORK are taken up. The first table has
-shadows as a renderer makes them (ground that a rock hides from the lamp), against the fullest annotated file of each
-exposure
-bracket under a Sun lamp, rover light off, both cameras. The second has the Left drawing's shadows in the Right photos,
-every published file, with what nobody can know replaced by what the Right drawing says.
+RELEASE and WORK are those of `benchmarks/transfers.py`, whose localised runs below WORK are taken up. The first table
+has shadows as a renderer makes them (ground that a rock hides from the lamp), against the fullest annotated file of
+each exposure bracket under a Sun lamp, rover light off, both cameras. The second has the Left drawing's shadows in the
+Right photos, every published file, with what nobody can know replaced by what the Right drawing says.
 """
 
 from __future__ import annotations
@@ -159,12 +158,12 @@ class Propagated:
 
 def propagated(run: Run, options: LabelsOptions) -> Propagated:
     run.place()
-    placed = rigs.read_all_placed(run.folder / "cameras")
+    localised = rigs.read_all_localised(run.folder / "cameras")
     drawings = read_drawings(run.folder / "seeds", run.terrain)
     starts = shadow_starts(drawings, options.shadow_start(run.terrain))
-    suns = lamps.read_suns(run.folder / "cameras", placed)
+    suns = lamps.read_suns(run.folder / "cameras", localised)
     terrain = read_terrain(run.folder / "meshes", run.terrain)
-    return Propagated(gather(terrain, placed, suns, choose_seeds(drawings, {}, starts), options), starts)
+    return Propagated(gather(terrain, localised, suns, choose_seeds(drawings, {}, starts), options), starts)
 
 
 def fullest(truth: Truth) -> dict[tuple[str, CameraSide, Azimuth], np.ndarray]:
@@ -180,7 +179,7 @@ def score_causes(known: Known, truth: Truth, options: LabelsOptions) -> Iterator
     annotated = fullest(truth)
     suns = known.world.suns
     meshes = build_world(known.terrain, TRIM, suns, options.wall_height_m)  # without stand-ins
-    for position in sorted(known.placed):
+    for position in sorted(known.localised):
         labels = PositionLabels(known, position, options)
         for camera in ("L", "R"):
             seen = Seen(meshes, labels.rocks.view(camera))
@@ -195,7 +194,7 @@ def score_causes(known: Known, truth: Truth, options: LabelsOptions) -> Iterator
 def score_ceilings(
     known: Known, starts: ShadowStarts, truth: Truth, options: LabelsOptions
 ) -> Iterator[tuple[str, Counts]]:
-    for position in sorted(known.placed):
+    for position in sorted(known.localised):
         labels = PositionLabels(known, position, options)
         left, right = labels.rocks.view("L"), labels.rocks.view("R")
         for azimuth in SUNS:

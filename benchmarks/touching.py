@@ -39,7 +39,7 @@ from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import PlacementOptions
 from polarsim.formats import nasa, obj
 from polarsim.formats.inventory import Inventory, read_inventory, write_inventory
-from polarsim.formats.rigs import read_all_placed, read_placed, write_rig
+from polarsim.formats.rigs import read_all_localised, read_localised, write_rig
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import splitting
 from polarsim.rocks.creases import COEFFICIENTS, TERMS, Joining, chance_of_two, cut_along_creases
@@ -102,16 +102,16 @@ def _foreign() -> ModuleType:
 
 def read(folder: Path) -> Scene:
     """A scene's sand, and whose each cell is."""
-    placed = read_all_placed(folder / "cameras")
-    scans = read_scans(read_inventory(folder / "inventory.json"), placed)
+    localised = read_all_localised(folder / "cameras")
+    scans = read_scans(read_inventory(folder / "inventory.json"), localised)
     extent = sand_extent(scans)
     scans = scans.select(extent.contains(scans.points))
     slope = np.radians(OPTIONS.max_sand_slope_deg)
     sand = find_ground(scans, extent, GROUND_CELL, slope)
-    true = read_placed(folder / "truth/cameras/PosA.json").sandbox_from_left
+    true = read_localised(folder / "truth/cameras/PosA.json").sandbox_from_left
     cells = np.flatnonzero(np.isfinite(sand.surface) & (sand.above > LIMITS.foot))
     owner = np.zeros(sand.surface.size, np.int64)
-    true_from_sandbox = true @ placed["A"].sandbox_from_left.inverse()
+    true_from_sandbox = true @ localised["A"].sandbox_from_left.inverse()
     places = np.column_stack([sand.grid.places().reshape(-1, 2)[cells], sand.top.ravel()[cells]])
     owner[cells] = _owners(folder / "truth/meshes", true_from_sandbox, places)
     rocks = pd.read_parquet(folder / "truth/rocks.parquet")

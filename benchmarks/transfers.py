@@ -80,11 +80,13 @@ class Run:
     config: Config
     azimuths: tuple[Azimuth, ...]
     seeded: str = POSITIONS
-    unplaced: str = ""  # a position that is left where the survey has it
+    unlocalised: str = ""  # a position that is left where the survey has it
 
     @property
     def folder(self) -> Path:
-        return self.work / f"Terrain{self.terrain:02d}_{'_'.join(self.azimuths)}_{self.seeded}{self.unplaced.lower()}"
+        return (
+            self.work / f"Terrain{self.terrain:02d}_{'_'.join(self.azimuths)}_{self.seeded}{self.unlocalised.lower()}"
+        )
 
     @property
     def seeds(self) -> set[PhotoKey]:
@@ -117,8 +119,8 @@ class Run:
             options=self.config.cameras.placement,
             threads=1,
         )
-        if self.unplaced:
-            self._forget_pose(self.folder / "cameras" / f"Pos{self.unplaced}.json")
+        if self.unlocalised:
+            self._forget_pose(self.folder / "cameras" / f"Pos{self.unlocalised}.json")
         adopt_rocks(
             terrain=self.terrain,
             inventory=at["inventory.json"],
@@ -130,11 +132,11 @@ class Run:
         (self.folder / "placed").touch()
 
     def _forget_pose(self, path: Path) -> None:
-        placed = rigs.read_all_placed(path.parent)
-        rig = placed.pop(self.unplaced)
-        pose = pose_beside(self.unplaced, {position: one.sandbox_from_left for position, one in placed.items()})
+        localised = rigs.read_all_localised(path.parent)
+        rig = localised.pop(self.unlocalised)
+        pose = pose_beside(self.unlocalised, {position: one.sandbox_from_left for position, one in localised.items()})
         assert pose is not None
-        rigs.write_placed(path, rigs.PlacedRig(rig.rig, pose, rigs.SURVEYED))
+        rigs.write_localised(path, rigs.LocalisedRig(rig.rig, pose, rigs.SURVEYED))
 
     def labels(self, keys: Sequence[PhotoKey], options: LabelsOptions, out: Path) -> pd.DataFrame:
         """The label table of some photos; it and the boxes are written to a folder."""
@@ -214,12 +216,12 @@ def partial_runs(run: Run, truth: Truth) -> Iterator[tuple[Run, Truth, str]]:
     for position in POSITIONS:
         own = {key: annotated for key, annotated in left.items() if key.position == position and key.azimuth in SUNS}
         yield with_seeds(run, run.azimuths, POSITIONS.replace(position, "")), own, "position without seed"
-        yield from unplaced_run(run, truth, position)
+        yield from unlocalised_run(run, truth, position)
 
 
-def unplaced_run(run: Run, truth: Truth, position: str) -> Iterator[tuple[Run, Truth, str]]:
+def unlocalised_run(run: Run, truth: Truth, position: str) -> Iterator[tuple[Run, Truth, str]]:
     """A position whose cameras were not found."""
-    lost = replace(run, unplaced=position)
+    lost = replace(run, unlocalised=position)
     suns = {key: annotated for key, annotated in truth.items() if key.position == position and key.azimuth in SUNS}
     for camera, task in (("L", "not placed, other Left photos"), ("R", "not placed, Left to Right")):
         yield lost, {key: annotated for key, annotated in suns.items() if key.camera == camera}, task
@@ -242,11 +244,11 @@ def cast_pairs(run: Run, options: LabelsOptions) -> CastPairs:
     """Every annotated shadow of the seeds beside the one that geometry alone gives."""
     run.place()
     plain = options.model_copy(update={"annotator_shadows": (0.0,) * len(annotator_model.TERMS)})
-    placed = rigs.read_all_placed(run.folder / "cameras")
+    localised = rigs.read_all_localised(run.folder / "cameras")
     drawings = read_drawings(run.folder / "seeds", run.terrain)
     seeds = choose_seeds(drawings, {}, shadow_starts(drawings, plain.shadow_start(run.terrain)))
-    suns = lamps.read_suns(run.folder / "cameras", placed)
-    known = gather(read_terrain(run.folder / "meshes", run.terrain), placed, suns, seeds, plain)
+    suns = lamps.read_suns(run.folder / "cameras", localised)
+    known = gather(read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds, plain)
     rows = []
     for position in known.seeds:
         own = PositionLabels(known, position, plain)
@@ -298,14 +300,14 @@ class Drawing:
 def both_cameras(run: Run, truth: Truth, options: LabelsOptions) -> Known:
     """What the drawings of both cameras under Sun lamps tell together: of each the file with most rocks."""
     run.place()
-    placed = rigs.read_all_placed(run.folder / "cameras")
+    localised = rigs.read_all_localised(run.folder / "cameras")
     seeds: Seeds = {}
     fullest = sorted(truth, key=lambda key: (len(truth[key][ROCK]), -abs(np.log2(key.exposure_ms / 256)), key))
     for key in fullest:
         if key.light == "off" and key.azimuth in SUNS:
             seeds.setdefault(key.position, {})[key.camera, key.azimuth] = Annotated(truth[key][ROCK], None)
-    suns = lamps.read_suns(run.folder / "cameras", placed)
-    return gather(read_terrain(run.folder / "meshes", run.terrain), placed, suns, seeds, options)
+    suns = lamps.read_suns(run.folder / "cameras", localised)
+    return gather(read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds, options)
 
 
 def best_boxes(known: Known, key: PhotoKey, annotated: np.ndarray, options: LabelsOptions) -> Drawing:
@@ -381,10 +383,10 @@ def rover_lit(run: Run, truth: Truth, options: LabelsOptions) -> RoverLit:
     """Every rock that people drew under Sun lamps, in every exposure bracket that only the rover light shines on."""
     run.place()
     drawings = read_drawings(run.folder / "seeds", run.terrain)
-    placed = rigs.read_all_placed(run.folder / "cameras")
-    suns = lamps.read_suns(run.folder / "cameras", placed)
+    localised = rigs.read_all_localised(run.folder / "cameras")
+    suns = lamps.read_suns(run.folder / "cameras", localised)
     seeds = choose_seeds(drawings, {}, shadow_starts(drawings, options.shadow_start(run.terrain)))
-    known = gather(read_terrain(run.folder / "meshes", run.terrain), placed, suns, seeds, options)
+    known = gather(read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds, options)
     brackets: dict[tuple[str, CameraSide], list[np.ndarray]] = {}
     for key, annotated in truth.items():
         if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= options.no_sun_start_ms:

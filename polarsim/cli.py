@@ -315,7 +315,7 @@ def render(
 
     from polarsim.config import render_options
     from polarsim.formats import png
-    from polarsim.formats.rigs import read_placed
+    from polarsim.formats.rigs import read_localised
     from polarsim.formats.tone import to_8bit
     from polarsim.geometry.camera import Camera
     from polarsim.geometry.poses import looking
@@ -325,7 +325,7 @@ def render(
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
 
-    rig = read_placed(cameras).rig if cameras else stated_rig()
+    rig = read_localised(cameras).rig if cameras else stated_rig()
     shot = Shot(
         camera=Camera(looking(np.array(camera), *np.radians([yaw, pitch, roll])), rig.left),
         lamps={"sun": Lamp.sun(*sun, intensity) if sun else Lamp(np.array(lamp), intensity, lamp_radius)},

@@ -130,7 +130,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
     def _scans_without_seeds(self) -> Config:
         if self.labels.seeds == NO_SEEDS and self.source.kind == "release":
             raise ValueError(
-                f"labels.seeds: {NO_SEEDS} needs scans: the release has none, so nothing but seeds places its cameras"
+                f"labels.seeds: {NO_SEEDS} needs scans: the release has none, so nothing but seeds localises "
+                "its cameras"
             )
         return self
 

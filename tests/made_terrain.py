@@ -10,7 +10,7 @@ import pytest
 
 from polarsim.formats import obj
 from polarsim.formats.files import write_json
-from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.tables import write_parquet
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, looking
@@ -34,8 +34,8 @@ class World:
         """Cameras, meshes and rocks.parquet below a folder; rocks `grown` outwards on all sides, metres."""
         other_from_truth = other_from_truth or Pose.identity()
         for position, pose in self.poses.items():
-            placed = PlacedRig(stated_rig(), other_from_truth @ pose, "scans", {"rmse_mm": 1.5})
-            write_placed(folder / "cameras" / f"Pos{position}.json", placed)
+            localised = LocalisedRig(stated_rig(), other_from_truth @ pose, "scans", {"rmse_mm": 1.5})
+            write_localised(folder / "cameras" / f"Pos{position}.json", localised)
         suns = {azimuth: other_from_truth.apply(np.array(place)) for azimuth, place in SUN_LAMPS.items()}
         write_json(folder / "lamps.json", {azimuth: place.tolist() for azimuth, place in suns.items()})
         ground = make_sand()

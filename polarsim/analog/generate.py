@@ -110,8 +110,8 @@ def _write_map(
     folder: Path, position: str, surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: RectifiedGrid,
     grid_from_sandbox: Pose, threads: int,
 ) -> None:  # fmt: skip
-    placed = [(grid_from_sandbox.apply(vertices), faces) for vertices, faces in surfaces]
-    points = scanner.range_map(placed, grid.lens, threads)
+    in_grid = [(grid_from_sandbox.apply(vertices), faces) for vertices, faces in surfaces]
+    points = scanner.range_map(in_grid, grid.lens, threads)
     nasa.write_range_map(nasa.range_map_path(folder, position), points)
 
 

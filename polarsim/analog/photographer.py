@@ -123,8 +123,8 @@ def _olat_images(
     made: Terrain, position: str, camera: str, lamps: Mapping[str, Lamp], bounces: Bounce, albedo: AlbedoMap,
     options: AnalogOptions, threads: int,
 ) -> OlatImages:  # fmt: skip
-    scene, placed = made.scene, made.stations.camera(position, camera)
-    view = look(scene, made.caster, _textures(options.seed, made.terrain), placed, threads)
+    scene, posed = made.scene, made.stations.camera(position, camera)
+    view = look(scene, made.caster, _textures(options.seed, made.terrain), posed, threads)
     albedo.add(view)
     rock_caster = scene.rock_caster() if scene.rocks else None
     images, shadows = {}, {}
@@ -136,7 +136,7 @@ def _olat_images(
         seen = visibility(view, made.caster, lamp, rng, threads)
         lit = direct(view, lamp, seen)
         lit += indirect.pop(_bounce_name(name, position))
-        glare = lamp_glare(lamp, placed, _GLARE * lamp.intensity, rng)
+        glare = lamp_glare(lamp, posed, _GLARE * lamp.intensity, rng)
         images[name] = through_lens(lit) + glare
         shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, seen, threads)
     return OlatImages(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)

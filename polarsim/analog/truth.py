@@ -16,7 +16,7 @@ from polarsim.analog.terrain import Terrain
 from polarsim.analog.view import GBuffer, strips
 from polarsim.formats import obj, tables
 from polarsim.formats.files import write_json
-from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.geometry.meshes import Mesh
 
 _GROUND_STEP = 0.015  # metres: of the ground's mesh
@@ -30,7 +30,7 @@ def write_truth(made: Terrain, folder: Path, options: AnalogOptions) -> None:
     """Write all of a terrain's truth but its labels. Meshes of rocks are their parts above the sand."""
     stations, scene, terrain = made.stations, made.scene, made.terrain
     for position, pose in stations.sandbox_from_left.items():
-        write_placed(folder / "cameras" / f"Pos{position}.json", PlacedRig(stations.rig, pose, "truth"))
+        write_localised(folder / "cameras" / f"Pos{position}.json", LocalisedRig(stations.rig, pose, "truth"))
     write_json(folder / "lamps.json", {name: place.tolist() for name, place in stations.lamps.items()})
     faces = icosphere(options.rock_detail)[1]
     rows = []

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.photo import View
@@ -51,12 +51,16 @@ class Priors:
 class Adjusted:
     """The rigs adjusted; each pose's covariance (6, 6) of rotation, rad, and translation, m, in its left frame."""
 
-    placed: dict[str, PlacedRig]
+    localised: dict[str, LocalisedRig]
     covariance: dict[str, np.ndarray]
 
 
 def adjust(
-    placed: Mapping[str, PlacedRig], sightings: Mapping[View, Sightings], priors: Priors, independent: int, lenses: bool
+    localised: Mapping[str, LocalisedRig],
+    sightings: Mapping[View, Sightings],
+    priors: Priors,
+    independent: int,
+    lenses: bool,
 ) -> Adjusted:
     """Gauss-Newton steps with weights that outliers lose (Cauchy's), all unknowns at once.
 
@@ -64,18 +68,18 @@ def adjust(
 
     Parameters
     ----------
-    placed : position -> PlacedRig
+    localised : position -> LocalisedRig
         The start, and the mean of the priors; all with one calibration.
     independent : int
         How many windows of a view at most count: neighbours err alike.
     lenses : bool
         Whether the calibration is adjusted too: one for all positions.
     """
-    scale = priors.scale(len(placed), lenses=lenses)
+    scale = priors.scale(len(localised), lenses=lenses)
     unknowns = np.zeros(len(scale))
-    slopes = _slopes(placed, sightings, scale)
+    slopes = _slopes(localised, sightings, scale)
     for _ in range(_STEPS):
-        off = _residuals(_moved(placed, unknowns * scale), sightings)
+        off = _residuals(_moved(localised, unknowns * scale), sightings)
         weights = [outlier_weights(part, independent) for part in off]
         information, pull = np.eye(len(scale)), unknowns.copy()
         for part, slope, weight in zip(off, slopes, weights, strict=True):
@@ -88,18 +92,18 @@ def adjust(
         if np.abs(step).max() < _STILL:
             break
     covariance = np.linalg.inv(information) * np.outer(scale, scale)
-    blocks = [slice(_OF_POSE * number, _OF_POSE * (number + 1)) for number in range(len(placed))]
+    blocks = [slice(_OF_POSE * number, _OF_POSE * (number + 1)) for number in range(len(localised))]
     return Adjusted(
-        _moved(placed, unknowns * scale),
-        {position: covariance[block, block] for position, block in zip(sorted(placed), blocks, strict=True)},
+        _moved(localised, unknowns * scale),
+        {position: covariance[block, block] for position, block in zip(sorted(localised), blocks, strict=True)},
     )
 
 
-def _moved(placed: Mapping[str, PlacedRig], unknowns: np.ndarray) -> dict[str, PlacedRig]:
-    rest = unknowns[_OF_POSE * len(placed) :]
+def _moved(localised: Mapping[str, LocalisedRig], unknowns: np.ndarray) -> dict[str, LocalisedRig]:
+    rest = unknowns[_OF_POSE * len(localised) :]
     moved = {}
-    for number, position in enumerate(sorted(placed)):
-        start = placed[position]
+    for number, position in enumerate(sorted(localised)):
+        start = localised[position]
         own = unknowns[_OF_POSE * number : _OF_POSE * (number + 1)]
         rig = start.rig
         if len(rest):
@@ -122,26 +126,26 @@ def _moved_lens(lens: Lens, change: np.ndarray) -> Lens:
     )  # fmt: skip
 
 
-def offsets_px(rig: PlacedRig, camera: str, seen: Sightings) -> np.ndarray:
+def offsets_px(rig: LocalisedRig, camera: str, seen: Sightings) -> np.ndarray:
     """(n, 2) from where photos show points to where a rig puts them; zero for points behind the camera."""
     return np.nan_to_num(rig.project(camera, seen.points) - seen.pixels)
 
 
-def _residuals(placed: Mapping[str, PlacedRig], sightings: Mapping[View, Sightings]) -> list[np.ndarray]:
+def _residuals(localised: Mapping[str, LocalisedRig], sightings: Mapping[View, Sightings]) -> list[np.ndarray]:
     """(n, 2) of every view, in standard deviations."""
     return [
-        whitened(offsets_px(placed[position], camera, seen), seen.whitening)
+        whitened(offsets_px(localised[position], camera, seen), seen.whitening)
         for (position, camera), seen in sorted(sightings.items())
     ]
 
 
 def _slopes(
-    placed: Mapping[str, PlacedRig], sightings: Mapping[View, Sightings], scale: np.ndarray
+    localised: Mapping[str, LocalisedRig], sightings: Mapping[View, Sightings], scale: np.ndarray
 ) -> list[np.ndarray]:
     """(n, 2, unknowns) of every view at the start, by central differences."""
     columns = []
     for nudge in _NUDGE * np.diag(scale):
-        ahead, behind = (_residuals(_moved(placed, sign * nudge), sightings) for sign in (1, -1))
+        ahead, behind = (_residuals(_moved(localised, sign * nudge), sightings) for sign in (1, -1))
         columns.append([(a - b) / (2 * _NUDGE) for a, b in zip(ahead, behind, strict=True)])
     return [np.stack(view, axis=-1) for view in zip(*columns, strict=True)]
 

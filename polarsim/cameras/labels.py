@@ -1,4 +1,4 @@
-"""A position placed by its seed boxes and the terrain's rock meshes."""
+"""A position localised by its seed boxes and the terrain's rock meshes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 
-MIN_BOXES = 3  # positions with fewer boxes or meshes are placed by the survey
+MIN_BOXES = 3  # positions with fewer boxes or meshes are localised by the survey
 ROLL_SD_DEG = 2.9  # prior on the roll of a tripod about level
 SURVEY_WEIGHT = 0.05  # sum of IoU that one unit of the prior's chi squared costs
 START_GATES_PX = (120.0, 80.0, 50.0, 35.0, 25.0, 25.0)  # of re-assignment, from afar
@@ -31,7 +31,7 @@ NO_LEAD = 0.1  # of the share: a pose that leads another one by less is a guess,
 
 
 @dataclass(frozen=True)
-class LabelPlacement:
+class LabelLocalisation:
     """The best fit, and the best of those that end elsewhere."""
 
     fit: BoxFit
@@ -45,9 +45,9 @@ class LabelPlacement:
         return share_of(self.fit, self.boxes)
 
 
-def place_by_labels(
+def localise_by_labels(
     boxes: np.ndarray, outlines: Outlines, lens: Lens, surveyed: Pose | None, options: PlacementOptions
-) -> LabelPlacement:
+) -> LabelLocalisation:
     """Find the left camera's pose from boxes and meshes, with no start; not yet checked, see `checked`.
 
     Every hypothesis of the search is refined to the end before poses are compared: rough fits of one and the same pose
@@ -76,7 +76,7 @@ def place_by_labels(
     if not fits:
         raise RegistrationError("no pose puts any rock on any box")
     rival = max((share_of(fit, boxes) for fit in fits[1:]), default=0.0)
-    return LabelPlacement(fits[0], rival, prior, boxes)
+    return LabelLocalisation(fits[0], rival, prior, boxes)
 
 
 def share_of(fit: BoxFit, boxes: np.ndarray) -> float:
@@ -84,7 +84,7 @@ def share_of(fit: BoxFit, boxes: np.ndarray) -> float:
     return fit.sum_iou / max(1, min(fit.in_view, len(boxes)))
 
 
-def checked(placement: LabelPlacement) -> LabelPlacement:
+def checked(localisation: LabelLocalisation) -> LabelLocalisation:
     """Refuse a pose that explains too little, is no better than another one, or stands where no tripod stood.
 
     Raises
@@ -92,24 +92,24 @@ def checked(placement: LabelPlacement) -> LabelPlacement:
     RegistrationError
         With the shares, or the distance from the survey.
     """
-    leads = placement.share >= MIN_LED_FIT and placement.share - placement.runner_up >= MIN_LEAD
-    if placement.share < MIN_FIT and not leads:
+    leads = localisation.share >= MIN_LED_FIT and localisation.share - localisation.runner_up >= MIN_LEAD
+    if localisation.share < MIN_FIT and not leads:
         raise RegistrationError(
-            f"the best pose explains {placement.share:.2f} of what could match, the next {placement.runner_up:.2f}; "
-            f"{MIN_FIT:g}, or {MIN_LED_FIT:g} with a lead of {MIN_LEAD:g}, is needed"
+            f"the best pose explains {localisation.share:.2f} of what could match, the next "
+            f"{localisation.runner_up:.2f}; {MIN_FIT:g}, or {MIN_LED_FIT:g} with a lead of {MIN_LEAD:g}, is needed"
         )
-    if placement.share - placement.runner_up < NO_LEAD:
+    if localisation.share - localisation.runner_up < NO_LEAD:
         raise RegistrationError(
-            f"two poses explain the {len(placement.boxes)} boxes nearly alike, {placement.share:.2f} and "
-            f"{placement.runner_up:.2f} of what could match"
+            f"two poses explain the {len(localisation.boxes)} boxes nearly alike, {localisation.share:.2f} and "
+            f"{localisation.runner_up:.2f} of what could match"
         )
-    off = np.linalg.norm(placement.fit.sandbox_from_left.translation - placement.prior.mean[:3])
-    if np.isfinite(placement.prior.sd[0]) and off > MAX_OFF_SURVEY:
+    off = np.linalg.norm(localisation.fit.sandbox_from_left.translation - localisation.prior.mean[:3])
+    if np.isfinite(localisation.prior.sd[0]) and off > MAX_OFF_SURVEY:
         raise RegistrationError(
             f"the pose that explains the boxes best stands {off:.1f} m from the survey's place, at most "
             f"{MAX_OFF_SURVEY:g} m are believed: are these another position's boxes?"
         )
-    return placement
+    return localisation
 
 
 def survey_prior(surveyed: Pose | None, options: PlacementOptions) -> PosePrior:

@@ -14,7 +14,7 @@ import numpy as np
 from polarsim.cameras.adjust import outlier_weights, whitened
 from polarsim.cameras.shading import Seen, Surface, look
 from polarsim.formats.best_photos import Photos
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.patches import Found, Window, find
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, View
 
@@ -34,14 +34,14 @@ class Shot:
 
 
 def shots_of(
-    surface: Surface, placed: Mapping[str, PlacedRig], photos: Mapping[View, Photos], scale: float
+    surface: Surface, localised: Mapping[str, LocalisedRig], photos: Mapping[View, Photos], scale: float
 ) -> dict[str, list[Shot]]:
     """What shows the light of each Sun lamp, by azimuth: the left cameras' photos, shrunk by a scale."""
     shots: dict[str, list[Shot]] = {}
     for (position, camera), shown in sorted(photos.items()):
-        if camera != "L" or position not in placed:
+        if camera != "L" or position not in localised:
             continue
-        seen = look(surface, placed[position].camera(camera).scaled(scale))
+        seen = look(surface, localised[position].camera(camera).scaled(scale))
         for azimuth, photo in shown.items():
             shots.setdefault(azimuth, []).append(Shot(seen, photo))
     return shots

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.cameras.labels import LabelPlacement
+from polarsim.cameras.labels import LabelLocalisation
+from polarsim.cameras.localisations import Localisations, localise_all, untranslated_fits
 from polarsim.cameras.options import PlacementOptions
-from polarsim.cameras.placements import Placements, place_all, untranslated_fits
 from polarsim.cameras.rounding import rounded, rounded_figures
 from polarsim.cameras.sandbox_frame import find_sandbox_frame
 from polarsim.cameras.scans import register_scans
@@ -25,7 +25,7 @@ from polarsim.errors import RegistrationError, within
 from polarsim.formats import colmap, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
-from polarsim.formats.rigs import SURVEYED, PlacedRig, read_rig, write_placed
+from polarsim.formats.rigs import SURVEYED, LocalisedRig, read_rig, write_localised
 from polarsim.formats.rock_shifts import FILE as SHIFT_FILE
 from polarsim.formats.scans import read_scan
 from polarsim.formats.schemas import ALIGNMENT, MATCHES
@@ -40,9 +40,9 @@ log = logging.getLogger("polarsim")
 
 @dataclass(frozen=True)
 class Located:
-    """What a way of placing rigs found, and the tables that show how well; file name -> table."""
+    """What a way of localising rigs found, and the tables that show how well; file name -> table."""
 
-    placed: dict[str, PlacedRig]
+    localised: dict[str, LocalisedRig]
     details: dict[str, pd.DataFrame]
 
 
@@ -57,7 +57,7 @@ def locate_cameras(
     options: PlacementOptions,
     threads: int,
 ) -> None:
-    """Place the rigs of a terrain and write the folder `cameras`: `PosX.json`, `colmap/`, and how well it went.
+    """Localise the rigs of a terrain and write the folder `cameras`: `PosX.json`, `colmap/`, and how well it went.
 
     Parameters
     ----------
@@ -83,11 +83,11 @@ def locate_cameras(
             located = _locate_by_scans(known, scanned, rig)
         else:
             located = _locate_by_labels(known, positions, rig, seeds, options)
-        placed = _completed(located.placed, positions, rig)
+        localised = _completed(located.localised, positions, rig)
     with writing_folder(cameras) as folder:
-        for position in sorted(placed):
-            write_placed(folder / f"Pos{position}.json", placed[position])
-        colmap.write_model(folder / "colmap", placed)
+        for position in sorted(localised):
+            write_localised(folder / f"Pos{position}.json", localised[position])
+        colmap.write_model(folder / "colmap", localised)
         for name, table in located.details.items():
             write = tables.write_csv if name.endswith(".csv") else tables.write_parquet
             write(folder / name, table)
@@ -101,7 +101,7 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
     frame = find_sandbox_frame(network.points, network.normals, network.level_from_left)
     if not frame.walls:
         log.warning("no two walls of the box are seen in the scans: origin and heading are the survey's")
-    placed = {}
+    localised = {}
     for position, level_from_left in network.level_from_left.items():
         pose = frame.sandbox_from_level @ level_from_left
         mine = [pair for pair in network.pairs if position in (pair.fixed, pair.moving)]
@@ -113,12 +113,12 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
                 "agreement": max(pair.agreement for pair in mine),
                 **_formal_errors(network.covariances[position], level_from_left.translation),
             }
-        placed[position] = _placed(rig, pose, "scans", quality)
+        localised[position] = _localised(rig, pose, "scans", quality)
     rows = []
     for pair in network.pairs:
         laid = pair.alignment
         rows.append((f"{pair.fixed}-{pair.moving}", laid.fitness, 1000 * laid.rmse, laid.points, pair.agreement))
-    return Located(placed, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT.columns))})
+    return Located(localised, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT.columns))})
 
 
 def _formal_errors(covariance: np.ndarray, place: np.ndarray) -> dict[str, float]:
@@ -143,25 +143,25 @@ def _locate_by_labels(
     outlines = outlines_of(meshes)
     annotated = read_rock_boxes(seeds, known.terrain)
     seen = {position: consensus_boxes(annotated.get(position, [])) for position in positions}
-    found = place_all(seen, outlines, rig.left, options)
+    found = localise_all(seen, outlines, rig.left, options)
     _tell_refused(found)
     details = {}
-    if options.rock_shift_sd_mm and found.placed:
+    if options.rock_shift_sd_mm and found.localised:
         before = untranslated_fits(found, outlines, rig.left)
-        fits = [one.fit for one in found.placed.values()]
+        fits = [one.fit for one in found.localised.values()]
         details[SHIFT_FILE] = translation_table(outlines.rocks, found.translations, before, fits)
-    placed, rows = {}, []
-    for position, placement in sorted(found.placed.items()):
-        pose = placement.fit.sandbox_from_left
-        quality = {**_label_quality(placement, len(outlines)), **_off_survey(position, pose)}
-        placed[position] = _placed(rig, pose, "labels", quality)
-        rows += _match_rows(position, placement, outlines.rocks)
+    localised, rows = {}, []
+    for position, localisation in sorted(found.localised.items()):
+        pose = localisation.fit.sandbox_from_left
+        quality = {**_label_quality(localisation, len(outlines)), **_off_survey(position, pose)}
+        localised[position] = _localised(rig, pose, "labels", quality)
+        rows += _match_rows(position, localisation, outlines.rocks)
     rows.sort(key=itemgetter(0, 1))
-    return Located(placed, {**details, "matches.parquet": pd.DataFrame(rows, columns=list(MATCHES.columns))})
+    return Located(localised, {**details, "matches.parquet": pd.DataFrame(rows, columns=list(MATCHES.columns))})
 
 
-def _tell_refused(found: Placements) -> None:
-    """Warn of positions that labels do not place; one view may be hopeless.
+def _tell_refused(found: Localisations) -> None:
+    """Warn of positions that labels do not localise; one view may be hopeless.
 
     Raises
     ------
@@ -169,63 +169,63 @@ def _tell_refused(found: Placements) -> None:
         All are refused: these are other labels or other meshes.
     """
     reasons = [f"position {position}: {reason}" for position, reason in sorted(found.refused.items())]
-    if reasons and not found.placed:
+    if reasons and not found.localised:
         raise RegistrationError(reasons[0])
     for reason in reasons:
         log.warning("%s", reason)
 
 
-def _label_quality(placement: LabelPlacement, meshes: int) -> dict[str, float]:
-    fit = placement.fit
-    offset = _offsets(placement)
+def _label_quality(localisation: LabelLocalisation, meshes: int) -> dict[str, float]:
+    fit = localisation.fit
+    offset = _offsets(localisation)
     sd = np.sqrt(np.diag(fit.covariance))
     return {
-        "boxes": float(len(placement.boxes)),
+        "boxes": float(len(localisation.boxes)),
         "meshes": float(meshes),
         "matched": float(len(fit.iou)),
         "mean_iou": float(fit.iou.mean()),
         "median_dx_px": float(np.median(np.abs(offset[:, 0]))),
         "median_dy_px": float(np.median(np.abs(offset[:, 1]))),
-        "share": placement.share,
-        "runner_up": placement.runner_up,
+        "share": localisation.share,
+        "runner_up": localisation.runner_up,
         "sd_mm": float(1000 * np.linalg.norm(sd[:3])),
         "sd_deg": float(np.degrees(np.linalg.norm(sd[3:]))),
     }
 
 
-def _match_rows(position: str, placement: LabelPlacement, rocks: np.ndarray) -> list[tuple[Any, ...]]:
+def _match_rows(position: str, localisation: LabelLocalisation, rocks: np.ndarray) -> list[tuple[Any, ...]]:
     """A row of `MATCHES` a pair; `rocks` (m,) are the numbers of the outlines."""
-    fit = placement.fit
-    seeds, meshes = placement.boxes[fit.box], fit.projected[fit.outline]
-    pairs = zip(rocks[fit.outline].tolist(), seeds, meshes, fit.iou, _offsets(placement), strict=True)
+    fit = localisation.fit
+    seeds, meshes = localisation.boxes[fit.box], fit.projected[fit.outline]
+    pairs = zip(rocks[fit.outline].tolist(), seeds, meshes, fit.iou, _offsets(localisation), strict=True)
     return [(position, rock, *seed, *mesh, overlap, *off) for rock, seed, mesh, overlap, off in pairs]
 
 
-def _offsets(placement: LabelPlacement) -> np.ndarray:
+def _offsets(localisation: LabelLocalisation) -> np.ndarray:
     """(n, 2) of the projected boxes' centres from the annotated ones, pixels."""
-    mesh, seed = placement.fit.projected[placement.fit.outline], placement.boxes[placement.fit.box]
+    mesh, seed = localisation.fit.projected[localisation.fit.outline], localisation.boxes[localisation.fit.box]
     return np.asarray((mesh[:, :2] + mesh[:, 2:] - seed[:, :2] - seed[:, 2:]) / 2)
 
 
-def _completed(placed: dict[str, PlacedRig], positions: Sequence[str], rig: StereoRig) -> dict[str, PlacedRig]:
-    """Positions that neither scans nor labels place stand where the survey has them, moved as the others are."""
-    complete = dict(placed)
-    poses = {position: one.sandbox_from_left for position, one in placed.items()}
+def _completed(localised: dict[str, LocalisedRig], positions: Sequence[str], rig: StereoRig) -> dict[str, LocalisedRig]:
+    """Positions that neither scans nor labels localise stand where the survey has them, moved as the others are."""
+    complete = dict(localised)
+    poses = {position: one.sandbox_from_left for position, one in localised.items()}
     for position in positions:
-        if position in placed:
+        if position in localised:
             continue
         pose = pose_beside(position, poses)
         if pose is None:
             raise RegistrationError(
-                f"position {position} has no scan, no labels and meshes that place it, and no survey"
+                f"position {position} has no scan, no labels and meshes that localise it, and no survey"
             )
-        log.warning("position %s has neither a scan nor labels and meshes that place it: the survey does", position)
-        complete[position] = _placed(rig, pose, SURVEYED, _off_survey(position, pose))
+        log.warning("position %s has neither a scan nor labels and meshes that localise it: the survey does", position)
+        complete[position] = _localised(rig, pose, SURVEYED, _off_survey(position, pose))
     return complete
 
 
-def _placed(rig: StereoRig, pose: Pose, method: str, quality: Mapping[str, float]) -> PlacedRig:
-    return PlacedRig(rig, rounded(pose), method, rounded_figures(dict(quality)))
+def _localised(rig: StereoRig, pose: Pose, method: str, quality: Mapping[str, float]) -> LocalisedRig:
+    return LocalisedRig(rig, rounded(pose), method, rounded_figures(dict(quality)))
 
 
 def _off_survey(position: str, pose: Pose) -> dict[str, float]:

@@ -6,7 +6,7 @@ from pydantic import BaseModel, Field
 
 
 class PlacementOptions(BaseModel, extra="forbid", frozen=True):
-    """How rigs are placed by labels and meshes where there are no scans. The defaults fit the real data."""
+    """How rigs are localised by labels and meshes where there are no scans. The defaults fit the real data."""
 
     distance_m: tuple[float, float] = Field(
         (1.0, 7.0),
@@ -48,5 +48,5 @@ class RefinementOptions(BaseModel, extra="forbid", frozen=True):
 class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     """Where the rigs stood."""
 
-    placement: PlacementOptions = Field(PlacementOptions(), description="How rigs are placed by labels and meshes.")
+    placement: PlacementOptions = Field(PlacementOptions(), description="How rigs are localised by labels and meshes.")
     refinement: RefinementOptions = Field(RefinementOptions(), description="How rigs are refined on photos.")

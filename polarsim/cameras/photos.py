@@ -1,6 +1,6 @@
 """Rig poses, lenses and lamps refined on photos, in which meshes shaded under the Sun lamps are found again.
 
-Scans place tripods to the millimetres and hundredths of a degree by which a scan was registered to its camera, and
+Scans localise tripods to the millimetres and hundredths of a degree by which a scan was registered to its camera, and
 nothing in the scans tells that error. Photos do.
 """
 
@@ -23,7 +23,7 @@ from polarsim.cameras.shading import Surface, look, surface_of
 from polarsim.formats import colmap, lamps
 from polarsim.formats.best_photos import Photos, Pictures, best_pictures, read_all_shrunk
 from polarsim.formats.files import writing_folder
-from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised, write_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.patches import Window, find
 from polarsim.geometry.poses import angle_between
@@ -63,27 +63,27 @@ def refine_cameras(
     FormatError
         A mesh, pose or table is missing or broken.
     """
-    placed = start = read_all_placed(located)
+    localised = start = read_all_localised(located)
     pictures = best_pictures(terrain, photos) if photos is not None and options.scales else {}
     suns: dict[str, np.ndarray] = {}
-    if found := {view for view in pictures if view[0] in placed and not placed[view[0]].surveyed}:
+    if found := {view for view in pictures if view[0] in localised and not localised[view[0]].surveyed}:
         name, surface = f"terrain {terrain:02d}", surface_of(read_terrain(meshes, terrain))
-        placed, suns = _refined(name, placed, surface, {view: pictures[view] for view in found}, options)
+        localised, suns = _refined(name, localised, surface, {view: pictures[view] for view in found}, options)
     with writing_folder(cameras) as folder:
         for path in located.iterdir():
             if path.is_file():
                 shutil.copyfile(path, folder / path.name)
-        for position, rig in placed.items():
+        for position, rig in localised.items():
             if rig is not start[position]:
-                write_placed(folder / f"Pos{position}.json", rig)
+                write_localised(folder / f"Pos{position}.json", rig)
         if suns:
             lamps.write_suns(folder, suns)
-        colmap.write_model(folder / "colmap", placed)
+        colmap.write_model(folder / "colmap", localised)
 
 
 def _refined(
-    name: str, located: dict[str, PlacedRig], surface: Surface, pictures: Pictures, options: RefinementOptions
-) -> tuple[dict[str, PlacedRig], dict[str, np.ndarray]]:
+    name: str, located: dict[str, LocalisedRig], surface: Surface, pictures: Pictures, options: RefinementOptions
+) -> tuple[dict[str, LocalisedRig], dict[str, np.ndarray]]:
     """Rigs and found lamps, in turn from coarse to fine.
 
     Rigs whose photos match the meshes are refined; the others get the adjusted lenses alone.
@@ -106,9 +106,9 @@ def _refined(
         sure = {position: located[position] for position, _ in seen}
         lenses = scale == options.scales[-1]
         adjusted = adjust(sure, seen, PRIORS, INDEPENDENT, lenses)
-        rig = next(iter(adjusted.placed.values())).rig
-        current = {position: replace(one, rig=rig) for position, one in located.items()} | adjusted.placed
-        suns = _found_suns(name, shots_of(surface, adjusted.placed, photos, scale), surveyed, suns)
+        rig = next(iter(adjusted.localised.values())).rig
+        current = {position: replace(one, rig=rig) for position, one in located.items()} | adjusted.localised
+        suns = _found_suns(name, shots_of(surface, adjusted.localised, photos, scale), surveyed, suns)
     for azimuth, place in suns.items():
         off_mm = 1000 * np.linalg.norm(place - surveyed[azimuth])
         log.info("%s: lamp %s stands %.0f mm from its survey", name, azimuth, off_mm)
@@ -121,7 +121,7 @@ def _refined(
 
 
 def _sightings(
-    surface: Surface, rig: PlacedRig, camera: str, photos: Photos, scale: float, suns: Mapping[str, np.ndarray]
+    surface: Surface, rig: LocalisedRig, camera: str, photos: Photos, scale: float, suns: Mapping[str, np.ndarray]
 ) -> Sightings:
     """Where the photos of a view, shrunk by a scale, show points of the meshes, in pixels of the full photo."""
     seen = look(surface, rig.camera(camera).scaled(scale))
@@ -164,9 +164,11 @@ def _told_off_px(off: np.ndarray, found: Sightings) -> np.ndarray:
     return np.abs(np.einsum("nk,nk->n", np.linalg.eigh(found.whitening)[1][:, :, 1], off))
 
 
-def _described(position: str, located: PlacedRig, adjusted: Adjusted, seen: Mapping[View, Sightings]) -> PlacedRig:
+def _described(
+    position: str, located: LocalisedRig, adjusted: Adjusted, seen: Mapping[View, Sightings]
+) -> LocalisedRig:
     """The adjusted rig with how well photos and meshes agree, before and now, and its formal standard deviations."""
-    rig = adjusted.placed[position]
+    rig = adjusted.localised[position]
     own = {camera: found for (where, camera), found in seen.items() if where == position}
     before, now = (
         np.concatenate([_told_off_px(offsets_px(one, camera, found), found) for camera, found in own.items()])
@@ -184,6 +186,6 @@ def _described(position: str, located: PlacedRig, adjusted: Adjusted, seen: Mapp
         "sd_mm": float(1000 * np.linalg.norm(sd[3:])),
         "sd_deg": float(np.degrees(np.linalg.norm(sd[:3]))),
     }
-    return PlacedRig(
+    return LocalisedRig(
         rounded_rig(rig.rig), rounded(rig.sandbox_from_left), f"{located.method}, photos", rounded_figures(quality)
     )

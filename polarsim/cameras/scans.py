@@ -165,7 +165,7 @@ def _levelled(position: str, points: np.ndarray) -> _Levelled:
     if area < MIN_SAND_AREA:
         raise RegistrationError(
             f"the scan of position {position} shows {area:.1f} m2 of level sand within {SAND_REACH:g} m of the centre, "
-            f"{MIN_SAND_AREA:g} m2 needed: walls alone place no camera"
+            f"{MIN_SAND_AREA:g} m2 needed: walls alone localise no camera"
         )
     fine = icp.surface(near, viewpoint, VOXEL)
     return _Levelled(level_from_left, [icp.surface(fine.points, viewpoint, voxel) for voxel in COARSE_VOXELS], fine)

@@ -1,4 +1,4 @@
-"""Poses as the survey has them: starts, priors, and the last resort of a position that nothing else places."""
+"""Poses as the survey has them: starts, priors, and the last resort of a position that nothing else localises."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def surveyed_pose(position: str) -> Pose | None:
     )
 
 
-def pose_beside(position: str, placed: Mapping[str, Pose]) -> Pose | None:
+def pose_beside(position: str, localised: Mapping[str, Pose]) -> Pose | None:
     """The surveyed pose, moved as the terrain's other positions stand off theirs (mean offset; no rotation).
 
     Every terrain has its own frame, so its tripods share part of their distance from the survey; their tilts do not.
@@ -31,7 +31,7 @@ def pose_beside(position: str, placed: Mapping[str, Pose]) -> Pose | None:
         return None
     offsets = [
         pose.translation - known.translation
-        for other, pose in sorted(placed.items())
+        for other, pose in sorted(localised.items())
         if other != position and (known := surveyed_pose(other)) is not None
     ]
     return Pose(surveyed.rotation, surveyed.translation + (np.mean(offsets, axis=0) if offsets else 0.0))

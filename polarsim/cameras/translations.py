@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from polarsim.cameras.labels import FINAL_NOISE, LabelPlacement
+from polarsim.cameras.labels import FINAL_NOISE, LabelLocalisation
 from polarsim.cameras.refine import BoxFit, EdgeProblem, pose_of, unknowns_of
 from polarsim.formats.rock_shifts import TRANSLATION_COLUMNS
 from polarsim.geometry.boxes import MATCH_GATE_PX, assign
@@ -44,7 +44,7 @@ def translated(outlines: Outlines, metres: np.ndarray) -> Outlines:
 
 
 def fit_translations(
-    positions: Mapping[str, LabelPlacement], outlines: Outlines, lens: Lens, sd: float, start: np.ndarray
+    positions: Mapping[str, LabelLocalisation], outlines: Outlines, lens: Lens, sd: float, start: np.ndarray
 ) -> tuple[dict[str, np.ndarray], Translations]:
     """Poses of all views and translations of all rocks; iterated least squares with Cauchy weights of the edges.
 
@@ -90,7 +90,7 @@ def fit_translations(
 
 
 def _normal_equations(
-    positions: Mapping[str, LabelPlacement],
+    positions: Mapping[str, LabelLocalisation],
     pairs: Mapping[str, tuple[np.ndarray, np.ndarray]],
     unknowns: Mapping[str, np.ndarray],
     outlines: Outlines,

@@ -10,7 +10,7 @@ import numpy as np
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.run_files import pictures_at
 from polarsim.geometry.lens import Lens
 from polarsim.photo import SUNS, WHITE_LEVEL, View
@@ -52,9 +52,9 @@ def best_pictures(terrain: int, photos: Path) -> Pictures:
     return pictures
 
 
-def read_all_shrunk(pictures: Pictures, placed: Mapping[str, PlacedRig], scale: float) -> dict[View, Photos]:
+def read_all_shrunk(pictures: Pictures, localised: Mapping[str, LocalisedRig], scale: float) -> dict[View, Photos]:
     """The photos of every view, by the azimuth of the Sun lamp, shrunk by a scale."""
-    lenses = {(position, camera): placed[position].rig.lens(camera).scaled(scale) for position, camera in pictures}
+    lenses = {(position, camera): localised[position].rig.lens(camera).scaled(scale) for position, camera in pictures}
     return {
         view: {azimuth: read_shrunk(path, lenses[view]) for azimuth, path in shown.items()}
         for view, shown in pictures.items()

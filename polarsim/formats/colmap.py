@@ -14,7 +14,7 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing_folder
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
@@ -24,7 +24,7 @@ CAMERA_ID = {"L": 1, "R": 2}
 RIG_ID = 1
 
 
-def write_model(folder: str | Path, placed: Mapping[str, PlacedRig]) -> None:
+def write_model(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> None:
     """Write the rigs of a terrain by position; they must have one calibration.
 
     Raises
@@ -34,11 +34,11 @@ def write_model(folder: str | Path, placed: Mapping[str, PlacedRig]) -> None:
     """
     import pycolmap
 
-    if not placed:
+    if not localised:
         raise FormatError("a COLMAP model needs a position", path=folder)
-    rigs = [one.rig for one in placed.values()]
+    rigs = [one.rig for one in localised.values()]
     if any(not _same_rig(rig, rigs[0]) for rig in rigs):
-        raise FormatError(f"positions {', '.join(sorted(placed))} have different rigs, a model has one", path=folder)
+        raise FormatError(f"positions {', '.join(sorted(localised))} have different rigs, a model has one", path=folder)
     model = pycolmap.Reconstruction()
     for camera in CAMERAS:
         model.add_camera(_camera(CAMERA_ID[camera], rigs[0].lens(camera)))
@@ -46,13 +46,13 @@ def write_model(folder: str | Path, placed: Mapping[str, PlacedRig]) -> None:
     rig.add_ref_sensor(_sensor("L"))
     rig.add_sensor(_sensor("R"), _rigid(rigs[0].left_from_right.inverse()))
     model.add_rig(rig)
-    for frame_id, position in enumerate(sorted(placed), 1):
-        _add_frame(model, frame_id, position, placed[position].sandbox_from_left)
+    for frame_id, position in enumerate(sorted(localised), 1):
+        _add_frame(model, frame_id, position, localised[position].sandbox_from_left)
     with writing_folder(folder) as temporary:
         model.write_text(str(temporary))
 
 
-def read_model(folder: str | Path) -> dict[str, PlacedRig]:
+def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
     """Rigs by position from a model that `write_model` or COLMAP wrote with its names and one rig of two cameras.
 
     Raises
@@ -69,15 +69,15 @@ def read_model(folder: str | Path) -> dict[str, PlacedRig]:
         lenses = {image.name: _lens(image.camera) for image in images}
     except (ValueError, RuntimeError, TypeError, KeyError, IndexError) as error:
         raise FormatError(f"no readable COLMAP model, {str(error).splitlines()[0]}", path=folder) from error
-    placed = {}
+    localised = {}
     for name in poses:
         position = name.removeprefix("Pos").split("_")[0]
         left, right = (f"Pos{position}_Cam{camera}" for camera in CAMERAS)
         if left not in poses or right not in poses or name not in (left, right):
             raise FormatError(f"image {name!r}, expected pairs PosX_CamL and PosX_CamR", path=folder)
         rig = StereoRig(lenses[left], lenses[right], poses[left] @ poses[right].inverse())
-        placed[position] = PlacedRig(rig, poses[left].inverse())
-    return placed
+        localised[position] = LocalisedRig(rig, poses[left].inverse())
+    return localised
 
 
 def _add_frame(model: Any, frame_id: int, position: str, sandbox_from_left: Pose) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import read_json, write_json
-from polarsim.formats.rigs import PlacedRig, lift_of
+from polarsim.formats.rigs import LocalisedRig, lift_of
 from polarsim.photo import SUNS
 from polarsim.survey import lamp_position
 
@@ -21,14 +21,14 @@ def write_suns(folder: str | Path, suns: Mapping[str, np.ndarray]) -> None:
     write_json(Path(folder) / FILE, {name: [round(float(x), 4) for x in suns[name]] for name in sorted(suns)})
 
 
-def read_suns(folder: str | Path, placed: Mapping[str, PlacedRig]) -> dict[str, np.ndarray]:
+def read_suns(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> dict[str, np.ndarray]:
     """Place (3,) of every Sun lamp: where it was found, else where the survey has it.
 
     Parameters
     ----------
     folder : Path
         Folder of a terrain's rig poses, with or without the file.
-    placed : position -> PlacedRig
+    localised : position -> LocalisedRig
         These poses; they tell how high the survey lies.
 
     Raises
@@ -36,11 +36,11 @@ def read_suns(folder: str | Path, placed: Mapping[str, PlacedRig]) -> dict[str, 
     FormatError
         The file is broken.
     """
-    return surveyed_suns(placed) | read_found_suns(folder)
+    return surveyed_suns(localised) | read_found_suns(folder)
 
 
 def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
-    """Place (3,) of the Sun lamps that photos place, by azimuth; the others stand where the survey has them.
+    """Place (3,) of the Sun lamps that photos localise, by azimuth; the others stand where the survey has them.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
     return suns
 
 
-def surveyed_suns(placed: Mapping[str, PlacedRig]) -> dict[str, np.ndarray]:
+def surveyed_suns(localised: Mapping[str, LocalisedRig]) -> dict[str, np.ndarray]:
     """Places (3,) of the survey, as high as a terrain's rigs tell."""
-    lift = lift_of(placed)
+    lift = lift_of(localised)
     return {azimuth: lamp_position(azimuth, lift) for azimuth in SUNS}

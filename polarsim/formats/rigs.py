@@ -17,12 +17,12 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, survey_lift
 
-SURVEYED = "survey"  # method of a rig that nothing else places
+SURVEYED = "survey"  # method of a rig that nothing else localises
 
 
 @dataclass(frozen=True)
-class PlacedRig:
-    """A rig in the sandbox, and what is known about how well it was placed."""
+class LocalisedRig:
+    """A rig in the sandbox, and what is known about how well it was localised."""
 
     rig: StereoRig
     sandbox_from_left: Pose
@@ -31,7 +31,7 @@ class PlacedRig:
 
     @property
     def surveyed(self) -> bool:
-        """Whether nothing but the survey places the rig: what was scanned from there cannot be laid by its pose."""
+        """Whether nothing but the survey localises the rig: what was scanned from there cannot be laid by its pose."""
         return self.method == SURVEYED
 
     def sandbox_from(self, camera: str) -> Pose:
@@ -69,23 +69,23 @@ def read_rig(path: str | Path) -> StereoRig:
         return _rig(read_json(path))
 
 
-def write_placed(path: str | Path, placed: PlacedRig) -> None:
+def write_localised(path: str | Path, localised: LocalisedRig) -> None:
     content = {
-        **_rig_content(placed.rig),
-        "sandbox_from_left": placed.sandbox_from_left.matrix.tolist(),
-        "method": placed.method,
-        "quality": placed.quality,
+        **_rig_content(localised.rig),
+        "sandbox_from_left": localised.sandbox_from_left.matrix.tolist(),
+        "method": localised.method,
+        "quality": localised.quality,
     }
     write_json(path, content)
 
 
-def read_placed(path: str | Path) -> PlacedRig:
+def read_localised(path: str | Path) -> LocalisedRig:
     """Read `PosX.json`.
 
     Raises
     ------
     FormatError
-        Something is missing or is no placed rig.
+        Something is missing or is no localised rig.
     """
     content = read_json(path)
     with about(path):
@@ -93,17 +93,19 @@ def read_placed(path: str | Path) -> PlacedRig:
             matrix = np.array(content["sandbox_from_left"], float)
         except (KeyError, TypeError, ValueError) as error:
             raise FormatError(f"no sandbox_from_left of 4 x 4 numbers, {error}") from error
-        return PlacedRig(_rig(content), Pose.from_matrix(matrix), content.get("method", ""), content.get("quality", {}))
+        return LocalisedRig(
+            _rig(content), Pose.from_matrix(matrix), content.get("method", ""), content.get("quality", {})
+        )
 
 
-def read_all_placed(folder: str | Path) -> dict[str, PlacedRig]:
+def read_all_localised(folder: str | Path) -> dict[str, LocalisedRig]:
     """Every `PosX.json` of a terrain's folder, by position."""
-    return {path.stem.removeprefix("Pos"): read_placed(path) for path in sorted(Path(folder).glob("Pos?.json"))}
+    return {path.stem.removeprefix("Pos"): read_localised(path) for path in sorted(Path(folder).glob("Pos?.json"))}
 
 
-def lift_of(placed: Mapping[str, PlacedRig]) -> float:
+def lift_of(localised: Mapping[str, LocalisedRig]) -> float:
     """How much higher than usual the survey lies in the frame of a terrain's rigs, metres: see `survey_lift`."""
-    return survey_lift(rig.sandbox_from_left.translation[2] for rig in placed.values())
+    return survey_lift(rig.sandbox_from_left.translation[2] for rig in localised.values())
 
 
 def _rig_content(rig: StereoRig) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.boxes import MATCH_GATE_PX
 from polarsim.labels.identity import dome_behind, match_boxes, number_domes
@@ -26,11 +26,11 @@ class Known:
     terrain: TerrainMesh
     domes: dict[int, Dome]  # stand-ins of rocks without a mesh
     world: World  # of meshes and stand-ins
-    placed: dict[str, PlacedRig]
+    localised: dict[str, LocalisedRig]
     seeds: Seeds
     tracks: dict[str, list[Track]]
     rocks: dict[str, np.ndarray]  # by position: (tracks,) rock ids
-    apart: Mapping[str, Known] = field(default_factory=dict)  # positions that only the survey places, each by itself
+    apart: Mapping[str, Known] = field(default_factory=dict)  # positions that only the survey localises, each by itself
 
     def of(self, position: str) -> Known:
         """What photos of a position may use: its own drawings alone where nobody knows where its cameras stood."""
@@ -39,38 +39,40 @@ class Known:
 
 def gather(
     terrain: TerrainMesh,
-    placed: dict[str, PlacedRig],
+    localised: dict[str, LocalisedRig],
     suns: Mapping[str, np.ndarray],
     seeds: Seeds,
     options: LabelsOptions,
 ) -> Known:
     """Give every annotated rock its id: that of the mesh that projects there, or the number of a stand-in.
 
-    Meshes projected through a surveyed pose meet other rocks. A position that nothing else places keeps to its image:
-    its rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
+    Meshes projected through a surveyed pose meet other rocks. A position that nothing else localises keeps to its
+    image: its rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
     """
-    world, bare = build_worlds(terrain, placed, suns, options)
-    located = {position: rig for position, rig in placed.items() if not rig.surveyed}
+    world, bare = build_worlds(terrain, localised, suns, options)
+    located = {position: rig for position, rig in localised.items() if not rig.surveyed}
     known = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK)
     apart: dict[str, Known] = {}
-    if len(located) < len(placed):
+    if len(located) < len(localised):
         ground = terrain.ground()
         following = max([FIRST_UNMESHED_ROCK - 1, *(int(rock) for ids in known.rocks.values() for rock in ids)]) + 1
-        for position in sorted(set(placed) - set(located)):
-            apart[position] = _gathered(ground, bare, {position: placed[position]}, seeds, following)
+        for position in sorted(set(localised) - set(located)):
+            apart[position] = _gathered(ground, bare, {position: localised[position]}, seeds, following)
             following += len(apart[position].rocks.get(position, ()))
-    return replace(known, placed=placed, apart=apart)
+    return replace(known, localised=localised, apart=apart)
 
 
-def _gathered(terrain: TerrainMesh, world: World, placed: dict[str, PlacedRig], seeds: Seeds, first: int) -> Known:
+def _gathered(
+    terrain: TerrainMesh, world: World, localised: dict[str, LocalisedRig], seeds: Seeds, first: int
+) -> Known:
     """What positions whose poses agree tell of the rocks of a world; stand-ins are numbered from `first`."""
     tracks: dict[str, list[Track]] = {}
     matched: dict[str, np.ndarray] = {}
     domes = []
-    for position in sorted(set(placed) & set(seeds)):
+    for position in sorted(set(localised) & set(seeds)):
         side = cameras_first(list(seeds[position]))[0][0]
-        view = placed[position].camera(side)
-        boxes = _in_one_camera(world, placed[position], side, seeds[position])
+        view = localised[position].camera(side)
+        boxes = _in_one_camera(world, localised[position], side, seeds[position])
         tracks[position] = find_tracks(boxes)
         annotated = np.array([track.mean for track in tracks[position]]).reshape(-1, 4)
         shown = {rock: found for rock in world.bodies if (found := project_rock(world, view, rock))}
@@ -80,17 +82,17 @@ def _gathered(terrain: TerrainMesh, world: World, placed: dict[str, PlacedRig], 
     numbers, stand_ins = number_domes(domes, first)
     for position, own in zip(tracks, numbers, strict=True):
         matched[position][matched[position] == NO_ROCK] = own
-    return Known(terrain, stand_ins, with_domes(world, stand_ins), placed, seeds, tracks, matched)
+    return Known(terrain, stand_ins, with_domes(world, stand_ins), localised, seeds, tracks, matched)
 
 
 def _in_one_camera(
-    world: World, placed: PlacedRig, side: CameraSide, drawings: Mapping[Sight, Annotated]
+    world: World, localised: LocalisedRig, side: CameraSide, drawings: Mapping[Sight, Annotated]
 ) -> dict[Sight, np.ndarray]:
     """Rock boxes (n, 4) of drawings of both cameras as one camera sees them, moved with the ground at their feet."""
     moved = {}
     for (own, azimuth), annotated in drawings.items():
         boxes, nameless = annotated.rocks, np.full(len(annotated.rocks), NO_ROCK)
         if own != side:
-            boxes = move_rocks(world, placed.camera(own), placed.camera(side), boxes, nameless)
+            boxes = move_rocks(world, localised.camera(own), localised.camera(side), boxes, nameless)
         moved[own, azimuth] = boxes
     return moved

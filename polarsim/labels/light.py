@@ -54,7 +54,7 @@ class OlatLight:
         return Brightness(rate.repeat(STEP_PX, axis=0).repeat(STEP_PX, axis=1), ())
 
     def _look(self, position: str, camera: CameraSide) -> Seen:
-        world, view = self.known.world, self.known.placed[position].camera(camera)
+        world, view = self.known.world, self.known.localised[position].camera(camera)
         width, height = view.size
         columns, rows = (np.arange(STEP_PX / 2, length, STEP_PX) for length in (width, height))
         seen = sightlines(world, view, rows, columns)
@@ -67,7 +67,7 @@ class OlatLight:
     def _lit(self, position: str, camera: CameraSide, azimuth: Azimuth) -> np.ndarray:
         """(h, w) float32 grey values a millisecond under a Sun lamp, or under a rover light as strong as one."""
         world, seen = self.known.world, self._seen(position, camera)
-        rover = self.known.placed[position].rover_light
+        rover = self.known.localised[position].rover_light
         to_lamp = (rover if azimuth == "no" else world.suns[azimuth]) - seen.places
         cosine = np.einsum("nk,nk->n", seen.normals, to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True))
         facing = np.flatnonzero(cosine > 0)

@@ -44,8 +44,8 @@ def shaded(world: World, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
 def hidden_by_dark(world: World, rock: int, azimuth: Azimuth, annotated: Iterable[Azimuth]) -> bool:
     """A rock that people do not draw under a Sun lamp, for it is dark there.
 
-    The survey places lamps to decimetres only, and walls and slopes throw long shadows. A rock counts as dark if it is
-    so wherever the lamp may have stood, and if it should not be dark as well at the azimuths where people drew it
+    The survey localises lamps to decimetres only, and walls and slopes throw long shadows. A rock counts as dark if it
+    is so wherever the lamp may have stood, and if it should not be dark as well at the azimuths where people drew it
     (`annotated`): there the meshes or the walls are not as they were.
     """
     return in_the_dark(world, rock, azimuth) and not any(in_the_dark(world, rock, other) for other in annotated)

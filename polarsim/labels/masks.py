@@ -20,7 +20,7 @@ import pandas as pd
 
 from polarsim.formats import coco, lamps, png, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
@@ -85,10 +85,10 @@ class ViewOutlines:
     """Outlines in one view under any lamp. Rays are cast once; labels are rows of the label table."""
 
     def __init__(
-        self, world: World, placed: PlacedRig, side: str, labels: pd.DataFrame, options: LabelsOptions
+        self, world: World, localised: LocalisedRig, side: str, labels: pd.DataFrame, options: LabelsOptions
     ) -> None:
-        self.options, self._placed = options, placed
-        view = placed.camera(side)
+        self.options, self._localised = options, localised
+        view = localised.camera(side)
         self._size = view.size
         self.world = with_domes(world, _domes(world, view, labels))
         width, height = self._size
@@ -104,7 +104,7 @@ class ViewOutlines:
 
         Shadows come first; far things come before near ones, which are lower in the photo.
         """
-        place = lamp(self.world, self._placed, light, azimuth)
+        place = lamp(self.world, self._localised, light, azimuth)
         if place is None and labels.empty:
             return Drawing({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]), self.options.simplify_px)
         things = dict(zip(things_of(labels), _boxes(labels), strict=True))
@@ -175,18 +175,18 @@ def draw_masks(
     Polygons and grey maps are one drawing an exposure bracket, of its fullest labels; COCO has each photo's own labels.
     """
     labels = tables.read_parquet(table, tables.LABEL_COLUMNS)
-    placed = rigs.read_all_placed(cameras)
-    for position in sorted({key.position for key in keys} - set(placed)):
+    localised = rigs.read_all_localised(cameras)
+    for position in sorted({key.position for key in keys} - set(localised)):
         log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
-    suns = lamps.read_suns(cameras, placed)
-    world, bare = build_worlds(read_terrain(meshes, terrain), placed, suns, options)
+    suns = lamps.read_suns(cameras, localised)
+    world, bare = build_worlds(read_terrain(meshes, terrain), localised, suns, options)
     photos: dict[PhotoKey, list[coco.Annotation]] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
-        drawn = sorted((key for key in keys if key.position in placed), key=lambda key: (key.view, key))
+        drawn = sorted((key for key in keys if key.position in localised), key=lambda key: (key.view, key))
         for (_, position, camera), members in groupby(drawn, key=lambda key: key.view):
             in_view = labels[(labels["position"] == position) & (labels["camera"] == camera)]
-            shown = bare if placed[position].surveyed else world
-            outlines = ViewOutlines(shown, placed[position], camera, in_view, options)
+            shown = bare if localised[position].surveyed else world
+            outlines = ViewOutlines(shown, localised[position], camera, in_view, options)
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
             for _, own in groupby(members, key=lambda key: key.bracket):
                 rows_of = {key: of_photo.get(str(key), in_view[:0]) for key in own}

@@ -39,7 +39,7 @@ class PositionRocks:
         self._known, self._position = known.of(position), position
         known = self._known
         self.world, self.options = known.world, options
-        self.placed = known.placed[position]
+        self.localised = known.localised[position]
         self.annotated = known.seeds.get(position, {})
         self.azimuths = {azimuth for _, azimuth in self.annotated}
         self.tracks, self.ids = known.tracks.get(position, []), known.rocks.get(position, np.zeros(0, int))
@@ -48,7 +48,7 @@ class PositionRocks:
         self._projections: dict[tuple[CameraSide, int], ProjectedRock | None] = {}
 
     def view(self, camera: CameraSide) -> Camera:
-        return self.placed.camera(camera)
+        return self.localised.camera(camera)
 
     def labels(self, camera: CameraSide, azimuth: Azimuth) -> list[Label]:
         """Rocks that people drew, or would have annotated, under a lamp."""
@@ -101,7 +101,7 @@ class PositionRocks:
         return {azimuth for azimuth in self.azimuths if self._is_lit(rock, azimuth)}
 
     def _is_lit(self, rock: int, azimuth: Azimuth) -> bool:
-        if azimuth not in SUNS or self.in_image:  # nobody knows what shades the rocks of an unplaced position
+        if azimuth not in SUNS or self.in_image:  # nobody knows what shades the rocks of such a position
             return azimuth in SUNS
         if (rock, azimuth) not in self._lit:
             self._lit[rock, azimuth] = lit_share(self.world, rock, azimuth) > LIT
@@ -126,7 +126,7 @@ class PositionRocks:
 
     def _in_view(self, position: str, rock: int) -> bool:
         """Whether the annotated photos of another position show a rock."""
-        view = self._known.placed[position].camera(cameras_first(list(self._known.seeds[position]))[0][0])
+        view = self._known.localised[position].camera(cameras_first(list(self._known.seeds[position]))[0][0])
         shown = project_rock(self.world, view, rock) if rock in self.world.bodies else None
         return shown is not None and shown.seen >= IN_VIEW
 

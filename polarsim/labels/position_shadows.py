@@ -141,7 +141,7 @@ class PositionShadows:
         In a photo nothing is seen of a shadow that lies in a wall's, whose end the photo shows. Without one nobody
         knows where walls stand well enough to say so.
         """
-        step, place = self.options.ray_step_px, lamp(self.world, self.rocks.placed, light, azimuth)
+        step, place = self.options.ray_step_px, lamp(self.world, self.rocks.localised, light, azimuth)
         assert place is not None
         ids, shadow, windows = self._shadows_seen(camera, place)
         if brightness is not None:

@@ -108,15 +108,15 @@ def propagate_labels(
     if (found := read_inventory(inventory).terrain) != terrain:
         raise LabelError(f"inventory of terrain {found:02d}, expected {terrain:02d}", path=inventory)
     _warn_of_gaps(photos, keys)
-    placed = rigs.read_all_placed(cameras)
-    suns = lamps.read_suns(cameras, placed)
+    localised = rigs.read_all_localised(cameras)
+    suns = lamps.read_suns(cameras, localised)
     corrections = read_corrections(options.corrections, terrain)
     scene = read_terrain(meshes, terrain)
-    drawings = without_strangers(read_drawings(seeds, terrain), scene, placed)
+    drawings = without_strangers(read_drawings(seeds, terrain), scene, localised)
     by_people = {**drawings, **corrections}
     starts = Starts(shadow_starts(by_people, options.shadow_start(terrain)), UnlitStarts.of(by_people))
     chosen = choose_seeds(drawings, corrections, starts.shadows)
-    known = gather(scene, placed, suns, chosen, options)
+    known = gather(scene, localised, suns, chosen, options)
     labels = grid_labels(known, keys, options, starts, Photos(photos, terrain), drawings, corrections)
     with writing_folder(boxes) as folder:
         for key in keys:
@@ -143,12 +143,12 @@ def grid_labels(
     by_people = options.visibility == "annotator"
     asked = None if by_people else photos
     olat_images = None if by_people else OlatLight(known)
-    positions = {position: PositionLabels(known, position, options, asked) for position in known.placed}
+    positions = {position: PositionLabels(known, position, options, asked) for position in known.localised}
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
     for position in known.apart:
         seeded = "its labels stay in the image" if position in known.seeds else "no labels, for it has no seed"
-        log.warning("position %s: nothing but the survey places its cameras: %s", position, seeded)
+        log.warning("position %s: nothing but the survey localises its cameras: %s", position, seeded)
     labels: dict[PhotoKey, list[Label]] = {key: [] for key in keys}
     sets: dict[Bracket, list[PhotoKey]] = {}
     for key in keys:
@@ -215,7 +215,7 @@ class PositionLabels:
             labels = [one for one in labels if not hidden_by_dark(own, one.rock, azimuth, annotated(one.rock))]
         if brightness is not None:
             labels += self.rocks.unannotated(camera, labels)
-        if lamp(self.rocks.world, self.rocks.placed, light, azimuth) is not None:
+        if lamp(self.rocks.world, self.rocks.localised, light, azimuth) is not None:
             labels += self.shadows.labels(camera, light, azimuth, labels, brightness)
         return [label for label in labels if area(label.box) > 0]
 

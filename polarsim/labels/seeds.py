@@ -17,7 +17,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import yolo
 from polarsim.formats.coco import read_coco
 from polarsim.formats.release import read_annotated
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.boxes import iou, match
 from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
@@ -170,7 +170,7 @@ class UnlitStarts:
         return start is not None and key.exposure_ms >= start
 
 
-def without_strangers(drawings: Drawings, terrain: TerrainMesh, placed: Mapping[str, PlacedRig]) -> Drawings:
+def without_strangers(drawings: Drawings, terrain: TerrainMesh, localised: Mapping[str, LocalisedRig]) -> Drawings:
     """The drawings of positions whose left photos' rocks the meshes meet; a warning names the others.
 
     Poses of the survey tell nothing, and neither do they of their own position's drawings.
@@ -180,7 +180,7 @@ def without_strangers(drawings: Drawings, terrain: TerrainMesh, placed: Mapping[
         if key.camera == "L":
             annotated.setdefault(key.position, []).append(one.rocks)
     agreed = {position: consensus_boxes(own) for position, own in annotated.items()}
-    cameras = {position: rig.camera("L") for position, rig in placed.items() if not rig.surveyed}
+    cameras = {position: rig.camera("L") for position, rig in localised.items() if not rig.surveyed}
     names = positions_of_strangers(agreed, cameras, [terrain.rock_vertices(rock) for rock in terrain.rocks])
     return {key: one for key, one in drawings.items() if key.position not in names}
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.boxes import of_mask, window
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
@@ -33,7 +33,7 @@ LIKE_SIZE = 2.5  # largest ratio of the dark region's area and the cast shadow's
 CORE_SHARE = 0.15  # least share of a dark region that the cast shadow covers
 
 
-def lamp(world: World, placed: PlacedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
+def lamp(world: World, localised: LocalisedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
     """(3,) place of the lamp that casts the shadows, sandbox frame; None in the dark.
 
     A Sun lamp outshines the rover light.
@@ -41,7 +41,7 @@ def lamp(world: World, placed: PlacedRig, light: Light, azimuth: Azimuth) -> np.
     if azimuth != "no":
         return world.suns[azimuth]
     if light == "on":
-        return placed.rover_light
+        return localised.rover_light
     return None
 
 

@@ -1,7 +1,7 @@
 """Shade that the sandbox's walls throw: where light passes them, and how high a photo shows them to be.
 
-Survey and meshes place lamps and walls to centimetres, and at a low Sun centimetres move the end of a wall's shade by
-decimetres. The edge of that shade is there in the photo: all errors together are told by one number, the height that
+Survey and meshes localise lamps and walls to centimetres, and at a low Sun centimetres move the end of a wall's shade
+by decimetres. The edge of that shade is there in the photo: all errors together are told by one number, the height that
 the walls would have to have.
 """
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.casters import caster
 from polarsim.geometry.outlines import TRIM, TRIM_SHARE
@@ -109,9 +109,9 @@ class World:
 
 
 def build_worlds(
-    terrain: TerrainMesh, placed: Mapping[str, PlacedRig], suns: Mapping[str, np.ndarray], options: LabelsOptions
+    terrain: TerrainMesh, localised: Mapping[str, LocalisedRig], suns: Mapping[str, np.ndarray], options: LabelsOptions
 ) -> tuple[World, World]:
-    """The terrain, and its bare ground for positions that only the survey places: their photos show rocks elsewhere.
+    """The terrain, and its bare ground for positions that only the survey localises: their photos show rocks elsewhere.
 
     Without such positions the second is the first.
     """
@@ -120,7 +120,7 @@ def build_worlds(
         return build_world(terrain, TRIM, suns, options.wall_height_m)
 
     world = built(terrain)
-    return world, built(terrain.ground()) if any(rig.surveyed for rig in placed.values()) else world
+    return world, built(terrain.ground()) if any(rig.surveyed for rig in localised.values()) else world
 
 
 def build_world(

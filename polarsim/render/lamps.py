@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.vectors import dot, length
 from polarsim.photo import PhotoKey
 from polarsim.survey import ROVER_LIGHT_SHARE
@@ -68,7 +68,7 @@ def beam_power(beam_deg: float) -> float:
     return float(np.log(0.5) / np.log(np.cos(np.radians(beam_deg / 2))))
 
 
-def lamps_of(suns: Mapping[str, np.ndarray], rig: PlacedRig, radius_m: float = 0.0) -> dict[str, Lamp]:
+def lamps_of(suns: Mapping[str, np.ndarray], rig: LocalisedRig, radius_m: float = 0.0) -> dict[str, Lamp]:
     """Sun lamps by azimuth, discs of a radius at their places (3,), and the rover light of a rig, a point."""
     rover = Lamp(rig.rover_light, ROVER_LIGHT_SHARE)
     return {**{azimuth: Lamp(place, radius_m=radius_m) for azimuth, place in suns.items()}, ROVER: rover}

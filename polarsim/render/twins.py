@@ -13,7 +13,7 @@ import numpy as np
 from polarsim.formats import coco, tables
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.materials import read_materials
-from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, View
 from polarsim.progress import track
@@ -45,7 +45,7 @@ class LabelPaths:
     maps: Path | None = None
 
 
-def views_of(keys: Iterable[PhotoKey], rigs: Mapping[str, PlacedRig], cameras: Path) -> dict[View, list[PhotoKey]]:
+def views_of(keys: Iterable[PhotoKey], rigs: Mapping[str, LocalisedRig], cameras: Path) -> dict[View, list[PhotoKey]]:
     """The keys of each view whose position has a pose; the others are named in a warning and left out."""
     views: dict[View, list[PhotoKey]] = {}
     without = set()
@@ -103,7 +103,7 @@ def render_twins(
     RenderError
         The engine cannot be loaded.
     """
-    rigs = read_all_placed(cameras)
+    rigs = read_all_localised(cameras)
     suns = read_suns(lamps or cameras, rigs)
     views = views_of(keys, rigs, cameras)
     mesh = read_terrain(meshes, terrain)
@@ -136,7 +136,7 @@ def render_twins(
 
 
 def _write_labels(
-    labels: LabelPaths, found: Mapping[PhotoKey, Sequence[coco.Annotation]], rigs: Mapping[str, PlacedRig]
+    labels: LabelPaths, found: Mapping[PhotoKey, Sequence[coco.Annotation]], rigs: Mapping[str, LocalisedRig]
 ) -> None:
     """Write the labels of all twins as COCO and as a table."""
     sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {(WIDTH, HEIGHT)}
@@ -147,7 +147,7 @@ def _write_labels(
 
 
 def _lamps(
-    suns: Mapping[str, np.ndarray], rig: PlacedRig, keys: Sequence[PhotoKey], options: RenderOptions
+    suns: Mapping[str, np.ndarray], rig: LocalisedRig, keys: Sequence[PhotoKey], options: RenderOptions
 ) -> dict[str, Lamp]:
     """The lamps that photos need."""
     needed = {name for key in keys for name in lit_by(key)}

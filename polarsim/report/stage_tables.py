@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import CAMERAS
@@ -58,9 +58,11 @@ def tabulate_cameras(
 
     `table` and `alignment` are stems: four forms each.
     """
-    placed = {terrain: read_all_placed(folder) for terrain, folder in sorted(cameras.items())}
+    localised = {terrain: read_all_localised(folder) for terrain, folder in sorted(cameras.items())}
     metrics = pd.concat([read_csv(path, METRIC_COLUMNS) for path in evaluation], ignore_index=True)
-    rows = [_camera_row(terrain, *item, metrics) for terrain, rigs in placed.items() for item in sorted(rigs.items())]
+    rows = [
+        _camera_row(terrain, *item, metrics) for terrain, rigs in localised.items() for item in sorted(rigs.items())
+    ]
     _write(table, rows, CAMERA_COLUMNS, CAMERA_CAPTION, origin)
     rows = [row for terrain, folder in sorted(cameras.items()) for row in _alignment_rows(terrain, folder)]
     _write(alignment, rows, ALIGNMENT_COLUMNS, ALIGNMENT_CAPTION, origin)
@@ -87,7 +89,7 @@ def _rocks(path: Path) -> pd.DataFrame:
     return read_parquet(path, ["rock", "source"]).rename(columns={"source": "found_by"})
 
 
-def _camera_row(terrain: int, position: str, rig: PlacedRig, metrics: pd.DataFrame) -> dict[str, Any]:
+def _camera_row(terrain: int, position: str, rig: LocalisedRig, metrics: pd.DataFrame) -> dict[str, Any]:
     x, y, z = rig.sandbox_from_left.translation
     angles = np.degrees(yaw_pitch_roll(rig.sandbox_from_left))
     mine = metrics[
@@ -120,7 +122,7 @@ def _alignment_rows(terrain: int, folder: Path) -> list[dict[str, Any]]:
             "between": f"{position} and its boxes",
             **{name: rig.quality.get(name, np.nan) for name in LABEL_METRICS},
         }
-        for position, rig in sorted(read_all_placed(folder).items())
+        for position, rig in sorted(read_all_localised(folder).items())
     ]
 
 

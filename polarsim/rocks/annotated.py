@@ -33,7 +33,7 @@ def with_annotated(sand: Sand, regions: list[Region], limits: Limits, evidence: 
         return sand, regions
     cells = np.flatnonzero(np.isfinite(sand.surface) & sand.is_ground)
     points = surface_points(sand, cells)
-    pixels = {position: evidence.placed[position].project("L", points) for position in left}
+    pixels = {position: evidence.localised[position].project("L", points) for position in left}
     found: list[Region] = []
     for one, other in combinations(sorted(left), 2):
         for pair in product(left[one], left[other]):

@@ -94,7 +94,7 @@ def _joined(sand: Sand, regions: list[Region], evidence: Evidence) -> list[Regio
 
 def _seen_cells(sand: Sand, evidence: Evidence, position: str) -> _SeenCells:
     cells = np.flatnonzero(np.isfinite(sand.surface))
-    points, rig = surface_points(sand, cells), evidence.placed[position]
+    points, rig = surface_points(sand, cells), evidence.localised[position]
     away = np.linalg.norm(points - rig.sandbox_from_left.translation, axis=1)
     return _SeenCells(cells, rig.project("L", points), away)
 

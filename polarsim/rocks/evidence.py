@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
 
@@ -19,7 +19,7 @@ PEN_IOU = 0.05  # of IoU a position: smaller differences between two explanation
 class Evidence:
     """What people drew in the left photos of a terrain's positions."""
 
-    placed: Mapping[str, PlacedRig]
+    localised: Mapping[str, LocalisedRig]
     annotated: Mapping[str, Sequence[np.ndarray]]  # position -> rock boxes (n, 4) in pixels, one array a seed file
     min_iou: float  # of an annotated box and a rock's own that belong together
 
@@ -27,11 +27,11 @@ class Evidence:
     def agreed(self) -> dict[str, np.ndarray]:
         """(n, 4) one box a rock by position, where there are any."""
         boxes = {position: consensus_boxes(annotated) for position, annotated in sorted(self.annotated.items())}
-        return {position: found for position, found in boxes.items() if position in self.placed and len(found)}
+        return {position: found for position, found in boxes.items() if position in self.localised and len(found)}
 
     def of_their_place(self, rocks: Sequence[np.ndarray]) -> Evidence:
         """The same without positions whose boxes are another one's, by rocks (n, 3) that shape alone tells; warns."""
-        cameras = {position: rig.camera("L") for position, rig in self.placed.items() if not rig.surveyed}
+        cameras = {position: rig.camera("L") for position, rig in self.localised.items() if not rig.surveyed}
         names = positions_of_strangers(self.agreed, cameras, rocks)
         return replace(
             self, annotated={position: boxes for position, boxes in self.annotated.items() if position not in names}
@@ -41,7 +41,7 @@ class Evidence:
         """Positions of which some seed shows a rock, by its points (n, 3) in the sandbox, metres."""
         found = []
         for position, annotated in sorted(self.annotated.items()):
-            if position not in self.placed or not len(annotated):
+            if position not in self.localised or not len(annotated):
                 continue
             box = self._box(position, points)
             if box is not None and iou(box[None], np.concatenate(annotated)).max(initial=0) >= self.min_iou:
@@ -50,7 +50,7 @@ class Evidence:
 
     def boxes(self, parts: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
         """(p, 4) around parts, given by points (n, 3), in every photo with agreed boxes; NaN where it shows none."""
-        cameras = {position: self.placed[position].camera("L") for position in self.agreed}
+        cameras = {position: self.localised[position].camera("L") for position in self.agreed}
         return {
             position: np.array([camera.box_around(points) for points in parts]).reshape(-1, 4)
             for position, camera in cameras.items()
@@ -72,5 +72,5 @@ class Evidence:
 
     def _box(self, position: str, points: np.ndarray) -> np.ndarray | None:
         """(4,) around points in a position's left photo, as far as the photo shows them; None where it shows none."""
-        box = self.placed[position].camera("L").box_around(points)
+        box = self.localised[position].camera("L").box_around(points)
         return None if np.isnan(box).any() else box

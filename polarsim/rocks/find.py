@@ -15,7 +15,7 @@ from polarsim.formats import ply, rigs, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.ply import Cloud
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scans import read_scan
 from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.poses import Pose
@@ -31,7 +31,7 @@ from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_places
 from polarsim.rocks.regions import Cut, Limits, cut_by_shape, find_regions, surface_points
-from polarsim.rocks.scans import Extent, ScanPoints, merged, place_scan
+from polarsim.rocks.scans import Extent, ScanPoints, merged, scan_in_sandbox
 
 log = logging.getLogger("polarsim")
 FOOT_HEIGHT = 0.006  # metres above ground at which a rock begins
@@ -59,10 +59,10 @@ def find_rocks(
     A position without a scan, or with a scan but no pose, is a warning. A terrain without any scan has no rock and an
     empty ground cloud. Seeds that lie under another position's name are left out with a warning.
     """
-    placed = rigs.read_all_placed(cameras)
+    localised = rigs.read_all_localised(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()
-    evidence = Evidence(placed, read_rock_boxes(seeds, terrain), CONFIRMING_IOU)
-    scans = read_scans(read_inventory(inventory), placed)
+    evidence = Evidence(localised, read_rock_boxes(seeds, terrain), CONFIRMING_IOU)
+    scans = read_scans(read_inventory(inventory), localised)
     if not len(scans):
         log.warning("%s: no scan of terrain %02d, so no rock and no ground", inventory, terrain)
         _write(rocks, cuboids, ids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), {})
@@ -84,7 +84,7 @@ def find_rocks(
     sand, regions = with_bumps(sand, regions, limits, evidence, bumps)
     sand, found = crop_rocks(sand, regions, typed, limits.foot)
     rock_of_point = rock_of_points(sand, found, scans, limits.foot)
-    points = {rock: _by_scan(scans.select(rock_of_point == rock), placed) for rock in found}
+    points = {rock: _by_scan(scans.select(rock_of_point == rock), localised) for rock in found}
     translations = {
         rock: settling_translations(list(parts.values())) if options.settle else None for rock, parts in points.items()
     }
@@ -95,12 +95,12 @@ def find_rocks(
         rock: surface_cloud(voxel_means(_settled(points[rock], translations[rock]), options.rock_cell_mm / 1000))
         for rock in found
     }
-    _write(rocks, cuboids, ids, clouds, rows, found, rock_clouds, ground_cloud(sand), placed)
+    _write(rocks, cuboids, ids, clouds, rows, found, rock_clouds, ground_cloud(sand), localised)
 
 
 def _of_their_place(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
     """Evidence without seeds under another position's name; what stands out by shape alone tells."""
-    if not evidence.agreed or len(evidence.placed) < 2:
+    if not evidence.agreed or len(evidence.localised) < 2:
         return evidence
     by_shape = find_regions(sand, limits, replace(evidence, annotated={}), cut)
     return evidence.of_their_place([surface_points(sand, region.seen) for region in by_shape])
@@ -113,26 +113,26 @@ def ground_cloud(sand: Sand) -> Cloud:
     return Cloud(points[sand.is_ground], normals[sand.is_ground])
 
 
-def read_scans(inventory: Inventory, placed: Mapping[str, PlacedRig]) -> ScanPoints:
-    """All scans of a terrain in the sandbox, as the cameras stage placed them."""
+def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig]) -> ScanPoints:
+    """All scans of a terrain in the sandbox, as the cameras stage localised them."""
     scans = []
     for position in inventory.scanned:
-        if position not in placed:
+        if position not in localised:
             log.warning("terrain %02d: the scan at %s has no pose and is left out", inventory.terrain, position)
             continue
-        if placed[position].surveyed:
-            log.warning("terrain %02d: the scan at %s places no camera and is left out", inventory.terrain, position)
+        if localised[position].surveyed:
+            log.warning("terrain %02d: the scan at %s localises no camera and is left out", inventory.terrain, position)
             continue
-        points_left = read_scan(inventory, position, placed[position].rig)
-        scan = place_scan(points_left, placed[position].sandbox_from_left)
+        points_left = read_scan(inventory, position, localised[position].rig)
+        scan = scan_in_sandbox(points_left, localised[position].sandbox_from_left)
         scans.append(scan.select(NEIGHBOURHOOD.contains(scan.points)))
     return merged(scans)
 
 
-def _by_scan(points: ScanPoints, placed: Mapping[str, PlacedRig]) -> dict[str, ScanPoints]:
+def _by_scan(points: ScanPoints, localised: Mapping[str, LocalisedRig]) -> dict[str, ScanPoints]:
     """The points of each position's scan; positions that saw none are left out."""
-    positions = sorted(placed)
-    eyes = np.array([placed[position].sandbox_from_left.translation for position in positions])  # those of the maps
+    positions = sorted(localised)
+    eyes = np.array([localised[position].sandbox_from_left.translation for position in positions])  # those of the maps
     scanner = points.scanner(eyes)
     parts = {position: points.select(scanner == number) for number, position in enumerate(positions)}
     return {position: part for position, part in parts.items() if len(part)}
@@ -177,9 +177,9 @@ def _write(
     found: Mapping[int, Rock],
     rock_clouds: Mapping[int, Cloud],
     ground: Cloud,
-    placed: Mapping[str, PlacedRig],
+    localised: Mapping[str, LocalisedRig],
 ) -> None:
-    places = [(position, *rig.sandbox_from_left.translation) for position, rig in placed.items()]
+    places = [(position, *rig.sandbox_from_left.translation) for position, rig in localised.items()]
     with writing_folder(clouds) as folder:
         ply.write(folder / "ground.ply", ground)
         for rock, cloud in rock_clouds.items():

@@ -14,7 +14,7 @@ from polarsim.formats import obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.ply import Cloud
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.scene import PUBLISHED
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.planes import robust_plane
@@ -126,7 +126,7 @@ def repair_rocks(
         published = {rock: obj.read(path) for rock, path in read_inventory(inventory).rock_meshes().items()}
     ground = obj.read(meshes / obj.ground_name(terrain)).vertices
     grid, heights = ground_heights(Cloud(ground, np.zeros_like(ground)), FITTED_GROUND_CELL)
-    rigs = read_all_placed(cameras).values()
+    rigs = read_all_localised(cameras).values()
     scanners = np.array([rig.sandbox_from_left.translation for rig in rigs]).reshape(-1, 3)
     closed = {}
     for rock, path in track(list(obj.rock_files(meshes).items()), f"repair of terrain {terrain:02d}"):

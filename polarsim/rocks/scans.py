@@ -63,7 +63,7 @@ class Extent:
         return (x >= self.x0) & (x <= self.x1) & (y >= self.y0) & (y <= self.y1)
 
 
-def place_scan(points_left: np.ndarray, sandbox_from_left: Pose) -> ScanPoints:
+def scan_in_sandbox(points_left: np.ndarray, sandbox_from_left: Pose) -> ScanPoints:
     """A scan's points (n, 3), in the frame of the camera beside the scanner, in the sandbox."""
     distance = np.linalg.norm(points_left, axis=1)
     to_scanner = sandbox_from_left.rotate(-points_left / distance[:, None])

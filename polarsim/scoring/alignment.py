@@ -1,4 +1,4 @@
-"""One rigid motion a terrain: the frame in which our cameras were placed, brought onto the true one before comparing.
+"""One rigid motion a terrain: the frame of our cameras, brought onto the true one before comparing.
 
 Scans determine a terrain up to where its origin is said to be. So the frames of truth and result may differ by a motion
 that is nobody's error; errors are what is left after the best one.
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import FormatError, RegistrationError, about
-from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.geometry.poses import Pose, fit_pose
 from polarsim.scoring.surface import Surface
 
@@ -38,7 +38,7 @@ def fit_alignment(estimated: Mapping[str, Pose], true: Mapping[str, Pose]) -> Po
     """
     common = sorted(set(estimated) & set(true))
     if not common:
-        raise RegistrationError(f"no common position: {sorted(estimated)} placed, {sorted(true)} true")
+        raise RegistrationError(f"no common position: {sorted(estimated)} localised, {sorted(true)} true")
     return fit_pose(
         np.concatenate([estimated[position].apply(_AXES) for position in common]),
         np.concatenate([true[position].apply(_AXES) for position in common]),
@@ -55,17 +55,17 @@ def read_alignment(cameras: Path, truth: Path) -> Pose:
     FormatError
         A camera file is broken.
     """
-    placed, true = read_all_placed(cameras), read_all_placed(truth / "cameras")
+    localised, true = read_all_localised(cameras), read_all_localised(truth / "cameras")
     if not true:
         raise FormatError("no PosX.json", path=truth / "cameras")
     with about(cameras):
-        return align_rigs(placed, true)
+        return align_rigs(localised, true)
 
 
-def align_rigs(placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig]) -> Pose:
+def align_rigs(localised: Mapping[str, LocalisedRig], true: Mapping[str, LocalisedRig]) -> Pose:
     """`truth_from_sandbox` by the left cameras of all common positions."""
     return fit_alignment(
-        {position: rig.sandbox_from_left for position, rig in placed.items()},
+        {position: rig.sandbox_from_left for position, rig in localised.items()},
         {position: rig.sandbox_from_left for position, rig in true.items()},
     )
 

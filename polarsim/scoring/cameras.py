@@ -1,4 +1,4 @@
-"""How well cameras and lamps were placed: against the analog's true ones, or against the boxes they were fitted to."""
+"""How well cameras and lamps are localised: against the true ones of the analog, or the boxes they were fitted to."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from polarsim.formats import lamps, obj
 from polarsim.formats.files import read_json
-from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.boxes import assign, iou
 from polarsim.geometry.consensus import consensus_of_sets
@@ -52,22 +52,22 @@ def score_cameras(
     meshes
         Folder of the terrain's meshes.
     """
-    placed = read_all_placed(cameras)
-    metrics = stated(placed)
+    localised = read_all_localised(cameras)
+    metrics = stated(localised)
     if truth is not None:
-        true = read_all_placed(truth / "cameras")
-        metrics += against_truth(placed, true, true_points(truth, terrain))
-        if set(placed) & set(true) and (truth / lamps.FILE).exists():  # sandboxes without photos have no lamps
-            metrics += lamps_against_truth(cameras, truth, align_rigs(placed, true))
+        true = read_all_localised(truth / "cameras")
+        metrics += against_truth(localised, true, true_points(truth, terrain))
+        if set(localised) & set(true) and (truth / lamps.FILE).exists():  # sandboxes without photos have no lamps
+            metrics += lamps_against_truth(cameras, truth, align_rigs(localised, true))
     if matches is not None and matches.exists():
         metrics += against_boxes(matches)
     if annotated is not None:
-        metrics += against_annotated(placed, obj.rock_files(meshes), read_annotated(annotated, terrain))
+        metrics += against_annotated(localised, obj.rock_files(meshes), read_annotated(annotated, terrain))
     write_metrics(evaluation, "cameras", terrain, metrics)
 
 
 def against_truth(
-    placed: Mapping[str, PlacedRig], true: Mapping[str, PlacedRig], points_truth: np.ndarray
+    localised: Mapping[str, LocalisedRig], true: Mapping[str, LocalisedRig], points_truth: np.ndarray
 ) -> list[Metric]:
     """Errors of the poses before and after one alignment of the terrain, of the rig, and of points in the pictures.
 
@@ -79,10 +79,10 @@ def against_truth(
     points_truth : (n, 3) float
         Points on true surfaces, true frame, metres; may be empty.
     """
-    common = sorted(set(placed) & set(true))
+    common = sorted(set(localised) & set(true))
     if not common:
         return []
-    estimated = {position: placed[position].sandbox_from_left for position in common}
+    estimated = {position: localised[position].sandbox_from_left for position in common}
     wanted = {position: true[position].sandbox_from_left for position in common}
     frames = {"before": Pose.identity()}
     if len(common) > 1:
@@ -94,9 +94,9 @@ def against_truth(
             metrics += _pose_errors(position, errors, truth_from_sandbox @ estimated[position], wanted[position])
             if name == "aligned" or len(frames) == 1:
                 metrics += projection_errors(
-                    "reprojection", position, placed[position], true[position], points_truth, truth_from_sandbox
+                    "reprojection", position, localised[position], true[position], points_truth, truth_from_sandbox
                 )
-        rig, true_rig = placed[position].rig, true[position].rig  # they differ by the calibration file's errors
+        rig, true_rig = localised[position].rig, true[position].rig  # they differ by the calibration file's errors
         errors = "rig_baseline_error", "rig_angle_error"
         metrics += _pose_errors(position, errors, rig.left_from_right, true_rig.left_from_right)
     for one, other in combinations(common, 2):
@@ -128,7 +128,7 @@ def against_boxes(path: Path) -> list[Metric]:
 
 
 def against_annotated(
-    placed: Mapping[str, PlacedRig],
+    localised: Mapping[str, LocalisedRig],
     meshes: Mapping[int, Path],
     annotated: Mapping[PhotoKey, Labels],
 ) -> list[Metric]:
@@ -137,7 +137,7 @@ def against_annotated(
     metrics = []
     for camera in CAMERAS:
         pairs = [np.zeros((0, 2, 4))]  # projected and annotated
-        for position, rig in placed.items():
+        for position, rig in localised.items():
             boxes = agreed_boxes(annotated, position, camera)
             projected = outlines.seen(rig.camera(camera))
             rows, columns = assign(projected, boxes)
@@ -171,10 +171,10 @@ def _overlap_metrics(subject: str, overlap: np.ndarray, offset_px: np.ndarray) -
     ]
 
 
-def stated(placed: Mapping[str, PlacedRig]) -> list[Metric]:
+def stated(localised: Mapping[str, LocalisedRig]) -> list[Metric]:
     """What the cameras stage itself says of each fit (`quality` of PosX.json)."""
     metrics = []
-    for position, rig in placed.items():
+    for position, rig in localised.items():
         for name, value in sorted(rig.quality.items()):
             unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "1")
             subject = f"{position} ({rig.method})" if rig.method else position
@@ -193,7 +193,12 @@ def _pose_errors(subject: str, names: tuple[str, str], estimated: Pose, true: Po
 
 
 def projection_errors(
-    name: str, position: str, placed: PlacedRig, true: PlacedRig, points_truth: np.ndarray, truth_from_sandbox: Pose
+    name: str,
+    position: str,
+    localised: LocalisedRig,
+    true: LocalisedRig,
+    points_truth: np.ndarray,
+    truth_from_sandbox: Pose,
 ) -> list[Metric]:
     """Distances in the picture between true points (n, 3) seen by the true and by our camera, as metrics `name_*`."""
     metrics: list[Metric] = []
@@ -201,7 +206,7 @@ def projection_errors(
         lens = true.rig.lens(camera)
         wanted = true.project(camera, points_truth)
         inside = ((wanted > 0) & (wanted < [lens.width, lens.height])).all(axis=-1)  # NaN behind the camera: outside
-        found = placed.project(camera, truth_from_sandbox.inverse().apply(points_truth[inside]))
+        found = localised.project(camera, truth_from_sandbox.inverse().apply(points_truth[inside]))
         error_px = np.linalg.norm(found - wanted[inside], axis=-1)
         metrics += summary(f"{position} {camera}", name, error_px, "px", "truth")
     return metrics
@@ -230,11 +235,11 @@ def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) ->
     truth
         The analog's truth/TerrainTT.
     """
-    placed, true = read_all_placed(cameras), read_json(truth / lamps.FILE)
+    localised, true = read_all_localised(cameras), read_json(truth / lamps.FILE)
     metrics, worst = [], {}
     for name, suns in (
-        ("surveyed_direction", lamps.surveyed_suns(placed)),
-        ("direction", lamps.read_suns(cameras, placed)),
+        ("surveyed_direction", lamps.surveyed_suns(localised)),
+        ("direction", lamps.read_suns(cameras, localised)),
     ):
         found = [
             Metric(f"lamp {azimuth}", f"{name}_error", off_deg, "deg", 1, "truth")

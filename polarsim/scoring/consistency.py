@@ -2,7 +2,7 @@
 
 Every scan is put through its written pose and asked how it would still have to move to lie on the written meshes; all
 scans together too. Cameras that photos or labels moved are held against those that the meshes were made with, and
-meshes against the boxes that placed the cameras. What does not agree becomes a plain sentence.
+meshes against the boxes that localised the cameras. What does not agree becomes a plain sentence.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import pandas as pd
 from polarsim.formats import obj
 from polarsim.formats.best_photos import best_pictures
 from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.scans import read_scan
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tables import read_parquet
@@ -64,17 +64,17 @@ def check_consistency(
     annotated
         Folder of all label files that people drew, which stand in where no photos show both cameras; may be None.
     """
-    known, placed = read_inventory(inventory), read_all_placed(located)
+    known, localised = read_inventory(inventory), read_all_localised(located)
     scans = {
-        position: on_sand(placed[position], read_scan(known, position, placed[position].rig))
+        position: on_sand(localised[position], read_scan(known, position, localised[position].rig))
         for position in known.scanned
-        if position in placed and not placed[position].surveyed
+        if position in localised and not localised[position].surveyed
     }
     metrics = []
-    scene, last = read_terrain(meshes, terrain), read_all_placed(cameras)
+    scene, last = read_terrain(meshes, terrain), read_all_localised(cameras)
     if scans:
         metrics += scans_on_meshes(scans, scene)
-    metrics += cameras_together(placed, last)
+    metrics += cameras_together(localised, last)
     if (located / "matches.parquet").exists():
         metrics += boxes_met(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
     both = photos_of_both(last, caster(scene.vertices, scene.faces), best_pictures(terrain, photos)) if photos else []
@@ -88,9 +88,9 @@ def check_consistency(
     write_metrics(evaluation, STAGE, terrain, metrics)
 
 
-def on_sand(placed: PlacedRig, points_left: np.ndarray) -> np.ndarray:
+def on_sand(localised: LocalisedRig, points_left: np.ndarray) -> np.ndarray:
     """(m, 3) points of a scan (n, 3) on the sand and its rocks, through the written pose, in the sandbox."""
-    points = placed.sandbox_from_left.apply(points_left)
+    points = localised.sandbox_from_left.apply(points_left)
     inside = (np.abs(points[:, :2]) < SANDBOX_HALF_WIDTH - MARGIN).all(axis=1)
     return points[inside][:: max(1, inside.sum() // POINTS)]
 
@@ -120,8 +120,8 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
     return metrics
 
 
-def cameras_together(before: Mapping[str, PlacedRig], after: Mapping[str, PlacedRig]) -> list[Metric]:
-    """What all cameras of a terrain did in common since the meshes were made, and which none but the survey places."""
+def cameras_together(before: Mapping[str, LocalisedRig], after: Mapping[str, LocalisedRig]) -> list[Metric]:
+    """What all cameras of a terrain did in common after the meshes, and which none but the survey localises."""
     metrics = [
         Metric(f"camera {position}", "surveyed", float(rig.surveyed), "1", 1, "own")
         for position, rig in sorted(after.items())
@@ -133,7 +133,7 @@ def cameras_together(before: Mapping[str, PlacedRig], after: Mapping[str, Placed
 
 
 def boxes_met(matches: pd.DataFrame) -> list[Metric]:
-    """Mean IoU of projected meshes and the boxes that placed the cameras, by position."""
+    """Mean IoU of projected meshes and the boxes that localised the cameras, by position."""
     return [
         Metric(f"meshes on boxes, position {position}", "boxes_iou", float(part["iou"].mean()), "1", len(part), "own")
         for position, part in matches.groupby("position")

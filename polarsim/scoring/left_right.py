@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from polarsim.formats.best_photos import Pictures, read_shrunk
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.boxes import assign, iou
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.patches import Ties, Window, find_ties, look_with_both
@@ -32,10 +32,10 @@ LEAST_BOXES = 5  # rocks that boxes of both cameras show
 SPREAD = 1.4826  # standard deviations of a normal distribution in its median distance from the median
 
 
-def photos_of_both(placed: Mapping[str, PlacedRig], surface: Caster, pictures: Pictures) -> list[Metric]:
+def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictures: Pictures) -> list[Metric]:
     """How far windows of the left photos lie across and along the rows of the right ones, by position."""
     metrics = []
-    for position, rig in sorted(placed.items()):
+    for position, rig in sorted(localised.items()):
         left, right = (pictures.get((position, camera), {}) for camera in CAMERAS)
         azimuths = sorted(set(left) & set(right))
         if azimuths and not rig.surveyed:
@@ -81,11 +81,11 @@ def _along_rows(rig: StereoRig, points_left: np.ndarray) -> np.ndarray:
 
 
 def boxes_of_both(
-    placed: Mapping[str, PlacedRig], outlines: Outlines, annotated: Mapping[PhotoKey, Labels]
+    localised: Mapping[str, LocalisedRig], outlines: Outlines, annotated: Mapping[PhotoKey, Labels]
 ) -> list[Metric]:
     """How otherwise projected meshes meet the boxes of the right camera than those of the left one, by position."""
     metrics = []
-    for position, rig in sorted(placed.items()):
+    for position, rig in sorted(localised.items()):
         boxes = {camera: agreed_boxes(annotated, position, camera) for camera in CAMERAS}
         if min(map(len, boxes.values())) < LEAST_BOXES or rig.surveyed:
             continue

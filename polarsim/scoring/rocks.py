@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.schemas import OFFSETS
 from polarsim.formats.tables import read_parquet, write_csv, write_parquet
@@ -105,13 +105,13 @@ def _moved(found: pd.DataFrame, truth_from_sandbox: Pose) -> pd.DataFrame:
 
 def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison) -> list[Metric]:
     """How far from its true pixel a true rock's point is seen, with the meshes laid on the true surface."""
-    placed, true = read_all_placed(cameras), read_all_placed(truth / "cameras")
+    localised, true = read_all_localised(cameras), read_all_localised(truth / "cameras")
     points = true_points(truth, terrain)
     return [
         metric
-        for position in sorted(set(placed) & set(true))
+        for position in sorted(set(localised) & set(true))
         for metric in projection_errors(
-            "rock_reprojection", position, placed[position], true[position], points, compared.truth_from_sandbox
+            "rock_reprojection", position, localised[position], true[position], points, compared.truth_from_sandbox
         )
     ]
 

@@ -13,7 +13,7 @@ import numpy as np
 from polarsim.formats import obj
 from polarsim.formats.files import read_json, writing_folder
 from polarsim.formats.lamps import write_suns
-from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised, write_localised
 from polarsim.formats.scene import mesh_files, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.meshes import Mesh
@@ -60,9 +60,9 @@ def lay_truth(
     unpaired = sorted(set(true["rock"]) - set(number))
     number |= dict(zip(unpaired, range(max([*found["rock"], 0]) + 1, 2**31), strict=False))
     with writing_folder(true_cameras) as folder:
-        for position, rig in read_all_placed(truth / "cameras").items():
-            placed = PlacedRig(rig.rig, sandbox_from_truth @ rig.sandbox_from_left, "truth")
-            write_placed(folder / f"Pos{position}.json", placed)
+        for position, rig in read_all_localised(truth / "cameras").items():
+            localised = LocalisedRig(rig.rig, sandbox_from_truth @ rig.sandbox_from_left, "truth")
+            write_localised(folder / f"Pos{position}.json", localised)
         _write_lamps(folder, truth / "lamps.json", sandbox_from_truth)
     with writing_folder(true_meshes) as folder:
         for rock, path in mesh_files(truth / "meshes", terrain).items():

@@ -11,7 +11,7 @@ import pandas as pd
 
 from polarsim.formats import nasa
 from polarsim.formats.inventory import Inventory, read_inventory
-from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
@@ -46,7 +46,7 @@ class Sight:
         return seen
 
 
-def sights(true: Mapping[str, PlacedRig], positions: set[str], known: Inventory | None) -> list[Sight]:
+def sights(true: Mapping[str, LocalisedRig], positions: set[str], known: Inventory | None) -> list[Sight]:
     """A sight for each of `positions` that has a true pose; with its range map where the inventory names one.
 
     Raises
@@ -116,7 +116,7 @@ def compare(terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, invent
     What nobody saw nobody can measure: undersides, and ground below rocks. A strip along the walls is left out too.
     """
     by_cameras, known = read_alignment(cameras, truth), read_inventory(inventory) if inventory is not None else None
-    views = sights(read_all_placed(truth / "cameras"), set(read_all_placed(cameras)), known)
+    views = sights(read_all_localised(truth / "cameras"), set(read_all_localised(cameras)), known)
     true_scene = read_terrain(truth / "meshes", terrain)
     true_surface = Surface(true_scene.vertices, true_scene.faces)
     rng = generator(SEED, "surface samples", terrain)

@@ -8,7 +8,7 @@ from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.errors import ConfigError
 from polarsim.formats import nasa, obj, png, tables, yolo
-from polarsim.formats.rigs import read_placed
+from polarsim.formats.rigs import read_localised
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.stereo import rectified_left
 from polarsim.photo import PhotoKey, photo_grid
@@ -67,13 +67,13 @@ def test_the_terrain_is_laid_out_as_nasa_did(made):
 @pytest.mark.parametrize("position", ["A", "B", "C"])
 def test_range_maps_show_the_true_ground_where_the_true_cameras_say(made, position):
     truth = made / "truth" / "Terrain11"
-    placed = read_placed(truth / "cameras" / f"Pos{position}.json")
+    localised = read_localised(truth / "cameras" / f"Pos{position}.json")
     calibration = nasa.read_calibration(nasa.find_terrain_folder(made, TERRAIN) / nasa.CALIBRATION_NAME)
     grid = rectified_left(calibration)
     maps, _ = nasa.find_scans(made, TERRAIN)
     points = nasa.read_range_map(maps[position])[::8, ::8].reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)].astype(float)
-    sandbox = (placed.sandbox_from_left @ grid.left_from_rectified).apply(points)
+    sandbox = (localised.sandbox_from_left @ grid.left_from_rectified).apply(points)
     inside = sandbox[(np.abs(sandbox[:, :2]).max(axis=1) < 1.8)]
     ground = obj.read(truth / "meshes" / obj.ground_name(TERRAIN)).vertices
     from scipy.spatial import cKDTree
@@ -116,11 +116,11 @@ def test_true_labels_are_the_boxes_of_the_true_meshes(made):
     labels = tables.read_parquet(truth / "labels.parquet", [*tables.LABEL_COLUMNS, "visible_px", "contrast"])
     assert set(labels["key"]) == {str(key) for key in KEYS}
     assert set(labels["kind"]) == {"rock", "shadow"}
-    placed = read_placed(truth / "cameras" / "PosA.json")
+    localised = read_localised(truth / "cameras" / "PosA.json")
     meshes = {rock: obj.read(path).vertices for rock, path in obj.rock_files(truth / "meshes").items()}
     overlaps = []
     for row in labels[(labels["kind"] == "rock") & (labels["key"] == str(KEYS[0]))].itertuples():
-        pixels = placed.project("L", meshes[row.rock])
+        pixels = localised.project("L", meshes[row.rock])
         box = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
         overlaps.append(iou(box[None], np.array([[row.x0, row.y0, row.x1, row.y1]]))[0, 0])
     assert len(overlaps) >= 6

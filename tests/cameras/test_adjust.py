@@ -6,15 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.cameras.adjust import Priors, Sightings, adjust
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.poses import Pose, angle_between, looking
 from polarsim.geometry.stereo import stated_rig
 
 PRIORS = Priors(0.003, np.radians(0.1), 0.0005, np.radians(0.02), 1.5, 1.5, 0.003)
 INDEPENDENT = 300
 TRUE = {
-    "A": PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans"),
-    "C": PlacedRig(stated_rig(), looking(np.array([0.8, -3.6, 1.5]), np.radians(103), np.radians(27)), "scans"),
+    "A": LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans"),
+    "C": LocalisedRig(stated_rig(), looking(np.array([0.8, -3.6, 1.5]), np.radians(103), np.radians(27)), "scans"),
 }
 
 
@@ -43,8 +43,8 @@ def disturbed(true, rng, mm=2.0, deg=0.05):
     }
 
 
-def errors(placed, true):
-    pairs = [(placed[p].sandbox_from_left, true[p].sandbox_from_left) for p in true]
+def errors(localised, true):
+    pairs = [(localised[p].sandbox_from_left, true[p].sandbox_from_left) for p in true]
     return (
         max(np.linalg.norm(a.translation - b.translation) for a, b in pairs),
         np.degrees(max(angle_between(a, b) for a, b in pairs)),
@@ -56,7 +56,7 @@ def errors(placed, true):
 def test_disturbed_poses_come_back_among_outliers(seed):
     rng = np.random.default_rng(seed)
     found = adjust(disturbed(TRUE, rng), sightings(TRUE, rng, outliers=0.3), PRIORS, INDEPENDENT, lenses=False)
-    metres, degrees = errors(found.placed, TRUE)
+    metres, degrees = errors(found.localised, TRUE)
     assert metres < 0.0008
     assert degrees < 0.01
 
@@ -68,18 +68,18 @@ def test_a_calibration_that_is_off_is_mended_for_all_positions_alike():
     true = {p: replace(one, rig=replace(rig, left=bent)) for p, one in TRUE.items()}
     seen = sightings(true, rng, noise_px=0.1)
     kept, mended = (adjust(TRUE, seen, PRIORS, INDEPENDENT, lenses=lenses) for lenses in (False, True))
-    lens = mended.placed["A"].rig.left
-    assert mended.placed["C"].rig.left == lens
+    lens = mended.localised["A"].rig.left
+    assert mended.localised["C"].rig.left == lens
     assert abs(lens.fx - bent.fx) < 1.2
     assert abs(lens.distortion[0] - bent.distortion[0]) < 0.0015
-    assert kept.placed["A"].rig.left == rig.left
-    assert errors(mended.placed, true)[0] < errors(kept.placed, true)[0]
+    assert kept.localised["A"].rig.left == rig.left
+    assert errors(mended.localised, true)[0] < errors(kept.localised, true)[0]
 
 
 def test_where_nothing_is_seen_the_priors_stay():
     nothing = {("A", "L"): Sightings(np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 2, 2)))}
     found = adjust({"A": TRUE["A"]}, nothing, PRIORS, INDEPENDENT, lenses=True)
-    np.testing.assert_allclose(found.placed["A"].sandbox_from_left.matrix, TRUE["A"].sandbox_from_left.matrix)
+    np.testing.assert_allclose(found.localised["A"].sandbox_from_left.matrix, TRUE["A"].sandbox_from_left.matrix)
     sd = np.sqrt(np.diag(found.covariance["A"]))
     np.testing.assert_allclose(sd, [PRIORS.pose_rad] * 3 + [PRIORS.pose_m] * 3)
 
@@ -108,6 +108,6 @@ def test_what_windows_do_not_tell_does_not_matter():
         for view, one in sightings(TRUE, rng, noise_px=0).items()
     }
     found = adjust(TRUE, seen, PRIORS, INDEPENDENT, lenses=False)
-    metres, degrees = errors(found.placed, TRUE)
+    metres, degrees = errors(found.localised, TRUE)
     assert metres < 1e-5
     assert degrees < 1e-4

@@ -12,7 +12,7 @@ from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import nasa, obj, yolo
 from polarsim.formats.colmap import read_model
 from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.rigs import read_all_placed, write_rig
+from polarsim.formats.rigs import read_all_localised, write_rig
 from polarsim.formats.schemas import ALIGNMENT, MATCHES
 from polarsim.geometry.poses import angle_between, looking
 from polarsim.geometry.stereo import stated_rig
@@ -40,7 +40,7 @@ def locate(folder, inventory, rig, positions="ABC", seeds=None, name="cameras", 
         options=PlacementOptions(),
         threads=threads,
     )
-    return read_all_placed(folder / name)
+    return read_all_localised(folder / name)
 
 
 def contents(folder):
@@ -76,24 +76,24 @@ def annotated(tmp_path, labelled):
     return Inventory(terrain=3, kind="release", meshes=meshes)
 
 
-def test_scans_place_their_rigs_and_the_survey_the_others(tmp_path, scanned, sandbox, true_poses, caplog):
+def test_scans_localise_their_rigs_and_the_survey_the_others(tmp_path, scanned, sandbox, true_poses, caplog):
     with caplog.at_level(logging.WARNING):
-        placed = locate(tmp_path, scanned, sandbox.rig)
-    assert {position: one.method for position, one in placed.items()} == {"A": "scans", "B": "survey", "C": "scans"}
+        localised = locate(tmp_path, scanned, sandbox.rig)
+    assert {position: one.method for position, one in localised.items()} == {"A": "scans", "B": "survey", "C": "scans"}
     assert [record.message[:10] for record in caplog.records] == ["position B"]
     found, true = (
         poses["A"].inverse() @ poses["C"]
-        for poses in ({p: one.sandbox_from_left for p, one in placed.items()}, true_poses)
+        for poses in ({p: one.sandbox_from_left for p, one in localised.items()}, true_poses)
     )
     assert np.linalg.norm(found.translation - true.translation) < 0.002
     assert np.degrees(angle_between(found, true)) < 0.03
-    assert np.linalg.norm(placed["A"].sandbox_from_left.translation - true_poses["A"].translation) < 0.015
+    assert np.linalg.norm(localised["A"].sandbox_from_left.translation - true_poses["A"].translation) < 0.015
     table = pd.read_csv(tmp_path / "cameras" / "alignment.csv")
     assert table.dtypes.astype(str).to_dict() == ALIGNMENT.dtypes
     assert table["pair"].tolist() in (["A-C"], ["C-A"])
     np.testing.assert_allclose(
         read_model(tmp_path / "cameras" / "colmap")["B"].sandbox_from_left.matrix,
-        placed["B"].sandbox_from_left.matrix,
+        localised["B"].sandbox_from_left.matrix,
         atol=1e-9,
     )
 
@@ -102,8 +102,8 @@ def test_a_scan_of_a_wall_leaves_its_position_to_the_survey(tmp_path, scanned, s
     flat = range_maps["C"] * (2.8 / range_maps["C"][..., 2:])  # each beam ends at a wall 2.8 m before the camera
     nasa.write_range_map(scanned.range_maps["C"], flat)
     with caplog.at_level(logging.WARNING):
-        placed = locate(tmp_path, scanned, sandbox.rig, "AC")
-    assert {position: one.method for position, one in placed.items()} == {"A": "scans", "C": "survey"}
+        localised = locate(tmp_path, scanned, sandbox.rig, "AC")
+    assert {position: one.method for position, one in localised.items()} == {"A": "scans", "C": "survey"}
     assert "the scan of position C shows 0." in caplog.text
     assert "position C has neither a scan" in caplog.text
 
@@ -116,23 +116,27 @@ def test_the_same_scans_give_the_same_bytes(tmp_path, scanned, sandbox):
 
 def test_one_scan_alone_is_placed(tmp_path, scanned, sandbox, true_poses):
     alone = Inventory(terrain=3, kind="polar", range_maps={"A": scanned.range_maps["A"]})
-    placed = locate(tmp_path, alone, sandbox.rig, "A")["A"]
-    assert placed.method == "scans"
-    assert np.linalg.norm(placed.sandbox_from_left.translation - true_poses["A"].translation) < 0.03
+    localised = locate(tmp_path, alone, sandbox.rig, "A")["A"]
+    assert localised.method == "scans"
+    assert np.linalg.norm(localised.sandbox_from_left.translation - true_poses["A"].translation) < 0.03
     assert len(pd.read_csv(tmp_path / "cameras" / "alignment.csv")) == 0
 
 
-def test_labels_and_meshes_place_rigs(tmp_path, annotated, true_poses, labelled, caplog):
+def test_labels_and_meshes_localise_rigs(tmp_path, annotated, true_poses, labelled, caplog):
     with caplog.at_level(logging.WARNING):
-        placed = locate(tmp_path, annotated, stated_rig())
-    assert {position: one.method for position, one in placed.items()} == {"A": "labels", "B": "labels", "C": "survey"}
+        localised = locate(tmp_path, annotated, stated_rig())
+    assert {position: one.method for position, one in localised.items()} == {
+        "A": "labels",
+        "B": "labels",
+        "C": "survey",
+    }
     assert "position C" in caplog.text
     for position in "AB":
-        pose = placed[position].sandbox_from_left
+        pose = localised[position].sandbox_from_left
         assert np.linalg.norm(pose.translation - true_poses[position].translation) < 0.06
         assert np.degrees(angle_between(pose, true_poses[position])) < 0.5
     # C has no evidence of its own but stands where the survey and the others' offset from it say.
-    assert np.linalg.norm(placed["C"].sandbox_from_left.translation - true_poses["C"].translation) < 0.7
+    assert np.linalg.norm(localised["C"].sandbox_from_left.translation - true_poses["C"].translation) < 0.7
     table = pd.read_parquet(tmp_path / "cameras" / "matches.parquet")
     assert table.dtypes.astype(str).to_dict() == MATCHES.dtypes
     rows = table[table["position"] == "A"]
@@ -148,9 +152,9 @@ def test_nothing_known_of_a_position_is_an_error_and_leaves_nothing(tmp_path):
 
 
 def test_a_terrain_without_rocks_or_scans_stands_as_surveyed(tmp_path):
-    placed = locate(tmp_path, Inventory(terrain=6, kind="release"), stated_rig())
-    assert {one.method for one in placed.values()} == {"survey"}
-    assert placed["A"].sandbox_from_left.translation[0] == pytest.approx(3.541)
+    localised = locate(tmp_path, Inventory(terrain=6, kind="release"), stated_rig())
+    assert {one.method for one in localised.values()} == {"survey"}
+    assert localised["A"].sandbox_from_left.translation[0] == pytest.approx(3.541)
 
 
 def test_labels_of_another_terrain_are_refused(tmp_path, annotated, rng):

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from polarsim.cameras.labels import checked, place_by_labels
+from polarsim.cameras.labels import checked, localise_by_labels
+from polarsim.cameras.localisations import localise_all
 from polarsim.cameras.options import PlacementOptions
-from polarsim.cameras.placements import place_all
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import RegistrationError
 from polarsim.formats import obj, release, yolo
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.boxes import assign, clip, iou
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import outlines_of
@@ -40,20 +40,20 @@ def best_boxes(root, terrain, position, camera):
         (11, "B", (6.125, -0.585, 1.571), 0.65, 0.68),
     ],
 )
-def test_real_seeds_place_the_rig(release_root, terrain, position, place, least_left, least_right):
+def test_real_seeds_localise_the_rig(release_root, terrain, position, place, least_left, least_right):
     meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, terrain).items()}
     outlines = outlines_of(meshes)
     boxes = consensus_boxes(best_boxes(release_root, terrain, position, "L"))
-    placement = checked(place_by_labels(boxes, outlines, stated_rig().left, surveyed_pose(position), OPTIONS))
-    pose = placement.fit.sandbox_from_left
+    localisation = checked(localise_by_labels(boxes, outlines, stated_rig().left, surveyed_pose(position), OPTIONS))
+    pose = localisation.fit.sandbox_from_left
     assert np.linalg.norm(pose.translation - place) < 0.1  # their lens is 1 % longer: 4 to 6 cm in distance
-    assert placement.fit.iou.mean() >= least_left
+    assert localisation.fit.iou.mean() >= least_left
     # The right camera's boxes took no part.
-    rig = PlacedRig(stated_rig(), pose)
+    rig = LocalisedRig(stated_rig(), pose)
     right = clip(outlines.project(rig.camera("R")))
     annotated = consensus_boxes(best_boxes(release_root, terrain, position, "R"))
     rows, columns = assign(right, annotated)
-    assert len(rows) >= len(placement.fit.iou) - 1
+    assert len(rows) >= len(localisation.fit.iou) - 1
     assert np.diag(iou(right[rows], annotated[columns])).mean() >= least_right
 
 
@@ -66,7 +66,7 @@ def test_real_seeds_that_are_not_the_position_s_own_are_refused(release_root):
     mirrored = (own * [-1, 1, -1, 1] + [lens.width, 0, lens.width, 0])[:, [2, 1, 0, 3]]
     for boxes in (other, mirrored):
         with pytest.raises(RegistrationError):
-            checked(place_by_labels(boxes, outlines, lens, surveyed_pose("A"), OPTIONS))
+            checked(localise_by_labels(boxes, outlines, lens, surveyed_pose("A"), OPTIONS))
 
 
 @pytest.mark.release
@@ -75,9 +75,9 @@ def test_every_position_of_a_terrain_whose_rocks_stand_off_is_placed(release_roo
     meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, 12).items()}
     outlines = outlines_of(meshes)
     seen = {position: consensus_boxes(best_boxes(release_root, 12, position, "L")) for position in "ABC"}
-    found = place_all(seen, outlines, stated_rig().left, OPTIONS)
+    found = localise_all(seen, outlines, stated_rig().left, OPTIONS)
     assert not found.refused
-    assert all(placement.share > 0.55 for placement in found.placed.values())
+    assert all(localisation.share > 0.55 for localisation in found.localised.values())
     off = np.linalg.norm(found.translations.metres, axis=1)
     assert set(outlines.rocks[off > 0.03]) >= {3, 4, 6}
     assert np.median(off) < 0.02

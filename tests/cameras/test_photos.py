@@ -13,7 +13,7 @@ from polarsim.cameras.photos import refine_cameras
 from polarsim.cameras.shading import look, surface_of
 from polarsim.formats import obj, png
 from polarsim.formats.lamps import FILE, read_suns, surveyed_suns
-from polarsim.formats.rigs import PlacedRig, read_all_placed, write_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised, write_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, angle_between, looking
@@ -21,7 +21,7 @@ from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.survey import lamp_position
 
-TRUE = PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans", {"rmse_mm": 2.0})
+TRUE = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans", {"rmse_mm": 2.0})
 OFF = Pose.from_rotvec(np.radians([0.08, -0.06, 0.05]), np.array([0.002, -0.001, 0.002]))  # a registration's error
 LOCATED = replace(TRUE, sandbox_from_left=TRUE.sandbox_from_left @ OFF)
 SUNS = {"30": np.array([-0.02, 0.1, 0.05]), "270": np.array([0.08, 0.03, -0.06])}  # off their survey, metres
@@ -65,7 +65,7 @@ def photographed(tmp_path_factory):
 
 def located(folder, rigs):
     for position, rig in rigs.items():
-        write_placed(folder / "located" / f"Pos{position}.json", rig)
+        write_localised(folder / "located" / f"Pos{position}.json", rig)
     (folder / "located" / "alignment.csv").write_text("pair\nA-C\n")
     return folder / "located"
 
@@ -76,7 +76,7 @@ def refine(photographed, tmp_path, rigs, **changes):
         terrain=1, located=located(tmp_path, rigs), meshes=photographed / "meshes", cameras=tmp_path / "cameras",
         **{**asked, **changes},
     )  # fmt: skip
-    return read_all_placed(tmp_path / "cameras")
+    return read_all_localised(tmp_path / "cameras")
 
 
 def assert_same_files(folder):
@@ -122,10 +122,10 @@ def test_how_well_photos_and_meshes_agree_is_stated(refined):
 
 
 def test_a_position_without_photos_gets_the_lenses_and_keeps_its_pose(refined):
-    placed = refined[0]
-    assert placed["B"].method == "scans"
-    assert (placed["B"].rig.left, placed["B"].rig.right) == (placed["A"].rig.left, placed["A"].rig.right)
-    np.testing.assert_allclose(placed["B"].sandbox_from_left.translation, [6.0, -0.4, 1.5], atol=1e-9)
+    localised = refined[0]
+    assert localised["B"].method == "scans"
+    assert (localised["B"].rig.left, localised["B"].rig.right) == (localised["A"].rig.left, localised["A"].rig.right)
+    np.testing.assert_allclose(localised["B"].sandbox_from_left.translation, [6.0, -0.4, 1.5], atol=1e-9)
 
 
 def test_tables_of_the_located_poses_and_a_colmap_model_come_along(refined):
@@ -137,21 +137,21 @@ def test_tables_of_the_located_poses_and_a_colmap_model_come_along(refined):
 def test_without_photos_everything_stays_as_it_was_located(photographed, tmp_path):
     off = RefinementOptions(scales=())
     for name, changes in {"none": {"photos": None}, "switched off": {"options": off}}.items():
-        placed = refine(photographed, tmp_path / name, {"A": LOCATED}, **changes)
-        assert placed["A"].method == "scans"
+        localised = refine(photographed, tmp_path / name, {"A": LOCATED}, **changes)
+        assert localised["A"].method == "scans"
         assert_same_files(tmp_path / name)
 
 
 def test_a_surveyed_pose_is_too_far_off_for_photos(photographed, tmp_path):
-    placed = refine(photographed, tmp_path, {"A": replace(LOCATED, method="survey")})
-    assert placed["A"].method == "survey"
+    localised = refine(photographed, tmp_path, {"A": replace(LOCATED, method="survey")})
+    assert localised["A"].method == "survey"
 
 
 def test_photos_of_another_place_move_nothing(photographed, tmp_path, caplog):
     elsewhere = replace(TRUE, sandbox_from_left=looking(np.array([0.8, -3.6, 1.5]), np.radians(103), np.radians(27)))
     with caplog.at_level(logging.WARNING):
-        placed = refine(photographed, tmp_path, {"A": elsewhere})
-    assert placed["A"].method == "scans"
+        localised = refine(photographed, tmp_path, {"A": elsewhere})
+    assert localised["A"].method == "scans"
     assert_same_files(tmp_path)
     assert "photos do not match the meshes" in caplog.text
     assert "01_A_off_180_L_0256.png" in caplog.text  # the broken photo

@@ -150,7 +150,7 @@ def test_a_scan_of_a_wall_is_left_out_by_name_and_what_it_shows(scans):
     )
 
 
-def test_walls_alone_place_no_terrain():
+def test_walls_alone_localise_no_terrain():
     with pytest.raises(RegistrationError, match="the scan of position A shows 0"):
         register_scans({"A": wall(), "C": wall(2.7)})
 

@@ -1,4 +1,4 @@
-"""Rocks that were placed millimetres off, and boxes of three positions that know better."""
+"""Rocks that stand millimetres off, and boxes of three positions that know better."""
 
 from dataclasses import dataclass
 
@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from polarsim.cameras import search
+from polarsim.cameras.localisations import Localisations, localise_all, untranslated_fits
 from polarsim.cameras.options import PlacementOptions
-from polarsim.cameras.placements import Placements, place_all, untranslated_fits
 from polarsim.cameras.translations import FARTHEST, translated, translation_table
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.rock_shifts import FILE, read_translations
 from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.outlines import Outlines, outlines_of
@@ -42,7 +42,7 @@ def annotated(labelled):
 @dataclass(frozen=True)
 class Solution:
     outlines: Outlines  # where the meshes are said to be
-    found: Placements
+    found: Localisations
 
     @property
     def before(self):
@@ -50,14 +50,14 @@ class Solution:
 
     @property
     def after(self):
-        return [one.fit for one in self.found.placed.values()]
+        return [one.fit for one in self.found.localised.values()]
 
 
 def solved(labelled, annotated, off, options=OPTIONS):
-    """All positions placed when the meshes lie `off` (m, 3) metres from where they belong."""
+    """All positions localised when the meshes lie `off` (m, 3) metres from where they belong."""
     outlines = translated(outlines_of(labelled.meshes, 0.0, 0.0), off)
     seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in annotated.items()}
-    return Solution(outlines, place_all(seen, outlines, LENS, options))
+    return Solution(outlines, localise_all(seen, outlines, LENS, options))
 
 
 @pytest.fixture(scope="module")
@@ -70,13 +70,13 @@ def solution(labelled, annotated, off):
     return solved(labelled, annotated, off)
 
 
-def iou_in_right_photos(labelled, outlines, placements):
+def iou_in_right_photos(labelled, outlines, localisations):
     """Mean IoU with the boxes of the right photos, which take no part in any fit."""
     rig, true = stated_rig(), outlines_of(labelled.meshes, 0.0, 0.0)
     found = []
-    for position, placement in placements.items():
-        poses = TRUE_POSES[position], placement.fit.sandbox_from_left
-        cameras = [PlacedRig(rig, left).camera("R") for left in poses]
+    for position, localisation in localisations.items():
+        poses = TRUE_POSES[position], localisation.fit.sandbox_from_left
+        cameras = [LocalisedRig(rig, left).camera("R") for left in poses]
         wanted, projected = (
             box_geometry.clip(rocks.project(camera)) for rocks, camera in zip((true, outlines), cameras, strict=True)
         )
@@ -95,9 +95,9 @@ def test_translations_take_back_most_of_what_rocks_are_off(off, solution):
 
 
 def test_the_right_photos_agree_better_too(labelled, solution):
-    placed, translations = solution.found.placed, solution.found.translations
-    plain = iou_in_right_photos(labelled, solution.outlines, placed)
-    corrected = iou_in_right_photos(labelled, translated(solution.outlines, translations.metres), placed)
+    localised, translations = solution.found.localised, solution.found.translations
+    plain = iou_in_right_photos(labelled, solution.outlines, localised)
+    corrected = iou_in_right_photos(labelled, translated(solution.outlines, translations.metres), localised)
     assert corrected > plain + 0.03
 
 
@@ -122,8 +122,8 @@ def test_a_few_rocks_put_centimetres_off_do_not_pull_the_others(labelled, annota
     off = np.zeros((15, 3))
     off[[2, 5, 8], 1] = 0.05
     found = solved(labelled, annotated, off).found
-    assert set(found.placed) == set("ABC")
-    for position, one in found.placed.items():
+    assert set(found.localised) == set("ABC")
+    for position, one in found.localised.items():
         assert np.linalg.norm(one.fit.sandbox_from_left.translation - TRUE_POSES[position].translation) < 0.02
     left = np.linalg.norm(off + found.translations.metres, axis=1)[found.translations.boxes >= 2]
     assert np.median(left) < 0.003
@@ -140,11 +140,11 @@ def test_no_rock_moves_further_than_anybody_could_have_put_it(labelled, annotate
 def test_a_position_that_is_refused_leaves_the_others_as_they_are(labelled, annotated):
     outlines = outlines_of(labelled.meshes, 0.0, 0.0)
     seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in annotated.items()}
-    found = place_all({**seen, "A": seen["B"]}, outlines, LENS, OPTIONS)
-    assert set(found.placed) == set("BC")
+    found = localise_all({**seen, "A": seen["B"]}, outlines, LENS, OPTIONS)
+    assert set(found.localised) == set("BC")
     assert "another position's boxes" in found.refused["A"]
     np.testing.assert_allclose(
-        found.placed["C"].fit.sandbox_from_left.translation, TRUE_POSES["C"].translation, atol=0.02
+        found.localised["C"].fit.sandbox_from_left.translation, TRUE_POSES["C"].translation, atol=0.02
     )
 
 

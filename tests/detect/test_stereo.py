@@ -17,7 +17,7 @@ from polarsim.detect.stereo.score import rock_performance, score
 from polarsim.detect.stereo.truth import DepthTruth, depth_truth
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, tables
-from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.geometry.casters import caster
 from polarsim.geometry.meshes import Mesh
@@ -29,7 +29,7 @@ from polarsim.report.stereo_table import tabulate_stereo
 SCALE = 0.25
 OPTIONS = StereoOptions(scale=SCALE, farthest_m=12)
 RIG = stated_rig()
-PLACED = PlacedRig(RIG, looking(np.array([-3.2, 0.0, 1.5]), 0.0, np.radians(26)))
+LOCALISED = LocalisedRig(RIG, looking(np.array([-3.2, 0.0, 1.5]), 0.0, np.radians(26)))
 GROUND = Mesh(np.array([[-9.0, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
 BOX = Mesh(
     np.array([[x, y, z] for x in (0.0, 0.5) for y in (-0.3, 0.3) for z in (-0.1, 0.4)]),
@@ -57,7 +57,7 @@ def grey(points: np.ndarray) -> np.ndarray:
 
 def picture(mesh: TerrainMesh, camera: str) -> np.ndarray:
     """(h, w) uint8 of the scene, a quarter of a photo's size."""
-    lens, pose = RIG.lens(camera).scaled(SCALE), PLACED.sandbox_from(camera)
+    lens, pose = RIG.lens(camera).scaled(SCALE), LOCALISED.sandbox_from(camera)
     directions = pose.rotate(lens.pixel_directions().reshape(-1, 3))
     origins = np.broadcast_to(pose.translation, directions.shape)
     distance, _ = caster(mesh.vertices, mesh.faces).nearest(origins, directions)
@@ -71,7 +71,7 @@ def scene(meshes):
     """Mesh, rectification, truth, left and right picture."""
     mesh = read_terrain(meshes, 1)
     rig = rectify(RIG, SCALE)
-    truth = depth_truth(mesh, caster(mesh.vertices, mesh.faces), PLACED, rig)
+    truth = depth_truth(mesh, caster(mesh.vertices, mesh.faces), LOCALISED, rig)
     return mesh, rig, truth, picture(mesh, "L"), picture(mesh, "R")
 
 
@@ -102,7 +102,7 @@ def test_a_rig_whose_right_camera_stands_left_is_refused():
 
 def test_truth_knows_the_plane_the_box_and_what_the_right_camera_cannot_see(scene):
     _, rig, truth, *_ = scene
-    sandbox_from_rectified = PLACED.sandbox_from_left @ rig.left_from_rectified
+    sandbox_from_rectified = LOCALISED.sandbox_from_left @ rig.left_from_rectified
     directions = sandbox_from_rectified.rotate(rig.lens.pixel_directions())
     ground = (truth.rock == NO_ROCK) & np.isfinite(truth.depth)
     heights = sandbox_from_rectified.translation[2] + truth.depth[ground] * directions[ground][:, 2]
@@ -157,7 +157,7 @@ def test_a_domain_and_its_copy_have_the_same_figures_and_no_difference(scene, me
     import cv2
 
     *_, left, right = scene
-    write_placed(tmp_path / "PosA.json", PLACED)
+    write_localised(tmp_path / "PosA.json", LOCALISED)
     rows = []
     for camera, pixels in (("L", left), ("R", right)):
         for exposure in (64, 256):
@@ -212,7 +212,7 @@ def test_a_domain_and_its_copy_have_the_same_figures_and_no_difference(scene, me
 
 
 def test_a_terrain_without_a_pair_is_an_error(meshes, tmp_path):
-    write_placed(tmp_path / "PosA.json", PLACED)
+    write_localised(tmp_path / "PosA.json", LOCALISED)
     tables.write_parquet(tmp_path / "photos.parquet", pd.DataFrame({"key": ["x"], "path": ["y"]}))
     with pytest.raises(DetectError, match="no pair of pictures"):
         measure_stereo(

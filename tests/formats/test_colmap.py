@@ -6,15 +6,15 @@ from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
 from polarsim.formats.colmap import read_model, write_model
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
 
 RIGHT_OF_LEFT = Pose.from_rotvec(np.array([-0.007, -0.004, 0.002]), np.array([0.3, 0.001, -0.006]))
-PLACED = {
-    "A": PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, 0.44, -0.01)),
-    "C": PlacedRig(stated_rig(), looking(np.array([0.8, -3.8, 1.5]), 1.8, 0.45, 0.03)),
+LOCALISED = {
+    "A": LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, 0.44, -0.01)),
+    "C": LocalisedRig(stated_rig(), looking(np.array([0.8, -3.8, 1.5]), 1.8, 0.45, 0.03)),
 }
 
 
@@ -30,12 +30,12 @@ def number(low, high):
 )
 def test_what_was_written_is_read_back(tmp_path_factory, place, lens, distortion):
     rig = StereoRig(Lens(*lens, distortion), stated_rig().right, RIGHT_OF_LEFT)
-    placed = PlacedRig(rig, looking(np.array(place[:3]), *place[3:]))
+    localised = LocalisedRig(rig, looking(np.array(place[:3]), *place[3:]))
     folder = tmp_path_factory.mktemp("model") / "colmap"
-    write_model(folder, {"B": placed})
+    write_model(folder, {"B": localised})
     back = read_model(folder)
     assert list(back) == ["B"]
-    np.testing.assert_allclose(back["B"].sandbox_from_left.matrix, placed.sandbox_from_left.matrix, atol=1e-9)
+    np.testing.assert_allclose(back["B"].sandbox_from_left.matrix, localised.sandbox_from_left.matrix, atol=1e-9)
     np.testing.assert_allclose(back["B"].rig.left_from_right.matrix, RIGHT_OF_LEFT.matrix, atol=1e-9)
     assert back["B"].rig.left == rig.left
     assert back["B"].rig.right == rig.right
@@ -43,24 +43,24 @@ def test_what_was_written_is_read_back(tmp_path_factory, place, lens, distortion
 
 @pytest.mark.parametrize("camera", ["L", "R"])
 def test_colmap_projects_points_to_the_same_pixels(tmp_path, camera):
-    write_model(tmp_path / "colmap", PLACED)
+    write_model(tmp_path / "colmap", LOCALISED)
     model = pycolmap.Reconstruction(str(tmp_path / "colmap"))
     points = np.array([[0.0, 0, 0], [0.9, 0.7, 0.1], [-0.8, 0.5, -0.1], [0.2, -1.0, 0.05]])
-    for position, placed in PLACED.items():
+    for position, localised in LOCALISED.items():
         image = model.find_image_with_name(f"Pos{position}_Cam{camera}")
         seen = [image.project_point(point) for point in points]
-        np.testing.assert_allclose(placed.project(camera, points), np.array(seen), atol=1e-6)
+        np.testing.assert_allclose(localised.project(camera, points), np.array(seen), atol=1e-6)
 
 
 def test_both_cameras_of_a_position_are_one_frame_of_one_rig(tmp_path):
-    write_model(tmp_path / "colmap", PLACED)
+    write_model(tmp_path / "colmap", LOCALISED)
     model = pycolmap.Reconstruction(str(tmp_path / "colmap"))
     assert (model.num_rigs(), model.num_frames(), model.num_images(), model.num_cameras()) == (1, 2, 4, 2)
 
 
 def test_the_same_rigs_give_the_same_bytes(tmp_path):
     for name in ("first", "second"):
-        write_model(tmp_path / name, PLACED)
+        write_model(tmp_path / name, LOCALISED)
     files = sorted(path.name for path in (tmp_path / "first").iterdir())
     assert files == ["cameras.txt", "frames.txt", "images.txt", "points3D.txt", "rigs.txt"]
     for name in files:
@@ -70,14 +70,16 @@ def test_the_same_rigs_give_the_same_bytes(tmp_path):
 def test_positions_with_different_rigs_are_refused(tmp_path):
     other = StereoRig(stated_rig().left, stated_rig().right, RIGHT_OF_LEFT)
     with pytest.raises(FormatError, match="A, B have different rigs"):
-        write_model(tmp_path / "colmap", {"A": PLACED["A"], "B": PlacedRig(other, PLACED["A"].sandbox_from_left)})
+        write_model(
+            tmp_path / "colmap", {"A": LOCALISED["A"], "B": LocalisedRig(other, LOCALISED["A"].sandbox_from_left)}
+        )
     assert not (tmp_path / "colmap").exists()
 
 
 def test_a_broken_model_is_one_line_with_its_folder(tmp_path):
     with pytest.raises(FormatError, match="nowhere: no readable COLMAP model"):
         read_model(tmp_path / "nowhere")
-    write_model(tmp_path / "colmap", PLACED)
+    write_model(tmp_path / "colmap", LOCALISED)
     images = tmp_path / "colmap" / "images.txt"
     images.write_text(images.read_text().replace("PosA_CamR", "somebody"))
     with pytest.raises(FormatError, match="expected pairs PosX_CamL and PosX_CamR"):

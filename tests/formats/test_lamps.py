@@ -3,13 +3,15 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats import lamps
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import stated_rig
 from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 LIFT = np.array([0.0, 0.0, 0.18])
-RIGS = {position: PlacedRig(stated_rig(), Pose(np.eye(3), place + LIFT)) for position, place in SURVEYED_LEFT.items()}
+RIGS = {
+    position: LocalisedRig(stated_rig(), Pose(np.eye(3), place + LIFT)) for position, place in SURVEYED_LEFT.items()
+}
 
 
 def test_lamps_that_nobody_found_stand_in_the_survey_as_high_as_the_rigs_tell(tmp_path):
@@ -32,7 +34,7 @@ def test_a_broken_file_is_named(tmp_path, text):
         lamps.read_suns(tmp_path, RIGS)
 
 
-def test_the_file_tells_which_lamps_photos_place(tmp_path):
+def test_the_file_tells_which_lamps_photos_localise(tmp_path):
     assert lamps.read_found_suns(tmp_path) == {}
     lamps.write_suns(tmp_path, {"180": np.array([-3.5, 0.4, 0.8])})
     assert list(lamps.read_found_suns(tmp_path)) == ["180"]

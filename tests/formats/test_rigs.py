@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.formats.rigs import PlacedRig, read_all_placed, read_placed, read_rig, write_placed, write_rig
+from polarsim.formats.rigs import LocalisedRig, read_all_localised, read_localised, read_rig, write_localised, write_rig
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import stated_rig
 
 SANDBOX_FROM_LEFT = looking(np.array([3.6, -0.4, 1.5]), 3.1, 0.44, -0.01)
-PLACED = PlacedRig(stated_rig(), SANDBOX_FROM_LEFT, "labels", {"sd_mm": 12.5})
+LOCALISED = LocalisedRig(stated_rig(), SANDBOX_FROM_LEFT, "labels", {"sd_mm": 12.5})
 
 
-def test_a_placed_rig_is_read_back_as_it_was(tmp_path):
-    write_placed(tmp_path / "PosA.json", PLACED)
-    back = read_placed(tmp_path / "PosA.json")
+def test_a_localised_rig_is_read_back_as_it_was(tmp_path):
+    write_localised(tmp_path / "PosA.json", LOCALISED)
+    back = read_localised(tmp_path / "PosA.json")
     np.testing.assert_allclose(back.sandbox_from_left.matrix, SANDBOX_FROM_LEFT.matrix, atol=1e-15)
-    assert back.rig.left == PLACED.rig.left
+    assert back.rig.left == LOCALISED.rig.left
     assert (back.method, back.quality) == ("labels", {"sd_mm": 12.5})
 
 
@@ -29,12 +29,12 @@ def test_a_calibration_is_read_back_as_it_was(tmp_path):
 
 def test_positions_are_found_by_their_files(tmp_path):
     for position in "CA":
-        write_placed(tmp_path / f"Pos{position}.json", PLACED)
-    assert list(read_all_placed(tmp_path)) == ["A", "C"]
+        write_localised(tmp_path / f"Pos{position}.json", LOCALISED)
+    assert list(read_all_localised(tmp_path)) == ["A", "C"]
 
 
 def test_the_right_camera_stands_a_baseline_beside_the_left():
-    centre = PLACED.sandbox_from("R").translation
+    centre = LOCALISED.sandbox_from("R").translation
     assert np.linalg.norm(centre - SANDBOX_FROM_LEFT.translation) == pytest.approx(
         0.30156, abs=1e-4
     )  # length of T in the calibration
@@ -45,22 +45,22 @@ def test_the_right_camera_stands_a_baseline_beside_the_left():
 @pytest.mark.parametrize("key", ["left", "right", "left_from_right", "sandbox_from_left"])
 def test_a_missing_key_is_named_with_its_file(tmp_path, key):
     path = tmp_path / "PosA.json"
-    write_placed(path, PLACED)
+    write_localised(path, LOCALISED)
     content = json.loads(path.read_text())
     del content[key]
     path.write_text(json.dumps(content))
     with pytest.raises(FormatError, match=rf"PosA\.json: .*{key}"):
-        read_placed(path)
+        read_localised(path)
 
 
 @pytest.mark.parametrize("rotation", [np.diag([1.0, 1, 1.01]), np.diag([1.0, 1, -1]), np.full((3, 3), np.nan)])
 def test_a_rotation_that_is_none_is_refused(tmp_path, rotation):
     path = tmp_path / "PosA.json"
-    write_placed(path, PlacedRig(stated_rig(), Pose(np.eye(3), np.zeros(3))))
+    write_localised(path, LocalisedRig(stated_rig(), Pose(np.eye(3), np.zeros(3))))
     content = json.loads(path.read_text())
     matrix = np.eye(4)
     matrix[:3, :3] = rotation
     content["sandbox_from_left"] = matrix.tolist()
     path.write_text(json.dumps(content))
     with pytest.raises(FormatError, match=r"PosA\.json: the rotation matrix"):
-        read_placed(path)
+        read_localised(path)

@@ -46,9 +46,9 @@ def flat_ground(half: float = 2.1, step: float = 0.1, level: float = 0.0) -> Mes
     return Mesh(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, level)]), np.concatenate(faces))
 
 
-def placed(position: str) -> rigs.PlacedRig:
+def localised(position: str) -> rigs.LocalisedRig:
     centre, yaw = {"A": ([3.6, -0.4, 1.5], 178.0), "C": ([0.8, -3.8, 1.5], 103.0)}[position]
-    return rigs.PlacedRig(stated_rig(), looking(np.array(centre), np.radians(yaw), np.radians(25)), "labels", {})
+    return rigs.LocalisedRig(stated_rig(), looking(np.array(centre), np.radians(yaw), np.radians(25)), "labels", {})
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class SceneFiles:
     def expected_box(self, position: str, camera: str, rock: int) -> np.ndarray:
         """(4,) around the projected corners of a block."""
         corners = block(*BLOCKS[rock]).vertices
-        pixels = placed(position).project(camera, corners)
+        pixels = localised(position).project(camera, corners)
         return np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
 
 
@@ -75,7 +75,7 @@ def build_scene(folder: Path) -> SceneFiles:
     for rock, (centre, size) in BLOCKS.items():
         obj.write(files.meshes / obj.rock_name(TERRAIN, rock), block(centre, size), f"rock{rock}")
     for position in "AC":
-        rigs.write_placed(files.cameras / f"Pos{position}.json", placed(position))
+        rigs.write_localised(files.cameras / f"Pos{position}.json", localised(position))
     inventory.write_inventory(files.inventory, inventory.Inventory(TERRAIN, "release"))
     tables.write_parquet(files.photos, pd.DataFrame({name: [] for name in tables.PHOTO_COLUMNS}))
     rocks = np.array([files.expected_box("A", "L", rock) for rock in BLOCKS])

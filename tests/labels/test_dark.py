@@ -15,7 +15,7 @@ from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK, ROCK
 from polarsim.survey import SUN_LAMPS
 
-from .conftest import block, flat_ground, placed
+from .conftest import block, flat_ground, localised
 
 OPEN, BEHIND, BARRIER = 1, 2, 3
 ROCKS = {  # centre of the base, full extents: BARRIER stands between BEHIND and lamp 180, at x = -3.5 m
@@ -44,7 +44,7 @@ def world(terrain):
 
 def labelled(terrain, annotated_at, options, azimuth="180"):
     """Rocks labelled under a lamp where the same boxes were annotated under others."""
-    rig = placed("A")
+    rig = localised("A")
     world = build_world(terrain, TRIM)
     boxes = np.array([project_rock(world, rig.camera("L"), rock).box for rock in ROCKS])
     drawings = {("L", other): Annotated(boxes, None) for other in annotated_at}

@@ -6,7 +6,7 @@ from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.labels.world import Dome, build_world
 from polarsim.photo import FIRST_UNMESHED_ROCK
 
-from .conftest import TERRAIN, placed
+from .conftest import TERRAIN, localised
 
 
 def test_each_box_finds_the_nearest_expected_one():
@@ -27,7 +27,7 @@ def test_nothing_expected_matches_nothing():
 @pytest.mark.parametrize(("radius", "height"), [(0.10, 0.10), (0.15, 0.09), (0.08, 0.14)])
 @pytest.mark.parametrize("position", ["A", "C"])
 def test_a_dome_is_found_again_from_the_box_around_it(untouched_scene, position, radius, height):
-    world, view = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004), placed(position).camera("L")
+    world, view = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004), localised(position).camera("L")
     dome = Dome(np.array([0.2, 0.3, 0.0]), radius, height)
     pixels = view.project(dome.mesh(rings=30, segments=90)[0])
     found = dome_behind(world, view, np.concatenate([pixels.min(axis=0), pixels.max(axis=0)]))
@@ -40,7 +40,7 @@ def test_a_dome_is_found_again_from_the_box_around_it(untouched_scene, position,
 def test_a_box_above_the_horizon_has_no_dome(untouched_scene):
     world = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004)
     box = np.array([500.0, 0, 540, 20])
-    level = placed("A").camera("L")
+    level = localised("A").camera("L")
     assert dome_behind(world, level, box - [0, 3000, 0, 3000]) is None
 
 

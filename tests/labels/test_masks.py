@@ -10,7 +10,7 @@ from polarsim.labels.masks import BOX_COLUMNS, draw_masks
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import BOX_CLASSES, GREY_VALUES, SHADOW, PhotoKey, photo_grid
 
-from .conftest import BLOCKS, TERRAIN, block, placed
+from .conftest import BLOCKS, TERRAIN, block, localised
 from .test_propagate import propagate
 
 KEYS = [
@@ -202,13 +202,13 @@ def true_outline(kind: str, rock: int) -> np.ndarray:
     corners = block(*BLOCKS[rock]).vertices
     if kind == SHADOW:
         corners = on_the_sand(corners)
-    pixels = placed("A").project("L", corners)
+    pixels = localised("A").project("L", corners)
     return pixels[ConvexHull(pixels).vertices]
 
 
 def on_the_sand(points: np.ndarray) -> np.ndarray:
     """(n, 3) where the lamp's rays through points (n, 3) meet the ground."""
-    lamp = lamps.surveyed_suns({position: placed(position) for position in "AC"})[LIT.azimuth]
+    lamp = lamps.surveyed_suns({position: localised(position) for position in "AC"})[LIT.azimuth]
     return points + points[:, 2:] / (lamp[2] - points[:, 2:]) * (points - lamp)
 
 

@@ -16,7 +16,7 @@ from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK, SUNS
 from polarsim.survey import SUN_LAMPS
 
-from .conftest import BLOCKS, block, flat_ground, placed
+from .conftest import BLOCKS, block, flat_ground, localised
 
 NEAR, FAR = BLOCKS
 OPTIONS = LabelsOptions(visibility="annotator", wall_height_m=0)
@@ -40,7 +40,7 @@ def terrain_of(blocks):
 
 def box_of(rock, position="A", camera="L", blocks=BLOCKS):
     world = build_world(terrain_of(blocks), TRIM)
-    return project_rock(world, placed(position).camera(camera), rock).box
+    return project_rock(world, localised(position).camera(camera), rock).box
 
 
 def rocks_at(position, annotated, blocks=BLOCKS, options=OPTIONS):
@@ -49,7 +49,7 @@ def rocks_at(position, annotated, blocks=BLOCKS, options=OPTIONS):
         name: {sight: Annotated(np.array(boxes).reshape(-1, 4), None) for sight, boxes in sights.items()}
         for name, sights in annotated.items()
     }
-    rigs = {name: placed(name) for name in "AC"}
+    rigs = {name: localised(name) for name in "AC"}
     return PositionRocks(gather(terrain_of(blocks), rigs, SUN_LAMPS, seeds, options), position, options)
 
 
@@ -65,7 +65,7 @@ def test_a_drawing_under_the_same_lamp_weighs_double():
 
 def beyond_the_left_border():
     """A block that the right camera of A shows and the left one does not, beside the usual ones."""
-    rig = placed("A")
+    rig = localised("A")
     ray = rig.sandbox_from("R").rotate(rig.rig.right.directions(np.array([[1860.0, 650.0]])))[0]
     eye = rig.sandbox_from("R").translation
     return {**BLOCKS, 9: (eye - ray * eye[2] / ray[2], np.array([0.1, 0.1, 0.1]))}

@@ -18,7 +18,7 @@ from polarsim.labels.photos import Photos
 from polarsim.labels.propagate import PositionLabels, propagate_labels
 from polarsim.photo import BLACK_LEVEL, FIRST_UNMESHED_ROCK, PhotoKey, photo_grid
 
-from .conftest import BLOCKS, TERRAIN, block, placed
+from .conftest import BLOCKS, TERRAIN, block, localised
 
 KEYS = [
     key
@@ -143,9 +143,9 @@ def test_edges_of_shadows_follow_the_photo_and_the_annotated_photo_keeps_its_box
     """Photos are rendered of the scene itself: there the dark regions are the cast shadows."""
     key_annotated, sibling = key("A_off_30_L_0256"), key("A_off_30_L_1024")
     rocks_only = yolo.read_boxes(scene.seeds / f"{key_annotated}.txt")[1][: len(BLOCKS)]
-    placed_rigs = rigs.read_all_placed(scene.cameras)
-    suns = surveyed_suns(placed_rigs)
-    known = gather(read_terrain(scene.meshes, TERRAIN), placed_rigs, suns, {}, LabelsOptions())
+    localised_rigs = rigs.read_all_localised(scene.cameras)
+    suns = surveyed_suns(localised_rigs)
+    known = gather(read_terrain(scene.meshes, TERRAIN), localised_rigs, suns, {}, LabelsOptions())
     brightness = OlatLight(known).brightness(("A", "L", "off", "30"))
     rows = []
     for one in (key_annotated, sibling):
@@ -297,7 +297,7 @@ def test_a_rock_that_the_left_photo_cuts_is_whole_in_the_right_one(scene, tmp_pa
     # A block at the right border of the left photo: 150 px further left in the right one, where all of it is seen.
     for path in scene.meshes.glob("*rock*"):
         path.unlink()
-    place = placed("A")
+    place = localised("A")
     ray = place.sandbox_from("L").rotate(place.rig.left.directions(np.array([[1925.0, 650.0]])))[0]
     centre = place.sandbox_from("L").translation
     foot = centre - ray * centre[2] / ray[2]
@@ -348,12 +348,12 @@ def test_a_broken_seed_line_leaves_nothing_behind(scene, tmp_path):
 
 def lose_pose(scene, position, off):
     """The pose of a position as only the survey knows it."""
-    lost = placed(position)
+    lost = localised(position)
     pose = Pose(lost.sandbox_from_left.rotation, lost.sandbox_from_left.translation + off)
-    rigs.write_placed(scene.cameras / f"Pos{position}.json", rigs.PlacedRig(lost.rig, pose, rigs.SURVEYED))
+    rigs.write_localised(scene.cameras / f"Pos{position}.json", rigs.LocalisedRig(lost.rig, pose, rigs.SURVEYED))
 
 
-def test_a_position_that_nobody_could_place_keeps_to_its_own_drawings(untouched_scene, scene, tmp_path, labels):
+def test_a_position_that_nobody_could_localise_keeps_to_its_own_drawings(untouched_scene, scene, tmp_path, labels):
     lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]))
     found = propagate(scene, tmp_path / "lost")
     for photo in ("A_off_30_L_1024", "A_off_270_L_0128"):  # the camera stands still, wherever that is
@@ -364,7 +364,7 @@ def test_a_position_that_nobody_could_place_keeps_to_its_own_drawings(untouched_
     assert set(table[table["position"] == "A"]["source"]) == {"seed", "fused", "shifted"}
 
 
-def test_other_positions_know_nothing_of_one_that_nobody_could_place(scene, tmp_path, labels):
+def test_other_positions_know_nothing_of_one_that_nobody_could_localise(scene, tmp_path, labels):
     lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]))
     found = propagate(scene, tmp_path / "lost")
     np.testing.assert_array_equal(rocks(found, "C_off_30_L_0128"), rocks(labels, "C_off_30_L_0128"))

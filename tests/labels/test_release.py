@@ -62,7 +62,7 @@ def labels(request, release_root, tmp_path_factory):
     obj.write(folder / "meshes" / obj.ground_name(terrain), sloping_ground(meshes), "ground")
     for position, (x, y, z, *angles) in POSES[terrain].items():
         pose = looking(np.array([x, y, z]), *np.radians(angles))
-        rigs.write_placed(folder / "cameras" / f"Pos{position}.json", rigs.PlacedRig(stated_rig(), pose))
+        rigs.write_localised(folder / "cameras" / f"Pos{position}.json", rigs.LocalisedRig(stated_rig(), pose))
     inventory.write_inventory(folder / "inventory.json", inventory.Inventory(terrain, "release"))
     tables.write_parquet(folder / "photos.parquet", pd.DataFrame({name: [] for name in tables.PHOTO_COLUMNS}))
     propagate_labels(

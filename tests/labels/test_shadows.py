@@ -16,7 +16,7 @@ from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK
 from polarsim.survey import lamp_position
 
-from .conftest import BLOCKS, TERRAIN, block, flat_ground, placed
+from .conftest import BLOCKS, TERRAIN, block, flat_ground, localised
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def world(untouched_scene):
 
 @pytest.fixture(scope="module")
 def ids(world):
-    return Ids(world, placed("A").camera("L"), np.arange(1, 1216, 2), np.arange(1, 1936, 2))
+    return Ids(world, localised("A").camera("L"), np.arange(1, 1216, 2), np.arange(1, 1936, 2))
 
 
 def box_of_shadow(shadow, rock, rock_box, step):
@@ -44,7 +44,7 @@ def test_a_block_casts_its_shadow_where_its_top_corners_are_projected_from_the_l
     thrown = place + (top - place) * (place[2] / (place[2] - top[:, 2]))[:, None]  # on z = 0
     # The shadow on the ground is the convex hull of base and thrown top; the box around it, in the photo, is that of
     # its corners. The grid of every second pixel and the trim of 4 mm cost up to three pixels.
-    pixels = placed("A").project("L", np.concatenate([bottom, thrown]))
+    pixels = localised("A").project("L", np.concatenate([bottom, thrown]))
     found = box_of_shadow(ids.shadow_of(world, place), rock, None, 2)
     np.testing.assert_allclose(found, [*pixels.min(axis=0), *pixels.max(axis=0)], atol=4)
 
@@ -67,7 +67,7 @@ def rendered(rocks: list[int], view: Camera, pixels: np.ndarray, place: np.ndarr
 @pytest.mark.parametrize("azimuth", ["30", "180", "270", "350"])
 @pytest.mark.parametrize("rock", list(BLOCKS))
 def test_the_shadow_of_a_rock_is_what_grows_light_when_the_rock_is_taken_away(world, ids, azimuth, rock):
-    view, place = placed("A").camera("L"), lamp_position(azimuth)
+    view, place = localised("A").camera("L"), lamp_position(azimuth)
     pixels = np.stack(np.meshgrid(np.arange(1, 1936, 2), np.arange(1, 1216, 2)), axis=-1).reshape(-1, 2).astype(float)
     found = (ids.shadow_of(world, place) == rock) & (ids.rock == NO_ROCK)
     near = np.flatnonzero(cv2.dilate(found.astype(np.uint8), np.ones((15, 15), np.uint8)))
@@ -106,7 +106,7 @@ def test_a_rock_whose_shadow_is_not_seen_has_no_box(world, ids):
 
 
 def test_there_is_no_lamp_in_the_dark_and_the_rover_light_is_between_the_cameras(world):
-    rig = placed("A")
+    rig = localised("A")
     assert lamp(world, rig, "off", "no") is None
     cameras = [rig.camera(side).centre for side in "LR"]
     assert np.linalg.norm(lamp(world, rig, "on", "no") - np.mean(cameras, axis=0)) < 0.15
@@ -116,7 +116,7 @@ def test_there_is_no_lamp_in_the_dark_and_the_rover_light_is_between_the_cameras
 def test_lamps_stand_where_they_were_found(untouched_scene):
     found = {"180": np.array([-3.5, 0.4, 0.8])}
     world = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004, found)
-    np.testing.assert_array_equal(lamp(world, placed("A"), "off", "180"), found["180"])
+    np.testing.assert_array_equal(lamp(world, localised("A"), "off", "180"), found["180"])
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +126,7 @@ def walled(untouched_scene):
 
 def seen_at(world, place):
     """What position A's left camera sees at a place of the ground."""
-    view = placed("A").camera("L")
+    view = localised("A").camera("L")
     u, v = view.project(np.array(place))
     return Ids(world, view, np.array([v]), np.array([u]))
 
@@ -146,7 +146,7 @@ def test_a_wall_shades_the_ground_beside_it(walled):
 
 
 def test_the_near_wall_hides_a_rocks_foot_and_all_of_a_low_one(world, walled):
-    eye = placed("A").camera("L").centre
+    eye = localised("A").camera("L").centre
     behind = np.array([[1.9, -0.4, 0.0], [1.9, -0.4, 0.25]])  # 20 cm behind the wall: it hides what is below 0.2 m
     assert walled.hidden(eye, behind, 4).tolist() == [True, False]
     assert not world.hidden(eye, behind, 4).any()
@@ -181,7 +181,7 @@ def test_a_shadow_ends_where_the_photo_shows_a_walls_to_begin(untouched_scene):
     """The wall is stated lower than it is in the photo: its shade covers the rock's side of the shadow there."""
     lamp_place = np.array([3.2, -0.6, 0.6])
     terrain = read_terrain(untouched_scene.meshes, TERRAIN)
-    rig = {"A": placed("A")}
+    rig = {"A": localised("A")}
     photo_of = {}
     for height in (0.3, 0.42):
         known = gather(terrain, rig, {"30": lamp_place}, {}, LabelsOptions(wall_height_m=height))

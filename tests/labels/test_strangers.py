@@ -11,9 +11,9 @@ from polarsim.geometry.boxes import around
 from polarsim.labels.seeds import Annotated, without_strangers
 from polarsim.photo import NO_ROCK, PhotoKey
 
-from .conftest import block, flat_ground, placed
+from .conftest import block, flat_ground, localised
 
-PLACED = {position: placed(position) for position in "AC"}
+LOCALISED = {position: localised(position) for position in "AC"}
 PLACES = [(-1.0, -0.8), (-0.6, 0.7), (-0.2, -0.2), (0.1, 0.9), (0.4, -1.0), (0.5, 0.3), (0.9, -0.4), (1.1, 0.8)]
 ROCKS = {k: block(np.array([x, y, 0.0]), np.array([0.2, 0.24, 0.12])) for k, (x, y) in enumerate(PLACES, 1)}
 
@@ -33,7 +33,7 @@ def drawings(**view_of):
     """Seeds under two Sun lamps by position: what `view_of` it shows."""
     made = {}
     for position, view in view_of.items():
-        boxes = np.array([around(PLACED[view].project("L", mesh.vertices)) for mesh in ROCKS.values()])
+        boxes = np.array([around(LOCALISED[view].project("L", mesh.vertices)) for mesh in ROCKS.values()])
         for azimuth in ("30", "270"):
             made[PhotoKey(3, position, "off", azimuth, "L", 256)] = Annotated(boxes, boxes + np.array([10, 5, 30, 5]))
     return made
@@ -42,7 +42,7 @@ def drawings(**view_of):
 def test_seeds_of_another_position_are_left_out_in_one_line_and_the_rest_goes_on(terrain, caplog):
     given = drawings(A="A", C="A")
     with caplog.at_level(logging.WARNING):
-        kept = without_strangers(given, terrain, PLACED)
+        kept = without_strangers(given, terrain, LOCALISED)
     assert {key.position for key in kept} == {"A"}
     assert len(kept) == 2
     (line,) = [record.getMessage() for record in caplog.records]
@@ -53,12 +53,12 @@ def test_seeds_of_their_own_position_stay(terrain, caplog):
     given = drawings(A="A", C="C")
     half = {key: replace(one, rocks=one.rocks[::2]) if key.position == "C" else one for key, one in given.items()}
     with caplog.at_level(logging.WARNING):
-        assert without_strangers(given, terrain, PLACED) == given
-        assert without_strangers(half, terrain, PLACED) == half
+        assert without_strangers(given, terrain, LOCALISED) == given
+        assert without_strangers(half, terrain, LOCALISED) == half
     assert not caplog.records
 
 
-def test_where_nothing_but_the_survey_places_a_camera_its_seeds_stay(terrain):
+def test_where_nothing_only_the_survey_localises_a_camera_its_seeds_stay(terrain):
     given = drawings(A="A", C="A")
-    surveyed = {**PLACED, "C": replace(PLACED["C"], method="survey")}
+    surveyed = {**LOCALISED, "C": replace(LOCALISED["C"], method="survey")}
     assert without_strangers(given, terrain, surveyed) == given

@@ -6,7 +6,7 @@ from polarsim.geometry.boxes import iou
 from polarsim.labels.view import move_flat, move_rocks, project_rock
 from polarsim.labels.world import build_world
 
-from .conftest import BLOCKS, TERRAIN, placed
+from .conftest import BLOCKS, TERRAIN, localised
 
 
 @pytest.fixture(scope="module")
@@ -17,22 +17,22 @@ def world(untouched_scene):
 @pytest.mark.parametrize("rock", list(BLOCKS))
 @pytest.mark.parametrize("position", ["A", "C"])
 def test_a_projected_rock_is_the_box_around_its_corners(untouched_scene, world, position, rock):
-    shown = project_rock(world, placed(position).camera("L"), rock)
+    shown = project_rock(world, localised(position).camera("L"), rock)
     np.testing.assert_allclose(shown.box, untouched_scene.expected_box(position, "L", rock), atol=3)
     assert shown.seen == 1
 
 
 def test_a_rock_behind_the_camera_is_not_shown(world):
-    from polarsim.formats.rigs import PlacedRig
+    from polarsim.formats.rigs import LocalisedRig
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
 
-    away = PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), 0.0, np.radians(25)))
+    away = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), 0.0, np.radians(25)))
     assert project_rock(world, away.camera("L"), 4) is None
 
 
 def test_a_rock_behind_another_rock_is_seen_in_part(world):
-    from polarsim.formats.rigs import PlacedRig
+    from polarsim.formats.rigs import LocalisedRig
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
 
@@ -40,7 +40,7 @@ def test_a_rock_behind_another_rock_is_seen_in_part(world):
     near, far = BLOCKS[4][0], BLOCKS[7][0]
     heading = (near - far) / np.linalg.norm(near - far)
     eye = near + 1.2 * heading + [0, 0, 0.10]
-    low = PlacedRig(stated_rig(), looking(eye, np.arctan2(-heading[1], -heading[0]), 0.0))
+    low = LocalisedRig(stated_rig(), looking(eye, np.arctan2(-heading[1], -heading[0]), 0.0))
     shown = project_rock(world, low.camera("L"), 7)
     assert shown is None or shown.seen < 0.5
     assert project_rock(world, low.camera("L"), 4).seen == 1
@@ -48,20 +48,20 @@ def test_a_rock_behind_another_rock_is_seen_in_part(world):
 
 @pytest.mark.parametrize("rock", list(BLOCKS))
 def test_a_rock_moves_to_the_right_camera_like_its_mesh(untouched_scene, world, rock):
-    left, right = placed("A").camera("L"), placed("A").camera("R")
+    left, right = localised("A").camera("L"), localised("A").camera("R")
     moved = move_rocks(world, left, right, untouched_scene.expected_box("A", "L", rock)[None], np.array([rock]))
     assert iou(moved, untouched_scene.expected_box("A", "R", rock)[None])[0, 0] > 0.9
 
 
 @pytest.mark.parametrize("rock", list(BLOCKS))
 def test_a_rock_without_a_mesh_moves_nearly_as_well(untouched_scene, world, rock):
-    left, right = placed("A").camera("L"), placed("A").camera("R")
+    left, right = localised("A").camera("L"), localised("A").camera("R")
     moved = move_rocks(world, left, right, untouched_scene.expected_box("A", "L", rock)[None], np.array([101]))
     assert iou(moved, untouched_scene.expected_box("A", "R", rock)[None])[0, 0] > 0.85
 
 
 def test_a_flat_thing_moves_like_the_ground_at_its_centre(world):
-    left, right = placed("C").camera("L"), placed("C").camera("R")
+    left, right = localised("C").camera("L"), localised("C").camera("R")
     place = np.array([0.3, -0.2, 0.0])
     size = np.array([-20, -10, 20, 10])
     boxes = np.tile(left.project(place), 2) + size
@@ -70,6 +70,6 @@ def test_a_flat_thing_moves_like_the_ground_at_its_centre(world):
 
 
 def test_there_and_back_is_where_it_was(world):
-    left, right = placed("A").camera("L"), placed("A").camera("R")
+    left, right = localised("A").camera("L"), localised("A").camera("R")
     boxes = np.array([[700.0, 500, 780, 540], [1200, 800, 1230, 830]])
     np.testing.assert_allclose(move_flat(world, right, left, move_flat(world, left, right, boxes)), boxes, atol=0.1)

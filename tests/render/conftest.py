@@ -88,5 +88,5 @@ def folders(tmp_path, camera, lens):
         used, numbers = np.unique(faces, return_inverse=True)
         obj.write(tmp_path / "meshes" / name, Mesh(mesh.vertices[used], numbers.reshape(-1, 3)), "part")
     rig = StereoRig(lens, lens, Pose(np.eye(3), np.array([0.3, 0, 0])))
-    rigs.write_placed(tmp_path / "cameras" / "PosA.json", rigs.PlacedRig(rig, camera, "test"))
+    rigs.write_localised(tmp_path / "cameras" / "PosA.json", rigs.LocalisedRig(rig, camera, "test"))
     return tmp_path

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from polarsim.errors import RenderError
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
@@ -154,7 +154,7 @@ def test_albedo_of_lambert_and_of_lunar_soil():
 
 
 def test_the_rover_light_stands_between_the_cameras(camera):
-    lamp = lamps_of({}, PlacedRig(stated_rig(), camera))["rover"]
+    lamp = lamps_of({}, LocalisedRig(stated_rig(), camera))["rover"]
     np.testing.assert_allclose(camera.inverse().apply(lamp.position), [0.15, 0, 0], atol=1e-12)
     assert lamp.intensity == ROVER_LIGHT_SHARE
 

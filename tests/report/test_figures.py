@@ -6,7 +6,7 @@ import pytest
 
 from polarsim.formats import obj, png, release, yolo
 from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import key_columns, label_table, write_csv, write_parquet
@@ -127,8 +127,8 @@ def residuals_drawn(folder, name):
 
 def test_boxes_beside_their_meshes_get_arrows_and_right_ones_none(tmp_path, world):
     world.write(tmp_path)
-    placed, scene = read_all_placed(tmp_path / "cameras"), read_terrain(tmp_path / "meshes", 3)
-    position, rig = sorted(placed.items())[0]
+    localised, scene = read_all_localised(tmp_path / "cameras"), read_terrain(tmp_path / "meshes", 3)
+    position, rig = sorted(localised.items())[0]
     boxes = np.array([around(rig.project("L", scene.rock_vertices(rock))) for rock in scene.rocks])
     arrows = []
     for off in (0, 8):

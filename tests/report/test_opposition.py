@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from polarsim.formats import png
 from polarsim.formats.lamps import write_suns
-from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.tables import write_parquet
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
@@ -51,8 +51,8 @@ def test_only_photos_of_one_lamp_have_a_phase_angle():
 def cameras(tmp_path):
     lens = Lens(2066.0, 2066.0, WIDTH / 2, HEIGHT / 2)
     apart = Pose(np.eye(3), np.array([0.3, 0.0, 0.0]))
-    rig = PlacedRig(StereoRig(lens, lens, apart), looking(EYE, np.pi, np.radians(25)))
-    write_placed(tmp_path / "cameras" / "PosA.json", rig)
+    rig = LocalisedRig(StereoRig(lens, lens, apart), looking(EYE, np.pi, np.radians(25)))
+    write_localised(tmp_path / "cameras" / "PosA.json", rig)
     write_suns(tmp_path / "cameras", {"30": np.array([-3.5, 0.0, 0.8])})
     return tmp_path / "cameras"
 

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.tables import read_csv, write_csv, write_parquet
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
@@ -25,8 +25,8 @@ def tabulated(folder):
     return read_csv(folder / "tables/cameras.csv"), read_csv(folder / "tables/alignment.csv")
 
 
-def test_a_camera_placed_by_scans_has_its_errors_beside_it(tmp_path):
-    write_placed(tmp_path / "cameras/PosA.json", PlacedRig(stated_rig(), POSE, "scans", {"sd_mm": 0.3}))
+def test_a_camera_localised_by_scans_has_its_errors_beside_it(tmp_path):
+    write_localised(tmp_path / "cameras/PosA.json", LocalisedRig(stated_rig(), POSE, "scans", {"sd_mm": 0.3}))
     write_csv(tmp_path / "cameras/alignment.csv", pd.DataFrame([{"pair": "A-C", "fitness": 0.8, "rmse_mm": 1.2}]))
     metrics = [
         Metric("A", "position_error_aligned", 1.25, "mm", 1, "truth"),
@@ -42,9 +42,9 @@ def test_a_camera_placed_by_scans_has_its_errors_beside_it(tmp_path):
     assert alignment.iloc[0][["evidence", "between", "rmse_mm"]].tolist() == ["scans", "A-C", 1.2]
 
 
-def test_a_camera_placed_by_labels_is_aligned_with_its_boxes(tmp_path):
+def test_a_camera_localised_by_labels_is_aligned_with_its_boxes(tmp_path):
     evaluation = {"matched": 9.0, "mean_iou": 0.8, "median_dx_px": 1.0, "median_dy_px": 0.9}
-    write_placed(tmp_path / "cameras/PosB.json", PlacedRig(stated_rig(), POSE, "labels", evaluation))
+    write_localised(tmp_path / "cameras/PosB.json", LocalisedRig(stated_rig(), POSE, "labels", evaluation))
     write_metrics(tmp_path / "evaluation.csv", "cameras", 1, [])
     _, alignment = tabulated(tmp_path)
     assert alignment.iloc[0][["evidence", "between", "mean_iou"]].tolist() == ["labels", "B and its boxes", 0.8]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scans import trusted_pixels
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import rectified_left, stated_rig
-from polarsim.rocks.scans import ScanPoints, merged, place_scan
+from polarsim.rocks.scans import ScanPoints, merged, scan_in_sandbox
 
 TRIPODS = {
     "A": looking(np.array([3.55, -0.35, 1.52]), np.radians(180), np.radians(25)),
@@ -85,7 +85,7 @@ class Scene:
         scans = []
         for sandbox_from_camera in TRIPODS.values():
             seen = self.range_map(sandbox_from_camera, lens, noise, rng)
-            scans.append(place_scan(seen[trusted_pixels(seen, lens.fx)].astype(float), sandbox_from_camera))
+            scans.append(scan_in_sandbox(seen[trusted_pixels(seen, lens.fx)].astype(float), sandbox_from_camera))
         return merged(scans)
 
 
@@ -120,8 +120,8 @@ def tripods() -> dict[str, Pose]:
 
 
 @pytest.fixture(scope="session")
-def placed(tripods: dict[str, Pose]) -> dict[str, PlacedRig]:
+def localised(tripods: dict[str, Pose]) -> dict[str, LocalisedRig]:
     """The stated rig where its rectified left cameras are the tripods."""
     rig = stated_rig()
     left_from_rectified = rectified_left(rig).left_from_rectified
-    return {name: PlacedRig(rig, pose @ left_from_rectified.inverse(), "truth") for name, pose in tripods.items()}
+    return {name: LocalisedRig(rig, pose @ left_from_rectified.inverse(), "truth") for name, pose in tripods.items()}

@@ -38,16 +38,16 @@ def sand(rocks):
     return scanned(rocks)
 
 
-def box(placed, position, rock):
+def box(localised, position, rock):
     points = rock.points[rock.points[:, 2] > 0]
     feet = rock.points * [1, 1, 0]  # a person draws down to the sand
     return around(
-        placed[position].project("L", np.concatenate([points, feet[rock.vertices] * 0.9 + 0.1 * feet.mean(0)]))
+        localised[position].project("L", np.concatenate([points, feet[rock.vertices] * 0.9 + 0.1 * feet.mean(0)]))
     )
 
 
-def found(sand, placed, **annotated):
-    evidence = Evidence(placed, {name: [np.array(boxes).reshape(-1, 4)] for name, boxes in annotated.items()}, 0.3)
+def found(sand, localised, **annotated):
+    evidence = Evidence(localised, {name: [np.array(boxes).reshape(-1, 4)] for name, boxes in annotated.items()}, 0.3)
     return carved(sand, find_regions(sand, LIMITS, evidence), LIMITS, evidence)[1]
 
 
@@ -63,14 +63,14 @@ def test_a_rock_that_leans_on_another_is_found_without_any_box():
     np.testing.assert_allclose(large.centre, LARGE[:2], atol=0.03)
 
 
-def test_without_a_box_of_its_own_a_rock_deep_in_another_is_part_of_it(sand, placed, rocks):
-    assert len(found(sand, placed)) == 1
-    assert len(found(sand, placed, A=[box(placed, "A", rocks[0])], C=[box(placed, "C", rocks[0])])) == 1
+def test_without_a_box_of_its_own_a_rock_deep_in_another_is_part_of_it(sand, localised, rocks):
+    assert len(found(sand, localised)) == 1
+    assert len(found(sand, localised, A=[box(localised, "A", rocks[0])], C=[box(localised, "C", rocks[0])])) == 1
 
 
-def test_a_box_of_one_position_cuts_it_out(sand, placed, rocks):
-    boxes = {"A": [box(placed, "A", rock) for rock in rocks], "C": [box(placed, "C", rocks[0])]}
-    regions = found(sand, placed, **boxes)
+def test_a_box_of_one_position_cuts_it_out(sand, localised, rocks):
+    boxes = {"A": [box(localised, "A", rock) for rock in rocks], "C": [box(localised, "C", rocks[0])]}
+    regions = found(sand, localised, **boxes)
     assert len(regions) == 2
     large, small = sorted(regions, key=lambda region: -region.size)
     np.testing.assert_allclose(small.centre, SMALL[:2], atol=0.03)
@@ -79,14 +79,14 @@ def test_a_box_of_one_position_cuts_it_out(sand, placed, rocks):
     assert not set(small.seen) & set(large.seen)
 
 
-def test_a_box_that_leaves_the_other_rock_its_boxes_unfilled_cuts_nothing(sand, placed, rocks):
+def test_a_box_that_leaves_the_other_rock_its_boxes_unfilled_cuts_nothing(sand, localised, rocks):
     whole = np.concatenate([rock.points[rock.points[:, 2] > 0] for rock in rocks])
-    joint = around(placed["C"].project("L", whole))
-    alone = found(sand, placed, C=[joint])
-    assert sizes(found(sand, placed, A=[box(placed, "A", rocks[1])], C=[joint])) == sizes(alone)
+    joint = around(localised["C"].project("L", whole))
+    alone = found(sand, localised, C=[joint])
+    assert sizes(found(sand, localised, A=[box(localised, "A", rocks[1])], C=[joint])) == sizes(alone)
 
 
-def test_regions_that_touch_are_joined_where_boxes_show_one_rock(sand, placed):
+def test_regions_that_touch_are_joined_where_boxes_show_one_rock(sand, localised):
     [rock] = find_regions(sand, LIMITS, Evidence({}, {}, 0.3))
     places = sand.grid.places().reshape(-1, 2)[rock.seen]
     halves = []
@@ -94,14 +94,14 @@ def test_regions_that_touch_are_joined_where_boxes_show_one_rock(sand, placed):
         mask = np.zeros(sand.surface.shape, bool)
         mask.ravel()[rock.seen[half]] = True
         halves.append(marked_region(sand, mask))
-    annotated = around(placed["A"].project("L", surface_points(sand, rock.seen)))
-    [joined] = carved(sand, halves, LIMITS, Evidence(placed, {"A": [annotated[None]]}, 0.3))[1]
+    annotated = around(localised["A"].project("L", surface_points(sand, rock.seen)))
+    [joined] = carved(sand, halves, LIMITS, Evidence(localised, {"A": [annotated[None]]}, 0.3))[1]
     np.testing.assert_array_equal(joined.seen, np.sort(rock.seen))
     assert joined.confirmed == ("A",)
     assert len(carved(sand, halves, LIMITS, Evidence({}, {}, 0.3))[1]) == 2
 
 
-def test_a_box_on_bare_sand_finds_nothing(sand, placed):
+def test_a_box_on_bare_sand_finds_nothing(sand, localised):
     x, y = -0.8, 0.7
     corners = np.array([(x + dx, y + dy, z) for dx in (-0.06, 0.06) for dy in (-0.06, 0.06) for z in (0.0, 0.04)])
-    assert len(found(sand, placed, A=[around(placed["A"].project("L", corners))])) == 1
+    assert len(found(sand, localised, A=[around(localised["A"].project("L", corners))])) == 1

@@ -20,43 +20,43 @@ def ball(x, y, radius=0.05):
     return np.array([x, y, radius]) + radius * directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
-def box(placed, position, points):
-    return around(placed[position].project("L", points)) + np.array([-2, -2, 2, 2])
+def box(localised, position, points):
+    return around(localised[position].project("L", points)) + np.array([-2, -2, 2, 2])
 
 
-def evidence(placed, **annotated):
+def evidence(localised, **annotated):
     """Boxes by position, as two seed files agree on them."""
-    return Evidence(placed, {name: [np.array(boxes).reshape(-1, 4)] * 2 for name, boxes in annotated.items()}, 0.3)
+    return Evidence(localised, {name: [np.array(boxes).reshape(-1, 4)] * 2 for name, boxes in annotated.items()}, 0.3)
 
 
-def test_a_box_around_a_rock_confirms_it(placed):
+def test_a_box_around_a_rock_confirms_it(localised):
     rock = ball(0.2, 0.1)
-    found = evidence(placed, A=[box(placed, "A", rock)], C=[box(placed, "C", rock) + 400], B=[[0, 0, 9, 9]])
+    found = evidence(localised, A=[box(localised, "A", rock)], C=[box(localised, "C", rock) + 400], B=[[0, 0, 9, 9]])
     assert found.confirming(rock) == ["A"]  # C drew something else, and nobody knows where B stands
 
 
-def test_parts_have_a_box_in_every_photo_that_was_annotated_in(placed):
+def test_parts_have_a_box_in_every_photo_that_was_annotated_in(localised):
     shown, behind = ball(0.2, 0.0), ball(20.0, 0.0)  # the latter behind tripod A
-    boxes = evidence(placed, A=[[0, 0, 9, 9]], B=[]).boxes([shown, behind])
+    boxes = evidence(localised, A=[[0, 0, 9, 9]], B=[]).boxes([shown, behind])
     assert list(boxes) == ["A"]
-    np.testing.assert_allclose(boxes["A"][0], around(placed["A"].project("L", shown)))
+    np.testing.assert_allclose(boxes["A"][0], around(localised["A"].project("L", shown)))
     assert np.isnan(boxes["A"][1]).all()
 
 
-def test_boxes_that_no_rock_fills_are_unexplained(placed):
+def test_boxes_that_no_rock_fills_are_unexplained(localised):
     rock, other = ball(0.2, 0.0), ball(-0.4, 0.3)
-    boxes = [box(placed, "A", rock), box(placed, "A", other)]
-    left = evidence(placed, A=boxes).unexplained([rock])
+    boxes = [box(localised, "A", rock), box(localised, "A", other)]
+    left = evidence(localised, A=boxes).unexplained([rock])
     np.testing.assert_allclose(left["A"], boxes[1:])
-    np.testing.assert_allclose(evidence(placed, A=boxes).unexplained([])["A"], boxes)
+    np.testing.assert_allclose(evidence(localised, A=boxes).unexplained([])["A"], boxes)
 
 
-def test_boxes_that_belong_to_another_position_are_no_evidence(placed, caplog):
+def test_boxes_that_belong_to_another_position_are_no_evidence(localised, caplog):
     rocks = [ball(x, y) for x, y in [(0.2, 0.1), (-0.5, 0.4), (0.6, -0.3), (-0.2, -0.7), (0.8, 0.5)]]
-    own = {name: [box(placed, name, rock) for rock in rocks] for name in "AC"}
-    assert sorted(evidence(placed, **own).of_their_place(rocks).agreed) == ["A", "C"]
+    own = {name: [box(localised, name, rock) for rock in rocks] for name in "AC"}
+    assert sorted(evidence(localised, **own).of_their_place(rocks).agreed) == ["A", "C"]
     assert not caplog.records
-    kept = evidence(placed, A=own["A"], C=own["A"]).of_their_place(rocks)
+    kept = evidence(localised, A=own["A"], C=own["A"]).of_their_place(rocks)
     assert list(kept.agreed) == ["A"]
     assert kept.confirming(rocks[0]) == ["A"]
     assert "the seeds of position C show another place" in caplog.text
@@ -72,36 +72,36 @@ def low_rock():
     return find_ground(scans.select(SAND.contains(scans.points)), SAND, 0.008, np.radians(40))
 
 
-def around_place(placed, position, place):
+def around_place(localised, position, place):
     x, y = place
     corners = [(x + dx, y + dy, z) for dx in (-0.035, 0.035) for dy in (-0.035, 0.035) for z in (0.0, 0.01)]
-    return box(placed, position, np.array(corners))
+    return box(localised, position, np.array(corners))
 
 
-def looked_into(placed, sand, **places):
-    boxes = {name: [around_place(placed, name, place)] for name, place in places.items()}
-    shown = evidence(placed, **boxes)
+def looked_into(localised, sand, **places):
+    boxes = {name: [around_place(localised, name, place)] for name, place in places.items()}
+    shown = evidence(localised, **boxes)
     return with_annotated(sand, find_regions(sand, LIMITS, shown), LIMITS, shown)
 
 
-def test_a_rock_too_low_for_its_shape_is_found_where_two_positions_show_it(placed, low_rock):
-    sand, regions = looked_into(placed, low_rock, A=MOUND, C=MOUND)
+def test_a_rock_too_low_for_its_shape_is_found_where_two_positions_show_it(localised, low_rock):
+    sand, regions = looked_into(localised, low_rock, A=MOUND, C=MOUND)
     assert [region.confirmed for region in regions] == [("A", "C")]
     np.testing.assert_allclose(regions[0].centre, MOUND, atol=0.015)
     assert regions[0].height == pytest.approx(0.012, abs=0.004)
     assert not sand.is_ground.ravel()[regions[0].seen].any()
 
 
-def test_two_boxes_of_one_low_rock_find_it_once(placed, low_rock):
-    shown = evidence(placed, A=[around_place(placed, "A", MOUND)], C=[around_place(placed, "C", MOUND)])
-    twice = Evidence(placed, {"A": shown.annotated["A"], "C": shown.annotated["C"]}, 0.3)
+def test_two_boxes_of_one_low_rock_find_it_once(localised, low_rock):
+    shown = evidence(localised, A=[around_place(localised, "A", MOUND)], C=[around_place(localised, "C", MOUND)])
+    twice = Evidence(localised, {"A": shown.annotated["A"], "C": shown.annotated["C"]}, 0.3)
     twice.agreed["C"] = np.concatenate([twice.agreed["C"], twice.agreed["C"] + 1])
     _, regions = with_annotated(low_rock, [], LIMITS, twice)
     assert len(regions) == 1
 
 
-def test_one_position_alone_or_boxes_of_level_sand_give_no_rock(placed, low_rock):
+def test_one_position_alone_or_boxes_of_level_sand_give_no_rock(localised, low_rock):
     for places in ({"A": MOUND}, {"A": ELSEWHERE, "C": ELSEWHERE}, {"A": MOUND, "C": ELSEWHERE}):
-        sand, regions = looked_into(placed, low_rock, **places)
+        sand, regions = looked_into(localised, low_rock, **places)
         assert regions == []
         np.testing.assert_array_equal(sand.is_ground, low_rock.is_ground)

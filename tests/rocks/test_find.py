@@ -6,7 +6,7 @@ import pytest
 
 from polarsim.formats import nasa, obj, ply, rigs
 from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks import find
@@ -35,7 +35,7 @@ def write_scene(folder, scene, tripods, reduction=0.5):
     grid = rectified_left(rig)
     for position, sandbox_from_rectified in tripods.items():
         sandbox_from_left = sandbox_from_rectified @ grid.left_from_rectified.inverse()
-        rigs.write_placed(folder / "cameras" / f"Pos{position}.json", PlacedRig(rig, sandbox_from_left, "truth"))
+        rigs.write_localised(folder / "cameras" / f"Pos{position}.json", LocalisedRig(rig, sandbox_from_left, "truth"))
         points = scene.range_map(sandbox_from_rectified, grid.lens.scaled(reduction), 0.002, rng).reshape(-1, 3)
         points = points[np.isfinite(points).all(axis=1)]
         clouds[position] = str(folder / f"Pos{position}.xyz")
@@ -154,12 +154,12 @@ def test_a_second_run_writes_the_same_bytes(worked, tmp_path):
         assert (tmp_path / name).read_bytes() == (worked / name).read_bytes(), name
 
 
-def test_a_scan_that_placed_no_camera_puts_no_point_into_the_scene(three_rocks, tripods, tmp_path, caplog):
+def test_a_scan_that_localised_no_camera_puts_no_point_into_the_scene(three_rocks, tripods, tmp_path, caplog):
     write_scene(tmp_path, three_rocks, tripods)
     path = tmp_path / "cameras" / "PosC.json"
-    rigs.write_placed(path, replace(rigs.read_placed(path), method="survey"))
+    rigs.write_localised(path, replace(rigs.read_localised(path), method="survey"))
     run(tmp_path)
-    assert "the scan at C places no camera and is left out" in caplog.text
+    assert "the scan at C localises no camera and is left out" in caplog.text
     assert pd.read_parquet(tmp_path / "rocks.parquet")["points_by_scan"].str.fullmatch(r"A:\d+").all()
 
 
@@ -176,8 +176,8 @@ def test_a_terrain_without_scans_is_level_ground_without_rocks(tmp_path, caplog)
 
 def test_a_scan_without_a_pose_is_a_warning_and_a_gap(worked, tmp_path, caplog):
     inventory = find.read_inventory(worked / "inventory.json")
-    placed = rigs.read_all_placed(worked / "cameras")
-    both = find.read_scans(inventory, placed)
-    one = find.read_scans(inventory, {"A": placed["A"]})
+    localised = rigs.read_all_localised(worked / "cameras")
+    both = find.read_scans(inventory, localised)
+    one = find.read_scans(inventory, {"A": localised["A"]})
     assert "the scan at C has no pose" in caplog.text
     assert 0 < len(one) < len(both)

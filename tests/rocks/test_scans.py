@@ -3,12 +3,12 @@ import pytest
 
 from polarsim.geometry.poses import Pose
 from polarsim.rocks.clouds import surface_cloud, voxel_means
-from polarsim.rocks.scans import ScanPoints, place_scan
+from polarsim.rocks.scans import ScanPoints, scan_in_sandbox
 
 
-def test_a_placed_scan_looks_back_at_its_scanner(rng):
+def test_a_localised_scan_looks_back_at_its_scanner(rng):
     pose = Pose.from_rotvec(np.array([0.3, -2, 0.1]), np.array([1.0, 2, 3]))
-    scan = place_scan(rng.normal(size=(1000, 3)), pose)
+    scan = scan_in_sandbox(rng.normal(size=(1000, 3)), pose)
     back = scan.points + scan.to_scanner * np.linalg.norm(scan.points - pose.translation, axis=1)[:, None]
     np.testing.assert_allclose(back, np.broadcast_to(pose.translation, back.shape), atol=1e-6)
     np.testing.assert_allclose(scan.weights, 1 / np.linalg.norm(scan.points - pose.translation, axis=1) ** 2)

@@ -7,7 +7,7 @@ import pytest
 
 from polarsim.formats import nasa, obj, tables
 from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.geometry.topology import is_watertight
@@ -31,7 +31,7 @@ def reconstruct(scene: Scene, folder: Path, noise: float) -> Path:
         maps[position] = str(folder / f"Pos{position}_org-XYZ.tif")
         nasa.write_range_map(maps[position], scene.range_map(sandbox_from_rectified, grid.lens, noise, rng))
         sandbox_from_left = sandbox_from_rectified @ grid.left_from_rectified.inverse()
-        write_placed(folder / f"cameras/Pos{position}.json", PlacedRig(stated_rig(), sandbox_from_left))
+        write_localised(folder / f"cameras/Pos{position}.json", LocalisedRig(stated_rig(), sandbox_from_left))
     write_inventory(folder / "inventory.json", Inventory(TERRAIN, "polar", range_maps=maps))
     (folder / "seeds").mkdir()
     options = RocksOptions(rock_cell_mm=3, ground_mesh_cell_mm=10)

@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from polarsim.formats import png
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.casters import caster
 from polarsim.geometry.outlines import Outlines
@@ -74,18 +74,18 @@ def test_scans_that_were_aligned_behind_the_cameras_back_are_noticed(scans, scen
     )
 
 
-def test_a_camera_that_only_the_survey_places_is_named(world):
-    placed = {position: PlacedRig(stated_rig(), pose, "labels", {}) for position, pose in world.poses.items()}
-    placed["C"] = PlacedRig(stated_rig(), world.poses["C"], "survey", {})
-    (sentence,) = said(cameras_together(placed, placed))
-    assert sentence.startswith("Terrain 3: camera C: nothing but the survey places the camera")
+def test_a_camera_that_only_the_survey_localises_is_named(world):
+    localised = {position: LocalisedRig(stated_rig(), pose, "labels", {}) for position, pose in world.poses.items()}
+    localised["C"] = LocalisedRig(stated_rig(), world.poses["C"], "survey", {})
+    (sentence,) = said(cameras_together(localised, localised))
+    assert sentence.startswith("Terrain 3: camera C: nothing but the survey localises the camera")
 
 
 def test_cameras_that_photos_rotated_away_from_the_meshes_are_noticed(world):
-    before = {position: PlacedRig(stated_rig(), pose, "scans", {}) for position, pose in world.poses.items()}
+    before = {position: LocalisedRig(stated_rig(), pose, "scans", {}) for position, pose in world.poses.items()}
     rotation = Pose.from_rotvec(np.radians([0.15, 0.1, 0]), np.zeros(3))
     after = {
-        position: PlacedRig(rig.rig, rotation @ rig.sandbox_from_left, "scans, photos", {})
+        position: LocalisedRig(rig.rig, rotation @ rig.sandbox_from_left, "scans, photos", {})
         for position, rig in before.items()
     }
     (sentence,) = said(cameras_together(before, after))
@@ -113,7 +113,7 @@ def wavy():
 
 @pytest.fixture(scope="module")
 def stereo(wavy, tmp_path_factory):
-    """A placed rig and its best photos, left and right, under two Sun lamps."""
+    """A localised rig and its best photos, left and right, under two Sun lamps."""
     rays, pattern = wavy
     folder, pictures = tmp_path_factory.mktemp("stereo"), {}
     for camera in "LR":
@@ -132,7 +132,7 @@ def stereo(wavy, tmp_path_factory):
     return rays, pictures
 
 
-STANDING = PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans, photos", {})
+STANDING = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans, photos", {})
 
 
 def rotated_right(rig, degrees):
@@ -203,7 +203,7 @@ def test_boxes_tell_of_a_right_camera_that_is_rotated(rocky):
 def test_boxes_tell_of_cameras_that_were_exchanged(rocky):
     outlines, annotated = rocky
     swapped = {replace(key, camera={"L": "R", "R": "L"}[key.camera]): boxes for key, boxes in annotated.items()}
-    seen_left = replace(STANDING, sandbox_from_left=STANDING.sandbox_from("R"))  # as placed by what is called left
+    seen_left = replace(STANDING, sandbox_from_left=STANDING.sandbox_from("R"))  # as localised by what is called left
     (sentence, *_) = said(boxes_of_both({"A": seen_left}, outlines, swapped))
     assert "of IoU worse than the left one's" in sentence
 

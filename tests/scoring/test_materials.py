@@ -4,7 +4,7 @@ import pytest
 
 from polarsim.formats import obj
 from polarsim.formats.materials import Fitted, FittedMaterials, write_materials
-from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, looking
@@ -44,9 +44,9 @@ def scored(tmp_path):
         )
         write_materials(tmp_path / "materials", mesh, found)
         pose = looking(np.array([2.0, 0, 1]), np.pi, 0.4)
-        write_placed(tmp_path / "cameras" / "PosA.json", PlacedRig(stated_rig(), pose, "test"))
+        write_localised(tmp_path / "cameras" / "PosA.json", LocalisedRig(stated_rig(), pose, "test"))
         shifted = Pose(np.eye(3), SHIFT) @ pose
-        write_placed(tmp_path / "truth" / "cameras" / "PosA.json", PlacedRig(stated_rig(), shifted, "truth"))
+        write_localised(tmp_path / "truth" / "cameras" / "PosA.json", LocalisedRig(stated_rig(), shifted, "truth"))
         table = pd.DataFrame(mesh.vertices + SHIFT, columns=list("xyz")).assign(
             rock=np.where(rock, 5, -1), albedo=true, pixels=9
         )

@@ -2,7 +2,7 @@ import numpy as np
 
 from polarsim.formats import nasa
 from polarsim.formats.inventory import Inventory
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.scoring.surface import Surface
@@ -16,7 +16,7 @@ UP = np.tile([0.0, 0, 1], (3, 1))
 
 def seen(known=None):
     grid = rectified_left(stated_rig())
-    rig = PlacedRig(stated_rig(), DOWN @ grid.left_from_rectified.inverse())
+    rig = LocalisedRig(stated_rig(), DOWN @ grid.left_from_rectified.inverse())
     (view,) = sights({"A": rig, "B": rig}, {"A"}, known)
     return view.sees(FLOOR, PLACES, UP).tolist(), view.sees(FLOOR, PLACES, -UP).tolist()
 

@@ -7,7 +7,7 @@ import pytest
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, yolo
-from polarsim.formats.rigs import PlacedRig, read_placed, write_placed
+from polarsim.formats.rigs import LocalisedRig, read_localised, write_localised
 from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, read_parquet, write_parquet
 from polarsim.geometry import boxes as box_geometry
@@ -72,10 +72,10 @@ def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path, wor
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own")
     path = tmp_path / "own/cameras/PosA.json"
-    placed = read_placed(path)
-    left = placed.sandbox_from_left
+    localised = read_localised(path)
+    left = localised.sandbox_from_left
     up = Pose(left.rotation, left.translation + np.array([0, 0, 0.01]))
-    write_placed(path, PlacedRig(placed.rig, up))
+    write_localised(path, LocalisedRig(localised.rig, up))
     cameras_scored(
         tmp_path,
         cameras=tmp_path / "own/cameras",
@@ -103,8 +103,8 @@ def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path, 
 
 
 def test_cameras_are_scored_on_the_boxes_that_all_photos_of_a_view_agree_on(tmp_path, cube):
-    rig = PlacedRig(stated_rig(), surveyed_pose("A"))
-    write_placed(tmp_path / "cameras" / "PosA.json", rig)
+    rig = LocalisedRig(stated_rig(), surveyed_pose("A"))
+    write_localised(tmp_path / "cameras" / "PosA.json", rig)
     places = {1: (0.2, 0.4, 0.0), 2: (-0.5, -0.3, 0.0), 3: (0.9, -0.7, 0.0)}
     for rock, place in places.items():
         obj.write(tmp_path / "meshes" / obj.rock_name(3, rock), cube(place, 0.15), "rock")

@@ -5,7 +5,7 @@ from polarsim.formats import obj
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.lamps import read_found_suns
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.tables import read_parquet, write_parquet
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.scoring.true_scene import lay_truth, thin_meshes
@@ -37,7 +37,7 @@ def laid(world, tmp_path):
 
 
 def test_true_cameras_and_lamps_are_in_the_runs_frame(laid, sun_lamps):
-    found, ours = read_all_placed(laid / "laid/cameras"), read_all_placed(laid / "run/cameras")
+    found, ours = read_all_localised(laid / "laid/cameras"), read_all_localised(laid / "run/cameras")
     assert sorted(found) == sorted(ours)
     for position, rig in found.items():
         pose, own = rig.sandbox_from_left, ours[position].sandbox_from_left

@@ -18,7 +18,7 @@ from polarsim.detect.stereo.score import rock_performance, score
 from polarsim.detect.stereo.truth import depth_truth
 from polarsim.errors import DetectError, about
 from polarsim.formats import png, tables
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.casters import caster
 from polarsim.photo import PhotoKey
@@ -70,14 +70,14 @@ def measure_stereo(
 
     cv2.setNumThreads(threads)
     asked = [key for key in sorted(keys) if not options.exposures_ms or key.exposure_ms in options.exposures_ms]
-    placed, mesh = read_all_placed(cameras), read_terrain(meshes, terrain)
+    localised, mesh = read_all_localised(cameras), read_terrain(meshes, terrain)
     surfaces = caster(mesh.vertices, mesh.faces, threads=threads)
     by_domain = {domain: picture_paths(place, asked) for domain, place in pictures.items()}
     pair_rows, rock_rows = [], []
-    for position in sorted(set(placed) & {key.position for key in asked}):
+    for position in sorted(set(localised) & {key.position for key in asked}):
         with about(cameras / f"Pos{position}.json"):
-            rig = rectify(placed[position].rig, options.scale)
-        truth = depth_truth(mesh, surfaces, placed[position], rig)
+            rig = rectify(localised[position].rig, options.scale)
+        truth = depth_truth(mesh, surfaces, localised[position], rig)
         work = [
             (domain, left, paths[left], paths[right])
             for domain, paths in by_domain.items()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.detect.stereo.rectify import Rectification
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.rays import Caster
 from polarsim.photo import NO_ROCK
@@ -22,9 +22,9 @@ class DepthTruth:
     shared: np.ndarray  # (h, w) bool: the right camera sees the same point
 
 
-def depth_truth(mesh: TerrainMesh, caster: Caster, placed: PlacedRig, rig: Rectification) -> DepthTruth:
+def depth_truth(mesh: TerrainMesh, caster: Caster, localised: LocalisedRig, rig: Rectification) -> DepthTruth:
     """Cast a ray through every pixel, and one back to the right camera."""
-    sandbox_from_rectified = placed.sandbox_from_left @ rig.left_from_rectified
+    sandbox_from_rectified = localised.sandbox_from_left @ rig.left_from_rectified
     shape = rig.lens.shape
     directions = sandbox_from_rectified.rotate(rig.lens.pixel_directions().reshape(-1, 3))
     origins = np.broadcast_to(sandbox_from_rectified.translation, directions.shape)
@@ -32,10 +32,10 @@ def depth_truth(mesh: TerrainMesh, caster: Caster, placed: PlacedRig, rig: Recti
     met = np.flatnonzero(np.isfinite(depth))
     points = origins[met] + depth[met, None] * directions[met]
     shared = np.zeros(len(depth), bool)
-    pixels = placed.project("R", points)
-    size = np.array([placed.rig.right.width, placed.rig.right.height])
+    pixels = localised.project("R", points)
+    size = np.array([localised.rig.right.width, localised.rig.right.height])
     inside = (pixels >= 0).all(axis=1) & (pixels < size).all(axis=1)  # NaN behind the camera is not
-    back = placed.sandbox_from("R").translation - points
+    back = localised.sandbox_from("R").translation - points
     shared[met] = inside & ~caster.occluded(points, back, 1.0)
     rock = np.full(len(depth), NO_ROCK)
     rock[met] = mesh.rock_of_face[face[met]]

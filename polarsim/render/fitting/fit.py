@@ -11,7 +11,7 @@ import numpy as np
 
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.materials import Fitted, FittedMaterials, rock_of_vertex, write_materials
-from polarsim.formats.rigs import read_all_placed
+from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.run_files import pictures_at
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.photo import SUNS, PhotoKey, View
@@ -139,7 +139,7 @@ def _samples_of_terrain(
     terrain: int, cameras: Path, mesh: TerrainMesh, photos: Path | None, options: RenderOptions, threads: int
 ) -> Samples | None:
     """Of all views whose position has a pose; None without any."""
-    rigs = read_all_placed(cameras)
+    rigs = read_all_localised(cameras)
     suns = read_suns(cameras, rigs)
     surfaces = surfaces_of(mesh, options)
     paths = _paths_by_view(terrain, photos)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.errors import ConfigError, RenderError
-from polarsim.formats.rigs import read_placed
+from polarsim.formats.rigs import read_localised
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
@@ -62,7 +62,7 @@ def rig_of(views: Views) -> StereoRig:
     if isinstance(views.lens, PinholeLens):
         lens = pinhole(views.lens.hfov_deg, views.lens.width_px, views.lens.height_px)
         return StereoRig(lens, lens, Pose(np.eye(3), np.array([views.lens.baseline_m, 0, 0])))
-    return read_placed(views.lens.placed).rig if views.lens.placed else stated_rig()
+    return read_localised(views.lens.placed).rig if views.lens.placed else stated_rig()
 
 
 def pinhole(hfov_deg: float, width_px: int, height_px: int) -> Lens:

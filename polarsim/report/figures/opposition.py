@@ -16,7 +16,7 @@ import numpy as np
 from polarsim.formats import png
 from polarsim.formats.files import write_json
 from polarsim.formats.lamps import read_suns
-from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.run_files import picture_finder
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.lens import HALF_PIXEL
@@ -61,7 +61,7 @@ def extreme_places(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[P
     half_px
         A window of this reach around the place lies in the photo.
     """
-    rigs = read_all_placed(cameras)
+    rigs = read_all_localised(cameras)
     lamps = read_suns(cameras, rigs)
     found: dict[tuple[object, ...], tuple[Place, Place]] = {}
     for key in sorted(keys):
@@ -95,7 +95,7 @@ def phase_angles(sandbox_from_camera: Pose, directions: np.ndarray, lamp_sandbox
     return np.where(inside, np.arctan2(sine, (to_eye * to_lamp).sum(axis=-1)), np.nan)
 
 
-def _angles(rig: PlacedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) -> tuple[Place, Place] | None:
+def _angles(rig: LocalisedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) -> tuple[Place, Place] | None:
     lens = rig.rig.lens(key.camera)
     u = np.arange(half_px, lens.width - half_px, STEP_PX) + HALF_PIXEL
     v = np.arange(half_px, lens.height - half_px, STEP_PX) + HALF_PIXEL

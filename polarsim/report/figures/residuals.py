@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.formats.rigs import PlacedRig, read_all_placed
+from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.run_files import cover_photo, pictures_at
 from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tone import to_8bit
@@ -45,19 +45,19 @@ def draw_residuals(
         Table and inventory of the terrain's photos. A position is drawn on a left photo with seeds, else on its cover
         photo, else on grey.
     """
-    placed, drawn = read_all_placed(cameras), read_rock_boxes(seeds, terrain)
+    localised, drawn = read_all_localised(cameras), read_rock_boxes(seeds, terrain)
     backgrounds = _backgrounds(seeds, photos, inventory)
     outlines = outlines_of(_above_ground(read_terrain(meshes, terrain)))
-    columns = min(2, max(1, len(placed)))
-    rows = -(-len(placed) // columns)
+    columns = min(2, max(1, len(localised)))
+    rows = -(-len(localised) // columns)
     with page(figure, width, round(width / columns * rows * 0.77)) as sheet:
-        if not placed:
+        if not localised:
             note(sheet, "no position")
             return
         panels = sheet.subplots(rows, columns, squeeze=False).ravel()
-        for axes in panels[len(placed) :]:
+        for axes in panels[len(localised) :]:
             axes.set_axis_off()
-        for axes, (position, rig) in zip(panels, sorted(placed.items()), strict=False):
+        for axes, (position, rig) in zip(panels, sorted(localised.items()), strict=False):
             boxes = consensus_boxes(drawn.get(position, []))
             _draw_position(axes, f"Terrain {terrain:02d}, {position}", rig, outlines, boxes, backgrounds.get(position))
 
@@ -85,7 +85,7 @@ def _above_ground(scene: TerrainMesh) -> dict[int, Mesh]:
 
 
 def _draw_position(
-    axes: Any, name: str, rig: PlacedRig, outlines: Outlines, boxes: np.ndarray, photo: Path | None
+    axes: Any, name: str, rig: LocalisedRig, outlines: Outlines, boxes: np.ndarray, photo: Path | None
 ) -> None:
     pixels = to_8bit(png.read(photo)) if photo is not None and photo.exists() else GREY
     projected = outlines.seen(rig.camera("L"))

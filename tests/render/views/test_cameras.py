@@ -110,7 +110,7 @@ def test_a_pinhole_has_the_field_of_view_that_is_stated():
     np.testing.assert_allclose([left[0], right[0]], [-1, 1], atol=1e-12)
 
 
-def test_the_rigs_lens_may_be_that_of_a_placed_rig_and_scaled(views_of, folders, lens):
+def test_the_rigs_lens_may_be_that_of_a_localised_rig_and_scaled(views_of, folders, lens):
     (stated,) = cameras_of(views_of(lens={"kind": "rig"}), LEVEL)
     assert (stated.lens.width, stated.lens.height) == (1936, 1216)
     placed = {"kind": "rig", "placed": folders / "cameras/PosA.json"}

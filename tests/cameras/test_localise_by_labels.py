@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polarsim.cameras.labels import checked, place_by_labels, survey_prior
+from polarsim.cameras.labels import checked, localise_by_labels, survey_prior
 from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.refine import EdgeNoise, EdgeProblem, unknowns_of
 from polarsim.cameras.search import candidate_centres, search_pose
@@ -35,62 +35,64 @@ def spoiled(boxes, rng):
 @pytest.mark.parametrize("position", ["A", "C"])
 def test_the_pose_is_found_with_missing_and_false_boxes(position, labelled, outlines, true_poses, rng):
     boxes = spoiled(labelled.seen(position), rng)
-    placement = place_by_labels(boxes, outlines, LENS, surveyed_pose(position), OPTIONS)
-    found, true = placement.fit.sandbox_from_left, true_poses[position]
+    localisation = localise_by_labels(boxes, outlines, LENS, surveyed_pose(position), OPTIONS)
+    found, true = localisation.fit.sandbox_from_left, true_poses[position]
     # Edges of 2 px and 12 rocks at 4 m: about 2 px / sqrt(12) * 4 m / 2070 px = 1 mm across, ten times that in depth.
     assert np.linalg.norm(found.translation - true.translation) < 0.03
     assert np.degrees(angle_between(found, true)) < 0.5
-    ids = outlines.rocks[placement.fit.outline]
+    ids = outlines.rocks[localisation.fit.outline]
     annotated = labelled.boxes[position][ids - 1]
-    real = placement.fit.box < round(0.8 * len(labelled.seen(position)))
-    np.testing.assert_array_equal(boxes[placement.fit.box][real], annotated[real])  # each rock met its own box
+    real = localisation.fit.box < round(0.8 * len(labelled.seen(position)))
+    np.testing.assert_array_equal(boxes[localisation.fit.box][real], annotated[real])  # each rock met its own box
 
 
 def test_the_pose_is_found_without_a_survey(labelled, outlines, true_poses, monkeypatch):
     for name, value in (("AZIMUTH_STEP_DEG", 6.0), ("DISTANCE_STEP", 0.6), ("HEIGHT_STEP", 0.3)):
         monkeypatch.setattr(f"polarsim.cameras.search.{name}", value)
-    found = place_by_labels(labelled.seen("A"), outlines, LENS, None, OPTIONS).fit.sandbox_from_left
+    found = localise_by_labels(labelled.seen("A"), outlines, LENS, None, OPTIONS).fit.sandbox_from_left
     assert np.linalg.norm(found.translation - true_poses["A"].translation) < 0.03
 
 
 def test_boxes_of_another_scene_are_refused(labelled, outlines, rng):
     size = rng.uniform(30, 150, (14, 2))
     corner = rng.uniform([100, 300], [1700, 1000], (14, 2))
-    placement = place_by_labels(np.column_stack([corner, corner + size]), outlines, LENS, surveyed_pose("A"), OPTIONS)
+    localisation = localise_by_labels(
+        np.column_stack([corner, corner + size]), outlines, LENS, surveyed_pose("A"), OPTIONS
+    )
     with pytest.raises(RegistrationError, match="the best pose explains 0"):
-        checked(placement)
+        checked(localisation)
 
 
 def test_mirrored_boxes_are_refused(labelled, outlines):
     mirrored = labelled.seen("A") * [-1, 1, -1, 1] + [LENS.width, 0, LENS.width, 0]
-    placement = place_by_labels(mirrored[:, [2, 1, 0, 3]], outlines, LENS, surveyed_pose("A"), OPTIONS)
+    localisation = localise_by_labels(mirrored[:, [2, 1, 0, 3]], outlines, LENS, surveyed_pose("A"), OPTIONS)
     with pytest.raises(RegistrationError, match="the best pose explains 0"):
-        checked(placement)
+        checked(localisation)
 
 
 def test_boxes_of_another_position_are_refused(labelled, outlines):
     # A and B stand one behind the other: the boxes of B are explained perfectly, from where B stands.
-    placement = place_by_labels(labelled.seen("B"), outlines, LENS, surveyed_pose("A"), OPTIONS)
+    localisation = localise_by_labels(labelled.seen("B"), outlines, LENS, surveyed_pose("A"), OPTIONS)
     with pytest.raises(RegistrationError, match=r"stands 2\.\d m from the survey's place, .* another position's boxes"):
-        checked(placement)
+        checked(localisation)
 
 
 def test_of_two_poses_that_explain_alike_none_is_believed(labelled, outlines):
-    placement = place_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS)
-    rivalled = replace(placement, runner_up=placement.share - 0.05)
+    localisation = localise_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS)
+    rivalled = replace(localisation, runner_up=localisation.share - 0.05)
     with pytest.raises(RegistrationError, match=r"two poses explain the \d+ boxes nearly alike"):
         checked(rivalled)
 
 
 def test_one_pose_found_twice_is_not_its_own_rival(labelled, outlines):
-    placement = place_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS)
-    assert placement.share > 0.8
-    assert placement.runner_up < 0.5 * placement.share
+    localisation = localise_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS)
+    assert localisation.share > 0.8
+    assert localisation.runner_up < 0.5 * localisation.share
 
 
 def test_too_few_boxes_are_refused(outlines):
     with pytest.raises(RegistrationError, match="2 boxes and 15 meshes, a pose needs 3 of each"):
-        place_by_labels(np.zeros((2, 4)), outlines, LENS, surveyed_pose("A"), OPTIONS)
+        localise_by_labels(np.zeros((2, 4)), outlines, LENS, surveyed_pose("A"), OPTIONS)
 
 
 def test_the_search_alone_comes_within_its_grid(labelled, outlines, true_poses):
@@ -132,7 +134,7 @@ def test_the_jacobian_is_that_of_the_residuals(labelled, outlines, true_poses):
 
 def test_a_position_beside_others_shares_their_mean_offset_from_the_survey():
     translation = np.array([0.1, -0.2, 0.3])
-    placed = {p: Pose(surveyed_pose(p).rotation, surveyed_pose(p).translation + translation) for p in "AC"}
-    np.testing.assert_allclose(pose_beside("B", placed).translation, surveyed_pose("B").translation + translation)
+    localised = {p: Pose(surveyed_pose(p).rotation, surveyed_pose(p).translation + translation) for p in "AC"}
+    np.testing.assert_allclose(pose_beside("B", localised).translation, surveyed_pose("B").translation + translation)
     np.testing.assert_array_equal(pose_beside("B", {}).matrix, surveyed_pose("B").matrix)
-    assert pose_beside("G", placed) is None
+    assert pose_beside("G", localised) is None

@@ -1,7 +1,7 @@
-"""All positions of a terrain placed by seed boxes, the surest first; rocks that stand off their places move along.
+"""All positions of a terrain localised by seed boxes, the surest first; rocks that stand off their places move along.
 
 Published meshes were cut and placed by hand: most stand within millimetres, some off by centimetres. What the boxes of
-a position tell of the rocks helps to place the next one.
+a position tell of the rocks helps to localise the next one.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polarsim.cameras.labels import FINAL_NOISE, MIN_BOXES, LabelPlacement, checked, place_by_labels
+from polarsim.cameras.labels import FINAL_NOISE, MIN_BOXES, LabelLocalisation, checked, localise_by_labels
 from polarsim.cameras.options import PlacementOptions
 from polarsim.cameras.refine import BoxFit, check_pose, pose_of
 from polarsim.cameras.surveyed import pose_beside
@@ -25,16 +25,18 @@ log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
-class Placements:
+class Localisations:
     """Where positions stand, where rocks do, and why positions were refused."""
 
-    placed: dict[str, LabelPlacement]
+    localised: dict[str, LabelLocalisation]
     translations: Translations
     refused: dict[str, str]  # position -> reason
 
 
-def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, options: PlacementOptions) -> Placements:
-    """Place every position whose boxes and meshes suffice.
+def localise_all(
+    seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, options: PlacementOptions
+) -> Localisations:
+    """Localise every position whose boxes and meshes suffice.
 
     Parameters
     ----------
@@ -44,10 +46,10 @@ def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, op
     Returns
     -------
     Placements
-        Positions with too few boxes or meshes are neither placed nor refused.
+        Positions with too few boxes or meshes are neither localised nor refused.
     """
     usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= MIN_BOXES]
-    found = Placements({}, no_translations(outlines, options.rock_shift_sd_mm / 1000), {})
+    found = Localisations({}, no_translations(outlines, options.rock_shift_sd_mm / 1000), {})
     alone = {position: _alone(position, seen[position], outlines, lens, options) for position in usable}
     surest_first = sorted(usable, key=lambda position: (-(one.share if (one := alone[position]) else 0.0), position))
     for position in surest_first:
@@ -55,57 +57,61 @@ def place_all(seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, op
     return found
 
 
-def untranslated_fits(found: Placements, outlines: Outlines, lens: Lens) -> list[BoxFit]:
-    """What the boxes of the placed positions say of the meshes as they are, seen from the same poses."""
+def untranslated_fits(found: Localisations, outlines: Outlines, lens: Lens) -> list[BoxFit]:
+    """What the boxes of the localised positions say of the meshes as they are, seen from the same poses."""
     return [
         check_pose(one.fit.sandbox_from_left, outlines, one.boxes, lens, one.prior, FINAL_NOISE)
-        for one in found.placed.values()
+        for one in found.localised.values()
     ]
 
 
 def _alone(
     position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: PlacementOptions
-) -> LabelPlacement | None:
+) -> LabelLocalisation | None:
     """A position by itself, without what others tell of rocks; None where nothing is explained."""
     try:
-        return place_by_labels(boxes, outlines, lens, pose_beside(position, {}), options)
+        return localise_by_labels(boxes, outlines, lens, pose_beside(position, {}), options)
     except RegistrationError:
         return None
 
 
 def _with_position(
-    before: Placements,
+    before: Localisations,
     position: str,
     boxes: np.ndarray,
     outlines: Outlines,
     lens: Lens,
     options: PlacementOptions,
-    alone: LabelPlacement | None,
-) -> Placements:
+    alone: LabelLocalisation | None,
+) -> Localisations:
     """One more position, and all poses and translations fitted anew; or one more that is refused."""
     try:
-        if alone is None or before.placed:  # others have told of the rocks since
+        if alone is None or before.localised:  # others have told of the rocks since
             moved = translated(outlines, before.translations.metres)
-            poses = {other: one.fit.sandbox_from_left for other, one in before.placed.items()}
+            poses = {other: one.fit.sandbox_from_left for other, one in before.localised.items()}
             surveyed = pose_beside(position, poses)
-            alone = place_by_labels(boxes, moved, lens, surveyed, options)
-        after = _fitted({**before.placed, position: alone}, before.translations, outlines, lens, options)
-        checked(after.placed[position])
+            alone = localise_by_labels(boxes, moved, lens, surveyed, options)
+        after = _fitted({**before.localised, position: alone}, before.translations, outlines, lens, options)
+        checked(after.localised[position])
     except RegistrationError as error:
         return replace(before, refused={**before.refused, position: error.reason})
     return replace(after, refused=before.refused)
 
 
 def _fitted(
-    placed: Mapping[str, LabelPlacement], start: Translations, outlines: Outlines, lens: Lens, options: PlacementOptions
-) -> Placements:
-    """All positions placed together with translations of the rocks."""
+    localised: Mapping[str, LabelLocalisation],
+    start: Translations,
+    outlines: Outlines,
+    lens: Lens,
+    options: PlacementOptions,
+) -> Localisations:
+    """All positions localised together with translations of the rocks."""
     if not options.rock_shift_sd_mm:
-        return Placements(dict(placed), start, {})
-    unknowns, translations = fit_translations(placed, outlines, lens, options.rock_shift_sd_mm / 1000, start.metres)
+        return Localisations(dict(localised), start, {})
+    unknowns, translations = fit_translations(localised, outlines, lens, options.rock_shift_sd_mm / 1000, start.metres)
     moved = translated(outlines, translations.metres)
     after = {}
-    for position, one in placed.items():
+    for position, one in localised.items():
         fit = check_pose(pose_of(unknowns[position]), moved, one.boxes, lens, one.prior, FINAL_NOISE)
         after[position] = replace(one, fit=fit)
-    return Placements(after, translations, {})
+    return Localisations(after, translations, {})
