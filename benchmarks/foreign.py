@@ -112,15 +112,15 @@ def pebbles(axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> l
 
 
 def _sunk(lump: Mesh, size: float, axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> Mesh:
-    place = np.array([[*rng.uniform(-1.8, 1.8, 2)]])
-    level = at(axis, height, place)[0] + rng.uniform(0.0, 0.25) * size
-    return Mesh(size * lump.vertices + [*place[0], level], lump.faces)
+    position = np.array([[*rng.uniform(-1.8, 1.8, 2)]])
+    level = at(axis, height, position)[0] + rng.uniform(0.0, 0.25) * size
+    return Mesh(size * lump.vertices + [*position[0], level], lump.faces)
 
 
 def at(axis: np.ndarray, height: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(n,) heights of the ground at points (n, 2 or 3)."""
-    place = (points[:, [1, 0]] - axis[0]) / STEP
-    return ndimage.map_coordinates(height, place.T, order=1, mode="nearest")
+    position = (points[:, [1, 0]] - axis[0]) / STEP
+    return ndimage.map_coordinates(height, position.T, order=1, mode="nearest")
 
 
 def shapes(meshes: Path | None, rng: np.random.Generator) -> list[Mesh]:
@@ -199,13 +199,13 @@ def _pushed(rock: Mesh, parent: Mesh, axis: np.ndarray, height: np.ndarray, rng:
     foot = rock.vertices[rock.vertices[:, 2] < np.quantile(rock.vertices[:, 2], 0.1)]
     for _ in range(10):
         apart = (near + far) / 2
-        place = centres[1] + apart * np.array([np.cos(angle), np.sin(angle)])
-        translation = np.append(place - centres[0], 0.0)
+        position = centres[1] + apart * np.array([np.cos(angle), np.sin(angle)])
+        translation = np.append(position - centres[0], 0.0)
         translation[2] = np.median(at(axis, height, foot + translation) - at(axis, height, foot))
         vertices = rock.vertices + translation
         meets = np.isfinite(tree.query(vertices, distance_upper_bound=TOUCH)[0]).any()
         near, far = (apart, far) if meets or apart < 0.02 else (near, apart)
-    return Mesh(vertices, rock.faces) if (np.abs(place) < 1.75).all() else None
+    return Mesh(vertices, rock.faces) if (np.abs(position) < 1.75).all() else None
 
 
 def _laid(rock: Mesh, parent: Mesh, placed: list[Mesh], rng: np.random.Generator) -> Mesh | None:
@@ -314,8 +314,8 @@ def make(
         rocks = gathered(rocks, axis, height, np.random.default_rng([seed, 3]))
     rig, grid = stated_rig(), rectified_left(stated_rig())
     maps = {}
-    for position, (place, yaw, pitch) in TRIPODS.items():
-        centre = np.array(place) + rng.normal(0, 0.08, 3)
+    for position, (tripod, yaw, pitch) in TRIPODS.items():
+        centre = np.array(tripod) + rng.normal(0, 0.08, 3)
         angles = np.radians([yaw + rng.normal(0, 2), pitch + rng.normal(0, 1.5), rng.normal(0, 1)])
         sandbox_from_left = looking(centre, *angles)
         solids = [ground, *rocks, *clutter, box(0.02, rng)]
@@ -430,7 +430,9 @@ def small_finds(folder: Path) -> dict[str, float]:
     Rocks count by their own size, in the frame of position A, paired with finds of any size.
     """
     true, found = (pd.read_parquet(folder / name) for name in ("truth/rocks.parquet", "rocks.parquet"))
-    placed = [read_localised(folder / place / "PosA.json").sandbox_from_left for place in ("truth/cameras", "cameras")]
+    placed = [
+        read_localised(folder / source / "PosA.json").sandbox_from_left for source in ("truth/cameras", "cameras")
+    ]
     true_from_sandbox = placed[0] @ placed[1].inverse()
     found[["x", "y", "z"]] = true_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
     pairs = pair_rocks(true, found)

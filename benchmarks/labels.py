@@ -3,7 +3,7 @@
 `python benchmarks/labels.py RELEASE WORK [--config config/release.yaml] [--jobs 2]`
 
 RELEASE is the release's folder (Labels, TerrainMeshes). Thirteen terrains are made of the five that
-`benchmarks/transfers.py` places in folders below WORK, each with the whole photo grid of its number. Every terrain is
+`benchmarks/transfers.py` puts in folders below WORK, each with the whole photo grid of its number. Every terrain is
 a process of its own, as in the pipeline; so many run at once.
 
 Last figures (two processes on a 2-core virtual machine, 5,280 photos): boxes 56 s, 104 CPU s with Python's starts, and
@@ -103,7 +103,7 @@ def main() -> None:
     seeded = config.labels.seeds.azimuths
     runs = [Run(args.release, args.work, terrain, config, seeded) for terrain in TERRAINS]
     for run in runs:
-        run.place()
+        run.localise()
     with tempfile.TemporaryDirectory() as out:
         jobs = [Job(run, Path(out) / f"{number:02d}") for number, run in enumerate(islice(cycle(runs), ALL))]
         for name, work in (("boxes", boxes), ("outlines", outlines)):

@@ -60,7 +60,7 @@ def measure(terrain: int, run: Path, analog: Path, held_out: list[str], photos: 
     mesh = read_terrain(meshes, terrain)
     positions = sorted({key.split("_")[1] for key in read_parquet(photos, ["key"])["key"]})
     true = true_albedo(terrain, truth, positions, AnalogOptions())
-    places = read_alignment(cameras, truth).inverse().apply(true[["x", "y", "z"]].to_numpy(float))
+    points = read_alignment(cameras, truth).inverse().apply(true[["x", "y", "z"]].to_numpy(float))
     for azimuth in held_out:
         with tempfile.TemporaryDirectory() as folder:
             start = time.process_time()
@@ -74,8 +74,8 @@ def measure(terrain: int, run: Path, analog: Path, held_out: list[str], photos: 
         print(
             f"{name}, {azimuth} held out: {seconds:.0f} CPU s, falloff {found.falloff}, vignetting {found.vignetting}"
         )
-        for figure in albedo_metrics(found, mesh, true, places):
-            print(f"  {figure.subject}: {figure.figure} {100 * figure.value:.1f} % ({figure.n} places)")
+        for figure in albedo_metrics(found, mesh, true, points):
+            print(f"  {figure.subject}: {figure.figure} {100 * figure.value:.1f} % ({figure.n} points)")
         for model, fit in sorted(found.models.items()):
             print(f"  {model}: lamps over 30's { ({k: round(v / fit.lamps['30'], 3) for k, v in fit.lamps.items()}) }")
             for scale in ("pixels", "texels"):

@@ -68,11 +68,11 @@ def flat_drive(step: float, seconds: float = 8.0) -> None:
 
 def parked(slope_deg: float) -> None:
     simulation = Simulation(ground(slope_deg), VIPER, SOIL)
-    places = []
+    points = []
     for _ in range(1200):
         simulation.advance(0.01)
-        places.append(simulation.state().position)
-    creep = np.linalg.norm(places[-1] - places[199])
+        points.append(simulation.state().position)
+    creep = np.linalg.norm(points[-1] - points[199])
     print(f"locked on {slope_deg:g} degrees: {1000 * creep:.3f} mm in 10 s")
 
 

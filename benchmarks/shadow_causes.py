@@ -60,23 +60,23 @@ class Seen:
         rays = sightlines(world, view, rows, columns)
         self.on_rock = self.ids.rock != NO_ROCK
         met = self.on_rock.ravel()
-        self.rock_places = view.centre + rays.distance[met, None] * rays.directions[met]
+        self.rock_points = view.centre + rays.distance[met, None] * rays.directions[met]
 
-    def shaded(self, places: np.ndarray, lamp: np.ndarray) -> np.ndarray:
-        """(n,) the rock that hides a lamp from places (n, 3)."""
-        distance, face = self.world.rocks.nearest(places, lamp - places)
+    def shaded(self, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
+        """(n,) the rock that hides a lamp from points (n, 3)."""
+        distance, face = self.world.rocks.nearest(points, lamp - points)
         return np.where(distance < 1, self.world.rock_of_rocks_face[face], NO_ROCK)
 
     def shadows(self, lamp: np.ndarray, *, lifted: float = 0.0, walls: float = WALL_M) -> np.ndarray:
         """(rows, columns) whose shadow is seen on the ground, that lies `lifted` metres higher than its mesh."""
         picture = np.full(self.ids.shape, NO_ROCK)
         bare = self.ids.rock[self.ids.ground] == NO_ROCK
-        places = self.ids.places[bare]
-        sight = places - self.view.centre
-        places = places + lifted / sight[:, 2:] * sight
-        rock = self.shaded(places, lamp)
+        points = self.ids.points[bare]
+        sight = points - self.view.centre
+        points = points + lifted / sight[:, 2:] * sight
+        rock = self.shaded(points, lamp)
         if walls:
-            passing = passing_heights(places, lamp, self.world.ground_bounds)
+            passing = passing_heights(points, lamp, self.world.ground_bounds)
             rock[passing < self.world.ground_level + walls] = NO_ROCK
         picture[self.ids.ground & (self.ids.rock == NO_ROCK)] = rock
         return picture
@@ -95,8 +95,8 @@ class Seen:
 
     def with_rocks(self, picture: np.ndarray, lamp: np.ndarray, *, own: bool) -> np.ndarray:
         """Shadows on rocks added: each rock's on itself, or those on others."""
-        to_lamp = lamp - self.rock_places
-        starts = self.rock_places + 0.004 * to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
+        to_lamp = lamp - self.rock_points
+        starts = self.rock_points + 0.004 * to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
         thrower = self.shaded(starts, lamp)
         counts = (thrower == self.ids.rock[self.on_rock]) == own
         found = picture.copy()
@@ -157,7 +157,7 @@ class Propagated:
 
 
 def propagated(run: Run, options: LabelsOptions) -> Propagated:
-    run.place()
+    run.localise()
     localised = rigs.read_all_localised(run.folder / "cameras")
     drawings = read_drawings(run.folder / "seeds", run.terrain)
     starts = shadow_starts(drawings, options.shadow_start(run.terrain))

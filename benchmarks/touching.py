@@ -112,8 +112,8 @@ def read(folder: Path) -> Scene:
     cells = np.flatnonzero(np.isfinite(sand.surface) & (sand.above > LIMITS.foot))
     owner = np.zeros(sand.surface.size, np.int64)
     true_from_sandbox = true @ localised["A"].sandbox_from_left.inverse()
-    places = np.column_stack([sand.grid.places().reshape(-1, 2)[cells], sand.top.ravel()[cells]])
-    owner[cells] = _owners(folder / "truth/meshes", true_from_sandbox, places)
+    points = np.column_stack([sand.grid.centres().reshape(-1, 2)[cells], sand.top.ravel()[cells]])
+    owner[cells] = _owners(folder / "truth/meshes", true_from_sandbox, points)
     rocks = pd.read_parquet(folder / "truth/rocks.parquet")
     sizes = dict(zip(rocks["rock"].tolist(), rocks["size_m"].tolist(), strict=True))
     return Scene(folder.name, sand, owner.reshape(sand.surface.shape), sizes)
@@ -128,9 +128,9 @@ def _owners(meshes: Path, true_from_sandbox: Pose, points: np.ndarray) -> np.nda
         numbers.append(number)
     if not numbers:
         return np.zeros(len(points), np.int64)
-    places = true_from_sandbox.apply(points).astype(np.float32)
-    nearest = world.compute_closest_points(o3d.core.Tensor(places))
-    near = np.linalg.norm(nearest["points"].numpy() - places, axis=1) < OWN
+    there = true_from_sandbox.apply(points).astype(np.float32)
+    nearest = world.compute_closest_points(o3d.core.Tensor(there))
+    near = np.linalg.norm(nearest["points"].numpy() - there, axis=1) < OWN
     return np.where(near, np.array(numbers)[np.where(near, nearest["geometry_ids"].numpy(), 0)], 0)
 
 

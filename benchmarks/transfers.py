@@ -92,7 +92,7 @@ class Run:
     def seeds(self) -> set[PhotoKey]:
         return {PhotoKey.parse(path.stem) for path in (self.folder / "seeds").glob("*.txt")}
 
-    def place(self) -> None:
+    def localise(self) -> None:
         """Raw files to cameras and meshes, once."""
         if (self.folder / "placed").exists():
             return
@@ -140,7 +140,7 @@ class Run:
 
     def labels(self, keys: Sequence[PhotoKey], options: LabelsOptions, out: Path) -> pd.DataFrame:
         """The label table of some photos; it and the boxes are written to a folder."""
-        self.place()
+        self.localise()
         propagate_labels(
             terrain=self.terrain,
             keys=keys,
@@ -195,7 +195,7 @@ def task_of(key: PhotoKey) -> str:
 
 def score_run(run: Run, truth: Truth, task: str | None, options: LabelsOptions, scores: Scores) -> None:
     """Every file that is no seed, of the photos that `truth` holds."""
-    run.place()
+    run.localise()
     wanted = {key: annotated for key, annotated in truth.items() if key not in run.seeds}
     table = run.labels(sorted(wanted), options, run.folder)
     rows = dict(iter(table.groupby("key")))
@@ -242,7 +242,7 @@ class CastPairs:
 
 def cast_pairs(run: Run, options: LabelsOptions) -> CastPairs:
     """Every annotated shadow of the seeds beside the one that geometry alone gives."""
-    run.place()
+    run.localise()
     plain = options.model_copy(update={"annotator_shadows": (0.0,) * len(annotator_model.TERMS)})
     localised = rigs.read_all_localised(run.folder / "cameras")
     drawings = read_drawings(run.folder / "seeds", run.terrain)
@@ -299,7 +299,7 @@ class Drawing:
 
 def both_cameras(run: Run, truth: Truth, options: LabelsOptions) -> Known:
     """What the drawings of both cameras under Sun lamps tell together: of each the file with most rocks."""
-    run.place()
+    run.localise()
     localised = rigs.read_all_localised(run.folder / "cameras")
     seeds: Seeds = {}
     fullest = sorted(truth, key=lambda key: (len(truth[key][ROCK]), -abs(np.log2(key.exposure_ms / 256)), key))
@@ -381,7 +381,7 @@ class RoverLit:
 
 def rover_lit(run: Run, truth: Truth, options: LabelsOptions) -> RoverLit:
     """Every rock that people drew under Sun lamps, in every exposure bracket that only the rover light shines on."""
-    run.place()
+    run.localise()
     drawings = read_drawings(run.folder / "seeds", run.terrain)
     localised = rigs.read_all_localised(run.folder / "cameras")
     suns = lamps.read_suns(run.folder / "cameras", localised)

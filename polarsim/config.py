@@ -40,7 +40,7 @@ _DETECT_KEYS = {
     "prediction": ("device", "confidence", "nms_iou"),
     "comparison": ("iou_confidence", "undetected", "unpaired", "resampled", "resamples"),
 }  # fmt: skip
-# Keys of older configurations that have a place elsewhere now.
+# Keys of older configurations that stand elsewhere now.
 MOVED = {
     **{f"detect.{key}": f"detect.{part}.{key}" for part, keys in _DETECT_KEYS.items() for key in keys},
     **{f"tables.{key}": f"scoring.{key}" for key in ScoringOptions.model_fields if key != "annotated_root"},
@@ -85,7 +85,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     run: str = Field("demo", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="Name; results go to results/<run>/.")
     terrains: tuple[int, ...] = Field((1, 3, 6, 11), min_length=1, description="Terrain numbers, 1 to 13.")
-    positions: tuple[str, ...] = Field(("A", "B", "C"), min_length=1, description="Tripod places, A to G.")
+    positions: tuple[str, ...] = Field(("A", "B", "C"), min_length=1, description="Tripod positions, A to G.")
     source: SourceOptions = Field(description="Where raw data come from.")
     grid: GridOptions = Field(GridOptions(), description="The part of NASA's photo grid that a run works on.")
     analog: AnalogOptions = Field(AnalogOptions(), description="The sandbox that is generated with source.kind analog.")
@@ -296,11 +296,11 @@ def render_options(assignments: Sequence[str]) -> RenderOptions:
         except yaml.YAMLError as error:
             raise ConfigError(f"{key}: {text!r} is no YAML value") from error
         *sections, last = key.split(".")
-        place = content
+        part = content
         for section in sections:
-            inner = place.get(section)
-            place[section] = place = dict(inner) if isinstance(inner, dict) else {}
-        place[last] = value
+            inner = part.get(section)
+            part[section] = part = dict(inner) if isinstance(inner, dict) else {}
+        part[last] = value
     try:
         return RenderOptions.model_validate(content)
     except ValidationError as error:

@@ -105,8 +105,8 @@ def _statements(tree: ast.Module) -> Iterator[ast.AST]:
 def _file(name: str) -> Path | None:
     if name.split(".")[0] != "polarsim":
         return None
-    place = _PACKAGE.joinpath(*name.split(".")[1:])
-    for path in (place.with_suffix(".py"), place / "__init__.py"):
+    below = _PACKAGE.joinpath(*name.split(".")[1:])
+    for path in (below.with_suffix(".py"), below / "__init__.py"):
         if path.is_file():
             return path
     return None

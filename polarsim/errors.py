@@ -1,4 +1,4 @@
-"""Every error that a user can put right: one line with the place, what was found, and what was expected."""
+"""Every error that a user can put right: one line with the position, what was found, and what was expected."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 class PolarsimError(Exception):
     """Bad input. One line: where, what was found, what was expected. Anything else that is raised is a bug of ours.
 
-    Code that needs the place asks the fields; the message is for people and may be worded anew.
+    Code that needs the position asks the fields; the message is for people and may be worded anew.
 
     Parameters
     ----------
     reason
-        What was found and what was expected, without the place.
+        What was found and what was expected, without the position.
     path
         The file or folder that is wrong; None where only the caller knows it, which says so with `about`.
     line
@@ -29,9 +29,9 @@ class PolarsimError(Exception):
         self.line = line
 
     def __str__(self) -> str:
-        place = [] if self.path is None else [str(self.path)]
-        place += [] if self.line is None else [str(self.line)]
-        return f"{':'.join(place)}: {self.reason}" if place else self.reason
+        where = [] if self.path is None else [str(self.path)]
+        where += [] if self.line is None else [str(self.line)]
+        return f"{':'.join(where)}: {self.reason}" if where else self.reason
 
 
 class ConfigError(PolarsimError):

@@ -20,12 +20,12 @@ _BESIDE_THE_CODE = Path(__file__).parent / "__pycache__"
 
 
 def njit(*signatures: str, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """A decorator like Numba's, always cached; NUMBA_CACHE_DIR names another place than the library's own."""
+    """A decorator like Numba's, always cached; NUMBA_CACHE_DIR names another folder than the library's own."""
 
     def compiled(function: Callable[..., Any]) -> Any:
         asked = config.CACHE_DIR
         config.CACHE_DIR = str(Path(asked or _BESIDE_THE_CODE) / f"kernels-{code_digest(function.__module__)}")
-        try:  # Numba chooses the place while it decorates
+        try:  # Numba chooses the folder while it decorates
             return numba.njit(*signatures, cache=True, **options)(function)
         finally:
             config.CACHE_DIR = asked

@@ -31,7 +31,7 @@ USUAL_EXPOSURE_MS = 256  # the middle of NASA's exposures under a Sun lamp, at w
 CENTRE_GREY_PER_MS = 3.0  # of level sand at the centre under the Sun lamp 30: then the usual exposure serves best
 
 ROCK, SHADOW = "rock", "shadow"
-BOX_CLASSES = (ROCK, SHADOW)  # the class number of a box is its place here
+BOX_CLASSES = (ROCK, SHADOW)  # the class number of a box is its index here
 POLYGON_CLASSES = ("background", "ground", ROCK, SHADOW)  # and that of a polygon here: they differ
 SHADOWS_ANNOTATED_FROM_MS = 128  # exposure from which people draw shadows; another annotator did at every one
 GREY_VALUES = {"background": 0, "ground": 86, ROCK: 128, SHADOW: 43}  # of the release's grey maps
@@ -77,7 +77,7 @@ class PhotoKey:
 
     @property
     def station(self) -> tuple[int, str]:
-        """Terrain and position: one place of the tripod."""
+        """Terrain and position: one stand of the tripod."""
         return self.terrain, self.position
 
     @property
@@ -118,7 +118,7 @@ def is_exposure(exposure_ms: int) -> bool:
 
 
 def positions(terrain: int) -> tuple[str, ...]:
-    """Tripod places of a terrain."""
+    """Tripod positions of a terrain."""
     return tuple("ABCDEFG") if terrain == 13 else tuple("ABC")
 
 

@@ -1,4 +1,4 @@
-"""The one place that makes random generators: same run seed and purpose, same numbers, in any order of jobs."""
+"""The one module that makes random generators: same run seed and purpose, same numbers, in any order of jobs."""
 
 from __future__ import annotations
 

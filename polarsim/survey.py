@@ -37,7 +37,7 @@ TERRAIN_NAMES = {1: "LargeOnly", 3: "MeanDistr", 6: "Smooth", 11: "FreshCrater",
 
 
 def lamp_position(azimuth: str, lift: float = 0.0) -> np.ndarray:
-    """(3,) surveyed place of the Sun lamp of an azimuth, sandbox frame; `no` has none (KeyError).
+    """(3,) surveyed position of the Sun lamp of an azimuth, sandbox frame; `no` has none (KeyError).
 
     `lift` is how much higher than here the survey's level lies in the terrain's own frame, metres: see `survey_lift`.
     """
@@ -52,7 +52,7 @@ def survey_lift(left_heights: Iterable[float]) -> float:
     median height: shadows of terrain 11 are met at F1 0.51 instead of 0.45, those of 01 and 04 alike.
     """
     heights = list(left_heights)
-    usual = float(np.median([place[2] for place in SURVEYED_LEFT.values()]))
+    usual = float(np.median([position[2] for position in SURVEYED_LEFT.values()]))
     return float(np.median(heights)) - usual if heights else 0.0
 
 

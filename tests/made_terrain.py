@@ -36,8 +36,8 @@ class World:
         for position, pose in self.poses.items():
             localised = LocalisedRig(stated_rig(), other_from_truth @ pose, "scans", {"rmse_mm": 1.5})
             write_localised(folder / "cameras" / f"Pos{position}.json", localised)
-        suns = {azimuth: other_from_truth.apply(np.array(place)) for azimuth, place in SUN_LAMPS.items()}
-        write_json(folder / "lamps.json", {azimuth: place.tolist() for azimuth, place in suns.items()})
+        suns = {azimuth: other_from_truth.apply(np.array(tripod)) for azimuth, tripod in SUN_LAMPS.items()}
+        write_json(folder / "lamps.json", {azimuth: tripod.tolist() for azimuth, tripod in suns.items()})
         ground = make_sand()
         write_mesh(folder, obj.ground_name(TERRAIN), ground, other_from_truth)
         rows = []
@@ -64,7 +64,7 @@ def world() -> World:
 
 @pytest.fixture
 def sun_lamps() -> dict[str, tuple[float, float, float]]:
-    """Places by azimuth, true frame."""
+    """Positions by azimuth, true frame."""
     return SUN_LAMPS
 
 

@@ -72,9 +72,9 @@ def test_a_key_that_is_a_constant_now_is_refused_by_name(key):
 
 
 def test_every_moved_key_has_a_place_and_none_at_its_old_one():
-    for old, places in MOVED.items():
+    for old, points in MOVED.items():
         assert not describes(old)
-        assert all(describes(new) for new in places.split(" and "))
+        assert all(describes(new) for new in points.split(" and "))
 
 
 def describes(key):

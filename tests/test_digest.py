@@ -53,14 +53,14 @@ def all_imports(folder: str = "") -> dict[str, tuple[str, ...]]:
 
 def upwards(imports: dict[str, Iterable[str]]) -> list[str]:
     """The imports, module by module, that go up or sideways in `FLOORS`."""
-    floor = {place: number for number, places in enumerate(FLOORS) for place in places}
+    floor = {position: number for number, points in enumerate(FLOORS) for position in points}
     found = []
     for module, seen in imports.items():
         for other in seen:
-            own, place = (name.split(".")[1] if "." in name else "" for name in (module, other))
-            if place and own != place:  # polarsim itself holds the version
-                stage = floor[place] == floor["lint"] and place not in TALLER.get(own, FLOORS[floor["lint"]])
-                found += [f"{module} imports {other}"] if floor[place] >= floor[own] or stage else []
+            own, position = (name.split(".")[1] if "." in name else "" for name in (module, other))
+            if position and own != position:  # polarsim itself holds the version
+                stage = floor[position] == floor["lint"] and position not in TALLER.get(own, FLOORS[floor["lint"]])
+                found += [f"{module} imports {other}"] if floor[position] >= floor[own] or stage else []
     return found
 
 
@@ -178,8 +178,8 @@ def imports_by_text(text: str) -> set[str]:
 
 
 def file_of(module: str) -> Path | None:
-    place = Path(digest.__file__).parent.parent / module.replace(".", "/")
-    return next((path for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()), None)
+    position = Path(digest.__file__).parent.parent / module.replace(".", "/")
+    return next((path for path in (position.with_suffix(".py"), position / "__init__.py") if path.is_file()), None)
 
 
 def reached_by_text(script: Path) -> set[str]:

@@ -199,7 +199,7 @@ def test_commands_are_found_in_blocks(tmp_path):
         ("snakemake labels --config 'labels={speed: 3}'", PolarsimError),
         ("make nothing", AssertionError),
         ("polarsim nothing", KeyError),
-        ("polarsim score ONE", Exception),  # typer's own, of a place that moved between its versions
+        ("polarsim score ONE", Exception),  # typer's own, of a module that moved between its versions
         ("polarsim show KEY --speed 3", Exception),
         ("python benchmarks/nothing.py", FileNotFoundError),
         ("python benchmarks/labels.py", SystemExit),

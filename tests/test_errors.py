@@ -47,7 +47,7 @@ def test_a_file_that_is_known_is_not_hidden():
     assert str(caught.value) == "file.txt:4: no key"
 
 
-def test_people_read_place_and_reason(tmp_path):
+def test_people_read_position_and_reason(tmp_path):
     path = tmp_path / "01_A_off_180_L_0256.txt"
     path.write_text("0 0.5 0.5 0.1 0.1\n\n0 0.5 0.5 0.1\n")
     with pytest.raises(FormatError) as caught:
@@ -115,7 +115,7 @@ def test_no_code_reads_the_text_of_an_error(folder):
 @pytest.mark.parametrize(
     "line",
     [
-        "place = str(error).removeprefix(path).partition(':')[0]",
+        "where = str(error).removeprefix(path).partition(':')[0]",
         "found = re.match('.*:([0-9]+)', str(error))",
         "number = error.args[0]",
         "text = f'{error}'; number = text.split(':')[1]",

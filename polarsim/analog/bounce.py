@@ -1,4 +1,4 @@
-"""One diffuse bounce: light off sand, rocks and walls, gathered at chosen places and spread over all vertices."""
+"""One diffuse bounce: light off sand, rocks and walls, gathered at chosen points and spread over all vertices."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from polarsim.analog.sandbox import HALL_OBJECT, Scene
 from polarsim.analog.view import GBuffer, strips
 
 AMBIENT = "ambient"  # the hall's own weak light, beside the lamps
-_CACHE_GRID = 0.06  # step of the places where the bounce is gathered, metres
+_CACHE_GRID = 0.06  # step of the points where the bounce is gathered, metres
 _CACHE_ROCK_DETAIL = 2
 _BOUNCE_RAYS = 36
 
@@ -49,11 +49,11 @@ class Bounce:
 def gather_bounce(
     scene: Scene, caster: Caster, lamps: Mapping[str, Lamp], rng: np.random.Generator, threads: int
 ) -> Bounce:
-    """Collect the light of one diffuse bounce (and of the hall) at chosen places, and spread it over all vertices."""
+    """Collect the light of one diffuse bounce (and of the hall) at chosen points, and spread it over all vertices."""
     chosen = _chosen_vertices(scene)
-    places, normals = scene.vertices[chosen], scene.normals[chosen]
+    points, normals = scene.vertices[chosen], scene.normals[chosen]
     directions = _hemisphere(normals, rng)
-    origins = (places + SURFACE_OFFSET * normals)[:, None]
+    origins = (points + SURFACE_OFFSET * normals)[:, None]
     hit = caster.first_hits(rays_from(origins, directions), threads)
     found = np.isfinite(hit["t_hit"]) & (hit["t_hit"] > 0)
     face = np.where(found, hit["primitive_ids"], 0)
@@ -73,14 +73,14 @@ def gather_bounce(
 
 
 def _lit_radiance(
-    scene: Scene, caster: Caster, lamp: Lamp, places: np.ndarray, normals: np.ndarray, face: np.ndarray, threads: int
+    scene: Scene, caster: Caster, lamp: Lamp, points: np.ndarray, normals: np.ndarray, face: np.ndarray, threads: int
 ) -> np.ndarray:
     """Radiance of matte surfaces under a lamp, hard shadows."""
-    to_lamp, distance = towards(lamp, places)
+    to_lamp, distance = towards(lamp, points)
     cosine = np.einsum("...k,...k->...", normals, to_lamp)
     lit = cosine > 0
-    start = (places + SURFACE_OFFSET * normals)[lit]
-    at = caster.first_hits(rays_from(start, (lamp.place - start).astype(np.float32)), threads)["t_hit"]
+    start = (points + SURFACE_OFFSET * normals)[lit]
+    at = caster.first_hits(rays_from(start, (lamp.position - start).astype(np.float32)), threads)["t_hit"]
     lit[lit] = at > 0.995
     radiance = scene.albedo_of_face[face] / np.float32(np.pi) * cosine * lamp.irradiance(to_lamp, distance)
     return np.where(lit, radiance, 0).astype(np.float32)

@@ -28,7 +28,7 @@ class Ground:
         return float(self.axis[1] - self.axis[0])
 
     def height_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Heights at places, bilinear; the border's height beyond it."""
+        """Heights at points, bilinear; the border's height beyond it."""
         at = np.stack([np.asarray(x) - self.axis[0], np.asarray(y) - self.axis[0]]) / self.step
         return map_coordinates(self.heights, at, order=1, mode="nearest")
 
@@ -76,11 +76,11 @@ def make_ground(preset: Preset, step: float, rng: np.random.Generator) -> Ground
     return Ground(axis, heights)
 
 
-def pile_sand(ground: Ground, rng: np.random.Generator, places: np.ndarray, radii: np.ndarray) -> Ground:
-    """Sand swept up against rocks: a low uneven collar at each place (n, 2) of radius (n,)."""
+def pile_sand(ground: Ground, rng: np.random.Generator, points: np.ndarray, radii: np.ndarray) -> Ground:
+    """Sand swept up against rocks: a low uneven collar at each point (n, 2) of radius (n,)."""
     heights = ground.heights.copy()
-    for place, radius in zip(places, radii, strict=True):
-        window, dx, dy = _window(ground.axis, place, radius + 0.10)
+    for position, radius in zip(points, radii, strict=True):
+        window, dx, dy = _window(ground.axis, position, radius + 0.10)
         away = np.hypot(dx, dy) - radius
         angle = np.arctan2(dy, dx)
         uneven = 0.6 + 0.4 * np.cos(angle - rng.uniform(0, 6.28)) + 0.3 * np.cos(3 * angle - rng.uniform(0, 6.28))
@@ -88,10 +88,10 @@ def pile_sand(ground: Ground, rng: np.random.Generator, places: np.ndarray, radi
     return Ground(ground.axis, heights)
 
 
-def _window(axis: np.ndarray, place: np.ndarray, reach: float) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:
-    """Grid window around a place, and the offsets (h, w) of its nodes from it."""
-    ranges = [slice(*np.searchsorted(axis, [centre - reach, centre + reach])) for centre in place]
-    dx, dy = np.meshgrid(axis[ranges[0]] - place[0], axis[ranges[1]] - place[1], indexing="ij")
+def _window(axis: np.ndarray, position: np.ndarray, reach: float) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:
+    """Grid window around a point, and the offsets (h, w) of its nodes from it."""
+    ranges = [slice(*np.searchsorted(axis, [centre - reach, centre + reach])) for centre in position]
+    dx, dy = np.meshgrid(axis[ranges[0]] - position[0], axis[ranges[1]] - position[1], indexing="ij")
     return (ranges[0], ranges[1]), dx, dy
 
 

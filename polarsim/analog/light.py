@@ -58,24 +58,24 @@ def reflect(
 
 @dataclass(frozen=True)
 class Lamp:
-    """A small bright disc that shines at a place."""
+    """A small bright disc that shines at a position."""
 
-    place: np.ndarray
+    position: np.ndarray
     target: np.ndarray
     radius: float
     intensity: float = 1.0  # radiant intensity on the axis, in lamps "30"
 
     @property
     def axis(self) -> np.ndarray:
-        return (self.target - self.place) / np.linalg.norm(self.target - self.place)
+        return (self.target - self.position) / np.linalg.norm(self.target - self.position)
 
     def disc(self, unit_samples: np.ndarray) -> np.ndarray:
-        """(..., 3) places on the disc of samples (..., 2) in the unit disc."""
+        """(..., 3) points on the disc of samples (..., 2) in the unit disc."""
         side = np.cross(self.axis, [0, 0, 1.0])
         side /= np.linalg.norm(side)
         up = np.cross(side, self.axis)
         spread = unit_samples[..., :1] * side + unit_samples[..., 1:] * up
-        return (self.place + self.radius * spread).astype(np.float32)
+        return (self.position + self.radius * spread).astype(np.float32)
 
     def irradiance(self, to_lamp: np.ndarray, distance: np.ndarray) -> np.ndarray:
         """(...) irradiance across the beam at unit intensity, for unit vectors (..., 3) to the lamp."""
@@ -85,9 +85,9 @@ class Lamp:
         return (beam / distance**2).astype(np.float32)
 
 
-def towards(lamp: Lamp, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors (..., 3) and distances (...) from places to a lamp's centre."""
-    to_lamp = lamp.place.astype(np.float32) - places
+def towards(lamp: Lamp, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors (..., 3) and distances (...) from points to a lamp's centre."""
+    to_lamp = lamp.position.astype(np.float32) - points
     distance = lengths(to_lamp)
     return to_lamp / distance[..., None], distance
 
@@ -97,9 +97,9 @@ def direct(view: GBuffer, lamp: Lamp, visible: np.ndarray) -> np.ndarray:
     out = np.zeros(view.shape, np.float32)
     for rows in strips(len(out)):
         lit = visible[rows] > 0
-        places = view.places[rows][lit]
-        to_lamp, distance = towards(lamp, places)
-        to_eye = view.centre.astype(np.float32) - places
+        points = view.points[rows][lit]
+        to_lamp, distance = towards(lamp, points)
+        to_eye = view.centre.astype(np.float32) - points
         to_eye /= lengths(to_eye)[..., None]
         material, albedo, gloss, normals = (
             part[rows][lit] for part in (view.material, view.albedo, view.gloss, view.normals)
@@ -112,7 +112,7 @@ def direct(view: GBuffer, lamp: Lamp, visible: np.ndarray) -> np.ndarray:
 def visibility(view: GBuffer, caster: Caster, lamp: Lamp, rng: np.random.Generator, threads: int) -> np.ndarray:
     """(h, w) share of the lamp's disc that each pixel sees.
 
-    One ray a pixel to a place of its own on the disc; neighbours are averaged over as many pixels as the penumbra is
+    One ray a pixel to a point of its own on the disc; neighbours are averaged over as many pixels as the penumbra is
     wide, which the distances of pixel, blocker and lamp tell.
     """
     import cv2
@@ -120,12 +120,12 @@ def visibility(view: GBuffer, caster: Caster, lamp: Lamp, rng: np.random.Generat
     seen = np.ones(view.shape, np.float32)
     penumbra = np.zeros(view.shape, np.float32)  # px
     for rows in strips(len(seen)):
-        places = view.places[rows] + SURFACE_OFFSET * view.normals[rows]
-        to_disc = lamp.disc(_unit_disc(rng, view.objects[rows].shape)) - places
+        points = view.points[rows] + SURFACE_OFFSET * view.normals[rows]
+        to_disc = lamp.disc(_unit_disc(rng, view.objects[rows].shape)) - points
         facing = np.einsum("...k,...k->...", view.normals[rows], to_disc) > 0
         facing &= view.material[rows] != Material.DARK  # black cloth: not worth a ray
         at = np.full(facing.shape, np.inf, np.float32)
-        at[facing] = caster.first_hits(rays_from(places[facing], to_disc[facing]), threads)["t_hit"]
+        at[facing] = caster.first_hits(rays_from(points[facing], to_disc[facing]), threads)["t_hit"]
         occluded = at < 0.995
         seen[rows] = ~occluded & facing
         share = np.clip(at, 0.0, 0.9)
@@ -139,7 +139,7 @@ def visibility(view: GBuffer, caster: Caster, lamp: Lamp, rng: np.random.Generat
 
 
 def _unit_disc(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """(*shape, 2) random places in the unit disc, stratified over blocks of 2 x 2 pixels."""
+    """(*shape, 2) random points in the unit disc, stratified over blocks of 2 x 2 pixels."""
     row, column = np.indices(shape, sparse=True)
     quarter = ((row & 1) * 2 + (column & 1)).astype(np.float32)
     angle = (quarter + rng.random(shape, dtype=np.float32)) * np.float32(np.pi / 2)

@@ -99,9 +99,9 @@ def _lamps(stations: Stations, position: str, options: AnalogOptions) -> dict[st
     """The lamps of a position by azimuth, and its rover light."""
     left = stations.sandbox_from_left[position]
     lamps = {}
-    for name, place in stations.lamps_at(position).items():
+    for name, lamp_position in stations.lamps_at(position).items():
         target = left.apply(np.array([0, 0.0, 4.0])) if name == ROVER else np.zeros(3)
-        lamps[name] = Lamp(place, target, options.lamp_radius_mm / 1000, LAMP_OUTPUT[name])
+        lamps[name] = Lamp(lamp_position, target, options.lamp_radius_mm / 1000, LAMP_OUTPUT[name])
     return lamps
 
 

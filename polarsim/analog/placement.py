@@ -62,32 +62,32 @@ def _sizes(preset: Preset, rng: np.random.Generator) -> np.ndarray:
 
 
 def _candidate(rock: Rock, rng: np.random.Generator, preset: Preset, *, in_pile: bool) -> np.ndarray:
-    """A place (2,) as the layout likes it."""
+    """A position (2,) as the layout likes it."""
     if preset.half_width < 1:
         return rng.uniform(-0.6, 0.6, 2) * preset.half_width
-    place = np.array([rng.uniform(*_X_RANGE), rng.uniform(*_Y_RANGE)])
+    spot = np.array([rng.uniform(*_X_RANGE), rng.uniform(*_Y_RANGE)])
     large = rock.radius > 0.08
     if in_pile:
         return _PILE + rng.normal(0, 0.05, 2)
     if preset.layout == "cluster" and large:
         return np.array([-0.8, 0.8]) + rng.normal(0, 0.35, 2)
     if preset.layout == "sides":
-        return np.array([place[0], rng.uniform(-1.6, 0.2) if large else rng.uniform(0.2, 1.6)])
+        return np.array([spot[0], rng.uniform(-1.6, 0.2) if large else rng.uniform(0.2, 1.6)])
     if preset.layout == "in_crater" and large:
         return CRATER_CENTRE + rng.normal(0, 0.6, 2)
     if preset.layout == "diagonal":
         return np.array([-1.2, -1.3]) + rng.random() * np.array([2.3, 2.5]) + rng.normal(0, 0.3, 2)
-    return place
+    return spot
 
 
-def _fits(place: np.ndarray, radius: float, placed: Sequence[Rock], preset: Preset, gap: float) -> bool:
+def _fits(spot: np.ndarray, radius: float, placed: Sequence[Rock], preset: Preset, gap: float) -> bool:
     if preset.half_width < 1:
-        inside = bool(np.all(np.abs(place) < 0.7 * preset.half_width))
+        inside = bool(np.all(np.abs(spot) < 0.7 * preset.half_width))
     else:
-        inside = bool(_X_RANGE[0] <= place[0] <= _X_RANGE[1] and _Y_RANGE[0] <= place[1] <= _Y_RANGE[1])
-    if preset.layout == "around" and np.linalg.norm(place - CRATER_CENTRE) < 1.25:
+        inside = bool(_X_RANGE[0] <= spot[0] <= _X_RANGE[1] and _Y_RANGE[0] <= spot[1] <= _Y_RANGE[1])
+    if preset.layout == "around" and np.linalg.norm(spot - CRATER_CENTRE) < 1.25:
         return False
-    return inside and all(np.linalg.norm(place - r.centre[:2]) > radius + r.radius + gap for r in placed)
+    return inside and all(np.linalg.norm(spot - r.centre[:2]) > radius + r.radius + gap for r in placed)
 
 
 def _stand_alone(
@@ -95,22 +95,22 @@ def _stand_alone(
 ) -> Rock:
     gap = 0.05
     for attempt in range(4 * _TRIES):
-        place = _candidate(shape, rng, preset, in_pile=in_pile)
-        if in_pile or _fits(place, shape.radius, placed, preset, gap):
+        spot = _candidate(shape, rng, preset, in_pile=in_pile)
+        if in_pile or _fits(spot, shape.radius, placed, preset, gap):
             break
         if attempt % _TRIES == _TRIES - 1:
             gap /= 4  # a crowded scene: stand closer
-    return _set_down(shape, place, ground, rng)
+    return _set_down(shape, spot, ground, rng)
 
 
-def _set_down(shape: Rock, place: np.ndarray, ground: Ground, rng: np.random.Generator) -> Rock:
-    """On the ground at a place, its foot in the sand; three in ten are buried to about the half."""
+def _set_down(shape: Rock, spot: np.ndarray, ground: Ground, rng: np.random.Generator) -> Rock:
+    """On the ground at a point, its foot in the sand; three in ten are buried to about the half."""
     extent = np.ptp(shape.vertices, axis=0)
     share = rng.uniform(0.35, 0.55) if rng.random() < 0.3 else rng.uniform(0.08, 0.2)
-    low = shape.vertices[shape.vertices[:, 2] < shape.vertices[:, 2].min() + 0.3 * extent[2], :2] + place
+    low = shape.vertices[shape.vertices[:, 2] < shape.vertices[:, 2].min() + 0.3 * extent[2], :2] + spot
     level = np.median(ground.height_at(low[:, 0], low[:, 1]))
     bottom = level - max(share * extent[2], 0.012)
-    return shape.moved(np.array([*place, bottom - shape.vertices[:, 2].min()]))
+    return shape.moved(np.array([*spot, bottom - shape.vertices[:, 2].min()]))
 
 
 def _surfaces(rocks: Sequence[Rock]) -> Caster:
@@ -143,10 +143,10 @@ def _lean(
             here.bit_generator.state = burial  # the same depth at every step
             rock = _set_down(shape, parent.centre[:2] + apart * towards, ground, here)
             near, far = (apart, far) if _gap(rock, against) < 0 else (near, apart)
-        place = rock.centre[:2]
-        if not _fits(place, 0.0, [], preset, 0):
+        spot = rock.centre[:2]
+        if not _fits(spot, 0.0, [], preset, 0):
             continue
-        close = [r for r in others if np.linalg.norm(r.centre[:2] - place) < r.radius + rock.radius + 0.15]
+        close = [r for r in others if np.linalg.norm(r.centre[:2] - spot) < r.radius + rock.radius + 0.15]
         if not close or _gap(rock, _surfaces(close)) > 0.002:
             return rock
     return None
@@ -155,14 +155,14 @@ def _lean(
 def _stack(shape: Rock, bases: Sequence[Rock], placed: Sequence[Rock], rng: np.random.Generator) -> Rock:
     """Dropped from above between the bases until it touches whatever lies there."""
     below = _surfaces(placed)
-    place = np.mean([rock.centre[:2] for rock in bases], axis=0) + rng.normal(0, 0.02, 2)
+    spot = np.mean([rock.centre[:2] for rock in bases], axis=0) + rng.normal(0, 0.02, 2)
     if len(bases) == 2:
-        place = bases[0].centre[:2] + rng.normal(0, 0.02, 2)
+        spot = bases[0].centre[:2] + rng.normal(0, 0.02, 2)
     top = max(rock.vertices[:, 2].max() for rock in placed)
     low, high = float(bases[0].centre[2]), float(top + np.ptp(shape.vertices[:, 2]))
     for _ in range(16):
         height = (low + high) / 2
-        rock = shape.moved(np.array([*place, height]))
+        rock = shape.moved(np.array([*spot, height]))
         low, high = (height, high) if _gap(rock, below) < 0 else (low, height)
     return rock.moved(np.array([0, 0, -0.003]))  # stones bite into each other a little
 

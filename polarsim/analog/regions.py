@@ -57,8 +57,8 @@ def shadow_regions(
     if rock_caster is None:
         return []
     rows, columns = np.nonzero((view.objects == GROUND_OBJECT) & (seen < _FULLY_LIT))
-    start = view.places[rows, columns] + SURFACE_OFFSET * view.normals[rows, columns]
-    rays = rays_from(start, lamp.place.astype(np.float32) - start)
+    start = view.points[rows, columns] + SURFACE_OFFSET * view.normals[rows, columns]
+    rays = rays_from(start, lamp.position.astype(np.float32) - start)
     found = rock_caster.first_hits(rays, threads)
     behind = found["t_hit"] < 1
     rows, columns, rays = rows[behind], columns[behind], rays[behind]

@@ -11,7 +11,7 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 _BLUR_PX = 0.6  # sd of the lens's point spread
 _VIGNETTING = 0.30  # light lost in the corners
-_VEIL, _HALO = 0.002, 0.007  # shares of the light that the lens spreads over everything, and widely about its place
+_VEIL, _HALO = 0.002, 0.007  # shares of the light that the lens spreads over everything, and widely about its position
 _PIXEL_GAIN = 0.006  # sd of the pixels' sensitivity
 
 
@@ -41,19 +41,19 @@ def lamp_glare(lamp: Lamp, camera: Camera, brightness: float, rng: np.random.Gen
     """
     lens = camera.lens
     height, width = lens.shape
-    place = camera.world_from_camera.inverse().apply(lamp.place)
-    distance = float(np.linalg.norm(place))
-    off_axis = np.arccos(place[2] / distance)
+    position = camera.world_from_camera.inverse().apply(lamp.position)
+    distance = float(np.linalg.norm(position))
+    off_axis = np.arccos(position[2] / distance)
     out = np.zeros((height, width), np.float32)
     if off_axis > np.radians(105) or distance < 0.3:
         return out
     strength = brightness * (4 / distance) ** 2
-    ahead = place / distance
+    ahead = position / distance
     centre = np.array([width / 2, height / 2])
     aside = ahead[:2] / max(float(np.hypot(*ahead[:2])), 1e-6)
     in_picture = False
     if ahead[2] > 0.3:
-        spot = lens.project(place[None])[0]
+        spot = lens.project(position[None])[0]
         in_picture = bool(np.all((spot > 0) & (spot < [width, height])))
     if in_picture:
         _blob(out, spot, lens.fx * lamp.radius / distance, 4000 * strength, 2.0)

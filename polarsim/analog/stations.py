@@ -99,7 +99,7 @@ def _six_digits(values: np.ndarray) -> np.ndarray:
 
 def _tripod(terrain: int, position: str, rng: np.random.Generator) -> Pose:
     reach = _TRIPOD_OFFSET
-    if terrain == 13:  # seven nearly equal places before a small box
+    if terrain == 13:  # seven nearly equal positions before a small box
         centre = np.array([2.0, -0.15, 1.25]) + rng.uniform(-1, 1, 3) * [reach, reach, reach / 2]
         return looking(centre, np.pi + rng.normal(0, 0.01), np.radians(rng.uniform(29, 31)), 0.0)
     centre = _TRIPODS[position] + rng.uniform(-1, 1, 3) * [reach, reach, reach / 2]

@@ -27,15 +27,15 @@ class Terrain:
 
 
 def build_terrain(terrain: int, options: AnalogOptions) -> Terrain:
-    """Shape the sand, place the rocks, put the box around them, set up tripods and lamps."""
+    """Shape the sand, lay the rocks, put the box around them, set up tripods and lamps."""
     preset, seed = PRESETS[terrain], options.seed
     own = preset.like or terrain
     ground = make_ground(preset, options.ground_step_mm / 1000, generator(seed, "ground", own))
     rocks = place_rocks(preset, ground, generator(seed, "rocks", own), options.rock_detail)
-    places = np.array([rock.centre for rock in rocks]).reshape(-1, 3)
+    points = np.array([rock.centre for rock in rocks]).reshape(-1, 3)
     foot = np.array([rock.vertices[:, 2].min() for rock in rocks])
-    standing = foot < ground.height_at(places[:, 0], places[:, 1])  # stones on stones have no sand at their feet
+    standing = foot < ground.height_at(points[:, 0], points[:, 1])  # stones on stones have no sand at their feet
     radii = np.array([rock.radius for rock in rocks])
-    ground = pile_sand(ground, generator(seed, "piles", own), places[standing, :2], radii[standing])
+    ground = pile_sand(ground, generator(seed, "piles", own), points[standing, :2], radii[standing])
     scene = build_scene(preset, ground, rocks, options.rock_detail, generator(seed, "box", terrain))
     return Terrain(terrain, scene, scene.caster(), make_stations(terrain, options))

@@ -31,7 +31,7 @@ def write_truth(made: Terrain, folder: Path, options: AnalogOptions) -> None:
     stations, scene, terrain = made.stations, made.scene, made.terrain
     for position, pose in stations.sandbox_from_left.items():
         write_localised(folder / "cameras" / f"Pos{position}.json", LocalisedRig(stations.rig, pose, "truth"))
-    write_json(folder / "lamps.json", {name: place.tolist() for name, place in stations.lamps.items()})
+    write_json(folder / "lamps.json", {name: lamp_position.tolist() for name, lamp_position in stations.lamps.items()})
     faces = icosphere(options.rock_detail)[1]
     rows = []
     for rock in scene.rocks:
@@ -96,9 +96,9 @@ class AlbedoMap:
         cubes, sums = [self._cubes], [self._sums]
         for rows in strips(len(view.objects)):
             seen = view.objects[rows] != HALL_OBJECT
-            places, objects = view.places[rows][seen].astype(float), view.objects[rows][seen]
-            cube, of_pixel = np.unique(_cube_of(places, objects), return_inverse=True)
-            values = (np.ones(len(places)), view.albedo[rows][seen], *places.T)
+            points, objects = view.points[rows][seen].astype(float), view.objects[rows][seen]
+            cube, of_pixel = np.unique(_cube_of(points, objects), return_inverse=True)
+            values = (np.ones(len(points)), view.albedo[rows][seen], *points.T)
             cubes.append(cube)
             sums.append(np.stack([np.bincount(of_pixel, value, len(cube)) for value in values], axis=1))
         self._cubes, number = np.unique(np.concatenate(cubes), return_inverse=True)
@@ -106,7 +106,7 @@ class AlbedoMap:
         self._sums = np.stack([np.bincount(number, part, len(self._cubes)) for part in parts.T], axis=1)
 
     def table(self) -> pd.DataFrame:
-        """A row a cube: rock (-1: sand), mean place x, y, z of its pixels, their mean albedo, and their number."""
+        """A row a cube: rock (-1: sand), mean position x, y, z of its pixels, their mean albedo, and their number."""
         pixels = self._sums[:, 0]
         means = self._sums[:, 1:] / np.maximum(pixels, 1)[:, None]
         rock = self._cubes // (2 * _REACH) ** 3 - 1
@@ -118,9 +118,9 @@ class AlbedoMap:
         return table
 
 
-def _cube_of(places: np.ndarray, objects: np.ndarray) -> np.ndarray:
+def _cube_of(points: np.ndarray, objects: np.ndarray) -> np.ndarray:
     """(n,) one number for object and cube; sand is object -1."""
-    cell = np.clip(np.floor(places / CUBE).astype(np.int64) + _REACH, 0, 2 * _REACH - 1)
+    cell = np.clip(np.floor(points / CUBE).astype(np.int64) + _REACH, 0, 2 * _REACH - 1)
     number = objects.astype(np.int64) + 1
     for axis in range(3):
         number = number * 2 * _REACH + cell[:, axis]

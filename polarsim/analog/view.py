@@ -1,4 +1,4 @@
-"""What a camera sees at each pixel: place, normal, object, and the texture of its surface."""
+"""What a camera sees at each pixel: point, normal, object, and the texture of its surface."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class GBuffer:
     """What the pixels (h, w) of one camera see."""
 
     centre: np.ndarray  # (3,) of the camera, sandbox frame
-    places: np.ndarray  # (h, w, 3) float32, sandbox frame, metres
+    points: np.ndarray  # (h, w, 3) float32, sandbox frame, metres
     normals: np.ndarray  # (h, w, 3) float32, bumps included, towards the camera where that is in doubt
     albedo: np.ndarray  # (h, w) float32
     gloss: np.ndarray  # (h, w) float32
@@ -91,7 +91,7 @@ def look(scene: Scene, caster: Caster, textures: Textures, camera: Camera, threa
     directions = lens_directions(camera.lens)
     height, width = camera.lens.shape
     empty = {
-        "places": ((3,), np.float32), "normals": ((3,), np.float32), "albedo": ((), np.float32),
+        "points": ((3,), np.float32), "normals": ((3,), np.float32), "albedo": ((), np.float32),
         "gloss": ((), np.float32), "material": ((), np.uint8), "objects": ((), np.int16), "faces": ((), np.int32),
         "weights": ((2,), np.float32), "footprint": ((), np.float32),
     }  # fmt: skip
@@ -112,7 +112,7 @@ def _surface(
     distance = np.where(np.isfinite(hit["t_hit"]), hit["t_hit"], 20.0).astype(np.float32)
     face = np.where(np.isfinite(hit["t_hit"]), hit["primitive_ids"], 0).astype(np.int32)
     weights = hit["primitive_uvs"]
-    places = centre + distance[..., None] * rotated
+    points = centre + distance[..., None] * rotated
     corners = scene.faces[face]
     second, third = weights[..., :1], weights[..., 1:]
     normals = (
@@ -122,24 +122,24 @@ def _surface(
     )
     material = scene.material[face]
     footprint = distance * lengths(rotated) / np.float32(focal)
-    albedo, bumpy = _textured(scene, textures, face, places, normals, material, footprint)
+    albedo, bumpy = _textured(scene, textures, face, points, normals, material, footprint)
     missed = ~np.isfinite(hit["t_hit"])
     objects = np.where(missed, HALL_OBJECT, scene.object_of_face[face])
     return {
-        "places": places, "normals": bumpy, "albedo": np.where(missed, 0, albedo), "gloss": scene.gloss_of_face[face],
+        "points": points, "normals": bumpy, "albedo": np.where(missed, 0, albedo), "gloss": scene.gloss_of_face[face],
         "material": np.where(missed, Material.DARK, material), "objects": objects, "faces": face, "weights": weights,
         "footprint": footprint,
     }  # fmt: skip
 
 
 def _textured(
-    scene: Scene, textures: Textures, face: np.ndarray, places: np.ndarray, normals: np.ndarray,
+    scene: Scene, textures: Textures, face: np.ndarray, points: np.ndarray, normals: np.ndarray,
     material: np.ndarray, footprint: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Albedo with grain and patches, and unit normals with bumps; both fade where a pixel spans many grains."""
     steep = np.argmax(np.abs(normals), axis=-1)  # the texture is laid on along the axis that the surface faces most
-    u = np.where(steep == 0, places[..., 1], places[..., 0])
-    v = np.where(steep == 2, places[..., 1], places[..., 2])
+    u = np.where(steep == 0, points[..., 1], points[..., 0])
+    v = np.where(steep == 2, points[..., 1], points[..., 2])
 
     def texel(tile: np.ndarray, cell: np.ndarray | float) -> np.ndarray:
         row = np.floor(u / cell).astype(np.int32) & (_TILE - 1)

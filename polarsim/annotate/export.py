@@ -67,9 +67,9 @@ def export(
     keys = list(pictures)
     labels = pd.concat([_table(run, terrain) for terrain in sorted({key.terrain for key in keys})])
     with writing_folder(folder) as temporary:
-        place = temporary if tool == "labelimg" else temporary / "images"
+        folder_of_pictures = temporary if tool == "labelimg" else temporary / "images"
         for key, path in track(list(pictures.items()), "pictures"):
-            png.write(place / f"{key}.png", to_8bit(png.read(path))[..., 0])
+            png.write(folder_of_pictures / f"{key}.png", to_8bit(png.read(path))[..., 0])
         if tool == "labelimg":
             _write_labelimg(temporary, labels, keys)
         elif tool == "cvat":
@@ -174,7 +174,7 @@ def label_studio_interface() -> str:
 def label_studio_tasks(labels: pd.DataFrame, keys: Sequence[PhotoKey], pictures: str) -> list[dict[str, Any]]:
     """A task a photo: its picture, and its labels as one prediction, shadows tied to their rocks.
 
-    Places and sizes are percent of the picture's; a prediction becomes an annotation as soon as a person edits it.
+    Positions and sizes are percent of the picture's; a prediction becomes an annotation as soon as a person edits it.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def _task(key: PhotoKey, rows: pd.DataFrame, picture: str) -> dict[str, Any]:
 def _rectangle(name: str, row: dict[Any, Any], box: np.ndarray) -> dict[str, Any]:
     x0, y0, x1, y1 = box.tolist()
     kind, rock = str(row["kind"]), int(row["rock"])
-    place = {"x": x0, "y": y0, "width": x1 - x0, "height": y1 - y0}
+    rectangle = {"x": x0, "y": y0, "width": x1 - x0, "height": y1 - y0}
     return {
         "id": name,
         "type": "rectanglelabels",
@@ -214,7 +214,7 @@ def _rectangle(name: str, row: dict[Any, Any], box: np.ndarray) -> dict[str, Any
         "original_height": HEIGHT,
         "image_rotation": 0,
         "score": round(float(row["confidence"]), 4),
-        "value": {k: round(v, DECIMALS) for k, v in place.items()} | {"rotation": 0, "rectanglelabels": [kind]},
+        "value": {k: round(v, DECIMALS) for k, v in rectangle.items()} | {"rotation": 0, "rectanglelabels": [kind]},
         "meta": {"text": [f"rock {rock}"] if rock != NO_ROCK else []},
     }
 

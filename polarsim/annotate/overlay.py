@@ -40,16 +40,16 @@ class Tags:
         self._taken: list[Rectangle] = []
 
     def write(self, text: str, box: Sequence[float], colour: Colour, letters: Any) -> None:
-        """Write beside a box, at the first place that is free, or else where the fewest other words are."""
+        """Write beside a box, at the first spot that is free, or else where the fewest other words are."""
         left, top, right, bottom = self._pen.textbbox((0, 0), text, font=letters)
-        places = self._places(right - left + 2 * self._line, bottom - top + 2 * self._line, box)
-        place = min(places, key=lambda place: sum(_common_area(place, other) for other in self._taken))
-        self._taken.append(place)
-        origin = (round(place[0]) + self._line - left, round(place[1]) + self._line - top)
+        candidates = self._candidates(right - left + 2 * self._line, bottom - top + 2 * self._line, box)
+        chosen = min(candidates, key=lambda chosen: sum(_common_area(chosen, other) for other in self._taken))
+        self._taken.append(chosen)
+        origin = (round(chosen[0]) + self._line - left, round(chosen[1]) + self._line - top)
         stroke = max(1, self._line)
         self._pen.text(origin, text, fill=colour, font=letters, stroke_width=stroke, stroke_fill=(0, 0, 0))
 
-    def _places(self, wide: float, high: float, box: Sequence[float]) -> list[Rectangle]:
+    def _candidates(self, wide: float, high: float, box: Sequence[float]) -> list[Rectangle]:
         """Above and below the box at either end, then left and right of it; inside the picture."""
         gap, (left, top, right, bottom) = self._line, box
         above, below, before, behind = top - high - gap, bottom + gap, left - wide - gap, right + gap
@@ -154,7 +154,7 @@ def draw_labels(
         _draw_box(pen, label.box, COLOURS[label.kind], line, dashed=label.confidence < marks.doubtful_below)
     tags, large = Tags(pen, size, line), max(10, round(width / 62))
     letters = {ROCK: font(large), SHADOW: font(max(9, round(_SMALL * large)) if marks.shadow_ids else large)}
-    for label in reversed(shown):  # rocks choose their places first
+    for label in reversed(shown):  # rocks choose their positions first
         text = label.tag(marks)
         if text:
             tags.write(text, label.box, COLOURS[label.kind], letters[label.kind])
@@ -170,14 +170,14 @@ def add_legend(pixels: np.ndarray, title: str, labels: pd.DataFrame, kinds: Sequ
     strip = Image.new("RGB", (width, round(2.2 * size)), PAPER)
     pen, letters, centre = ImageDraw.Draw(strip), font(size), round(1.1 * size)
     pen.text((size, centre), title, fill=INK, font=letters, anchor="lm")
-    place = width - size
+    x = width - size
     for kind in _bottom_up(kinds):
         text = f"{kind} ({int((labels['kind'] == kind).sum())})"
-        place -= round(pen.textlength(text, font=letters))
-        pen.text((place, centre), text, fill=INK, font=letters, anchor="lm")
-        place -= round(1.4 * size)
-        pen.rectangle([place, centre - size // 2, place + size, centre + size // 2], outline=INK, fill=COLOURS[kind])
-        place -= size
+        x -= round(pen.textlength(text, font=letters))
+        pen.text((x, centre), text, fill=INK, font=letters, anchor="lm")
+        x -= round(1.4 * size)
+        pen.rectangle([x, centre - size // 2, x + size, centre + size // 2], outline=INK, fill=COLOURS[kind])
+        x -= size
     return np.concatenate([pixels, np.asarray(strip)])
 
 

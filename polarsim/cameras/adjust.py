@@ -22,7 +22,7 @@ _OF_POSE, _OF_RIG, _OF_LENS = 6, 6, 4
 class Sightings:
     """Points of one view."""
 
-    points: np.ndarray  # (n, 3) places in the sandbox, metres
+    points: np.ndarray  # (n, 3) points in the sandbox, metres
     pixels: np.ndarray  # (n, 2) where its photos show them
     whitening: np.ndarray  # (n, 2, 2) turns an offset, px, into two of standard deviation 1
 

@@ -39,9 +39,9 @@ class HeightMap:
 def height_map(points: np.ndarray, reach: float, step: float) -> HeightMap:
     """Mean height of points (n, 3) in cells of `step` over a square of +-`reach`, metres."""
     side = 2 * round(reach / step)
-    place = np.floor((points[:, :2] + reach) / step).astype(int)
-    inside = ((place >= 0) & (place < side)).all(axis=1)
-    cell = place[inside, 1] * side + place[inside, 0]
+    cells = np.floor((points[:, :2] + reach) / step).astype(int)
+    inside = ((cells >= 0) & (cells < side)).all(axis=1)
+    cell = cells[inside, 1] * side + cells[inside, 0]
     count = np.bincount(cell, minlength=side * side)
     total = np.bincount(cell, weights=points[inside, 2], minlength=side * side)
     with np.errstate(invalid="ignore"):
@@ -71,14 +71,14 @@ def rotated_and_translated(
     peaks.sort(key=lambda peak: -peak[0])
     kept: list[tuple[float, np.ndarray]] = []
     yaw_step = float(np.abs(np.diff(yaws)).min()) if len(yaws) > 1 else 0.0
-    for _, yaw, place in peaks:
+    for _, yaw, offset in peaks:
         near = any(
-            abs(yaw - other) < 1.5 * yaw_step and np.abs(place - taken).max() < (PEAK_CELLS + 1) * step
+            abs(yaw - other) < 1.5 * yaw_step and np.abs(offset - taken).max() < (PEAK_CELLS + 1) * step
             for other, taken in kept
         )
         if not near and len(kept) < count:
-            kept.append((yaw, place))
-    return [Pose.from_rotvec(np.array([0, 0, yaw]), np.append(place, 0.0)) for yaw, place in kept]
+            kept.append((yaw, offset))
+    return [Pose.from_rotvec(np.array([0, 0, yaw]), np.append(offset, 0.0)) for yaw, offset in kept]
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def _peaks(score: np.ndarray, limit: int, count: int) -> list[tuple[float, np.nd
     for _ in range(count):
         row, column = np.unravel_index(near.argmax(), near.shape)
         found.append((float(near[row, column]), np.array([column - limit, row - limit], float)))
-        around = [slice(max(0, place - PEAK_CELLS), place + PEAK_CELLS + 1) for place in (row, column)]
+        around = [slice(max(0, index - PEAK_CELLS), index + PEAK_CELLS + 1) for index in (row, column)]
         near[tuple(around)] = -np.inf
     return found
 

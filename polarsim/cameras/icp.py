@@ -161,7 +161,7 @@ def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose]) -> d
     for pair in _pairs(free, surfaces, samples, poses, 1.0):
         bread += (pair.slopes * pair.bends[:, None]).T @ pair.slopes
         pulls.append(pair.slopes * (pair.weights * pair.distances)[:, None])
-        patches.append(np.floor(pair.places[:, :2] / PATCH).astype(int))
+        patches.append(np.floor(pair.points[:, :2] / PATCH).astype(int))
     _, patch = np.unique(np.concatenate(patches), axis=0, return_inverse=True)
     pull = np.zeros((patch.max() + 1, 6 * len(free)))
     np.add.at(pull, patch.ravel(), np.concatenate(pulls))
@@ -186,7 +186,7 @@ def measure(fixed: Surface, moving: Surface, fixed_from_moving: Pose, tolerance:
 class _Pair:
     """The partners of one ordered pair of scans, as many as count."""
 
-    places: np.ndarray  # (n, 3) of the moving scan's points in the reference's frame, metres
+    points: np.ndarray  # (n, 3) of the moving scan's points in the reference's frame, metres
     distances: np.ndarray  # (n,) from the partners' planes, metres
     slopes: np.ndarray  # (n, 6 u) of the distance by rotations and translations of the u unknown scans
     weights: np.ndarray  # (n,) inverse variances times Tukey's weights
@@ -206,15 +206,15 @@ def _pairs(
         rows, partner, distances = _partners(surfaces[fixed], samples[moving], fixed_from_moving)
         variance = samples[moving].spread[rows] ** 2 + surfaces[fixed].spread[partner] ** 2
         near = np.clip(1 - (distances / (width * TUKEY)) ** 2 / variance, 0, None)
-        places = poses[moving].apply(samples[moving].points[rows])
+        points = poses[moving].apply(samples[moving].points[rows])
         direction = poses[fixed].rotate(surfaces[fixed].normals[partner])
-        slope = np.concatenate([np.cross(places, direction), direction], axis=1)  # of the distance, by the moving scan
+        slope = np.concatenate([np.cross(points, direction), direction], axis=1)  # of the distance, by the moving scan
         slopes = np.zeros((len(rows), 6 * len(names)))
         for sign, name in ((1, moving), (-1, fixed)):
             if name in names:
                 k = 6 * names.index(name)
                 slopes[:, k : k + 6] = sign * slope
-        yield _Pair(places, distances, slopes, near**2 / variance, near * (5 * near - 4) / variance)
+        yield _Pair(points, distances, slopes, near**2 / variance, near * (5 * near - 4) / variance)
 
 
 def _partners(fixed: Surface, sample: Surface, fixed_from_moving: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -24,9 +24,9 @@ FINAL_GATES_PX = (60.0, 40.0, 30.0, 30.0)  # of the last fit
 START_NOISE, FINAL_NOISE = EdgeNoise(6.0, 3.0), EdgeNoise(3.0, 3.0, "cauchy", loss_scale=2.0)
 MIN_FIT = 0.52  # sum of IoU over what could match that speaks for itself
 MIN_LED_FIT, MIN_LEAD = 0.4, 0.15  # ... and that suffices with such a lead over the next best pose
-MAX_OFF_SURVEY = 1.0  # metres: a pose further from the surveyed place is refused
+MAX_OFF_SURVEY = 1.0  # metres: a pose further from the surveyed position is refused
 START_DIRECTIONS = 64  # points a rock while hypotheses are refined from afar
-SAME_PLACE = 0.1  # metres: fits that end nearer to each other are one
+SAME_POSITION = 0.1  # metres: fits that end nearer to each other are one
 NO_LEAD = 0.1  # of the share: a pose that leads another one by less is a guess, however much both explain
 
 
@@ -106,7 +106,7 @@ def checked(localisation: LabelLocalisation) -> LabelLocalisation:
     off = np.linalg.norm(localisation.fit.sandbox_from_left.translation - localisation.prior.mean[:3])
     if np.isfinite(localisation.prior.sd[0]) and off > MAX_OFF_SURVEY:
         raise RegistrationError(
-            f"the pose that explains the boxes best stands {off:.1f} m from the survey's place, at most "
+            f"the pose that explains the boxes best stands {off:.1f} m from the survey's position, at most "
             f"{MAX_OFF_SURVEY:g} m are believed: are these another position's boxes?"
         )
     return localisation
@@ -136,7 +136,7 @@ def _final_fits(
 
 
 def _distinct(fits: list[BoxFit], prior: PosePrior) -> list[BoxFit]:
-    """The best fit of each place, best first; what lies off the survey counts a little less."""
+    """The best fit of each position, best first; what lies off the survey counts a little less."""
 
     def worth(fit: BoxFit) -> float:
         return fit.sum_iou - SURVEY_WEIGHT * prior.chi2(fit.sandbox_from_left)
@@ -149,4 +149,6 @@ def _distinct(fits: list[BoxFit], prior: PosePrior) -> list[BoxFit]:
 
 
 def _same(first: BoxFit, second: BoxFit) -> bool:
-    return bool(np.linalg.norm(first.sandbox_from_left.translation - second.sandbox_from_left.translation) < SAME_PLACE)
+    return bool(
+        np.linalg.norm(first.sandbox_from_left.translation - second.sandbox_from_left.translation) < SAME_POSITION
+    )

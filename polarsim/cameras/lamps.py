@@ -20,7 +20,7 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, View
 
 _NUDGE = 0.04  # metres: about a pixel of a coarse view
 _WEIGHTS = 20  # steps of a robust fit
-_SURVEY_SD = 0.15  # metres: prior on a lamp's place about the survey
+_SURVEY_SD = 0.15  # metres: prior on a lamp's position about the survey
 _LEAST_WINDOWS = 30
 _LEAST_SHARE = 0.1  # of a window that must lie in shadow, and in light
 
@@ -50,7 +50,7 @@ def shots_of(
 def refine_lamp(
     start: np.ndarray, surveyed: np.ndarray, shots: list[Shot], window: Window, independent: int
 ) -> np.ndarray | None:
-    """(3,) place of a lamp, found across the line to the sandbox's centre; None where photos show too little of it.
+    """(3,) position of a lamp, found across the line to the sandbox's centre; None where photos show too little of it.
 
     One linear step: shadows move evenly with a lamp.
 
@@ -72,9 +72,9 @@ def refine_lamp(
     return np.asarray(surveyed + moved @ across)
 
 
-def _across(place: np.ndarray) -> np.ndarray:
+def _across(position: np.ndarray) -> np.ndarray:
     """(2, 3) unit vectors across the line from a lamp to the sandbox's centre: level, and upright."""
-    side = np.array([place[1], -place[0], 0.0])
+    side = np.array([position[1], -position[0], 0.0])
     return np.stack([side / np.linalg.norm(side), [0.0, 0.0, 1.0]])
 
 
@@ -84,9 +84,9 @@ def _responses(lamp: np.ndarray, across: np.ndarray, shot: Shot, window: Window)
     usable = shot.seen.met & _on_shadow_edges(here, window)
     in_photo = find(here, shot.photo, usable, window)
     nudged = [_moves(find(here, _as_photo(shot.seen.under(lamp + nudge)), usable, window)) for nudge in _NUDGE * across]
-    places = [tuple(pixel) for pixel in in_photo.pixel.tolist()]
-    rows = [row for row, place in enumerate(places) if all(place in moves for moves in nudged)]
-    slopes = [[moves[places[row]] for row in rows] for moves in nudged]
+    pixels = [tuple(pixel) for pixel in in_photo.pixel.tolist()]
+    rows = [row for row, at in enumerate(pixels) if all(at in moves for moves in nudged)]
+    slopes = [[moves[pixels[row]] for row in rows] for moves in nudged]
     whitening = in_photo.whitening[rows]
     return (
         whitened((in_photo.seen - in_photo.pixel)[rows], whitening),
@@ -95,7 +95,7 @@ def _responses(lamp: np.ndarray, across: np.ndarray, shot: Shot, window: Window)
 
 
 def _on_shadow_edges(image: np.ndarray, window: Window) -> np.ndarray:
-    """(h, w) bool: where a window would show shadow and light; what else it shows tells little of a lamp's place."""
+    """(h, w) bool: where a window would show shadow and light; what else it shows tells little of a lamp's position."""
     import cv2
 
     size = 2 * window.half + 1

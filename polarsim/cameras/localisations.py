@@ -1,4 +1,5 @@
-"""All positions of a terrain localised by seed boxes, the surest first; rocks that stand off their places move along.
+"""All positions of a terrain localised by seed boxes, the surest first; rocks that stand off their positions move
+along.
 
 Published meshes were cut and placed by hand: most stand within millimetres, some off by centimetres. What the boxes of
 a position tell of the rocks helps to localise the next one.

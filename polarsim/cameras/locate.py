@@ -121,14 +121,14 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
     return Located(localised, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT.columns))})
 
 
-def _formal_errors(covariance: np.ndarray, place: np.ndarray) -> dict[str, float]:
-    """Standard deviations of a tripod at `place` (3,), from the covariance (6, 6) of rotation and translation about the
-    origin.
+def _formal_errors(covariance: np.ndarray, position: np.ndarray) -> dict[str, float]:
+    """Standard deviations of a tripod at `position` (3,), from the covariance (6, 6) of rotation and translation about
+    the origin.
 
     They are relative to the mean of the terrain's scans, whose common frame rests on the walls or on the survey.
     """
-    x, y, z = place
-    lever = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # of the rotation's cross product with the place
+    x, y, z = position
+    lever = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # of the rotation's cross product with the position
     moves = np.hstack([lever, np.eye(3)])
     return {
         "sd_mm": float(1000 * np.sqrt(np.trace(moves @ covariance @ moves.T))),
@@ -229,7 +229,7 @@ def _localised(rig: StereoRig, pose: Pose, method: str, quality: Mapping[str, fl
 
 
 def _off_survey(position: str, pose: Pose) -> dict[str, float]:
-    """How far a tripod stands from its surveyed place, and its heading from the nominal one."""
+    """How far a tripod stands from its surveyed position, and its heading from the nominal one."""
     surveyed = surveyed_pose(position)
     if surveyed is None:
         return {}

@@ -18,7 +18,7 @@ class PlacementOptions(BaseModel, extra="forbid", frozen=True):
     survey_sd_m: float = Field(
         0.4,
         gt=0,
-        description="A tripod stands about its surveyed place with this standard deviation, m on each axis; a "
+        description="A tripod stands about its surveyed position with this standard deviation, m on each axis; a "
         "smaller one trusts the survey more.",
     )
     survey_sd_deg: float = Field(
@@ -30,7 +30,7 @@ class PlacementOptions(BaseModel, extra="forbid", frozen=True):
     rock_shift_sd_mm: float = Field(
         7,
         ge=0,
-        description="Published rock meshes may lie off their places by this standard deviation, mm on each axis; 0:"
+        description="Published rock meshes may lie off their positions by this standard deviation, mm on each axis; 0:"
         " they lie where they are said to.",
     )
 

@@ -31,7 +31,7 @@ from polarsim.photo import View
 from polarsim.progress import track
 
 # Windows of 21 px of a shaded view are looked for up to 5 px away, one every 12 px; their correlation with the photo is
-# at least 0.6, and the noise of their place 0.4 of sqrt((1 - correlation) / bend of the correlation).
+# at least 0.6, and the noise of their position 0.4 of sqrt((1 - correlation) / bend of the correlation).
 WINDOW = Window(21 // 2, 5, 12, 0.6, 0.4)
 MIN_WINDOWS = 200  # positions with fewer windows found stay as located
 INDEPENDENT = 300  # windows of a view that at most count: neighbours err alike
@@ -109,8 +109,8 @@ def _refined(
         rig = next(iter(adjusted.localised.values())).rig
         current = {position: replace(one, rig=rig) for position, one in located.items()} | adjusted.localised
         suns = _found_suns(name, shots_of(surface, adjusted.localised, photos, scale), surveyed, suns)
-    for azimuth, place in suns.items():
-        off_mm = 1000 * np.linalg.norm(place - surveyed[azimuth])
+    for azimuth, lamp in suns.items():
+        off_mm = 1000 * np.linalg.norm(lamp - surveyed[azimuth])
         log.info("%s: lamp %s stands %.0f mm from its survey", name, azimuth, off_mm)
     return {
         position: _described(position, located[position], adjusted, seen)
@@ -142,9 +142,9 @@ def _found_suns(
     suns = {}
     for azimuth in track(sorted(shots), f"lamps of {name}"):
         start = found.get(azimuth, surveyed[azimuth])
-        place = refine_lamp(start, surveyed[azimuth], shots[azimuth], WINDOW, INDEPENDENT)
-        if place is not None:
-            suns[azimuth] = place
+        lamp = refine_lamp(start, surveyed[azimuth], shots[azimuth], WINDOW, INDEPENDENT)
+        if lamp is not None:
+            suns[azimuth] = lamp
     return suns
 
 

@@ -3,7 +3,7 @@
 What scans alone leave open is settled so: +Z is the normal of a robust plane through the whole sand, and z = 0 its
 height at the origin. Origin and heading come from the box: its inner walls lie at +-`SANDBOX_HALF_WIDTH` along X and
 Y, and the survey says which wall is which: they are looked for about where the tripods put them, by the rotation and
-translation that best lay these on their surveyed places and headings. Where fewer than two walls at right angles are
+translation that best lay these on their surveyed positions and headings. Where fewer than two walls at right angles are
 seen, that is the frame.
 """
 
@@ -26,7 +26,7 @@ GROUND_SCALES = [0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.05, 0.04, 0.04, 0.04]
 GROUND_SHARE = 0.9  # of the half width: beyond it sand piles up at the walls
 
 WALL_BAND = (0.06, 0.28)  # metres above the sand in which a wall is looked for: the lowest top lies at 0.29
-WALL_SLACK = 0.6  # metres that a wall may be off its place before the frame is known
+WALL_SLACK = 0.6  # metres that a wall may be off its position before the frame is known
 WALL_UPRIGHT = 0.3  # |z| of the normal of a wall, at most
 WALL_FACING = 0.95  # cosine between a wall's normal and the axis
 WALL_THICK = 0.03  # metres about the wall's plane that count as it
@@ -59,7 +59,7 @@ def find_sandbox_frame(
         settled = _from_walls(rotated, walls) @ settled
     else:
         walls = []
-    # The plane's height is meant at the origin, which has moved since; its slope is nil, so any place will do.
+    # The plane's height is meant at the origin, which has moved since; its slope is nil, so any point will do.
     ground = _ground(settled.apply(all_points))
     down = Pose(np.eye(3), np.array([0, 0, -ground[2]]))
     return SandboxFrame(down @ settled, len(walls))
@@ -79,8 +79,8 @@ def _ground(points: np.ndarray) -> np.ndarray:
     reach = GROUND_SHARE * SANDBOX_HALF_WIDTH
     heights = height_map(points[np.abs(points[:, 2]) < 0.6], reach, GROUND_STEP).height
     row, column = np.nonzero(np.isfinite(heights))
-    place = (np.stack([column, row], axis=1) + 0.5) * GROUND_STEP - reach
-    cells = np.column_stack([place, heights[row, column]])
+    centres = (np.stack([column, row], axis=1) + 0.5) * GROUND_STEP - reach
+    cells = np.column_stack([centres, heights[row, column]])
     return tracked_plane(cells, np.array([0, 0, np.median(cells[:, 2])]), GROUND_SCALES)
 
 
@@ -98,15 +98,15 @@ def _walls(points: np.ndarray, normals: np.ndarray) -> list[_Wall]:
         return []
     heading = np.angle(np.exp(4j * np.arctan2(normals[rows, 1], normals[rows, 0])).sum()) / 4
     home = Pose.from_rotvec(np.array([0, 0, -heading]), np.zeros(3))
-    place, facing = home.apply(points[rows]), home.rotate(normals[rows])
+    upright, facing = home.apply(points[rows]), home.rotate(normals[rows])
     walls = []
     for axis in (0, 1):
         for side in (-1, 1):
             inward = -side * facing[:, axis] > WALL_FACING
-            off = side * place[:, axis] - SANDBOX_HALF_WIDTH
+            off = side * upright[:, axis] - SANDBOX_HALF_WIDTH
             near = np.flatnonzero(inward & (np.abs(off) < WALL_SLACK))
             kept = near[_peak(off[near])]
-            pieces = np.unique(np.floor(place[kept, 1 - axis] / WALL_CELL))
+            pieces = np.unique(np.floor(upright[kept, 1 - axis] / WALL_CELL))
             if len(pieces) * WALL_CELL >= WALL_LENGTH:
                 walls.append(_Wall(axis, side, rows[kept]))
     return walls

@@ -34,7 +34,7 @@ HEIGHT_REACH = 1.0  # metres about the sand's level: above are curtains and stan
 LEVEL, FLAT = 0.2, 0.8  # metres about the sand's level, and |z| of normals, of what counts as sand near the walls
 COARSE_VOXELS = [0.04, 0.02]  # metres
 AGREE = 0.015  # metres between heights of one cell in two scans
-GUESSED_PLACE = np.array([3.6, 0.0, 1.55])  # metres: of a position that the survey does not have
+GUESSED_POSITION = np.array([3.6, 0.0, 1.55])  # metres: of a position that the survey does not have
 
 
 @dataclass(frozen=True)
@@ -145,8 +145,8 @@ def _majority(levelled: Mapping[str, _Levelled]) -> tuple[str, dict[str, Pose], 
 
 
 def level_pose(position: str, points: np.ndarray) -> Pose:
-    """Near-sandbox frame from a scan's left frame: survey for place and heading, the sand for tilt and height."""
-    guess = surveyed_pose(position) or looking(GUESSED_PLACE, np.pi, np.radians(NOMINAL_PITCH_DEG))
+    """Near-sandbox frame from a scan's left frame: survey for position and heading, the sand for tilt and height."""
+    guess = surveyed_pose(position) or looking(GUESSED_POSITION, np.pi, np.radians(NOMINAL_PITCH_DEG))
     seen = guess.apply(points)
     sand = seen[(np.abs(seen[:, :2]) < SAND_REACH).all(axis=1)]
     if len(sand) < MIN_SAND_POINTS:

@@ -1,8 +1,8 @@
-"""A view's pose from boxes and meshes with no start: every pairing of a rock with a box, from every likely place.
+"""A view's pose from boxes and meshes with no start: every pairing of a rock with a box, from every likely position.
 
-From a given place and with a level camera, exactly one yaw and pitch puts the centre of a rock on the centre of a box.
-So places on a coarse grid, times all pairs, hold a hypothesis near the truth; it shows by how many other rocks then
-meet a box of their size. Directions and sizes are compared as on a plane at distance 1, without distortion.
+From a given position and with a level camera, exactly one yaw and pitch puts the centre of a rock on the centre of a
+box. So positions on a coarse grid, times all pairs, hold a hypothesis near the truth; it shows by how many other rocks
+then meet a box of their size. Directions and sizes are compared as on a plane at distance 1, without distortion.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, looking
 
-DISTANCE_STEP, HEIGHT_STEP = 0.3, 0.2  # metres: steps of the search for a place
+DISTANCE_STEP, HEIGHT_STEP = 0.3, 0.2  # metres: steps of the search for a position
 AZIMUTH_RANGE_DEG, AZIMUTH_STEP_DEG = 12.0, 4.0  # of the search about the surveyed azimuth
 SEARCH_SD_PX = 40.0  # tolerance of box centres: about what a step moves them by
 STARTS = 25  # best hypotheses that are refined
@@ -24,7 +24,7 @@ SIZE_SD = 0.5  # tolerance of log width and log height
 PITCH = np.radians([2.0, 60.0])  # of any sensible camera here, downwards
 YAW_OFF_ORIGIN = np.radians(25.0)  # the camera looks at the terrain
 TWIN_DISTANCE, TWIN_ANGLE = 0.35, 0.05  # metres, radians: nearer hypotheses are one
-BEST_OF_A_PLACE = 20  # hypotheses that one place may keep
+BEST_OF_A_POSITION = 20  # hypotheses that one position may keep
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Hypothesis:
 
 
 def candidate_centres(azimuth: float | None, level: float, options: PlacementOptions) -> np.ndarray:
-    """(n, 3) places to try.
+    """(n, 3) positions to try.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def search_pose(outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.n
     boxes : (b, 4) float
         Rock boxes of the view, pixels.
     centres : (n, 3) float
-        Places to try, metres.
+        Positions to try, metres.
     """
     seen = _SeenBoxes.of(boxes, lens, SEARCH_SD_PX)
     thin = outlines.thinned(26)
@@ -120,7 +120,7 @@ def _hypotheses_at(centre: np.ndarray, outlines: Outlines, seen: _SeenBoxes) -> 
     if not len(yaw):
         return []
     score = _scores(yaw, pitch, directions, log_size, seen)
-    best = np.argsort(-score, kind="stable")[:BEST_OF_A_PLACE]
+    best = np.argsort(-score, kind="stable")[:BEST_OF_A_POSITION]
     return [Hypothesis(centre, float(yaw[k]), float(pitch[k]), float(score[k])) for k in best]
 
 
@@ -163,9 +163,9 @@ def _scores(
     depth = forward @ directions.T
     behind = (depth < 0.1) | ~np.isfinite(log_size[:, 0])
     depth = np.where(behind, 1, depth)
-    place = np.stack([right @ directions.T, down @ directions.T], axis=-1) / depth[..., None]
-    size = np.where(np.isfinite(log_size), log_size, 0)[None] + _log_stretch(place)[..., None]
-    rocks = np.concatenate([place / seen.sd, size / SIZE_SD], axis=-1)  # (n, m, 4)
+    projected = np.stack([right @ directions.T, down @ directions.T], axis=-1) / depth[..., None]
+    size = np.where(np.isfinite(log_size), log_size, 0)[None] + _log_stretch(projected)[..., None]
+    rocks = np.concatenate([projected / seen.sd, size / SIZE_SD], axis=-1)  # (n, m, 4)
     boxes = seen.features()
     # Squared distances by the binomial formula: one matrix product.
     part = (boxes**2).sum(axis=1) - 2 * rocks.reshape(-1, 4) @ boxes.T

@@ -29,7 +29,7 @@ class Seen:
 
     surface: Surface
     points: np.ndarray  # (h, w, 3) float32, sandbox frame, metres; NaN where nothing is met
-    place: np.ndarray  # (n, 3) the same of the pixels that meet something
+    point: np.ndarray  # (n, 3) the same of the pixels that meet something
     normal: np.ndarray  # (n, 3) float32, to the side that is seen
 
     @property
@@ -39,11 +39,11 @@ class Seen:
 
     def under(self, lamp: np.ndarray) -> np.ndarray:
         """(h, w) float32 brightness under a point light at (3,), sandbox frame, metres; zero where no light falls."""
-        to_lamp = lamp.astype(np.float32) - self.place
+        to_lamp = lamp.astype(np.float32) - self.point
         square = np.einsum("nk,nk->n", to_lamp, to_lamp)
         light = np.einsum("nk,nk->n", self.normal, to_lamp) / square**1.5  # cosine over distance squared
         lit = np.flatnonzero(light > 0)
-        lit = lit[~self.surface.rays.occluded(self.place[lit], to_lamp[lit], 1.0)]
+        lit = lit[~self.surface.rays.occluded(self.point[lit], to_lamp[lit], 1.0)]
         image = np.zeros(self.points.shape[:2], np.float32)
         image.ravel()[np.flatnonzero(self.met)[lit]] = light[lit]
         return image

@@ -43,9 +43,9 @@ def best_pictures(terrain: int, photos: Path) -> Pictures:
             log.warning("%s: not used for the cameras", error)
             continue
         usable = float(((sparse > _USABLE[0]) & (sparse < _USABLE[1])).mean())
-        place = ((key.position, key.camera), key.azimuth)
-        if usable > max(_LEAST_USABLE, best[place][0] if place in best else 0.0):
-            best[place] = usable, path
+        group = ((key.position, key.camera), key.azimuth)
+        if usable > max(_LEAST_USABLE, best[group][0] if group in best else 0.0):
+            best[group] = usable, path
     pictures: dict[View, dict[str, Path]] = {}
     for (view, azimuth), (_, path) in sorted(best.items()):
         pictures.setdefault(view, {})[azimuth] = path

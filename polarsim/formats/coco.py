@@ -58,16 +58,16 @@ class Annotation:
 
 
 def image_id(key: PhotoKey) -> int:
-    """The same in every file: the photo's place among all that the key can name, from 1 on."""
+    """The same in every file: the photo's index among all that the key can name, from 1 on."""
     number = key.terrain
-    for place, count in (
+    for digit, count in (
         (_POSITIONS.index(key.position), len(_POSITIONS)),
         (LIGHTS.index(key.light), len(LIGHTS)),
         (AZIMUTHS.index(key.azimuth), len(AZIMUTHS)),
         (CAMERAS.index(key.camera), len(CAMERAS)),
         (key.exposure_ms.bit_length() - 5, _EXPOSURES),
     ):
-        number = number * count + place
+        number = number * count + digit
     return number + 1
 
 
@@ -248,8 +248,8 @@ def read_coco(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> dict
         raise FormatError(f"no readable COCO file, {error.strerror}", path=path) from error
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise FormatError(f"no COCO file, {place}: {first['msg']}".replace("\n", " "), path=path) from error
+        where = ".".join(str(part) for part in first["loc"])
+        raise FormatError(f"no COCO file, {where}: {first['msg']}".replace("\n", " "), path=path) from error
     keys = _once(path, "image", ((image.id, _key(path, image, size)) for image in content.images))
     names = _once(path, "category", ((category.id, category.name) for category in content.categories))
     photos: dict[PhotoKey, list[Annotation]] = {key: [] for key in keys.values()}

@@ -17,12 +17,12 @@ FILE = "lamps.json"
 
 
 def write_suns(folder: str | Path, suns: Mapping[str, np.ndarray]) -> None:
-    """Places (3,) by azimuth, metres; written to a tenth of a millimetre."""
+    """Positions (3,) by azimuth, metres; written to a tenth of a millimetre."""
     write_json(Path(folder) / FILE, {name: [round(float(x), 4) for x in suns[name]] for name in sorted(suns)})
 
 
 def read_suns(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> dict[str, np.ndarray]:
-    """Place (3,) of every Sun lamp: where it was found, else where the survey has it.
+    """Position (3,) of every Sun lamp: where it was found, else where the survey has it.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def read_suns(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> dict
 
 
 def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
-    """Place (3,) of the Sun lamps that photos localise, by azimuth; the others stand where the survey has them.
+    """Position (3,) of the Sun lamps that photos localise, by azimuth; the others stand where the survey has them.
 
     Raises
     ------
@@ -54,16 +54,16 @@ def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
     content = read_json(path)
     with about(path):
         if not isinstance(content, dict) or set(content) - set(SUNS):
-            raise FormatError(f"expected places by azimuth ({', '.join(SUNS)})")
-        for azimuth, place in content.items():
+            raise FormatError(f"expected positions by azimuth ({', '.join(SUNS)})")
+        for azimuth, point in content.items():
             try:
-                suns[azimuth] = np.array(place, float).reshape(3)
+                suns[azimuth] = np.array(point, float).reshape(3)
             except (TypeError, ValueError) as error:
-                raise FormatError(f"{azimuth}: {place!r} is no place, expected three numbers") from error
+                raise FormatError(f"{azimuth}: {point!r} is no position, expected three numbers") from error
     return suns
 
 
 def surveyed_suns(localised: Mapping[str, LocalisedRig]) -> dict[str, np.ndarray]:
-    """Places (3,) of the survey, as high as a terrain's rigs tell."""
+    """Positions (3,) of the survey, as high as a terrain's rigs tell."""
     lift = lift_of(localised)
     return {azimuth: lamp_position(azimuth, lift) for azimuth in SUNS}

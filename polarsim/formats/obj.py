@@ -66,16 +66,16 @@ def read(path: str | Path) -> Mesh:
 
 def _plain_triangles(content: bytes) -> Mesh | None:
     """A file of one block of vertices and one of triangles, read in one go; None for all others."""
-    places = _columns(_block(content, b"v "), float, (1, 2, 3), of=4)
+    coordinates = _columns(_block(content, b"v "), float, (1, 2, 3), of=4)
     faces = _block(content, b"f ")
-    if places is None or faces is None:
+    if coordinates is None or faces is None:
         return None
     # Texture and normal numbers follow a corner's vertex, as in `f 1//1 2//2 3//3`: every line has as many slashes.
     apart = {0: 1, 3: 2, 6: 3}.get(faces.count(b"/", 0, faces.find(b"\n")))
     if apart is None:
         return None
     corners = _columns(faces.replace(b"/", b" "), int, (1, 1 + apart, 1 + 2 * apart), of=1 + 3 * apart)
-    return Mesh(places, corners - 1) if corners is not None and corners.min() > 0 else None
+    return Mesh(coordinates, corners - 1) if corners is not None and corners.min() > 0 else None
 
 
 def _block(content: bytes, tag: bytes) -> bytes | None:

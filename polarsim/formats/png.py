@@ -42,17 +42,17 @@ def parse_header(content: bytes) -> Header:
     """
     if not content.startswith(_SIGNATURE):
         raise FormatError("no PNG file")
-    place, kind, header = len(_SIGNATURE), b"", b""
+    offset, kind, header = len(_SIGNATURE), b"", b""
     while kind != b"IEND":
-        length, kind = struct.unpack(">I4s", content[place : place + 8].ljust(8, b"\0"))
-        end = place + 12 + length
+        length, kind = struct.unpack(">I4s", content[offset : offset + 8].ljust(8, b"\0"))
+        end = offset + 12 + length
         if end > len(content):
             raise FormatError(f"the PNG file is cut after {len(content)} bytes")
-        if zlib.crc32(content[place + 4 : end - 4]) != int.from_bytes(content[end - 4 : end], "big"):
-            raise FormatError(f"a damaged PNG file, wrong checksum at byte {place}")
-        if place == len(_SIGNATURE):
-            header = content[place + 8 : end - 4]
-        place = end
+        if zlib.crc32(content[offset + 4 : end - 4]) != int.from_bytes(content[end - 4 : end], "big"):
+            raise FormatError(f"a damaged PNG file, wrong checksum at byte {offset}")
+        if offset == len(_SIGNATURE):
+            header = content[offset + 8 : end - 4]
+        offset = end
     if len(header) != 13 or header[9] not in _CHANNELS:
         raise FormatError("a PNG file without a header")
     width, height, bits, colour = struct.unpack(">IIBB", header[:10])

@@ -79,7 +79,7 @@ def read_annotated(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray, np.nd
     except LabelError as error:
         raise FormatError(error.reason, path=error.path) from error
     log_strays((path for path in found.stray if path.suffix == ".txt"), str(folder))
-    names = {place: yolo.class_names(place) for place in {path.parent for path in found.files.values()}}
+    names = {below: yolo.class_names(below) for below in {path.parent for path in found.files.values()}}
     return {key: yolo.read_boxes(path, names=names[path.parent]) for key, path in found.files.items()}
 
 

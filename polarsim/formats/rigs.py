@@ -40,7 +40,7 @@ class LocalisedRig:
 
     @property
     def rover_light(self) -> np.ndarray:
-        """(3,) place of the rover light in the sandbox."""
+        """(3,) position of the rover light in the sandbox."""
         return self.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)
 
     def camera(self, side: str) -> Camera:

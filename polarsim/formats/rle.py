@@ -51,8 +51,8 @@ def encode(mask: np.ndarray, left: int = 0, top: int = 0, size: tuple[int, int] 
     assert left + mask.shape[1] <= width
     padded = np.pad(np.asarray(mask, np.int8).T, ((0, 0), (1, 1)))
     step = np.diff(padded, axis=1)
-    place = (np.arange(mask.shape[1])[:, None] + left) * height + np.arange(mask.shape[0] + 1) + top
-    starts, ends = place[step == 1], place[step == -1]
+    index = (np.arange(mask.shape[1])[:, None] + left) * height + np.arange(mask.shape[0] + 1) + top
+    starts, ends = index[step == 1], index[step == -1]
     apart = starts[1:] != ends[:-1]  # a run that leaves a column at its foot goes on at the head of the next
     starts, ends = starts[np.append(True, apart)[: len(starts)]], ends[np.append(apart, True)[: len(ends)]]
     borders = np.append(np.stack([starts, ends], axis=1).ravel(), width * height)
@@ -115,11 +115,11 @@ def _runs_of(text: str) -> np.ndarray:
         return np.zeros(0, np.int64)
     ends = codes & _GOES_ON == 0
     starts = np.append(True, ends[:-1])
-    place = np.arange(len(codes)) - np.flatnonzero(starts)[np.cumsum(starts) - 1]
-    if codes.min() < 0 or codes.max() >= 2 * _GOES_ON or not ends[-1] or place.max() >= _LONGEST:
+    index = np.arange(len(codes)) - np.flatnonzero(starts)[np.cumsum(starts) - 1]
+    if codes.min() < 0 or codes.max() >= 2 * _GOES_ON or not ends[-1] or index.max() >= _LONGEST:
         raise FormatError("text that encodes no runs")
-    runs = np.add.reduceat((codes & _VALUE) << (5 * place), np.flatnonzero(starts))
+    runs = np.add.reduceat((codes & _VALUE) << (5 * index), np.flatnonzero(starts))
     negative = codes[ends] & _SIGN != 0
-    runs -= np.where(negative, 1 << (5 * (place[ends] + 1)), 0)
+    runs -= np.where(negative, 1 << (5 * (index[ends] + 1)), 0)
     runs[1::2], runs[2::2] = np.cumsum(runs[1::2]), np.cumsum(runs[2::2])
     return runs

@@ -10,28 +10,28 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey
 
 
-def pictures_at(place: Path) -> dict[PhotoKey, Path]:
+def pictures_at(folder: Path) -> dict[PhotoKey, Path]:
     """Pictures by key: those that a table of photos lists, or those in a folder of twins."""
-    if place.suffix != ".parquet":
-        return {PhotoKey.parse(path.stem): path for path in sorted(place.glob("*.png"))}
-    photos = read_parquet(place, ["key", "path"])
+    if folder.suffix != ".parquet":
+        return {PhotoKey.parse(path.stem): path for path in sorted(folder.glob("*.png"))}
+    photos = read_parquet(folder, ["key", "path"])
     return {PhotoKey.parse(str(key)): Path(str(path)) for key, path in zip(photos["key"], photos["path"], strict=True)}
 
 
-def picture_finder(photo_domain: str, places: Iterable[Path]) -> Callable[[str, PhotoKey], Path | None]:
+def picture_finder(photo_domain: str, folders: Iterable[Path]) -> Callable[[str, PhotoKey], Path | None]:
     """What finds the picture of a domain and a key.
 
     Parameters
     ----------
     photo_domain
         Domain of the photos.
-    places
+    points
         Tables of photos, and folders of twins `<domain>/TerrainTT`.
     """
     found: dict[str, dict[PhotoKey, Path]] = {}
-    for place in places:
-        domain = photo_domain if place.suffix == ".parquet" else place.parent.name
-        found.setdefault(domain, {}).update(pictures_at(place))
+    for folder in folders:
+        domain = photo_domain if folder.suffix == ".parquet" else folder.parent.name
+        found.setdefault(domain, {}).update(pictures_at(folder))
     return lambda domain, key: found.get(domain, {}).get(key)
 
 

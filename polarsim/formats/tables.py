@@ -88,7 +88,7 @@ def key_columns(key: PhotoKey) -> dict[str, object]:
 
 
 def label_table(rows: list[dict[str, object]] | pd.DataFrame) -> pd.DataFrame:
-    """Rows with `LABEL_COLUMNS`, typed and in the order of photo, kind, rock, place; also when there are none."""
+    """Rows with `LABEL_COLUMNS`, typed and in the order of photo, kind, rock, box; also when there are none."""
     table = pd.DataFrame(rows, columns=list(LABEL_COLUMNS)).astype(LABELS.dtypes)
     return table.sort_values(["key", "kind", "rock", "x0", "y0"], kind="stable", ignore_index=True)
 

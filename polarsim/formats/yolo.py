@@ -22,7 +22,7 @@ def read_boxes(
     Parameters
     ----------
     names
-        What the file's class numbers mean; the numbers that are returned are places in `BOX_CLASSES`.
+        What the file's class numbers mean; the numbers that are returned are indices in `BOX_CLASSES`.
 
     Raises
     ------
@@ -158,8 +158,8 @@ def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]]) -> 
     """(class, vertices (n, 2) in pixels); the vertices get 6 decimals."""
     lines = []
     for number, vertices in polygons:
-        places = " ".join(f"{value:.6f}" for value in (np.asarray(vertices, float) / _SIZE).ravel())
-        lines.append(f"{number} {places}\n")
+        coordinates = " ".join(f"{value:.6f}" for value in (np.asarray(vertices, float) / _SIZE).ravel())
+        lines.append(f"{number} {coordinates}\n")
     write_text(path, "".join(lines))
 
 

@@ -14,7 +14,7 @@ LEAF = 4  # most triangles of a leaf
 LEVELS = 40  # most inner nodes on the way down to a leaf: what a walk's stack must hold
 COUNT_BITS = 3  # of a leaf's code that say how many triangles it has
 _MOST = 1 << (31 - COUNT_BITS)  # triangles that a leaf's code can number
-_BINS = 16  # places of a node where it may be cut
+_BINS = 16  # cuts of a node that are tried
 _FEW_BINS = 4  # of small nodes
 
 
@@ -36,7 +36,7 @@ class Tree:
 
 
 def _code(first: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Of leaves, by the place of their first triangle in the tree's order and their number of triangles."""
+    """Of leaves, by the index of their first triangle in the tree's order and their number of triangles."""
     return ~((first << COUNT_BITS) | count)
 
 
@@ -49,7 +49,7 @@ class _Level:
     triangle: np.ndarray  # (k,) its number
     start: np.ndarray  # (n,) first triangle of a node, in these arrays
     count: np.ndarray  # (n,)
-    first: np.ndarray  # (n,) its place in the tree's order
+    first: np.ndarray  # (n,) its index in the tree's order
 
     @property
     def node(self) -> np.ndarray:
@@ -116,12 +116,12 @@ def _cut(level: _Level, depth: int) -> _Level:
     before -= before[level.start][node]
     in_first = np.add.reduceat(~second, level.start, dtype=np.int64)
     within = np.arange(len(node)) - level.start[node]
-    place = level.start[node] + np.where(second, in_first[node] + within - before, before)
+    index = level.start[node] + np.where(second, in_first[node] + within - before, before)
     count = np.stack([in_first, level.count - in_first], axis=1)
 
     def moved(values: np.ndarray) -> np.ndarray:
         out = np.empty_like(values)
-        out[place] = values
+        out[index] = values
         return out
 
     def starts(of_node: np.ndarray) -> np.ndarray:
@@ -201,11 +201,11 @@ def _areas(low: list[np.ndarray], high: list[np.ndarray]) -> np.ndarray:
 
 
 def _without(level: _Level, leaf: np.ndarray, order: np.ndarray) -> _Level:
-    """The level without its leaves, whose triangles find their places in the tree's order."""
+    """The level without its leaves, whose triangles find their indices in the tree's order."""
     node = level.node
     done = leaf[node]
-    place = level.first[node] + np.arange(len(node)) - level.start[node]
-    order[place[done]] = level.triangle[done]
+    index = level.first[node] + np.arange(len(node)) - level.start[node]
+    order[index[done]] = level.triangle[done]
     count = level.count[~leaf]
     return _Level(
         [values[~done] for values in level.low],

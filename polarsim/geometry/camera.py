@@ -1,4 +1,4 @@
-"""A lens at a place: between points of the world and pixels of a photo."""
+"""A lens at a pose: between points of the world and pixels of a photo."""
 
 from __future__ import annotations
 

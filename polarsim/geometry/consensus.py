@@ -114,8 +114,8 @@ class Stranger:
 
     def __str__(self) -> str:
         return (
-            f"the seeds of position {self.position} show another place: rocks meet {self.met:.0%} of their boxes from "
-            f"its own pose, {self.met_from_other:.0%} from that of position {self.other}; they are left out"
+            f"the seeds of position {self.position} show another position: rocks meet {self.met:.0%} of their boxes "
+            f"from its own pose, {self.met_from_other:.0%} from that of position {self.other}; they are left out"
         )
 
 

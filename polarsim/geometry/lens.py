@@ -155,7 +155,7 @@ def separated(lens: Lens, offset: tuple[float, float] = (0.0, 0.0)) -> tuple[np.
 
 
 def _centres(lens: Lens, offset: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Places u (w,) and v (h,) of pixels' centres, moved by `offset` pixels."""
+    """Coordinates u (w,) and v (h,) of pixels' centres, moved by `offset` pixels."""
     return np.arange(lens.width) + HALF_PIXEL + offset[0], np.arange(lens.height) + HALF_PIXEL + offset[1]
 
 
@@ -189,5 +189,5 @@ def _evaluated(fit: np.ndarray, lens: Lens, u: np.ndarray, v: np.ndarray) -> np.
 
 
 def _range_of(nodes: np.ndarray, size: int) -> np.ndarray:
-    """Places -1 to 1 as pixels 0 to `size`."""
+    """Coordinates -1 to 1 as pixels 0 to `size`."""
     return (nodes + 1) / 2 * size

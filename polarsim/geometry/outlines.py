@@ -120,9 +120,9 @@ def spread_directions(count: int) -> np.ndarray:
 def _rim_height(vertices: np.ndarray) -> np.ndarray:
     """(n,) height of the plane through the rock's rim at each vertex: a robust fit to its lowest outer vertices."""
     low, high = vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)
-    place = (2 * vertices[:, :2] - low - high) / np.maximum(high - low, 1e-9)  # -1 to 1 over the rock's extent
-    outer = np.flatnonzero(np.abs(place).max(axis=1) > 0.75)
-    sector = np.floor((np.arctan2(place[outer, 1], place[outer, 0]) / (2 * np.pi) + 0.5) * RIM_SECTORS).astype(int)
+    share = (2 * vertices[:, :2] - low - high) / np.maximum(high - low, 1e-9)  # -1 to 1 over the rock's extent
+    outer = np.flatnonzero(np.abs(share).max(axis=1) > 0.75)
+    sector = np.floor((np.arctan2(share[outer, 1], share[outer, 0]) / (2 * np.pi) + 0.5) * RIM_SECTORS).astype(int)
     order = np.lexsort((vertices[outer, 2], sector))
     _, first = np.unique(sector[order], return_index=True)
     rim = vertices[outer[order[first]]]

@@ -31,15 +31,15 @@ class Window:
     search: int  # and is looked for so far away
     step: int  # between the centres of neighbouring windows
     likeness: float  # least correlation with the photo
-    noise: float  # standard deviation of a window's place over sqrt((1 - correlation) / bend of the correlation)
+    noise: float  # standard deviation of a window's position over sqrt((1 - correlation) / bend of the correlation)
 
 
 @dataclass(frozen=True)
 class Found:
     """Windows that were found, in pixels of the shaded view.
 
-    A window on an edge tells its place across the edge and hardly along it. That shows in how the correlation bends at
-    its peak.
+    A window on an edge tells its position across the edge and hardly along it. That shows in how the correlation bends
+    at its peak.
     """
 
     pixel: np.ndarray  # (n, 2) centres in the shaded view
@@ -92,7 +92,7 @@ def _inside(row: int, column: int, shape: tuple[int, ...]) -> bool:
 
 
 def _peaks_of(likeness: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
-    """Peaks of correlations, given (n, 3, 3) about their largest values: places (n, 2) from the centre, whitenings.
+    """Peaks of correlations, given (n, 3, 3) about their largest values: offsets (n, 2) from the centre, whitenings.
 
     Those of the parabola through the centre and its neighbours; never further than a pixel along its axes.
     """
@@ -171,8 +171,8 @@ def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Windo
     found = find(np.maximum(left - BLACK_LEVEL, 0).astype(np.float32), laid, usable, window)
     column, row = found.pixel.astype(int).T
     expected = seen.in_right[row, column].astype(float)
-    place = _between_pixels(seen.in_right, found.seen)
-    moved = np.where(np.isfinite(place), place, expected + found.seen - found.pixel)  # beside what both see: as it is
+    peak = _between_pixels(seen.in_right, found.seen)
+    moved = np.where(np.isfinite(peak), peak, expected + found.seen - found.pixel)  # beside what both see: as it is
     return Ties(
         seen.points_left[row, column],
         found.pixel,

@@ -62,7 +62,7 @@ class Surveyor(Caster, Protocol):
     """A caster that knows where on a triangle a ray meets it."""
 
     def intersect(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:
-        """`nearest`, with the place on the triangle."""
+        """`nearest`, with the point on the triangle."""
         ...
 
 
@@ -120,8 +120,8 @@ class NumpyCaster:
         edge1, edge2 = self._edge1[face], self._edge2[face]
         normal = np.cross(edge1, edge2)
         area2 = np.einsum("nk,nk->n", normal, normal)
-        place = np.asarray(origins, float)[ray] + distance[:, None] * np.asarray(directions, float)[ray]
-        from_corner = place - self._corner[face]
+        point = np.asarray(origins, float)[ray] + distance[:, None] * np.asarray(directions, float)[ray]
+        from_corner = point - self._corner[face]
         second = np.einsum("nk,nk->n", np.cross(from_corner, edge2), normal) / area2
         third = np.einsum("nk,nk->n", np.cross(edge1, from_corner), normal) / area2
         return RayHits(ray, distance, face, np.stack([second, third], axis=1), normal)

@@ -135,7 +135,7 @@ class Parts:
         self.commit()
 
     def move(self, part: int, vertices: np.ndarray) -> None:
-        """Give a part's vertices new places (v, 3); counts after `commit`."""
+        """Give a part's vertices new positions (v, 3); counts after `commit`."""
         self._vertices[part][:-1] = vertices
         updated(self._triangles[part], vertices=True)
         embree().rtcCommitScene(self._scenes[part])

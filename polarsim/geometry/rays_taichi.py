@@ -102,11 +102,11 @@ class TaichiCaster:
 
     @property
     def order(self) -> np.ndarray:
-        """(f,) numbers of the triangles by their places in the tree."""
+        """(f,) numbers of the triangles by their indices in the tree."""
         return self._tree.order
 
     def _first(self, origins: np.ndarray, directions: np.ndarray):
-        """Strips of rays with distances, places in the tree's order (-1: none) and weights of what they meet."""
+        """Strips of rays with distances, indices in the tree's order (-1: none) and weights of what they meet."""
         for part in self._strips(len(origins)):
             rays = part.stop - part.start
             distance, slot = np.empty(rays, np.float32), np.empty(rays, np.int32)

@@ -26,7 +26,7 @@ _NO_NODE = 0x7FFFFFFF
 @ti.dataclass
 class Walk:
     distance: ti.f32  # in lengths of the direction; inf without a triangle
-    slot: ti.i32  # place in the tree's order; -1 without one
+    slot: ti.i32  # index in the tree's order; -1 without one
     weights: ti.math.vec2  # barycentric, of the second and third corner
 
 

@@ -11,7 +11,7 @@ from polarsim.labels.view import ground_depth
 from polarsim.labels.world import Dome, World
 from polarsim.photo import FIRST_UNMESHED_ROCK
 
-SAME_PLACE = 0.06  # metres: two stand-ins nearer than this, or than half a radius, are one rock
+SAME_POSITION = 0.06  # metres: two stand-ins nearer than this, or than half a radius, are one rock
 FORBIDDEN = 1e3
 
 
@@ -52,14 +52,14 @@ def dome_behind(world: World, view: Camera, box: np.ndarray) -> Dome | None:
     down, level = -unit[2], float(np.hypot(unit[0], unit[1]))
     height = np.sqrt(max(0.0, span**2 - 2 * span * radius * down)) / max(level, 0.2)
     ahead = np.array([unit[0], unit[1], 0]) / max(level, 1e-9)
-    place = view.centre + depth * direction + radius * ahead
-    return Dome(place, float(radius), float(np.clip(height, 0.4 * radius, 2.5 * radius)))
+    centre = view.centre + depth * direction + radius * ahead
+    return Dome(centre, float(radius), float(np.clip(height, 0.4 * radius, 2.5 * radius)))
 
 
 def number_domes(
     domes_of_views: list[list[Dome | None]], first: int = FIRST_UNMESHED_ROCK
 ) -> tuple[list[list[int]], dict[int, Dome]]:
-    """Give unmeshed rocks their numbers: domes of different views that stand in one place are one rock.
+    """Give unmeshed rocks their numbers: domes of different views that stand at one position are one rock.
 
     Returns the number of each dome (`first` and on, in the order of views and of domes within; a box that gave no dome
     gets a number of its own too), and the mean dome of each number.
@@ -92,7 +92,7 @@ def _apart(dome: Dome | None, others: list[Dome]) -> float:
         return FORBIDDEN
     other = _mean_dome(others)
     distance = float(np.linalg.norm(dome.foot[:2] - other.foot[:2]))
-    return distance if distance < max(SAME_PLACE, dome.radius, other.radius) else FORBIDDEN
+    return distance if distance < max(SAME_POSITION, dome.radius, other.radius) else FORBIDDEN
 
 
 def _mean_dome(domes: list[Dome]) -> Dome:

@@ -24,10 +24,10 @@ KEPT = 2  # views in memory: 5 MB for each of their lamps
 
 @dataclass(frozen=True)
 class Seen:
-    """What the pixels of a view that meet the terrain show: (h, w) bool; places and unit normals (n, 3)."""
+    """What the pixels of a view that meet the terrain show: (h, w) bool; points and unit normals (n, 3)."""
 
     met: np.ndarray
-    places: np.ndarray
+    points: np.ndarray
     normals: np.ndarray
 
 
@@ -61,19 +61,19 @@ class OlatLight:
         met, directions = seen.met, seen.directions[seen.met]
         normals = self._normals[seen.face[met]]
         away = (normals * directions).sum(axis=1) > 0
-        places = view.centre + seen.distance[met, None] * directions
-        return Seen(met.reshape(len(rows), len(columns)), places, np.where(away[:, None], -normals, normals))
+        points = view.centre + seen.distance[met, None] * directions
+        return Seen(met.reshape(len(rows), len(columns)), points, np.where(away[:, None], -normals, normals))
 
     def _lit(self, position: str, camera: CameraSide, azimuth: Azimuth) -> np.ndarray:
         """(h, w) float32 grey values a millisecond under a Sun lamp, or under a rover light as strong as one."""
         world, seen = self.known.world, self._seen(position, camera)
         rover = self.known.localised[position].rover_light
-        to_lamp = (rover if azimuth == "no" else world.suns[azimuth]) - seen.places
+        to_lamp = (rover if azimuth == "no" else world.suns[azimuth]) - seen.points
         cosine = np.einsum("nk,nk->n", seen.normals, to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True))
         facing = np.flatnonzero(cosine > 0)
-        lit = facing[~world.everything.occluded(seen.places[facing], to_lamp[facing], 1.0)]
+        lit = facing[~world.everything.occluded(seen.points[facing], to_lamp[facing], 1.0)]
         if world.walls is not None:
-            lit = lit[~world.walls.occluded(seen.places[lit], to_lamp[lit], 1.0)]
+            lit = lit[~world.walls.occluded(seen.points[lit], to_lamp[lit], 1.0)]
         light = STRAY / 2 * (1 + seen.normals[:, 2])
         light[lit] += cosine[lit]
         olat_image = np.zeros(seen.met.shape, np.float32)

@@ -12,7 +12,7 @@ from polarsim.photo import Azimuth
 POINTS = 150  # of a rock's surface, about, to which rays are cast
 LIFT = 0.003  # metres from the surface towards the lamp: where a ray starts, clear of the rock's own faces
 FARTHEST = np.diag([0.6, 0.6, 0.3])  # metres, x y z: twice the survey's standard deviations
-PLACES = np.concatenate([np.zeros((1, 3)), FARTHEST, -FARTHEST])  # of a lamp about the surveyed one
+OFFSETS = np.concatenate([np.zeros((1, 3)), FARTHEST, -FARTHEST])  # of a lamp about the surveyed one
 
 
 def lit_share(world: World, rock: int, azimuth: Azimuth) -> float:
@@ -56,4 +56,4 @@ def in_the_dark(world: World, rock: int, azimuth: Azimuth) -> bool:
     if rock not in world.bodies or azimuth not in world.suns:
         return False
     points = surface(world, rock)
-    return all(shaded(world, points, world.suns[azimuth] + off).all() for off in PLACES)
+    return all(shaded(world, points, world.suns[azimuth] + off).all() for off in OFFSETS)

@@ -104,34 +104,34 @@ class ViewOutlines:
 
         Shadows come first; far things come before near ones, which are lower in the photo.
         """
-        place = lamp(self.world, self._localised, light, azimuth)
-        if place is None and labels.empty:
+        lamp_position = lamp(self.world, self._localised, light, azimuth)
+        if lamp_position is None and labels.empty:
             return Drawing({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]), self.options.simplify_px)
         things = dict(zip(things_of(labels), _boxes(labels), strict=True))
-        content = (b"" if place is None else place.tobytes(), frozenset(things))
+        content = (b"" if lamp_position is None else lamp_position.tobytes(), frozenset(things))
         if content not in self._annotated:
             order = sorted(things, key=lambda thing: (thing[0] == ROCK, things[thing][3], thing))
-            parts = visible([self._shape(thing, things[thing], place) for thing in order], *self._size)
+            parts = visible([self._shape(thing, things[thing], lamp_position) for thing in order], *self._size)
             self._annotated[content] = Drawing(
                 dict(zip(order, parts, strict=True)), self._backdrop, self.options.simplify_px
             )
         return self._annotated[content]
 
-    def _shape(self, thing: Thing, box: np.ndarray, place: np.ndarray | None) -> Shape:
+    def _shape(self, thing: Thing, box: np.ndarray, lamp_position: np.ndarray | None) -> Shape:
         """All of a label's rock or shadow, whatever hides it."""
         kind, rock, _ = thing
         own_share = OUTLINE_MESH_SHARE if kind == ROCK else OUTLINE_CAST_SHARE
-        return fitted(self._own_shapes(kind, place).get(rock), box, own_share)
+        return fitted(self._own_shapes(kind, lamp_position).get(rock), box, own_share)
 
-    def _own_shapes(self, kind: str, place: np.ndarray | None) -> dict[int, Shape]:
+    def _own_shapes(self, kind: str, lamp_position: np.ndarray | None) -> dict[int, Shape]:
         """What the meshes show of rocks or of their shadows."""
         if kind == ROCK:
             return self._rocks
-        if place is None:
+        if lamp_position is None:
             return {}
-        if place.tobytes() not in self._shadows:
-            self._shadows[place.tobytes()] = _convex_shapes(self.ids.shadow_of(self.world, place))
-        return self._shadows[place.tobytes()]
+        if lamp_position.tobytes() not in self._shadows:
+            self._shadows[lamp_position.tobytes()] = _convex_shapes(self.ids.shadow_of(self.world, lamp_position))
+        return self._shadows[lamp_position.tobytes()]
 
 
 def _convex_shapes(ids: np.ndarray) -> dict[int, Shape]:

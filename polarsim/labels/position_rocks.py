@@ -178,8 +178,8 @@ class PositionRocks:
     def px_per_m(self, camera: CameraSide, rock: int) -> float:
         """Scale of a camera's photo at a rock."""
         view, body = self.view(camera), self.world.bodies.get(rock)
-        place = body.centre if body is not None else np.zeros(3)
-        return view.lens.fx / float(np.linalg.norm(place - view.centre))
+        centre = body.centre if body is not None else np.zeros(3)
+        return view.lens.fx / float(np.linalg.norm(centre - view.centre))
 
     def fused(self, camera: CameraSide, azimuth: Azimuth | None = None) -> np.ndarray:
         """(tracks, 4) mean of each track's boxes, moved into a camera, and of its mesh there as far as that fits.

@@ -141,11 +141,11 @@ class PositionShadows:
         In a photo nothing is seen of a shadow that lies in a wall's, whose end the photo shows. Without one nobody
         knows where walls stand well enough to say so.
         """
-        step, place = self.options.ray_step_px, lamp(self.world, self.rocks.localised, light, azimuth)
-        assert place is not None
-        ids, shadow, windows = self._shadows_seen(camera, place)
+        step, lamp_position = self.options.ray_step_px, lamp(self.world, self.rocks.localised, light, azimuth)
+        assert lamp_position is not None
+        ids, shadow, windows = self._shadows_seen(camera, lamp_position)
         if brightness is not None:
-            shadow = np.where(self._shaded_by_walls(ids, place, shadow, brightness), OF_WALL, shadow)
+            shadow = np.where(self._shaded_by_walls(ids, lamp_position, shadow, brightness), OF_WALL, shadow)
             windows = windows_of(shadow)
         found = {}
         for rock, rock_box in sorted(rock_boxes.items()):
@@ -163,17 +163,19 @@ class PositionShadows:
                 found[rock] = CastShadow(box if dark is None else dark, dark is not None)
         return found
 
-    def _shaded_by_walls(self, ids: Ids, place: np.ndarray, shadow: np.ndarray, brightness: Brightness) -> np.ndarray:
+    def _shaded_by_walls(
+        self, ids: Ids, lamp_position: np.ndarray, shadow: np.ndarray, brightness: Brightness
+    ) -> np.ndarray:
         """(rows, columns) bool: walls, as high as the photo shows them to be, take a lamp's light from the ground."""
         step, height = self.options.ray_step_px, self.options.wall_height_m
         if not height:
             return np.zeros(ids.shape, bool)
-        passing = ids.over_walls(self.world, place)
+        passing = ids.over_walls(self.world, lamp_position)
         bare = np.isfinite(passing) & (ids.rock == NO_ROCK) & (shadow == NO_ROCK)
         rate = brightness.rate[step // 2 :: step, step // 2 :: step]
         return passing < shading_height(passing[bare], rate[bare], height)
 
-    def _shadows_seen(self, camera: CameraSide, place: np.ndarray) -> tuple[Ids, np.ndarray, dict[int, Window]]:
+    def _shadows_seen(self, camera: CameraSide, lamp_position: np.ndarray) -> tuple[Ids, np.ndarray, dict[int, Window]]:
         """What a camera sees, whose shadow a lamp (3,) throws on the ground there, and the `windows_of` of that."""
         view, step = self.rocks.view(camera), self.options.ray_step_px
         if camera not in self._seen:
@@ -182,7 +184,7 @@ class PositionShadows:
                 self.world, view, np.arange(step / 2, height, step), np.arange(step / 2, width, step)
             )
         ids = self._seen[camera]
-        if (camera, place.tobytes()) not in self._shadow_ids:
-            shadow = np.where(ids.rock == NO_ROCK, ids.shadow_of(self.world, place), NO_ROCK)
-            self._shadow_ids[camera, place.tobytes()] = shadow, windows_of(shadow)
-        return ids, *self._shadow_ids[camera, place.tobytes()]
+        if (camera, lamp_position.tobytes()) not in self._shadow_ids:
+            shadow = np.where(ids.rock == NO_ROCK, ids.shadow_of(self.world, lamp_position), NO_ROCK)
+            self._shadow_ids[camera, lamp_position.tobytes()] = shadow, windows_of(shadow)
+        return ids, *self._shadow_ids[camera, lamp_position.tobytes()]

@@ -121,8 +121,8 @@ def propagate_labels(
     with writing_folder(boxes) as folder:
         for key in keys:
             classes = np.array([BOX_CLASSES.index(label.kind) for label in labels[key]], int)
-            places = np.array([label.box for label in labels[key]]).reshape(-1, 4)
-            yolo.write_boxes(folder / f"{key}.txt", classes, places)
+            own_boxes = np.array([label.box for label in labels[key]]).reshape(-1, 4)
+            yolo.write_boxes(folder / f"{key}.txt", classes, own_boxes)
     tables.write_parquet(table, tables.label_table([_row(key, label) for key in keys for label in labels[key]]))
 
 

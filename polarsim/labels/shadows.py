@@ -34,7 +34,7 @@ CORE_SHARE = 0.15  # least share of a dark region that the cast shadow covers
 
 
 def lamp(world: World, localised: LocalisedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
-    """(3,) place of the lamp that casts the shadows, sandbox frame; None in the dark.
+    """(3,) position of the lamp that casts the shadows, sandbox frame; None in the dark.
 
     A Sun lamp outshines the rover light.
     """
@@ -75,7 +75,7 @@ def sightlines(world: World, view: Camera, rows: np.ndarray, columns: np.ndarray
     return Sightlines(directions, distance, face, ground, wall)
 
 
-@lru_cache(maxsize=2)  # both cameras of a rig: all its places have the same lenses
+@lru_cache(maxsize=2)  # both cameras of a rig: all its positions have the same lenses
 def _grid_directions(lens: Lens, rows: bytes, columns: bytes) -> np.ndarray:
     """In the camera's frame; rows and columns are the bytes of float arrays, for arrays are no keys."""
     return lens.directions(np.stack(np.meshgrid(np.frombuffer(columns), np.frombuffer(rows)), axis=-1))
@@ -95,30 +95,30 @@ class Ids:
         on_ground = np.isfinite(seen.ground) & (seen.ground < seen.wall)
         self.ground = on_ground.reshape(self.shape)
         # (n, 3), row by row
-        self.places = view.centre + seen.ground[on_ground, None] * seen.directions[on_ground]
+        self.points = view.centre + seen.ground[on_ground, None] * seen.directions[on_ground]
 
-    def shadow_of(self, world: World, lamp_place: np.ndarray) -> np.ndarray:
+    def shadow_of(self, world: World, lamp_position: np.ndarray) -> np.ndarray:
         """(rows, columns) rock that takes the lamp's light from the ground at each pixel; `NO_ROCK` elsewhere.
 
         Other rocks hide a rock's shadow, its own mesh does not: where the rock ends is for its label to say, since
         meshes may be wider than their rocks (skirts, back sides that no scan saw).
         """
-        distance, face = world.rocks.nearest(self.places, lamp_place - self.places)
+        distance, face = world.rocks.nearest(self.points, lamp_position - self.points)
         occluded = distance < 1
-        rock = np.full(len(self.places), NO_ROCK)
+        rock = np.full(len(self.points), NO_ROCK)
         rock[occluded] = world.rock_of_rocks_face[face[occluded]]
         shadow = np.full(self.shape, NO_ROCK)
         shadow[self.ground] = rock
         shadow[(self.rock != NO_ROCK) & (self.rock != shadow)] = NO_ROCK
         return shadow
 
-    def over_walls(self, world: World, lamp_place: np.ndarray) -> np.ndarray:
+    def over_walls(self, world: World, lamp_position: np.ndarray) -> np.ndarray:
         """(rows, columns) metres above the sand at which a lamp's light passes the walls on its way to the ground.
 
         Infinite where nothing is in its way, and where no ground is seen.
         """
         heights = np.full(self.shape, np.inf)
-        passing = passing_heights(self.places, lamp_place, world.ground_bounds)
+        passing = passing_heights(self.points, lamp_position, world.ground_bounds)
         heights[self.ground] = passing - world.ground_level
         return heights
 

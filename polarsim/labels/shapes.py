@@ -37,7 +37,7 @@ class Shape:
 
     @property
     def window(self) -> tuple[slice, slice]:
-        """Its place in a picture."""
+        """Its position in a picture."""
         height, width = self.mask.shape
         return slice(self.top, self.top + height), slice(self.left, self.left + width)
 

@@ -17,13 +17,13 @@ CLEAR = 1.6  # least ratio of the brightness above and below the edge
 FAINT = 0.03  # of lit ground's brightness: differences of less, in the deepest shade, tell of no edge
 
 
-def passing_heights(places: np.ndarray, lamp: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """(n,) z at which the light of a lamp (3,) to places (n, 3) passes the walls on bounds (2, 2); inf: it need not."""
-    to_lamp = lamp - places
+def passing_heights(points: np.ndarray, lamp: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """(n,) z at which the light of a lamp (3,) to points (n, 3) passes the walls on bounds (2, 2); inf: it need not."""
+    to_lamp = lamp - points
     with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.where(to_lamp[:, :2] > 0, bounds[1] - places[:, :2], bounds[0] - places[:, :2]) / to_lamp[:, :2]
+        shares = np.where(to_lamp[:, :2] > 0, bounds[1] - points[:, :2], bounds[0] - points[:, :2]) / to_lamp[:, :2]
     share = np.fmin.reduce(np.where(shares >= 0, shares, np.inf), axis=1)
-    return np.where(share < 1, places[:, 2] + share * to_lamp[:, 2], np.inf)
+    return np.where(share < 1, points[:, 2] + share * to_lamp[:, 2], np.inf)
 
 
 def shading_height(passing: np.ndarray, rate: np.ndarray, stated: float) -> float:

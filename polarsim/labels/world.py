@@ -76,7 +76,7 @@ class World:
     ground_level: float  # median height of the ground
     ground_bounds: np.ndarray  # (2, 2) lowest and highest x, y of the ground
     walls: Caster | None  # of the sandbox, around the ground
-    suns: Mapping[str, np.ndarray]  # azimuth -> (3,) place of the Sun lamp
+    suns: Mapping[str, np.ndarray]  # azimuth -> (3,) position of the Sun lamp
 
     @property
     def everything(self) -> Joined:
@@ -133,7 +133,7 @@ def build_world(
     trim : float
         Rock surface lower than this above the ground counts as ground, metres.
     suns : azimuth -> (3,)
-        Places of the Sun lamps.
+        Positions of the Sun lamps.
     wall_height
         Of the walls around the ground, metres; 0: none.
     """
@@ -143,9 +143,9 @@ def build_world(
     ground = caster(terrain.vertices, ground_faces)
     is_of_ground = np.zeros(len(terrain.vertices), bool)
     is_of_ground[ground_faces] = True
-    places = terrain.vertices[is_of_ground]
-    level = float(np.median(places[:, 2]))
-    bounds = np.stack([places[:, :2].min(axis=0), places[:, :2].max(axis=0)])
+    points = terrain.vertices[is_of_ground]
+    level = float(np.median(points[:, 2]))
+    bounds = np.stack([points[:, :2].min(axis=0), points[:, :2].max(axis=0)])
     rock_of_face = terrain.rock_of_face.copy()
     bodies: dict[int, Body] = {}
     for rock in terrain.rocks:

@@ -96,14 +96,14 @@ def _picture(path: Path, finding: Finding) -> str:
         shapes = list(_shapes(path))
     except (FormatError, IndexError):
         return ""
-    if not shapes and not finding.places:
+    if not shapes and not finding.lacking:
         return ""
     order = sorted(range(len(shapes)), key=lambda row: row in wrong)
     drawn = "".join(
         f'<polygon class="{shapes[row][0]} {"wrong" if row in wrong else "shape"}" points="{_points(shapes[row][1])}"/>'
         for row in order
     )
-    drawn += "".join(f'<polygon class="lacking" points="{_points(_corners(*box))}"/>' for box in finding.places)
+    drawn += "".join(f'<polygon class="lacking" points="{_points(_corners(*box))}"/>' for box in finding.lacking)
     return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH_PX}" role="img">{drawn}</svg>'
 
 

@@ -25,10 +25,10 @@ Polygons = list[tuple[int, np.ndarray]]  # class number, vertices (n, 2) in pixe
 TINY_PX2, THIN_PX = 9.0, 2.0  # area and extent of a polygon
 HUGE_PX2 = 300_000.0  # no rock and no shadow is so large
 COVERED = 0.98  # of the photo that polygons must cover
-COVER_STEP = 4  # pixels between the places at which the cover is looked at
+COVER_STEP = 4  # pixels between the points at which the cover is looked at
 LEAST_ROCKS = 3  # fewer tell no camera
 BETTER_F1 = 0.1  # by which another camera's boxes must fit better
-ALONE, ON_IT = 0.1, 0.5  # IoU of a box and a polygon that have nothing and that have a place in common
+ALONE, ON_IT = 0.1, 0.5  # IoU of a box and a polygon that have nothing and that are one
 BACKGROUND, GROUND, ROCK_POLYGON, SHADOW_POLYGON = (
     POLYGON_CLASSES.index(name) for name in ("background", "ground", ROCK, SHADOW)
 )
@@ -128,9 +128,9 @@ def file_defects(polygons: Polygons) -> Iterator[Defect]:
 
 def against_boxes(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:
     """Objects that only one of the two files of a photo has."""
-    classes, places = labels
+    classes, boxes = labels
     rocks, shadows = boxes_of(polygons, ROCK_POLYGON), boxes_of(polygons, SHADOW_POLYGON)
-    rock_boxes, shadow_boxes = places[classes == ROCK_CLASS], places[classes == SHADOW_CLASS]
+    rock_boxes, shadow_boxes = boxes[classes == ROCK_CLASS], boxes[classes == SHADOW_CLASS]
     for name, one, other in (
         ("rock_box_alone", rock_boxes, rocks),
         ("shadow_box_alone", shadow_boxes, shadows),
@@ -168,7 +168,7 @@ def boxes_of(polygons: Polygons, kind: int) -> np.ndarray:
 
 
 def covers_photo(polygons: Polygons) -> bool:
-    """Whether nearly every place of the photo lies in some polygon."""
+    """Whether nearly every point of the photo lies in some polygon."""
     import cv2
 
     painted = np.zeros((HEIGHT // COVER_STEP, WIDTH // COVER_STEP), np.uint8)

@@ -26,7 +26,9 @@ class Finding:
     defect: str
     detail: str = ""
     rows: tuple[int, ...] = field(default=(), compare=False, repr=False)  # all boxes or polygons that have it, from 0
-    places: tuple[tuple[float, ...], ...] = field(default=(), compare=False, repr=False)  # boxes that ought to be there
+    lacking: tuple[tuple[float, ...], ...] = field(
+        default=(), compare=False, repr=False
+    )  # boxes that ought to be there
 
     @property
     def code(self) -> str:
@@ -37,9 +39,9 @@ class Finding:
         return RULES[self.defect].severity
 
     def __str__(self) -> str:
-        place = f"{self.file}:{self.line}" if self.line else self.file
+        where = f"{self.file}:{self.line}" if self.line else self.file
         detail = f": {self.detail}" if self.detail else ""
-        return f"{place}: {self.code} {self.defect}{detail}"
+        return f"{where}: {self.code} {self.defect}{detail}"
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ class Findings:
     def add(self, path: Path, defect: Defect) -> None:
         line = _line(path, defect.rows[0]) if defect.rows else 0
         file = path.relative_to(self.root).as_posix()
-        self.gathered.append(Finding(file, line, defect.name, defect.detail, defect.rows, defect.places))
+        self.gathered.append(Finding(file, line, defect.name, defect.detail, defect.rows, defect.lacking))
 
     def read(self, path: Path, reader: Callable[[Path], Content], name: str) -> Content | None:
         """What a file holds, or a finding and None."""

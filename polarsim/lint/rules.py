@@ -29,7 +29,7 @@ class Defect:
     name: str  # of its rule
     detail: str = ""
     rows: tuple[int, ...] = ()  # of the file's boxes or polygons, from 0
-    places: tuple[tuple[float, ...], ...] = ()  # boxes that ought to be there, pixels
+    lacking: tuple[tuple[float, ...], ...] = ()  # boxes that ought to be there, pixels
 
 
 _MODAL = "takes what most exposures of the exposure bracket show"
@@ -49,8 +49,8 @@ RULES: dict[str, Rule] = {
     "malformed": Rule("F110", "error", "a line that is no box or polygon of a known class", "leaves the line out"),
     # Boxes of one file
     "duplicate": Rule("B201", "warning", "a box twice", "keeps the first"),
-    "near_duplicate": Rule("B202", "warning", "two boxes of a class on one place (IoU over 0.7)", "keeps the first"),
-    "rock_on_shadow": Rule("B203", "warning", "a rock and a shadow on one place (IoU over 0.7)"),
+    "near_duplicate": Rule("B202", "warning", "two boxes of a class on one spot (IoU over 0.7)", "keeps the first"),
+    "rock_on_shadow": Rule("B203", "warning", "a rock and a shadow on one spot (IoU over 0.7)"),
     "out_of_photo": Rule("B204", "error", "beyond the photo's border", "cuts it at the border"),
     "sliver": Rule("B205", "note", "a side below 6 px"),
     "giant": Rule("B206", "warning", "over 60 % of a side or 20 % of the area of the photo"),
@@ -90,7 +90,7 @@ RULES: dict[str, Rule] = {
     "cover_holes": Rule("P609", "warning", "over 2 % of the photo under no polygon"),
     "paint_order": Rule("P610", "note", "ground or background after a rock or shadow: painting in this order erases it",
                         "puts ground and background first"),
-    "polygons_on_one_place": Rule("P611", "warning", "a rock and a shadow on one place (IoU of boxes over 0.7)"),
+    "polygons_on_one_place": Rule("P611", "warning", "a rock and a shadow on one spot (IoU of boxes over 0.7)"),
     "other_camera_polygons": Rule("P612", "error", "the rocks fit the boxes of the other camera better"),
     "rock_box_alone": Rule("P613", "note", "a rock's box without a polygon"),
     "shadow_box_alone": Rule("P614", "note", "a shadow's box without a polygon"),

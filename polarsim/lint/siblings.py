@@ -50,7 +50,7 @@ def missing_exposures(there: set[PhotoKey]) -> list[PhotoKey]:
 
 def of_class(files: Mapping[PhotoKey, Boxes], number: int) -> dict[PhotoKey, np.ndarray]:
     """(n, 4) boxes of a class in files with boxes; short exposures hide all shadows, so files without are left out."""
-    boxes = {key: places[classes == number] for key, (classes, places) in files.items() if len(classes)}
+    boxes = {key: rows[classes == number] for key, (classes, rows) in files.items() if len(classes)}
     return {key: found for key, found in boxes.items() if len(found) or number == ROCK_CLASS}
 
 
@@ -82,13 +82,13 @@ def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Found:
         ):
             if len(wrong) or len(wanted):
                 detail = f"{max(len(wrong), len(wanted))} of {len(common)}"
-                places = tuple(tuple(box) for box in np.reshape(wanted, (-1, 4)).tolist())
-                yield key, Defect(f"{kind}_{name}", detail, tuple(rows[list(wrong)].tolist()), places)
+                lacking = tuple(tuple(box) for box in np.reshape(wanted, (-1, 4)).tolist())
+                yield key, Defect(f"{kind}_{name}", detail, tuple(rows[list(wrong)].tolist()), lacking)
 
 
 @dataclass(frozen=True)
 class Change:
-    """How boxes differ from others: places (k, 4) that are missing, new rows, moved rows and their places before."""
+    """How boxes differ from others: boxes (k, 4) that are missing, new rows, moved rows and their boxes before."""
 
     missing: np.ndarray
     extra: np.ndarray

@@ -31,7 +31,7 @@ AWAY, TOWARDS = 0.0, -0.7  # cosine to the direction of light: from there on a s
 
 
 def view_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
-    """Defects of the files of one terrain that need more than one view, or the places of cameras and lamps."""
+    """Defects of the files of one terrain that need more than one view, or the positions of cameras and lamps."""
     yield from _of_other_views(files)
     yield from _of_other_azimuths(files)
     yield from _off_epipolar(files)
@@ -173,7 +173,7 @@ def _sunward(files: Mapping[PhotoKey, Boxes]) -> Found:
 
 
 def _feet(boxes: np.ndarray, key: PhotoKey, rig: StereoRig, foot: float) -> np.ndarray:
-    """(n, 3, 2) places on level ground, metres, of boxes' centres at a share of their height and of lower corners."""
+    """(n, 3, 2) points on level ground, metres, of boxes' centres at a share of their height and of lower corners."""
     left = looking(
         survey.SURVEYED_LEFT[key.position],
         np.radians(survey.NOMINAL_YAW_DEG[key.position]),

@@ -32,7 +32,7 @@ class Pixels:
         self.point, self.to_viewer, self.normal, self.plane = (ti.Vector.ndarray(3, ti.f32, count) for _ in range(4))
 
     def hits(self, face: np.ndarray, height: int) -> Hits:
-        """As strips of rows have them, of the whole picture; `face`: by place in the tree's order."""
+        """As strips of rows have them, of the whole picture; `face`: by index in the tree's order."""
         slot = self.slot.to_numpy()
         pixel = np.flatnonzero(slot >= 0)
         point, to_viewer, normal, plane, weights = (

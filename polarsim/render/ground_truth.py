@@ -37,17 +37,17 @@ def boxes_of(ids: np.ndarray, options: RenderOptions) -> list[tuple[str, int, np
     Parts of a shadow thinner than `min_shadow_width_px` neither count nor widen its box.
     """
     found = []
-    for number, place in enumerate(ndimage.find_objects(ids.astype(np.int32)), 1):
-        if place is None or number < ROCK_IDS:
+    for number, extent in enumerate(ndimage.find_objects(ids.astype(np.int32)), 1):
+        if extent is None or number < ROCK_IDS:
             continue
         kind, rock = (ROCK, number - ROCK_IDS) if number < SHADOW_IDS else (SHADOW, number - SHADOW_IDS)
         least = options.min_rock_px if kind == ROCK else options.min_shadow_px
-        mask = ids[place] == number
+        mask = ids[extent] == number
         if kind == SHADOW:  # nobody takes a line of dark pixels along a rock's foot for its shadow
             mask = without_thin_parts(mask, options.min_shadow_width_px)
         box = box_of_parts(mask, least, options.min_part_px)
         if box is not None:
-            corner = [place[1].start, place[0].start]
+            corner = [extent[1].start, extent[0].start]
             found.append((kind, rock, box + np.tile(corner, 2)))
     return found
 
@@ -137,10 +137,10 @@ def label_view(
         lamps = lit_by(bracket[0])
         own = found[lamps[0]] if lamps else []
         png.write(instances / f"{str(bracket[0]).rpartition('_')[0]}.png", ids[lamps[0] if lamps else NO_LAMP])
-        classes, places = [BOX_CLASSES.index(label.kind) for label in own], [label.box for label in own]
+        classes, own_boxes = [BOX_CLASSES.index(label.kind) for label in own], [label.box for label in own]
         for key in bracket:
             labels[key] = own
-            yolo.write_boxes(boxes / f"{key}.txt", np.array(classes, int), np.array(places, float))
+            yolo.write_boxes(boxes / f"{key}.txt", np.array(classes, int), np.array(own_boxes, float))
     return labels
 
 

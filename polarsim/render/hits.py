@@ -1,6 +1,6 @@
 """What the pixels of a view see: rays through the distorted lens against the surfaces, a strip of rows at a time.
 
-In and about a pixel its rays go to the same places in every pixel, each of the same weight.
+In and about a pixel its rays go to the same points in every pixel, each of the same weight.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def between_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def for_strips(height: int, threads: int, work: Callable[[slice], None]) -> None:
-    """Do the work for every strip of rows, on so many threads; strips write to places of their own."""
+    """Do the work for every strip of rows, on so many threads; strips write to points of their own."""
     strips = [slice(start, min(start + STRIP, height)) for start in range(0, height, STRIP)]
     with _blas().limit(limits=1):  # its own threads would wait busily beside ours
         if threads <= 1:
@@ -133,22 +133,22 @@ def sample_offsets(options: SensorOptions) -> tuple[Offset, ...]:
     """
     side = isqrt(options.samples)
     if options.pixel_filter == "gaussian":
-        places = ndtri((np.arange(options.samples) + 0.5) / options.samples)
-        places *= options.filter_sd_px / np.sqrt((places**2).mean())
-        return _rotated(places, side)
+        levels = ndtri((np.arange(options.samples) + 0.5) / options.samples)
+        levels *= options.filter_sd_px / np.sqrt((levels**2).mean())
+        return _rotated(levels, side)
     if side <= 2:
         cells = [(cell + 0.5) / side - 0.5 for cell in range(side)]
         return tuple((x, y) for y in cells for x in cells)
     return _rotated((np.arange(options.samples) + 0.5) / options.samples - 0.5, side)
 
 
-def _rotated(places: np.ndarray, side: int) -> tuple[Offset, ...]:
-    """One sample in each of side x side cells, row and column by row and column of `places` (side^2,).
+def _rotated(levels: np.ndarray, side: int) -> tuple[Offset, ...]:
+    """One sample in each of side x side cells, row and column by row and column of `levels` (side^2,).
 
     A rotation by a quarter takes the pattern to itself: no direction is blurred more than another.
     """
     return tuple(
-        (float(places[column * side + row]), float(places[row * side + side - 1 - column]))
+        (float(levels[column * side + row]), float(levels[row * side + side - 1 - column]))
         for row in range(side)
         for column in range(side)
     )

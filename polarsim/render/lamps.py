@@ -69,9 +69,9 @@ def beam_power(beam_deg: float) -> float:
 
 
 def lamps_of(suns: Mapping[str, np.ndarray], rig: LocalisedRig, radius_m: float = 0.0) -> dict[str, Lamp]:
-    """Sun lamps by azimuth, discs of a radius at their places (3,), and the rover light of a rig, a point."""
+    """Sun lamps by azimuth, discs of a radius at their positions (3,), and the rover light of a rig, a point."""
     rover = Lamp(rig.rover_light, ROVER_LIGHT_SHARE)
-    return {**{azimuth: Lamp(place, radius_m=radius_m) for azimuth, place in suns.items()}, ROVER: rover}
+    return {**{azimuth: Lamp(position, radius_m=radius_m) for azimuth, position in suns.items()}, ROVER: rover}
 
 
 def lit_by(key: PhotoKey) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Which places a lamp lights, how much, and how much of its disc they see: soft edges of shadows."""
+"""Which points a lamp lights, how much, and how much of its disc they see: soft edges of shadows."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.surfaces import Surfaces
 
 PROBES = 5  # rays to the centre and rim of the disc: where all agree, no more are cast
-_SCATTER = (0.6180339887, 0.7548776662)  # steps that never come near a place of before: rotations of neighbours differ
+_SCATTER = (0.6180339887, 0.7548776662)  # steps that never come near a point of before: rotations of neighbours differ
 _GOLDEN = np.pi * (3 - np.sqrt(5))  # radians between two points of Vogel's sunflower, which covers a disc evenly
 
 
@@ -31,7 +31,7 @@ def visible_share(
     Parameters
     ----------
     points, to_lamp : (n, 3) float32
-        Places, and vectors to the disc's centre, metres.
+        Points, and vectors to the disc's centre, metres.
     samples : int
         Rays a point, where some of the first ones are occluded and some are not.
     rotation : (n,) float
@@ -42,7 +42,7 @@ def visible_share(
     """
 
     def seen(numbers: np.ndarray, pattern: np.ndarray) -> np.ndarray:
-        """(m,) share of the pattern's places on the disc that points with these numbers (m,) see."""
+        """(m,) share of the pattern's points on the disc that points with these numbers (m,) see."""
         at, towards = _rows(numbers, points, to_lamp)
         occluded = np.zeros(len(numbers), np.float32)
         for along in _on_disc(towards, radius_m, pattern, rotation[numbers]):

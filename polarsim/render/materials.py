@@ -143,8 +143,8 @@ def _even_albedo(model: Model, parameters: Parameters) -> float:
 @lru_cache(maxsize=64)
 def hemispherical_albedo(parameters: Parameters) -> float:
     """Share of light from all sides that a surface scatters back (bihemispherical albedo), by a fixed quadrature."""
-    places = (np.arange(12) + 0.5) / 12  # of sin^2: equal shares of cosine-weighted light
-    cos_i, cos_e, psi = (a.ravel() for a in np.meshgrid(np.sqrt(places), np.sqrt(places), places * np.pi))
+    shares = (np.arange(12) + 0.5) / 12  # of sin^2: equal shares of cosine-weighted light
+    cos_i, cos_e, psi = (a.ravel() for a in np.meshgrid(np.sqrt(shares), np.sqrt(shares), shares * np.pi))
     sin_i, sin_e, zero = np.sqrt(1 - cos_i**2), np.sqrt(1 - cos_e**2), np.zeros_like(psi)
     normal = np.stack([zero, zero, zero + 1], axis=1)
     to_lamp = np.stack([sin_i, zero, cos_i], axis=1)

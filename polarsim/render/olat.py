@@ -32,7 +32,7 @@ _SEEN: dict[str, Callable[[np.ndarray], np.ndarray]] = {  # share of the light t
 class Surroundings:
     """Collects how much of such light the pixels of a view face; nothing where paths are traced instead.
 
-    Models with one albedo share what they collect; those whose albedo differs from place to place have their own.
+    Models with one albedo share what they collect; those whose albedo differs from point to point have their own.
     """
 
     def __init__(

@@ -61,7 +61,7 @@ def imaged(image: np.ndarray, lens: Lens, options: SensorOptions) -> np.ndarray:
 def spread(image: np.ndarray, options: SensorOptions) -> np.ndarray:
     """(h, w) float32 image blurred, with halo and veiling glare; without any of these the image itself.
 
-    The light of a point goes to three places: `blur_px` about it, `bloom_px` about it, and everywhere. What leaves the
+    The light of a point goes three ways: `blur_px` about it, `bloom_px` about it, and everywhere. What leaves the
     picture comes back in as if the scene went on mirrored, so that its light stays the same and its rim does not
     darken: then the cosine transform turns all three into one product.
     """
@@ -103,12 +103,12 @@ def lens_flare_of(surfaces: Surfaces, camera: Camera, lamp: Lamp, options: Rende
     The lamp's irradiance on the lens, in so far as nothing hides the lamp, times the share `options.lens_flare`, times
     `scattering`. The lamp's own image is the veiling glare's core, which most exposures clip.
     """
-    place, lens = camera.centre[None], camera.lens
-    to_lamp, irradiance = lamp.light_at(place, falloff=options.falloff)
+    eye, lens = camera.centre[None], camera.lens
+    to_lamp, irradiance = lamp.light_at(eye, falloff=options.falloff)
     towards = camera.world_from_camera.rotation.T @ (to_lamp[0] / np.linalg.norm(to_lamp))
     if towards[2] <= 0:  # it stands beside or behind the lens
         return np.zeros(lens.shape, np.float32)
-    light = irradiance[0] * towards[2] * _seen_share(surfaces, place, to_lamp, lamp, options.lamp_samples)
+    light = irradiance[0] * towards[2] * _seen_share(surfaces, eye, to_lamp, lamp, options.lamp_samples)
     if not light:
         return np.zeros(lens.shape, np.float32)
     directions = pixel_directions(lens, slice(None))
@@ -131,9 +131,9 @@ def _strength() -> float:
     return float(1 / quad(lambda angle: 2 * np.pi * np.sin(angle) / (angle**2 + CORE**2), 0, np.pi / 2)[0])
 
 
-def _seen_share(surfaces: Surfaces, place: np.ndarray, to_lamp: np.ndarray, lamp: Lamp, samples: int) -> float:
-    """Share of the lamp that is seen from a place (1, 3)."""
+def _seen_share(surfaces: Surfaces, eye: np.ndarray, to_lamp: np.ndarray, lamp: Lamp, samples: int) -> float:
+    """Share of the lamp that is seen from a point (1, 3)."""
     if not lamp.radius_m:
-        return float(not surfaces.all.occluded(place, to_lamp, 1.0)[0])
-    place, to_lamp = place.astype(np.float32), to_lamp.astype(np.float32)
-    return float(visible_share(surfaces, place, to_lamp, lamp.radius_m, samples, np.zeros(1))[0])
+        return float(not surfaces.all.occluded(eye, to_lamp, 1.0)[0])
+    eye, to_lamp = eye.astype(np.float32), to_lamp.astype(np.float32)
+    return float(visible_share(surfaces, eye, to_lamp, lamp.radius_m, samples, np.zeros(1))[0])

@@ -12,7 +12,9 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import rotations, to_disc
 from polarsim.render.surfaces import Surfaces
 
-_RELIEF_REACH = 0.15  # metres: ground nearer than this is roughness of the place, not another thing that hides the lamp
+_RELIEF_REACH = (
+    0.15  # metres: ground nearer than this is roughness of the ground there, not another thing that hides the lamp
+)
 # Codes of shading pictures besides ids. FACES_AWAY: attached shadow. ROCK_IDS + k: rock k's own surface, which rock k
 # itself hides from the lamp: self shadow. SHADOW_IDS + k: whatever else rock k hides: cast shadow. BY_RELIEF, BY_WALL:
 # cast by the ground or a wall.
@@ -30,7 +32,7 @@ def ground_shadows(
 
     Ground belongs to the shadow of the first rock on its way to the lamp, unless a wall or the relief farther than
     15 cm away keeps it dark anyway: there nobody sees the rock's shadow. Grains of sand in the dark inside a rock's
-    shadow are part of it. Of a disc the centre counts; where nothing hides that, the first of as many other places of
+    shadow are part of it. Of a disc the centre counts; where nothing hides that, the first of as many other points of
     it that something hides.
     """
     ids = ids.copy()
@@ -51,7 +53,7 @@ def on_ground(surfaces: Surfaces, point: np.ndarray, plane: np.ndarray, to_lamp:
     Parameters
     ----------
     point, plane, to_lamp : (n, 3) float32
-        Places, unit normals of the faces there, vectors to the lamp; metres.
+        Points, unit normals of the faces there, vectors to the lamp; metres.
     """
     ids = np.full(len(point), GROUND, np.int32)
     far = length(to_lamp)
@@ -79,7 +81,7 @@ def shading_of(surfaces: Surfaces, hits: Hits, lamp: Lamp, dark: np.ndarray, sam
     Surface that faces away is in shadow for that alone. On rocks the first thing on the way to the lamp is named. On
     ground and walls a rock is named, the first one, only where the rest of ground and walls leaves the lamp free:
     they would be lit without rocks. Pictures of ids (`ground_shadows`) fill such grains in. Of a disc the
-    centre counts; where nothing hides that, the first of as many other places of it that something hides.
+    centre counts; where nothing hides that, the first of as many other points of it that something hides.
     """
     shading = np.full(len(hits.pixel), LIT, np.uint16)
     to_lamp, _ = lamp.light_at(hits.point, falloff=False)

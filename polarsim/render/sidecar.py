@@ -29,8 +29,8 @@ class Shot:
     Parameters
     ----------
     camera : Camera
-        In the sandbox; `geometry.poses.looking` makes a pose from a place and angles, `camera.scaled(0.25)` renders a
-        small picture.
+        In the sandbox; `geometry.poses.looking` makes a pose from a position and angles, `camera.scaled(0.25)` renders
+        a small picture.
     lamps : name -> Lamp
         Near points or discs of light, or `Lamp.sun`; any names. None: black.
     exposure_ms : float

@@ -24,7 +24,7 @@ from polarsim.render.options import Model, RenderOptions
 _WALL_THICKNESS = 0.05  # metres
 _WALL_FOOT = 0.5  # metres that walls reach below the median ground
 _LOWER_PART = 0.5  # of a rock's height: rims above it are holes in its back, not its foot
-_SAME_PLACE = 1e-6  # metres: vertices nearer than this are one, or seams between them would count as rims
+_SAME_POSITION = 1e-6  # metres: vertices nearer than this are one, or seams between them would count as rims
 
 
 @dataclass(frozen=True)
@@ -182,9 +182,9 @@ def low_rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     if is_watertight(faces):
         return np.zeros((0, 2), np.int64)
     used = np.unique(faces)
-    place = np.unique(np.round(vertices[used] / _SAME_PLACE), axis=0, return_inverse=True)[1].ravel()
+    vertex = np.unique(np.round(vertices[used] / _SAME_POSITION), axis=0, return_inverse=True)[1].ravel()
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    start, end = place[np.searchsorted(used, edges)].T
+    start, end = vertex[np.searchsorted(used, edges)].T
     pair = np.minimum(start, end) * len(used) + np.maximum(start, end)
     _, first, times = np.unique(pair, return_index=True, return_counts=True)
     rim = edges[np.sort(first[times == 1])]

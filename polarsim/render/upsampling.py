@@ -24,7 +24,7 @@ _AROUND = tuple(itertools.product((-1, 0, 1), repeat=2))
 
 @dataclass(frozen=True)
 class Grid:
-    """Places at every `step`-th pixel, and light there."""
+    """Points at every `step`-th pixel, and light there."""
 
     step: int
     seen: np.ndarray  # (h, w) bool: a surface is there
@@ -100,17 +100,17 @@ def likeness(
 def _weights_beside(
     seen: np.ndarray, point: np.ndarray, normal: np.ndarray, thickness: np.ndarray, down: int, right: int
 ) -> np.ndarray:
-    """(h, w) likeness of each place to the one so far down and right; 0 where there is none."""
+    """(h, w) likeness of each point to the one so far down and right; 0 where there is none."""
     own, other = _overlap(seen.shape, down, right)
     weight = np.zeros(seen.shape, np.float32)
     both = seen[own] & seen[other]
-    places = [picture[own][both] for picture in (point, normal, thickness)]
-    weight[own][both] = likeness(places[0], places[1], places[2], point[other][both], normal[other][both])
+    pairs = [picture[own][both] for picture in (point, normal, thickness)]
+    weight[own][both] = likeness(pairs[0], pairs[1], pairs[2], point[other][both], normal[other][both])
     return weight
 
 
 def _averaged(pictures: np.ndarray, weights: list[np.ndarray]) -> np.ndarray:
-    """Pictures (..., h, w), each place the mean of those around it by their weights, in the order of `_AROUND`."""
+    """Pictures (..., h, w), each point the mean of those around it by their weights, in the order of `_AROUND`."""
     total = np.zeros_like(pictures)
     for weight, offset in zip(weights, _AROUND, strict=True):
         own, other = _overlap(weight.shape, *offset)

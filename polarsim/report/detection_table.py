@@ -50,10 +50,10 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     The paper has rocks in NASA's photos and their twins only: all other rows have no figure of it.
     """
     table = paper.with_own_names(detection[list(COLUMNS)], ("trained", "evaluated"), source)
-    places = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
+    cells = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
     found = [
         paper.DETECTION.get((trained, evaluated)) if kind == ROCK and paper.is_comparable(source) else None
-        for kind, trained, evaluated in places
+        for kind, trained, evaluated in cells
     ]
     for number, name in enumerate(MEASURES):
         values = [figures[number] if figures else float("nan") for figures in found]
@@ -68,7 +68,7 @@ def format_detection(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def format_intervals(table: pd.DataFrame) -> pd.DataFrame:
-    """The same places with the bounds of the intervals; the paper has none."""
+    """The same cells with the bounds of the intervals; the paper has none."""
     shown = _format(table, _interval_cell)
     return shown[[name for name in shown.columns if not name.startswith("paper")]]
 

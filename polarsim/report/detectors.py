@@ -136,8 +136,8 @@ def tidy_breakdown(breakdown: pd.DataFrame, source: str) -> pd.DataFrame:
     table = paper.with_own_names(breakdown, ("trained", "evaluated"), source)
     domains = (table[name].map(paper.rank) for name in ("trained", "evaluated"))
     sizes = table["group"].map(lambda name: SIZES.index(name) if name in SIZES else len(SIZES))
-    places = table["by"].map(list(BREAKDOWN_CAPTIONS).index), table["kind"].map(KINDS.index)
-    return paper.sorted_rows(table, *places, *domains, sizes, table["group"].astype(str))
+    order = table["by"].map(list(BREAKDOWN_CAPTIONS).index), table["kind"].map(KINDS.index)
+    return paper.sorted_rows(table, *order, *domains, sizes, table["group"].astype(str))
 
 
 def format_breakdown(table: pd.DataFrame) -> pd.DataFrame:

@@ -43,8 +43,8 @@ def join_metrics(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 def in_order(table: pd.DataFrame) -> pd.DataFrame:
     """Rows in the order of the stages, then of the terrains, else as they came."""
-    place = [STAGES.index(stage) if stage in STAGES else len(STAGES) for stage in table["stage"]]
-    order = np.lexsort((np.arange(len(table)), table["terrain"].to_numpy(), np.array(place)))
+    index = [STAGES.index(stage) if stage in STAGES else len(STAGES) for stage in table["stage"]]
+    order = np.lexsort((np.arange(len(table)), table["terrain"].to_numpy(), np.array(index)))
     return table.iloc[order].reset_index(drop=True)
 
 
@@ -55,13 +55,13 @@ def format_evaluation(table: pd.DataFrame) -> pd.DataFrame:
     shown: dict[tuple[tuple[str, ...], int], str] = {}
     for terrain in terrains:
         at = 0  # a terrain's new rows stand behind those that went before them there
-        for place, text in _shown_rows(table[table["terrain"] == terrain]):
-            if place not in order:
-                order.insert(at, place)
-            at = order.index(place) + 1
-            shown[place, terrain] = text
-    order.sort(key=lambda place: STAGES.index(place[0]) if place[0] in STAGES else len(STAGES))
-    rows = [[*place, *(shown.get((place, terrain), MISSING) for terrain in terrains)] for place in order]
+        for index, text in _shown_rows(table[table["terrain"] == terrain]):
+            if index not in order:
+                order.insert(at, index)
+            at = order.index(index) + 1
+            shown[index, terrain] = text
+    order.sort(key=lambda index: STAGES.index(index[0]) if index[0] in STAGES else len(STAGES))
+    rows = [[*index, *(shown.get((index, terrain), MISSING) for terrain in terrains)] for index in order]
     return pd.DataFrame(rows, columns=[*ROW_NAMES, *(f"T{terrain:02d}" for terrain in terrains)])
 
 
@@ -74,7 +74,7 @@ def _shown_rows(table: pd.DataFrame) -> list[tuple[tuple[str, ...], str]]:
         names = {**entry, "metric": " / ".join(BOX_METRICS) if joined else entry["metric"]}
         text = shown_value(float(entry["value"]), str(entry["unit"]))
         found.setdefault(tuple(str(names[name]) for name in ROW_NAMES), []).append(text)
-    return [(place, " / ".join(texts)) for place, texts in found.items()]
+    return [(index, " / ".join(texts)) for index, texts in found.items()]
 
 
 def shown_value(value: float, unit: str) -> str:

@@ -43,14 +43,14 @@ def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
         known = entry["kind"] == ROCK and paper.is_comparable(source)
         figure = paper.IPD.get((trained, (first, second))) if known else None
         rows.append({**entry, "trained": trained, "first": first, "second": second, "paper_ipd": figure})
-    rows.sort(key=_place)
+    rows.sort(key=_order)
     table = pd.DataFrame(rows, columns=[*COLUMNS, "paper_ipd"])
     return table.astype({"paper_ipd": "float64", "trained": "str", "first": "str", "second": "str"})
 
 
 def format_ipd(table: pd.DataFrame) -> pd.DataFrame:
     """The paper's Table 2 out of tidy rows: a row a detector, a column a pair, then the paper's where there are any."""
-    pairs = sorted(set(zip(table["first"], table["second"], strict=True)), key=_pair_place)
+    pairs = sorted(set(zip(table["first"], table["second"], strict=True)), key=_pair_order)
     theirs = [pair for pair in pairs if pair in paper.PAIRS and table["paper_ipd"].notna().any()]
     rows = []
     splits = set(table["split"])
@@ -99,11 +99,11 @@ def _pair_title(first: str, second: str) -> str:
     return f"{paper.title(first)} - {paper.title(second)}"
 
 
-def _pair_place(pair: tuple[str, str]) -> tuple[object, ...]:
+def _pair_order(pair: tuple[str, str]) -> tuple[object, ...]:
     theirs = paper.counterpart(pair[0]), paper.counterpart(pair[1])
     return (paper.PAIRS.index(theirs) if theirs in paper.PAIRS else len(paper.PAIRS)), pair
 
 
-def _place(row: Mapping[Hashable, object]) -> tuple[object, ...]:
+def _order(row: Mapping[Hashable, object]) -> tuple[object, ...]:
     trained, pair = str(row["trained"]), (str(row["first"]), str(row["second"]))
-    return KINDS.index(str(row["kind"])), str(row["split"]), paper.rank(trained), trained, _pair_place(pair)
+    return KINDS.index(str(row["kind"])), str(row["split"]), paper.rank(trained), trained, _pair_order(pair)

@@ -34,7 +34,7 @@ NOTE = (
     "threshold. Precision and confidence by size go by the label's size, recall and mIoU by the true box's, F1 by both."
 )
 _USED = ["kind", "task", *GROUPS[1:4], "hit", "iou_best", "truth_px", "label_px", "confidence"]
-_PLACE = ["kind", "task", "value"]
+_CELL = ["kind", "task", "value"]
 
 
 def tabulate_labels(
@@ -67,8 +67,8 @@ def label_scores(pairs: pd.DataFrame) -> pd.DataFrame:
     truth, labels = pairs[pairs["truth_px"].notna()], pairs[pairs["label_px"].notna()]
     parts = []
     for group in GROUPS:
-        of_truth = truth.assign(value=_values(truth, group, "truth_px")).groupby(_PLACE)
-        of_labels = labels.assign(value=_values(labels, group, "label_px")).groupby(_PLACE)
+        of_truth = truth.assign(value=_values(truth, group, "truth_px")).groupby(_CELL)
+        of_labels = labels.assign(value=_values(labels, group, "label_px")).groupby(_CELL)
         found = of_truth.agg(truth_boxes=("hit", "size"), found=("hit", "sum"), iou=("iou_best", "sum"))
         told = of_labels.agg(label_boxes=("hit", "size"), right=("hit", "sum"), told=("confidence", "sum"))
         parts.append(found.join(told, how="outer").fillna(0).reset_index().assign(group=group))
@@ -120,8 +120,8 @@ def _in_order(rows: pd.DataFrame) -> pd.DataFrame:
         "group": GROUPS,
         "value": ("all", *sorted(set(rows["value"]) - {*AZIMUTHS, *SIZES}), *AZIMUTHS, *SIZES),
     }
-    places = [[values.index(one) for one in rows[name]] for name, values in reversed(order.items())]
-    return rows.iloc[np.lexsort(places)].reset_index(drop=True).astype(COLUMNS)[list(COLUMNS)]
+    ranks = [[values.index(one) for one in rows[name]] for name, values in reversed(order.items())]
+    return rows.iloc[np.lexsort(ranks)].reset_index(drop=True).astype(COLUMNS)[list(COLUMNS)]
 
 
 def _task_block(rows: pd.DataFrame) -> pd.DataFrame:

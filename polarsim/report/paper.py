@@ -62,7 +62,7 @@ def own_name(domain: str, source: str) -> str:
 
 
 def counterpart(domain: str) -> str:
-    """The paper's domain that has our domain's place."""
+    """The paper's domain that has our domain's role."""
     return REAL if domain == ANALOG else domain
 
 

@@ -34,7 +34,7 @@ ALIGNMENT_FILE = "alignment.csv"  # of the cameras stage
 LABEL_METRICS = ("matched", "mean_iou", "median_dx_px", "median_dy_px")
 
 CAMERA_CAPTION = (
-    "Left cameras: place and heading in the sandbox, formal standard deviations, distance from the survey; how far "
+    "Left cameras: position and heading in the sandbox, formal standard deviations, distance from the survey; how far "
     "photos lie from the shaded meshes before and after the refinement; errors against truth after one rigid alignment "
     "of the terrain's cameras. True rocks in photos: after that alignment, and with meshes laid on the true surface."
 )

@@ -59,8 +59,8 @@ def read_ground(path: str | Path, feet: Mapping[int, np.ndarray]) -> Mesh:
 
 def heights_on(grid: FloorGrid, ground: Mesh) -> np.ndarray:
     """(rows, columns) heights of the mesh at the cells' centres, metres; carried on smoothly where it has none."""
-    places = grid.places().reshape(-1, 2)
-    heights = _heights_at(ground, places).reshape(grid.shape)
+    nodes = grid.centres().reshape(-1, 2)
+    heights = _heights_at(ground, nodes).reshape(grid.shape)
     return filled(np.nan_to_num(heights), np.isfinite(heights))
 
 
@@ -78,10 +78,10 @@ def _check_feet(ground: Mesh, feet: Mapping[int, np.ndarray]) -> None:
             )
 
 
-def _heights_at(ground: Mesh, places: np.ndarray) -> np.ndarray:
-    """(n,) height of the mesh's upper side at places (n, 2 or 3); NaN beside it."""
+def _heights_at(ground: Mesh, points: np.ndarray) -> np.ndarray:
+    """(n,) height of the mesh's upper side at points (n, 2 or 3); NaN beside it."""
     top = ground.vertices[:, 2].max() + 1.0
-    origins = np.column_stack([places[:, :2], np.full(len(places), top)])
+    origins = np.column_stack([points[:, :2], np.full(len(points), top)])
     distance, _ = caster(ground.vertices, ground.faces).nearest(
         origins, np.broadcast_to([0.0, 0.0, -1.0], origins.shape)
     )

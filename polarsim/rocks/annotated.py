@@ -15,8 +15,8 @@ from polarsim.rocks.ground import Sand
 from polarsim.rocks.heights import filled
 from polarsim.rocks.regions import PEAK_SHARE, Limits, Region, in_order, marked_region, surface_points
 
-FLANK = 3  # cells about a place that may be its flanks and do not tell the ground's height below
-ABOUT = 0.15  # metres about a place within which ground tells the ground's height below
+FLANK = 3  # cells about a point that may be its flanks and do not tell the ground's height below
+ABOUT = 0.15  # metres about a point within which ground tells the ground's height below
 LOWEST = 0.005  # metres that such a rock must rise above the ground about it: ripples and scanner's noise do not
 RAISED = 0.001  # metres above the ground from which a cell is the rock's
 
@@ -24,7 +24,7 @@ RAISED = 0.001  # metres above the ground from which a cell is the rock's
 def with_annotated(sand: Sand, regions: list[Region], limits: Limits, evidence: Evidence) -> tuple[Sand, list[Region]]:
     """Sand and regions after boxes that no region explains were looked into, where two positions have such boxes.
 
-    Two boxes of different rocks meet somewhere too. A place counts as a rock where it fills both boxes and is higher
+    Two boxes of different rocks meet somewhere too. A point counts as a rock where it fills both boxes and is higher
     than the ground about it.
     """
     left = evidence.unexplained([surface_points(sand, region.seen) for region in regions])
@@ -64,9 +64,9 @@ def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[S
     """
     if not len(cells):
         return None
-    place = np.zeros(sand.surface.shape, bool)
-    place.ravel()[cells] = True
-    redrawn = ndimage.binary_dilation(place, iterations=FLANK)
+    around = np.zeros(sand.surface.shape, bool)
+    around.ravel()[cells] = True
+    redrawn = ndimage.binary_dilation(around, iterations=FLANK)
     is_ground = sand.is_ground & ~redrawn
     window = _grown(ndimage.find_objects(redrawn.astype(np.int8))[0], round(ABOUT / sand.grid.cell))
     if not is_ground[window].any():
@@ -75,7 +75,7 @@ def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[S
     interpolated = filled(np.nan_to_num(sand.surface[window]), is_ground[window])
     ground[window] = np.where(redrawn[window], interpolated, ground[window])
     below = replace(sand, is_ground=is_ground, ground=ground)
-    standing = place & (below.above > foot)
+    standing = around & (below.above > foot)
     if not standing.any() or np.quantile(below.above[standing], PEAK_SHARE) < lowest:
         return None
     return below, marked_region(below, standing)

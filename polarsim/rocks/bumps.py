@@ -48,7 +48,7 @@ class Bumps:
 
 @dataclass(frozen=True)
 class Cap:
-    """A convex place of the surface, measured above sand that a quadric continues from the ring about it."""
+    """A convex spot of the surface, measured above sand that a quadric continues from the ring about it."""
 
     cells: np.ndarray  # (n,) flat, out to the end of its foot
     size: float  # longest horizontal side, metres
@@ -83,7 +83,7 @@ def with_bumps(
 
 
 def caps(sand: Sand, regions: Sequence[Region]) -> Iterator[Cap]:
-    """Convex places between the regions, those that bend most first."""
+    """Convex spots between the regions, those that bend most first."""
     taken = np.zeros(sand.surface.shape, bool)
     taken.ravel()[_cells(regions)] = True
     taken = ndimage.binary_dilation(taken, np.ones((3, 3), bool), iterations=FOOT_MARGIN)
@@ -93,9 +93,9 @@ def caps(sand: Sand, regions: Sequence[Region]) -> Iterator[Cap]:
     peaks = (bend == ndimage.maximum_filter(bend, 5)) & (bend > CURVATURE) & known
     margin = round(WALL_CLEARANCE / sand.grid.cell)
     peaks[:margin] = peaks[-margin:] = peaks[:, :margin] = peaks[:, -margin:] = False
-    places = np.argwhere(peaks)
-    for place in places[np.argsort(-bend[peaks], kind="stable")]:
-        cap = _measured(height, known, taken, bend > 0, sand.grid.cell, place)
+    nodes = np.argwhere(peaks)
+    for node in nodes[np.argsort(-bend[peaks], kind="stable")]:
+        cap = _measured(height, known, taken, bend > 0, sand.grid.cell, node)
         if cap is not None:
             yield cap
 
@@ -113,12 +113,12 @@ def curvature(height: np.ndarray, cell: float, smoothing: float) -> np.ndarray:
 
 
 def _measured(
-    height: np.ndarray, known: np.ndarray, taken: np.ndarray, convex: np.ndarray, cell: float, place: np.ndarray
+    height: np.ndarray, known: np.ndarray, taken: np.ndarray, convex: np.ndarray, cell: float, node: np.ndarray
 ) -> Cap | None:
-    """The cap at a place (2,) of the grid; None where the sand about it or the cap itself cannot be told."""
+    """The cap at a position (2,) of the grid; None where the sand about it or the cap itself cannot be told."""
     reach = round(REACH / cell)
-    window = tuple(slice(max(0, at - reach), at + reach + 1) for at in place.tolist())
-    peak = tuple(at - part.start for at, part in zip(place.tolist(), window, strict=True))
+    window = tuple(slice(max(0, at - reach), at + reach + 1) for at in node.tolist())
+    peak = tuple(at - part.start for at, part in zip(node.tolist(), window, strict=True))
     away = ndimage.distance_transform_edt(~_piece(convex[window], peak)) * cell
     ring = (away > FLANK) & (away < FLANK + RING)
     sand = ring & known[window]
@@ -143,10 +143,10 @@ def _measured(
     )
 
 
-def _piece(mask: np.ndarray, place: tuple[int, ...]) -> np.ndarray:
-    """The connected piece of a mask at a place; empty where the place is not in it."""
+def _piece(mask: np.ndarray, node: tuple[int, ...]) -> np.ndarray:
+    """The connected piece of a mask at a point; empty where the point is not in it."""
     pieces, _ = ndimage.label(mask)
-    return np.asarray((pieces == pieces[place]) & mask)
+    return np.asarray((pieces == pieces[node]) & mask)
 
 
 def _quadric(height: np.ndarray, sand: np.ndarray, cell: float) -> tuple[np.ndarray, float]:

@@ -83,7 +83,7 @@ def _plane_normals(scan: ScanPoints, near: np.ndarray, weights: np.ndarray, rows
 def _on_quadrics(
     points: np.ndarray, normals: np.ndarray, near: np.ndarray, weights: np.ndarray, rows: slice
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Places and normals (n, 3) of points on the height quadrics over their tangent planes."""
+    """Points and normals (n, 3) of points on the height quadrics over their tangent planes."""
     own = normals[rows]
     unlike = np.linalg.norm(normals[near] - own[:, None], axis=-1)
     weights = weights * np.exp(-0.5 * (unlike / NORMAL_SCALE) ** 2)
@@ -116,7 +116,7 @@ def settling_translations(scans: Sequence[ScanPoints]) -> np.ndarray | None:
 
     Distances are those between the scans' smooth surfaces, along normals, so a rock needs faces towards three sides
     that two scans share: None where points leave some direction open. The mean translation, weighted as the points are,
-    is nil, so the rock stays in its place.
+    is nil, so the rock stays where it is.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ log = logging.getLogger("polarsim")
 CUBOID_BELOW = 0.010  # metres that a cuboid reaches below the lowest ground at its rock
 CUBOID_ABOVE = 0.005  # and above the rock's highest point
 LEANING_HEIGHT = 0.03  # metres above the ground from which what reaches the border is no sand
-PLACE_REACH = 0.03  # metres between a find and the place at which it keeps an id
+POSITION_REACH = 0.03  # metres between a find and the position at which it keeps an id
 LOWEST_POINT = 0.001  # metres above ground from which points near a rock are the rock's
 
 
@@ -38,7 +38,7 @@ def crop_rocks(
     sand: Sand, regions: Sequence[Region], overrides: Overrides, foot: float
 ) -> tuple[Sand, dict[int, Rock]]:
     """Rocks by id after the overrides, and the sand with all that is no rock as ground."""
-    finds = _keeping_ids(sand, regions, overrides.places)
+    finds = _keeping_ids(sand, regions, overrides.positions)
     for rock in overrides.drop:
         if finds.pop(rock, None) is None:
             log.warning("rock %d is to be dropped, but no find has this id", rock)
@@ -80,19 +80,19 @@ def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints, foot: 
     return rock_of_point
 
 
-def _keeping_ids(sand: Sand, regions: Sequence[Region], places: Mapping[int, np.ndarray]) -> dict[int, Region]:
-    """Regions by id: those at places (2,) have the ids that belong there, all others as `_renumbered` has them."""
-    finds, kept, cells = by_id(regions), {}, sand.grid.places().reshape(-1, 2)
-    for rock, place in places.items():
+def _keeping_ids(sand: Sand, regions: Sequence[Region], positions: Mapping[int, np.ndarray]) -> dict[int, Region]:
+    """Regions by id: those at positions (2,) have the ids that belong there, all others as `_renumbered` has them."""
+    finds, kept, cells = by_id(regions), {}, sand.grid.centres().reshape(-1, 2)
+    for rock, position in positions.items():
         gaps = {
-            number: np.linalg.norm(cells[region.footprint] - place, axis=1).min() for number, region in finds.items()
+            number: np.linalg.norm(cells[region.footprint] - position, axis=1).min() for number, region in finds.items()
         }
         nearest = min(gaps, key=lambda number: (gaps[number], number), default=None)
-        if nearest is None or gaps[nearest] > PLACE_REACH:
-            log.warning("rock %d: there is no find at %.3f, %.3f", rock, *place)
+        if nearest is None or gaps[nearest] > POSITION_REACH:
+            log.warning("rock %d: there is no find at %.3f, %.3f", rock, *position)
         else:
             kept[rock] = finds.pop(nearest)
-    return dict(sorted((kept | _renumbered(finds, places)).items()))
+    return dict(sorted((kept | _renumbered(finds, positions)).items()))
 
 
 def _renumbered(finds: Mapping[int, Region], taken: Collection[int]) -> dict[int, Region]:
@@ -107,8 +107,8 @@ def _inside(region: Region, cuboid: Cuboid) -> bool:
 
 def _cells_of(sand: Sand, cuboid: Cuboid) -> np.ndarray:
     """(rows, columns) bool: cells whose surface lies in a cuboid."""
-    places = sand.grid.places()
-    inside = ((places > cuboid.low[:2]) & (places < cuboid.high[:2])).all(axis=-1)
+    nodes = sand.grid.centres()
+    inside = ((nodes > cuboid.low[:2]) & (nodes < cuboid.high[:2])).all(axis=-1)
     heights = np.nan_to_num(sand.surface, nan=np.inf)
     return inside & (heights > cuboid.low[2]) & (heights < cuboid.high[2])
 
@@ -132,12 +132,12 @@ def _cropped(sand: Sand, cuboid: Cuboid, foot: float) -> Region | None:
 
 def _around(sand: Sand, region: Region) -> Cuboid:
     """The cuboid of a find, to the millimetre outwards."""
-    places = sand.grid.places().reshape(-1, 2)[region.footprint]
+    nodes = sand.grid.centres().reshape(-1, 2)[region.footprint]
     margin = sand.grid.cell * (0.5 + FOOT_MARGIN)
     bottom = sand.ground.ravel()[region.footprint].min() - CUBOID_BELOW
     top = np.nanmax(sand.surface.ravel()[region.seen]) + CUBOID_ABOVE
-    low = np.array([*(places.min(axis=0) - margin), bottom])
-    high = np.array([*(places.max(axis=0) + margin), top])
+    low = np.array([*(nodes.min(axis=0) - margin), bottom])
+    high = np.array([*(nodes.max(axis=0) + margin), top])
     return Cuboid(np.floor(low * 1000) / 1000, np.ceil(high * 1000) / 1000)
 
 

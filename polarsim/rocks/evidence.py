@@ -29,7 +29,7 @@ class Evidence:
         boxes = {position: consensus_boxes(annotated) for position, annotated in sorted(self.annotated.items())}
         return {position: found for position, found in boxes.items() if position in self.localised and len(found)}
 
-    def of_their_place(self, rocks: Sequence[np.ndarray]) -> Evidence:
+    def of_their_position(self, rocks: Sequence[np.ndarray]) -> Evidence:
         """The same without positions whose boxes are another one's, by rocks (n, 3) that shape alone tells; warns."""
         cameras = {position: rig.camera("L") for position, rig in self.localised.items() if not rig.surveyed}
         names = positions_of_strangers(self.agreed, cameras, rocks)

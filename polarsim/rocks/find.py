@@ -29,7 +29,7 @@ from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
 from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_places
+from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_positions
 from polarsim.rocks.regions import Cut, Limits, cut_by_shape, find_regions, surface_points
 from polarsim.rocks.scans import Extent, ScanPoints, merged, scan_in_sandbox
 
@@ -54,7 +54,7 @@ def find_rocks(
     clouds: Path,
     options: RocksOptions,
 ) -> None:
-    """Read a terrain's scans, tell rocks from ground, write the table, the cuboids, the ids' places and the clouds.
+    """Read a terrain's scans, tell rocks from ground, write the table, the cuboids, the ids' positions and the clouds.
 
     A position without a scan, or with a scan but no pose, is a warning. A terrain without any scan has no rock and an
     empty ground cloud. Seeds that lie under another position's name are left out with a warning.
@@ -77,7 +77,7 @@ def find_rocks(
         size=options.min_size_mm / 1000,
     )
     cut = cut_by_shape(sand, limits)
-    evidence = _of_their_place(sand, limits, evidence, cut)
+    evidence = _of_their_position(sand, limits, evidence, cut)
     bumps = Bumps(BUMP_HEIGHT, options.bump_size_mm / 1000)
     sand, regions = with_annotated(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
     sand, regions = carved(sand, regions, limits, evidence)
@@ -98,18 +98,18 @@ def find_rocks(
     _write(rocks, cuboids, ids, clouds, rows, found, rock_clouds, ground_cloud(sand), localised)
 
 
-def _of_their_place(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
+def _of_their_position(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
     """Evidence without seeds under another position's name; what stands out by shape alone tells."""
     if not evidence.agreed or len(evidence.localised) < 2:
         return evidence
     by_shape = find_regions(sand, limits, replace(evidence, annotated={}), cut)
-    return evidence.of_their_place([surface_points(sand, region.seen) for region in by_shape])
+    return evidence.of_their_position([surface_points(sand, region.seen) for region in by_shape])
 
 
 def ground_cloud(sand: Sand) -> Cloud:
     """A point a cell of seen ground, with the surface's normal."""
     normals = upward_normals(sand.grid, sand.ground)
-    points = np.concatenate([sand.grid.places(), sand.ground[..., None]], axis=-1)
+    points = np.concatenate([sand.grid.centres(), sand.ground[..., None]], axis=-1)
     return Cloud(points[sand.is_ground], normals[sand.is_ground])
 
 
@@ -179,12 +179,12 @@ def _write(
     ground: Cloud,
     localised: Mapping[str, LocalisedRig],
 ) -> None:
-    places = [(position, *rig.sandbox_from_left.translation) for position, rig in localised.items()]
+    tripods = [(position, *rig.sandbox_from_left.translation) for position, rig in localised.items()]
     with writing_folder(clouds) as folder:
         ply.write(folder / "ground.ply", ground)
         for rock, cloud in rock_clouds.items():
             ply.write(folder / f"rock{rock}.ply", cloud)
-        tables.write_csv(folder / "scanners.csv", pd.DataFrame(places, columns=["position", "x", "y", "z"]))
+        tables.write_csv(folder / "scanners.csv", pd.DataFrame(tripods, columns=["position", "x", "y", "z"]))
     write_cuboids(cuboids, {rock: one.cuboid for rock, one in found.items()})
-    write_places(ids, {rock: one.region.centre for rock, one in found.items()})
+    write_positions(ids, {rock: one.region.centre for rock, one in found.items()})
     tables.write_parquet(rocks, table.rock_table(rows))

@@ -57,7 +57,7 @@ def support_table(support_of_mesh: Mapping[str, np.ndarray]) -> pd.DataFrame:
 def height_mesh(grid: FloorGrid, heights: np.ndarray) -> Mesh:
     """Two triangles a cell between the centres of the grid's cells, facing up; the shorter diagonal cuts each cell."""
     rows, columns = grid.shape
-    vertices = np.concatenate([grid.places(), heights[..., None]], axis=-1).reshape(-1, 3)
+    vertices = np.concatenate([grid.centres(), heights[..., None]], axis=-1).reshape(-1, 3)
     number = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
     flat = heights.ravel()

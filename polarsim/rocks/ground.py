@@ -52,8 +52,8 @@ class Sand:
 def sand_extent(scans: ScanPoints, cell: float = 0.02) -> Extent:
     """The rectangle of sand between the walls: where the surface rises by a wall's height, else the survey's.
 
-    On each side the wall stands at the median over strips of the first place, from the centre outwards, where points
-    lie high above the sand's median height.
+    On each side the wall stands at the median over strips of the first distance from the centre at which points lie
+    high above the sand's median height.
     """
     half = SANDBOX_HALF_WIDTH
     area = scans.points[(np.abs(scans.points[:, :2]) < WALL_SEARCH[1]).all(axis=1)]

@@ -1,4 +1,4 @@
-"""Heights over a regular grid of the sandbox's floor: from points, without holes, smoothed, and back at any place."""
+"""Heights over a regular grid of the sandbox's floor: from points, without holes, smoothed, and back at any point."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class FloorGrid:
         height, width = self.extent.y1 - self.extent.y0, self.extent.x1 - self.extent.x0
         return int(np.ceil(height / self.cell - 1e-9)), int(np.ceil(width / self.cell - 1e-9))
 
-    def places(self) -> np.ndarray:
+    def centres(self) -> np.ndarray:
         """(rows, columns, 2) x and y of the cells' centres."""
         rows, columns = self.shape
         x = self.extent.x0 + (np.arange(columns) + 0.5) * self.cell
@@ -137,6 +137,6 @@ def hull_mask(mask: np.ndarray) -> np.ndarray:
         hull = ConvexHull(points)
     except QhullError:  # one line of cells
         return mask
-    places = np.indices(mask.shape).reshape(2, -1)
-    inside = np.all(hull.equations[:, :2] @ places + hull.equations[:, 2:] <= 1e-9, axis=0)
+    cells = np.indices(mask.shape).reshape(2, -1)
+    inside = np.all(hull.equations[:, :2] @ cells + hull.equations[:, 2:] <= 1e-9, axis=0)
     return np.reshape(inside, mask.shape)

@@ -24,10 +24,10 @@ class Cuboid:
 
 @dataclass(frozen=True)
 class Overrides:
-    """Cuboids by rock id, places (2,) of finds by the id that they keep, and ids of finds to leave out."""
+    """Cuboids by rock id, positions (2,) of finds by the id that they keep, and ids of finds to leave out."""
 
     cuboids: dict[int, Cuboid] = field(default_factory=dict)
-    places: dict[int, np.ndarray] = field(default_factory=dict)
+    positions: dict[int, np.ndarray] = field(default_factory=dict)
     drop: tuple[int, ...] = ()
 
 
@@ -58,10 +58,10 @@ def read_overrides(path: str | Path) -> Overrides:
             if keys not in ({"rock", "min", "max"}, {"rock", "at"}):
                 raise FormatError(f"entry {number}: expected the keys rock, min, max, or rock, at, or the key drop")
             rock = _id(number, entry["rock"])
-            if rock in read.cuboids or rock in read.places:
+            if rock in read.cuboids or rock in read.positions:
                 raise FormatError(f"entry {number}: rock {rock} is there twice")
             if "at" in keys:
-                read.places[rock] = _numbers(number, entry, "at", 2)
+                read.positions[rock] = _numbers(number, entry, "at", 2)
             else:
                 read.cuboids[rock] = _cuboid(number, entry)
         return replace(read, drop=tuple(sorted(set(drop))))
@@ -106,9 +106,9 @@ def write_cuboids(path: str | Path, cuboids: Mapping[int, Cuboid]) -> None:
     _write_entries(path, "these ids and crops", entries)
 
 
-def write_places(path: str | Path, places: Mapping[int, np.ndarray]) -> None:
+def write_positions(path: str | Path, positions: Mapping[int, np.ndarray]) -> None:
     """Write where rocks lie, (2,) metres, in the form of the override file, to the millimetre."""
-    entries = [f"{{rock: {rock}, at: {_listed(place)}}}" for rock, place in sorted(places.items())]
+    entries = [f"{{rock: {rock}, at: {_listed(position)}}}" for rock, position in sorted(positions.items())]
     _write_entries(path, "these ids and leaves the crops to the pipeline", entries)
 
 

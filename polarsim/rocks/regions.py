@@ -137,9 +137,9 @@ def by_id(regions: Sequence[Region]) -> dict[int, Region]:
 
 
 def surface_points(sand: Sand, cells: np.ndarray) -> np.ndarray:
-    """(n, 3) places on the scanned surface of flat cells (n,)."""
-    places = sand.grid.places().reshape(-1, 2)[cells]
-    return np.column_stack([places, sand.surface.ravel()[cells]])
+    """(n, 3) points on the scanned surface of flat cells (n,)."""
+    nodes = sand.grid.centres().reshape(-1, 2)[cells]
+    return np.column_stack([nodes, sand.surface.ravel()[cells]])
 
 
 def marked_region(sand: Sand, mask: np.ndarray) -> Region:
@@ -178,12 +178,12 @@ def measured_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Reg
     width = sand.grid.shape[1]
     top_row, left_column = box[0].start, box[1].start
     footprint = (footprint_rows + top_row) * width + footprint_columns + left_column
-    places = sand.grid.places().reshape(-1, 2)[footprint]
+    nodes = sand.grid.centres().reshape(-1, 2)[footprint]
     return Region(
         seen=(rows + top_row) * width + columns + left_column,
         footprint=footprint,
-        centre=places.mean(axis=0),
-        size=float(np.ptp(places, axis=0).max() + sand.grid.cell),
+        centre=nodes.mean(axis=0),
+        size=float(np.ptp(nodes, axis=0).max() + sand.grid.cell),
         height=float(np.quantile(heights, PEAK_SHARE)),
         volume=float((above.sum() + heights.mean() * (covered.sum() - mask.sum())) * sand.grid.cell**2),
     )

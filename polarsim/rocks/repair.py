@@ -102,11 +102,11 @@ def _skirt_share(mesh: Mesh) -> float:
     return float(area[centre[:, 2] < _skirt_height(mesh, centre)].sum() / max(area.sum(), 1e-30))
 
 
-def _skirt_height(mesh: Mesh, places: np.ndarray) -> np.ndarray:
-    """(n,) height of the skirt's upper end at places (n, 3)."""
+def _skirt_height(mesh: Mesh, points: np.ndarray) -> np.ndarray:
+    """(n,) height of the skirt's upper end at points (n, 3)."""
     slope_x, slope_y, level = robust_plane(rim(mesh), RIM_SCALE)
     bottom, top = mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()
-    over_rim = slope_x * places[:, 0] + slope_y * places[:, 1] + level + SKIRT
+    over_rim = slope_x * points[:, 0] + slope_y * points[:, 1] + level + SKIRT
     return np.minimum(over_rim, bottom + SKIRT_SHARE * (top - bottom))
 
 

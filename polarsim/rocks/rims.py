@@ -48,11 +48,11 @@ def fit_ground(rims: list[np.ndarray], grid: FloorGrid) -> np.ndarray:
     shares = np.concatenate([np.full(len(one), 1 / len(one)) for one in rims])
     quadric = len(rims) >= QUADRIC_FROM
     coefficients = _robust_fit(_terms(points, quadric), points[:, 2], shares)
-    places = grid.places().reshape(-1, 2)
-    base = _terms(places, quadric) @ coefficients
+    nodes = grid.centres().reshape(-1, 2)
+    base = _terms(nodes, quadric) @ coefficients
     left = points[:, 2] - _terms(points, quadric) @ coefficients
-    distance, near = KDTree(points[:, :2]).query(places, k=min(BLEND_NEIGHBOURS, len(points)))
-    distance, near = np.reshape(distance, (len(places), -1)), np.reshape(near, (len(places), -1))
+    distance, near = KDTree(points[:, :2]).query(nodes, k=min(BLEND_NEIGHBOURS, len(points)))
+    distance, near = np.reshape(distance, (len(nodes), -1)), np.reshape(near, (len(nodes), -1))
     weights = 1 / (distance**2 + BLEND_SOFTENING**2)
     local = (weights * left[near]).sum(axis=1) / weights.sum(axis=1)
     fade = np.exp(-((distance[:, 0] / BLEND_RANGE) ** 2))

@@ -26,9 +26,9 @@ class ScanPoints:
         """The points of a mask or index array (n,)."""
         return ScanPoints(self.points[chosen], self.to_scanner[chosen], self.weights[chosen])
 
-    def scanner(self, places: np.ndarray) -> np.ndarray:
-        """(n,) number of the scanner that saw each point, of scanners at places (s, 3), metres."""
-        away = places[:, None] - self.points  # (s, n, 3)
+    def scanner(self, points: np.ndarray) -> np.ndarray:
+        """(n,) number of the scanner that saw each point, of scanners at positions (s, 3), metres."""
+        away = points[:, None] - self.points  # (s, n, 3)
         along = np.einsum("snk,nk->sn", away, self.to_scanner) / np.linalg.norm(away, axis=-1)
         return np.asarray(along.argmax(axis=0))
 

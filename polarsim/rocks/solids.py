@@ -23,7 +23,7 @@ def compacted(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
 
 
 def merged_vertices(mesh: Mesh) -> Mesh:
-    """Vertices at one place become one; faces that lose a corner by it go."""
+    """Vertices at one point become one; faces that lose a corner by it go."""
     vertices, numbers = np.unique(mesh.vertices, axis=0, return_inverse=True)
     faces = numbers.reshape(-1)[mesh.faces]
     sound = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])

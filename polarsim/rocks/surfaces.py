@@ -94,9 +94,9 @@ def _outline(points: np.ndarray) -> np.ndarray:
         raise ReconstructionError(f"{len(points)} points lie on one line or are too few") from error
 
 
-def _sunk(places: np.ndarray, grid: FloorGrid, ground: np.ndarray) -> np.ndarray:
-    """(n, 3) places (n, 2) below the ground."""
-    return np.column_stack([places, grid.sample(ground, places) - SINK])
+def _sunk(points: np.ndarray, grid: FloorGrid, ground: np.ndarray) -> np.ndarray:
+    """(n, 3) points below (n, 2) ones of the ground."""
+    return np.column_stack([points, grid.sample(ground, points) - SINK])
 
 
 def hull_points(mesh: Mesh, spacing: float) -> Cloud:
@@ -145,7 +145,7 @@ def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
     cell : float
         Cell of the reconstruction, metres.
     """
-    points = np.concatenate([grid.places(), heights[..., None]], axis=-1).reshape(-1, 3)
+    points = np.concatenate([grid.centres(), heights[..., None]], axis=-1).reshape(-1, 3)
     surface = poisson(Cloud(points, upward_normals(grid, heights).reshape(-1, 3)), cell, GROUND_ROOM)
     inside = grid.extent.contains(surface.vertices)
     return largest_island(compacted(surface.vertices, surface.faces[inside[surface.faces].all(axis=1)]))

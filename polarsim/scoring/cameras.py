@@ -254,5 +254,5 @@ def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) ->
 
 
 def _angle_deg(one: np.ndarray, other: np.ndarray) -> float:
-    """Between the directions of two places (3,) from the origin."""
+    """Between the directions of two positions (3,) from the origin."""
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other)))

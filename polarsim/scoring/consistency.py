@@ -108,8 +108,8 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
     for position, points in sorted(scans.items()):
         moves[position] = _further(points, surface)
         settled = moves[position].apply(points)
-        place, face = surface.nearest(settled)
-        above = ((settled - place) * surface.normals[face]).sum(axis=1)
+        nearest, face = surface.nearest(settled)
+        above = ((settled - nearest) * surface.normals[face]).sum(axis=1)
         left_mm = 1000 * float(np.median(np.abs(above)))
         metrics.append(Metric(f"scan {position} on the meshes", "distance_median", left_mm, "mm", len(points), "own"))
     for one, other in combinations(sorted(moves), 2):
@@ -145,7 +145,7 @@ def _further(points: np.ndarray, surface: Surface) -> Pose:
     return refine_alignment(Pose.identity(), points, surface).inverse()
 
 
-def _size(motion: Pose, place: np.ndarray) -> tuple[float, float]:
+def _size(motion: Pose, point: np.ndarray) -> tuple[float, float]:
     """Degrees of a motion's rotation, and millimetres that it moves a point (3,)."""
     rotation_deg = float(np.degrees(angle_between(motion, Pose.identity())))
-    return rotation_deg, 1000 * float(np.linalg.norm(motion.apply(place) - place))
+    return rotation_deg, 1000 * float(np.linalg.norm(motion.apply(point) - point))

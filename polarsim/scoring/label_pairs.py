@@ -27,7 +27,7 @@ class PhotoPairs:
     """The boxes of one photo, paired one to one within their kind: a row a true box, then one a label left over."""
 
     kind: np.ndarray  # (n,) class numbers
-    label: np.ndarray  # (n,) places of the labels, -1: a true box without partner
+    label: np.ndarray  # (n,) indices of the labels, -1: a true box without partner
     iou: np.ndarray  # (n,) of the pair; NaN where there is none
     iou_best: np.ndarray  # (n,) of a true box in the pairing of the largest sum; NaN for a label left over
     truth: np.ndarray  # (n, 4) true boxes; NaN for a label left over

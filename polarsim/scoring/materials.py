@@ -18,7 +18,7 @@ from polarsim.scoring.alignment import read_alignment
 from polarsim.scoring.metrics import Metric, summary, write_metrics
 
 ALBEDO_COLUMNS = ("rock", "x", "y", "z", "albedo", "pixels")
-_REACH = 0.02  # metres from a true place to the vertices that tell of it
+_REACH = 0.02  # metres from a true point to the vertices that tell of it
 _CORNERS = 3  # vertices that are averaged there
 _PIXELS = 4  # that a true mean must rest on
 _STEPS = ("unfitted", "constant_albedo", "fitted")
@@ -41,8 +41,8 @@ def score_materials(
     metrics = [metric for model, fit in sorted(found.models.items()) for metric in held_out_metrics(model, fit.check)]
     if (truth / "albedo.parquet").exists() and found.models:
         true = read_parquet(truth / "albedo.parquet", ALBEDO_COLUMNS)
-        places = read_alignment(cameras, truth).inverse().apply(true[["x", "y", "z"]].to_numpy(float))
-        metrics += albedo_metrics(found, mesh, true, places)
+        points = read_alignment(cameras, truth).inverse().apply(true[["x", "y", "z"]].to_numpy(float))
+        metrics += albedo_metrics(found, mesh, true, points)
     write_metrics(evaluation, "materials", terrain, metrics)
 
 
@@ -57,8 +57,8 @@ def held_out_metrics(model: str, check: Mapping[str, Any]) -> list[Metric]:
     ]  # fmt: skip
 
 
-def albedo_metrics(found: FittedMaterials, mesh: TerrainMesh, true: pd.DataFrame, places: np.ndarray) -> list[Metric]:
-    """Relative errors of albedo at true places (n, 3), on one scale a model, at vertices that photos show lit.
+def albedo_metrics(found: FittedMaterials, mesh: TerrainMesh, true: pd.DataFrame, points: np.ndarray) -> list[Metric]:
+    """Relative errors of albedo at true points (n, 3), on one scale a model, at vertices that photos show lit.
 
     Beside them the errors of one constant albedo. The scale is the median over the ground, for brightness of lamps and
     of albedo cannot be told apart.
@@ -73,7 +73,7 @@ def albedo_metrics(found: FittedMaterials, mesh: TerrainMesh, true: pd.DataFrame
         vertices = np.flatnonzero(ours)
         if len(vertices) < _CORNERS or not theirs.any():
             continue
-        far, near = cKDTree(mesh.vertices[vertices]).query(places[theirs], k=_CORNERS)
+        far, near = cKDTree(mesh.vertices[vertices]).query(points[theirs], k=_CORNERS)
         far, near = np.asarray(far), vertices[near]
         known = (far[:, 0] < _REACH) & (found.looks[near] > 0).any(axis=1)
         if known.any():

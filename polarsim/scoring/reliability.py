@@ -43,11 +43,11 @@ def told_labels(pairs: pd.DataFrame) -> Told:
 
 def equal_bins(told: Told) -> np.ndarray:
     """(n,) bins by confidence, each of about the same weight; labels of one confidence share a bin."""
-    _, place = np.unique(told.confidence, return_inverse=True)
-    weight = np.bincount(place, told.weight)
+    _, index = np.unique(told.confidence, return_inverse=True)
+    weight = np.bincount(index, told.weight)
     total = weight.sum()
     centre = np.cumsum(weight) - weight / 2
-    return np.asarray(np.floor(np.clip(total // FEWEST, 1, BINS) * centre / total).astype(int)[place])
+    return np.asarray(np.floor(np.clip(total // FEWEST, 1, BINS) * centre / total).astype(int)[index])
 
 
 def reliability_bins(told: Told) -> pd.DataFrame:

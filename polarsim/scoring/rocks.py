@@ -98,9 +98,9 @@ def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Compari
 
 
 def _moved(found: pd.DataFrame, truth_from_sandbox: Pose) -> pd.DataFrame:
-    """The table of found rocks with their places in the true frame."""
-    places = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
-    return found.assign(x=places[:, 0], y=places[:, 1], z=places[:, 2])
+    """The table of found rocks with their positions in the true frame."""
+    points = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
+    return found.assign(x=points[:, 0], y=points[:, 1], z=points[:, 2])
 
 
 def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison) -> list[Metric]:

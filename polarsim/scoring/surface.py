@@ -51,7 +51,7 @@ class Surface:
         return weights[:, :1] * a + weights[:, 1:2] * b + weights[:, 2:] * c, face
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest place (n, 3) on the surface to each point (n, 3), and the face (n,) that it lies on."""
+        """The nearest point (n, 3) on the surface to each point (n, 3), and the face (n,) that it lies on."""
         found = self._scene.compute_closest_points(np.ascontiguousarray(points, np.float32))
         return found["points"].numpy().astype(float), found["primitive_ids"].numpy().astype(np.int64)
 

@@ -83,5 +83,7 @@ def thin_meshes(*, terrain: int, meshes: Path, thinned: Path) -> None:
 
 def _write_lamps(folder: Path, lamps: Path, sandbox_from_truth: Pose) -> None:
     """The Sun lamps; the rover light is on the rig."""
-    places = read_json(lamps)
-    write_suns(folder, {sun: sandbox_from_truth.apply(np.array(places[sun], float)) for sun in SUNS if sun in places})
+    lamps_truth = read_json(lamps)
+    write_suns(
+        folder, {sun: sandbox_from_truth.apply(np.array(lamps_truth[sun], float)) for sun in SUNS if sun in lamps_truth}
+    )

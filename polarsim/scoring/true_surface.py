@@ -95,7 +95,7 @@ class Samples:
         return np.abs(self.offset)
 
     def table(self) -> pd.DataFrame:
-        """Rock, place to a tenth of a millimetre, offset in millimetres to a hundredth."""
+        """Rock, position to a tenth of a millimetre, offset in millimetres to a hundredth."""
         x, y, z = np.round(self.points, 4).T
         return pd.DataFrame({"rock": self.rock, "x": x, "y": y, "z": z, "offset_mm": np.round(1000 * self.offset, 2)})
 
@@ -149,7 +149,7 @@ def _seen_points(
 
 def _beside(surface: Surface, rock_of_face: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signed distance (n,) of points to a surface, and the rock (n,) that it belongs to there."""
-    place, face = surface.nearest(points)
-    away = points - place
+    nearest, face = surface.nearest(points)
+    away = points - nearest
     side = np.einsum("nk,nk->n", away, surface.normals[face])
     return np.copysign(np.linalg.norm(away, axis=1), side), rock_of_face[face]

@@ -26,17 +26,17 @@ def test_a_cast_shadow_is_the_sand_whose_ray_to_the_lamp_meets_the_rock(ball_sce
     seen = visibility(ball_view, ball_caster, LAMP, rng, 1)
     (region,) = shadow_regions(ball_scene, ball_caster, ball_scene.rock_caster(), ball_view, LAMP, seen, 1)
     x0, y0, x1, y1 = region.box
-    places = ball_view.places[y0:y1, x0:x1][region.mask]
-    to_lamp = LAMP.place - places
+    points = ball_view.points[y0:y1, x0:x1][region.mask]
+    to_lamp = LAMP.position - points
     to_lamp /= np.linalg.norm(to_lamp, axis=1, keepdims=True)
-    to_ball = np.array([0, 0, BALL_HEIGHT]) - places
+    to_ball = np.array([0, 0, BALL_HEIGHT]) - points
     along = np.einsum("ij,ij->i", to_ball, to_lamp)
     assert (
         np.linalg.norm(to_ball - along[:, None] * to_lamp, axis=1) < BALL_RADIUS + 0.003
     ).all()  # rays start a bit above
-    away, up = LAMP.place[1], LAMP.place[2]
+    away, up = LAMP.position[1], LAMP.position[2]
     tangent = np.arctan2(up - BALL_HEIGHT, away) - np.arcsin(BALL_RADIUS / np.hypot(away, up - BALL_HEIGHT))
-    assert places[:, 1].min() == pytest.approx(
+    assert points[:, 1].min() == pytest.approx(
         away - up / np.tan(tangent), rel=0.05
     )  # where the ray over its top lands
 

@@ -64,18 +64,18 @@ def test_the_net_of_nodes_solves_the_lens_to_a_few_thousandths_of_a_pixel():
 def test_a_view_places_each_pixel_on_the_flat_sand_that_its_ray_meets(ball_view, small_lens):
     pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
     sand = ball_view.objects == GROUND_OBJECT
-    np.testing.assert_allclose(ball_view.places[sand][:, 2], 0, atol=1e-5)
+    np.testing.assert_allclose(ball_view.points[sand][:, 2], 0, atol=1e-5)
     row, column = np.argwhere(sand)[1000]
-    pixel = small_lens.project(pose.inverse().apply(ball_view.places[row, column].astype(float)))
+    pixel = small_lens.project(pose.inverse().apply(ball_view.points[row, column].astype(float)))
     np.testing.assert_allclose(pixel, [column + 0.5, row + 0.5], atol=0.01)
 
 
 def test_the_shadow_of_a_ball_lies_where_geometry_says(ball_view, ball_caster, rng):
     seen = visibility(ball_view, ball_caster, LAMP, rng, 1)
-    sand = (ball_view.objects == GROUND_OBJECT) & (np.abs(ball_view.places[..., :2]).max(axis=-1) < 1)
-    to_lamp = LAMP.place - ball_view.places
+    sand = (ball_view.objects == GROUND_OBJECT) & (np.abs(ball_view.points[..., :2]).max(axis=-1) < 1)
+    to_lamp = LAMP.position - ball_view.points
     to_lamp /= np.linalg.norm(to_lamp, axis=-1, keepdims=True)
-    to_ball = np.array([0, 0, BALL_HEIGHT]) - ball_view.places
+    to_ball = np.array([0, 0, BALL_HEIGHT]) - ball_view.points
     along = np.einsum("...k,...k->...", to_ball, to_lamp)
     miss = np.linalg.norm(to_ball - along[..., None] * to_lamp, axis=-1)
     occluded = (along > 0) & (miss < BALL_RADIUS - 0.02)
@@ -87,9 +87,9 @@ def test_the_shadow_of_a_ball_lies_where_geometry_says(ball_view, ball_caster, r
 
 def test_a_wider_lamp_makes_a_softer_shadow(ball_view, ball_caster):
     def half_lit(radius):
-        lamp = Lamp(LAMP.place, LAMP.target, radius)
+        lamp = Lamp(LAMP.position, LAMP.target, radius)
         seen = visibility(ball_view, ball_caster, lamp, np.random.default_rng(1), 1)
-        sand = (ball_view.objects == GROUND_OBJECT) & (np.abs(ball_view.places[..., :2]).max(axis=-1) < 1)
+        sand = (ball_view.objects == GROUND_OBJECT) & (np.abs(ball_view.points[..., :2]).max(axis=-1) < 1)
         return ((seen > 0.2) & (seen < 0.8) & sand).sum()
 
     assert half_lit(0.15) > 2 * half_lit(0.01)
@@ -114,5 +114,5 @@ def test_looking_twice_sees_the_same(ball_scene, ball_caster, ball_view, small_l
     pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
     textures = make_textures(np.random.default_rng(2))
     again = look(ball_scene, ball_caster, textures, Camera(pose, small_lens), 2)
-    np.testing.assert_array_equal(again.places, ball_view.places)
+    np.testing.assert_array_equal(again.points, ball_view.points)
     np.testing.assert_array_equal(again.albedo, ball_view.albedo)

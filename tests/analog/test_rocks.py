@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.analog.ground import make_ground
-from polarsim.analog.localisation import place_rocks
+from polarsim.analog.placement import place_rocks
 from polarsim.analog.presets import PRESETS
 from polarsim.analog.rays import Caster
 from polarsim.analog.rocks import carve, icosphere

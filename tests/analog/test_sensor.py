@@ -44,13 +44,13 @@ def test_the_lens_darkens_corners_and_spreads_bright_light():
     assert seen[200, 400] > 1.05 * through_lens(np.full_like(image, 0.01))[200, 400]  # glare
 
 
-def test_a_lamp_in_the_picture_glares_most_at_its_own_place():
+def test_a_lamp_in_the_picture_glares_most_at_its_own_position():
     lens = stated_rig().left
     pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(20))
     lamp = Lamp(np.array([-3.5, 0.5, 0.75]), np.zeros(3), 0.045)
     glare = lamp_glare(lamp, Camera(pose, lens), 0.002, np.random.default_rng(1))
     row, column = np.unravel_index(np.argmax(glare), glare.shape)
-    expected = lens.project(pose.inverse().apply(lamp.place))
+    expected = lens.project(pose.inverse().apply(lamp.position))
     assert np.hypot(column - expected[0], row - expected[1]) < 20
 
 

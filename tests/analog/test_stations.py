@@ -24,13 +24,13 @@ def test_tripods_stand_where_fits_to_the_real_labels_found_them():
 
 
 def test_each_terrain_has_its_own_stations_and_each_seed_another():
-    places = [
+    points = [
         make_stations(terrain, AnalogOptions(seed=seed)).sandbox_from_left["A"].translation
         for terrain, seed in ((1, 1), (3, 1), (1, 2))
     ]
-    assert np.linalg.norm(places[0] - places[1]) > 0.005
-    assert np.linalg.norm(places[0] - places[2]) > 0.005
-    np.testing.assert_array_equal(places[0], make_stations(1, AnalogOptions()).sandbox_from_left["A"].translation)
+    assert np.linalg.norm(points[0] - points[1]) > 0.005
+    assert np.linalg.norm(points[0] - points[2]) > 0.005
+    np.testing.assert_array_equal(points[0], make_stations(1, AnalogOptions()).sandbox_from_left["A"].translation)
 
 
 def test_the_calibration_is_near_the_rig_but_not_the_rig():

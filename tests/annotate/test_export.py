@@ -129,15 +129,15 @@ def test_label_studio_finds_every_picture_below_the_folder_that_it_serves(tmp_pa
     export(folder=folder, run=run, tool="label-studio")
     assert names(folder) == {f"images/{key}.png" for key in KEYS} | {"tasks.json", "interface.xml"}
     for task in json.loads((folder / "tasks.json").read_text()):
-        address, _, place = task["data"]["image"].partition("?d=")
+        address, _, position = task["data"]["image"].partition("?d=")
         assert address == "/data/local-files/"
-        assert (tmp_path / unquote(place)).is_file()
+        assert (tmp_path / unquote(position)).is_file()
     assert f"serve local files from {tmp_path}," in opening(folder, "label-studio")
 
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_same_run_same_bytes(tmp_path, run, tool):
-    for place in ("a", "b"):
-        export(folder=tmp_path / place / "out", run=run, tool=tool)
+    for position in ("a", "b"):
+        export(folder=tmp_path / position / "out", run=run, tool=tool)
     for name in names(tmp_path / "a/out"):
         assert (tmp_path / "a/out" / name).read_bytes() == (tmp_path / "b/out" / name).read_bytes()

@@ -27,7 +27,7 @@ def results(rows):
     ]
 
 
-def test_places_are_percent_of_the_picture():
+def test_positions_are_percent_of_the_picture():
     ((rectangle,), _) = results([label("rock", 7, (193.6, 608, 387.2, 912), 0.75)])
     assert rectangle["value"] == {
         "x": 10, "y": 50, "width": 10, "height": 25, "rotation": 0, "rectanglelabels": ["rock"],

@@ -56,8 +56,8 @@ def test_masks_of_photos_come_from_polygons_and_those_of_twins_from_what_they_sh
         show_of_run(key=LEFT, run=run, domain=domain, out=tmp_path / f"{name}.png", masks=masks)
     plain, filled = (png.read(tmp_path / f"{name}.png").astype(int) for name in ("plain", "filled"))
     grey = plain[1100, 1000]
-    for place, kind in ((ROCK_AT, "rock"), (SHADOW_AT, "shadow")):
-        dark = place[0] + 30, place[1] + 30  # beside the line from shadow to rock
+    for position, kind in ((ROCK_AT, "rock"), (SHADOW_AT, "shadow")):
+        dark = position[0] + 30, position[1] + 30  # beside the line from shadow to rock
         assert (plain[dark] == grey).all()
         assert (np.sign(filled[dark] - grey) == np.sign(np.array(COLOURS[kind]) - grey)).all()
 
@@ -91,12 +91,12 @@ def test_a_contact_sheet_shows_photos_then_twins_then_grey(tmp_path, run):
     photos, twins = run / "acquire/Terrain03/photos.parquet", run / "renders/hapke/Terrain03"
     labels = run / "labels/tables/Terrain03.parquet"
     corners = {}
-    for places in ([photos, twins], [photos]):
-        figure = tmp_path / f"{len(places)}.png"
-        draw_contact(keys=KEYS, labels=labels, pictures=places, figure=figure, width=800)
+    for points in ([photos, twins], [photos]):
+        figure = tmp_path / f"{len(points)}.png"
+        draw_contact(keys=KEYS, labels=labels, pictures=points, figure=figure, width=800)
         pixels = png.read(figure)
         left, right = pixels[200, 20], pixels[200, 780]  # of the left camera's tile and of the right one's
-        corners[len(places)] = int(left[0]), int(right[0])
+        corners[len(points)] = int(left[0]), int(right[0])
     assert corners[2] == (255, 0)
     assert corners[1][0] == 255
     assert 80 < corners[1][1] < 100

@@ -20,8 +20,8 @@ TRUE_POSES = {  # decimetres and degrees off the survey, as real ones are
 }
 
 
-def rock(rng: np.random.Generator, place: np.ndarray, size: float) -> Mesh:
-    """A convex rock about a place (3,), about `size` metres long."""
+def rock(rng: np.random.Generator, position: np.ndarray, size: float) -> Mesh:
+    """A convex rock about a position (3,), about `size` metres long."""
     points = rng.standard_normal((60, 3))
     points *= size / 2 * rng.uniform(0.6, 1, 3) / np.linalg.norm(points, axis=1, keepdims=True)
     hull = ConvexHull(points)
@@ -31,17 +31,17 @@ def rock(rng: np.random.Generator, place: np.ndarray, size: float) -> Mesh:
     outwards = (np.cross(*(points[hull.simplices[:, k]] - points[hull.simplices[:, 0]] for k in (1, 2)))).T
     flipped = (outwards.T * points[hull.simplices[:, 0]]).sum(axis=1) < 0
     faces[flipped] = faces[flipped][:, ::-1]
-    return Mesh(points[hull.vertices] + place, faces)
+    return Mesh(points[hull.vertices] + position, faces)
 
 
 def rocks(rng: np.random.Generator, count: int) -> dict[int, Mesh]:
     """Rocks with ids from 1 that do not touch."""
-    places: list[np.ndarray] = []
-    while len(places) < count:
-        place = np.append(rng.uniform(-1.5, 1.5, 2), 0.0)
-        if all(np.linalg.norm(place - other) > 0.4 for other in places):
-            places.append(place)
-    return {k: rock(rng, place, rng.uniform(0.08, 0.3)) for k, place in enumerate(places, 1)}
+    points: list[np.ndarray] = []
+    while len(points) < count:
+        position = np.append(rng.uniform(-1.5, 1.5, 2), 0.0)
+        if all(np.linalg.norm(position - other) > 0.4 for other in points):
+            points.append(position)
+    return {k: rock(rng, position, rng.uniform(0.08, 0.3)) for k, position in enumerate(points, 1)}
 
 
 def annotated_boxes(

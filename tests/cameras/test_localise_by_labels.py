@@ -73,7 +73,9 @@ def test_mirrored_boxes_are_refused(labelled, outlines):
 def test_boxes_of_another_position_are_refused(labelled, outlines):
     # A and B stand one behind the other: the boxes of B are explained perfectly, from where B stands.
     localisation = localise_by_labels(labelled.seen("B"), outlines, LENS, surveyed_pose("A"), OPTIONS)
-    with pytest.raises(RegistrationError, match=r"stands 2\.\d m from the survey's place, .* another position's boxes"):
+    with pytest.raises(
+        RegistrationError, match=r"stands 2\.\d m from the survey's position, .* another position's boxes"
+    ):
         checked(localisation)
 
 

@@ -32,21 +32,21 @@ def best_boxes(root, terrain, position, camera):
 
 @pytest.mark.release
 @pytest.mark.parametrize(
-    ("terrain", "position", "place", "least_left", "least_right"),
+    ("terrain", "position", "stood", "least_left", "least_right"),
     [
-        # Places of left cameras and mean IoU were found by another program, fitted to both cameras of all terrains:
+        # Positions of left cameras and mean IoU were found by another program, fitted to both cameras of all terrains:
         # (3.583, -0.398, 1.511) with 0.82, 0.81 and (6.125, -0.585, 1.571) with 0.69, 0.72; a lens of 2085 px there.
         (1, "A", (3.583, -0.398, 1.511), 0.78, 0.78),
         (11, "B", (6.125, -0.585, 1.571), 0.65, 0.68),
     ],
 )
-def test_real_seeds_localise_the_rig(release_root, terrain, position, place, least_left, least_right):
+def test_real_seeds_localise_the_rig(release_root, terrain, position, stood, least_left, least_right):
     meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, terrain).items()}
     outlines = outlines_of(meshes)
     boxes = consensus_boxes(best_boxes(release_root, terrain, position, "L"))
     localisation = checked(localise_by_labels(boxes, outlines, stated_rig().left, surveyed_pose(position), OPTIONS))
     pose = localisation.fit.sandbox_from_left
-    assert np.linalg.norm(pose.translation - place) < 0.1  # their lens is 1 % longer: 4 to 6 cm in distance
+    assert np.linalg.norm(pose.translation - stood) < 0.1  # their lens is 1 % longer: 4 to 6 cm in distance
     assert localisation.fit.iou.mean() >= least_left
     # The right camera's boxes took no part.
     rig = LocalisedRig(stated_rig(), pose)

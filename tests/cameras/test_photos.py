@@ -147,7 +147,7 @@ def test_a_surveyed_pose_is_too_far_off_for_photos(photographed, tmp_path):
     assert localised["A"].method == "survey"
 
 
-def test_photos_of_another_place_move_nothing(photographed, tmp_path, caplog):
+def test_photos_of_another_position_move_nothing(photographed, tmp_path, caplog):
     elsewhere = replace(TRUE, sandbox_from_left=looking(np.array([0.8, -3.6, 1.5]), np.radians(103), np.radians(27)))
     with caplog.at_level(logging.WARNING):
         localised = refine(photographed, tmp_path, {"A": elsewhere})

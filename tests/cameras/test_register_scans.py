@@ -70,7 +70,7 @@ def test_walls_are_found_though_the_scans_common_frame_lies_far_off(network, tru
         assert np.linalg.norm(found.translation - true_poses[position].translation) < 0.015
 
 
-def test_without_walls_the_tripods_go_to_their_surveyed_places(network, true_poses):
+def test_without_walls_the_tripods_go_to_their_surveyed_positions(network, true_poses):
     low = {p: points[points[:, 2] < 0.05] for p, points in network.points.items()}
     normals = {p: network.normals[p][network.points[p][:, 2] < 0.05] for p in low}
     frame = find_sandbox_frame(low, normals, network.level_from_left)

@@ -29,9 +29,9 @@ def furnished(rng, around, radiance=1.0, **options):
 
 @pytest.fixture
 def around():
-    place = np.zeros(SHAPE, bool)
-    place[:20] = True
-    return place
+    position = np.zeros(SHAPE, bool)
+    position[:20] = True
+    return position
 
 
 def test_nothing_asked_for_changes_nothing(rng, around):

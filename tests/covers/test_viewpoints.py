@@ -31,12 +31,12 @@ def test_the_sand_that_is_seen_is_that_which_rays_meet(x, height, pitch):
     """Against the renderer's rays: the camera outside the walls, near them, inside."""
     chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)
     camera = Camera(looking(np.array([x, 0.3, height]), 0.1, np.radians(pitch)), LENS)
-    places = level_sand(camera, chosen)
+    points = level_sand(camera, chosen)
     surfaces = level(2.0, chosen)
     hits = cast_strip(surfaces, camera, slice(0, 38), smooth=False)
     met = hits.point[surfaces.id_of_face.take(hits.face) == 1][:, :2]
-    assert len(places) == pytest.approx(len(met), rel=0.06)  # the wall's thickness hides a little more
-    assert np.abs(places).max() <= 2.0
+    assert len(points) == pytest.approx(len(met), rel=0.06)  # the wall's thickness hides a little more
+    assert np.abs(points).max() <= 2.0
 
 
 def test_cameras_stand_and_look_as_asked_and_see_sand():

@@ -99,9 +99,9 @@ def test_mean_average_precision_changes_with_rocks_that_are_found():
 @given(st.lists(st.tuples(*[st.floats(0.3, 1)] * 3), min_size=1, max_size=6))
 def test_what_changes_nothing_is_exactly_zero_and_what_is_undone_has_the_opposite_change(performances):
     options = ComparisonOptions(resamples=100)
-    places = [((ONE, OTHER)[number % 2], number + 1) for number in range(len(performances))]
+    points = [((ONE, OTHER)[number % 2], number + 1) for number in range(len(performances))]
     photo, twin, other = (
-        seen(dict(zip(places, column, strict=True)), [ONE], options=options)
+        seen(dict(zip(points, column, strict=True)), [ONE], options=options)
         for column in zip(*performances, strict=True)
     )
     same = rocks(photo, twin, twin)

@@ -29,8 +29,8 @@ def weights(tmp_path):
 
 def brightest(pictures):
     """In the network's place: the box of the bright block of each picture, so that boxes are known."""
-    places = [np.argwhere(picture > 200) for picture in pictures]
-    return [np.array([[*p.min(0)[::-1], *(p.max(0)[::-1] + 1), 0.9, 0]], float) for p in places]
+    points = [np.argwhere(picture > 200) for picture in pictures]
+    return [np.array([[*p.min(0)[::-1], *(p.max(0)[::-1] + 1), 0.9, 0]], float) for p in points]
 
 
 @pytest.fixture

@@ -78,9 +78,9 @@ def scene(meshes):
 @given(st.floats(-1, 1), st.floats(-0.6, 0.6), st.floats(1.5, 9))
 def test_a_point_lies_in_one_row_of_both_rectified_pictures_as_far_apart_as_its_depth_says(x, y, z):
     rig = rectify(RIG, SCALE)
-    place = np.array([x * z * 0.4, y * z * 0.4, z])  # in the rectified left camera's frame
-    left = rig.lens.project(place)
-    right = rig.lens.project(place - [rig.baseline, 0, 0])
+    position = np.array([x * z * 0.4, y * z * 0.4, z])  # in the rectified left camera's frame
+    left = rig.lens.project(position)
+    right = rig.lens.project(position - [rig.baseline, 0, 0])
     assert left[1] == pytest.approx(right[1], abs=1e-9)
     assert left[0] - right[0] == pytest.approx(float(rig.disparity(z)), rel=1e-9)
     # The maps say where a rectified pixel lies in the picture as it was taken; the lens says so too.

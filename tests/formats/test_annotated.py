@@ -94,8 +94,8 @@ def test_a_missing_folder_and_a_photo_with_two_files_are_refused(tmp_path):
     with pytest.raises(FormatError, match="no such folder"):
         read_annotated(tmp_path / "nowhere")
     (tmp_path / "Terrain01").mkdir()
-    for place in (tmp_path, tmp_path / "Terrain01"):
-        (place / f"{KEY}.txt").write_text("")
+    for position in (tmp_path, tmp_path / "Terrain01"):
+        (position / f"{KEY}.txt").write_text("")
     with pytest.raises(FormatError, match=str(KEY)):
         read_annotated(tmp_path)
 

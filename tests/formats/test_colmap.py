@@ -28,9 +28,9 @@ def number(low, high):
     st.tuples(number(500, 4000), number(500, 4000), number(1, 1936), number(1, 1216)),
     st.tuples(*[number(-0.2, 0.2)] * 5),
 )
-def test_what_was_written_is_read_back(tmp_path_factory, place, lens, distortion):
+def test_what_was_written_is_read_back(tmp_path_factory, position, lens, distortion):
     rig = StereoRig(Lens(*lens, distortion), stated_rig().right, RIGHT_OF_LEFT)
-    localised = LocalisedRig(rig, looking(np.array(place[:3]), *place[3:]))
+    localised = LocalisedRig(rig, looking(np.array(position[:3]), *position[3:]))
     folder = tmp_path_factory.mktemp("model") / "colmap"
     write_model(folder, {"B": localised})
     back = read_model(folder)

@@ -10,7 +10,7 @@ from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 LIFT = np.array([0.0, 0.0, 0.18])
 RIGS = {
-    position: LocalisedRig(stated_rig(), Pose(np.eye(3), place + LIFT)) for position, place in SURVEYED_LEFT.items()
+    position: LocalisedRig(stated_rig(), Pose(np.eye(3), point + LIFT)) for position, point in SURVEYED_LEFT.items()
 }
 
 

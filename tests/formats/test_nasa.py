@@ -219,8 +219,8 @@ def test_damaged_bytes_give_a_format_error_or_a_result_and_nothing_else(tmp_path
     complaints = []
     for _ in range(150):
         damaged = bytearray(sound)
-        for place in rng.integers(0, len(sound), rng.integers(1, 6)):
-            damaged[place] = rng.integers(0, 256)
+        for position in rng.integers(0, len(sound), rng.integers(1, 6)):
+            damaged[position] = rng.integers(0, 256)
         path.write_bytes(damaged[: rng.integers(1, len(damaged) + 1)] if rng.random() < 0.4 else damaged)
         try:
             READERS[name](path)

@@ -69,7 +69,7 @@ def test_quads_relative_numbers_and_stray_lines_are_read(tmp_path, faces):
         (PLAIN + "v nan 0 0\nf 1 2 3\n", "not finite"),
     ],
 )
-def test_a_broken_file_is_refused_with_place_and_reason(tmp_path, text, reason):
+def test_a_broken_file_is_refused_with_position_and_reason(tmp_path, text, reason):
     with pytest.raises(FormatError, match=reason):
         read_text(tmp_path, text)
 

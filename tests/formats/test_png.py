@@ -99,10 +99,10 @@ def test_the_header_of_a_written_photo_is_nasas(tmp_path):
 @given(data=st.data())
 def test_a_cut_or_changed_file_never_has_a_header(ramp, data):
     content = bytearray(written_by_hand(ramp, 16, 0))
-    place = data.draw(st.integers(0, len(content) - 1))
+    position = data.draw(st.integers(0, len(content) - 1))
     if data.draw(st.booleans()):
-        del content[place:]
+        del content[position:]
     else:
-        content[place] ^= data.draw(st.integers(1, 255))  # a checksum finds every change of one byte
+        content[position] ^= data.draw(st.integers(1, 255))  # a checksum finds every change of one byte
     with pytest.raises(FormatError):
         png.parse_header(bytes(content))

@@ -11,7 +11,7 @@ TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
 FACE = np.array([[0, 1, 2]])
 
 
-def test_each_face_knows_its_rock_and_keeps_its_place(tmp_path):
+def test_each_face_knows_its_rock_and_keeps_its_position(tmp_path):
     obj.write(tmp_path / "terrain04_ground.obj", Mesh(TRIANGLE, FACE), "ground")
     obj.write(tmp_path / "terrain04_rock7.obj", Mesh(TRIANGLE + 2, FACE), "rock7")
     obj.write(tmp_path / "terrain04_rock3.obj", Mesh(TRIANGLE + 1, FACE), "rock3")

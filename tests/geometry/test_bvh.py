@@ -30,7 +30,7 @@ def walked(tree):
                 left.append((code, depth + 1))
 
 
-def places(code):
+def points(code):
     first, count = ~code >> bvh.COUNT_BITS, ~code & ((1 << bvh.COUNT_BITS) - 1)
     return np.arange(first, first + count)
 
@@ -39,7 +39,7 @@ def places(code):
 @given(triangles())
 def test_every_triangle_is_in_exactly_one_leaf(scene):
     tree = bvh.built(*scene)
-    in_leaves = np.concatenate([places(code) for *_, code in walked(tree) if code < 0])
+    in_leaves = np.concatenate([points(code) for *_, code in walked(tree) if code < 0])
     np.testing.assert_array_equal(np.sort(in_leaves), np.arange(len(scene[1])))
     np.testing.assert_array_equal(np.sort(tree.order), np.arange(len(scene[1])))
 
@@ -59,7 +59,7 @@ def test_boxes_hold_the_boxes_and_triangles_below_them(scene):
     tree = bvh.built(vertices, faces)
     corners = vertices.astype(np.float32)[faces[tree.order]]
     for _, low, high, code in walked(tree):
-        inside = tree.boxes[code] if code >= 0 else corners[places(code)].reshape(-1, 3)
+        inside = tree.boxes[code] if code >= 0 else corners[points(code)].reshape(-1, 3)
         assert (inside >= low).all()
         assert (inside <= high).all()
 
@@ -69,7 +69,7 @@ def test_boxes_hold_the_boxes_and_triangles_below_them(scene):
 def test_leaves_are_small_and_not_too_deep(scene):
     for depth, _, _, code in walked(bvh.built(*scene)):
         assert depth <= bvh.LEVELS
-        assert code >= 0 or len(places(code)) <= bvh.LEAF
+        assert code >= 0 or len(points(code)) <= bvh.LEAF
 
 
 def test_a_tree_that_would_get_too_deep_is_halved(monkeypatch):

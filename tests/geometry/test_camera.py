@@ -12,9 +12,9 @@ CAMERA = Camera(looking(np.array([-3.0, 0.2, 1.4]), 0.1, 0.4, 0.05), stated_rig(
 @given(st.floats(0, 1936), st.floats(0, 1216), st.floats(0.5, 9))
 def test_a_ray_through_a_pixel_is_seen_at_it(u, v, depth):
     pixel = np.array([[u, v]])
-    place = CAMERA.centre + depth * CAMERA.directions(pixel)
-    np.testing.assert_allclose(CAMERA.project(place), pixel, atol=1e-7)
-    np.testing.assert_allclose(CAMERA.world_from_camera.inverse().apply(place)[0, 2], depth)  # along the axis
+    position = CAMERA.centre + depth * CAMERA.directions(pixel)
+    np.testing.assert_allclose(CAMERA.project(position), pixel, atol=1e-7)
+    np.testing.assert_allclose(CAMERA.world_from_camera.inverse().apply(position)[0, 2], depth)  # along the axis
 
 
 def test_the_optical_axis_leads_where_the_camera_looks():

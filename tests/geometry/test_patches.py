@@ -48,7 +48,7 @@ def test_what_tells_nothing_is_not_looked_for(empty):
     assert found.whitening.shape == (0, 2, 2)
 
 
-def test_a_window_on_an_edge_tells_its_place_across_the_edge_alone():
+def test_a_window_on_an_edge_tells_its_position_across_the_edge_alone():
     rng = np.random.default_rng(1)
     y, x = np.mgrid[:120, :160]
     shaded = 1000 + 400 * np.tanh((x + 0.5 * y - 110) / 2) + 0.2 * picture()

@@ -60,7 +60,7 @@ def test_the_nearer_of_two_triangles_wins(engine):
 
 
 @engines
-def test_a_meeting_tells_the_place_on_the_triangle(rng, engine):
+def test_a_meeting_tells_the_point_on_the_triangle(rng, engine):
     vertices, faces, origins, directions = random_scene(rng)
     cast = caster(vertices, faces, engine=engine)
     met = cast.intersect(origins, directions)
@@ -69,8 +69,8 @@ def test_a_meeting_tells_the_place_on_the_triangle(rng, engine):
     np.testing.assert_array_equal(met.face, face[met.ray])
     corners = vertices[faces[met.face]]
     first = 1 - met.weights.sum(axis=1)
-    place = np.einsum("nk,nkx->nx", np.column_stack([first, met.weights]), corners)
-    np.testing.assert_allclose(place, origins[met.ray] + distance[met.ray, None] * directions[met.ray], atol=1e-4)
+    position = np.einsum("nk,nkx->nx", np.column_stack([first, met.weights]), corners)
+    np.testing.assert_allclose(position, origins[met.ray] + distance[met.ray, None] * directions[met.ray], atol=1e-4)
     exact = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     np.testing.assert_allclose(met.normal, exact, atol=1e-4)
 

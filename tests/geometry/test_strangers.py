@@ -41,7 +41,7 @@ def test_boxes_of_another_position_are_named_with_both_shares(annotated, project
     assert (stranger.position, stranger.other) == ("C", "A")
     assert stranger.met < 0.2
     assert stranger.met_from_other > 0.9
-    assert str(stranger).startswith("the seeds of position C show another place: rocks meet ")
+    assert str(stranger).startswith("the seeds of position C show another position: rocks meet ")
     assert "% from that of position A; they are left out" in str(stranger)
 
 

@@ -27,7 +27,7 @@ def test_left_and_right_are_alike(shadow, rock, px_per_m):
 
 
 @given(st.floats(-300, 300), st.floats(-300, 300))
-def test_the_place_in_the_photo_does_not_matter(dx, dy):
+def test_the_position_in_the_photo_does_not_matter(dx, dy):
     rock, shadow, shift = np.array([500.0, 400, 560, 450]), np.array([550.0, 420, 680, 448]), np.array([dx, dy, dx, dy])
     found = as_people_draw(shadow, rock, rock, 600)
     np.testing.assert_allclose(as_people_draw(shadow + shift, rock + shift, rock + shift, 600), found + shift)

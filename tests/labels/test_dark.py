@@ -64,7 +64,7 @@ def test_no_rock_shades_itself_from_every_ray(world):
 
 
 @pytest.mark.parametrize(("above", "dark"), [(-0.1, True), (0.1, False)])
-def test_a_rock_that_one_place_of_the_lamp_lights_is_not_in_the_dark(world, above, dark):
+def test_a_rock_that_one_position_of_the_lamp_lights_is_not_in_the_dark(world, above, dark):
     """The ray over the barrier's far edge (0.2, 0.8 m high) to the far end of the rock's top (0.7, 0.1 m high)."""
     x, y, _ = SUN_LAMPS["180"]
     nearest = x + 0.6  # two standard deviations of the survey towards the barrier

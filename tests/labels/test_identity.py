@@ -44,7 +44,7 @@ def test_a_box_above_the_horizon_has_no_dome(untouched_scene):
     assert dome_behind(world, level, box - [0, 3000, 0, 3000]) is None
 
 
-def test_domes_of_two_views_in_one_place_are_one_rock():
+def test_domes_of_two_views_at_one_position_are_one_rock():
     def dome(x, y):
         return Dome(np.array([x, y, 0.0]), 0.05, 0.05)
 

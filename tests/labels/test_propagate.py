@@ -297,13 +297,13 @@ def test_a_rock_that_the_left_photo_cuts_is_whole_in_the_right_one(scene, tmp_pa
     # A block at the right border of the left photo: 150 px further left in the right one, where all of it is seen.
     for path in scene.meshes.glob("*rock*"):
         path.unlink()
-    place = localised("A")
-    ray = place.sandbox_from("L").rotate(place.rig.left.directions(np.array([[1925.0, 650.0]])))[0]
-    centre = place.sandbox_from("L").translation
+    position = localised("A")
+    ray = position.sandbox_from("L").rotate(position.rig.left.directions(np.array([[1925.0, 650.0]])))[0]
+    centre = position.sandbox_from("L").translation
     foot = centre - ray * centre[2] / ray[2]
     mesh = block(foot, np.array([0.3, 0.3, 0.16]))
     obj.write(scene.meshes / obj.rock_name(TERRAIN, 4), mesh, "rock4")
-    left, right = (place.project(camera, mesh.vertices) for camera in "LR")
+    left, right = (position.project(camera, mesh.vertices) for camera in "LR")
     annotated = np.clip([[*left.min(axis=0), *left.max(axis=0)]], 0, [1936, 1216, 1936, 1216])
     assert annotated[0, 2] == 1936
     for path in scene.seeds.iterdir():

@@ -36,20 +36,20 @@ def box_of_shadow(shadow, rock, rock_box, step):
 @pytest.mark.parametrize("azimuth", ["30", "180", "270", "350"])
 @pytest.mark.parametrize("rock", list(BLOCKS))
 def test_a_block_casts_its_shadow_where_its_top_corners_are_projected_from_the_lamp(world, ids, azimuth, rock):
-    place = lamp_position(azimuth)
+    position = lamp_position(azimuth)
     centre, size = BLOCKS[rock]
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
     bottom = np.column_stack([centre[:2] + signs * size[:2], np.zeros(4)])
     top = bottom + np.array([0, 0, size[2]])
-    thrown = place + (top - place) * (place[2] / (place[2] - top[:, 2]))[:, None]  # on z = 0
+    thrown = position + (top - position) * (position[2] / (position[2] - top[:, 2]))[:, None]  # on z = 0
     # The shadow on the ground is the convex hull of base and thrown top; the box around it, in the photo, is that of
     # its corners. The grid of every second pixel and the trim of 4 mm cost up to three pixels.
     pixels = localised("A").project("L", np.concatenate([bottom, thrown]))
-    found = box_of_shadow(ids.shadow_of(world, place), rock, None, 2)
+    found = box_of_shadow(ids.shadow_of(world, position), rock, None, 2)
     np.testing.assert_allclose(found, [*pixels.min(axis=0), *pixels.max(axis=0)], atol=4)
 
 
-def rendered(rocks: list[int], view: Camera, pixels: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def rendered(rocks: list[int], view: Camera, pixels: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n,) bool each: pixels that show ground, and those where a lamp lights it; by another ray caster."""
     ground = flat_ground()
     meshes = [ground, *(block(*BLOCKS[rock]) for rock in rocks)]
@@ -58,21 +58,21 @@ def rendered(rocks: list[int], view: Camera, pixels: np.ndarray, place: np.ndarr
     face = scene.ray.intersects_first(np.broadcast_to(view.centre, directions.shape), directions)
     on_ground = (face >= 0) & (face < len(ground.faces))
     depth = -view.centre[2] / directions[:, 2]  # the ground is z = 0
-    places = view.centre + depth[:, None] * directions + [0, 0, 1e-5]
+    points = view.centre + depth[:, None] * directions + [0, 0, 1e-5]
     lit = on_ground.copy()
-    lit[on_ground] = ~scene.ray.intersects_any(places[on_ground], (place - places)[on_ground])
+    lit[on_ground] = ~scene.ray.intersects_any(points[on_ground], (position - points)[on_ground])
     return on_ground, lit
 
 
 @pytest.mark.parametrize("azimuth", ["30", "180", "270", "350"])
 @pytest.mark.parametrize("rock", list(BLOCKS))
 def test_the_shadow_of_a_rock_is_what_grows_light_when_the_rock_is_taken_away(world, ids, azimuth, rock):
-    view, place = localised("A").camera("L"), lamp_position(azimuth)
+    view, position = localised("A").camera("L"), lamp_position(azimuth)
     pixels = np.stack(np.meshgrid(np.arange(1, 1936, 2), np.arange(1, 1216, 2)), axis=-1).reshape(-1, 2).astype(float)
-    found = (ids.shadow_of(world, place) == rock) & (ids.rock == NO_ROCK)
+    found = (ids.shadow_of(world, position) == rock) & (ids.rock == NO_ROCK)
     near = np.flatnonzero(cv2.dilate(found.astype(np.uint8), np.ones((15, 15), np.uint8)))
-    on_ground, lit = rendered(list(BLOCKS), view, pixels[near], place)
-    _, lit_without = rendered([other for other in BLOCKS if other != rock], view, pixels[near], place)
+    on_ground, lit = rendered(list(BLOCKS), view, pixels[near], position)
+    _, lit_without = rendered([other for other in BLOCKS if other != rock], view, pixels[near], position)
     grown_light, shadow = on_ground & lit_without & ~lit, found.ravel()[near]
     # The trim of 4 mm makes rocks a little lower, and what lies below it ground.
     assert (grown_light & shadow).sum() / (grown_light | shadow).sum() > 0.93
@@ -124,10 +124,10 @@ def walled(untouched_scene):
     return build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004, wall_height=0.3)
 
 
-def seen_at(world, place):
-    """What position A's left camera sees at a place of the ground."""
+def seen_at(world, position):
+    """What position A's left camera sees at a point of the ground."""
     view = localised("A").camera("L")
-    u, v = view.project(np.array(place))
+    u, v = view.project(np.array(position))
     return Ids(world, view, np.array([v]), np.array([u]))
 
 
@@ -140,9 +140,9 @@ def test_the_near_wall_hides_the_ground_behind_it(world, walled):
 
 
 def test_a_wall_shades_the_ground_beside_it(walled):
-    place = lamp_position("30")  # beyond the wall at x = 2.1, low
-    assert (seen_at(walled, [1.6, 0.9, 0.0]).over_walls(walled, place) < 0.3).all()
-    assert (seen_at(walled, [-1.0, -0.4, 0.0]).over_walls(walled, place) > 0.3).all()
+    position = lamp_position("30")  # beyond the wall at x = 2.1, low
+    assert (seen_at(walled, [1.6, 0.9, 0.0]).over_walls(walled, position) < 0.3).all()
+    assert (seen_at(walled, [-1.0, -0.4, 0.0]).over_walls(walled, position) > 0.3).all()
 
 
 def test_the_near_wall_hides_a_rocks_foot_and_all_of_a_low_one(world, walled):
@@ -179,14 +179,14 @@ def test_a_shadow_cast_elsewhere_moves_nothing():
 
 def test_a_shadow_ends_where_the_photo_shows_a_walls_to_begin(untouched_scene):
     """The wall is stated lower than it is in the photo: its shade covers the rock's side of the shadow there."""
-    lamp_place = np.array([3.2, -0.6, 0.6])
+    lamp_position = np.array([3.2, -0.6, 0.6])
     terrain = read_terrain(untouched_scene.meshes, TERRAIN)
     rig = {"A": localised("A")}
     photo_of = {}
     for height in (0.3, 0.42):
-        known = gather(terrain, rig, {"30": lamp_place}, {}, LabelsOptions(wall_height_m=height))
+        known = gather(terrain, rig, {"30": lamp_position}, {}, LabelsOptions(wall_height_m=height))
         photo_of[height] = OlatLight(known).brightness(("A", "L", "off", "30"))
-    known = gather(terrain, rig, {"30": lamp_place}, {}, LabelsOptions(wall_height_m=0.3))
+    known = gather(terrain, rig, {"30": lamp_position}, {}, LabelsOptions(wall_height_m=0.3))
     shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
     low, high = (shadows.cast("L", "off", "30", {4: None}, photo_of[height])[4].box for height in (0.3, 0.42))
     assert high[3] < low[3] - 20  # the shade of the near wall takes the shadow's lower part

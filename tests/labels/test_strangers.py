@@ -46,7 +46,9 @@ def test_seeds_of_another_position_are_left_out_in_one_line_and_the_rest_goes_on
     assert {key.position for key in kept} == {"A"}
     assert len(kept) == 2
     (line,) = [record.getMessage() for record in caplog.records]
-    assert line.startswith("the seeds of position C show another place: rocks meet 0% of their boxes from its own pose")
+    assert line.startswith(
+        "the seeds of position C show another position: rocks meet 0% of their boxes from its own pose"
+    )
 
 
 def test_seeds_of_their_own_position_stay(terrain, caplog):

@@ -62,10 +62,10 @@ def test_a_rock_without_a_mesh_moves_nearly_as_well(untouched_scene, world, rock
 
 def test_a_flat_thing_moves_like_the_ground_at_its_centre(world):
     left, right = localised("C").camera("L"), localised("C").camera("R")
-    place = np.array([0.3, -0.2, 0.0])
+    position = np.array([0.3, -0.2, 0.0])
     size = np.array([-20, -10, 20, 10])
-    boxes = np.tile(left.project(place), 2) + size
-    expected = np.tile(right.project(place), 2) + size
+    boxes = np.tile(left.project(position), 2) + size
+    expected = np.tile(right.project(position), 2) + size
     np.testing.assert_allclose(move_flat(world, left, right, boxes[None])[0], expected, atol=0.05)
 
 

@@ -8,7 +8,7 @@ BOUNDS = np.array([[-2.0, -2.0], [2.0, 2.0]])
 
 
 @pytest.mark.parametrize(
-    ("place", "lamp", "height"),
+    ("position", "lamp", "height"),
     [
         ([0, 0, 0], [4, 0, 1], 0.5),  # half of the way lies inside
         ([1.5, 0, 0.1], [3.5, 0, 0.9], 0.3),
@@ -17,16 +17,16 @@ BOUNDS = np.array([[-2.0, -2.0], [2.0, 2.0]])
         ([0, -1, 0], [0, -4, 0.9], 0.3),  # straight along an axis
     ],
 )
-def test_light_passes_the_walls_at_the_height_of_a_hand_calculation(place, lamp, height):
-    found = passing_heights(np.array([place], float), np.array(lamp, float), BOUNDS)
+def test_light_passes_the_walls_at_the_height_of_a_hand_calculation(position, lamp, height):
+    found = passing_heights(np.array([position], float), np.array(lamp, float), BOUNDS)
     np.testing.assert_allclose(found, [height], atol=1e-12)
 
 
 def test_what_passes_lower_than_the_walls_is_what_rays_find_shaded(rng):
-    places = np.column_stack([rng.uniform(-1.99, 1.99, (2000, 2)), rng.uniform(-0.05, 0.05, 2000)])
+    points = np.column_stack([rng.uniform(-1.99, 1.99, (2000, 2)), rng.uniform(-0.05, 0.05, 2000)])
     lamp = np.array([3.4, 1.8, 0.8])
-    occluded = wall_caster(BOUNDS, 0.0, 0.3).occluded(places, lamp - places, 1.0)
-    np.testing.assert_array_equal(passing_heights(places, lamp, BOUNDS) < 0.3, occluded)
+    occluded = wall_caster(BOUNDS, 0.0, 0.3).occluded(points, lamp - points, 1.0)
+    np.testing.assert_array_equal(passing_heights(points, lamp, BOUNDS) < 0.3, occluded)
     assert 0.1 < occluded.mean() < 0.9
 
 

@@ -12,7 +12,7 @@ def box(x, y, width=40, height=30):
 
 def labels(*rows):
     """(class, box) of each row."""
-    return np.array([kind for kind, _ in rows], int), np.array([place for _, place in rows], float).reshape(-1, 4)
+    return np.array([kind for kind, _ in rows], int), np.array([position for _, position in rows], float).reshape(-1, 4)
 
 
 SOUND = [(ROCK, box(100, 100)), (SHADOW, box(140, 110)), (ROCK, box(500, 600))]

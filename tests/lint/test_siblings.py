@@ -19,13 +19,13 @@ PLACES = np.array(
 SIDE = 0.16  # metres
 
 
-def annotated(key, places, offset=0.0):
+def annotated(key, points, offset=0.0):
     """Boxes of things of 16 cm on the ground; `offset` metres away from the lamp."""
     left = looking(SURVEYED_LEFT[key.position], np.radians(survey.NOMINAL_YAW_DEG[key.position]), np.radians(25))
     rig = stated_rig()
     pose = left if key.camera == "L" else left @ rig.left_from_right
-    away = places - lamp_position(key.azimuth)[:2]
-    feet = places + offset * away / np.linalg.norm(away, axis=1, keepdims=True)
+    away = points - lamp_position(key.azimuth)[:2]
+    feet = points + offset * away / np.linalg.norm(away, axis=1, keepdims=True)
     found = []
     for x, y in feet:
         corners = np.array(

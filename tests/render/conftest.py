@@ -20,12 +20,12 @@ SMALL = Lens(220.0, 220.0, 100.0, 70.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), 200, 
 PLAIN = RenderOptions(rim=False, bounce=0, falloff=True)
 
 
-def block(rock_ids=(1,), places=((0.0, 0.0),)):
+def block(rock_ids=(1,), points=((0.0, 0.0),)):
     """Ground at z = 0, 4 m wide, and blocks SIDE x SIDE x HEIGHT on it."""
     ground = np.array([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], float)
     vertices, faces, normals = [ground], [np.array([[0, 1, 2], [0, 2, 3]])], [np.tile([0.0, 0, 1], (4, 1))]
     rock_of_face = [np.full(2, NO_ROCK)]
-    for rock, (x, y) in zip(rock_ids, places, strict=True):
+    for rock, (x, y) in zip(rock_ids, points, strict=True):
         low = np.array([x - SIDE / 2, y - SIDE / 2, 0.0])
         v, f, n = box(low, low + np.array([SIDE, SIDE, HEIGHT]))
         faces.append(f + sum(len(part) for part in vertices))
@@ -37,7 +37,7 @@ def block(rock_ids=(1,), places=((0.0, 0.0),)):
 
 @pytest.fixture
 def blocks():
-    """`blocks(rock_ids, places)`: level ground with blocks 0.4 x 0.4 x 0.2 m on it."""
+    """`blocks(rock_ids, points)`: level ground with blocks 0.4 x 0.4 x 0.2 m on it."""
     return block
 
 

@@ -76,13 +76,13 @@ def test_a_level_plane_alone_lights_itself_with_nothing(blocks, above, lens):
 
 def test_the_shadow_of_a_lit_block_side_gets_light_from_walls(blocks, above, lens):
     options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3})
-    place = shadow(above, lens)
+    position = shadow(above, lens)
     dark, pale = (
         traced(surfaces_of(blocks(), options), above, lens, options.model_copy(update={"rim_albedo": albedo}))
         for albedo in (0.1, 0.8)
     )
-    assert dark.olat_images["lambert", "lamp"][place] == 0
-    assert pale.whole["lambert", "lamp"][place] > 3 * dark.whole["lambert", "lamp"][place] > 0
+    assert dark.olat_images["lambert", "lamp"][position] == 0
+    assert pale.whole["lambert", "lamp"][position] > 3 * dark.whole["lambert", "lamp"][position] > 0
 
 
 def test_walls_of_their_own_albedo_are_lit_by_it_and_the_sand_is_as_before(blocks, camera, lens):
@@ -166,11 +166,11 @@ def test_chrono_s_models_stay_with_direct_light(surfaces, camera, lens, model):
 
 def test_pictures_show_traced_light_in_shadows_and_not_the_constant(folders, above, lens):
     shot = Shot(Camera(above, lens), {"mine": LAMP}, 4000.0, "lambert")
-    place = shadow(above, lens)
+    position = shadow(above, lens)
     options = RenderOptions(rim_half_width_m=1.3, rim_albedo=0.6, bounce_scale=1)
     constant, traced_light, off = (
         Scene(folders / "meshes", 1, options.model_copy(update=changes)).picture(shot)
         for changes in ({"bounce": 0.05}, {"bounce": 0.05, "bounces": 1}, {"bounce": 0.0})
     )
-    assert off[place] == BLACK_LEVEL
-    assert constant[place] > traced_light[place] > BLACK_LEVEL
+    assert off[position] == BLACK_LEVEL
+    assert constant[position] > traced_light[position] > BLACK_LEVEL

@@ -35,8 +35,8 @@ def test_the_veiling_glare_is_brightest_where_the_lamp_is_seen(surfaces, camera,
 
 
 def test_a_lamp_outside_the_picture_veils_the_side_towards_it(surfaces, camera, lens, options):
-    place = camera.apply(np.array([2.0, 0.0, 2.0]))  # 45 degrees to the right, the picture ends at 25
-    glare = lens_flare_of(surfaces, Camera(camera, lens), Lamp(place), options)
+    position = camera.apply(np.array([2.0, 0.0, 2.0]))  # 45 degrees to the right, the picture ends at 25
+    glare = lens_flare_of(surfaces, Camera(camera, lens), Lamp(position), options)
     assert (glare.argmax(axis=1) == lens.width - 1).all()
     assert glare.min() > 0
 

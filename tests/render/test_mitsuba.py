@@ -58,8 +58,8 @@ def sandbox():
     normals, faces = [np.stack(slopes, axis=1)], [np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])]
     rock_of_face = [np.full(len(faces[0]), NO_ROCK)]
     ball = trimesh.creation.icosphere(subdivisions=4)
-    places = [(0.0, 0.1, 0.3, 0.25, 0.3), (0.9, -0.6, 0.15, 0.2, 0.14), (-0.8, -0.7, 0.3, 0.2, 0.2)]
-    for rock, (left, ahead, *radii) in enumerate(places, 1):
+    points = [(0.0, 0.1, 0.3, 0.25, 0.3), (0.9, -0.6, 0.15, 0.2, 0.14), (-0.8, -0.7, 0.3, 0.2, 0.2)]
+    for rock, (left, ahead, *radii) in enumerate(points, 1):
         faces.append(ball.faces + sum(map(len, vertices)))
         vertices.append(ball.vertices * radii + [left, ahead, 0.05])
         normals.append(ball.vertices / radii)
@@ -80,9 +80,9 @@ def mitsuba_values(parameters, to_lamp, to_viewer):
     plugin = mi.load_dict(bsdf(parameters)["side"])
     values = []
     for lamp, viewer in zip(to_lamp, to_viewer, strict=True):
-        place = mi.SurfaceInteraction3f()
-        place.wi = viewer
-        values.append(np.array(plugin.eval(mi.BSDFContext(), place, mi.Vector3f(lamp))).ravel()[0])
+        position = mi.SurfaceInteraction3f()
+        position.wi = viewer
+        values.append(np.array(plugin.eval(mi.BSDFContext(), position, mi.Vector3f(lamp))).ravel()[0])
     return np.array(values)
 
 

@@ -15,7 +15,7 @@ EDGE = -SIDE / 2  # x of the block's top edge that throws the shadow's end, at z
 
 
 def shares(surfaces, x, lamp=LAMP, samples=400):
-    """Seen shares of the lamp from places (x, 0, 0) on the sand behind the block."""
+    """Seen shares of the lamp from points (x, 0, 0) on the sand behind the block."""
     points = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1).astype(np.float32)
     to_lamp = (lamp.position - points).astype(np.float32)
     return visible_share(surfaces, points, to_lamp, lamp.radius_m, samples, np.zeros(len(x)))

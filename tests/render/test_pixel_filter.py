@@ -35,27 +35,27 @@ def test_one_ray_goes_through_the_centre_and_four_through_the_centres_of_the_qua
 
 @pytest.mark.parametrize("side", [3, 4])
 def test_a_box_has_one_sample_in_each_cell_and_in_each_fine_row_and_column(side):
-    places = offsets(side**2) + 0.5
-    cells = np.floor(places * side)
+    points = offsets(side**2) + 0.5
+    cells = np.floor(points * side)
     assert len(np.unique(cells, axis=0)) == side**2
     for axis in range(2):
-        np.testing.assert_allclose(np.sort(places[:, axis]), (np.arange(side**2) + 0.5) / side**2)
+        np.testing.assert_allclose(np.sort(points[:, axis]), (np.arange(side**2) + 0.5) / side**2)
 
 
 @pytest.mark.parametrize("samples", [4, 9, 16])
 @given(sd_px=st.floats(0.05, 1.5), angle=st.floats(0, np.pi))
 def test_a_gaussian_has_its_width_in_every_direction(samples, sd_px, angle):
-    places = gaussian(samples, sd_px)
-    along = places @ [np.cos(angle), np.sin(angle)]
+    points = gaussian(samples, sd_px)
+    along = points @ [np.cos(angle), np.sin(angle)]
     assert along.mean() == pytest.approx(0, abs=1e-12)
     assert along.std() == pytest.approx(sd_px)
 
 
 @pytest.mark.parametrize("samples", [4, 16, 400, 10_000])
 def test_with_many_samples_an_edge_comes_near_the_normal_distribution(samples):
-    places = np.sort(gaussian(samples)[:, 0])
+    points = np.sort(gaussian(samples)[:, 0])
     steps = np.arange(samples) / samples
-    found = ndtr(places / 0.5)
+    found = ndtr(points / 0.5)
     assert np.maximum(np.abs(found - steps), np.abs(found - steps - 1 / samples)).max() < 0.75 / samples**0.9
 
 

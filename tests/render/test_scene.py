@@ -59,8 +59,8 @@ def test_angles_are_those_of_lamp_and_viewer(scene, from_above):
     maps = scene.maps(from_above)
     row, column = np.argwhere(maps.ids == GROUND)[100]
     camera = from_above.camera
-    place = camera.centre + camera.directions(np.array([column + 0.5, row + 0.5])) * maps.depth_m[row, column]
-    to_lamp, to_viewer = np.array([0.0, 3, 1]) - place, np.array([0, 0, ABOVE]) - place
+    position = camera.centre + camera.directions(np.array([column + 0.5, row + 0.5])) * maps.depth_m[row, column]
+    to_lamp, to_viewer = np.array([0.0, 3, 1]) - position, np.array([0, 0, ABOVE]) - position
     to_lamp, to_viewer = (v / np.linalg.norm(v) for v in (to_lamp, to_viewer))
     expected = np.degrees(np.arccos([to_lamp[2], to_viewer[2], to_lamp @ to_viewer]))
     mine = maps.by_lamp["mine"]

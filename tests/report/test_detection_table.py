@@ -53,9 +53,9 @@ def test_every_ipd_of_the_paper_is_the_difference_of_two_of_its_mean_ious():
 def test_the_papers_figures_stand_in_columns_of_their_own_and_change_none_of_ours():
     given = detection(("real", "hapke", "principled"))
     table = tidy_detection(given, "polar")
-    places = ["kind", "trained", "evaluated"]
-    row = table.set_index(places).loc[("rock", "principled", "real")]
-    same = given.set_index(places).loc[("rock", "principled", "real")]
+    points = ["kind", "trained", "evaluated"]
+    row = table.set_index(points).loc[("rock", "principled", "real")]
+    same = given.set_index(points).loc[("rock", "principled", "real")]
     assert row["map50"] == same["map50"]
     assert (row["paper_map50"], row["paper_map50_95"], row["paper_iou_mean"]) == (0.662, 0.318, 0.513)
     assert table.loc[table["kind"] != "rock", "paper_map50"].isna().all()

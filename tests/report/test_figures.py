@@ -90,10 +90,10 @@ def offsets_drawn(folder, rows, name):
 
 def test_surface_outside_the_true_one_is_drawn_red_and_inside_blue(tmp_path):
     rng = np.random.default_rng(1)
-    places = rng.uniform(-1.5, 1.5, (3000, 3))
+    points = rng.uniform(-1.5, 1.5, (3000, 3))
     counts = []
     for offset in (5.0, -5.0):
-        pixels = offsets_drawn(tmp_path, [(1, *place, offset) for place in places], f"{offset:g}.png")[:, :650]
+        pixels = offsets_drawn(tmp_path, [(1, *position, offset) for position in points], f"{offset:g}.png")[:, :650]
         counts.append([((pixels[..., one] - pixels[..., other]) > 60).sum() for one, other in ((0, 2), (2, 0))])
     (red, no_blue), (no_red, blue) = counts
     assert red > 4 * no_blue  # the colour bar has some of both
@@ -143,7 +143,7 @@ def test_residuals_need_neither_photos_nor_seeds(tmp_path, world):
     assert (residuals_drawn(tmp_path, "bare.png") < 128).any()
 
 
-def test_from_above_a_cube_has_its_area_its_height_and_its_place(tmp_path, world):
+def test_from_above_a_cube_has_its_area_its_height_and_its_position(tmp_path, world):
     world.write(tmp_path)
     scene = read_terrain(tmp_path / "meshes", 3)
     top = top_view(scene, caster(scene.vertices, scene.faces))
@@ -282,14 +282,14 @@ def reliability_drawn(folder, rows, name):
 
 
 def test_points_of_sure_and_right_labels_lie_above_and_right_of_doubtful_ones(tmp_path):
-    places = []
+    points = []
     for confidence in (0.3, 0.8):
         point = {"kind": "rock", "label_source": "seed", "labels": 50, "low": confidence, "high": confidence}
         shares = dict.fromkeys(("confidence", "right", "right_low", "right_high"), confidence) | {"brier": 0.1}
         pixels = reliability_drawn(tmp_path, [point | shares], f"{confidence}.png")[:-80, :650]  # without the legend
         blue = (pixels[..., 2] > 130) & (pixels[..., 0] < 60)
-        places.append(np.argwhere(blue).mean(axis=0))
-    (low_row, low_column), (high_row, high_column) = places
+        points.append(np.argwhere(blue).mean(axis=0))
+    (low_row, low_column), (high_row, high_column) = points
     side = high_column - low_column
     assert side > 200
     assert low_row - high_row == pytest.approx(side, rel=0.02)  # the diagonal is one

@@ -69,7 +69,7 @@ def test_rows_of_terrains_say_what_the_quality_says(scored):
             assert row[name] == pytest.approx(metric.value, nan_ok=True)
             assert n is None or row[n] == metric.n
             seen.add((row["value"], metric.subject, name))
-    assert {place for place, metric in metrics.items() if metric.n} <= seen
+    assert {position for position, metric in metrics.items() if metric.n} <= seen
 
 
 def test_every_group_parts_the_same_boxes(scored):
@@ -126,8 +126,8 @@ def test_the_layout_has_a_block_a_kind_and_a_block_a_group(scored):
     assert len(blocks) == 3 + 3
     rocks = blocks["Labels, rock: F1 (mIoU) by task and terrain."]
     assert rocks.columns.tolist() == ["task", "truth boxes", "precision", "recall", "confidence", "all", "T03", "T11"]
-    place = (rows["kind"] == "rock") & (rows["task"] == "no Sun") & (rows["value"] == "11")
-    f1, miou = rows.loc[place, ["f1", "miou"]].iloc[0]
+    position = (rows["kind"] == "rock") & (rows["task"] == "no Sun") & (rows["value"] == "11")
+    f1, miou = rows.loc[position, ["f1", "miou"]].iloc[0]
     assert rocks.set_index("task").loc["no Sun", "T11"] == f"{f1:.3f} ({miou:.3f})"
 
 

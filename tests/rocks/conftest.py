@@ -89,7 +89,7 @@ class Scene:
         return merged(scans)
 
 
-SIZES = {(0.9, 0.6): 0.25, (-0.2, -0.9): 0.12, (1.1, -0.5): 0.08}  # place (x, y): longest side, metres
+SIZES = {(0.9, 0.6): 0.25, (-0.2, -0.9): 0.12, (1.1, -0.5): 0.08}  # position (x, y): longest side, metres
 
 
 @pytest.fixture(scope="session")

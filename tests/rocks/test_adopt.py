@@ -162,13 +162,13 @@ def test_ids_that_are_no_numbers_are_refused(tmp_path):
 
 
 def test_the_ground_runs_through_rims_on_a_slope_and_ignores_one_that_is_off():
-    places = np.array([[x, y] for x in (-1.2, -0.4, 0.4, 1.2) for y in (-1.0, 0.2, 1.1)])
-    heights = 0.03 * places[:, 0] - 0.02 * places[:, 1] + 0.1
+    points = np.array([[x, y] for x in (-1.2, -0.4, 0.4, 1.2) for y in (-1.0, 0.2, 1.1)])
+    heights = 0.03 * points[:, 0] - 0.02 * points[:, 1] + 0.1
     heights[5] += 0.15  # a rock on another
-    rims = [rim(half_ball(x, y, z)) for (x, y), z in zip(places, heights, strict=True)]
+    rims = [rim(half_ball(x, y, z)) for (x, y), z in zip(points, heights, strict=True)]
     ground = fit_ground(rims, GRID)
-    sloping = 0.03 * GRID.places()[..., 0] - 0.02 * GRID.places()[..., 1] + 0.1
-    far = (np.linalg.norm(GRID.places()[:, :, None] - places, axis=-1) > 0.6).all(axis=-1)
+    sloping = 0.03 * GRID.centres()[..., 0] - 0.02 * GRID.centres()[..., 1] + 0.1
+    far = (np.linalg.norm(GRID.centres()[:, :, None] - points, axis=-1) > 0.6).all(axis=-1)
     assert np.abs(ground - sloping)[far].max() < 0.004
     for number, foot in enumerate(rims):
         assert np.abs(foot[:, 2] - GRID.sample(ground, foot)).max() < 0.008, number

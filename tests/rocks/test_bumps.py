@@ -105,8 +105,8 @@ def test_options_bound_size_and_height():
 
 def test_what_is_a_rock_already_stays_and_is_not_found_again():
     sand = sand_of(lambda x, y: cap(0.07, 0.017, -0.2)(x, y) + cap(0.06, 0.014, 0.2)(x, y))
-    places = sand.grid.places()
-    rock = marked_region(sand, np.hypot(places[..., 0] + 0.2, places[..., 1]) < 0.03)
+    points = sand.grid.centres()
+    rock = marked_region(sand, np.hypot(points[..., 0] + 0.2, points[..., 1]) < 0.03)
     left, right = found(sand, [rock])
     assert left is rock
     np.testing.assert_allclose(right.centre, [0.2, 0], atol=0.006)
@@ -124,7 +124,7 @@ def test_finds_do_not_overlap_and_are_no_ground():
 
 def test_curvature_of_a_paraboloid_is_twice_its_factor_and_that_of_a_ridge_is_none():
     grid = FloorGrid(Extent(-0.2, -0.2, 0.2, 0.2), CELL)
-    x, y = np.moveaxis(grid.places(), -1, 0)
+    x, y = np.moveaxis(grid.centres(), -1, 0)
     centre = (slice(30, 50), slice(30, 50))
     np.testing.assert_allclose(
         curvature(-3 * x**2 - 5 * y**2, CELL, 0.012)[centre], 6, rtol=0.01

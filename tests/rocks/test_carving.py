@@ -88,9 +88,9 @@ def test_a_box_that_leaves_the_other_rock_its_boxes_unfilled_cuts_nothing(sand, 
 
 def test_regions_that_touch_are_joined_where_boxes_show_one_rock(sand, localised):
     [rock] = find_regions(sand, LIMITS, Evidence({}, {}, 0.3))
-    places = sand.grid.places().reshape(-1, 2)[rock.seen]
+    points = sand.grid.centres().reshape(-1, 2)[rock.seen]
     halves = []
-    for half in (places[:, 0] < rock.centre[0], places[:, 0] >= rock.centre[0]):
+    for half in (points[:, 0] < rock.centre[0], points[:, 0] >= rock.centre[0]):
         mask = np.zeros(sand.surface.shape, bool)
         mask.ravel()[rock.seen[half]] = True
         halves.append(marked_region(sand, mask))

@@ -60,7 +60,7 @@ def test_what_was_spoiled_is_counted():
     corner = len(ball.vertices)
     crumb = np.array([[1, 1, 0.1], [1.01, 1, 0.1], [1, 1.01, 0.1]])
     twin = ball.vertices[spoiled[0, 0]][None]
-    spoiled[0, 0] = corner + 3  # a corner of its own, at the same place
+    spoiled[0, 0] = corner + 3  # a corner of its own, at the same point
     vertices = np.concatenate([ball.vertices, crumb, twin, [[5.0, 5, 5]]])  # the last one is used by nobody
     found = defects(Mesh(vertices, np.concatenate([spoiled, [[corner, corner + 1, corner + 2]]])))
     expected = {"unused_vertices": 1, "doubled_vertices": 1, "islands": 2, "small_component_faces": 1, "holes": 1}

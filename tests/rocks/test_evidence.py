@@ -54,12 +54,12 @@ def test_boxes_that_no_rock_fills_are_unexplained(localised):
 def test_boxes_that_belong_to_another_position_are_no_evidence(localised, caplog):
     rocks = [ball(x, y) for x, y in [(0.2, 0.1), (-0.5, 0.4), (0.6, -0.3), (-0.2, -0.7), (0.8, 0.5)]]
     own = {name: [box(localised, name, rock) for rock in rocks] for name in "AC"}
-    assert sorted(evidence(localised, **own).of_their_place(rocks).agreed) == ["A", "C"]
+    assert sorted(evidence(localised, **own).of_their_position(rocks).agreed) == ["A", "C"]
     assert not caplog.records
-    kept = evidence(localised, A=own["A"], C=own["A"]).of_their_place(rocks)
+    kept = evidence(localised, A=own["A"], C=own["A"]).of_their_position(rocks)
     assert list(kept.agreed) == ["A"]
     assert kept.confirming(rocks[0]) == ["A"]
-    assert "the seeds of position C show another place" in caplog.text
+    assert "the seeds of position C show another position" in caplog.text
 
 
 def mound(x, y):
@@ -72,14 +72,14 @@ def low_rock():
     return find_ground(scans.select(SAND.contains(scans.points)), SAND, 0.008, np.radians(40))
 
 
-def around_place(localised, position, place):
-    x, y = place
+def around_point(localised, position, spot):
+    x, y = spot
     corners = [(x + dx, y + dy, z) for dx in (-0.035, 0.035) for dy in (-0.035, 0.035) for z in (0.0, 0.01)]
     return box(localised, position, np.array(corners))
 
 
-def looked_into(localised, sand, **places):
-    boxes = {name: [around_place(localised, name, place)] for name, place in places.items()}
+def looked_into(localised, sand, **points):
+    boxes = {name: [around_point(localised, name, position)] for name, position in points.items()}
     shown = evidence(localised, **boxes)
     return with_annotated(sand, find_regions(sand, LIMITS, shown), LIMITS, shown)
 
@@ -93,7 +93,7 @@ def test_a_rock_too_low_for_its_shape_is_found_where_two_positions_show_it(local
 
 
 def test_two_boxes_of_one_low_rock_find_it_once(localised, low_rock):
-    shown = evidence(localised, A=[around_place(localised, "A", MOUND)], C=[around_place(localised, "C", MOUND)])
+    shown = evidence(localised, A=[around_point(localised, "A", MOUND)], C=[around_point(localised, "C", MOUND)])
     twice = Evidence(localised, {"A": shown.annotated["A"], "C": shown.annotated["C"]}, 0.3)
     twice.agreed["C"] = np.concatenate([twice.agreed["C"], twice.agreed["C"] + 1])
     _, regions = with_annotated(low_rock, [], LIMITS, twice)
@@ -101,7 +101,7 @@ def test_two_boxes_of_one_low_rock_find_it_once(localised, low_rock):
 
 
 def test_one_position_alone_or_boxes_of_level_sand_give_no_rock(localised, low_rock):
-    for places in ({"A": MOUND}, {"A": ELSEWHERE, "C": ELSEWHERE}, {"A": MOUND, "C": ELSEWHERE}):
-        sand, regions = looked_into(localised, low_rock, **places)
+    for points in ({"A": MOUND}, {"A": ELSEWHERE, "C": ELSEWHERE}, {"A": MOUND, "C": ELSEWHERE}):
+        sand, regions = looked_into(localised, low_rock, **points)
         assert regions == []
         np.testing.assert_array_equal(sand.is_ground, low_rock.is_ground)

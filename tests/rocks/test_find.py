@@ -45,7 +45,7 @@ def write_scene(folder, scene, tripods, reduction=0.5):
 
 
 def hilly_below(x0, y0):
-    """Hills that have height 0 at a place."""
+    """Hills that have height 0 at a point."""
     return lambda x, y: hilly(x, y) - hilly(np.array(x0), np.array(y0))
 
 
@@ -84,9 +84,9 @@ def worked(three_rocks, tripods, tmp_path_factory):
 
 def test_scans_become_a_table_of_rocks(worked):
     table = pd.read_parquet(worked / "rocks.parquet")
-    places = read_overrides(worked / "ids.yaml").places
-    columns, rows = np.floor((np.array(list(places.values())) + 2) / 0.25).astype(int).T
-    assert table["rock"].tolist() == list(places) == (1 + columns + 16 * rows).tolist()
+    points = read_overrides(worked / "ids.yaml").positions
+    columns, rows = np.floor((np.array(list(points.values())) + 2) / 0.25).astype(int).T
+    assert table["rock"].tolist() == list(points) == (1 + columns + 16 * rows).tolist()
     assert set(table["source"]) == {"scan"}
     np.testing.assert_allclose(sorted(table["size_m"]), [0.08, 0.12, 0.25], atol=0.025)
     assert (table["points"] > 100).all()

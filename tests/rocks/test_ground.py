@@ -24,8 +24,8 @@ def regions_of(scans):
     return sand, find_regions(sand, LIMITS, Evidence({}, {}, 0.3))
 
 
-def hills(places):
-    x, y = places[..., 0], places[..., 1]
+def hills(points):
+    x, y = points[..., 0], points[..., 1]
     r = np.hypot(x + 0.4, y - 0.2)
     return 0.05 * np.exp(-(((r - 0.8) / 0.25) ** 2)) - 0.06 * np.exp(-((r / 0.5) ** 2)) + 0.03 * np.sin(1.5 * y)
 
@@ -41,7 +41,7 @@ def test_a_crater_without_rocks_gives_no_rock(bare_scans):
     assert sand.is_ground.mean() > 0.8
 
 
-def test_every_rock_is_one_region_around_its_place(found):
+def test_every_rock_is_one_region_around_its_position(found):
     sand, regions = found
     cells = sand.grid.cell_of(np.array(PLACES))
     assert len(regions) == len(PLACES)
@@ -63,9 +63,9 @@ def test_sizes_above_the_foot_are_right_to_two_cells(found, three_rocks):
 
 def test_the_ground_is_right_also_under_the_rocks(found):
     sand, _ = found
-    error = np.abs(sand.ground - hills(sand.grid.places()))
+    error = np.abs(sand.ground - hills(sand.grid.centres()))
     assert np.median(error) < 0.0005
-    near_rocks = (np.abs(sand.grid.places()[:, :, None] - np.array(PLACES)).max(axis=-1) < 0.08).any(axis=-1)
+    near_rocks = (np.abs(sand.grid.centres()[:, :, None] - np.array(PLACES)).max(axis=-1) < 0.08).any(axis=-1)
     assert error[near_rocks].max() < 0.012
 
 
@@ -83,10 +83,10 @@ def test_a_motion_of_the_whole_scene_moves_the_rocks_and_changes_none(three_rock
     _, before = regions_of(inside)
     _, after = regions_of(inside.moved(quarter))
     moved = [quarter.apply(np.append(region.centre, 0)[None])[0, :2] for region in before]
-    pairs = [min(after, key=lambda other: np.linalg.norm(other.centre - place)) for place in moved]
+    pairs = [min(after, key=lambda other: np.linalg.norm(other.centre - position)) for position in moved]
     assert len(after) == len(before) == len({id(other) for other in pairs})
-    for region, place, other in zip(before, moved, pairs, strict=True):
-        np.testing.assert_allclose(other.centre, place, atol=CELL)
+    for region, position, other in zip(before, moved, pairs, strict=True):
+        np.testing.assert_allclose(other.centre, position, atol=CELL)
         assert other.height == pytest.approx(region.height, abs=0.002)
         assert other.volume == pytest.approx(region.volume, rel=0.1)
 
@@ -96,7 +96,7 @@ def test_more_noise_never_makes_ground_or_rocks_truer(three_rocks):
     for noise in (0.0005, 0.002, 0.006):
         scans = three_rocks.scanned(np.random.default_rng(4), noise=noise)
         sand, _ = regions_of(scans)
-        level = np.median(np.abs(sand.ground - hills(sand.grid.places())))
+        level = np.median(np.abs(sand.ground - hills(sand.grid.centres())))
         rock = three_rocks.rocks[0]
         near = scans.select(np.linalg.norm(scans.points - rock.points.mean(axis=0), axis=1) < 0.16)
         high = near.select(near.points[:, 2] > hills(near.points[:, :2]) + 0.03)
@@ -118,7 +118,9 @@ def region(x, y, size=0.1):
 
 
 def test_an_id_is_the_number_of_a_square_of_the_sandbox():
-    low, next_one, above, high = (region(*place) for place in [(-1.9, -1.9), (-1.6, -1.9), (-1.9, -1.6), (1.9, 1.9)])
+    low, next_one, above, high = (
+        region(*position) for position in [(-1.9, -1.9), (-1.6, -1.9), (-1.9, -1.6), (1.9, 1.9)]
+    )
     assert {rock: id(one) for rock, one in by_id([above, high, next_one, low]).items()} == {
         1: id(low), 2: id(next_one), 17: id(above), 256: id(high),
     }  # fmt: skip
@@ -161,11 +163,11 @@ def test_a_find_whose_id_is_taken_gets_the_next_free_one(found):
     np.testing.assert_array_equal(rocks[third + 1].region.seen, moved.seen)
 
 
-def test_finds_keep_the_ids_of_the_places_where_they_lie(found, caplog):
+def test_finds_keep_the_ids_of_the_positions_where_they_lie(found, caplog):
     sand, regions = found
     (_, one), (_, other), (third, last) = by_id(regions).items()
-    places = {2: one.centre + 0.01, 9: other.centre, third: np.array([-1.2, 1.2])}
-    _, rocks = crop_rocks(sand, regions, Overrides(places=places), LIMITS.foot)
+    points = {2: one.centre + 0.01, 9: other.centre, third: np.array([-1.2, 1.2])}
+    _, rocks = crop_rocks(sand, regions, Overrides(positions=points), LIMITS.foot)
     kept = {rock: id(found.region) for rock, found in rocks.items()}
     assert kept == {2: id(one), 9: id(other), third + 1: id(last)}  # its id waits for the rock that it belongs to
     assert all(found.source == "scan" for found in rocks.values())
@@ -173,20 +175,20 @@ def test_finds_keep_the_ids_of_the_places_where_they_lie(found, caplog):
 
 
 @pytest.mark.parametrize("gone", [(), (0,), (1,), (0, 2)])
-def test_ids_of_places_stay_whatever_else_is_found(found, gone):
+def test_ids_of_positions_stay_whatever_else_is_found(found, gone):
     sand, regions = found
-    places = {rock: region.centre for rock, region in enumerate(regions, 1)}
+    points = {rock: region.centre for rock, region in enumerate(regions, 1)}
     left = [region for number, region in enumerate(regions) if number not in gone]
-    _, rocks = crop_rocks(sand, left, Overrides(places=places), LIMITS.foot)
+    _, rocks = crop_rocks(sand, left, Overrides(positions=points), LIMITS.foot)
     assert {rock: id(one.region) for rock, one in rocks.items()} == {
         rock: id(region) for rock, region in enumerate(regions, 1) if any(region is one for one in left)
     }
 
 
-def test_a_drop_goes_by_the_ids_that_places_give(found):
+def test_a_drop_goes_by_the_ids_that_positions_give(found):
     sand, regions = found
     (_, one), (second, _), (third, _) = by_id(regions).items()
-    overrides = Overrides(places={8: one.centre}, drop=(8,))
+    overrides = Overrides(positions={8: one.centre}, drop=(8,))
     _, rocks = crop_rocks(sand, regions, overrides, LIMITS.foot)
     assert sorted(rocks) == [second, third]
 
@@ -215,7 +217,7 @@ def test_cloth_that_hangs_into_the_box_becomes_no_ground(bare_scans, rng):
     scans = ScanPoints(points, np.tile([0.0, 0, 1], (len(points), 1)), np.ones(len(points)))
     sand, regions = regions_of(scans)
     sand, _ = crop_rocks(sand, regions, Overrides(), LIMITS.foot)
-    error = sand.ground - hills(sand.grid.places())
+    error = sand.ground - hills(sand.grid.centres())
     assert np.abs(error[:30, :30]).max() < 0.08  # 24 cm of the corner, filled from beside it
 
 
@@ -236,8 +238,8 @@ def with_patch(scans, size, height, rng):
     """Scans with a level patch, `size` (x, y) metres, standing on the sand at (0.6, 1.0)."""
     low, high = np.array([0.6, 1.0]) - np.array(size) / 2, np.array([0.6, 1.0]) + np.array(size) / 2
     away = ((scans.points[:, :2] < low) | (scans.points[:, :2] > high)).any(axis=1)
-    places = rng.uniform(low, high, (round(2e5 * np.prod(size)), 2))
-    patch = np.column_stack([places, hills(places) + height + 0.001 * rng.normal(size=len(places))])
+    spots = rng.uniform(low, high, (round(2e5 * np.prod(size)), 2))
+    patch = np.column_stack([spots, hills(spots) + height + 0.001 * rng.normal(size=len(spots))])
     points = np.concatenate([scans.points[away], patch])
     return ScanPoints(points, np.tile([0.0, 0, 1], (len(points), 1)), np.ones(len(points)))
 
@@ -251,7 +253,7 @@ def test_a_wide_low_swell_and_an_upright_strip_are_no_rocks_but_a_stone_is(bare_
 def test_an_upright_strip_makes_no_spike_in_the_ground(bare_scans, rng):
     sand, regions = regions_of(with_patch(bare_scans, (0.06, 0.05), 0.15, rng))
     sand, _ = crop_rocks(sand, regions, Overrides(), LIMITS.foot)
-    assert np.abs(sand.ground - hills(sand.grid.places())).max() < 0.02
+    assert np.abs(sand.ground - hills(sand.grid.centres())).max() < 0.02
 
 
 def test_sand_that_is_seen_under_an_overhang_does_not_cut_a_rock(rng):

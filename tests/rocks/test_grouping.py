@@ -87,11 +87,11 @@ def test_the_order_of_pieces_does_not_matter(rock, cut, data):
     n = len(rock)
     annotated = [span(0, min(cut, n - 1) - 1), span(min(cut, n - 1), n - 1)]
     order = np.array(data.draw(st.permutations(range(n))))
-    place = np.argsort(order)
+    position = np.argsort(order)
     shuffled = groups(
         np.array(rock)[order],
         annotated,
         boxes=[row(n)[order]],
-        touching=[(int(place[k]), int(place[k + 1])) for k in range(n - 1)],
+        touching=[(int(position[k]), int(position[k + 1])) for k in range(n - 1)],
     )
     assert {frozenset(order[list(group)].tolist()) for group in shuffled} == groups(rock, annotated)

@@ -17,8 +17,8 @@ from polarsim.rocks.scans import Extent
 GRID = FloorGrid(Extent(-0.5, -0.3, 0.5, 0.3), 0.01)
 
 
-def plane(places, a=0.2, b=-0.3, c=0.05):
-    return a * places[..., 0] + b * places[..., 1] + c
+def plane(points, a=0.2, b=-0.3, c=0.05):
+    return a * points[..., 0] + b * points[..., 1] + c
 
 
 def test_means_are_weighted():
@@ -60,11 +60,11 @@ def test_points_outside_the_grid_do_not_count():
 @given(x=st.floats(-0.49, 0.49), y=st.floats(-0.29, 0.29))
 def test_sampling_a_plane_gives_the_plane(x, y):
     point = np.array([[x, y]])
-    assert GRID.sample(plane(GRID.places()), point)[0] == pytest.approx(plane(point)[0], abs=1e-12)
+    assert GRID.sample(plane(GRID.centres()), point)[0] == pytest.approx(plane(point)[0], abs=1e-12)
 
 
 def test_a_hole_in_a_plane_is_filled_by_the_plane():
-    heights = plane(GRID.places())
+    heights = plane(GRID.centres())
     known = np.ones(GRID.shape, bool)
     known[20:40, 30:60] = False
     result = filled(np.where(known, heights, 0), known)
@@ -92,7 +92,7 @@ def test_smoothing_takes_no_notice_of_values_without_weight():
 
 def test_normals_of_a_plane():
     normal = np.array([-0.2, 0.3, 1]) / np.linalg.norm([-0.2, 0.3, 1])
-    np.testing.assert_allclose(upward_normals(GRID, plane(GRID.places())), np.broadcast_to(normal, (*GRID.shape, 3)))
+    np.testing.assert_allclose(upward_normals(GRID, plane(GRID.centres())), np.broadcast_to(normal, (*GRID.shape, 3)))
 
 
 def test_the_hull_of_a_ring_is_a_disc():

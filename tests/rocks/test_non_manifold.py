@@ -23,7 +23,8 @@ def test_two_boxes_that_touch_become_two_solids(far):
     assert is_watertight(apart.faces)
     assert islands(apart).max() == 1
     assert volume(apart) == pytest.approx(2, abs=20 * PARTING)
-    # In the rounded places of a file they stay apart, so that a reader who merges equal vertices finds two solids too.
+    # In the rounded coordinates of a file they stay apart, so that a reader who merges equal vertices finds two solids
+    # too.
     assert len(np.unique(np.round(apart.vertices, 6), axis=0)) == len(apart.vertices)
 
 
@@ -43,7 +44,7 @@ def test_sheets_that_lie_on_each_other_are_closed_one_way_or_the_other():
     assert volume(apart) == pytest.approx(2, abs=1e-3)
 
 
-def test_a_ball_with_pinched_places_is_mended(rng):
+def test_a_ball_with_pinched_vertices_is_mended(rng):
     ball = trimesh.creation.icosphere(3)
     number = np.arange(len(ball.vertices))
     for one, other in rng.choice(len(number), (6, 2), replace=False):

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
-from polarsim.rocks.overrides import Cuboid, read_overrides, write_cuboids, write_places
+from polarsim.rocks.overrides import Cuboid, read_overrides, write_cuboids, write_positions
 
 mm = st.integers(-2000, 2000).map(lambda value: value / 1000)
 
@@ -26,13 +26,13 @@ def test_written_cuboids_are_an_override_file(tmp_path_factory, low, sides, rock
     np.testing.assert_allclose(back[rock].high, cuboid.high, atol=1e-9)
 
 
-@given(places=st.dictionaries(st.integers(1, 200), st.tuples(mm, mm), max_size=5))
-def test_written_places_are_an_override_file(tmp_path_factory, places):
+@given(points=st.dictionaries(st.integers(1, 200), st.tuples(mm, mm), max_size=5))
+def test_written_positions_are_an_override_file(tmp_path_factory, points):
     path = tmp_path_factory.mktemp("overrides") / "ids.yaml"
-    write_places(path, {rock: np.array(place) for rock, place in places.items()})
+    write_positions(path, {rock: np.array(position) for rock, position in points.items()})
     back = read_overrides(path)
     assert back.cuboids == {}
-    assert {rock: tuple(place) for rock, place in back.places.items()} == places
+    assert {rock: tuple(position) for rock, position in back.positions.items()} == points
 
 
 def test_drops_and_cuboids_are_read(tmp_path):

@@ -104,7 +104,7 @@ def test_points_on_a_line_are_refused():
 
 
 def test_the_ground_is_one_sheet_at_its_heights():
-    heights = 0.02 * np.sin(9 * GRID.places()[..., 0])
+    heights = 0.02 * np.sin(9 * GRID.centres()[..., 0])
     mesh = ground_surface(GRID, heights, 0.01)
     assert np.abs(mesh.vertices[:, 2] - 0.02 * np.sin(9 * mesh.vertices[:, 0])).max() < 0.002
     other = as_trimesh(mesh)
@@ -146,7 +146,7 @@ def test_a_hull_is_outward(rng):
 
 
 def test_nothing_closes_a_rock_over_ground_that_was_seen_bare(seen_ball):
-    bare = np.linalg.norm(GRID.places() - CENTRE[:2], axis=-1) > 0.9 * RADIUS
+    bare = np.linalg.norm(GRID.centres() - CENTRE[:2], axis=-1) > 0.9 * RADIUS
     free = closing_points(seen_ball, GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.003).points
     kept = closing_points(seen_ball, GRID, LEVEL, bare, SCANNERS, 0.003).points
     over_bare = bare.ravel()[GRID.cell_of(free)]

@@ -56,7 +56,7 @@ def test_points_are_spread_by_area_and_lie_on_the_surface():
     np.testing.assert_allclose(points[face < 2].mean(axis=0), [1.5, 0.5, 0], atol=0.02)
 
 
-def test_distances_are_those_to_the_nearest_place(cube):
+def test_distances_are_those_to_the_nearest_point(cube):
     surface = Surface(*_fields(cube((0, 0, 0), 2)))
     np.testing.assert_allclose(
         surface.distance(np.array([[1.5, 0, 0], [2, 2, 0], [0, 0, 0.25]])), [0.5, 2**0.5, 0.75], rtol=1e-6

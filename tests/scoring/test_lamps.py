@@ -16,10 +16,10 @@ def errors(folder, truth_from_sandbox):
 def test_a_lamp_found_in_its_true_direction_has_no_error_however_far_it_is(tmp_path, world, sun_lamps):
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own", OTHER_FROM_TRUTH)
-    farther = {azimuth: OTHER_FROM_TRUTH.apply(1.1 * np.array(place)) for azimuth, place in sun_lamps.items()}
+    farther = {azimuth: OTHER_FROM_TRUTH.apply(1.1 * np.array(position)) for azimuth, position in sun_lamps.items()}
     write_suns(tmp_path / "own/cameras", farther)
     found = errors(tmp_path, OTHER_FROM_TRUTH.inverse())
-    assert found["worst lamp", "direction_error"] < 0.01  # degrees: places are written to 0.1 mm
+    assert found["worst lamp", "direction_error"] < 0.01  # degrees: positions are written to 0.1 mm
     assert found["worst lamp", "surveyed_direction_error"] > 1
 
 

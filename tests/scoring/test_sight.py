@@ -25,7 +25,7 @@ def test_without_a_map_all_counts_that_faces_the_camera_inside_the_picture():
     assert seen() == ([True, True, False], [False, False, False])
 
 
-def test_a_place_without_a_return_in_the_map_was_not_seen(tmp_path):
+def test_a_point_without_a_return_in_the_map_was_not_seen(tmp_path):
     lens = rectified_left(stated_rig()).lens
     points = 3.0 * lens.pixel_directions()
     points[:, : int(lens.cx) + 20] = np.nan  # the left half of the picture came to nothing

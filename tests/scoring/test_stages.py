@@ -105,11 +105,13 @@ def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path, 
 def test_cameras_are_scored_on_the_boxes_that_all_photos_of_a_view_agree_on(tmp_path, cube):
     rig = LocalisedRig(stated_rig(), surveyed_pose("A"))
     write_localised(tmp_path / "cameras" / "PosA.json", rig)
-    places = {1: (0.2, 0.4, 0.0), 2: (-0.5, -0.3, 0.0), 3: (0.9, -0.7, 0.0)}
-    for rock, place in places.items():
-        obj.write(tmp_path / "meshes" / obj.rock_name(3, rock), cube(place, 0.15), "rock")
+    points = {1: (0.2, 0.4, 0.0), 2: (-0.5, -0.3, 0.0), 3: (0.9, -0.7, 0.0)}
+    for rock, position in points.items():
+        obj.write(tmp_path / "meshes" / obj.rock_name(3, rock), cube(position, 0.15), "rock")
     for camera in "LR":
-        around = [box_geometry.around(rig.project(camera, cube(place, 0.15).vertices)) for place in places.values()]
+        around = [
+            box_geometry.around(rig.project(camera, cube(position, 0.15).vertices)) for position in points.values()
+        ]
         for azimuth, off_px in (("30", 0.0), ("180", 0.0), ("270", 30.0)):  # one azimuth annotated badly
             moved = np.array(around) + (off_px if camera == "R" else 0.0)
             path = tmp_path / "annotated" / f"03_A_off_{azimuth}_{camera}_0256.txt"

@@ -45,8 +45,8 @@ def test_true_cameras_and_lamps_are_in_the_runs_frame(laid, sun_lamps):
         assert angle_between(pose, own) < 1e-4
     lamps = read_found_suns(laid / "laid/cameras")
     assert sorted(lamps) == sorted(sun_lamps)  # the rover light is on the rig
-    for name, place in lamps.items():
-        np.testing.assert_allclose(place, SANDBOX_FROM_TRUTH.apply(np.array(sun_lamps[name])), atol=5e-4)
+    for name, lamp_position in lamps.items():
+        np.testing.assert_allclose(lamp_position, SANDBOX_FROM_TRUTH.apply(np.array(sun_lamps[name])), atol=5e-4)
 
 
 def test_true_meshes_lie_on_the_runs_and_have_its_numbers(laid, world):

@@ -31,9 +31,9 @@ def release(tmp_path):
         cover = cover[::2, ::2] if terrain == 3 else cover
         png.write(root / "CoverPhotoOfIndices" / f"cover_photo_indexed_{terrain:02d}_A.png", cover)
         for azimuth in ("30", "180"):
-            place = root / "Labels" / f"Terrain{terrain:02d}" / f"{terrain:02d}_A_off_{azimuth}_L_0256.txt"
+            position = root / "Labels" / f"Terrain{terrain:02d}" / f"{terrain:02d}_A_off_{azimuth}_L_0256.txt"
             shadow = np.array(SHADOW) - (0 if azimuth == "30" else np.array([300, 0, 300, 0]))
-            yolo.write_boxes(place, np.array([0, 1]), np.array([ROCK, shadow]))
+            yolo.write_boxes(position, np.array([0, 1]), np.array([ROCK, shadow]))
         rock = root / "TerrainMeshes" / f"Terrain{terrain:02d}" / f"terrain{terrain:02d}_rock1.obj"
         rock.parent.mkdir(parents=True)
         rock.touch()  # the closed copies stand in for it

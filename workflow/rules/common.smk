@@ -133,7 +133,7 @@ def pictures_of(wildcards):
     return of_run("results/{run}/renders/{model}/Terrain{terrain}", model=wildcards.domain, terrain=TERRAINS)
 
 
-def pictures_place(wildcards):
+def pictures_folder(wildcards):
     """The table of photos, the folder above the terrains of a model's twins, or that of novel views."""
     if wildcards.domain == CONFIG.photo_domain:
         return f"results/{wildcards.run}/acquire/photos.parquet"

@@ -62,7 +62,7 @@ rule convert_pictures:
         mem_mb=1000,
         runtime=60,
     params:
-        pictures=pictures_place,
+        pictures=pictures_folder,
         terrains=CONFIG.terrains,
         positions=CONFIG.positions,
         grid=options("grid"),

@@ -20,7 +20,7 @@ def cameras_of_component(wildcards):
 
 
 def lamps_of_component(wildcards):
-    """The folder with the places of their lamps; that of located poses names none, so the survey's hold."""
+    """The folder with the positions of their lamps; that of located poses names none, so the survey's hold."""
     return {
         "run": "results/{run}/cameras/Terrain{terrain}",
         "survey": "results/{run}/cameras/located/Terrain{terrain}",

@@ -74,7 +74,7 @@ def weights_on_board(wildcards):
 
 
 def pictures_of_drive(wildcards):
-    """Every view's places and labels, which are written when its pictures are."""
+    """Every view's cameras and labels, which are written when its pictures are."""
     names = of_drive(
         "{view}/poses.parquet",
         "{view}/{sun}_truth.parquet",

@@ -19,7 +19,7 @@ from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.fitting.exposures import single_lamps
 from polarsim.render.fitting.samples import Darkening, Samples, Setting, samples_of_view
-from polarsim.render.fitting.search import fitted_models, places_of
+from polarsim.render.fitting.search import cells_of, fitted_models
 from polarsim.render.fitting.texels import Texels, solve, texels_of
 from polarsim.render.lamps import ROVER, lamps_of
 from polarsim.render.materials import Reflectance, between_corners
@@ -81,11 +81,11 @@ def fit(
     """
     held_out = LAMPS.index(options.fitting.held_out) if options.fitting.held_out != "no" else -1
     known = samples.part(samples.lamp != held_out)
-    places = places_of(known, generator(options.seed, "materials"))
-    if places is None:
+    cells = cells_of(known, generator(options.seed, "materials"))
+    if cells is None:
         return None
     start = {model: options.parameters(model) for model in models}
-    darkening, parameters = fitted_models(places, start, engine, options)
+    darkening, parameters = fitted_models(cells, start, engine, options)
     fitted: dict[str, Fitted] = {}
     looks = np.zeros(len(mesh.vertices), np.int64)
     for model, own in parameters.items():

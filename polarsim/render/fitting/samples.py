@@ -29,7 +29,7 @@ _NOISE = 0.2  # relative noise (sd) of a pixel that still tells something
 class Samples:
     """n pairs of a pixel and a lamp; float32, sandbox frame."""
 
-    lamp: np.ndarray  # (n,) int16 place in the names of lamps
+    lamp: np.ndarray  # (n,) int16 index in the names of lamps
     view: np.ndarray  # (n,) int16
     rate: np.ndarray  # (n,) grey values per ms
     face: np.ndarray  # (n,) int32
@@ -162,7 +162,7 @@ def samples_of_view(
 
 
 def clear_of_rim(points: np.ndarray, towards: np.ndarray, surfaces: Surfaces, options: RenderOptions) -> np.ndarray:
-    """(n,) bool: inside the sandbox, and the way to a place (3,) passes well above its walls, wherever these stand."""
+    """(n,) bool: inside the sandbox, and the way to a point (3,) passes well above its walls, wherever these are."""
     if not options.rim:
         return np.ones(len(points), bool)
     half, margin = options.rim_half_width_m - _RIM_M, _RIM_M

@@ -1,7 +1,7 @@
 """Parameters of a model that photos agree with, whatever the albedo: a search by Nelder and Mead's simplex.
 
-Places of a few centimetres are seen from several views and under several lamps. With the right parameters one albedo a
-place and one brightness a lamp explain them all; what is left over is what the search makes small.
+Cells of a few centimetres are seen from several views and under several lamps. With the right parameters one albedo a
+cell and one brightness a lamp explain them all; what is left over is what the search makes small.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from polarsim.render.fitting.samples import Darkening, Samples, Setting
 from polarsim.render.materials import Reflectance
 from polarsim.render.options import Model, Parameters, RenderOptions
 
-PLACE = 0.06  # metres
+CELL = 0.06  # metres
 _MOST_SAMPLES = 250_000
 _ROUNDS = 5
 _CLEAR = 0.1  # residual that counts fully, natural logarithm
 _MOST = 5.0  # and how many times that counts at most: edges of shadows and other faults
 _EVALUATIONS = 45  # a parameter
 _ROUNDS = 3
-_LEAST = 3  # samples of a place under a lamp in a view
+_LEAST = 3  # samples of a cell under a lamp in a view
 
 
 @dataclass(frozen=True)
-class Places:
-    """Samples by place, lamp and view: one observation each."""
+class Cells:
+    """Samples by cell, lamp and view: one observation each."""
 
     samples: Samples
     of_sample: np.ndarray  # (n,) observation of each sample
     light: np.ndarray  # (m,) sum of the photos'
-    place: np.ndarray  # (m,)
+    cell: np.ndarray  # (m,)
     lamp: np.ndarray  # (m,)
 
     def disagreement(self, setting: Setting) -> float:
@@ -45,25 +45,25 @@ class Places:
             ratio = np.log(self.light / model)
         if not np.isfinite(ratio).all():
             return np.inf
-        lamps, places = int(self.lamp.max()) + 1, int(self.place.max()) + 1
-        albedo, weight = np.zeros(places), np.ones(len(ratio))
+        lamps, cells = int(self.lamp.max()) + 1, int(self.cell.max()) + 1
+        albedo, weight = np.zeros(cells), np.ones(len(ratio))
         left = ratio
         for _ in range(_ROUNDS):
-            left = ratio - albedo[self.place]
+            left = ratio - albedo[self.cell]
             whole = np.bincount(self.lamp, weight, lamps)
             gain = np.divide(np.bincount(self.lamp, weight * left, lamps), whole, out=np.zeros(lamps), where=whole > 0)
             left = ratio - gain[self.lamp]
-            albedo = np.bincount(self.place, weight * left, places) / np.bincount(self.place, weight, places)
-            left = left - albedo[self.place]
+            albedo = np.bincount(self.cell, weight * left, cells) / np.bincount(self.cell, weight, cells)
+            left = left - albedo[self.cell]
             weight = 1 / (1 + (left / (_MOST * _CLEAR)) ** 2)
         return float(np.minimum(np.abs(left) / _CLEAR, _MOST).mean())
 
 
-def places_of(samples: Samples, rng: np.random.Generator) -> Places | None:
-    """Places from samples, of many a part; None where there is nothing to compare."""
+def cells_of(samples: Samples, rng: np.random.Generator) -> Cells | None:
+    """Cells from samples, of many a part; None where there is nothing to compare."""
     if len(samples) > _MOST_SAMPLES:
         samples = samples.part(np.sort(rng.choice(len(samples), _MOST_SAMPLES, replace=False)))
-    grid = np.floor(samples.point / PLACE).astype(np.int64)
+    grid = np.floor(samples.point / CELL).astype(np.int64)
     columns = np.column_stack([grid, samples.lamp, samples.view])
     seen, of_sample, count = np.unique(columns, axis=0, return_inverse=True, return_counts=True)
     enough = count >= _LEAST
@@ -72,44 +72,44 @@ def places_of(samples: Samples, rng: np.random.Generator) -> Places | None:
     kept = enough[of_sample.ravel()]
     number = np.cumsum(enough) - 1
     of_sample, samples, seen = number[of_sample.ravel()[kept]], samples.part(kept), seen[enough]
-    place = np.unique(seen[:, :3], axis=0, return_inverse=True)[1].ravel()
+    cell = np.unique(seen[:, :3], axis=0, return_inverse=True)[1].ravel()
     light = np.bincount(of_sample, samples.rate, len(seen))
-    return Places(samples, of_sample, light, place, seen[:, 3])
+    return Cells(samples, of_sample, light, cell, seen[:, 3])
 
 
 def fitted_models(
-    places: Places, start: Mapping[Model, Parameters], engine: Reflectance, options: RenderOptions
+    cells: Cells, start: Mapping[Model, Parameters], engine: Reflectance, options: RenderOptions
 ) -> tuple[Darkening, dict[Model, Parameters]]:
     """What the photos agree with: one darkening for all models, and the parameters of each.
 
     They are found in turn, for the one hangs on the other.
     """
     found = dict(start)
-    darkening = best_darkening(places, found, engine, options)
+    darkening = best_darkening(cells, found, engine, options)
     for _ in range(_ROUNDS):
         found = {
-            model: fitted_parameters(places, Setting(model, own, darkening, engine, options))
+            model: fitted_parameters(cells, Setting(model, own, darkening, engine, options))
             for model, own in start.items()
         }
-        before, darkening = darkening, best_darkening(places, found, engine, options)
+        before, darkening = darkening, best_darkening(cells, found, engine, options)
         if darkening == before:
             return darkening, found
     return before, found
 
 
 def best_darkening(
-    places: Places, models: Mapping[Model, Parameters], engine: Reflectance, options: RenderOptions
+    cells: Cells, models: Mapping[Model, Parameters], engine: Reflectance, options: RenderOptions
 ) -> Darkening:
     """That which all models together agree with best."""
 
     def cost(darkening: Darkening) -> float:
         settings = (Setting(model, own, darkening, engine, options) for model, own in models.items())
-        return sum(places.disagreement(setting) for setting in settings)
+        return sum(cells.disagreement(setting) for setting in settings)
 
     return min((Darkening(*both) for both in itertools.product((False, True), repeat=2)), key=cost)
 
 
-def fitted_parameters(places: Places, setting: Setting) -> Parameters:
+def fitted_parameters(cells: Cells, setting: Setting) -> Parameters:
     """A setting's parameters, those that its options name fitted; as they are where the search finds none better."""
     from scipy.optimize import minimize
 
@@ -122,7 +122,7 @@ def fitted_parameters(places: Places, setting: Setting) -> Parameters:
         own = _with(start, names, np.array(values))
         if own is None:
             return np.inf
-        return places.disagreement(replace(setting, parameters=own))
+        return cells.disagreement(replace(setting, parameters=own))
 
     def cost(values: np.ndarray) -> float:
         return cost_of(*values.tolist())

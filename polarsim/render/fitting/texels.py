@@ -60,11 +60,11 @@ def texels_of(samples: Samples, radiance: np.ndarray, faces: np.ndarray) -> Texe
         corners = faces.take(samples.face.take(own), axis=0)
         second, third = samples.weights[own].T.astype(float)
         weight = np.stack([1 - second - third, second, third], axis=1)
-        vertex, place = np.unique(corners, return_inverse=True)
-        place = place.ravel()
+        vertex, texel = np.unique(corners, return_inverse=True)
+        texel = texel.ravel()
 
-        def summed(values: np.ndarray, weight: np.ndarray = weight, place: np.ndarray = place) -> np.ndarray:
-            return np.bincount(place, (weight * values[:, None]).ravel())
+        def summed(values: np.ndarray, weight: np.ndarray = weight, texel: np.ndarray = texel) -> np.ndarray:
+            return np.bincount(texel, (weight * values[:, None]).ravel())
 
         light, model, count = summed(samples.rate[own]), summed(radiance[own]), summed(np.ones(len(own)))
         good = (count > _ENOUGH) & (light > 0) & (model > 0)
@@ -87,18 +87,18 @@ def solve(texels: Texels, faces: np.ndarray, rock_of_vertex: np.ndarray) -> Solu
     """
     count = len(rock_of_vertex)
     lamps = np.unique(texels.lamp)
-    place = np.searchsorted(lamps, texels.lamp)
-    gains = np.array([np.median(texels.ratio[place == number]) for number in range(len(lamps))])
+    index = np.searchsorted(lamps, texels.lamp)
+    gains = np.array([np.median(texels.ratio[index == number]) for number in range(len(lamps))])
     smoothing, neighbours = _smoothing(faces, count, _SMOOTHNESS)
     pull = 1 / _SPREAD**2
     albedo, means = np.zeros(count), np.zeros(count)
     looks = np.bincount(texels.vertex, minlength=count)
     rocks: dict[int, float] = {}
     for _ in range(_ROUNDS if len(texels.ratio) else 0):
-        left = texels.ratio - gains[place] - albedo[texels.vertex]
-        weight = _weights(left, place, len(lamps), texels.count)
-        gains += np.bincount(place, weight * left, len(lamps)) / np.bincount(place, weight, len(lamps))
-        towards = np.bincount(texels.vertex, weight * (texels.ratio - gains[place]), count) + pull * means
+        left = texels.ratio - gains[index] - albedo[texels.vertex]
+        weight = _weights(left, index, len(lamps), texels.count)
+        gains += np.bincount(index, weight * left, len(lamps)) / np.bincount(index, weight, len(lamps))
+        towards = np.bincount(texels.vertex, weight * (texels.ratio - gains[index]), count) + pull * means
         diagonal = np.bincount(texels.vertex, weight, count) + pull
         albedo = conjugate_gradients(smoothing, diagonal, diagonal + neighbours, towards, albedo)
         rocks, means = _means(albedo, looks, rock_of_vertex)
@@ -136,9 +136,9 @@ def conjugate_gradients(
     return x
 
 
-def _weights(left: np.ndarray, place: np.ndarray, lamps: int, count: np.ndarray) -> np.ndarray:
-    scatter = np.array([1.4826 * np.median(np.abs(left[place == number])) for number in range(lamps)])
-    scatter = np.maximum(scatter, _LEAST_SCATTER)[place]
+def _weights(left: np.ndarray, index: np.ndarray, lamps: int, count: np.ndarray) -> np.ndarray:
+    scatter = np.array([1.4826 * np.median(np.abs(left[index == number])) for number in range(lamps)])
+    scatter = np.maximum(scatter, _LEAST_SCATTER)[index]
     return np.asarray(count / (count + _FEW) / scatter**2 / (1 + (left / (_CAUTION * scatter)) ** 2))
 
 

@@ -1,4 +1,4 @@
-"""Where novel views are taken from: points, circles, curves, random places."""
+"""Where novel views are taken from: points, circles, curves, random positions."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.randomness import generator
 from polarsim.render.views.options import OrbitCameras, PathCameras, PinholeLens, PointCameras, RandomCameras, Views
 
-Heights = Callable[[np.ndarray], np.ndarray]  # of what lies beneath places (n, 2): (n,) metres, -inf over nothing
-_TRIES = 1000  # random places a camera, before the box is given up
+Heights = Callable[[np.ndarray], np.ndarray]  # of what lies beneath points (n, 2): (n,) metres, -inf over nothing
+_TRIES = 1000  # random positions a camera, before the box is given up
 _STEPS = 200  # of a curve between two waypoints, on which its length is measured
 
 
@@ -42,7 +42,7 @@ def cameras_of(views: Views, heights: Heights, scale: float = 1.0) -> list[Named
     Raises
     ------
     RenderError
-        No place in the box of random cameras is clear.
+        No position in the box of random cameras is clear.
     """
     rig = rig_of(views)
     numbers: dict[str, int] = {}
@@ -77,24 +77,24 @@ def looking_at(position: np.ndarray, target: np.ndarray, roll: float = 0.0) -> P
     Raises
     ------
     ConfigError
-        Both are the same place.
+        Both are the same point.
     """
     ahead = np.asarray(target, float) - position
     if not ahead.any():
-        raise ConfigError(f"a camera at {np.round(position, 3).tolist()} m looks at its own place")
+        raise ConfigError(f"a camera at {np.round(position, 3).tolist()} m looks at its own position")
     level = np.hypot(ahead[0], ahead[1])
     return looking(position, float(np.arctan2(ahead[1], ahead[0])), float(-np.arctan2(ahead[2], level)), roll)
 
 
 def curve(waypoints: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places (number, 3) evenly spaced along a smooth curve through waypoints (n, 3), and its directions there.
+    """Points (number, 3) evenly spaced along a smooth curve through waypoints (n, 3), and its directions there.
 
     A natural cubic spline, centripetally parametrised: no loops where waypoints lie unevenly (Lee, CAD 21 (1989) 363).
 
     Raises
     ------
     ConfigError
-        Two neighbouring waypoints are one place.
+        Two neighbouring waypoints are one point.
     """
     from scipy.interpolate import CubicSpline
 
@@ -105,8 +105,8 @@ def curve(waypoints: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
     spline = CubicSpline(knots, waypoints, bc_type="natural")
     fine = np.interp(np.arange((len(waypoints) - 1) * _STEPS + 1) / _STEPS, np.arange(len(waypoints)), knots)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(spline(fine), axis=0), axis=1))])
-    places = np.interp(np.linspace(0, length[-1], number), length, fine)
-    return spline(places), spline(places, 1)
+    points = np.interp(np.linspace(0, length[-1], number), length, fine)
+    return spline(points), spline(points, 1)
 
 
 def _point(section: PointCameras, _: Heights) -> Iterator[Pose]:
@@ -123,30 +123,30 @@ def _orbit(section: OrbitCameras, _: Heights) -> Iterator[Pose]:
 
 
 def _path(section: PathCameras, _: Heights) -> Iterator[Pose]:
-    places, ahead = curve(np.array(section.waypoints_m, float), section.number)
-    for place, direction in zip(places, ahead, strict=True):
+    points, ahead = curve(np.array(section.waypoints_m, float), section.number)
+    for position, direction in zip(points, ahead, strict=True):
         if section.look_at_m is not None:
-            yield looking_at(place, np.array(section.look_at_m))
+            yield looking_at(position, np.array(section.look_at_m))
         else:
             yaw = float(np.arctan2(direction[1], direction[0]))
             climb = float(np.arctan2(direction[2], np.hypot(direction[0], direction[1])))
-            yield looking(place, yaw, float(np.radians(section.pitch_deg)) - climb)
+            yield looking(position, yaw, float(np.radians(section.pitch_deg)) - climb)
 
 
 def _random(section: RandomCameras, heights: Heights) -> Iterator[Pose]:
     random = generator(section.seed, "views", "cameras", section.name)
     found = 0
     for _ in range(_TRIES):
-        places = random.uniform(section.low_m, section.high_m, (section.number, 3))
+        points = random.uniform(section.low_m, section.high_m, (section.number, 3))
         targets = random.uniform(section.look_at_low_m, section.look_at_high_m, (section.number, 3))
-        clear = places[:, 2] >= heights(places[:, :2]) + section.clearance_m
-        for place, target in list(zip(places[clear], targets[clear], strict=True))[: section.number - found]:
+        clear = points[:, 2] >= heights(points[:, :2]) + section.clearance_m
+        for position, target in list(zip(points[clear], targets[clear], strict=True))[: section.number - found]:
             found += 1
-            yield looking_at(place, target)
+            yield looking_at(position, target)
         if found == section.number:
             return
     raise RenderError(
-        f"cameras {section.name}: {found} of {section.number} places found that lie {section.clearance_m:g} m above "
+        f"cameras {section.name}: {found} of {section.number} positions found that lie {section.clearance_m:g} m above "
         f"the ground; raise high_m"
     )
 

@@ -41,7 +41,7 @@ class Sheet:
         chosen = np.arange(len(names))
         if len(names) > MOST:
             chosen = np.sort(generator(0, "views", "sheet").choice(len(names), MOST, replace=False))
-        self._place = {names[number]: place for place, number in enumerate(chosen.tolist())}
+        self._index = {names[number]: index for index, number in enumerate(chosen.tolist())}
         self._columns = max(1, ceil(sqrt(len(chosen))))
         self._wide = min(_WIDEST, _WIDTH // self._columns - _GAP, size[0])
         self._high = max(1, round(self._wide * size[1] / size[0]))
@@ -50,10 +50,10 @@ class Sheet:
         self._pixels = np.full((rows * (self._high + _GAP), self._columns * (self._wide + _GAP), 3), 255, np.uint8)
 
     def wants(self, name: str) -> bool:
-        return name in self._place
+        return name in self._index
 
     def add(self, name: str, picture: np.ndarray, labels: Sequence[coco.Annotation]) -> None:
-        """Put a picture (h, w), uint16 of 12 bits or uint8, at its place, its labels drawn in."""
+        """Put a picture (h, w), uint16 of 12 bits or uint8, into its tile, its labels drawn in."""
         import cv2
 
         size = (self._wide, self._high)
@@ -73,7 +73,7 @@ class Sheet:
             cv2.putText(
                 tile, name, (4, self._high - 6), cv2.FONT_HERSHEY_SIMPLEX, 0.38, (255, 255, 255), 1, cv2.LINE_AA
             )
-        row, column = divmod(self._place[name], self._columns)
+        row, column = divmod(self._index[name], self._columns)
         top, left = row * (self._high + _GAP), column * (self._wide + _GAP)
         self._pixels[top : top + self._high, left : left + self._wide] = tile
 
@@ -215,11 +215,11 @@ def _rocks(scenes: Sequence[Ensemble]) -> pd.DataFrame:
         {
             "scene": scene.name,
             "rock": rock,
-            "terrain": scene.parts[place].section.terrain,
+            "terrain": scene.parts[part].section.terrain,
             "terrain_rock": own,
-            "meshes": str(scene.parts[place].section.meshes),
+            "meshes": str(scene.parts[part].section.meshes),
         }
         for scene in scenes
-        for rock, (place, own) in scene.rocks.items()
+        for rock, (part, own) in scene.rocks.items()
     ]
     return pd.DataFrame(rows, columns=["scene", "rock", "terrain", "terrain_rock", "meshes"])

@@ -1,4 +1,4 @@
-"""Where the Sun stands over a place on the Moon, and how the stars lie there, at a moment of time.
+"""Where the Sun stands over a site on the Moon, and how the stars lie there, at a moment of time.
 
 Good to a few hundredths of a degree from 1900 to 2100, a tenth of the Sun's width: no file of ephemerides is needed.
 """
@@ -52,8 +52,8 @@ def moon_from_celestial(days: float) -> np.ndarray:
 def sun_seen_from_moon(days: float) -> np.ndarray:
     """(3,) unit vector from the Moon to the Sun, J2000's equator.
 
-    The Sun as in Meeus, Astronomical Algorithms (1998), chapter 25, to 0.01 degrees; of the Moon's place, which moves
-    the Sun by 0.15 degrees at most, the largest terms of chapter 47.
+    The Sun as in Meeus, Astronomical Algorithms (1998), chapter 25, to 0.01 degrees; of the Moon's position, which
+    moves the Sun by 0.15 degrees at most, the largest terms of chapter 47.
     """
     t = days / _CENTURY
     sun_anomaly = np.radians(357.52911 + 35999.05029 * t)
@@ -82,7 +82,7 @@ def sun_seen_from_moon(days: float) -> np.ndarray:
 
 
 def local_from_celestial(latitude_deg: float, longitude_deg: float, moment: datetime) -> np.ndarray:
-    """(3, 3) rotation from J2000's equator into the place's east, north and up."""
+    """(3, 3) rotation from J2000's equator into the site's east, north and up."""
     latitude, longitude = np.radians([latitude_deg, longitude_deg])
     east = [-np.sin(longitude), np.cos(longitude), 0]
     up = on_sphere(longitude, latitude)

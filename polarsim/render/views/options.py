@@ -15,11 +15,11 @@ from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9.-]*$")]  # no _: it stands between the parts of file names
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Place = tuple[Finite, Finite, Finite]  # x, y, z, sandbox frame
+Point = tuple[Finite, Finite, Finite]  # x, y, z, sandbox frame
 FAINTEST_MAG = 7.0  # Hp, of the table of stars
 
 
-def _in_order(low: Place, high: Place) -> None:
+def _in_order(low: Point, high: Point) -> None:
     if any(least > most for least, most in zip(low, high, strict=True)):
         raise ValueError(f"low corner {list(low)} above high corner {list(high)}")
 
@@ -33,7 +33,7 @@ class TerrainPart(Part):
 
     meshes: Path = Field(description="Folder of the terrain's meshes, `results/<run>/meshes/TerrainNN`.")
     terrain: int = Field(ge=1, le=99, description="Number of the terrain in its files' names.")
-    offset_m: Place = Field((0, 0, 0), description="Where the terrain's origin lies in the scene, metres.")
+    offset_m: Point = Field((0, 0, 0), description="Where the terrain's origin lies in the scene, metres.")
     heading_deg: Finite = Field(0, description="The terrain's +X in the scene, degrees from +X towards +Y.")
 
 
@@ -41,7 +41,7 @@ class SceneSection(Part):
     """Terrains side by side."""
 
     name: Name
-    terrains: tuple[TerrainPart, ...] = Field(min_length=1, description="Terrains, each at its place.")
+    terrains: tuple[TerrainPart, ...] = Field(min_length=1, description="Terrains, each at its position.")
 
 
 class RigLens(Part):
@@ -66,17 +66,17 @@ class PointCameras(Part):
 
     kind: Literal["point"]
     name: Name = "point"
-    position_m: Place = Field(description="Camera centre, metres.")
-    look_at_m: Place = Field(description="What lies on the optical axis, metres.")
+    position_m: Point = Field(description="Camera centre, metres.")
+    look_at_m: Point = Field(description="What lies on the optical axis, metres.")
     roll_deg: Finite = Field(0, description="Right side down, degrees.")
 
 
 class OrbitCameras(Part):
-    """Cameras on a circle, all looking at one place."""
+    """Cameras on a circle, all looking at one point."""
 
     kind: Literal["orbit"]
     name: Name = "orbit"
-    centre_m: Place = Field((0, 0, 0), description="What all look at; the circle lies around it, metres.")
+    centre_m: Point = Field((0, 0, 0), description="What all look at; the circle lies around it, metres.")
     radius_m: PositiveFloat = Field(description="Of the circle, metres.")
     height_m: Finite = Field(description="Of the circle above the centre, metres.")
     number: PositiveInt = Field(description="Number of cameras.")
@@ -89,24 +89,24 @@ class PathCameras(Part):
 
     kind: Literal["path"]
     name: Name = "path"
-    waypoints_m: tuple[Place, ...] = Field(min_length=2, description="Places that the curve goes through, metres.")
+    waypoints_m: tuple[Point, ...] = Field(min_length=2, description="Points that the curve goes through, metres.")
     number: int = Field(ge=2, description="Number of frames, the first and the last waypoint included.")
-    look_at_m: Place | None = Field(None, description="What all look at, metres; none: ahead along the path.")
+    look_at_m: Point | None = Field(None, description="What all look at, metres; none: ahead along the path.")
     pitch_deg: float = Field(0, ge=-90, le=90, description="Downwards from the path's heading, degrees.")
 
 
 class RandomCameras(Part):
-    """Cameras anywhere in a box, looking at places anywhere in another one."""
+    """Cameras anywhere in a box, looking at points anywhere in another one."""
 
     kind: Literal["random"]
     name: Name = "random"
     number: PositiveInt = Field(description="Number of cameras.")
-    low_m: Place = Field(description="Low corner of the box of camera centres, metres.")
-    high_m: Place = Field(description="High corner of it, metres.")
-    look_at_low_m: Place = Field((-1, -1, 0), description="Low corner of the box of places looked at, metres.")
-    look_at_high_m: Place = Field((1, 1, 0), description="High corner of it, metres.")
+    low_m: Point = Field(description="Low corner of the box of camera centres, metres.")
+    high_m: Point = Field(description="High corner of it, metres.")
+    look_at_low_m: Point = Field((-1, -1, 0), description="Low corner of the box of points looked at, metres.")
+    look_at_high_m: Point = Field((1, 1, 0), description="High corner of it, metres.")
     clearance_m: float = Field(0.2, ge=0, description="Least height above what lies beneath the camera, metres.")
-    seed: int = Field(0, ge=0, description="Seed of the places.")
+    seed: int = Field(0, ge=0, description="Seed of the positions.")
 
     @model_validator(mode="after")
     def _boxes(self) -> RandomCameras:
@@ -129,7 +129,7 @@ class NearLamps(Part):
         min_length=1, description="Above the horizon, degrees."
     )
     distance_m: PositiveFloat = Field(description="From `centre_m`, metres.")
-    centre_m: Place = Field((0, 0, 0), description="What azimuth, elevation and distance count from, metres.")
+    centre_m: Point = Field((0, 0, 0), description="What azimuth, elevation and distance count from, metres.")
     intensity: PositiveFloat = Field(1, description="Radiant intensity over that of POLAR's Sun lamp.")
     radius_m: float = Field(0, ge=0, description="Of the lamp's disc, metres; 0: a point, shadows with sharp edges.")
 
@@ -147,11 +147,11 @@ class Suns(Part):
 
 
 class LunarSuns(Part):
-    """The real Sun over a place on the Moon at moments of time."""
+    """The real Sun over a site on the Moon at moments of time."""
 
     kind: Literal["lunar_sun"]
     name: Name = "moon"
-    latitude_deg: float = Field(ge=-90, le=90, description="Selenographic latitude of the place, degrees.")
+    latitude_deg: float = Field(ge=-90, le=90, description="Selenographic latitude of the site, degrees.")
     longitude_deg: float = Field(ge=-180, le=360, description="Selenographic longitude, degrees, east is positive.")
     start_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="The moment, or the first of them, UTC.")
     number: PositiveInt = Field(1, description="Number of moments; those of night are left out.")
@@ -165,8 +165,9 @@ class RoverLight(Part):
 
     states: tuple[bool, ...] = Field((False,), min_length=1, description="Off, on, or both; each makes its pictures.")
     intensity: PositiveFloat = Field(ROVER_LIGHT_SHARE, description="Radiant intensity over that of POLAR's Sun lamp.")
-    from_camera_m: Place = Field(
-        tuple(ROVER_LIGHT_FROM_LEFT.tolist()), description="Place in the (left) camera's frame: right, down, forward."
+    from_camera_m: Point = Field(
+        tuple(ROVER_LIGHT_FROM_LEFT.tolist()),
+        description="Position in the (left) camera's frame: right, down, forward.",
     )
 
 

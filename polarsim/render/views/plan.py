@@ -70,8 +70,8 @@ Found = tuple[Lamp, float, float, str, np.ndarray]
 def _near(section: NearLamps) -> Iterator[Found]:
     for azimuth, elevation in product(section.azimuth_deg, section.elevation_deg):
         towards = Lamp.sun(azimuth, elevation).position
-        place = np.array(section.centre_m) + section.distance_m * towards / np.linalg.norm(towards)
-        yield Lamp(place, section.intensity, section.radius_m), azimuth, elevation, "", np.eye(3)
+        position = np.array(section.centre_m) + section.distance_m * towards / np.linalg.norm(towards)
+        yield Lamp(position, section.intensity, section.radius_m), azimuth, elevation, "", np.eye(3)
 
 
 def _suns(section: Suns) -> Iterator[Found]:
@@ -80,17 +80,17 @@ def _suns(section: Suns) -> Iterator[Found]:
 
 
 def _lunar(section: LunarSuns) -> Iterator[Found]:
-    place = (section.latitude_deg, section.longitude_deg)
+    site = (section.latitude_deg, section.longitude_deg)
     sandbox_from_local = _rotation(section.north_deg - 90)  # local: x east, y north, z up
     for number in range(section.number):
         moment = section.start_utc + timedelta(hours=number * section.every_h)
         told = moment.strftime("%Y-%m-%dT%H:%M:%SZ")
-        compass, elevation = sun_over(*place, moment)
+        compass, elevation = sun_over(*site, moment)
         if elevation < -SUN_RADIUS_DEG:
             log.warning("%s, %s: left out, the Sun is %.1f deg below the horizon", section.name, told, -elevation)
             continue
         azimuth = (section.north_deg - compass) % 360
-        sky = sandbox_from_local @ local_from_celestial(*place, moment)
+        sky = sandbox_from_local @ local_from_celestial(*site, moment)
         yield Lamp.sun(azimuth, elevation, section.intensity), azimuth, elevation, told, sky
 
 
@@ -108,7 +108,7 @@ AUTO = "auto"
 class Picture:
     """One picture of the grid. Those of one scene, camera and light share their labels: its `ground_truth`."""
 
-    number: int  # place in the grid, from 0
+    number: int  # index in the grid, from 0
     scene: Ensemble
     camera: NamedCamera
     light: Light
@@ -186,12 +186,12 @@ def _pairs(
     if views.combine == "product":
         return product(cameras, lights)
     eyes = 2 if views.stereo else 1
-    places = len(cameras) // eyes
-    if places != len(lights) and 1 not in (places, len(lights)):
-        raise ConfigError(f"combine: zip of {places} cameras with {len(lights)} lights, expected as many, or one")
-    number = max(places, len(lights))
+    viewpoints = len(cameras) // eyes
+    if viewpoints != len(lights) and 1 not in (viewpoints, len(lights)):
+        raise ConfigError(f"combine: zip of {viewpoints} cameras with {len(lights)} lights, expected as many, or one")
+    number = max(viewpoints, len(lights))
     return (
-        (cameras[eye + eyes * (place % places)], lights[place % len(lights)])
-        for place in range(number)
+        (cameras[eye + eyes * (step % viewpoints)], lights[step % len(lights)])
+        for step in range(number)
         for eye in range(eyes)
     )

@@ -88,12 +88,12 @@ def unit_starts(pictures: Sequence[Picture], models: int) -> dict[str, list[Pict
     """Pictures that are rendered together, by the name of the first: one camera, as many lights as memory allows."""
     units: dict[str, list[Picture]] = {}
     most = max(1, _IMAGES // models)
-    place: tuple[str, str] | None = None
+    current: tuple[str, str] | None = None
     lights: set[str] = set()
     for picture in pictures:
         own = (picture.scene.name, picture.camera.name)
-        if own != place or (picture.light.name not in lights and len(lights) == most):
-            place, lights = own, set()
+        if own != current or (picture.light.name not in lights and len(lights) == most):
+            current, lights = own, set()
             unit = units[picture.name] = []
         lights.add(picture.light.name)
         unit.append(picture)

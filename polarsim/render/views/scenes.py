@@ -17,7 +17,7 @@ from polarsim.render.views.options import SceneSection, TerrainPart
 
 
 @dataclass(frozen=True)
-class Placed:
+class PosedTerrain:
     """One terrain of a scene."""
 
     section: TerrainPart
@@ -46,7 +46,7 @@ class Ensemble:
             Meshes are missing or broken.
         """
         self.name = section.name
-        self.parts = [Placed(part, Scene(part.meshes, part.terrain, options)) for part in section.terrains]
+        self.parts = [PosedTerrain(part, Scene(part.meshes, part.terrain, options)) for part in section.terrains]
 
     @cached_property
     def surfaces(self) -> Surfaces:
@@ -73,7 +73,7 @@ class Ensemble:
 
     @cached_property
     def rocks(self) -> dict[int, tuple[int, int]]:
-        """Rock id in the scene -> place of the terrain in the scene's list, and the rock's id there.
+        """Rock id in the scene -> index of the terrain in the scene's list, and the rock's id there.
 
         A terrain alone keeps its ids. Of several terrains rocks are numbered from 1 on, in the order of terrains and
         ids: instance maps have room for 999.
@@ -86,11 +86,11 @@ class Ensemble:
             raise RenderError(f"scene {self.name}: {len(own)} rocks, instance maps have ids for {most}")
         return dict(enumerate(own, 1))
 
-    def heights(self, places: np.ndarray) -> np.ndarray:
-        """(n,) height of the highest surface at places (n, 2), metres; -inf where there is none."""
+    def heights(self, points: np.ndarray) -> np.ndarray:
+        """(n,) height of the highest surface at points (n, 2), metres; -inf where there is none."""
         top = float(self.surfaces.vertices[:, 2].max()) + 1.0
-        origins = np.column_stack([places, np.full(len(places), top)])
-        distance, face = self.surfaces.all.nearest(origins, np.tile([0.0, 0.0, -1.0], (len(places), 1)))
+        origins = np.column_stack([points, np.full(len(points), top)])
+        distance, face = self.surfaces.all.nearest(origins, np.tile([0.0, 0.0, -1.0], (len(points), 1)))
         return np.where(face >= 0, top - distance, -np.inf)
 
 

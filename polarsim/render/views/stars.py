@@ -29,12 +29,12 @@ SUN_MAGNITUDE = -26.61  # Hp, 1 AU away: irradiance 1; V is -26.74, and Hp 0.13 
 
 @cache
 def stars() -> pd.DataFrame:
-    """The table, `COLUMNS`, brightest first: number, place on J2000's equator as of 2025, magnitude Hp."""
+    """The table, `COLUMNS`, brightest first: number, position on J2000's equator as of 2025, magnitude Hp."""
     return tables.read_parquet(TABLE, COLUMNS)
 
 
 def directions(ra_deg: np.ndarray, dec_deg: np.ndarray) -> np.ndarray:
-    """(n, 3) unit vectors to places (n,) in degrees."""
+    """(n, 3) unit vectors to points (n,) in degrees."""
     return on_sphere(np.radians(np.asarray(ra_deg, float)), np.radians(np.asarray(dec_deg, float)))
 
 
@@ -50,9 +50,9 @@ def sky_of(field: StarField) -> Sky:
     """The stars down to a magnitude, brightest first."""
     table = stars()
     table = table[table["hp_mag"] <= field.faintest_mag]
-    places = directions(table["ra_deg"].to_numpy(), table["dec_deg"].to_numpy())
+    towards = directions(table["ra_deg"].to_numpy(), table["dec_deg"].to_numpy())
     magnitudes = table["hp_mag"].to_numpy(float)
-    return Sky(places, field.intensity * 10 ** (-0.4 * (magnitudes - SUN_MAGNITUDE)))
+    return Sky(towards, field.intensity * 10 ** (-0.4 * (magnitudes - SUN_MAGNITUDE)))
 
 
 def sky_mask(surfaces: Surfaces, camera: Camera, threads: int) -> np.ndarray:
@@ -71,16 +71,16 @@ def sky_mask(surfaces: Surfaces, camera: Camera, threads: int) -> np.ndarray:
 def star_radiance(sky: Sky, sandbox_from_celestial: np.ndarray, camera: Camera) -> np.ndarray:
     """(h, w) float32 radiance of the sky through a lens, on the scale of OLAT images: the Sun's irradiance is 1.
 
-    A star is a point: its light falls on the 2 x 2 pixels around its place, in bilinear shares, and a pixel's radiance
-    is irradiance over the solid angle that it sees.
+    A star is a point: its light falls on the 2 x 2 pixels around its position, in bilinear shares, and a pixel's
+    radiance is irradiance over the solid angle that it sees.
     """
     lens = camera.lens
     celestial_from_camera = sandbox_from_celestial.T @ camera.world_from_camera.rotation
     in_camera = sky.directions @ celestial_from_camera
     seen = in_camera[:, 2] > _least_cosine(lens)  # beyond the corners the distortion's polynomial folds back
-    place = lens.project(in_camera[seen]) - HALF_PIXEL
-    corner = np.floor(place).astype(np.int64)
-    share = place - corner
+    pixel = lens.project(in_camera[seen]) - HALF_PIXEL
+    corner = np.floor(pixel).astype(np.int64)
+    share = pixel - corner
     solid_angle = in_camera[seen, 2] ** 3 / (lens.fx * lens.fy)  # of a pixel, without the lens's slight distortion
     radiance = np.zeros(lens.shape)
     for down in (0, 1):

@@ -185,8 +185,8 @@ def difference_of_cover(cover: np.ndarray, twin: np.ndarray, red: np.ndarray) ->
     """
     tones = cover.astype(np.float32).mean(axis=-1) / 255
     wanted = np.quantile(tones[~red], _LEVELS)
-    own, places = np.unique(np.quantile(twin[~red], _LEVELS), return_index=True)
-    matched = np.interp(twin, own, wanted[places])
+    own, first = np.unique(np.quantile(twin[~red], _LEVELS), return_index=True)
+    matched = np.interp(twin, own, wanted[first])
     return _coloured((matched - tones) / _TONES, ~red)
 
 

@@ -45,8 +45,8 @@ class Tile:
         counts = ", ".join(f"{int((kinds == kind).sum())} {kind}s" for kind in BOX_CLASSES)
         doubtful = int((self.labels["confidence"] < doubtful_below).sum())
         sun = "no Sun" if self.key.azimuth == "no" else f"Sun {self.key.azimuth}"
-        place = f"{sun}, light {self.key.light}, {self.key.camera}, {self.key.exposure_ms} ms"
-        return f"{place}: {counts}" + (f", {doubtful} dashed" if doubtful else "")
+        light = f"{sun}, light {self.key.light}, {self.key.camera}, {self.key.exposure_ms} ms"
+        return f"{light}: {counts}" + (f", {doubtful} dashed" if doubtful else "")
 
 
 def draw_contact(
@@ -67,16 +67,16 @@ def draw_contact(
         Tables of photos and folders of twins; the first that has a key's picture gives it, else it is grey.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
-    places = [pictures_at(place) for place in pictures]
+    found = [pictures_at(folder) for folder in pictures]
     doubtful_below = doubtful_confidence(table["confidence"])
     by_set = groupby(sorted(keys, key=lambda key: (key.bracket, key)), key=lambda key: key.bracket)
     shown = [most_labelled(list(exposures), table) for _, exposures in by_set]
-    tiles = [Tile(key, rows_of(table, key), _picture(places, key)) for key in shown]
+    tiles = [Tile(key, rows_of(table, key), _picture(found, key)) for key in shown]
     _write(figure, _sheet(tiles, doubtful_below, width))
 
 
-def _picture(places: Iterable[Mapping[PhotoKey, Path]], key: PhotoKey) -> Path | None:
-    return next((place[key] for place in places if key in place and place[key].exists()), None)
+def _picture(found: Iterable[Mapping[PhotoKey, Path]], key: PhotoKey) -> Path | None:
+    return next((paths[key] for paths in found if key in paths and paths[key].exists()), None)
 
 
 def most_labelled(exposures: Sequence[PhotoKey], labels: pd.DataFrame) -> PhotoKey:
@@ -119,8 +119,8 @@ def _sheet(tiles: Sequence[Tile], doubtful_below: float, width: int) -> Any:
 
 
 def _legend(tiles: Sequence[Tile], doubtful_below: float) -> str:
-    places = sorted({tile.key.station for tile in tiles})
-    name = ", ".join(f"Terrain {terrain:02d}, position {position}" for terrain, position in places)
+    stations = sorted({tile.key.station for tile in tiles})
+    name = ", ".join(f"Terrain {terrain:02d}, position {position}" for terrain, position in stations)
     marks = "yellow: rocks with their ids; blue: shadows, a line to their rock"
     return f"{name}. {marks}; dashed: confidence below {doubtful_below:.2f}"
 
@@ -137,22 +137,22 @@ def _drawn(tile: Tile, width: int, doubtful_below: float) -> np.ndarray:
 def _write(path: Path, sheet: Any) -> None:
     """An 8-bit PNG of greys and the labels' colours: a third of the size of a coloured one."""
     pixels = np.asarray(sheet, np.int32)
-    codes, places = np.unique(pixels @ _CODE, return_inverse=True)  # of whole numbers, five times as fast as of rows
+    codes, indices = np.unique(pixels @ _CODE, return_inverse=True)  # of whole numbers, five times as fast as of rows
     colours = codes[:, None] // _CODE % 256
     for greys in GREYS:
-        content = _coded(colours, places.reshape(pixels.shape[:2]), _palette(greys))
+        content = _coded(colours, indices.reshape(pixels.shape[:2]), _palette(greys))
         if len(content) <= MAX_BYTES:
             break
     with writing(path) as temporary:
         temporary.write_bytes(content)
 
 
-def _coded(colours: np.ndarray, places: np.ndarray, palette: np.ndarray) -> bytes:
-    """PNG of a picture, each of its colours (n, 3) replaced by the nearest of a palette; `places` (h, w) index them."""
+def _coded(colours: np.ndarray, indices: np.ndarray, palette: np.ndarray) -> bytes:
+    """PNG of a picture, each of its colours (n, 3) replaced by the nearest of a palette; `indices` (h, w) say which."""
     from PIL import Image
 
     _, nearest = cKDTree(palette).query(colours)
-    picture, content = Image.fromarray(np.asarray(nearest, np.uint8)[places]), BytesIO()
+    picture, content = Image.fromarray(np.asarray(nearest, np.uint8)[indices]), BytesIO()
     picture.putpalette(palette.ravel().tolist())
     picture.save(content, "PNG", optimize=True)
     return content.getvalue()

@@ -60,13 +60,13 @@ def _draw_panel(axes: Any, rocks: pd.DataFrame, components: list[str], name: str
         value = own[f"{name}_change"].to_numpy(float)
         bounds = own[[f"{name}_change_low", f"{name}_change_high"]].to_numpy(float).T
         errors = np.nan_to_num(np.abs(bounds - value))
-        place = np.arange(len(components)) + _THICK * ((number + 0.5) / len(detectors) - 0.5)
+        y = np.arange(len(components)) + _THICK * ((number + 0.5) / len(detectors) - 0.5)
         gap = own[f"{name}_twin"].iloc[0] if name != "false_positives" else np.nan
         text = f"detector trained on {paper.title(trained)}" + (
             "" if np.isnan(gap) else f" (IPD of the twin {gap:.3f})"
         )
         thick = 0.9 * _THICK / len(detectors)
-        axes.barh(place, value, thick, xerr=errors, color=SERIES[number], ecolor=INK, capsize=3, label=text)
+        axes.barh(y, value, thick, xerr=errors, color=SERIES[number], ecolor=INK, capsize=3, label=text)
     axes.axvline(0, color=INK, linewidth=1)
     axes.grid(visible=True, axis="x")
     axes.tick_params(axis="y", length=0)

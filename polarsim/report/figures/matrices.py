@@ -55,7 +55,7 @@ def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], width: int = FI
 
 
 def _draw_bars(axes: Any, rocks: pd.DataFrame) -> None:
-    place = np.arange(len(rocks))
+    x = np.arange(len(rocks))
     for offset, name, text, colour in (
         (-0.2, "ipd", "|mean difference|", SERIES[0]),
         (0.2, "ipd_abs", "mean |difference|", SERIES[1]),
@@ -63,15 +63,15 @@ def _draw_bars(axes: Any, rocks: pd.DataFrame) -> None:
         value = rocks[name].to_numpy(float)
         below, above = value - rocks[f"{name}_low"].to_numpy(float), rocks[f"{name}_high"].to_numpy(float) - value
         errors = np.nan_to_num(np.stack([below, above])).clip(0)
-        axes.bar(place + offset, value, 0.36, yerr=errors, color=colour, label=text, ecolor=INK, capsize=4)
+        axes.bar(x + offset, value, 0.36, yerr=errors, color=colour, label=text, ecolor=INK, capsize=4)
     theirs = rocks["paper_ipd"].to_numpy(float)
     if not np.isnan(theirs).all():
-        axes.plot(place - 0.2, theirs, "D", color="white", markeredgecolor=INK, label="paper's |mean difference|")
+        axes.plot(x - 0.2, theirs, "D", color="white", markeredgecolor=INK, label="paper's |mean difference|")
     names = [
         f"{paper.title(first)} -\n{paper.title(second)}"
         for first, second in zip(rocks["first"], rocks["second"], strict=True)
     ]
-    axes.set_xticks(place, names)
+    axes.set_xticks(x, names)
     axes.set_ylabel("difference of IoU")
     axes.set_ylim(bottom=0)
     axes.grid(visible=True, axis="y")
@@ -83,9 +83,9 @@ def _draw_matrix(axes: Any, rocks: pd.DataFrame, measure: str) -> None:
     values = np.full((len(trained), len(evaluated)), np.nan)
     theirs, spread = np.full_like(values, np.nan), np.full_like(values, np.nan)
     for row in rocks.to_dict("records"):
-        place = trained.index(row["trained"]), evaluated.index(row["evaluated"])
-        values[place], theirs[place] = row[measure], row[f"paper_{measure}"]
-        spread[place] = row[f"{measure}_sd"]
+        cell = trained.index(row["trained"]), evaluated.index(row["evaluated"])
+        values[cell], theirs[cell] = row[measure], row[f"paper_{measure}"]
+        spread[cell] = row[f"{measure}_sd"]
     axes.imshow(values, cmap="Blues", vmin=0, vmax=1.3)  # dark ink stays readable on the darkest cell
     axes.set_title(TITLES[measure])
     axes.set_xticks(range(len(evaluated)), [paper.title(domain) for domain in evaluated])

@@ -35,7 +35,7 @@ WALL_MARGIN = 0.8  # metres of sand before the walls that are not asked: crops s
 
 
 @dataclass(frozen=True)
-class Place:
+class Spot:
     """A pixel of a photo, and the phase angle of the ground there."""
 
     key: PhotoKey
@@ -45,12 +45,12 @@ class Place:
 
 
 def lit_by_one_lamp(key: PhotoKey) -> bool:
-    """Whether a Sun lamp or the rover light is on, and not both: only then a place has one phase angle."""
+    """Whether a Sun lamp or the rover light is on, and not both: only then a point has one phase angle."""
     return (key.azimuth != "no") != (key.light == "on")
 
 
-def extreme_places(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[Place, Place] | None:
-    """The places of the smallest and of the largest phase angle in photos that one lamp lights; None without any.
+def extreme_spots(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[Spot, Spot] | None:
+    """The spots of the smallest and of the largest phase angle in photos that one lamp lights; None without any.
 
     Parameters
     ----------
@@ -59,11 +59,11 @@ def extreme_places(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[P
     cameras
         Folder of its rig poses and lamps.
     half_px
-        A window of this reach around the place lies in the photo.
+        A window of this reach around the point lies in the photo.
     """
     rigs = read_all_localised(cameras)
     lamps = read_suns(cameras, rigs)
-    found: dict[tuple[object, ...], tuple[Place, Place]] = {}
+    found: dict[tuple[object, ...], tuple[Spot, Spot]] = {}
     for key in sorted(keys):
         if key.position not in rigs or not lit_by_one_lamp(key) or key.bracket in found:
             continue
@@ -74,8 +74,8 @@ def extreme_places(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[P
             found[key.bracket] = angles
     if not found:
         return None
-    nearest = min((near for near, _ in found.values()), key=lambda place: (place.phase_deg, place.key))
-    farthest = max((far for _, far in found.values()), key=lambda place: (place.phase_deg, place.key))
+    nearest = min((near for near, _ in found.values()), key=lambda spot: (spot.phase_deg, spot.key))
+    farthest = max((far for _, far in found.values()), key=lambda spot: (spot.phase_deg, spot.key))
     return nearest, farthest
 
 
@@ -95,7 +95,7 @@ def phase_angles(sandbox_from_camera: Pose, directions: np.ndarray, lamp_sandbox
     return np.where(inside, np.arctan2(sine, (to_eye * to_lamp).sum(axis=-1)), np.nan)
 
 
-def _angles(rig: LocalisedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) -> tuple[Place, Place] | None:
+def _angles(rig: LocalisedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) -> tuple[Spot, Spot] | None:
     lens = rig.rig.lens(key.camera)
     u = np.arange(half_px, lens.width - half_px, STEP_PX) + HALF_PIXEL
     v = np.arange(half_px, lens.height - half_px, STEP_PX) + HALF_PIXEL
@@ -104,7 +104,7 @@ def _angles(rig: LocalisedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) ->
     if np.isnan(angles).all():
         return None
     near, far = (
-        Place(key, float(pixels[at, 0]), float(pixels[at, 1]), float(angles[at]))
+        Spot(key, float(pixels[at, 0]), float(pixels[at, 1]), float(angles[at]))
         for at in (np.nanargmin(angles), np.nanargmax(angles))
     )
     return near, far
@@ -137,9 +137,9 @@ def draw_opposition(
     """
     domains, picture_of = [photo_domain, *models], picture_finder(photo_domain, pictures)
     pictured = [key for key in keys if all(_exists(picture_of(domain, key)) for domain in domains)]
-    places = _of_best_terrain(pictured, cameras)
-    facts = _refused(places)
-    if places is None or facts:
+    spots = _of_best_terrain(pictured, cameras)
+    facts = _refused(spots)
+    if spots is None or facts:
         with page(figure, width, 300) as sheet:
             note(sheet, facts)
         write_json(text, {"shown": False, "text": facts})
@@ -148,24 +148,24 @@ def draw_opposition(
     told = []
     with page(figure, width, 2 * (cell + _ROW_PX)) as sheet:
         grid = sheet.subplots(2, len(domains), squeeze=False)
-        for axes, place in zip(grid, places, strict=True):
-            alike = [key for key in pictured if key.bracket == place.key.bracket]
-            crops_of = {key: [_crop(picture_of(domain, key), place) for domain in domains] for key in alike}
+        for axes, spot in zip(grid, spots, strict=True):
+            alike = [key for key in pictured if key.bracket == spot.key.bracket]
+            crops_of = {key: [_crop(picture_of(domain, key), spot) for domain in domains] for key in alike}
             key = min(crops_of, key=lambda key: (_off_grey(crops_of[key]), key))
             crops = crops_of[key]
-            _draw_row(axes, crops, domains, place, key)
-            told.append(_words(crops, domains, place, key))
+            _draw_row(axes, crops, domains, spot, key)
+            told.append(_words(crops, domains, spot, key))
     write_json(text, {"shown": True, "text": " ".join(told).removesuffix(".")})
 
 
-def _refused(places: tuple[Place, Place] | None) -> str:
+def _refused(spots: tuple[Spot, Spot] | None) -> str:
     """Why nothing can be shown; "" where something can."""
-    if places is None:
+    if spots is None:
         return "No photo of this run with its twins is lit by a single lamp, so none has a phase angle to show"
-    nearest = places[0].phase_deg
+    nearest = spots[0].phase_deg
     if nearest > NEAR_DEG:
         return (
-            f"The smallest phase angle in this run is {nearest:.1f} degrees ({places[0].key}), too far from opposition "
+            f"The smallest phase angle in this run is {nearest:.1f} degrees ({spots[0].key}), too far from opposition "
             f"to show its surge (less than {NEAR_DEG:g} degrees)"
         )
     return ""
@@ -175,13 +175,13 @@ def _exists(path: Path | None) -> bool:
     return path is not None and path.exists()
 
 
-def _of_best_terrain(keys: Sequence[PhotoKey], cameras: Mapping[int, Path]) -> tuple[Place, Place] | None:
-    """The places of the terrain that comes nearest to opposition; of several alike the first one."""
+def _of_best_terrain(keys: Sequence[PhotoKey], cameras: Mapping[int, Path]) -> tuple[Spot, Spot] | None:
+    """The spots of the terrain that comes nearest to opposition; of several alike the first one."""
     found = [
-        extreme_places([key for key in keys if key.terrain == terrain], folder, HALF_PX)
+        extreme_spots([key for key in keys if key.terrain == terrain], folder, HALF_PX)
         for terrain, folder in sorted(cameras.items())
     ]
-    return min((places for places in found if places), key=lambda places: round(places[0].phase_deg, 1), default=None)
+    return min((spots for spots in found if spots), key=lambda spots: round(spots[0].phase_deg, 1), default=None)
 
 
 def _off_grey(crops: Sequence[np.ndarray]) -> tuple[int, float]:
@@ -190,9 +190,9 @@ def _off_grey(crops: Sequence[np.ndarray]) -> tuple[int, float]:
     return unclear, max(abs(float(np.log2(max(_signal(crop), 1.0) / _WELL_EXPOSED_DN))) for crop in crops)
 
 
-def _crop(path: Path | None, place: Place) -> np.ndarray:
+def _crop(path: Path | None, spot: Spot) -> np.ndarray:
     assert path is not None, "only pictures that are there are asked for"
-    left, top = int(place.u) - HALF_PX, int(place.v) - HALF_PX
+    left, top = int(spot.u) - HALF_PX, int(spot.v) - HALF_PX
     return png.read(path)[top : top + 2 * HALF_PX, left : left + 2 * HALF_PX]
 
 
@@ -206,20 +206,20 @@ def _is_clear(signal: float) -> bool:
     return 1 <= signal < WHITE_LEVEL - BLACK_LEVEL
 
 
-def _draw_row(axes: Any, crops: list[np.ndarray], domains: Sequence[str], place: Place, key: PhotoKey) -> None:
+def _draw_row(axes: Any, crops: list[np.ndarray], domains: Sequence[str], spot: Spot, key: PhotoKey) -> None:
     for panel, domain, crop in zip(axes, domains, crops, strict=True):
         panel.imshow(to_8bit(crop), interpolation="antialiased")
         panel.set_xticks([])
         panel.set_yticks([])
         panel.set_title(paper.title(domain))
         panel.set_xlabel(f"median {_signal(crop):.0f} DN")
-    axes[0].set_ylabel(f"phase {place.phase_deg:.1f}°\n{key}", fontsize="small")
+    axes[0].set_ylabel(f"phase {spot.phase_deg:.1f}°\n{key}", fontsize="small")
 
 
-def _words(crops: list[np.ndarray], domains: Sequence[str], place: Place, key: PhotoKey) -> str:
+def _words(crops: list[np.ndarray], domains: Sequence[str], spot: Spot, key: PhotoKey) -> str:
     """How bright the twins are beside the photo; nothing is said about crops that are clipped or dark."""
     photo = _signal(crops[0])
-    start = f"At a phase angle of {place.phase_deg:.1f} degrees ({key})"
+    start = f"At a phase angle of {spot.phase_deg:.1f} degrees ({key})"
     signals = {domain: _signal(crop) for domain, crop in zip(domains[1:], crops[1:], strict=True)}
     unclear = [domain for domain, signal in {domains[0]: photo, **signals}.items() if not _is_clear(signal)]
     if unclear:

@@ -33,8 +33,8 @@ def draw_scenes(*, scenes: Mapping[int, Path], figure: Path, width: int = FIGURE
 def _spread(folder: Path) -> list[Path]:
     """Pictures from the first one of the folder to the last, evenly."""
     paths = sorted((folder / "images").glob("*.png"))
-    places = np.unique(np.linspace(0, len(paths) - 1, _COLUMNS).round().astype(int))
-    return [paths[number] for number in places]
+    chosen = np.unique(np.linspace(0, len(paths) - 1, _COLUMNS).round().astype(int))
+    return [paths[number] for number in chosen]
 
 
 def _with_labels(path: Path, width: int) -> np.ndarray:

@@ -97,12 +97,12 @@ def shown_keys(instances: pd.DataFrame) -> list[PhotoKey]:
     everywhere = labelled.count() == instances["evaluated"].nunique()
     counts = labelled.min()[everywhere]
     chosen: dict[int, PhotoKey] = {}  # the best of each terrain, best first
-    for *_, key in sorted(_place(PhotoKey.parse(str(key)), int(number)) for key, number in counts.items()):
+    for *_, key in sorted(_order(PhotoKey.parse(str(key)), int(number)) for key, number in counts.items()):
         chosen.setdefault(key.terrain, key)
     return sorted(list(chosen.values())[:PHOTOS])
 
 
-def _place(key: PhotoKey, rocks: int) -> tuple[bool, bool, float, bool, int, PhotoKey]:
+def _order(key: PhotoKey, rocks: int) -> tuple[bool, bool, float, bool, int, PhotoKey]:
     return key.azimuth == "no", key.light == "on", key.stops_off_usual, key.camera == "R", -rocks, key
 
 

@@ -92,10 +92,10 @@ def truth_table(truths: Sequence[Truth], world: World, cameras: Mapping[int, Pos
     rocks = {row["rock"]: row for row in world.rocks.to_dict("records")}
     rows = []
     for truth in truths:
-        place = cameras[truth.frame].translation
+        eye = cameras[truth.frame].translation
         for label in truth.labels:
             rock = rocks[label.rock]
-            distance = float(np.hypot(rock["x_m"] - place[0], rock["y_m"] - place[1]))
+            distance = float(np.hypot(rock["x_m"] - eye[0], rock["y_m"] - eye[1]))
             pixels = label.mask.area if label.mask else 0
             own = (truth.frame, truth.time_s, label.kind, label.rock, *label.box.tolist(), pixels)
             rows.append((*own, distance, float(rock["height_m"])))
@@ -194,7 +194,7 @@ def _write(
 
 
 def truth_of(suite: CameraSuite, rendering: Rendering, sun: str, frame: int) -> Truth:
-    """Labels of a frame as the renderer makes them; its rocks are places in the world's table, those here are rocks."""
+    """Labels of a frame as the renderer makes them; its rocks are indices of the world's table, those here ids."""
     numbers = suite.trace.world.rocks["rock"].to_numpy()
     found = annotations_of(rendering.ids[sun], suite.render_options)
     labels = [replace(label, rock=int(numbers[label.rock - 1])) for label in found]

@@ -23,7 +23,7 @@ class GrouserMark:
     """One groove: when, where (2,), and which way (2,) the wheel was heading there."""
 
     time_s: float
-    place: np.ndarray
+    position: np.ndarray
     ahead: np.ndarray
 
 
@@ -66,9 +66,9 @@ def marks_of(
             continue
         whole = max(np.floor(strikes[row]), np.floor(strikes[row + 1]))
         share = (whole - strikes[row]) / (strikes[row + 1] - strikes[row])
-        place = centres[row, :2] + share * (centres[row + 1, :2] - centres[row, :2])
+        position = centres[row, :2] + share * (centres[row + 1, :2] - centres[row, :2])
         direction = ahead[row] / max(np.linalg.norm(ahead[row]), 1e-9)
-        found.append(GrouserMark(float(time_s[row] + share * (time_s[row + 1] - time_s[row])), place, direction))
+        found.append(GrouserMark(float(time_s[row] + share * (time_s[row + 1] - time_s[row])), position, direction))
     return found
 
 
@@ -77,7 +77,7 @@ def stamp(tracks: Tracks, events: Sequence[GrouserMark], tread: Tread) -> None:
     lattice, fine, shape = tracks.lattice, tracks.fine.cell, np.array(tracks.fine.level.shape)
     reach = np.hypot(tread.spacing, tread.width) / 2 + fine
     for event in events:
-        centre = (event.place[::-1] - [lattice.y0, lattice.x0]) / fine  # row, column
+        centre = (event.position[::-1] - [lattice.y0, lattice.x0]) / fine  # row, column
         low = np.clip(np.floor(centre - reach / fine).astype(int), 0, shape)
         high = np.clip(np.ceil(centre + reach / fine).astype(int) + 1, 0, shape)
         if (high <= low).any():

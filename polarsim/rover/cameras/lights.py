@@ -1,4 +1,4 @@
-"""The light on a drive: Suns that the paper names, the real one over a place and at a date, none; the rover's own."""
+"""The light on a drive: Suns that the paper names, the real one over a site and at a date, none; the rover's own."""
 
 from __future__ import annotations
 

@@ -72,11 +72,11 @@ class LiveCamera:
         return to_8_bits(grey, PicturesOptions(tone="gamma"))[..., None]
 
     def _links(self, state: State, base: Pose) -> dict[str, Pose]:
-        places = np.stack([state.wheel(name) for name in ("x_m", "y_m", "z_m")], axis=1)
+        positions = np.stack([state.wheel(name) for name in ("x_m", "y_m", "z_m")], axis=1)
         quaternions = np.stack([state.wheel(name) for name in ("qw", "qx", "qy", "qz")], axis=1)
         wheels = {
-            code: pose_of(place, quaternion)
-            for code, place, quaternion in zip(WHEELS, places, quaternions, strict=True)
+            code: pose_of(position, quaternion)
+            for code, position, quaternion in zip(WHEELS, positions, quaternions, strict=True)
         }
         lift = dict(zip(WHEELS, state.wheel("lift_m"), strict=True))
         return links_at(self._vehicle, base, wheels, lift, dict(zip(WHEELS, state.wheel("steer_rad"), strict=True)))
@@ -85,10 +85,10 @@ class LiveCamera:
 def _near(world: World, path: Path) -> np.ndarray:
     """(rows, columns) bool: nodes within `BESIDE_M` of the path."""
     x, y = np.meshgrid(world.x, world.y)
-    places = np.stack([x, y], axis=-1)
+    points = np.stack([x, y], axis=-1)
     near = np.zeros(x.shape, bool)
     for start, end in zip(path.points, path.points[1:], strict=False):
         along = end - start
-        share = np.clip((places - start) @ along / (along @ along), 0, 1)
-        near |= np.linalg.norm(places - start - share[..., None] * along, axis=-1) < BESIDE_M
+        share = np.clip((points - start) @ along / (along @ along), 0, 1)
+        near |= np.linalg.norm(points - start - share[..., None] * along, axis=-1) < BESIDE_M
     return near

@@ -29,13 +29,13 @@ def _utc(moment: datetime) -> datetime:
 
 
 class RealSun(BaseModel, extra="forbid", frozen=True):
-    """The Sun over a place on the Moon at a moment."""
+    """The Sun over a site on the Moon at a moment."""
 
     latitude_deg: float = Field(
-        ge=-90, le=90, description="The place's selenographic latitude, degrees; north is positive."
+        ge=-90, le=90, description="The site's selenographic latitude, degrees; north is positive."
     )
     longitude_deg: float = Field(
-        ge=-180, le=360, description="The place's selenographic longitude, degrees; east is positive."
+        ge=-180, le=360, description="The site's selenographic longitude, degrees; east is positive."
     )
     moment_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="The moment, UTC.")
 
@@ -80,7 +80,7 @@ class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
         8.0, gt=0, le=90, description="These Suns stand this high above the horizon, degrees."
     )
     real_sun: RealSun | None = Field(
-        None, description="One more Sun, the real one at a place and time, is named `real`."
+        None, description="One more Sun, the real one at a site and time, is named `real`."
     )
     lights: tuple[str, ...] = Field((), description="These lights of the vehicle's table are on.")
     models: tuple[Model, ...] = Field(

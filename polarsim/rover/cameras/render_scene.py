@@ -155,16 +155,16 @@ def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> tuple[n
     number = np.arange(z.size).reshape(z.shape)
     a, b, c, d = (part[kept] for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    places = np.stack([*np.meshgrid(x, y), z], axis=-1)
-    return places.reshape(-1, 3), faces, normals.reshape(-1, 3)
+    points = np.stack([*np.meshgrid(x, y), z], axis=-1)
+    return points.reshape(-1, 3), faces, normals.reshape(-1, 3)
 
 
 def rocks_of(world: World) -> Rocks:
-    """A world's rocks; rock numbers here are places in its table, from 1 on."""
+    """A world's rocks; rock numbers here are indices in its table, from 1 on."""
     number = np.zeros(len(world.triangles), np.int64)
     spans = world.rocks[["first_face", "faces"]].to_numpy(int)
-    for place, (first, count) in enumerate(spans, 1):
-        number[first : first + count] = place
+    for label, (first, count) in enumerate(spans, 1):
+        number[first : first + count] = label
     return Rocks(world.vertices, world.triangles[number > 0], number[number > 0])
 
 

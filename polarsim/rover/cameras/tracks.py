@@ -155,12 +155,12 @@ def spline_weights(cells: int, finer: int) -> tuple[np.ndarray, np.ndarray]:
 
     Returns two arrays (cells finer + 1, cells + 3); derivatives are in units of 1 / cell.
     """
-    place = np.arange(cells * finer + 1) / finer
-    first = np.minimum(np.floor(place).astype(int), cells - 1)
-    u = place - first
+    steps = np.arange(cells * finer + 1) / finer
+    first = np.minimum(np.floor(steps).astype(int), cells - 1)
+    u = steps - first
     values = np.stack([(1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3], axis=1) / 6
     slopes = np.stack([-((1 - u) ** 2), 3 * u**2 - 4 * u, -3 * u**2 + 2 * u + 1, u**2], axis=1) / 2
-    weights, derivative = np.zeros((len(place), cells + 3)), np.zeros((len(place), cells + 3))
+    weights, derivative = np.zeros((len(steps), cells + 3)), np.zeros((len(steps), cells + 3))
     for k in range(4):
         np.put_along_axis(weights, (first + k)[:, None], values[:, k : k + 1], axis=1)
         np.put_along_axis(derivative, (first + k)[:, None], slopes[:, k : k + 1], axis=1)

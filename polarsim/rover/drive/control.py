@@ -1,4 +1,4 @@
-"""From a place beside a path to a command, and from a command to four wheels."""
+"""From a position beside a path to a command, and from a command to four wheels."""
 
 from __future__ import annotations
 
@@ -33,33 +33,33 @@ class Command:
 
 
 def steer(
-    command: Command, places: list[tuple[float, float]], wheelbase: float, limit: float
+    command: Command, wheels: list[tuple[float, float]], wheelbase: float, limit: float
 ) -> tuple[list[float], list[float]]:
     """Steering angles, rad, and speeds of the rims, m/s, at which no wheel has to slide sideways.
 
-    Of wheels at `places` x, y in base_link; plain numbers, for arrays of four cost more.
+    `wheels`: their x, y in base_link; plain numbers, for arrays of four cost more.
     """
     speed = command.speed_m_s
     if command.mode == "crab":
-        return [_within(command.steer_rad, limit)] * len(places), [speed] * len(places)
+        return [_within(command.steer_rad, limit)] * len(wheels), [speed] * len(wheels)
     if command.mode == "turn":
-        angles = [math.atan2(x, -y) for x, y in places]  # across the line to the centre
-        speeds = [speed] * len(places)
+        angles = [math.atan2(x, -y) for x, y in wheels]  # across the line to the centre
+        speeds = [speed] * len(wheels)
     elif command.crab_rad:
         curvature = 2 * math.tan(command.steer_rad) / wheelbase  # rad per metre
         ways = [
-            (math.cos(command.crab_rad) - curvature * y, math.sin(command.crab_rad) + curvature * x) for x, y in places
+            (math.cos(command.crab_rad) - curvature * y, math.sin(command.crab_rad) + curvature * x) for x, y in wheels
         ]
         angles = [math.atan2(across, along) for along, across in ways]
         speeds = [speed * math.hypot(along, across) for along, across in ways]
     elif abs(command.steer_rad) < STRAIGHT:
-        return [0.0] * len(places), [speed] * len(places)
+        return [0.0] * len(wheels), [speed] * len(wheels)
     else:
         # All axles point at one point beside the centre, where the front's and the rear's meet.
         radius = wheelbase / 2 / math.tan(command.steer_rad)
         side = math.copysign(1.0, radius)
-        angles = [math.atan2(x * side, (radius - y) * side) for x, y in places]
-        speeds = [speed * math.hypot(x, radius - y) / abs(radius) for x, y in places]
+        angles = [math.atan2(x * side, (radius - y) * side) for x, y in wheels]
+        speeds = [speed * math.hypot(x, radius - y) / abs(radius) for x, y in wheels]
     # A wheel that would have to turn by more than a quarter runs backwards instead.
     back = [abs(angle) > math.pi / 2 + 1e-9 for angle in angles]
     angles = [angle - math.copysign(math.pi, angle) if far else angle for angle, far in zip(angles, back, strict=True)]
@@ -94,7 +94,7 @@ class Path:
         return [(*point, *step) for point, step in zip(self.points[:-1].tolist(), steps.tolist(), strict=True)]
 
     def beside(self, x: float, y: float, line: int) -> tuple[float, float]:
-        """How far along a line a place lies, m from its first point, and how far to its left."""
+        """How far along a line a position lies, m from its first point, and how far to its left."""
         from_x, from_y, along, across = self._lines[line]
         dx, dy = x - from_x, y - from_y
         return dx * along + dy * across, along * dy - across * dx

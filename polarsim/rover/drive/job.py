@@ -27,7 +27,7 @@ P_ONLY_GAIN_RAD_M = 1.0472  # steering angle per offset where the offset alone s
 # within a few metres and without a swing.
 GAIN_RAD_M, INTEGRAL_RAD_M2, HEADING_GAIN = 4.0, 4.0, 2.0
 TURN_ABOVE_DEG = 45.0  # sharper corners are taken by a turn on the spot
-SAMPLE = 0.1  # m between places of the path at which the wheels are checked
+SAMPLE = 0.1  # m between points of the path at which the wheels are checked
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:
     Raises
     ------
     OffGridError
-        It does: one line with the place.
+        It does: one line with the position.
     """
     reach = max(wheel.radius_m for wheel in vehicle.wheels) + vehicle.wheels[0].width_m / 2 + EDGE
     wheels = vehicle.wheel_centres[:, :2]
@@ -100,9 +100,9 @@ def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:
         step = np.array([math.cos(heading), math.sin(heading)])
         rotated = wheels @ np.array([[step[0], step[1]], [-step[1], step[0]]])
         for along in (*np.arange(0.0, length, SAMPLE), length):
-            places = begin + along * step + rotated
+            points = begin + along * step + rotated
             low, high = (world.x[0] + reach, world.y[0] + reach), (world.x[-1] - reach, world.y[-1] - reach)
-            if not ((places >= low) & (places <= high)).all():
+            if not ((points >= low) & (points <= high)).all():
                 x, y = begin + along * step
                 raise OffGridError(
                     f"the path leaves the ground at ({x:.2f}, {y:.2f}) m: wheels may go from x {low[0]:.2f} to "

@@ -164,8 +164,8 @@ def _look(state, owner, x0, y0, cell, shapes, centres, rotations, clearance, top
             continue
         for axis in range(3):
             seen[wheel, axis], seen[wheel, 3 + axis] = centres[wheel, axis], rotations[wheel, axis, 1]
-        place = window(shapes[wheel], centres[wheel], rotations[wheel], x0, y0, cell, rows, columns)
-        tops[wheel] = _highest(state, owner, place, 3) + clearance + LET_GO
+        nodes = window(shapes[wheel], centres[wheel], rotations[wheel], x0, y0, cell, rows, columns)
+        tops[wheel] = _highest(state, owner, nodes, 3) + clearance + LET_GO
 
 
 @njit()

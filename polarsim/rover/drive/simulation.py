@@ -232,7 +232,7 @@ class Simulation:
         self._energy_zero = 0.0
         self._reach = reach_of(self._shapes)
         self._radii = np.array([wheel.radius_m for wheel in vehicle.wheels])
-        self._places = [(x, y) for x, y, _ in vehicle.wheel_centres.tolist()]
+        self._wheels_xy = [(x, y) for x, y, _ in vehicle.wheel_centres.tolist()]
         self._steer_limit = math.radians(vehicle.steering.limit_deg)
         ground, options = self.ground, self.options.bulldozing
         reach = self._reach + EDGE
@@ -262,13 +262,13 @@ class Simulation:
         self._require_inside(centres)
         supports = np.array([self._support(x, y) for x, y in centres])
         # The plane through what bears the wheels, in a frame that heads as the rover does.
-        places = self.vehicle.wheel_centres
-        plane = np.column_stack([places[:, :2], np.ones(len(places))])
+        points = self.vehicle.wheel_centres
+        plane = np.column_stack([points[:, :2], np.ones(len(points))])
         along, across, _ = np.linalg.lstsq(plane, supports, rcond=None)[0]
         up = np.array([-along, -across, 1.0]) / math.sqrt(1 + along**2 + across**2)
         forward = np.array([1.0, 0.0, along]) / math.hypot(1.0, along)
         level_from_base = np.stack([forward, np.cross(up, forward), up], axis=1)
-        z = max(supports + self._radii / up[2] - (places @ level_from_base.T)[:, 2])
+        z = max(supports + self._radii / up[2] - (points @ level_from_base.T)[:, 2])
         attitude = Rotation.from_euler("z", start.heading) * Rotation.from_matrix(level_from_base)
         self.data.qpos[:3] = start.x, start.y, z
         self.data.qpos[3:7] = attitude.as_quat()[[3, 0, 1, 2]]
@@ -290,7 +290,7 @@ class Simulation:
 
     def _steer(self, seconds: float) -> None:
         """Hand the command to the servos."""
-        angles, rims = steer(self.command, self._places, self.vehicle.wheelbase, self._steer_limit)
+        angles, rims = steer(self.command, self._wheels_xy, self.vehicle.wheelbase, self._steer_limit)
         most = math.radians(self.vehicle.steering.rate_deg_s) * seconds
         now: list[float] = self.data.ctrl.tolist()
         quicker = self.vehicle.drive.acceleration_m_s2 * seconds

@@ -20,7 +20,7 @@ class OffGridError(RoverError):
 
 @dataclass(frozen=True)
 class Start:
-    """Where a rover is put down: base_link's place and heading from x towards y."""
+    """Where a rover is put down: base_link's position and heading from x towards y."""
 
     x: float = 0.0
     y: float = 0.0
@@ -39,7 +39,7 @@ class State:
     acceleration: np.ndarray  # (3,) as an accelerometer in base_link reads it
     command: Command
     energy_open: float
-    wheels: np.ndarray  # (4, len(WHEEL_COLUMNS)) as the trace has them, contacts as places in `CONTACTS`
+    wheels: np.ndarray  # (4, len(WHEEL_COLUMNS)) as the trace has them, contacts as indices in `CONTACTS`
 
     @property
     def heading(self) -> float:

@@ -62,10 +62,10 @@ class Trace:
 
     def pose_at(self, time_s: float, wheel: str | None = None) -> Pose:
         """`world_from_base` between logged instants, or that of a wheel by its code (its own frame spins)."""
-        place, rotation = self._paths[wheel or ""]
+        translation, rotation = self._paths[wheel or ""]
         times = self.table["time_s"].to_numpy()
         at = float(np.clip(time_s, times[0], times[-1]))
-        position = np.array([np.interp(at, times, column) for column in place.T])
+        position = np.array([np.interp(at, times, column) for column in translation.T])
         return Pose(rotation(at).as_matrix(), position)
 
     def value_at(self, time_s: float, column: str) -> float:
@@ -78,14 +78,14 @@ class Trace:
         paths = {}
         for wheel in ("", *WHEELS):
             prefix = f"{wheel}_" if wheel else ""
-            place = self.table[[f"{prefix}{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy()
+            translations = self.table[[f"{prefix}{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy()
             quaternions = self.table[[f"{prefix}{name}" for name in ("qx", "qy", "qz", "qw")]].to_numpy()
-            paths[wheel] = place, Slerp(times, Rotation.from_quat(quaternions))
+            paths[wheel] = translations, Slerp(times, Rotation.from_quat(quaternions))
         return paths
 
 
 def trace_table(rows: np.ndarray) -> pd.DataFrame:
-    """A table of rows (n, len(COLUMNS)) of numbers in the order of `COLUMNS`, contacts as their place in `CONTACTS`."""
+    """A table of rows (n, len(COLUMNS)) of numbers in the order of `COLUMNS`, contacts as their index in `CONTACTS`."""
     table = pd.DataFrame(rows.reshape(-1, len(COLUMNS)), columns=list(COLUMNS))
     for name in CONTACT_COLUMNS:
         table[name] = np.array(CONTACTS, dtype=object)[table[name].to_numpy(int)]

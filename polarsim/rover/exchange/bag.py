@@ -58,7 +58,7 @@ def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, se
 
 
 def picked(times: np.ndarray, hz: float) -> np.ndarray:
-    """Places of the first time in each period of a rate; all of them where the rate is higher than theirs."""
+    """Indices of the first time in each period of a rate; all of them where the rate is higher than theirs."""
     period = np.floor(times * hz + 1e-6)
     return np.flatnonzero(np.diff(period, prepend=-np.inf) > 0)
 
@@ -114,15 +114,15 @@ def _states(trace: Trace, vehicle: Vehicle, options: BagOptions) -> Iterator[Sta
     rates = {name: np.gradient(table[name].to_numpy(), times) for name in _joint_columns(("lift_m", "steer_rad"))}
     rates |= {f"{code}_spin_rad": table[f"{code}_spin_rad_s"].to_numpy() for code in WHEELS}
     order = [f"{code}_{name}" for code in WHEELS for name in ("lift_m", "steer_rad", "spin_rad")]
-    for place in picked(times, options.state_hz):
-        row = {str(name): value for name, value in table.iloc[int(place)].items()}
+    for index in picked(times, options.state_hz):
+        row = {str(name): value for name, value in table.iloc[int(index)].items()}
         time_ns = options.stamp_ns(row["time_s"])
         base = _base(row)
         yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": _moving(time_ns, base, row, vehicle)}
         velocity = np.array([row[name] for name in ("vx_m_s", "vy_m_s", "vz_m_s")])
         angular_velocity = np.array([row[name] for name in ("wx_rad_s", "wy_rad_s", "wz_rad_s")])
         yield time_ns, "/odom", "nav_msgs/msg/Odometry", messages.odometry(time_ns, base, velocity, angular_velocity)
-        joints = messages.joint_state(time_ns, [row[n] for n in order], [rates[n][place] for n in order])
+        joints = messages.joint_state(time_ns, [row[n] for n in order], [rates[n][index] for n in order])
         yield time_ns, "/joint_states", "sensor_msgs/msg/JointState", joints
         yield time_ns, "/wheels/state", "polarsim_msgs/msg/WheelStates", messages.wheel_states(time_ns, row)
 
@@ -150,11 +150,11 @@ def _imu(trace: Trace, options: BagOptions, seed: int) -> Iterator[Stamped]:
     readings = table[["ax_m_s2", "ay_m_s2", "az_m_s2", "wx_rad_s", "wy_rad_s", "wz_rad_s"]].to_numpy()
     quaternions = table[["qx", "qy", "qz", "qw"]].to_numpy()
     times = table["time_s"].to_numpy()
-    for place in picked(times, options.imu_hz):
-        time_ns, true = options.stamp_ns(float(times[place])), readings[place]
+    for index in picked(times, options.imu_hz):
+        time_ns, true = options.stamp_ns(float(times[index])), readings[index]
         read = true + noise.normal(size=6) * np.repeat(sd, 3)
         yield time_ns, "/imu", "sensor_msgs/msg/Imu", messages.imu(time_ns, read[:3], read[3:], sd, None)
-        rotation = Rotation.from_quat(quaternions[place]).as_matrix()
+        rotation = Rotation.from_quat(quaternions[index]).as_matrix()
         exact = messages.imu(time_ns, true[:3], true[3:], (0.0, 0.0), rotation)
         yield time_ns, "/imu/truth", "sensor_msgs/msg/Imu", exact
 
@@ -176,8 +176,8 @@ def _heights(trace: Trace, options: BagOptions) -> Iterator[Stamped]:
 
 
 def _base(row: dict[str, Any]) -> Pose:
-    place = np.array([row[name] for name in ("x_m", "y_m", "z_m")])
-    return pose_of(place, np.array([row[name] for name in ("qw", "qx", "qy", "qz")]))
+    position = np.array([row[name] for name in ("x_m", "y_m", "z_m")])
+    return pose_of(position, np.array([row[name] for name in ("qw", "qx", "qy", "qz")]))
 
 
 def _joint_columns(names: tuple[str, ...]) -> list[str]:

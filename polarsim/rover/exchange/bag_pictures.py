@@ -83,9 +83,9 @@ def lens_of(camera: CameraPart, content: bytes, path: Path) -> Lens:
 
 def _following(time_ns: int, frame: str, row: dict[str, Any]) -> messages.Message:
     """A camera that follows the rover and is fixed to no link of it."""
-    place = np.array([row[name] for name in ("x_m", "y_m", "z_m")])
+    position = np.array([row[name] for name in ("x_m", "y_m", "z_m")])
     quaternion = np.array([row[name] for name in ("qw", "qx", "qy", "qz")])
-    return messages.transform(time_ns, "map", frame, pose_of(place, quaternion))
+    return messages.transform(time_ns, "map", frame, pose_of(position, quaternion))
 
 
 def _by_frame(path: Path, columns: tuple[str, ...]) -> dict[int, list[dict[str, Any]]] | None:

@@ -234,5 +234,5 @@ def quaternion(rotation: np.ndarray) -> Message:
 
 def _box(row: Mapping[str, Any]) -> Message:
     x0, y0, x1, y1 = (float(row[name]) for name in ("x0", "y0", "x1", "y1"))
-    place = {"x": (x0 + x1) / 2 - HALF_PIXEL, "y": (y0 + y1) / 2 - HALF_PIXEL}
-    return {"center": {"position": place, "theta": 0.0}, "size_x": x1 - x0, "size_y": y1 - y0}
+    centre = {"x": (x0 + x1) / 2 - HALF_PIXEL, "y": (y0 + y1) / 2 - HALF_PIXEL}
+    return {"center": {"position": centre, "theta": 0.0}, "size_x": x1 - x0, "size_y": y1 - y0}

@@ -118,8 +118,8 @@ def _visual(link: ET.Element, shape: ShapePart) -> None:
     ET.SubElement(material, "color", rgba=_text([*[shape.albedo] * 3, 1.0]))
 
 
-def _cylinder(place: ET.Element, diameter: float, length: float) -> None:
-    ET.SubElement(ET.SubElement(place, "geometry"), "cylinder", radius=_number(diameter / 2), length=_number(length))
+def _cylinder(parent: ET.Element, diameter: float, length: float) -> None:
+    ET.SubElement(ET.SubElement(parent, "geometry"), "cylinder", radius=_number(diameter / 2), length=_number(length))
 
 
 def _lying(link_from_cylinder: Pose) -> Pose:
@@ -127,10 +127,10 @@ def _lying(link_from_cylinder: Pose) -> Pose:
     return link_from_cylinder @ Pose.from_rotvec(np.array([math.pi / 2, 0, 0]), np.zeros(3))
 
 
-def _origin(place: ET.Element, parent_from_own: Pose) -> None:
+def _origin(parent: ET.Element, parent_from_own: Pose) -> None:
     """URDF's roll, pitch, yaw rotate about the fixed axes x, y, z in this order."""
     angles = Rotation.from_matrix(parent_from_own.rotation).as_euler("xyz")
-    ET.SubElement(place, "origin", xyz=_text(parent_from_own.translation), rpy=_text(angles))
+    ET.SubElement(parent, "origin", xyz=_text(parent_from_own.translation), rpy=_text(angles))
 
 
 def _text(values: Sequence[float] | np.ndarray) -> str:

@@ -1,4 +1,4 @@
-"""From a box in the front camera's picture to a place and a size on the ground before the rover.
+"""From a box in the front camera's picture to a position and a size on the ground before the rover.
 
 A box's lower side is where a rock meets the ground; its width at that distance is the rock's width, and its depth too;
 its upper side is the rock's top, above the footprint's centre. The ground ahead is the plane under the wheels, which is
@@ -32,10 +32,10 @@ class Estimate:
 
 def plane_under(world_from_base: Pose, ground_m: float) -> Heights:
     """The plane at height `ground_m` of base_link."""
-    place, up = world_from_base.apply(np.array([0.0, 0, ground_m])), world_from_base.rotation[:, 2]
+    foot, up = world_from_base.apply(np.array([0.0, 0, ground_m])), world_from_base.rotation[:, 2]
 
     def heights(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.asarray(place[2] - ((x - place[0]) * up[0] + (y - place[1]) * up[1]) / up[2])
+        return np.asarray(foot[2] - ((x - foot[0]) * up[0] + (y - foot[1]) * up[1]) / up[2])
 
     return heights
 
@@ -65,9 +65,9 @@ def on_ground(pixels: np.ndarray, camera: Camera, ground: Heights) -> np.ndarray
     falls = -rays[:, 2] > _LEAST_FALL * np.hypot(rays[:, 0], rays[:, 1])
     rays = np.where(falls[:, None], rays, np.nan)
     level = ground(*eye[:2, None]) + np.zeros(len(rays))
-    places = np.full((len(rays), 3), np.nan)
+    points = np.full((len(rays), 3), np.nan)
     for _ in range(_ROUNDS):
-        places = eye + ((level - eye[2]) / rays[:, 2])[:, None] * rays
-        known = np.isfinite(places).all(axis=1)
-        level = np.where(known, ground(*np.where(known[:, None], places, 0)[:, :2].T), level)
-    return np.asarray(places)
+        points = eye + ((level - eye[2]) / rays[:, 2])[:, None] * rays
+        known = np.isfinite(points).all(axis=1)
+        level = np.where(known, ground(*np.where(known[:, None], points, 0)[:, :2].T), level)
+    return np.asarray(points)

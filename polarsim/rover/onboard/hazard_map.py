@@ -22,7 +22,7 @@ from polarsim.rover.onboard.hazards import MAP_FARTHEST_M, MAP_NEAREST_M, Ride, 
 from polarsim.rover.world.surface import World
 
 _VOTES = 0.5  # share of the looks at a cell that must show a rock
-_PARTS = 5  # places along a side of a cell
+_PARTS = 5  # points along a side of a cell
 _RIM_PX = 2.0  # boxes so near to the picture's rim are cut: what they show is not known
 _NEARNESS = 4  # power of the distance by which looks count less
 _LEAST_SHARE = 0.5  # of a cell that must have been looked at
@@ -30,7 +30,7 @@ _LEAST_SHARE = 0.5  # of a cell that must have been looked at
 
 @dataclass(frozen=True)
 class Grid:
-    """Places (rows, columns) at the centres of the parts of cells, metres."""
+    """Points (rows, columns) at the centres of the parts of cells, metres."""
 
     x: np.ndarray  # (columns,)
     y: np.ndarray  # (rows,)
@@ -85,8 +85,8 @@ def mapped(found: pd.DataFrame, ride: Ride, grid: Grid, options: OnboardOptions)
     looks, votes, heights = (np.zeros(x.shape) for _ in range(3))
     for frame in ride.frames:
         window = _window(grid, ride.cameras[frame])
-        places = np.stack([x[window], y[window], ride.ground(frame)(x[window], y[window])], axis=-1)
-        pixel, weight = _looked_at(places, ride.cameras[frame])
+        points = np.stack([x[window], y[window], ride.ground(frame)(x[window], y[window])], axis=-1)
+        pixel, weight = _looked_at(points, ride.cameras[frame])
         own = by_frame.get(frame)
         corners = own[BOX].to_numpy(float) if own is not None else np.zeros((0, 4))
         cut = _is_cut(corners, ride.cameras[frame].size)
@@ -139,10 +139,10 @@ def _window(grid: Grid, camera: Camera) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _looked_at(places: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (..., 2) that show places (..., 3) on the ground, and what a look at each counts; 0 out of suite."""
-    pixel = camera.project(places)
-    distance = np.linalg.norm((places - camera.centre)[..., :2], axis=-1)
+def _looked_at(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (..., 2) that show points (..., 3) on the ground, and what a look at each counts; 0 out of suite."""
+    pixel = camera.project(points)
+    distance = np.linalg.norm((points - camera.centre)[..., :2], axis=-1)
     inside = camera.inside(pixel)
     inside &= (distance >= MAP_NEAREST_M) & (distance <= MAP_FARTHEST_M)
     return pixel, np.where(inside, np.maximum(distance, 0.1) ** -_NEARNESS, 0.0)
@@ -153,7 +153,7 @@ def _is_cut(corners: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 
 def _shape(rocks: Estimate, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Height of the highest estimated rock at places, metres; 0 beside them."""
+    """Height of the highest estimated rock at points, metres; 0 beside them."""
     highest = np.zeros(x.shape)
     for centre, width, height in zip(rocks.centre, rocks.width, rocks.height, strict=True):
         if np.isfinite(centre).all() and width > 0:

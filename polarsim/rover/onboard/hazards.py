@@ -35,7 +35,7 @@ class Ride:
     ground_m: float  # height of the ground in base_link
     front_m: float  # how far the wheels reach beyond the camera
     half_width_m: float  # from the centre to the wheels' outer side
-    wheel_paths: np.ndarray  # (p, 2) places of all wheels, m
+    wheel_paths: np.ndarray  # (p, 2) positions of all wheels, m
     wheel_half_m: float  # half a wheel's width
     length_m: float  # driven
     speed_m_s: float
@@ -63,10 +63,10 @@ def sightings(truth: pd.DataFrame, found: pd.DataFrame, options: OnboardOptions)
     by_frame = of_frames(_sure(found, options))
     detected, of_row = np.zeros(len(rocks), bool), rocks["frame"].to_numpy()
     for frame in np.unique(of_row).tolist():
-        places = np.flatnonzero(of_row == frame)
+        rows = np.flatnonzero(of_row == frame)
         if frame in by_frame:
-            overlap = boxes.iou(rocks[BOX].to_numpy()[places], by_frame[frame][BOX].to_numpy())
-            detected[places[boxes.match(overlap, options.iou)[0]]] = True
+            overlap = boxes.iou(rocks[BOX].to_numpy()[rows], by_frame[frame][BOX].to_numpy())
+            detected[rows[boxes.match(overlap, options.iou)[0]]] = True
     return rocks[["frame", "rock", "distance_m", "height_m"]].assign(detected=detected).reset_index(drop=True)
 
 
@@ -87,12 +87,12 @@ def first_stable(seen: pd.DataFrame, frames: list[int]) -> pd.DataFrame:
 
     Stable: detected in `STABLE_FRAMES` frames in a row; the distance is that of the last of them.
     """
-    place = {frame: number for number, frame in enumerate(frames)}
+    index = {frame: number for number, frame in enumerate(frames)}
     rows = []
     in_order = seen.sort_values("frame", kind="stable")
     for rock in np.unique(seen["rock"]).tolist():
         own = in_order[in_order["rock"] == rock]
-        number = np.array([place[frame] for frame in own["frame"]])
+        number = np.array([index[frame] for frame in own["frame"]])
         streak, stable = 0, np.nan
         for k, hit in enumerate(own["detected"]):
             follows = k > 0 and number[k] == number[k - 1] + 1
@@ -114,10 +114,10 @@ def miss_distance(stable: pd.DataFrame, rocks: pd.DataFrame, ride: Ride, height_
     ahead = start.rotation[:2, 2] / np.linalg.norm(start.rotation[:2, 2])
     least = np.inf
     for row in rocks[rocks["height_m"] > height_m].to_dict("records"):
-        place = np.array([row["x_m"], row["y_m"]], float)
-        if row["rock"] in known or (place - start.translation[:2]) @ ahead <= ride.front_m:
+        position = np.array([row["x_m"], row["y_m"]], float)
+        if row["rock"] in known or (position - start.translation[:2]) @ ahead <= ride.front_m:
             continue
-        gap = np.linalg.norm(ride.wheel_paths - place, axis=1).min()
+        gap = np.linalg.norm(ride.wheel_paths - position, axis=1).min()
         least = min(least, float(gap) - float(row["radius_m"]) - ride.wheel_half_m)
     return least
 

@@ -52,10 +52,10 @@ def metrics(parts: Mapping[str, pd.DataFrame], options: OnboardOptions, seed: in
     rows: list[tuple[object, ...]] = []
     for group, own in _groups(parts):
         found = [*_recalls(own, options), *_stable(own, options), *_map(own), *_stops(own, options)]
-        for metric, place, by_ride, statistic, count in found:
-            random = generator(seed, "rover", "onboard", *group, metric, *place)
+        for metric, labels, by_ride, statistic, count in found:
+            random = generator(seed, "rover", "onboard", *group, metric, *labels)
             value, low, high = _interval(by_ride, statistic, options.resamples, random)
-            rows.append((*group, metric, *place, value, low, high, len(by_ride), count))
+            rows.append((*group, metric, *labels, value, low, high, len(by_ride), count))
     return pd.DataFrame(rows, columns=list(ONBOARD.columns))
 
 
@@ -93,28 +93,28 @@ def _stable(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[Fo
     for height in options.heights_m:
         high = own["stable"][own["stable"]["height_m"] > height]
         rides = [ride for _, ride in high.groupby(_RIDE)]
-        place = (height, *_NOWHERE)
+        labels = (height, *_NOWHERE)
         ever = [ride["first_stable_m"].notna().to_numpy(float) for ride in rides]
         distance = [ride["first_stable_m"].dropna().to_numpy(float) for ride in rides]
         in_time = [(ride["first_stable_m"] > ride["stopping_m"]).to_numpy(float) for ride in rides]
         total = float(len(high))
         found += [
-            ("stable share", place, ever, _mean, total),
-            ("first stable distance m", place, distance, _median, float(sum(map(len, distance)))),
-            ("stable before stopping distance", place, in_time, _mean, total),
+            ("stable share", labels, ever, _mean, total),
+            ("first stable distance m", labels, distance, _median, float(sum(map(len, distance)))),
+            ("stable before stopping distance", labels, in_time, _mean, total),
         ]
     return found
 
 
 def _map(own: Mapping[str, pd.DataFrame]) -> list[Found]:
     rides = [ride for _, ride in own["map"].groupby(_RIDE)]
-    place = (np.nan, *_NOWHERE)
+    labels = (np.nan, *_NOWHERE)
     hits = [ride[["right", "false", "missed"]].to_numpy(float) for ride in rides]
     cells = float(own["map"]["cells"].sum())
     return [
-        ("rock cell F1", place, hits, _f1, cells),
-        ("height error m", place, [ride["height_error_m"].dropna().to_numpy(float) for ride in rides], _median, cells),
-        ("heights within 5 cm", place, [ride["within_5_cm"].dropna().to_numpy(float) for ride in rides], _mean, cells),
+        ("rock cell F1", labels, hits, _f1, cells),
+        ("height error m", labels, [ride["height_error_m"].dropna().to_numpy(float) for ride in rides], _median, cells),
+        ("heights within 5 cm", labels, [ride["within_5_cm"].dropna().to_numpy(float) for ride in rides], _mean, cells),
     ]
 
 

@@ -35,12 +35,12 @@ def _bulldoze(  # type: ignore[no-untyped-def]
     rows, columns = owner.shape
     by = len(weights) // 2
     for body in range(len(shapes)):
-        place = window(shapes[body], centres[body], rotations[body], x0, y0, cell, rows, columns)
-        place = _sources(state, owner, place)
-        if place[0] >= place[1]:
+        nodes = window(shapes[body], centres[body], rotations[body], x0, y0, cell, rows, columns)
+        nodes = _sources(state, owner, nodes)
+        if nodes[0] >= nodes[1]:
             continue
-        top, bottom = max(place[0] - by, 0), min(place[1] + by, rows)
-        left, right = max(place[2] - by, 0), min(place[3] + by, columns)
+        top, bottom = max(nodes[0] - by, 0), min(nodes[1] + by, rows)
+        left, right = max(nodes[2] - by, 0), min(nodes[3] + by, columns)
         part, owners = state[top:bottom, left:right], owner[top:bottom, left:right]
         slopes = normals[top:bottom, left:right]
         dx, dy = x0 + cell * left - centres[body, 0], y0 + cell * top - centres[body, 1]
@@ -52,11 +52,11 @@ def _bulldoze(  # type: ignore[no-untyped-def]
 
 
 @njit()
-def _sources(state, owner, place):  # type: ignore[no-untyped-def]
+def _sources(state, owner, nodes):  # type: ignore[no-untyped-def]
     """Bounds of the nodes of a window that were pressed; empty if none was."""
-    top, bottom, left, right = place[1], place[0], place[3], place[2]
-    for row in range(place[0], place[1]):
-        for column in range(place[2], place[3]):
+    top, bottom, left, right = nodes[1], nodes[0], nodes[3], nodes[2]
+    for row in range(nodes[0], nodes[1]):
+        for column in range(nodes[2], nodes[3]):
             if state[row, column, FLOW] > 0 and owner[row, column] != ROCK:
                 top, bottom = min(top, row), max(bottom, row + 1)
                 left, right = min(left, column), max(right, column + 1)

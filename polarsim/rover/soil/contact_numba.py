@@ -45,11 +45,11 @@ def press(ground: Ground, bodies: Bodies, law: Law, rule: Rule, dt: float) -> Wr
 
 
 @njit()
-def _highest(state, owner, place, margin):  # type: ignore[no-untyped-def]
+def _highest(state, owner, nodes, margin):  # type: ignore[no-untyped-def]
     """Highest level from which sinkage counts in a window and a margin of nodes round it."""
     top, rows, columns = -np.inf, owner.shape[0], owner.shape[1]
-    for row in range(max(place[0] - margin, 0), min(place[1] + margin, rows)):
-        for column in range(max(place[2] - margin, 0), min(place[3] + margin, columns)):
+    for row in range(max(nodes[0] - margin, 0), min(nodes[1] + margin, rows)):
+        for column in range(max(nodes[2] - margin, 0), min(nodes[3] + margin, columns)):
             if owner[row, column] != ROCK:
                 top = max(top, state[row, column, START])
     return top

@@ -55,7 +55,7 @@ class Ground:
         return -float(self.rut.sum()) * self.cell**2
 
     def window(self, centre: np.ndarray, half: np.ndarray) -> tuple[slice, slice]:
-        """Rows and columns of the nodes within `half` (2,), metres along x and y, of a place (3,)."""
+        """Rows and columns of the nodes within `half` (2,), metres along x and y, of a position (3,)."""
         first = np.floor((centre[:2] - half - (self.x0, self.y0)) / self.cell).astype(int)
         last = np.ceil((centre[:2] + half - (self.x0, self.y0)) / self.cell).astype(int) + 1
         rows, columns = self.owner.shape

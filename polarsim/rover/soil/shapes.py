@@ -126,7 +126,7 @@ def intersect(
     numbers : (8,) float
         `Wheel.numbers` or `Plate.numbers`.
     centre, rotation : (3,), (3, 3) float
-        The body's place; columns of the rotation are its axes in the world.
+        The body's position; columns of the rotation are its axes in the world.
     x, y : (n,) float
         Nodes.
     """

@@ -21,7 +21,7 @@ FOLLOWING = ("CamBirdViewLeft", "CamBirdViewRight")  # they do not roll with the
 
 @dataclass(frozen=True)
 class Mount:
-    """A camera fixed to the rover, or, where it is `level`, one that follows its place and heading without rolling."""
+    """A camera fixed to the rover, or, where it is `level`, one that follows it in position and heading only."""
 
     name: str
     base_from_camera: Pose
@@ -62,7 +62,7 @@ def link_from_part(position: Sequence[float], yaw_deg: float, pitch_deg: float, 
 
 
 def levelled(world_from_base: Pose) -> Pose:
-    """The same place and heading, upright."""
+    """The same position and heading, upright."""
     yaw = heading(world_from_base)
     return Pose.from_rotvec(np.array([0.0, 0, yaw]), world_from_base.translation)
 
@@ -73,9 +73,9 @@ def heading(world_from_base: Pose) -> float:
     return float(np.arctan2(forward[1], forward[0]))
 
 
-def pose_of(place: np.ndarray, quaternion: np.ndarray) -> Pose:
-    """From a place (3,) and a quaternion (4,) w, x, y, z, as a trace has them."""
+def pose_of(position: np.ndarray, quaternion: np.ndarray) -> Pose:
+    """From a position (3,) and a quaternion (4,) w, x, y, z, as a trace has them."""
     from scipy.spatial.transform import Rotation
 
     w, x, y, z = quaternion
-    return Pose(Rotation.from_quat([x, y, z, w]).as_matrix(), np.asarray(place, float))
+    return Pose(Rotation.from_quat([x, y, z, w]).as_matrix(), np.asarray(position, float))

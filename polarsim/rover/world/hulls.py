@@ -48,7 +48,7 @@ class _Part:
     triangles: np.ndarray  # (t, 3) of the rock's vertices
     corners: np.ndarray  # (n, 3)
     hollow: float  # m, mean
-    cut: float  # place along `axis`
+    cut: float  # coordinate along `axis`
     axis: int
 
 
@@ -124,7 +124,7 @@ def _part(vertices: np.ndarray, triangles: np.ndarray) -> _Part:
 
 
 def top_at(vertices: np.ndarray, triangles: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(n,) heights of the uppermost surface over places (x, y), -inf where there is none."""
+    """(n,) heights of the uppermost surface over points (x, y), -inf where there is none."""
     start = float(vertices[:, 2].max()) + ABOVE
     origins = np.stack([x, y, np.full(len(x), start)], axis=1)
     directions = np.broadcast_to([0.0, 0.0, -1.0], origins.shape)

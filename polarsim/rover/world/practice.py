@@ -15,7 +15,7 @@ from polarsim.rover.world.surface import ROCK_COLUMNS, World, bare_world
 
 CORNERS = 24  # points whose hull a rock is
 BURIED = 0.25  # share of a rock's height below the ground, as in POLAR's sandbox
-CLEAR_M = 1.3  # round the place where the rover is put down no rock lies
+CLEAR_M = 1.3  # round the position where the rover is put down no rock lies
 
 
 @dataclass(frozen=True)

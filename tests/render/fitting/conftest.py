@@ -1,4 +1,4 @@
-"""A sandbox with a known pattern of albedo and lamps of known brightness, photographed from two places."""
+"""A sandbox with a known pattern of albedo and lamps of known brightness, photographed from two positions."""
 
 from dataclasses import dataclass
 
@@ -50,8 +50,8 @@ def sandbox() -> TerrainMesh:
     k = (np.arange(40)[:, None] * 41 + np.arange(40)).ravel()
     faces = [np.concatenate([np.stack([k, k + 41, k + 1], 1), np.stack([k + 1, k + 41, k + 42], 1)])]
     rocks = [np.full(len(faces[0]), NO_ROCK)]
-    for rock, place in ((SEEN, [0.1, 0.1, 0.0]), (UNSEEN, [40.0, 0.0, 0.0])):
-        v, f, _ = box(np.add(place, [-0.15, -0.15, -0.1]), np.add(place, 0.15))
+    for rock, position in ((SEEN, [0.1, 0.1, 0.0]), (UNSEEN, [40.0, 0.0, 0.0])):
+        v, f, _ = box(np.add(position, [-0.15, -0.15, -0.1]), np.add(position, 0.15))
         faces.append(f + sum(map(len, vertices)))
         vertices.append(v)
         rocks.append(np.full(len(f), rock))
@@ -77,16 +77,16 @@ def photographed(olat_image: np.ndarray, gain: float, rng: np.random.Generator) 
     return photos
 
 
-def shoot(mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, places: tuple[Pose, ...] = PLACES) -> Samples:
+def shoot(mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, points: tuple[Pose, ...] = PLACES) -> Samples:
     """What the fit sees of the sandbox under its true albedo."""
     rng = np.random.default_rng(3)
     painted, plain = surfaces_of(mesh, options, {"lambert": albedo, "hapke": albedo}), surfaces_of(mesh, options)
     model = "hapke" if options.models == ("hapke",) else "lambert"
     parts = []
-    for number, place in enumerate(places):
-        olat_images = render_view(painted, Camera(place, LENS), LIGHTS, [model], None, options).olat_images
+    for number, position in enumerate(points):
+        olat_images = render_view(painted, Camera(position, LENS), LIGHTS, [model], None, options).olat_images
         photos = {name: merged(photographed(olat_images[model, name], GAINS[name], rng)) for name in LIGHTS}
-        parts += samples_of_view(plain, number, Camera(place, LENS), LIGHTS, photos, LAMPS, options)
+        parts += samples_of_view(plain, number, Camera(position, LENS), LIGHTS, photos, LAMPS, options)
     return Samples.joined(parts)
 
 

@@ -9,7 +9,7 @@ from polarsim.errors import ConfigError, RenderError
 from polarsim.render.views.cameras import cameras_of, curve, looking_at, pinhole
 
 PLACES = st.tuples(*[st.floats(-5, 5)] * 3).map(np.array)
-LEVEL = lambda places: np.zeros(len(places))  # noqa: E731
+LEVEL = lambda points: np.zeros(len(points))  # noqa: E731
 
 
 @given(PLACES, PLACES, st.floats(-3, 3), st.floats(10, 120))
@@ -28,7 +28,7 @@ def test_cameras_stand_upright(position, target):
     assert down[2] < 0
 
 
-def test_a_camera_cannot_look_at_its_own_place():
+def test_a_camera_cannot_look_at_its_own_position():
     with pytest.raises(ConfigError, match=r"\[1.0, 2.0, 3.0\]"):
         looking_at(np.array([1.0, 2, 3]), np.array([1.0, 2, 3]))
 
@@ -37,16 +37,16 @@ def test_a_camera_cannot_look_at_its_own_place():
 def test_a_curve_starts_and_ends_at_its_waypoints_and_divides_its_length_evenly(waypoints, number):
     points = np.array(waypoints)
     assume(np.linalg.norm(np.diff(points, axis=0), axis=1).min() > 0.1)
-    places, _ = curve(points, number)
-    np.testing.assert_allclose(places[[0, -1]], points[[0, -1]], atol=1e-9)
+    along, _ = curve(points, number)
+    np.testing.assert_allclose(along[[0, -1]], points[[0, -1]], atol=1e-9)
     fine, _ = curve(points, 200 * (number - 1) + 1)
     lengths = np.linalg.norm(np.diff(fine, axis=0), axis=1).reshape(number - 1, 200).sum(axis=1)
     np.testing.assert_allclose(lengths, lengths.mean(), rtol=0.05)
 
 
 def test_a_curve_through_waypoints_on_a_line_is_that_line():
-    places, ahead = curve(np.array([[0.0, 0, 0], [1, 0, 0], [5, 0, 0]]), 11)
-    np.testing.assert_allclose(places, np.linspace([0, 0, 0], [5, 0, 0], 11), atol=1e-3)
+    points, ahead = curve(np.array([[0.0, 0, 0], [1, 0, 0], [5, 0, 0]]), 11)
+    np.testing.assert_allclose(points, np.linspace([0, 0, 0], [5, 0, 0], 11), atol=1e-3)
     np.testing.assert_allclose(ahead[:, 1:], 0, atol=1e-12)
 
 
@@ -58,8 +58,8 @@ def test_doubled_waypoints_are_refused():
 def test_orbits_look_at_their_centre_from_their_radius(views_of):
     orbit = {"kind": "orbit", "centre_m": [0.5, 0, 0.1], "radius_m": 2, "height_m": 1, "number": 4, "from_deg": 90}
     cameras = cameras_of(views_of(cameras=[orbit]), LEVEL)
-    places = np.array([camera.centre for camera in cameras])
-    np.testing.assert_allclose(places, [[0.5, 2, 1.1], [-1.5, 0, 1.1], [0.5, -2, 1.1], [2.5, 0, 1.1]], atol=1e-12)
+    points = np.array([camera.centre for camera in cameras])
+    np.testing.assert_allclose(points, [[0.5, 2, 1.1], [-1.5, 0, 1.1], [0.5, -2, 1.1], [2.5, 0, 1.1]], atol=1e-12)
     for camera in cameras:
         pixel = camera.project(np.array([0.5, 0, 0.1]))
         np.testing.assert_allclose(pixel, [48, 32], atol=1e-9)
@@ -68,8 +68,8 @@ def test_orbits_look_at_their_centre_from_their_radius(views_of):
 
 def test_half_an_orbit_ends_at_its_end(views_of):
     orbit = {"kind": "orbit", "radius_m": 1, "height_m": 0, "number": 3, "over_deg": 180}
-    places = [c.centre for c in cameras_of(views_of(cameras=[orbit]), LEVEL)]
-    np.testing.assert_allclose(places, [[1, 0, 0], [0, 1, 0], [-1, 0, 0]], atol=1e-12)
+    points = [c.centre for c in cameras_of(views_of(cameras=[orbit]), LEVEL)]
+    np.testing.assert_allclose(points, [[1, 0, 0], [0, 1, 0], [-1, 0, 0]], atol=1e-12)
 
 
 def test_a_path_without_a_target_looks_ahead_and_down(views_of):
@@ -82,18 +82,18 @@ def test_a_path_without_a_target_looks_ahead_and_down(views_of):
 def test_random_cameras_keep_clear_of_the_ground_and_are_the_same_every_time(views_of):
     box = {"kind": "random", "number": 30, "low_m": [-2, -2, 0], "high_m": [2, 2, 2], "clearance_m": 0.5}
 
-    def hill(places):
-        return 1.2 - np.abs(places).max(axis=1)
+    def hill(points):
+        return 1.2 - np.abs(points).max(axis=1)
 
     views = views_of(cameras=[box])
     first, second = (cameras_of(views, hill) for _ in range(2))
-    places = np.array([camera.centre for camera in first])
-    assert (places[:, 2] >= hill(places[:, :2]) + 0.5).all()
-    assert (np.abs(places) <= 2).all()
-    assert len(places) == 30
-    np.testing.assert_array_equal(places, [camera.centre for camera in second])
-    with pytest.raises(RenderError, match="cameras random: 0 of 30 places found"):
-        cameras_of(views, lambda places: np.full(len(places), 5.0))
+    points = np.array([camera.centre for camera in first])
+    assert (points[:, 2] >= hill(points[:, :2]) + 0.5).all()
+    assert (np.abs(points) <= 2).all()
+    assert len(points) == 30
+    np.testing.assert_array_equal(points, [camera.centre for camera in second])
+    with pytest.raises(RenderError, match="cameras random: 0 of 30 positions found"):
+        cameras_of(views, lambda points: np.full(len(points), 5.0))
 
 
 def test_pairs_are_as_far_apart_as_stated_and_parallel(views_of):

@@ -55,7 +55,7 @@ def test_views_of_lunar_night_alone_are_refused(views_of):
 
 def test_the_rover_light_moves_with_the_left_camera(views_of):
     views = views_of(stereo=True, rover_light={"states": [True], "from_camera_m": [0.1, -0.2, 0]})
-    left, right = cameras_of(views, lambda places: np.zeros(len(places)))
+    left, right = cameras_of(views, lambda points: np.zeros(len(points)))
     lamps = [rover_lamp(views.rover_light, camera) for camera in (left, right)]
     expected = left.world_from_camera.apply(np.array([0.1, -0.2, 0]))
     for lamp in lamps:

@@ -1,4 +1,4 @@
-"""The Sun over the Moon, against published places of the Sun."""
+"""The Sun over the Moon, against published positions of the Sun."""
 
 from datetime import UTC, datetime, timedelta
 

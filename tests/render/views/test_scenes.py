@@ -1,4 +1,4 @@
-"""Terrains side by side: geometry at its place, rocks told apart."""
+"""Terrains side by side: geometry at its position, rocks told apart."""
 
 import numpy as np
 import pytest
@@ -13,12 +13,12 @@ SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
 BARE = RenderOptions(rim=False, skirt_m=0)
 
 
-def ensemble(folder, *places, options=BARE):
-    terrains = [{"meshes": folder / "meshes", "terrain": 1, "offset_m": o, "heading_deg": h} for o, h in places]
+def ensemble(folder, *points, options=BARE):
+    terrains = [{"meshes": folder / "meshes", "terrain": 1, "offset_m": o, "heading_deg": h} for o, h in points]
     return Ensemble(SceneSection.model_validate({"name": "several", "terrains": terrains}), options)
 
 
-def test_a_terrain_alone_keeps_its_ids_and_place(folders):
+def test_a_terrain_alone_keeps_its_ids_and_position(folders):
     scene = ensemble(folders, ((0, 0, 0), 0))
     assert scene.rocks == {1: (0, 1)}
     np.testing.assert_array_equal(scene.surfaces.vertices, scene.parts[0].scene.surfaces.vertices)
@@ -28,17 +28,17 @@ def test_rocks_of_several_terrains_are_numbered_on(folders):
     scene = ensemble(folders, ((0, 0, 0), 0), ((4, 0, 0), 90), ((8, 0, 0), 0))
     assert scene.rocks == {1: (0, 1), 2: (1, 1), 3: (2, 1)}
     surfaces = scene.surfaces
-    for rock, (place, _) in scene.rocks.items():
+    for rock, (position, _) in scene.rocks.items():
         faces = surfaces.faces[surfaces.id_of_face == ROCK_IDS + rock]
         centre = surfaces.vertices[np.unique(faces)].mean(axis=0)
-        np.testing.assert_allclose(centre, [4 * place, 0, HEIGHT / 2], atol=1e-9)
+        np.testing.assert_allclose(centre, [4 * position, 0, HEIGHT / 2], atol=1e-9)
     assert set(np.unique(surfaces.id_of_face)) == {GROUND, ROCK_IDS + 1, ROCK_IDS + 2, ROCK_IDS + 3}
 
 
 def test_heights_are_those_of_what_lies_on_top(folders):
     scene = ensemble(folders, ((0, 0, 0), 0), ((4, 0, 0.5), 0))
-    places = np.array([[0.0, 0], [1, 1], [4, 0], [5, 1], [50, 0]])
-    np.testing.assert_allclose(scene.heights(places), [HEIGHT, 0, HEIGHT + 0.5, 0.5, -np.inf], atol=1e-6)
+    points = np.array([[0.0, 0], [1, 1], [4, 0], [5, 1], [50, 0]])
+    np.testing.assert_allclose(scene.heights(points), [HEIGHT, 0, HEIGHT + 0.5, 0.5, -np.inf], atol=1e-6)
 
 
 def test_a_rotated_terrain_has_its_normals_rotated(folders):
@@ -53,7 +53,7 @@ def test_a_rotated_terrain_has_its_normals_rotated(folders):
 
 def test_more_rocks_than_ids_are_refused(folders, monkeypatch):
     monkeypatch.setattr("polarsim.render.views.scenes.SHADOW_IDS", ROCK_IDS + 3)
-    scene = ensemble(folders, *(((4 * place, 0, 0), 0) for place in range(3)))
+    scene = ensemble(folders, *(((4 * position, 0, 0), 0) for position in range(3)))
     with pytest.raises(RenderError, match="scene several: 3 rocks, instance maps have ids for 2"):
         _ = scene.surfaces
 

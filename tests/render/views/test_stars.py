@@ -96,7 +96,7 @@ def test_intensity_multiplies_the_light_of_all_stars():
 
 
 @pytest.mark.parametrize("pixel", [[80.0, 60.0], [80.5, 60.5], [20.25, 100.9], [150.1, 5.4]])
-def test_a_star_lights_the_pixels_around_its_place_and_keeps_its_light(pixel):
+def test_a_star_lights_the_pixels_around_its_position_and_keeps_its_light(pixel):
     radiance = star_radiance(one_star(pixel), np.eye(3), Camera(UPWARDS, LENS))
     rows, columns = np.nonzero(radiance)
     assert len(rows) <= 4

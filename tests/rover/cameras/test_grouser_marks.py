@@ -16,7 +16,7 @@ def test_prints_lie_as_far_apart_as_the_wheel_rolls_and_slips(slip):
     centres = np.stack([spin * 0.25 * (1 - slip), 0 * time, 0.25 + 0 * time], axis=1)
     quaternions = np.stack([np.cos(spin / 2), 0 * spin, np.sin(spin / 2), 0 * spin], axis=1)  # turning about y
     found = marks_of(time, spin, centres, quaternions, np.ones(1001, bool), 24)
-    gaps = np.diff([event.place[0] for event in found])
+    gaps = np.diff([event.position[0] for event in found])
     np.testing.assert_allclose(gaps, TREAD.spacing * (1 - slip), rtol=1e-6)
     np.testing.assert_allclose([event.ahead for event in found], np.tile([1.0, 0], (len(found), 1)), atol=1e-9)
 
@@ -29,14 +29,14 @@ def test_a_wheel_on_a_rock_prints_nothing():
 
 def test_a_print_is_a_groove_across_the_rut_and_the_next_wheel_wipes_it_out():
     own = tracks(hills(), finer=4)
-    place = np.array([0.5, 1.2])
-    stamp(own, [GrouserMark(0, place, np.array([-1.0, 0]))], TREAD)
+    position = np.array([0.5, 1.2])
+    stamp(own, [GrouserMark(0, position, np.array([-1.0, 0]))], TREAD)
     fine = CELL / 4
-    row, column = np.rint((place[::-1] - [own.lattice.y0, own.lattice.x0]) / fine).astype(int)
+    row, column = np.rint((position[::-1] - [own.lattice.y0, own.lattice.x0]) / fine).astype(int)
     groove = own.marks[1:-1, 1:-1]
     np.testing.assert_allclose(groove[row, column], -TREAD.depth, rtol=0.02)
     assert groove[row + round(0.08 / fine), column] < -0.9 * TREAD.depth  # across
     assert abs(groove[row, column + round(0.03 / fine)]) < 1e-6  # along
     assert own.show(own.lattice.level)
-    stamp(own, [GrouserMark(1, place + np.array([TREAD.spacing / 2, 0]), np.array([-1.0, 0]))], TREAD)
+    stamp(own, [GrouserMark(1, position + np.array([TREAD.spacing / 2, 0]), np.array([-1.0, 0]))], TREAD)
     assert abs(groove[row, column + 2]) < 0.01 * TREAD.depth  # was a quarter of it

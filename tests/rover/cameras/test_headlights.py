@@ -74,11 +74,11 @@ def test_no_light_of_the_table_stands_inside_the_body():
     vehicle = driven.vehicle()
     body = body_of(vehicle)
     for part in vehicle.lights:
-        place = np.array(part.position_m)
+        position = np.array(part.position_m)
         for solid in body.solids:
             if solid.link == part.link:
                 low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
-                assert not ((low < place) & (place < high)).all(), part.name
+                assert not ((low < position) & (position < high)).all(), part.name
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ def lattice(rng):
 
 
 def grid(vertices, axis):
-    """Vertices by place: (rows, columns)."""
+    """Vertices by node: (rows, columns)."""
     columns = len(np.unique(vertices[:, 0]))
     return vertices.reshape(-1, columns, 3)[..., axis]
 

@@ -17,12 +17,12 @@ def heights(own, number):
 
 
 @settings(max_examples=15, deadline=None)
-@given(place=st.floats(0, 5), finer=st.integers(1, 5))
-def test_splines_give_back_straight_lines(place, finer):
+@given(position=st.floats(0, 5), finer=st.integers(1, 5))
+def test_splines_give_back_straight_lines(position, finer):
     weights, derivative = spline_weights(6, finer)
-    nodes = place + 0.3 * np.arange(-1, 8)
+    nodes = position + 0.3 * np.arange(-1, 8)
     fine = np.arange(6 * finer + 1) / finer
-    np.testing.assert_allclose(weights @ nodes, place + 0.3 * fine, atol=1e-9)
+    np.testing.assert_allclose(weights @ nodes, position + 0.3 * fine, atol=1e-9)
     np.testing.assert_allclose(derivative @ nodes, 0.3, atol=1e-9)
     assert weights.min() >= 0  # so that they cannot overshoot
 
@@ -72,12 +72,12 @@ def test_tiles_meet_without_a_gap_while_the_rut_runs_through_them():
     lattice = hills()
     own = tracks(lattice)
     own.show(rutted(lattice))
-    of_place = {}
+    of_node = {}
     for number in range(len(own.tiles)):
         vertices, normals = own.mesh(number)
         for vertex, normal in zip(np.round(vertices, 6), normals, strict=True):
             key = tuple(vertex[:2])
-            before = of_place.setdefault(key, (vertex[2], normal))
+            before = of_node.setdefault(key, (vertex[2], normal))
             np.testing.assert_allclose(vertex[2], before[0], atol=1e-9)
             np.testing.assert_allclose(normal, before[1], atol=1e-6)
 

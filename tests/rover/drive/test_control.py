@@ -1,4 +1,4 @@
-"""Steering: from a place beside a path to four wheels."""
+"""Steering: from a position beside a path to four wheels."""
 
 import math
 from pathlib import Path
@@ -20,7 +20,7 @@ LAW = SteeringLaw(0.2, 5.0, 3.0, math.radians(30))
 def wheel_commands(command: Command) -> tuple[np.ndarray, np.ndarray]:
     """(4,) steering angles, rad, and (4,) speeds of the rims, m/s, of the rover."""
     limit = math.radians(VIPER.steering.limit_deg)
-    angles, speeds = steer(command, [tuple(place) for place in PLACES.tolist()], VIPER.wheelbase, limit)
+    angles, speeds = steer(command, [tuple(position) for position in PLACES.tolist()], VIPER.wheelbase, limit)
     return np.array(angles), np.array(speeds)
 
 
@@ -74,7 +74,7 @@ def kinematic_drive(
     law: SteeringLaw, route: Route, x: float, y: float, heading: float, seconds: float, slide: float = 0.0
 ) -> tuple[list, Driver]:
     """A rover whose wheels do as they are told, but for a slide to its left, m/s."""
-    driver, places = Driver(route, law), []
+    driver, points = Driver(route, law), []
     for _ in range(round(seconds / 0.05)):
         if driver.finished:
             break
@@ -84,8 +84,8 @@ def kinematic_drive(
         x += 0.05 * (forward * math.cos(heading) - sideways * math.sin(heading))
         y += 0.05 * (forward * math.sin(heading) + sideways * math.cos(heading))
         heading += 0.05 * turn
-        places.append((x, y, heading, driver.offset))
-    return places, driver
+        points.append((x, y, heading, driver.offset))
+    return points, driver
 
 
 @given(speed=st.floats(0.05, 0.5), steer=st.floats(-0.4, 0.4), crab=st.floats(-0.4, 0.4))
@@ -100,17 +100,17 @@ WEST = Route(np.array([[10.0, 0.0], [0.0, 0.0]]))
 
 
 def test_with_the_heading_term_a_rover_comes_back_to_its_line_and_stays():
-    places, _ = kinematic_drive(LAW, WEST, 10, 0.3, math.pi, 40)
-    offsets = np.abs([place[3] for place in places])
+    points, _ = kinematic_drive(LAW, WEST, 10, 0.3, math.pi, 40)
+    offsets = np.abs([position[3] for position in points])
     assert offsets[len(offsets) // 2 :].max() < 0.005
 
 
 def test_crab_and_bend_together_come_back_without_a_swing():
-    places, _ = kinematic_drive(SteeringLaw(0.2, 4.0, 2.0, math.radians(30), "combined"), WEST, 10, 0.1, math.pi, 40)
-    offsets = np.array([place[3] for place in places])
+    points, _ = kinematic_drive(SteeringLaw(0.2, 4.0, 2.0, math.radians(30), "combined"), WEST, 10, 0.1, math.pi, 40)
+    offsets = np.array([position[3] for position in points])
     assert np.abs(offsets[len(offsets) // 4 :]).max() < 0.001
     assert offsets.max() < 0.001  # it starts to the right of a westward line
-    assert max(abs(place[2] - math.pi) for place in places) < 1e-9
+    assert max(abs(position[2] - math.pi) for position in points) < 1e-9
 
 
 @pytest.mark.parametrize("steering", ["ackermann", "combined"])
@@ -119,8 +119,8 @@ def test_the_integral_holds_the_line_where_the_ground_slides_aside(steering):
     worst = []
     for integral in (0.0, 4.0):
         law = SteeringLaw(0.2, 4.0, 3.0, math.radians(30), steering, integral)
-        places, _ = kinematic_drive(law, WEST, 10, 0.0, math.pi, 45, slide=0.01)
-        worst.append(max(abs(place[3]) for place in places[600:]))
+        points, _ = kinematic_drive(law, WEST, 10, 0.0, math.pi, 45, slide=0.01)
+        worst.append(max(abs(position[3]) for position in points[600:]))
     assert worst[0] > 0.01
     assert worst[1] < 0.002
 
@@ -133,28 +133,28 @@ def test_the_integral_is_bounded():
 
 def test_steering_by_the_offset_alone_swings():
     """An undamped swing: with nothing that damps it in soil, its size stays."""
-    places, _ = kinematic_drive(SteeringLaw(0.2, 1.0472, 0.0, math.radians(30)), WEST, 10, 0.3, math.pi, 45)
-    offsets = np.array([place[3] for place in places])
+    points, _ = kinematic_drive(SteeringLaw(0.2, 1.0472, 0.0, math.radians(30)), WEST, 10, 0.3, math.pi, 45)
+    offsets = np.array([position[3] for position in points])
     assert offsets.min() < -0.25
     assert offsets[len(offsets) // 2 :].max() > 0.25
 
 
-def test_a_place_to_the_left_of_a_westward_line_lies_south():
+def test_a_position_to_the_left_of_a_westward_line_lies_south():
     _, left = WEST.beside(5.0, -0.2, 0)
     assert left == pytest.approx(0.2)
 
 
 def test_a_sharp_corner_is_taken_by_a_turn_on_the_spot():
     corner = Route(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]))
-    places, driver = kinematic_drive(LAW, corner, 0.0, 0.0, 0.0, 60)
+    points, driver = kinematic_drive(LAW, corner, 0.0, 0.0, 0.0, 60)
     assert driver.finished
-    assert max(place[0] for place in places) < 2.05
-    assert places[-1][2] == pytest.approx(math.pi / 2, abs=0.05)
+    assert max(position[0] for position in points) < 2.05
+    assert points[-1][2] == pytest.approx(math.pi / 2, abs=0.05)
 
 
 def test_a_crab_keeps_its_heading_round_a_corner():
     corner = Route(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]))
-    places, driver = kinematic_drive(SteeringLaw(0.2, 2.0, 0.0, 0.5, "crab"), corner, 0.0, 0.0, 0.0, 60)
+    points, driver = kinematic_drive(SteeringLaw(0.2, 2.0, 0.0, 0.5, "crab"), corner, 0.0, 0.0, 0.0, 60)
     assert driver.finished
-    assert max(abs(place[2]) for place in places) < 1e-9
-    assert abs(places[-1][3]) < 0.01
+    assert max(abs(position[2]) for position in points) < 1e-9
+    assert abs(points[-1][3]) < 0.01

@@ -32,8 +32,8 @@ def test_on_a_slope_the_rock_lies_where_the_slope_is():
 @given(roll=st.floats(-0.2, 0.2), pitch=st.floats(-0.2, 0.2))
 def test_the_plane_under_the_wheels_tilts_with_the_rover(roll, pitch):
     pose = Pose.from_rotvec(np.array([roll, pitch, 0.3]), np.array([1.0, 2, 0.4]))
-    place = pose.apply(np.array([2.0, -0.7, GROUND]))
-    np.testing.assert_allclose(plane_under(pose, GROUND)(*place[:2]), place[2], atol=1e-9)
+    position = pose.apply(np.array([2.0, -0.7, GROUND]))
+    np.testing.assert_allclose(plane_under(pose, GROUND)(*position[:2]), position[2], atol=1e-9)
 
 
 def test_a_box_above_the_horizon_is_nowhere():

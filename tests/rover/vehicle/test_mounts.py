@@ -12,13 +12,13 @@ from polarsim.rover.vehicle.mounts import FRONT, Mount, base_from_camera, headin
 from tests.rover import driven
 
 LENS = pinhole(44, 1936, 1216)
-places = arrays(float, 3, elements=st.floats(-20, 20))
+points = arrays(float, 3, elements=st.floats(-20, 20))
 rotvecs = arrays(float, 3, elements=st.floats(-1.5, 1.5))
 angles = st.floats(-80, 80)
 
 
 def poses():
-    return st.builds(Pose.from_rotvec, rotvecs, places)
+    return st.builds(Pose.from_rotvec, rotvecs, points)
 
 
 def front(level=False):
@@ -45,7 +45,7 @@ def test_a_rolled_camera_has_its_right_side_down():
     assert base_from_camera(np.zeros(3), 0, 0, 20).rotation[2, 0] < -0.3
 
 
-@given(world_from_base=poses(), point=places)
+@given(world_from_base=poses(), point=points)
 def test_what_is_fixed_to_the_rover_is_seen_at_the_same_pixel_wherever_it_stands(world_from_base, point):
     mount = front()
     seen = mount.at(world_from_base).world_from_camera.inverse().apply(world_from_base.apply(point))
@@ -53,7 +53,7 @@ def test_what_is_fixed_to_the_rover_is_seen_at_the_same_pixel_wherever_it_stands
 
 
 @given(world_from_base=poses())
-def test_a_camera_that_follows_stays_upright_over_the_same_place(world_from_base):
+def test_a_camera_that_follows_stays_upright_over_the_same_point(world_from_base):
     upright = levelled(world_from_base)
     np.testing.assert_allclose(upright.rotation[:, 2], [0, 0, 1], atol=1e-12)
     np.testing.assert_array_equal(upright.translation, world_from_base.translation)
@@ -69,8 +69,8 @@ def test_a_scaled_camera_sees_the_same():
     assert whole.lens.width == 1936
 
 
-@given(rotvec=rotvecs, place=places)
-def test_a_traces_quaternion_is_the_rotation_it_was_made_of(rotvec, place):
+@given(rotvec=rotvecs, position=points)
+def test_a_traces_quaternion_is_the_rotation_it_was_made_of(rotvec, position):
     rotation = Rotation.from_rotvec(rotvec)
     x, y, z, w = rotation.as_quat()
-    np.testing.assert_allclose(pose_of(place, np.array([w, x, y, z])).rotation, rotation.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(pose_of(position, np.array([w, x, y, z])).rotation, rotation.as_matrix(), atol=1e-12)
