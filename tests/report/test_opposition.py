@@ -14,7 +14,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
-from polarsim.report.figures.opposition import draw_opposition, extreme_points, lit_by_one_lamp, phase_angles
+from polarsim.report.figures.opposition import draw_opposition, extreme_spots, lit_by_one_lamp, phase_angles
 
 EYE = np.array([3.5, 0.0, 1.5])
 NARROW = 640  # px
@@ -58,12 +58,12 @@ def cameras(tmp_path):
 
 
 def test_the_rover_light_is_nearer_to_opposition_than_a_lamp_across(cameras):
-    near, far = extreme_points([ALONE, BOTH, ROVER], cameras, 140)
+    near, far = extreme_spots([ALONE, BOTH, ROVER], cameras, 140)
     assert (near.key, far.key) == (ROVER, ALONE)
     # 0.15 m beside the camera at 3 to 5 m: 1.7 to 2.9 degrees.
     assert 1.5 < near.phase_deg < 3
     assert far.phase_deg > 120
-    assert extreme_points([BOTH], cameras, 140) is None
+    assert extreme_spots([BOTH], cameras, 140) is None
 
 
 def draw(tmp_path, cameras, keys, brightness):

@@ -203,17 +203,21 @@ def _intersect_grouser(
     radial = math.cos(angle) * forward + math.sin(angle) * up
     tangent = math.cos(angle) * up - math.sin(angle) * forward
     dx, dy = x - centre[0], y - centre[1]
-    enter, leave = np.full(len(x), -np.inf), np.full(len(x), np.inf)
-    tip = numbers[RADIUS] + numbers[GROUSER_HEIGHT]
-    spans = ((radial, 0.0, tip), (tangent, -numbers[HALF_THICKNESS], numbers[HALF_THICKNESS]))
-    for axis, low, high in (*spans, (a, -numbers[HALF_WIDTH] - cell / 2, numbers[HALF_WIDTH] + cell / 2)):
+    tip, wide = numbers[RADIUS] + numbers[GROUSER_HEIGHT], numbers[HALF_WIDTH] + cell / 2
+    spans = ((radial, 0.0, tip), (tangent, -numbers[HALF_THICKNESS], numbers[HALF_THICKNESS]), (a, -wide, wide))
+    enters, leaves = [], []
+    for axis, low, high in spans:
         at = dx * axis[0] + dy * axis[1]
         if abs(axis[2]) < LEVEL_AXLE:
-            leave = np.where((at < low) | (at > high), -np.inf, leave)
+            enters.append(np.full(len(x), -np.inf))
+            leaves.append(np.where((at < low) | (at > high), -np.inf, np.inf))
         else:
             one, two = (low - at) / axis[2], (high - at) / axis[2]
-            enter, leave = np.maximum(enter, np.minimum(one, two)), np.minimum(leave, np.maximum(one, two))
-    hit = (enter < leave) & (enter < 0)
+            enters.append(np.minimum(one, two))
+            leaves.append(np.maximum(one, two))
+    # The box's sides lie half a cell beyond the wheel's: a line that enters there meets none of its width, so is no hit.
+    enter = np.maximum(enters[0], enters[1])
+    hit = (enters[2] < enter) & (enter < np.minimum.reduce(leaves)) & (enter < 0)
     h = np.where(hit, enter, 0.0)
     u = dx * a[0] + dy * a[1] + h * a[2]
     weight = np.where(hit, _covered(u, numbers[HALF_WIDTH], cell), 0.0)

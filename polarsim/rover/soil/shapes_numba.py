@@ -82,8 +82,8 @@ def _grouser(number, shape, rotation, dx, dy, cell):  # type: ignore[no-untyped-
     half, thick = shape[HALF_WIDTH], shape[HALF_THICKNESS]
     enter, leave = _span(dx * rx + dy * ry, rz, 0.0, shape[RADIUS] + shape[GROUSER_HEIGHT], -np.inf, np.inf)
     enter, leave = _span(dx * tx + dy * ty, tz, -thick, thick, enter, leave)
-    enter, leave = _span(dx * ax + dy * ay, az, -half - cell / 2, half + cell / 2, enter, leave)
-    if not (enter < leave and enter < 0):
+    aside, leave = _span(dx * ax + dy * ay, az, -half - cell / 2, half + cell / 2, -np.inf, leave)
+    if not (aside < enter < leave and enter < 0):  # a line that enters by a side meets none of the wheel's width
         return 0.0, 0.0, 0.0, 0.0, 0.0
     u = dx * ax + dy * ay + enter * az
     ox, oy, oz = dx - u * ax, dy - u * ay, enter - u * az

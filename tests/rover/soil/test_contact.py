@@ -6,19 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.rover_rigs import park, patch_inverse_width, rest_plate
 from polarsim.errors import RoverError
-from polarsim.rover.soil import bulldozing, bulldozing_numba, contact, contact_numba
+from polarsim.rover.soil import bulldozing, bulldozing_numba, contact, contact_numba, shapes_numba
 from polarsim.rover.soil.bulldozing import Bulldozing
 from polarsim.rover.soil.check import Rig, drive
 from polarsim.rover.soil.contact import Rule
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.limit import steady_wheel
 from polarsim.rover.soil.nodes import FREE, ROCK, SHEAR_X, SHEAR_Z, START, flat_ground, make_ground
-from polarsim.rover.soil.shapes import MGRU3, Bodies, Plate, Wheel
+from polarsim.rover.soil.shapes import MGRU3, Bodies, Plate, Wheel, intersect
 
 SOILS = Path(__file__).parents[3] / "config" / "soils.csv"
 WHEEL_A, WHEEL_B = Wheel(0.25, 0.20), Wheel(0.15735, 0.165)
@@ -134,6 +134,8 @@ def test_a_wheel_slides_down_a_slope_steeper_than_friction(stiff):
     grousers=st.booleans(),
     seed=st.integers(0, 99),
 )
+# Where a leaning wheel's grouser was met from its side, rounding told whether it was met at all.
+@example(yaw=-2.471758272229986, lean=0.29999999999999993, slip=1.9e-195, terrain=True, grousers=True, seed=67)
 def test_both_engines_give_the_same_numbers(yaw, lean, slip, terrain, grousers, seed):
     """Over steps of a drive across rough ground with a rock in it, displaced soil included."""
     noise = np.random.default_rng(seed).normal(0, 0.004, (70, 80))
@@ -232,6 +234,18 @@ def test_grousers_reach_deeper_than_the_rim(lunar):
         depths.append(ground.rut.max())
     np.testing.assert_allclose(depths[0], 0.01, atol=1e-4)
     assert 0.02 < depths[1] < 0.035
+
+
+@given(yaw=st.floats(-math.pi, math.pi), lean=st.floats(0.01, 0.3), rolled=st.floats(0, 0.26))
+@settings(max_examples=20, deadline=None)
+def test_a_leaning_wheel_covers_more_than_a_rounding_of_each_cell_that_it_meets(yaw, lean, rolled):
+    """A line that meets a grouser from its side meets nothing of the wheel's width."""
+    wheel, axes = MGRU3.numbers(0.01), rotated(yaw, lean, rolled)
+    x, y = (side.ravel() for side in np.meshgrid(np.arange(-0.3, 0.3, 0.007), np.arange(-0.3, 0.3, 0.007)))
+    hits = intersect(wheel, np.zeros(3), axes, x, y, 0.01)
+    compiled = np.array([shapes_numba.intersect(wheel, axes, *node, 0.01)[0] for node in zip(x, y, strict=True)])
+    for weight in (hits.weight[hits.hit], compiled[compiled > 0]):
+        assert weight.min() > 1e-9
 
 
 def test_grousers_thinner_than_a_cell_are_refused():
