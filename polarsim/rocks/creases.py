@@ -153,16 +153,18 @@ class Joining:
             for number, cells in zip(numbers, np.split(order, starts[1:]), strict=True)
             if number > 0
         }
+        self._joint: dict[tuple[int, int], _Body] = {}  # what each pair would be as one
         self.pairs = {pair: self._terms(*pair) for pair in sorted(neighbours(pieces))}
 
     def join(self, one: int, other: int) -> None:
         """Make two neighbours one, by the lower number."""
         one, other = min(one, other), max(one, other)
-        cells = np.concatenate([self.bodies[one].cells, self.bodies.pop(other).cells])
-        self.bodies[one] = self._body(cells)
-        self.parts.ravel()[cells] = one
+        del self.bodies[other]
+        self.bodies[one] = self._joint[one, other]
+        self.parts.ravel()[self.bodies[one].cells] = one
         about = {number for pair in self.pairs if {one, other} & set(pair) for number in pair} - {one, other}
         self.pairs = {pair: terms for pair, terms in self.pairs.items() if not {one, other} & set(pair)}
+        self._joint = {pair: self._joint[pair] for pair in self.pairs}
         self.pairs |= {(min(one, n), max(one, n)): self._terms(one, n) for n in sorted(about)}
 
     def join_below(self, chance: float, of_two: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -190,7 +192,8 @@ class Joining:
         window, of_small = _window(bodies[1].cells, self.parts.shape, 5)
         of_large = self.parts[window] == large
         border = (ndimage.binary_dilation(of_large) & of_small) | (ndimage.binary_dilation(of_small) & of_large)
-        both = self._body(np.concatenate([body.cells for body in bodies]))
+        pair = min(one, other), max(one, other)
+        both = self._joint[pair] = self._body(np.concatenate([self.bodies[number].cells for number in pair]))
         sizes = [len(body.cells) for body in bodies]
         hollow = np.average([body.hollow for body in bodies], weights=sizes)
         solidity = np.average([body.solidity for body in bodies], weights=sizes)

@@ -215,7 +215,7 @@ def _intersect_grouser(
             one, two = (low - at) / axis[2], (high - at) / axis[2]
             enters.append(np.minimum(one, two))
             leaves.append(np.maximum(one, two))
-    # The box's sides lie half a cell beyond the wheel's: a line that enters there meets none of its width, so is no hit.
+    # The box's sides lie half a cell off the wheel's: a line that enters there meets none of its width, and is no hit.
     enter = np.maximum(enters[0], enters[1])
     hit = (enters[2] < enter) & (enter < np.minimum.reduce(leaves)) & (enter < 0)
     h = np.where(hit, enter, 0.0)
