@@ -33,6 +33,11 @@ ROVER_LIGHT_FROM_LEFT = np.array([0.15, 0.0, 0.0])  # in the left camera's frame
 
 POSITION_DISTANCE_MM = {"A": 1500, "B": 4000, "C": 1500}  # from the box's edge, as NASA's folders are named
 SANDBOX_HALF_WIDTH = 2.0  # of the sand inside the walls
+WALL_HEIGHT = 0.30  # of the walls' tops above the sand; a photo of terrain 1 has them at 0.29 to 0.36
+# What must not reach over any wall stays so far below the stated height: 1 cm for the lowest top, 1 cm for the sand's
+# level, which is a median.
+WALL_MARGIN = 0.02
+SURELY_WALL = round(WALL_HEIGHT - WALL_MARGIN, 2)  # every wall is at least so high above the sand
 TERRAIN_NAMES = {1: "LargeOnly", 3: "MeanDistr", 6: "Smooth", 11: "FreshCrater", 12: "OldCrater"}
 
 

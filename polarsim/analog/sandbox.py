@@ -12,9 +12,11 @@ from polarsim.analog.ground import Ground
 from polarsim.analog.presets import Preset
 from polarsim.analog.rays import Caster, grid_faces
 from polarsim.analog.rocks import Rock, icosphere
+from polarsim.survey import WALL_HEIGHT
 
 GROUND_OBJECT, HALL_OBJECT = -1, -2  # objects; rocks have their numbers
-_WALL_TOP, _WALL_THICKNESS = 0.31, 0.09  # metres
+_WALL_TOP = WALL_HEIGHT + 0.01  # metres: off what is stated, as the real ones are
+_WALL_THICKNESS = 0.09  # metres
 HALL_FLOOR = -0.40  # metres: below the deepest crater, or the hall would show in it
 
 

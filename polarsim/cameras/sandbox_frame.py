@@ -19,13 +19,13 @@ from polarsim.cameras.heightmaps import height_map
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
-from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
 
 GROUND_STEP = 0.04  # metres: cells that weigh alike in the ground's plane
 GROUND_SCALES = [0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.05, 0.04, 0.04, 0.04]
 GROUND_SHARE = 0.9  # of the half width: beyond it sand piles up at the walls
 
-WALL_BAND = (0.06, 0.28)  # metres above the sand in which a wall is looked for: the lowest top lies at 0.29
+WALL_BAND = (0.06, SURELY_WALL)  # metres above the sand in which a wall is looked for: no foot, no top edge
 WALL_SLACK = 0.6  # metres that a wall may be off its position before the frame is known
 WALL_UPRIGHT = 0.3  # |z| of the normal of a wall, at most
 WALL_FACING = 0.95  # cosine between a wall's normal and the axis

@@ -9,6 +9,7 @@ from pydantic import BaseModel, Field
 
 from polarsim.labels import rover_light
 from polarsim.labels.annotator_model import COEFFICIENTS
+from polarsim.survey import WALL_HEIGHT
 
 
 class LabelsOptions(BaseModel, extra="forbid", frozen=True):
@@ -102,7 +103,9 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         0.6, ge=0, description="Outlines are simplified with errors up to this, px; a larger one makes fewer points."
     )
     wall_height_m: float = Field(
-        0.30, ge=0, description="Walls of the sandbox stand so high above the sand, m, and shade it; 0: there are none."
+        WALL_HEIGHT,
+        ge=0,
+        description="Walls of the sandbox stand so high above the sand, m, and shade it; 0: there are none.",
     )
 
     def shadow_start(self, terrain: int) -> int:

@@ -8,6 +8,7 @@ from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_val
 
 from polarsim.geometry.rays import Device, RayEngine
 from polarsim.render.sensor_options import SensorOptions
+from polarsim.survey import SURELY_WALL
 
 Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
 MODELS: tuple[Model, ...] = get_args(Model)
@@ -274,7 +275,8 @@ class RenderOptions(SensorOptions):
     )
     rim: bool = Field(True, description="Add the walls of the sandbox: they cast shadows and are seen.")
     rim_half_width_m: float = Field(2.05, gt=0, description="The sandbox is twice this wide inside, metres.")
-    rim_height_m: float = Field(0.28, gt=0, description="Walls end so high above the median ground, metres.")
+    # Low rather than high: shade that no photo has would take away shadows that are there.
+    rim_height_m: float = Field(SURELY_WALL, gt=0, description="Walls end so high above the median ground, metres.")
     rim_albedo: float | None = Field(
         None,
         ge=0,
