@@ -12,7 +12,7 @@ from polarsim.rover.soil import bulldozing_numba, contact_numba
 from polarsim.rover.soil.bulldozing import Bulldozing
 from polarsim.rover.soil.check import Press
 from polarsim.rover.soil.contact import Rule, Wrenches, press
-from polarsim.rover.soil.law import Law
+from polarsim.rover.soil.law import ContactLaw
 from polarsim.rover.soil.nodes import Ground, flat_ground
 from polarsim.rover.soil.shapes import Bodies, Plate, Wheel, reach
 
@@ -24,7 +24,7 @@ def patch_inverse_width(length: float, width: float) -> float:
     return (length + width) / (length * width)
 
 
-def rest_plate(plate: Plate, law: Law, load: float, cell: float, press: Press = press) -> float:
+def rest_plate(plate: Plate, law: ContactLaw, load: float, cell: float, press: Press = press) -> float:
     """Depth, metres, at which a plate comes to rest that is pressed ever harder until it bears the load."""
     ground = flat_ground(2 * plate.length, 2 * plate.width, cell)
     # The centre lies on a node, or between two where that makes the length a whole number of cells.
@@ -58,7 +58,7 @@ class Parked:
 
 def park(
     wheel: Wheel,
-    law: Law,
+    law: ContactLaw,
     mass: float,
     gravity: float,
     slope_deg: float,
@@ -90,7 +90,7 @@ def park(
 class SoilBin:
     """Ground and the law by which it gives way; `steps` counts the steps so far."""
 
-    def __init__(self, ground: Ground, law: Law, bulldozing_rule: Bulldozing | None = None) -> None:
+    def __init__(self, ground: Ground, law: ContactLaw, bulldozing_rule: Bulldozing | None = None) -> None:
         self.ground, self.law, self.bulldozing, self.steps = ground, law, bulldozing_rule, 0
 
     def step(self, bodies: Bodies, dt: float) -> Wrenches:

@@ -28,7 +28,7 @@ from polarsim.rover.soil import contact_numba
 from polarsim.rover.soil.bulldozing import Bulldozing
 from polarsim.rover.soil.check import SMOOTH_MGRU3, TILT_BED, TREC, Rig, SlopeCurve, drive, misses_deg
 from polarsim.rover.soil.contact import Rule
-from polarsim.rover.soil.law import Law, read_soils
+from polarsim.rover.soil.law import ContactLaw, read_soils
 from polarsim.rover.soil.limit import steady_wheel
 from polarsim.rover.soil.nodes import make_ground
 from polarsim.rover.soil.shapes import Bodies, Plate, Wheel
@@ -97,16 +97,16 @@ def against_limit(slips: tuple[float, ...]) -> list[dict[str, float | str | bool
     return rows
 
 
-def rms_deg(curve: SlopeCurve, law: Law) -> float:
+def rms_deg(curve: SlopeCurve, law: ContactLaw) -> float:
     return float(np.sqrt((misses_deg(curve, law) ** 2).mean()))
 
 
-def fit_law(curve: SlopeCurve) -> Law:
+def fit_law(curve: SlopeCurve) -> ContactLaw:
     """The soil without cohesion, n = 1, that comes nearest: K_phi, friction angle and K by least squares."""
 
-    def law(numbers: np.ndarray) -> Law:
+    def law(numbers: np.ndarray) -> ContactLaw:
         K_mm, phi_deg, K_phi_mega = numbers
-        return Law(K_phi_mega * 1e6, 0.0, 1.0, 0.0, 0.0, math.tan(math.radians(phi_deg)), K_mm * 1e-3, 4e9, 0.0)
+        return ContactLaw(K_phi_mega * 1e6, 0.0, 1.0, 0.0, 0.0, math.tan(math.radians(phi_deg)), K_mm * 1e-3, 4e9, 0.0)
 
     def misses(numbers: np.ndarray) -> np.ndarray:
         return misses_deg(curve, law(numbers))

@@ -15,7 +15,7 @@ from polarsim.cameras.adjust import outlier_weights, whitened
 from polarsim.cameras.shading import Seen, Surface, look
 from polarsim.formats.best_photos import Photos
 from polarsim.formats.rigs import LocalisedRig
-from polarsim.geometry.patches import Found, Window, find
+from polarsim.geometry.patches import MatchedWindows, Window, find
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, View
 
 _NUDGE = 0.04  # metres: about a pixel of a coarse view
@@ -108,7 +108,7 @@ def _as_photo(image: np.ndarray) -> np.ndarray:
     return np.asarray(BLACK_LEVEL + image * (0.5 * WHITE_LEVEL / max(float(image.max()), 1e-12)))
 
 
-def _moves(found: Found) -> dict[tuple[float, ...], np.ndarray]:
+def _moves(found: MatchedWindows) -> dict[tuple[float, ...], np.ndarray]:
     return {tuple(pixel): move for pixel, move in zip(found.pixel.tolist(), found.seen - found.pixel, strict=True)}
 
 

@@ -35,7 +35,7 @@ class Window:
 
 
 @dataclass(frozen=True)
-class Found:
+class MatchedWindows:
     """Windows that were found, in pixels of the shaded view.
 
     A window on an edge tells its position across the edge and hardly along it. That shows in how the correlation bends
@@ -48,7 +48,7 @@ class Found:
     tried: int  # windows that were looked for
 
 
-def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Window) -> Found:
+def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Window) -> MatchedWindows:
     """Look for windows of the shaded view in a photo.
 
     Parameters
@@ -84,7 +84,7 @@ def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Wind
         peaks.append(likeness[down - 1 : down + 2, across - 1 : across + 2].astype(float))
     pixel = np.array(centres).reshape(-1, 2)
     move, whitening = _peaks_of(np.array(peaks).reshape(-1, 3, 3), window.noise)
-    return Found(pixel, pixel + np.array(corners, float).reshape(-1, 2) + move, whitening, int(free.sum()))
+    return MatchedWindows(pixel, pixel + np.array(corners, float).reshape(-1, 2) + move, whitening, int(free.sum()))
 
 
 def _inside(row: int, column: int, shape: tuple[int, ...]) -> bool:

@@ -1,7 +1,7 @@
 """`rays.Caster` on Intel's Embree 4: float32 inside, millions of rays a second.
 
 Scenes that change little from picture to picture need not be built again, such as the ground under a rover's wheels:
-of triangles in `Parts` the tree of a part is built anew where it moved, and one over all parts.
+of triangles in `MovableScene` the tree of a part is built anew where it moved, and one over all parts.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def _float32(values: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Part:
+class MovableMesh:
     """Triangles that move together; `mask`: bits by which casters choose parts."""
 
     vertices: np.ndarray  # (v, 3)
@@ -104,13 +104,13 @@ class Part:
     mask: int = 1
 
 
-class Parts:
+class MovableScene:
     """Parts in an Embree scene, each a scene of its own. Faces are numbered through, in the order of the parts.
 
     One scene of many shapes would not do: Embree 4.4 builds all its trees anew where one shape moves.
     """
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[MovableMesh]) -> None:
         """
         Raises
         ------
@@ -154,7 +154,7 @@ class Parts:
 class PartsCaster(EmbreeCaster):
     """Casts at some of the parts, on one thread: its callers share out strips themselves."""
 
-    def __init__(self, parts: Parts, mask: int) -> None:
+    def __init__(self, parts: MovableScene, mask: int) -> None:
         self._threads = 1
         self._scene = parts
         self._first_face, self._mask = np.asarray(parts.first_face[:-1], np.int64), np.uint32(mask)

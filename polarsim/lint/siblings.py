@@ -18,10 +18,10 @@ from polarsim.lint.rules import Defect
 from polarsim.photo import BOX_CLASSES, SUNS, Bracket, PhotoKey, by_bracket, exposures
 
 FOUND, UNMOVED = 0.1, 0.9  # IoU of a box with its like in another exposure, and of one that did not move
-Found = Iterator[tuple[PhotoKey, Defect]]
+Defects = Iterator[tuple[PhotoKey, Defect]]
 
 
-def set_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
+def set_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Defects of the files of one exposure bracket, against what most of them hold."""
     filled = {key: boxes for key, boxes in files.items() if len(boxes[0])}
     if filled:
@@ -68,7 +68,7 @@ def modals(boxes: Mapping[PhotoKey, np.ndarray]) -> dict[Bracket, np.ndarray]:
     return {name: modal({key: boxes[key] for key in keys}) for name, keys in by_bracket(boxes).items()}
 
 
-def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Found:
+def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Defects:
     """Boxes of one class that are missing, additional or elsewhere than in most exposures."""
     of_kind, kind = of_class(files, number), BOX_CLASSES[number]
     common = modal(of_kind)
@@ -111,7 +111,7 @@ def changed(before: np.ndarray, after: np.ndarray) -> Change:
     )
 
 
-def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
+def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Defects of the files of one terrain, against files under other lamps."""
     yield from _copied(files)
     yield from _without_right(files)
@@ -121,7 +121,7 @@ def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
         yield from _across_lights(mine)
 
 
-def _copied(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _copied(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Files of one view with the same content under two Sun lamps."""
     same: dict[tuple[object, ...], list[PhotoKey]] = {}
     for key, (classes, boxes) in sorted(files.items()):
@@ -135,7 +135,7 @@ def _copied(files: Mapping[PhotoKey, Boxes]) -> Found:
                 yield key, Defect("copied_azimuth", f"the same as {other}")
 
 
-def _without_right(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _without_right(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Left photos without Sun that are labelled while their Right is not, though the Right set is there."""
     right = {key for key in files if key.camera == "R"}
     sets = {(key.position, key.light) for key in right if key.azimuth == "no"}
@@ -145,7 +145,7 @@ def _without_right(files: Mapping[PhotoKey, Boxes]) -> Found:
             yield key, Defect("missing_right", f"no {key.other_camera}")
 
 
-def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Rocks and classes of one view against the best files of the other azimuths, rover light off."""
     best = {key.azimuth: key for key in _best(files) if key.light == "off" and key.azimuth in SUNS}
     rocks = {azimuth: _rocks(files[key]) for azimuth, key in best.items()}
@@ -169,7 +169,7 @@ def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
             yield key, Defect("swapped_class", detail, tuple(swapped.tolist()))
 
 
-def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Exposure brackets of one view with the rover light on, against the same ones with it off; named by their best
     file.
     """

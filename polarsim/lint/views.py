@@ -13,7 +13,7 @@ from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
-from polarsim.lint.siblings import Found, modals, of_class
+from polarsim.lint.siblings import Defects, modals, of_class
 from polarsim.photo import CAMERAS, SUNS, Bracket, PhotoKey
 
 LEAST_BOXES = 3  # fewer tell no view
@@ -30,7 +30,7 @@ REACH = 0.12  # metres on the ground between a rock's box and its shadow's
 AWAY, TOWARDS = 0.0, -0.7  # cosine to the direction of light: from there on a shadow may be, and cannot be, a rock's
 
 
-def view_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
+def view_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Defects of the files of one terrain that need more than one view, or the positions of cameras and lamps."""
     yield from _of_other_views(files)
     yield from _of_other_azimuths(files)
@@ -38,7 +38,7 @@ def view_defects(files: Mapping[PhotoKey, Boxes]) -> Found:
     yield from _sunward(files)
 
 
-def _of_other_views(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _of_other_views(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Rocks of a file against the exposure brackets of all views, its own set left out; the median over sets counts."""
     rocks = of_class(files, ROCK_CLASS)
     sets = modals(rocks)
@@ -66,7 +66,7 @@ def _fits_of_views(boxes: np.ndarray, sets: Mapping[Bracket, np.ndarray]) -> dic
     return {view: float(np.median(found)) for view, found in fits.items()}
 
 
-def _of_other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _of_other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Shadows of an exposure bracket against those under the same lamp with the other light, and under other lamps."""
     shadows = of_class(files, SHADOW_CLASS)
     sets = modals(shadows)
@@ -95,7 +95,7 @@ def _fit(boxes: np.ndarray, known: np.ndarray) -> float:
     return float(overlap[match_sum(overlap)].sum() / max(1, len(boxes)))
 
 
-def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Rocks of a Right file that lie above or below where all pairs of the station put the Left one."""
     rocks = of_class(files, ROCK_CLASS)
     sets = modals(rocks)
@@ -157,7 +157,7 @@ def _off_line(expected: np.ndarray, right: np.ndarray) -> list[int]:
     return rows
 
 
-def _sunward(files: Mapping[PhotoKey, Boxes]) -> Found:
+def _sunward(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Shadows that touch a rock on the side of the Sun lamp, and no rock on the other side."""
     rig = stated_rig()
     for key, (classes, boxes) in sorted(files.items()):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.geometry.casters import caster
-from polarsim.geometry.rays_embree import Part, Parts
+from polarsim.geometry.rays_embree import MovableMesh, MovableScene
 
 
 def soup(random, triangles):
@@ -23,7 +23,7 @@ def rays(random, number):
 def test_parts_are_met_as_all_triangles_at_once(seed, sizes, moved):
     random = np.random.default_rng(seed)
     soups = [soup(random, size) for size in sizes]
-    scene = Parts([Part(*each) for each in soups])
+    scene = MovableScene([MovableMesh(*each) for each in soups])
     if moved:
         soups[-1] = (soups[-1][0] + [0.5, -1, 2], soups[-1][1])
         scene.move(len(soups) - 1, soups[-1][0])
@@ -46,7 +46,7 @@ def test_parts_are_met_as_all_triangles_at_once(seed, sizes, moved):
 def test_a_mask_chooses_the_parts_that_rays_meet(mask, face):
     triangle = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]])
     one = np.array([[0, 1, 2]])
-    scene = Parts([Part(triangle + np.array([0, 0, 1]), one, 1), Part(triangle, one, 2)])
+    scene = MovableScene([MovableMesh(triangle + np.array([0, 0, 1]), one, 1), MovableMesh(triangle, one, 2)])
     distance, found = scene.caster(mask).nearest(np.array([[0.0, 0, 3]]), np.array([[0.0, 0, -1]]))
     assert found == face
     np.testing.assert_allclose(distance, 2 + face)

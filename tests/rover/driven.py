@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks
+from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace
 from polarsim.rover.vehicle.table import Vehicle, read_vehicle
 from polarsim.rover.world.surface import ROCK_COLUMNS, World
 
@@ -85,7 +85,7 @@ def trace(seconds: float = 6.0, start: float = 5.5, hz: float = 50, picture_hz: 
     )
 
 
-def tracks(ground: World, rover: np.ndarray, start: float, times: np.ndarray) -> Tracks:
+def tracks(ground: World, rover: np.ndarray, start: float, times: np.ndarray) -> GroundChanges:
     before, cells, levels, first = ground.level.copy(), [], [], [0]
     for time in times:
         now = ground.level.copy()
@@ -100,6 +100,6 @@ def tracks(ground: World, rover: np.ndarray, start: float, times: np.ndarray) ->
         levels.append(now.ravel()[changed])
         first.append(first[-1] + len(changed))
         before = now
-    return Tracks(
+    return GroundChanges(
         times, np.array(first), np.concatenate(cells).astype(np.int32), np.concatenate(levels).astype(np.float32)
     )

@@ -10,7 +10,7 @@ from polarsim.formats import obj, png, tables
 from polarsim.geometry.meshes import Mesh
 from polarsim.rover.cameras.frames import pose_table
 from polarsim.rover.cameras.layout import TRUTH_COLUMNS
-from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks, trace_table, write_trace
+from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace, trace_table, write_trace
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.practice import PracticeGround, practice_world
@@ -59,7 +59,7 @@ def straight_drive(seconds: float = 2.0, log_hz: float = 100.0, picture_hz: floa
         rows[:, column(f"{code}_load_n")] = 174.0
         rows[:, column(f"{code}_contact")] = number
     shots = np.arange(0, seconds + 1e-9, 1 / picture_hz)
-    tracks = Tracks(
+    tracks = GroundChanges(
         shots, np.arange(len(shots) + 1), np.arange(len(shots), dtype=np.int32), np.full(len(shots), -1e-3, np.float32)
     )
     return Trace(trace_table(rows), bare_world(np.zeros((41, 81)), 0.05, -2.0, -1.0), tracks, {"ended": "finished"})

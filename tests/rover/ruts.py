@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from polarsim.rover.cameras.tracks import Lattice, Tracks
+from polarsim.rover.cameras.tracks import Lattice, WheelTracks
 
 CELL = 0.02
 
@@ -19,4 +19,4 @@ def rutted(lattice, columns=slice(30, 90)):
 
 
 def tracks(lattice, finer=3):
-    return Tracks(lattice, rutted(lattice) != lattice.level, finer, 36)
+    return WheelTracks(lattice, rutted(lattice) != lattice.level, finer, 36)

@@ -24,11 +24,11 @@ def _in_order(low: Point, high: Point) -> None:
         raise ValueError(f"low corner {list(low)} above high corner {list(high)}")
 
 
-class Part(BaseModel, extra="forbid", frozen=True):
+class Section(BaseModel, extra="forbid", frozen=True):
     """A section of the file."""
 
 
-class TerrainPart(Part):
+class TerrainPart(Section):
     """A terrain's meshes, and where they lie in the scene."""
 
     meshes: Path = Field(description="Folder of the terrain's meshes, `results/<run>/meshes/TerrainNN`.")
@@ -37,21 +37,21 @@ class TerrainPart(Part):
     heading_deg: Finite = Field(0, description="The terrain's +X in the scene, degrees from +X towards +Y.")
 
 
-class SceneSection(Part):
+class SceneSection(Section):
     """Terrains side by side."""
 
     name: Name
     terrains: tuple[TerrainPart, ...] = Field(min_length=1, description="Terrains, each at its position.")
 
 
-class RigLens(Part):
+class RigLens(Section):
     """The calibrated rig's lenses."""
 
     kind: Literal["rig"] = "rig"
     placed: Path | None = Field(None, description="PosX.json whose lenses are used; none: the real rig's stated ones.")
 
 
-class PinholeLens(Part):
+class PinholeLens(Section):
     """A lens without distortion."""
 
     kind: Literal["pinhole"]
@@ -61,7 +61,7 @@ class PinholeLens(Part):
     baseline_m: PositiveFloat = Field(0.3, description="Distance of the right camera with `stereo`, metres.")
 
 
-class PointCameras(Part):
+class PointCameras(Section):
     """One camera."""
 
     kind: Literal["point"]
@@ -71,7 +71,7 @@ class PointCameras(Part):
     roll_deg: Finite = Field(0, description="Right side down, degrees.")
 
 
-class OrbitCameras(Part):
+class OrbitCameras(Section):
     """Cameras on a circle, all looking at one point."""
 
     kind: Literal["orbit"]
@@ -84,7 +84,7 @@ class OrbitCameras(Part):
     over_deg: Finite = Field(360, description="Angle that the cameras divide evenly, degrees; 360 is a full circle.")
 
 
-class PathCameras(Part):
+class PathCameras(Section):
     """Frames of a drive or flight along a smooth curve, evenly spaced."""
 
     kind: Literal["path"]
@@ -95,7 +95,7 @@ class PathCameras(Part):
     pitch_deg: float = Field(0, ge=-90, le=90, description="Downwards from the path's heading, degrees.")
 
 
-class RandomCameras(Part):
+class RandomCameras(Section):
     """Cameras anywhere in a box, looking at points anywhere in another one."""
 
     kind: Literal["random"]
@@ -119,7 +119,7 @@ def _utc(moment: datetime) -> datetime:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
-class NearLamps(Part):
+class NearLamps(Section):
     """Lamps as in POLAR's hall; lists of azimuths and elevations make a lamp of every pair."""
 
     kind: Literal["lamp"]
@@ -134,7 +134,7 @@ class NearLamps(Part):
     radius_m: float = Field(0, ge=0, description="Of the lamp's disc, metres; 0: a point, shadows with sharp edges.")
 
 
-class Suns(Part):
+class Suns(Section):
     """The Sun, 0.53 degrees wide; lists of azimuths and elevations make one of every pair."""
 
     kind: Literal["sun"]
@@ -146,7 +146,7 @@ class Suns(Part):
     intensity: PositiveFloat = Field(1, description="Irradiance over that of POLAR's Sun lamp 4 m away.")
 
 
-class LunarSuns(Part):
+class LunarSuns(Section):
     """The real Sun over a site on the Moon at moments of time."""
 
     kind: Literal["lunar_sun"]
@@ -160,7 +160,7 @@ class LunarSuns(Part):
     intensity: PositiveFloat = Field(1, description="Irradiance over that of POLAR's Sun lamp 4 m away.")
 
 
-class RoverLight(Part):
+class RoverLight(Section):
     """A point of light that moves with the camera."""
 
     states: tuple[bool, ...] = Field((False,), min_length=1, description="Off, on, or both; each makes its pictures.")
@@ -171,7 +171,7 @@ class RoverLight(Part):
     )
 
 
-class AutoExposure(Part):
+class AutoExposure(Section):
     """What `auto` among the exposures means."""
 
     percentile: float = Field(95, gt=0, le=100, description="Of the lit pixels: this one gets the grey value.")
@@ -180,7 +180,7 @@ class AutoExposure(Part):
     longest_ms: PositiveFloat = Field(8192, description="Exposures stay below, ms.")
 
 
-class StarField(Part):
+class StarField(Section):
     """Stars where a pixel meets no surface, those of the Hipparcos catalogue."""
 
     intensity: float = Field(
@@ -191,7 +191,7 @@ class StarField(Part):
     )
 
 
-class Views(Part):
+class Views(Section):
     """A file of views. All lengths in metres, sandbox frame: +X to azimuth 0, +Y to 90, +Z up."""
 
     scenes: tuple[SceneSection, ...] = Field(min_length=1, description="Scenes; each is seen by all cameras.")

@@ -64,22 +64,22 @@ def rover_lamp(light: RoverLight, camera: NamedCamera) -> Lamp:
     return Lamp(left_from_sandbox.inverse().apply(np.array(light.from_camera_m)), light.intensity)
 
 
-Found = tuple[Lamp, float, float, str, np.ndarray]
+PlannedLamp = tuple[Lamp, float, float, str, np.ndarray]
 
 
-def _near(section: NearLamps) -> Iterator[Found]:
+def _near(section: NearLamps) -> Iterator[PlannedLamp]:
     for azimuth, elevation in product(section.azimuth_deg, section.elevation_deg):
         towards = Lamp.sun(azimuth, elevation).position
         position = np.array(section.centre_m) + section.distance_m * towards / np.linalg.norm(towards)
         yield Lamp(position, section.intensity, section.radius_m), azimuth, elevation, "", np.eye(3)
 
 
-def _suns(section: Suns) -> Iterator[Found]:
+def _suns(section: Suns) -> Iterator[PlannedLamp]:
     for azimuth, elevation in product(section.azimuth_deg, section.elevation_deg):
         yield Lamp.sun(azimuth, elevation, section.intensity), azimuth, elevation, "", np.eye(3)
 
 
-def _lunar(section: LunarSuns) -> Iterator[Found]:
+def _lunar(section: LunarSuns) -> Iterator[PlannedLamp]:
     site = (section.latitude_deg, section.longitude_deg)
     sandbox_from_local = _rotation(section.north_deg - 90)  # local: x east, y north, z up
     for number in range(section.number):
@@ -98,7 +98,7 @@ def _rotation(angle_deg: float) -> np.ndarray:
     return Pose.from_rotvec(np.array([0, 0, np.radians(angle_deg)]), np.zeros(3)).rotation
 
 
-_LAMPS: dict[type, Callable[..., Iterator[Found]]] = {NearLamps: _near, Suns: _suns, LunarSuns: _lunar}
+_LAMPS: dict[type, Callable[..., Iterator[PlannedLamp]]] = {NearLamps: _near, Suns: _suns, LunarSuns: _lunar}
 
 
 AUTO = "auto"

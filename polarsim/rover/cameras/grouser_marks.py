@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from polarsim.rover.cameras.tracks import Tracks
+from polarsim.rover.cameras.tracks import WheelTracks
 
 DEPTH_M, SD_M = 0.006, 0.006  # of a mark, and the standard deviation of its profile along the rut
 _EDGE_M = 0.01  # over which a mark ends at the wheel's side
@@ -72,7 +72,7 @@ def marks_of(
     return found
 
 
-def stamp(tracks: Tracks, events: Sequence[GrouserMark], tread: Tread) -> None:
+def stamp(tracks: WheelTracks, events: Sequence[GrouserMark], tread: Tread) -> None:
     """Write marks into the tracks, in their order."""
     lattice, fine, shape = tracks.lattice, tracks.fine.cell, np.array(tracks.fine.level.shape)
     reach = np.hypot(tread.spacing, tread.width) / 2 + fine

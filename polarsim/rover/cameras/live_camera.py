@@ -18,7 +18,7 @@ from polarsim.render.sensor import expose
 from polarsim.rover.cameras.bodywork import body_of, links_at
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.render_scene import RenderScene, options_of, rocks_of
-from polarsim.rover.cameras.tracks import Lattice, Tracks
+from polarsim.rover.cameras.tracks import Lattice, WheelTracks
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State
 from polarsim.rover.vehicle.mounts import FRONT, mount_of, pose_of
@@ -56,7 +56,7 @@ class LiveCamera:
         body = body_of(vehicle)
         self._render = options_of(suite, body)
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
-        tracks = Tracks(lattice, _near(world, path), suite.finer)
+        tracks = WheelTracks(lattice, _near(world, path), suite.finer)
         self._scene = RenderScene(tracks, rocks_of(world), body, skirt_m=self._render.skirt_m, far_m=suite.far_m)
         self._lamps = {SUN: Lamp.sun(options.sun_azimuth_deg, options.sun_elevation_deg)}
 

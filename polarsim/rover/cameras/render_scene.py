@@ -18,12 +18,12 @@ from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster, Surveyor
-from polarsim.geometry.rays_embree import Part, Parts
+from polarsim.geometry.rays_embree import MovableMesh, MovableScene
 from polarsim.render.options import Material, RenderOptions
 from polarsim.render.surfaces import Surfaces, with_skirts
 from polarsim.rover.cameras.bodywork import Body
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.cameras.tracks import Lattice, Tracks, tile_faces
+from polarsim.rover.cameras.tracks import Lattice, WheelTracks, tile_faces
 from polarsim.rover.world.surface import World
 
 _REST, _ROCKS = 1, 2  # bits of parts
@@ -48,7 +48,7 @@ class Rocks:
 class MovingSurfaces(Surfaces):
     """Surfaces in parts. The faces of ground and body come first, the rocks' last; arrays change in place."""
 
-    parts: Parts | None = None
+    parts: MovableScene | None = None
 
     @cached_property
     def all(self) -> Surveyor:
@@ -64,7 +64,7 @@ class MovingSurfaces(Surfaces):
 class RenderScene:
     """All that is seen on a drive; `show` moves it to a moment."""
 
-    def __init__(self, tracks: Tracks, rocks: Rocks, body: Body, *, skirt_m: float, far_m: float) -> None:
+    def __init__(self, tracks: WheelTracks, rocks: Rocks, body: Body, *, skirt_m: float, far_m: float) -> None:
         """
         Parameters
         ----------
@@ -99,7 +99,7 @@ class RenderScene:
         self._first_face = np.cumsum([0, *(len(own) for own in faces)])
         masks = [_REST] * (len(faces) - 1) + [_ROCKS]
         parts = [(v, f, mask) for v, f, mask in zip(vertices, faces, masks, strict=True)]
-        self._parts = Parts([Part(*part) for part in parts])
+        self._parts = MovableScene([MovableMesh(*part) for part in parts])
         self.surfaces = MovingSurfaces(
             np.concatenate(vertices),
             np.concatenate([own + first for own, first in zip(faces, self._first_vertex, strict=False)]),

@@ -24,7 +24,7 @@ from polarsim.rover.cameras.grouser_marks import GrouserMark, Tread
 from polarsim.rover.cameras.lights import headlights, suns_of
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.render_scene import RenderScene, options_of, rocks_of
-from polarsim.rover.cameras.tracks import Lattice, Tracks
+from polarsim.rover.cameras.tracks import Lattice, WheelTracks
 from polarsim.rover.drive.trace import Trace
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import Vehicle
@@ -130,7 +130,7 @@ class CameraSuite:
         changed = np.zeros(world.level.size, bool)
         changed[self.trace.tracks.cell] = True
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
-        tracks = Tracks(lattice, changed.reshape(world.level.shape), options.finer)
+        tracks = WheelTracks(lattice, changed.reshape(world.level.shape), options.finer)
         return RenderScene(tracks, rocks_of(world), self.body, skirt_m=self.render_options.skirt_m, far_m=options.far_m)
 
     @cached_property

@@ -48,7 +48,7 @@ class Lattice:
         return Lattice(self.x0, self.y0, self.cell / finer, spline(rows, columns))
 
 
-class Tracks:
+class WheelTracks:
     """The tiles that a drive changes, and their mesh at the moment of the last `show`."""
 
     def __init__(self, lattice: Lattice, changed: np.ndarray, finer: int, angle_deg: float = SETTLE_DEG) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.errors import RoverError
-from polarsim.rover.soil.law import Law
+from polarsim.rover.soil.law import ContactLaw
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import Vehicle
 
@@ -73,7 +73,7 @@ def require_closed(account: Account, bound: float, time: float) -> None:
         )
 
 
-def largest_step(vehicle: Vehicle, law: Law, gravity: float) -> float:
+def largest_step(vehicle: Vehicle, law: ContactLaw, gravity: float) -> float:
     """Longest time step, s, in which a wheel's swing on elastic soil is followed.
 
     The patch is that of the wheel at rest: by Bekker's law with n = 1 it sinks by (3 W / (2 b K sqrt(2 R)))^(2/3).
@@ -91,7 +91,7 @@ def largest_step(vehicle: Vehicle, law: Law, gravity: float) -> float:
     return min(steps)
 
 
-def require_small_step(vehicle: Vehicle, law: Law, options: SoilOptions) -> None:
+def require_small_step(vehicle: Vehicle, law: ContactLaw, options: SoilOptions) -> None:
     """Refuse a step before anything runs.
 
     Raises

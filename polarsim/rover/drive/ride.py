@@ -17,7 +17,7 @@ from polarsim.rover.drive.job import Job, job_of, law_of, require_on_grid, route
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import OffGridError
-from polarsim.rover.drive.trace import COLUMNS, Trace, Tracks, trace_table, write_trace
+from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace, trace_table, write_trace
 from polarsim.rover.soil.nodes import LEVEL
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import WHEELS
@@ -152,7 +152,7 @@ class Ride:
         self.driver.turning = bool(saved["ride"][3])
         driver = self.driver
         driver.offset, driver.heading_error, driver.done, driver.drift = (float(value) for value in saved["driver"])
-        tracks = Tracks(saved["frame_time"], saved["frame_start"], saved["frame_cell"], saved["frame_level"])
+        tracks = GroundChanges(saved["frame_time"], saved["frame_start"], saved["frame_cell"], saved["frame_level"])
         for frame, time in enumerate(tracks.time):
             part = slice(tracks.start[frame], tracks.start[frame + 1])
             self.frames.append((float(time), tracks.cell[part], tracks.level[part]))
@@ -256,9 +256,9 @@ def _steps(hz: float, dt: float) -> int:
     return steps
 
 
-def _tracks(frames: list[tuple[float, np.ndarray, np.ndarray]]) -> Tracks:
+def _tracks(frames: list[tuple[float, np.ndarray, np.ndarray]]) -> GroundChanges:
     counts = [len(cells) for _, cells, _ in frames]
-    return Tracks(
+    return GroundChanges(
         np.array([time for time, _, _ in frames]),
         np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
         np.concatenate([np.zeros(0, np.int32), *(cells for _, cells, _ in frames)]),

@@ -59,7 +59,7 @@ def metrics(parts: Mapping[str, pd.DataFrame], options: OnboardOptions, seed: in
     return pd.DataFrame(rows, columns=list(ONBOARD.columns))
 
 
-Found = tuple[str, tuple[float, float, float], list[np.ndarray], Statistic, float]
+MetricRow = tuple[str, tuple[float, float, float], list[np.ndarray], Statistic, float]
 _NOWHERE = (np.nan, np.nan)
 
 
@@ -76,9 +76,9 @@ def _groups(parts: Mapping[str, pd.DataFrame]) -> list[tuple[tuple[str, str, flo
     return found
 
 
-def _recalls(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[Found]:
+def _recalls(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[MetricRow]:
     rides = [recall_by_distance(ride, options) for _, ride in own["sightings"].groupby(_RIDE)]
-    found: list[Found] = []
+    found: list[MetricRow] = []
     for number in range(len(rides[0]) if rides else 0):
         height, low, high = rides[0][["height_m", "from_m", "to_m"]].to_numpy(float)[number].tolist()
         counts = [ride.loc[number, ["detected", "rocks"]].to_numpy(float)[None] for ride in rides]
@@ -88,8 +88,8 @@ def _recalls(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[F
     return found
 
 
-def _stable(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[Found]:
-    found: list[Found] = []
+def _stable(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[MetricRow]:
+    found: list[MetricRow] = []
     for height in options.heights_m:
         high = own["stable"][own["stable"]["height_m"] > height]
         rides = [ride for _, ride in high.groupby(_RIDE)]
@@ -106,7 +106,7 @@ def _stable(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[Fo
     return found
 
 
-def _map(own: Mapping[str, pd.DataFrame]) -> list[Found]:
+def _map(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
     rides = [ride for _, ride in own["map"].groupby(_RIDE)]
     labels = (np.nan, *_NOWHERE)
     hits = [ride[["right", "false", "missed"]].to_numpy(float) for ride in rides]
@@ -118,11 +118,11 @@ def _map(own: Mapping[str, pd.DataFrame]) -> list[Found]:
     ]
 
 
-def _stops(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[Found]:
+def _stops(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[MetricRow]:
     rides = [ride for _, ride in own["stops"].groupby(_RIDE)]
     metres = float(own["stops"]["length_m"].sum())
     counts = [ride[["stops", "length_m"]].to_numpy(float) for ride in rides]
-    found: list[Found] = [
+    found: list[MetricRow] = [
         ("false stops per 100 m", (np.nan, *_NOWHERE), counts, lambda rows: 100 * _share(rows), metres)
     ]
     for height in options.heights_m:

@@ -15,7 +15,7 @@ from polarsim.formats import tables
 from polarsim.formats.schemas import SOIL_LIMIT, SOIL_MEASURED
 from polarsim.rover.soil import contact_numba
 from polarsim.rover.soil.contact import Rule, Wrenches
-from polarsim.rover.soil.law import Law, read_soils
+from polarsim.rover.soil.law import ContactLaw, read_soils
 from polarsim.rover.soil.limit import steady_wheel
 from polarsim.rover.soil.nodes import Ground, flat_ground
 from polarsim.rover.soil.shapes import Bodies, Wheel
@@ -24,7 +24,7 @@ from polarsim.rover.soil.shapes import Bodies, Wheel
 WHEELS = {"A": (Wheel(0.25, 0.20), "lunar", 174.15), "B": (Wheel(0.15735, 0.165), "hit-simulant", 80.0)}
 SLIPS = (0.0, 0.2, 0.4, 0.6, 0.8)
 GRIDS = ((0.005, 4e9), (0.02, 2e8))  # cell, m, and elastic stiffness, Pa/m
-Press = Callable[[Ground, Bodies, Law, Rule, float], Wrenches]
+Press = Callable[[Ground, Bodies, ContactLaw, Rule, float], Wrenches]
 SMOOTH_MGRU3 = Wheel(radius=0.25, width=0.20)  # the rim alone: the limit knows no grousers
 
 
@@ -87,7 +87,9 @@ TILT_BED = SlopeCurve(
 CURVES = {"trec-grc3": TREC, "mgru3-tilt-bed": TILT_BED}  # by the soil that each was fitted to
 
 
-def drive(wheel: Wheel, law: Law, load: float, slip: float, cell: float, rig: Rig, rule: Rule, press: Press) -> Driven:
+def drive(
+    wheel: Wheel, law: ContactLaw, load: float, slip: float, cell: float, rig: Rig, rule: Rule, press: Press
+) -> Driven:
     """Drive over fresh level ground at one slip; forward is +x, and the wheel starts on the surface."""
     if not slip < 1:
         raise RoverError(f"slip {slip:g}, a wheel that moves has less than 1")
@@ -157,7 +159,7 @@ def against_measured(soils: Path) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(SOIL_MEASURED.columns))
 
 
-def misses_deg(curve: SlopeCurve, law: Law, wheel: Wheel = SMOOTH_MGRU3) -> np.ndarray:
+def misses_deg(curve: SlopeCurve, law: ContactLaw, wheel: Wheel = SMOOTH_MGRU3) -> np.ndarray:
     """(n,) degrees by which a soil's slope lies above the measured one at the same slip."""
     found = []
     for (slip, slope), load in zip(curve.points, curve.loads(), strict=True):

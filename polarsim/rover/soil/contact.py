@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.rover.soil.law import Law
+from polarsim.rover.soil.law import ContactLaw
 from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, PLASTIC, ROCK, SHEAR_X, SHEAR_Z, START, YIELD, Ground
 from polarsim.rover.soil.shapes import INVERSE_WIDTH, KIND, RADIUS, WHEEL, Bodies, half_extent, intersect
 
@@ -41,7 +41,7 @@ class Wrenches:
     readings: np.ndarray  # (k, 4): depth below the start level and below the original ground, m; power taken, W; area
 
 
-def press(ground: Ground, bodies: Bodies, law: Law, rule: Rule, dt: float) -> Wrenches:
+def press(ground: Ground, bodies: Bodies, law: ContactLaw, rule: Rule, dt: float) -> Wrenches:
     """One step of the contact of all bodies, in their order; changes `ground`."""
     count = len(bodies.numbers)
     forces, torques, readings = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, len(READINGS)))
@@ -85,7 +85,7 @@ def slip_of(numbers: np.ndarray, rotation: np.ndarray, velocity: np.ndarray, spi
 
 
 def _press_one(
-    ground: Ground, bodies: Bodies, body: int, law: Law, exponent: float, rule: Rule, dt: float
+    ground: Ground, bodies: Bodies, body: int, law: ContactLaw, exponent: float, rule: Rule, dt: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     numbers, centre, rotation = bodies.numbers[body], bodies.centres[body], bodies.rotations[body]
     rows, columns = ground.window(centre, half_extent(numbers, rotation))
@@ -135,7 +135,13 @@ def _press_one(
 
 
 def _pressure(
-    nodes: np.ndarray, s: np.ndarray, tried: np.ndarray, v_n: np.ndarray, law: Law, stiffness: float, exponent: float
+    nodes: np.ndarray,
+    s: np.ndarray,
+    tried: np.ndarray,
+    v_n: np.ndarray,
+    law: ContactLaw,
+    stiffness: float,
+    exponent: float,
 ) -> np.ndarray:
     """Elastic up to the pressure borne before, then Bekker's curve; the depth that stays is written to the nodes."""
     plastic = tried > nodes[:, YIELD]
@@ -155,7 +161,7 @@ def _shear(
     normal: np.ndarray,
     level: np.ndarray,
     slip: np.ndarray,
-    law: Law,
+    law: ContactLaw,
     rule: Rule,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray]:

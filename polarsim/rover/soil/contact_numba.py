@@ -8,7 +8,7 @@ import numpy as np
 
 from polarsim.kernels import njit
 from polarsim.rover.soil.contact import READINGS, SLOWEST_RIM, STEEPEST, Rule, Wrenches
-from polarsim.rover.soil.law import Law
+from polarsim.rover.soil.law import ContactLaw
 from polarsim.rover.soil.nodes import (
     FLOW,
     FREE,
@@ -29,7 +29,7 @@ from polarsim.rover.soil.shapes_numba import clear, dot, intersect, intersect_ri
 _SIZE = len(READINGS)
 
 
-def press(ground: Ground, bodies: Bodies, law: Law, rule: Rule, dt: float) -> Wrenches:
+def press(ground: Ground, bodies: Bodies, law: ContactLaw, rule: Rule, dt: float) -> Wrenches:
     """One step of the contact of all bodies, in their order; changes `ground`."""
     count = len(bodies.numbers)
     forces, torques, readings = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, _SIZE))

@@ -48,9 +48,9 @@ class Soil:
             gravity=gravity,
         )
 
-    def law(self, slip_sinkage: bool = True) -> Law:
+    def law(self, slip_sinkage: bool = True) -> ContactLaw:
         """What the contact needs."""
-        return Law(
+        return ContactLaw(
             self.K_phi,
             self.K_c,
             self.n,
@@ -63,7 +63,7 @@ class Soil:
         )
 
 
-class Law(NamedTuple):
+class ContactLaw(NamedTuple):
     """A soil's numbers as the kernels take them."""
 
     K_phi: float

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from polarsim.errors import RoverError
-from polarsim.rover.soil.law import Law
+from polarsim.rover.soil.law import ContactLaw
 from polarsim.rover.soil.shapes import Wheel
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
@@ -28,7 +28,7 @@ class Steady:
     torque: float  # N m
 
 
-def steady_wheel(wheel: Wheel, law: Law, load: float, slip: float, normal_of_terrain: bool = False) -> Steady:
+def steady_wheel(wheel: Wheel, law: ContactLaw, load: float, slip: float, normal_of_terrain: bool = False) -> Steady:
     """Sinkage at which the soil bears `load` newtons, and what the wheel then pulls; K_e is taken as infinite.
 
     Parameters
@@ -50,7 +50,9 @@ def steady_wheel(wheel: Wheel, law: Law, load: float, slip: float, normal_of_ter
     return Steady(sinkage, pull, torque)
 
 
-def _bear(wheel: Wheel, law: Law, sinkage: float, slip: float, normal_of_terrain: bool) -> tuple[float, float, float]:
+def _bear(
+    wheel: Wheel, law: ContactLaw, sinkage: float, slip: float, normal_of_terrain: bool
+) -> tuple[float, float, float]:
     """Vertical force, pull and torque; angles count from the lowest point, positive ahead.
 
     A rim that drives drags the soil by its slip's part along the ground: with w the rim's speed and v = (1 - slip) w

@@ -23,11 +23,11 @@ WheelCode = Literal["lf", "rf", "lr", "rr"]
 Triple = tuple[float, float, float]
 
 
-class Part(BaseModel, extra="forbid", frozen=True):
+class Section(BaseModel, extra="forbid", frozen=True):
     """A section of the table."""
 
 
-class Chassis(Part):
+class Chassis(Section):
     """All that moves as one with `base_link`."""
 
     mass_kg: PositiveFloat = Field(description="Mass of body and mast, without what hangs below, kg.")
@@ -42,7 +42,7 @@ class Chassis(Part):
         return self.mass_kg / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
 
 
-class WheelPart(Part):
+class WheelPart(Section):
     """One wheel and what holds it."""
 
     code: WheelCode = Field(description="lf, rf, lr or rr.")
@@ -68,7 +68,7 @@ def cube_inertia(mass: float, side: float = 0.2) -> np.ndarray:
     return np.full(3, mass * side**2 / 6)
 
 
-class Steering(Part):
+class Steering(Section):
     """Of every wheel on its own, about the vertical through its centre."""
 
     limit_deg: float = Field(gt=0, le=180, description="Largest angle either way, degrees.")
@@ -79,7 +79,7 @@ class Steering(Part):
     armature_kg_m2: float = Field(0.0, ge=0, description="Rotor's inertia seen at the joint, kg m2.")
 
 
-class Suspension(Part):
+class Suspension(Section):
     """A spring and a damper under each corner, along base_link's z."""
 
     stiffness_n_m: PositiveFloat = Field(description="N per m; without force the wheel hangs at its position.")
@@ -87,7 +87,7 @@ class Suspension(Part):
     travel_m: PositiveFloat = Field(description="Either way, m.")
 
 
-class Drive(Part):
+class Drive(Section):
     """A speed servo in every wheel."""
 
     gain_n_m_s_rad: PositiveFloat = Field(description="Torque per error of wheel speed, N m s per rad.")
@@ -98,7 +98,7 @@ class Drive(Part):
     armature_kg_m2: float = Field(0.0, ge=0, description="Rotor's inertia seen at the wheel, kg m2.")
 
 
-class CameraPart(Part):
+class CameraPart(Section):
     """A pinhole camera; with all angles 0 it looks along the link's x and z is up."""
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="Of files, frames and topics.")
@@ -127,7 +127,7 @@ class CameraPart(Part):
         return self.width_px / 2 / math.tan(math.radians(self.hfov_deg) / 2)
 
 
-class LightPart(Part):
+class LightPart(Section):
     """A lamp; with all angles 0 it shines along the link's x."""
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="Of the lamp.")
@@ -143,7 +143,7 @@ class LightPart(Part):
 _Named = TypeVar("_Named", CameraPart, LightPart)
 
 
-class ShapePart(Part):
+class ShapePart(Section):
     """A simple body for shadows and pictures."""
 
     name: str = Field(description="What it stands for.")
@@ -157,7 +157,7 @@ class ShapePart(Part):
     albedo: float = Field(0.3, ge=0, le=1, description="Share of light that it sends back.")
 
 
-class Vehicle(Part):
+class Vehicle(Section):
     """A four-wheeled rover."""
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="Of the robot.")

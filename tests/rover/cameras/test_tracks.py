@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from polarsim.rover.cameras.tracks import TILE, Lattice, Tracks, spline_weights, tile_faces
+from polarsim.rover.cameras.tracks import TILE, Lattice, WheelTracks, spline_weights, tile_faces
 from polarsim.rover.soil import bulldozing
 from polarsim.rover.soil.bulldozing_numba import settle as fast_settle
 from polarsim.rover.soil.nodes import LEVEL, make_ground
@@ -47,7 +47,7 @@ def test_flat_cells_do_not_show_under_a_low_sun(rng):
 
     def leap(finer):
         """How bright smooth shading would have the faces that just look away: what shows as an edge."""
-        own = Tracks(lattice, np.ones(lattice.level.shape, bool), finer, 36)
+        own = WheelTracks(lattice, np.ones(lattice.level.shape, bool), finer, 36)
         light = []
         for number in range(len(own.tiles)):
             vertices, normals = own.mesh(number)
@@ -136,7 +136,7 @@ def test_no_wall_of_a_rut_is_steeper_than_sand_lies():
     lattice = Lattice(0, 0, CELL, np.zeros((97, 129)))
     level = lattice.level.copy()
     level[40:50, 30:90] -= 0.05
-    own = Tracks(lattice, level != 0, 4, 36)
+    own = WheelTracks(lattice, level != 0, 4, 36)
     own.show(level)
     up = min(own.mesh(number)[1][:, 2].min() for number in range(len(own.tiles)))
     assert (
