@@ -14,7 +14,7 @@ COLUMNS = ("rock", *TRANSLATION_COLUMNS, "sd_mm", "boxes", "iou_before", "iou_af
 
 
 def read_translations(cameras: Path) -> dict[int, np.ndarray]:
-    """Shift (3,) in metres, sandbox frame, by rock id; none where a terrain's cameras translation no rock.
+    """Translation (3,) in metres, sandbox frame, by rock id; none where a terrain's cameras move no rock.
 
     Raises
     ------

@@ -6,7 +6,7 @@ ROCK, OTHER = np.array([100.0, 100, 140, 130]), np.array([500.0, 300, 520, 315])
 
 
 def test_a_rock_annotated_under_every_lamp_becomes_its_median_box():
-    annotated = [np.array([ROCK + shift]) for shift in (-2, 0, 1, 2)]
+    annotated = [np.array([ROCK + offset]) for offset in (-2, 0, 1, 2)]
     np.testing.assert_allclose(consensus_boxes(annotated), [ROCK + 0.5])  # median of -2, 0, 1, 2
 
 

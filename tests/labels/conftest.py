@@ -80,8 +80,8 @@ def build_scene(folder: Path) -> SceneFiles:
     tables.write_parquet(files.photos, pd.DataFrame({name: [] for name in tables.PHOTO_COLUMNS}))
     rocks = np.array([files.expected_box("A", "L", rock) for rock in BLOCKS])
     shadows = {"30": np.array([-60, -40, -60, -40]), "180": np.array([0, 40, 0, 40])}
-    for azimuth, shift in shadows.items():
-        boxes = np.concatenate([rocks, rocks + shift])
+    for azimuth, offset in shadows.items():
+        boxes = np.concatenate([rocks, rocks + offset])
         yolo.write_boxes(files.seeds / f"03_A_off_{azimuth}_L_0256.txt", np.array([0, 0, 1, 1]), boxes)
     return files
 

@@ -28,9 +28,13 @@ def test_left_and_right_are_alike(shadow, rock, px_per_m):
 
 @given(st.floats(-300, 300), st.floats(-300, 300))
 def test_the_position_in_the_photo_does_not_matter(dx, dy):
-    rock, shadow, shift = np.array([500.0, 400, 560, 450]), np.array([550.0, 420, 680, 448]), np.array([dx, dy, dx, dy])
+    rock, shadow, offset = (
+        np.array([500.0, 400, 560, 450]),
+        np.array([550.0, 420, 680, 448]),
+        np.array([dx, dy, dx, dy]),
+    )
     found = as_people_draw(shadow, rock, rock, 600)
-    np.testing.assert_allclose(as_people_draw(shadow + shift, rock + shift, rock + shift, 600), found + shift)
+    np.testing.assert_allclose(as_people_draw(shadow + offset, rock + offset, rock + offset, 600), found + offset)
 
 
 def test_people_begin_a_shadow_farther_from_the_centre_of_its_rock_than_its_visible_part():

@@ -7,8 +7,8 @@ from polarsim.photo import PhotoKey
 ROCK, SHADOW = np.array([100.0, 100, 160, 150]), np.array([60.0, 90, 110, 140])
 
 
-def write(folder, name, shadows=1, shift=0):
-    boxes = np.array([ROCK + shift, *[SHADOW] * shadows])
+def write(folder, name, shadows=1, offset=0):
+    boxes = np.array([ROCK + offset, *[SHADOW] * shadows])
     yolo.write_boxes(folder / f"{name}.txt", np.array([0] + [1] * shadows), boxes)
 
 

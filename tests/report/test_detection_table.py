@@ -144,9 +144,9 @@ def test_ipd_has_a_row_for_each_split():
 
 def with_intervals(table):
     bounds = {
-        f"{name}_{bound}": table[name] + shift
+        f"{name}_{bound}": table[name] + offset
         for name in ("map50", "map50_95", "iou_mean")
-        for bound, shift in (("low", -0.1), ("high", 0.1))
+        for bound, offset in (("low", -0.1), ("high", 0.1))
     }
     return table.assign(**bounds, unit="view")
 

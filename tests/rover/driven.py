@@ -71,7 +71,7 @@ def trace(seconds: float = 6.0, start: float = 5.5, hz: float = 50, picture_hz: 
     table = pd.DataFrame({name: np.zeros(len(time)) for name in COLUMNS})
     table["time_s"], table["x_m"] = time, x
     table["z_m"] = level(x, 0) + RADIUS - SINKAGE
-    table["qz"] = 1.0  # turned by 180 degrees about z
+    table["qz"] = 1.0  # rotated by 180 degrees about z
     table["vx_m_s"], table["command_speed_m_s"] = -SPEED, SPEED
     spin = SPEED * time / RADIUS
     for code, centre in zip(("lf", "rf", "lr", "rr"), rover, strict=True):

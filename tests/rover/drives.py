@@ -47,7 +47,7 @@ def straight_drive(seconds: float = 2.0, log_hz: float = 100.0, picture_hz: floa
     rows[:, column("time_s")] = times
     rows[:, column("x_m")] = 1.0 - SPEED * times
     rows[:, column("z_m")] = RADIUS
-    rows[:, column("qz")] = 1.0  # half a turn about z
+    rows[:, column("qz")] = 1.0  # rotated by 180 degrees about z
     rows[:, column("vx_m_s")] = -SPEED
     rows[:, column("az_m_s2")] = 1.62
     for number, code in enumerate(WHEELS):

@@ -25,7 +25,7 @@ from polarsim.scoring.surface import Surface
 
 @pytest.fixture
 def scene():
-    """Sand with bumps that tell shifts along it too."""
+    """Sand with bumps that tell translations along it too."""
     axis = np.linspace(-1.8, 1.8, 121)
     x, y = (values.ravel() for values in np.meshgrid(axis, axis))
     vertices = np.column_stack([x, y, 0.04 * np.sin(5 * x) * np.cos(6 * y)])

@@ -11,7 +11,7 @@ from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.scoring.materials import held_out_metrics, score_materials
 
-SHIFT = np.array([0.3, -0.1, 0.05])  # of the true frame
+TRANSLATION = np.array([0.3, -0.1, 0.05])  # of the true frame
 STEPS = ("unfitted", "constant_albedo", "fitted")
 ERRORS = {step: {"median_stops": number, "rms_stops": number + 0.5} for number, step in enumerate(STEPS)}
 CHECK = {"azimuth": "30", "pixels": {"count": 10, **ERRORS}}
@@ -45,9 +45,9 @@ def scored(tmp_path):
         write_materials(tmp_path / "materials", mesh, found)
         pose = looking(np.array([2.0, 0, 1]), np.pi, 0.4)
         write_localised(tmp_path / "cameras" / "PosA.json", LocalisedRig(stated_rig(), pose, "test"))
-        shifted = Pose(np.eye(3), SHIFT) @ pose
-        write_localised(tmp_path / "truth" / "cameras" / "PosA.json", LocalisedRig(stated_rig(), shifted, "truth"))
-        table = pd.DataFrame(mesh.vertices + SHIFT, columns=list("xyz")).assign(
+        translated = Pose(np.eye(3), TRANSLATION) @ pose
+        write_localised(tmp_path / "truth" / "cameras" / "PosA.json", LocalisedRig(stated_rig(), translated, "truth"))
+        table = pd.DataFrame(mesh.vertices + TRANSLATION, columns=list("xyz")).assign(
             rock=np.where(rock, 5, -1), albedo=true, pixels=9
         )
         if albedo_known:

@@ -389,7 +389,7 @@ def test_a_twin_at_half_the_brightness_is_one_stop_down():
     assert log_ratio(photo, twin).size == 35 * 60
 
 
-def test_similarity_is_one_with_itself_and_falls_with_a_shift(rng):
+def test_similarity_is_one_with_itself_and_falls_with_an_offset(rng):
     photo = (16 + 2000 * rng.random((80, 80))).astype(np.uint16)
     assert similarity(photo, photo) == pytest.approx(1)
     assert similarity(photo, np.roll(photo, 3, axis=1)) < 0.3
