@@ -20,11 +20,11 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from polarsim.detect import bootstrap, bootstrap_numba, metrics, metrics_numba
+from polarsim.detect import bootstrap, bootstrap_numba, metrics
 from polarsim.detect.breakdown import SIZES, breakdown, match_predictions
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.ipd import instance_performance
-from polarsim.geometry import boxes
+from polarsim.geometry import boxes, matching, matching_numba
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, photo_grid
 
 LABELS, PREDICTIONS, RESAMPLES = 14, 300, 1000
@@ -82,12 +82,12 @@ def main(photos: int) -> None:
 
     overlaps = _overlaps(keys[:100], labels, found)
     other = np.zeros((1 + len(SIZES), LABELS), bool)
-    matching = [
+    spent = [
         cpu_seconds(lambda match=match: [match(overlap, metrics.IOU_THRESHOLDS, other) for overlap in overlaps])
-        for match in (metrics_numba.match, metrics.match, metrics_numba.match)
+        for match in (matching_numba.match, matching.match, matching_numba.match)
     ]
-    print(f"matching, ms a photo: {10 * matching[1]:.2f}, compiled {10 * matching[2]:.2f}: "
-          f"{matching[1] / matching[2]:.1f} times")  # fmt: skip
+    print(f"matching, ms a photo: {10 * spent[1]:.2f}, compiled {10 * spent[2]:.2f}: "
+          f"{spent[1] / spent[2]:.1f} times")  # fmt: skip
     whole = cpu_seconds(lambda: breakdown(match_predictions(keys, labels, found, performance)))
     print(f"all figures of a detector in a domain: {whole:.1f} s; {PAIRS} pairs: {PAIRS * whole / 60:.1f} minutes")
 

@@ -53,14 +53,14 @@ def all_imports(folder: str = "") -> dict[str, tuple[str, ...]]:
 
 def upwards(imports: dict[str, Iterable[str]]) -> list[str]:
     """The imports, module by module, that go up or sideways in `FLOORS`."""
-    floor = {position: number for number, points in enumerate(FLOORS) for position in points}
+    floor = {part: number for number, parts in enumerate(FLOORS) for part in parts}
     found = []
     for module, seen in imports.items():
         for other in seen:
-            own, position = (name.split(".")[1] if "." in name else "" for name in (module, other))
-            if position and own != position:  # polarsim itself holds the version
-                stage = floor[position] == floor["lint"] and position not in TALLER.get(own, FLOORS[floor["lint"]])
-                found += [f"{module} imports {other}"] if floor[position] >= floor[own] or stage else []
+            own, part = (name.split(".")[1] if "." in name else "" for name in (module, other))
+            if part and own != part:  # polarsim itself holds the version
+                stage = floor[part] == floor["lint"] and part not in TALLER.get(own, FLOORS[floor["lint"]])
+                found += [f"{module} imports {other}"] if floor[part] >= floor[own] or stage else []
     return found
 
 

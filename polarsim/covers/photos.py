@@ -13,6 +13,7 @@ import pandas as pd
 
 from polarsim.covers.strokes import drawn_boxes, erase_strokes, find_strokes
 from polarsim.detect.dataset import BOX_COLUMNS
+from polarsim.detect.tone import bits_in_use
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.formats import png, release, tables, yolo
 from polarsim.formats.files import writing_folder
@@ -126,10 +127,7 @@ def read_cover(path: Path) -> Cover:
 
 def in_eight_bits(picture: np.ndarray) -> np.ndarray:
     """uint8 of a picture with 8, 12 in 16, or 16 bits."""
-    if picture.dtype == np.uint8:
-        return picture
-    bits = 12 if picture.max(initial=0) < 1 << 12 else 16
-    return (picture >> (bits - 8)).astype(np.uint8)
+    return (picture >> (bits_in_use(picture, picture.dtype) - 8)).astype(np.uint8)
 
 
 def pair_cover(cover: Cover, brackets: Mapping[PhotoKey, Path], known: PhotoKey | None) -> pd.DataFrame:

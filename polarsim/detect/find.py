@@ -181,10 +181,10 @@ def _grey(pixels: np.ndarray) -> np.ndarray:
 
 def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:
     """As detectors see pictures: 8 bits as they are, 12 and 16 bits through the tone curve of training pictures."""
-    if depth == np.uint8:
+    bits, light = tone.bits_in_use(pixels, depth), pixels.astype(np.float32)
+    if bits == 8:
         return np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
-    light = pixels.astype(np.float32)
-    if light.max(initial=0) > WHITE_LEVEL:  # all 16 bits are in use, black is 0
+    if bits == 16:  # black is 0
         light = BLACK_LEVEL + light * ((WHITE_LEVEL - BLACK_LEVEL) / np.iinfo(np.uint16).max)
     return tone.to_8_bits(light, PicturesOptions())
 

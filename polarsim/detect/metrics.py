@@ -58,7 +58,7 @@ def rank(
     both ends included) are asked for, labels of others are free for all: a prediction on them is neither right nor
     wrong, nor is one of another area that takes no label.
     """
-    from polarsim.detect import metrics_numba
+    from polarsim.geometry import matching_numba
 
     low, high = np.array(areas, float).T[:, :, None]
     sure, picture, counts = [np.zeros(0)], [np.zeros(0, int)], []
@@ -70,7 +70,7 @@ def rank(
         other_label, other = (
             (size < low) | (size > high) for size in (boxes.area(label)[None], boxes.area(prediction)[None])
         )
-        matched, passed = metrics_numba.match(boxes.iou(prediction, label), thresholds, other_label)
+        matched, passed = matching_numba.match(boxes.iou(prediction, label), thresholds, other_label)
         sure.append(confidence[order])
         picture.append(np.full(len(order), number))
         right.append(matched)
@@ -155,31 +155,3 @@ def best_overlap(labels: np.ndarray, predictions: np.ndarray) -> np.ndarray:
     if not len(predictions):
         return np.zeros(len(labels))
     return boxes.iou(labels, predictions).max(axis=1)
-
-
-def match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(g, t, n) which predictions take a label that is asked for, and which take one that is not (`other`, (g, m)).
-
-    Of overlaps (n predictions from sure to unsure, m labels). Labels that are asked for go first.
-    `metrics_numba` obeys.
-    """
-    shape = (len(other), len(thresholds))
-    matched, passed = np.zeros((*shape, len(overlap)), bool), np.zeros((*shape, len(overlap)), bool)
-    if not overlap.size:
-        return matched, passed
-    asked = ~other[:, None, ::-1]  # backwards: of equal overlaps COCO takes the last label
-    free = np.ones((*shape, overlap.shape[1]), bool)
-    ranges, levels = np.ogrid[: shape[0], : shape[1]]
-    backwards, some_other = overlap[:, ::-1], other.any()
-    for n in np.flatnonzero(overlap.max(axis=1) >= thresholds.min()):
-        near = free & (backwards[n] >= thresholds[:, None])
-        wanted = near & asked
-        best = np.where(wanted, backwards[n], -1).argmax(axis=2)
-        matched[:, :, n] = wanted[ranges, levels, best]
-        if some_other:
-            rest = near & ~asked & ~matched[:, :, n, None]
-            second = np.where(rest, backwards[n], -1).argmax(axis=2)
-            passed[:, :, n] = rest[ranges, levels, second]
-            best = np.where(matched[:, :, n], best, second)
-        free[ranges, levels, best] &= ~(matched[:, :, n] | passed[:, :, n])
-    return matched, passed

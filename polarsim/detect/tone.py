@@ -21,6 +21,13 @@ def shrink(pixels: np.ndarray, imgsz: int) -> np.ndarray:
     return np.asarray(cv2.resize(pixels.astype(np.float32), size, interpolation=cv2.INTER_AREA))
 
 
+def bits_in_use(pixels: np.ndarray, kind: np.dtype) -> int:
+    """8, 12 or 16: how many bits hold the grey values of a picture that is stored as uint8 or uint16."""
+    if kind == np.uint8:
+        return 8
+    return 12 if pixels.max(initial=0) <= WHITE_LEVEL else 16
+
+
 def to_8_bits(pixels: np.ndarray, options: PicturesOptions, exposure_ms: float | None = None) -> np.ndarray:
     """(h, w) uint8 picture of linear 12-bit pixels (h, w), by the curve that the options name.
 

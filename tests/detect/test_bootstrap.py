@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.detect import bootstrap, bootstrap_numba, metrics_numba
-from polarsim.detect.metrics import IOU_THRESHOLDS, match, precision_at_recalls, rank
+from polarsim.detect import bootstrap, bootstrap_numba
+from polarsim.detect.metrics import precision_at_recalls, rank
 from polarsim.errors import DetectError
 
 AREAS = [(0.0, np.inf), (0.0, 60.0**2), (60.0**2, np.inf)]
@@ -87,14 +87,3 @@ def test_compiled_resamples_obey_the_reference(seed, pictures, units):
         expected = bootstrap.resampled_precision(ranked, area, unit, drawn)
         found = bootstrap_numba.resampled_precision(ranked, area, unit, drawn)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(0, 9), st.integers(0, 7))
-def test_compiled_matches_are_those_of_the_reference(seed, predictions, labels):
-    rng = np.random.default_rng(seed)
-    overlap = rng.integers(0, 11, (predictions, labels)) / 10  # tenths: many are equal, and at thresholds
-    other = rng.random((3, labels)) < [[0.0], [0.5], [1.0]]
-    for found, expected in zip(
-        metrics_numba.match(overlap, IOU_THRESHOLDS, other), match(overlap, IOU_THRESHOLDS, other), strict=True
-    ):
-        np.testing.assert_array_equal(found, expected)

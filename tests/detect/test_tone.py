@@ -4,7 +4,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect.options import PicturesOptions
-from polarsim.detect.tone import shrink, to_8_bits
+from polarsim.detect.tone import bits_in_use, shrink, to_8_bits
 from polarsim.errors import DetectError
 
 RAMP = np.linspace(16, 4095, 4080).round().astype(np.uint16)[None].repeat(4, axis=0)
@@ -71,3 +71,10 @@ def test_shrinking_averages_light():
     small = shrink(checks, 30)
     assert small.shape == (20, 30)
     np.testing.assert_allclose(small, 2000)
+
+
+@pytest.mark.parametrize(("kind", "most", "bits"), [("u1", 255, 8), ("u2", 0, 12), ("u2", 4095, 12), ("u2", 4096, 16)])
+def test_a_picture_has_as_many_bits_as_its_brightest_pixel_asks_for(kind, most, bits):
+    picture = np.array([[0, most]], kind)
+    assert bits_in_use(picture, picture.dtype) == bits
+    assert bits_in_use(picture[:, :0], picture.dtype) in (8, 12)

@@ -12,6 +12,7 @@ from polarsim.formats import png
 from polarsim.formats.schemas import PREDICTIONS
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry import boxes
+from polarsim.geometry.matching import match
 from polarsim.photo import HEIGHT, ROCK, WIDTH
 from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, picture
 
@@ -58,16 +59,11 @@ def best_confidence(labels: pd.DataFrame, predictions: pd.DataFrame) -> float:
 
     The surest prediction first takes the label with the largest IoU, if that is 0.5 or more, that is still free.
     """
-    free = {key: rows[_CORNERS].to_numpy(float) for key, rows in labels.groupby("key")}
-    count, hits, best, least = len(labels), 0, 0.0, 1.0
     ordered = predictions.sort_values("confidence", ascending=False, kind="stable")
-    corners = ordered[_CORNERS].to_numpy(float)
-    for number, (key, confidence) in enumerate(zip(ordered["key"], ordered["confidence"], strict=True)):
-        left = free.get(key, np.zeros((0, 4)))
-        overlap = boxes.iou(corners[number][None], left)[0] if len(left) else np.zeros(0)
-        if overlap.max(initial=0) >= _SAME:
-            hits += 1
-            free[key] = np.delete(left, int(overlap.argmax()), axis=0)
-        if (f1 := 2 * hits / (number + 1 + count)) > best:
-            best, least = f1, float(confidence)
-    return least
+    corners, right = ordered[_CORNERS].to_numpy(float), np.zeros(len(ordered), bool)
+    for key, rows in ordered.groupby("key").indices.items():
+        own = labels.loc[labels["key"] == key, _CORNERS].to_numpy(float)
+        overlap = boxes.iou(corners[rows], own)
+        right[rows] = match(overlap, np.array([_SAME]), np.zeros((1, len(own)), bool))[0][0, 0]
+    f1 = 2 * np.cumsum(right) / (np.arange(1, len(right) + 1) + len(labels))
+    return float(ordered["confidence"].iloc[f1.argmax()]) if right.any() else 1.0

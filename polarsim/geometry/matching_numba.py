@@ -1,4 +1,4 @@
-"""`metrics.match`, compiled."""
+"""`matching.match`, compiled."""
 
 from __future__ import annotations
 
