@@ -14,7 +14,7 @@ from polarsim.covers.options import HallOptions
 from polarsim.covers.relief import smooth_noise
 
 _BEFORE_WALL_M = 0.03  # a card's distance from the wall that it leans on
-_SHIFT = 4  # bits of a pixel's fraction in OpenCV's polygons
+_FRACTION_BITS = 4  # bits of a pixel's fraction in OpenCV's polygons
 
 
 def furnish(
@@ -69,19 +69,19 @@ def _card(walls: tuple[float, float], options: HallOptions, random: np.random.Ge
     half_width, top = walls
     width = random.uniform(*options.card_m)
     height = width * random.uniform(0.6, 1)
-    middle = random.uniform(-half_width, half_width)
+    centre = random.uniform(-half_width, half_width)
     base = top - height * random.uniform(0.6, 1.1)
-    along = middle + width * np.array([-0.5, 0.5, 0.5, -0.5])
+    along = centre + width * np.array([-0.5, 0.5, 0.5, -0.5])
     across = np.full(4, half_width - _BEFORE_WALL_M)
     upright = base + height * np.array([0, 0, 1, 1])
-    turn = random.integers(4) * np.pi / 2
-    x, y = np.cos(turn) * along - np.sin(turn) * across, np.sin(turn) * along + np.cos(turn) * across
+    angle = random.integers(4) * np.pi / 2
+    x, y = np.cos(angle) * along - np.sin(angle) * across, np.sin(angle) * along + np.cos(angle) * across
     return np.stack([x, y, upright], axis=1)
 
 
 def _within(corners: np.ndarray, share: float) -> np.ndarray:
-    middle = corners.mean(axis=0)
-    return np.asarray(middle + share * (corners - middle))
+    centre = corners.mean(axis=0)
+    return np.asarray(centre + share * (corners - centre))
 
 
 def _filled(pixels: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
@@ -90,12 +90,14 @@ def _filled(pixels: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 
     filled = np.zeros(shape, np.uint8)
     if np.isfinite(pixels).all() and np.abs(pixels).max() < 10 * max(shape):
-        cv2.fillConvexPoly(filled, np.rint((pixels - 0.5) * (1 << _SHIFT)).astype(np.int32), 1, shift=_SHIFT)
+        cv2.fillConvexPoly(
+            filled, np.rint((pixels - 0.5) * (1 << _FRACTION_BITS)).astype(np.int32), 1, shift=_FRACTION_BITS
+        )
     return filled.astype(bool)
 
 
 def _blob(shape: tuple[int, int], share: float, random: np.random.Generator) -> np.ndarray:
-    """(h, w) Gaussian about a place anywhere in the picture, 1 in its middle."""
+    """(h, w) Gaussian about a point anywhere in the picture, 1 in its centre."""
     height, width = shape
     sd = share * width
     across = np.exp(-0.5 * ((np.arange(width) - random.uniform(0, width)) / sd) ** 2)

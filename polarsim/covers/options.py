@@ -43,7 +43,7 @@ class HallOptions(BaseModel, extra="forbid", frozen=True):
     card_m: Range = Field((0.15, 0.4), description="Width of a card.")
     card: Range = Field((0.05, 2.0), description="Brightness of a card and of its frame.")
     most_glares: int = Field(0, ge=0, description="Blobs of light that the lens throws: none to so many a picture.")
-    glare: Range = Field((0.0, 0.6), description="Brightness of such a blob's middle.")
+    glare: Range = Field((0.0, 0.6), description="Brightness of such a blob's centre.")
     glare_share: Range = Field((0.02, 0.1), description="Standard deviation of its width over that of the picture.")
 
 
@@ -85,9 +85,9 @@ class SceneOptions(BaseModel, extra="forbid", frozen=True):
     roll_sd_deg: float = Field(2, ge=0, description="Standard deviation of the camera's roll.")
     least_sand: float = Field(0.55, ge=0, le=1, description="Share of a picture that sand and rocks fill.")
 
-    elevation_deg: Range = Field((2, 15), description="Height of a lamp above the horizon, seen from the middle.")
+    elevation_deg: Range = Field((2, 15), description="Height of a lamp above the horizon, seen from the centre.")
     near_share: float = Field(0.7, ge=0, le=1, description="Share of lamps as near as NASA's; the others are the Sun.")
-    lamp_distance_m: Range = Field((3.2, 5.5), description="Distance of a near lamp from the middle.")
+    lamp_distance_m: Range = Field((3.2, 5.5), description="Distance of a near lamp from the centre.")
     least_lit: float = Field(0.25, ge=0, le=1, description="Share of the sand in the picture that the lamp lights.")
 
     rock_albedo: Range = Field((0.7, 2.2), description="Reflectance of a scene's rocks over that of its sand.")

@@ -73,7 +73,7 @@ def crater(x: np.ndarray, y: np.ndarray, radius: float, depth: float) -> np.ndar
 
 
 def draw_relief(x: np.ndarray, y: np.ndarray, options: ReliefOptions, random: np.random.Generator) -> np.ndarray:
-    """(h, w) heights at places (h, w) of a square grid, rows along y; metres."""
+    """(h, w) heights at nodes (h, w) of a square grid, rows along y; metres."""
     cell = float(x[0, 1] - x[0, 0])
     layers = []
     for _ in range(random.integers(options.most_layers + 1)):
@@ -95,7 +95,7 @@ def draw_relief(x: np.ndarray, y: np.ndarray, options: ReliefOptions, random: np
 
 
 def grid_mesh(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> Mesh:
-    """Two triangles a cell of heights (h, w) at places (h, w), facing up where x grows along rows, y along columns."""
+    """Two triangles a cell of heights (h, w) at nodes (h, w), facing up where x grows along rows, y along columns."""
     numbers = np.arange(x.size).reshape(x.shape)
     a, b, c, d = (part.ravel() for part in (numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, 1:], numbers[1:, :-1]))
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])

@@ -22,12 +22,12 @@ from polarsim.render.options import HapkeParameters, Material, Model, Principled
 from polarsim.rocks.solids import decimated
 
 FIRST_ROCK = 1  # number of the first rock of a scene; what a rock was called in its terrain is no part of it
-_TRIES = 12  # places that are tried before a rock is laid where most room was
+_TRIES = 12  # positions that are tried before a rock is laid where most room was
 _MOST_HALVINGS = 6  # of a rock's extent to the sides of its triangles: 24,000 of them
 _FACES_OF_WHOLE_SIDES = 6  # triangles with sides of 1 that a rock of that extent has
-_PILE_SPREAD = 0.6  # rocks of a pile lie so far from its middle, times their mean size
-_PILE_ROCKS = 8  # rocks of a scene to one place of a pile
-_EVEN_CELL_M = 0.25  # places within such cells share their chance
+_PILE_SPREAD = 0.6  # rocks of a pile lie so far from its centre, times their mean size
+_PILE_ROCKS = 8  # rocks of a scene to one in a pile
+_EVEN_CELL_M = 0.25  # points within such cells share their chance
 _CAMERA_ROOM_M = 0.8  # width of what no rock stands in, about the camera's foot
 _MARGIN_M = 0.1  # of sand around what is seen
 _TRIANGLE_PX = 1.5  # sides of the triangles of rocks in the picture, at least where they were scanned so finely
@@ -44,7 +44,7 @@ class Scene:
 
 
 class Shape:
-    """A rock without its place: middle at the origin, longest extent 1. Copies with fewer faces are made once."""
+    """A rock without a pose: centre at the origin, longest extent 1. Copies with fewer faces are made once."""
 
     def __init__(self, mesh: Mesh) -> None:
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
@@ -101,9 +101,9 @@ def strew(
     options: SceneOptions,
     random: np.random.Generator,
 ) -> list[Mesh]:
-    """Rocks on sand of `heights` (h, w) over the places x, y (h, w) of a grid, metres: single ones and piles.
+    """Rocks on sand of `heights` (h, w) over the nodes x, y (h, w) of a grid, metres: single ones and piles.
 
-    They lie at some of the places `seen` (m, 2), which the camera sees. Large rocks are laid first. Each is dropped
+    They lie at some of the points `seen` (m, 2), which the camera sees. Large rocks are laid first. Each is dropped
     straight down until it touches what lies there, and then sunk by a share of its height: deep into sand, a little
     into rocks.
     """
@@ -116,15 +116,15 @@ def strew(
     taken = [(camera.centre[:2], _CAMERA_ROOM_M)]
     for size, in_pile in zip(sizes.tolist(), piled.tolist(), strict=True):
         if in_pile:
-            place = piles[random.integers(len(piles))] + _PILE_SPREAD * size * random.standard_normal(2)
+            position = piles[random.integers(len(piles))] + _PILE_SPREAD * size * random.standard_normal(2)
             sunk = random.uniform(*options.sunk_into_rocks)
         else:
-            place = _free_place(size, taken, seen[random.choice(len(seen), _TRIES, p=chance)])
+            position = _free_position(size, taken, seen[random.choice(len(seen), _TRIES, p=chance)])
             sunk = random.uniform(*options.sunk)
-        taken.append((place, size))
-        pixel_m = float(np.linalg.norm(camera.centre - [*place, 0])) / camera.lens.fx
+        taken.append((position, size))
+        pixel_m = float(np.linalg.norm(camera.centre - [*position, 0])) / camera.lens.fx
         mesh = _fitting(shapes, size, options.rock_scale, random).mesh(size, _TRIANGLE_PX * pixel_m)
-        points = mesh.vertices @ draw_turn(options, random).as_matrix().T + np.array([*place, 0.0])
+        points = mesh.vertices @ draw_rotation(options, random).as_matrix().T + np.array([*position, 0.0])
         points[:, 2] += _drop(points, grid, top) - sunk * np.ptp(points[:, 2])
         _raise(top, points, grid)
         laid.append(Mesh(points, mesh.faces))
@@ -134,7 +134,7 @@ def strew(
 def draw_sizes(count: int, options: SceneOptions, random: np.random.Generator) -> np.ndarray:
     """(n,) metres; the number of rocks larger than d falls with a power of d between the least and the largest size.
 
-    Power laws describe rocks at the places where Surveyors landed (Cintala & McBride, NASA TM-104804 (1995)).
+    Power laws describe rocks at the sites where Surveyors landed (Cintala & McBride, NASA TM-104804 (1995)).
     """
     low, high = options.rock_size_m
     power = random.uniform(*options.size_power)
@@ -142,7 +142,7 @@ def draw_sizes(count: int, options: SceneOptions, random: np.random.Generator) -
     return np.asarray((low**-power - share * (low**-power - high**-power)) ** (-1 / power))
 
 
-def draw_turn(options: SceneOptions, random: np.random.Generator) -> Rotation:
+def draw_rotation(options: SceneOptions, random: np.random.Generator) -> Rotation:
     """Mostly about the upright axis, with a small tilt; else about any axis."""
     if random.random() < options.tumbled_share:
         return Rotation.random(random_state=random)
@@ -202,26 +202,26 @@ def _fitting(shapes: Sequence[Shape], size: float, scale: Range, random: np.rand
 
 
 def _chances(seen: np.ndarray, evenness: float) -> np.ndarray:
-    """(m,) chance of each place (m, 2), from even over the picture (0) to even over the sand (1)."""
+    """(m,) chance of each point (m, 2), from even over the picture (0) to even over the sand (1)."""
     cell = np.rint(seen / _EVEN_CELL_M).astype(int)
     _, number, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     chance = (1.0 / count[number.reshape(-1)]) ** evenness
     return np.asarray(chance / chance.sum())
 
 
-def _free_place(size: float, taken: list[tuple[np.ndarray, float]], places: np.ndarray) -> np.ndarray:
-    """(2,) the first of places (n, 2) where nothing else lies, or the one with most room."""
+def _free_position(size: float, taken: list[tuple[np.ndarray, float]], positions: np.ndarray) -> np.ndarray:
+    """(2,) the first of positions (n, 2) where nothing else lies, or the one with most room."""
     room = [
-        min((float(np.hypot(*(place - other))) - (size + wide) / 2 for other, wide in taken), default=np.inf)
-        for place in places
+        min((float(np.hypot(*(position - other))) - (size + wide) / 2 for other, wide in taken), default=np.inf)
+        for position in positions
     ]
     return np.asarray(
-        next((place for place, gap in zip(places, room, strict=True) if gap > 0), places[np.argmax(room)])
+        next((position for position, gap in zip(positions, room, strict=True) if gap > 0), positions[np.argmax(room)])
     )
 
 
 def _grid_around(seen: np.ndarray, most: float, options: SceneOptions) -> tuple[np.ndarray, np.ndarray]:
-    """X and y (h, w) of a square grid over the sand that is seen, no farther than `most` from the middle; metres."""
+    """X and y (h, w) of a square grid over the sand that is seen, no farther than `most` from the centre; metres."""
     low = np.maximum(seen.min(axis=0) - _MARGIN_M, -most)
     high = np.minimum(seen.max(axis=0) + _MARGIN_M, most)
     cell = max(options.relief.cell_m, float((high - low).max()) / options.relief.most_cells)

@@ -116,9 +116,9 @@ def draw_strokes(
 
 
 def practise(photo: np.ndarray, most_boxes: int, random: np.random.Generator, size_px: float) -> np.ndarray:
-    """A grey photo (h, w) uint8 with boxes and digits drawn at random places and taken out again.
+    """A grey photo (h, w) uint8 with boxes and digits drawn at random positions and taken out again.
 
-    Places and sizes know nothing of the photo's labels, so that traces, if any stay, say nothing about rocks.
+    Positions and sizes know nothing of the photo's labels, so that traces, if any stay, say nothing about rocks.
     `size_px`: of a cover photo's lines 3 to 4 px wide here, from the ratio of the two widths; sides of boxes are those
     of the published labels, log-uniform from 25 to 200 px of a full photo.
     """

@@ -18,17 +18,17 @@ from polarsim.render.surfaces import Surfaces
 
 _COARSE = 1 / 32  # of a photo's size: pictures in which tries are looked at
 _TRIES = 60
-_AIMED = 0.7  # of the way from the middle of the sand to its edge: how far off a camera looks
-_ASIDE = 0.03  # of the picture's size: standard deviation of the principal point's place
+_AIMED = 0.7  # of the way from the centre of the sand to its edge: how far off a camera looks
+_ASIDE = 0.03  # of the picture's size: standard deviation of the principal point's position
 # NASA's rig by its survey and by cameras fitted to published labels, with room around them (docs/notes/cameras.md).
 _RIG_HEIGHT_M, _RIG_DISTANCE_M, _RIG_FOCAL_PX, _RIG_AIMED = (1.2, 1.9), (2.4, 4.6), (1950, 2200), 0.3
 _DISTORTION_SD, _MOST_DISTORTION = 0.08, 0.15  # of k1: the rig's lenses have -0.11
 
 
 def draw_camera(chosen: RenderOptions, options: SceneOptions, random: np.random.Generator) -> tuple[Camera, np.ndarray]:
-    """A camera whose picture sand fills to the share that the options ask for, and places (n, 2) of that sand, metres.
+    """A camera whose picture sand fills to the share that the options ask for, and points (n, 2) of that sand, metres.
 
-    The places are those of the pixels of a coarse picture of level sand. The camera is scaled as the options say. Of
+    The points are those of the pixels of a coarse picture of level sand. The camera is scaled as the options say. Of
     tries that all show too little the best one counts.
 
     Raises
@@ -41,35 +41,35 @@ def draw_camera(chosen: RenderOptions, options: SceneOptions, random: np.random.
     for _ in range(_TRIES):
         camera = _any_camera(chosen, options, of_rig, random)
         view = camera.scaled(_COARSE)
-        places = level_sand(view, chosen)
-        if len(places) > len(seen):
-            best, seen = camera, places
-        if len(places) >= options.least_sand * view.lens.width * view.lens.height:
+        points = level_sand(view, chosen)
+        if len(points) > len(seen):
+            best, seen = camera, points
+        if len(points) >= options.least_sand * view.lens.width * view.lens.height:
             break
     if best is None:
-        raise DetectError("no camera sees the sand of a scene: covers.scenes asks for impossible places")
+        raise DetectError("no camera sees the sand of a scene: covers.scenes asks for impossible views")
     return best.scaled(options.scale), seen
 
 
 def level_sand(view: Camera, chosen: RenderOptions) -> np.ndarray:
-    """(n, 2) places of level sand that the pixels of a picture see past the walls of the sandbox."""
+    """(n, 2) points of level sand that the pixels of a picture see past the walls of the sandbox."""
     directions = view.pixel_directions().reshape(-1, 3)
     down = directions[directions[:, 2] < 0]
     centre, half = view.centre, chosen.rim_half_width_m
-    places = centre[:2] - down[:, :2] * (centre[2] / down[:, 2:])
-    inside = np.abs(places).max(axis=1) < half
+    points = centre[:2] - down[:, :2] * (centre[2] / down[:, 2:])
+    inside = np.abs(points).max(axis=1) < half
     if chosen.rim:
-        back = centre[:2] - places
+        back = centre[:2] - points
         with np.errstate(divide="ignore", invalid="ignore"):
-            leaves = np.nanmin((half * np.sign(back) - places) / back, axis=1)  # 1 is the camera
+            leaves = np.nanmin((half * np.sign(back) - points) / back, axis=1)  # 1 is the camera
         inside &= (leaves >= 1) | (leaves * centre[2] > chosen.rim_height_m)
-    return np.asarray(places[inside])
+    return np.asarray(points[inside])
 
 
 def draw_lamp(surfaces: Surfaces, sand: Hits, options: SceneOptions, random: np.random.Generator) -> Lamp:
     """A lamp that lights the share of the sand in the picture that the options ask for, or the best of some tries.
 
-    `sand`: what `coarse_sand` found. The lamp's height above the horizon holds at the middle of the sand. A near lamp
+    `sand`: what `coarse_sand` found. The lamp's height above the horizon holds at the centre of the sand. A near lamp
     is as bright there as any Sun lamp.
     """
     best, most = None, -1.0

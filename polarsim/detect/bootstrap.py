@@ -1,6 +1,6 @@
 """95 % intervals of figures, by drawing views (or photos) again with replacement (Efron, Ann. Statist. 7 (1979) 1).
 
-Photos of one view show the same rocks from the same place under other light: they are not independent, and intervals
+Photos of one view show the same rocks from the same position under other light: they are not independent, and intervals
 over photos come out too narrow. Views of one terrain show the same rocks too, from elsewhere; few terrains are tested,
 so intervals say how sure a figure is of these terrains, not of another one.
 """
@@ -47,7 +47,7 @@ def draws(units: int, resamples: int, seed: int) -> np.ndarray:
 
 
 def interval(values: np.ndarray, units: int) -> tuple[float, float]:
-    """Bounds of the middle 95 % of resampled values; NaN for fewer than two units, which show no spread.
+    """Bounds of the central 95 % of resampled values; NaN for fewer than two units, which show no spread.
 
     Resamples without a value, for lack of labels, are left out.
     """
@@ -99,15 +99,15 @@ class _Level:
     """
 
     def __init__(self, owner: np.ndarray, right: np.ndarray, counted: np.ndarray) -> None:
-        self._places, passed = np.flatnonzero(right), np.flatnonzero(~counted)
-        self._owner, self._owner_passed = owner[self._places], owner[passed]
-        self._passed_before = np.searchsorted(passed, self._places)
+        self._indices, passed = np.flatnonzero(right), np.flatnonzero(~counted)
+        self._owner, self._owner_passed = owner[self._indices], owner[passed]
+        self._passed_before = np.searchsorted(passed, self._indices)
 
     def precision(self, drawn: np.ndarray, asked: np.ndarray, labels: np.ndarray) -> np.ndarray:
         """(r,) average precision of draws (r, units); `asked` (r, n) counts predictions so far, `labels` (r,) all."""
-        if not len(self._places):
+        if not len(self._indices):
             return np.zeros(len(drawn))
-        so_far = asked[:, self._places]
+        so_far = asked[:, self._indices]
         if len(self._owner_passed):
             passed = np.zeros((len(drawn), len(self._owner_passed) + 1))
             passed[:, 1:] = drawn[:, self._owner_passed].cumsum(axis=1)

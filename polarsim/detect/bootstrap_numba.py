@@ -18,11 +18,19 @@ def resampled_precision(ranked: Ranked, area: int, unit: np.ndarray, drawn: np.n
     at_all = np.flatnonzero(counted.any(axis=0))  # the rest belongs to other ranges of area
     right, counted = right[:, at_all], counted[:, at_all]
     owner = unit[ranked.picture[at_all]].astype(np.int32)
-    places, first_place = _ragged(right)
+    indices, first_index = _ragged(right)
     passed, first_passed = _ragged(~counted)
     precision = np.full((len(drawn), len(right)), np.nan)
     _precision(
-        np.ascontiguousarray(drawn, float), labels, owner, places, first_place, passed, first_passed, RECALLS, precision
+        np.ascontiguousarray(drawn, float),
+        labels,
+        owner,
+        indices,
+        first_index,
+        passed,
+        first_passed,
+        RECALLS,
+        precision,
     )
     return precision
 
@@ -38,8 +46,8 @@ def _precision(
     drawn: np.ndarray,
     labels: np.ndarray,
     owner: np.ndarray,
-    places: np.ndarray,
-    first_place: np.ndarray,
+    indices: np.ndarray,
+    first_index: np.ndarray,
     passed: np.ndarray,
     first_passed: np.ndarray,
     recalls: np.ndarray,
@@ -54,15 +62,15 @@ def _precision(
         Labels of each draw.
     owner : (n,) int
         Unit of each prediction, from sure to unsure.
-    places, first_place : (sum,), (t + 1,) int
+    indices, first_index : (sum,), (t + 1,) int
         Predictions that are right at each threshold, and where those of a threshold start.
     passed, first_passed
         The same for those that are neither right nor wrong.
     """
     asked = np.empty(len(owner))
     longest = 0
-    for level in range(len(first_place) - 1):
-        longest = max(longest, first_place[level + 1] - first_place[level])
+    for level in range(len(first_index) - 1):
+        longest = max(longest, first_index[level + 1] - first_index[level])
     best = np.empty(longest)
     reached = np.empty(len(recalls), np.int64)
     for row in range(len(drawn)):
@@ -73,17 +81,17 @@ def _precision(
         for n in range(len(owner)):
             total += weight[owner[n]]
             asked[n] = total
-        for level in range(len(first_place) - 1):
-            start, count = first_place[level], first_place[level + 1] - first_place[level]
+        for level in range(len(first_index) - 1):
+            start, count = first_index[level], first_index[level + 1] - first_index[level]
             skip, last_skip = first_passed[level], first_passed[level + 1]
             found, skipped, next_recall = 0.0, 0.0, 0
             for k in range(count):
-                place = places[start + k]
-                found += weight[owner[place]]
-                while skip < last_skip and passed[skip] < place:
+                index = indices[start + k]
+                found += weight[owner[index]]
+                while skip < last_skip and passed[skip] < index:
                     skipped += weight[owner[passed[skip]]]
                     skip += 1
-                so_far = asked[place] - skipped
+                so_far = asked[index] - skipped
                 best[k] = found / max(so_far, 1.0)  # nothing was asked yet where all weights are 0
                 while next_recall < len(recalls) and found / labels[row] >= recalls[next_recall]:
                     reached[next_recall] = k

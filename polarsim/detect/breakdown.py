@@ -40,7 +40,7 @@ class Matches:
     ranked: dict[str, metrics.Ranked]  # by kind; areas: all, then those of SIZES
     overlap: dict[str, np.ndarray]  # (n,) best IoU of every label
     area: dict[str, np.ndarray]  # (n,) of the labels, px^2
-    picture: dict[str, np.ndarray]  # (n,) place of the labels' photo among the keys
+    picture: dict[str, np.ndarray]  # (n,) index of the labels' photo among the keys
     unit: bootstrap.Unit
 
 
@@ -62,14 +62,14 @@ def match_predictions(
     performance : DataFrame
         The row of `ipd.instance_performance` of each label.
     """
-    place = {key: n for n, key in enumerate(keys)}
+    index = {key: n for n, key in enumerate(keys)}
     own = {kind: performance[performance["kind"] == kind] for kind in BOX_CLASSES}
     return Matches(
         [PhotoKey.parse(key) for key in keys],
         rank_by_kind(keys, labels, predictions, areas=[*metrics.ANY_AREA, *SIZES.values()]),
         {kind: rows["iou"].to_numpy(float) for kind, rows in own.items()},
         {kind: rows["area_px"].to_numpy(float) for kind, rows in own.items()},
-        {kind: rows["key"].map(place).to_numpy(int) for kind, rows in own.items()},
+        {kind: rows["key"].map(index).to_numpy(int) for kind, rows in own.items()},
         unit,
     )
 

@@ -208,10 +208,10 @@ def write_dataset(
         for (kind, ending), file in zip(KINDS, (entry.image, entry.label), strict=True):
             if file is None:
                 continue
-            place = folder / kind / entry.part
+            folder_of_part = folder / kind / entry.part
             # Relative, so that results can be moved; the folder's own name takes part in no link.
-            link = os.path.relpath(file.resolve(), place.resolve())
-            (place / f"{entry.name}{ending}").symlink_to(link)
+            link = os.path.relpath(file.resolve(), folder_of_part.resolve())
+            (folder_of_part / f"{entry.name}{ending}").symlink_to(link)
     log.info("%s: %d train, %d val, %d test pictures", domain, *counts.values())
     rows = [(entry.name, entry.part) for entry in entries]
     tables.write_csv(folder / "pictures.csv", pd.DataFrame(rows, columns=list(PICTURE_COLUMNS)))

@@ -58,7 +58,7 @@ def false_positives(
     DataFrame
         `photo_areas`: rock-free area in photos (a whole photo is 1). `per_photo`: false_positives over it; an
         false_positive belongs to
-        the tile in which its middle lies. `area_share`: share of that area that false_positives cover, overlaps
+        the tile in which its centre lies. `area_share`: share of that area that false_positives cover, overlaps
         counted once.
     """
     found = false_positives_of_photos(keys, labels, predictions, confidence=confidence, overlap=overlap)
@@ -126,11 +126,11 @@ def _free_tiles(rocks: np.ndarray) -> np.ndarray:
 
 
 def _on(false_positives: np.ndarray, free: np.ndarray) -> int:
-    """FalsePositives whose middle lies in a free tile."""
+    """FalsePositives whose centre lies in a free tile."""
     x, y = _edges()
-    middle = boxes.centres(false_positives)
-    column = (np.searchsorted(x, middle[:, 0], side="right") - 1).clip(0, COLUMNS_OF_TILES - 1)
-    row = (np.searchsorted(y, middle[:, 1], side="right") - 1).clip(0, ROWS_OF_TILES - 1)
+    centre = boxes.centres(false_positives)
+    column = (np.searchsorted(x, centre[:, 0], side="right") - 1).clip(0, COLUMNS_OF_TILES - 1)
+    row = (np.searchsorted(y, centre[:, 1], side="right") - 1).clip(0, ROWS_OF_TILES - 1)
     return int(free[row, column].sum())
 
 
@@ -145,12 +145,12 @@ def _area_on(false_positives: np.ndarray, free: np.ndarray) -> float:
         np.unique(np.concatenate([edges, false_positives[:, n], false_positives[:, n + 2]]))
         for n, edges in enumerate((tiles_x, tiles_y))
     )
-    middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
-    across = (false_positives[:, None, 0] <= middle_x) & (false_positives[:, None, 2] >= middle_x)
-    down = (false_positives[:, None, 1] <= middle_y) & (false_positives[:, None, 3] >= middle_y)
+    centre_x, centre_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
+    across = (false_positives[:, None, 0] <= centre_x) & (false_positives[:, None, 2] >= centre_x)
+    down = (false_positives[:, None, 1] <= centre_y) & (false_positives[:, None, 3] >= centre_y)
     covered = (down[:, :, None] & across[:, None, :]).any(axis=0)
     column, row = (
-        np.searchsorted(edges, middle, side="right") - 1 for edges, middle in ((tiles_x, middle_x), (tiles_y, middle_y))
+        np.searchsorted(edges, centre, side="right") - 1 for edges, centre in ((tiles_x, centre_x), (tiles_y, centre_y))
     )
     inside = ((column >= 0) & (column < COLUMNS_OF_TILES))[None] & ((row >= 0) & (row < ROWS_OF_TILES))[:, None]
     asked = inside & free[row.clip(0, ROWS_OF_TILES - 1)][:, column.clip(0, COLUMNS_OF_TILES - 1)]

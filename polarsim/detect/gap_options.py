@@ -14,10 +14,11 @@ class Component(BaseModel, extra="forbid", frozen=True):
     """What differs from the run's twin; what is left out is as in the run. `truth` is known of the analog alone."""
 
     cameras: Literal["run", "located", "truth"] = Field(
-        "run", description="Poses and lenses. located: as scans or labels place them, without the photos' refinement."
+        "run",
+        description="Poses and lenses. located: as scans or labels localise them, without the photos' refinement.",
     )
     lamps: Literal["run", "survey", "truth"] = Field(
-        "run", description="Places of the Sun lamps. survey: where NASA's survey has them."
+        "run", description="Positions of the Sun lamps. survey: where NASA's survey has them."
     )
     meshes: Literal["run", "thinned", "truth"] = Field(
         "run", description="Surface of rocks and ground. thinned: rocks with 5 % of their vertices."

@@ -145,8 +145,8 @@ def precision_at_recalls(ranked: Ranked, area: int = 0, weights: np.ndarray | No
         so_far = weight[found].cumsum()
         best = so_far / np.maximum((weight * counted).cumsum()[found], 1e-12)  # 0 before the first that counts
         best = np.maximum.accumulate(best[::-1])[::-1]
-        places = np.searchsorted(so_far / count, RECALLS, side="left")
-        curve[places < len(found)] = best[places[places < len(found)]]
+        indices = np.searchsorted(so_far / count, RECALLS, side="left")
+        curve[indices < len(found)] = best[indices[indices < len(found)]]
     return curves
 
 

@@ -17,7 +17,7 @@ from polarsim.detect.options import ComparisonOptions
 from polarsim.formats.gap_ablation import ENDS
 
 _AT_HALF = np.array([0.5])
-_PLACE = ["key", "kind", "rock"]
+_CELL = ["key", "kind", "rock"]
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def ipd_change(kind: str, photo: Seen, twin: Seen, replaced: Seen) -> dict[str, 
     rules = Rules(options.undetected, options.unpaired, options.resampled)
     own = [seen.performance[seen.performance["kind"] == kind] for seen in (photo, twin, replaced)]
     as_is, other = (pair(own[0], side, rules) for side in own[1:])
-    pairs = as_is.merge(other.drop(columns="first"), on=_PLACE, suffixes=("", "_replaced"), validate="one_to_one")
+    pairs = as_is.merge(other.drop(columns="first"), on=_CELL, suffixes=("", "_replaced"), validate="one_to_one")
     if pairs.empty:
         return {"pairs": 0}
     unit = bootstrap.units_of(pairs["key"].astype(str).tolist(), rules.unit)

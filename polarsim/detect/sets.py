@@ -122,9 +122,9 @@ def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tupl
     """The same label tables with ids: labels of both that match have the same one, all others one of their own."""
     tables_of = first.reset_index(drop=True), second.reset_index(drop=True)
     ids = [np.arange(1, len(tables_of[0]) + 1), np.arange(1, len(tables_of[1]) + 1) + len(tables_of[0])]
-    places = [table.groupby(["key", "kind"]).indices for table in tables_of]
-    for name in set(places[0]) & set(places[1]):  # in any order: each has rows of its own
-        own = [rows[name] for rows in places]
+    indices = [table.groupby(["key", "kind"]).indices for table in tables_of]
+    for name in set(indices[0]) & set(indices[1]):  # in any order: each has rows of its own
+        own = [rows[name] for rows in indices]
         corners = [table[list(BOX_COLUMNS)].to_numpy(float)[rows] for table, rows in zip(tables_of, own, strict=True)]
         rows, columns = boxes.match(boxes.iou(*corners), pair_iou)
         ids[1][own[1][columns]] = ids[0][own[0][rows]]

@@ -36,7 +36,7 @@ def made_release(tmp_path, cover):
 
 
 def block(*size):
-    """An upright box of a size (x, y, z), metres, with its middle away from the origin."""
+    """An upright box of a size (x, y, z), metres, with its centre away from the origin."""
     high = np.array([*size, 0.0][:3])
     vertices, faces, _ = box(np.zeros(3), high)
     return Mesh(vertices + 5, faces)

@@ -15,7 +15,7 @@ BARE = HallOptions(brightness=(0, 0), folds_sd=(0, 0), most_cards=0, most_glares
 
 
 def project(points):
-    """Seen from above the middle of the near wall towards the far one."""
+    """Seen from above the centre of the near wall towards the far one."""
     return LENS.project(POSE.inverse().apply(points))
 
 

@@ -32,7 +32,7 @@ def test_ridges_run_along_their_angle(rng, angle, smooth_axis):
 
 
 @given(radius=st.floats(0.1, 1), depth=st.floats(0.01, 0.3))
-def test_a_crater_is_deepest_in_the_middle_highest_at_its_crest_and_flat_far_off(radius, depth):
+def test_a_crater_is_deepest_in_the_centre_highest_at_its_crest_and_flat_far_off(radius, depth):
     x = np.linspace(0, 3 * radius, 3001)
     height = crater(x, np.zeros_like(x), radius, depth)
     assert height[0] == pytest.approx(-depth)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import ConvexHull, Delaunay
 
 from polarsim.covers.options import ReliefOptions, SceneOptions
-from polarsim.covers.scenes import Shape, draw_render_options, draw_scene, draw_sizes, draw_turn, strew
+from polarsim.covers.scenes import Shape, draw_render_options, draw_rotation, draw_scene, draw_sizes, strew
 from polarsim.covers.viewpoints import draw_camera
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
@@ -76,8 +76,8 @@ def test_rocks_lie_where_the_camera_sees_sand(shapes):
     camera, seen = _camera(options)
     area = Delaunay(seen)
     rocks = strew(shapes, grid, np.zeros((61, 61)), camera, seen, options, generator(1, "place"))
-    middles = [(rock.vertices[:, :2].min(axis=0) + rock.vertices[:, :2].max(axis=0)) / 2 for rock in rocks]
-    assert (area.find_simplex(np.array(middles)) >= 0).all()
+    centres = [(rock.vertices[:, :2].min(axis=0) + rock.vertices[:, :2].max(axis=0)) / 2 for rock in rocks]
+    assert (area.find_simplex(np.array(centres)) >= 0).all()
 
 
 def test_piles_are_higher_than_any_of_their_rocks():
@@ -98,9 +98,9 @@ def test_piles_are_higher_than_any_of_their_rocks():
 
 
 def test_tumbled_rocks_point_anywhere_and_the_others_stand_upright(rng):
-    upright = [draw_turn(SceneOptions(tumbled_share=0, tilt_sd_deg=5), rng).apply([0, 0, 1])[2] for _ in range(300)]
+    upright = [draw_rotation(SceneOptions(tumbled_share=0, tilt_sd_deg=5), rng).apply([0, 0, 1])[2] for _ in range(300)]
     assert np.degrees(np.arccos(min(upright))) < 30
-    tumbled = [draw_turn(SceneOptions(tumbled_share=1), rng).apply([0, 0, 1])[2] for _ in range(300)]
+    tumbled = [draw_rotation(SceneOptions(tumbled_share=1), rng).apply([0, 0, 1])[2] for _ in range(300)]
     assert np.mean(tumbled) == pytest.approx(0, abs=4 / np.sqrt(3 * 300))
 
 

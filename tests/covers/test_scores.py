@@ -135,7 +135,7 @@ def test_the_drawn_confidence_is_that_of_the_best_f1():
     assert best_confidence(labels, found.iloc[2:]) == 1
 
 
-def test_scenes_are_drawn_with_labels_in_their_places(tmp_path):
+def test_scenes_are_drawn_with_labels_in_their_positions(tmp_path):
     """A rock in the upper left quarter of each picture, a shadow in the lower right one."""
     for terrain in (1, 3):
         for scene in range(9):

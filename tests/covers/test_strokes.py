@@ -63,7 +63,7 @@ def test_drawn_boxes_are_found_within_their_lines(x, y, wide, high, width):
     np.testing.assert_allclose(inner, [[x + half, y + half, x + wide - half + 1, y + high - half + 1]], atol=1)
 
 
-def test_practised_strokes_lie_alike_on_labelled_and_unlabelled_places(rng):
+def test_practised_strokes_lie_alike_on_labelled_and_unlabelled_spots(rng):
     """Shares of touched pixels inside and outside of labels, over many pictures of the same flat grain."""
     labelled = np.zeros((160, 240), bool)
     labelled[50:110, 60:130] = True
@@ -74,7 +74,7 @@ def test_practised_strokes_lie_alike_on_labelled_and_unlabelled_places(rng):
         inside.append(touched[labelled].mean())
         outside.append(touched[~labelled].mean())
     difference = np.array(inside) - np.array(outside)
-    # The middle has a few strokes more than the border, whose boxes reach out of the picture.
+    # The centre has a few strokes more than the border, whose boxes reach out of the picture.
     assert np.mean(inside) > 0.005
     assert abs(difference.mean()) < 0.25 * np.mean(outside) + 3 * difference.std() / np.sqrt(len(difference))
 

@@ -53,7 +53,7 @@ def test_cameras_stand_and_look_as_asked_and_see_sand():
     assert np.abs(np.exp(1j * np.array(headings)).mean()) < 3 / np.sqrt(40)  # all around
 
 
-def test_impossible_places_are_named():
+def test_impossible_views_are_named():
     options = SceneOptions(camera_height_m=(0.3, 0.3), camera_distance_m=(900, 1000))
     chosen = RenderOptions(rim=True, rim_half_width_m=2, rim_height_m=0.36)
     with pytest.raises(DetectError, match="no camera sees the sand"):

@@ -139,7 +139,7 @@ def test_predictions_are_well_formed_and_find_the_blobs(dataset, matched, tmp_pa
     surest = table[table["kind"] == "rock"].groupby("key").head(5)
     centres = ((surest["x0"] + surest["x1"]) / 2).groupby(surest["key"]).apply(list)
     near = [any(abs(x - (row.x0 + row.x1) / 2) < 30 for x in centres.get(row.key, [])) for row in labels.itertuples()]
-    assert np.mean(near) > 0.6  # five places at random find less than a sixth
+    assert np.mean(near) > 0.6  # five points at random find less than a sixth
 
 
 def test_it_trains_and_predicts_where_ultralytics_cannot_be_imported(dataset, tmp_path):
@@ -186,9 +186,9 @@ def test_a_cell_answers_for_the_smallest_label_of_its_class_around_it():
     classes = torch.tensor([0, 0, 1])
     boxes = torch.tensor([[0.0, 0, 32, 32], [12, 12, 20, 20], [0, 0, 32, 32]])
     owner = assign(classes, boxes, (2, 8, 8))  # cells of 4 px, centres at 2, 6, 10, ...
-    middle = (owner[1] == 2).nonzero()
-    assert middle.min() == 2  # centres 10 to 22 lie within a quarter of 32 px of the box's centre
-    assert middle.max() == 5
+    centre = (owner[1] == 2).nonzero()
+    assert centre.min() == 2  # centres 10 to 22 lie within a quarter of 32 px of the box's centre
+    assert centre.max() == 5
     assert sorted(map(tuple, (owner[0] == 1).nonzero().tolist())) == [(3, 3), (3, 4), (4, 3), (4, 4)]
     assert (owner[0] == 0).sum() == 16 - 4
 

@@ -42,7 +42,7 @@ def test_shadows_and_unsure_boxes_are_no_false_rocks():
     assert rates((EMPTY, "rock", (100, 100, 200, 300)), confidence=0.95).loc[TERRAIN, "false_positives"] == 0
 
 
-def test_an_false_positive_lies_in_the_tile_of_its_middle_and_covers_free_tiles_only():
+def test_an_false_positive_lies_in_the_tile_of_its_centre_and_covers_free_tiles_only():
     aside = (484 - 42, 350, 484 + 142, 400)  # from the rock's tile, whose right border is 484, into the next one
     found = rates((ROCKY, "rock", aside)).loc[TILES]
     assert found["false_positives"] == 1

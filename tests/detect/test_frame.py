@@ -5,7 +5,7 @@ from polarsim.detect.frame import frame
 
 
 @pytest.mark.parametrize(("height", "width", "imgsz"), [(201, 320, 320), (221, 352, 352), (1216, 1936, 320)])
-def test_a_framed_picture_has_whole_strides_and_lies_in_the_middle(height, width, imgsz):
+def test_a_framed_picture_has_whole_strides_and_lies_in_the_centre(height, width, imgsz):
     pixels, (left, top), _ = frame(np.full((height, width), 7, np.uint8), imgsz)
     rows, columns = np.flatnonzero((pixels == 7).any(axis=1)), np.flatnonzero((pixels == 7).any(axis=0))
     assert pixels.shape[0] % 32 == pixels.shape[1] % 32 == 0
@@ -14,7 +14,7 @@ def test_a_framed_picture_has_whole_strides_and_lies_in_the_middle(height, width
     assert abs((pixels.shape[0] - 1 - rows[-1]) - rows[0]) <= 1
 
 
-def test_a_place_in_a_framed_picture_leads_back_to_the_photo(rng):
+def test_a_point_in_a_framed_picture_leads_back_to_the_photo(rng):
     photo = np.zeros((1216, 1936), np.uint8)
     photo[600:640, 1000:1100] = 255
     pixels, offset, scale = frame(photo, 640)

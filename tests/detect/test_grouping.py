@@ -18,7 +18,7 @@ def test_groups_are_those_of_pandas_in_the_order_of_the_rows(rows):
     assert {name: values[:, 0].tolist() for name, values in values_by(table, ["key"], ["value"]).items()} == alone
 
 
-def test_rows_are_numbered_by_their_place_whatever_their_index():
+def test_rows_are_numbered_by_their_position_whatever_their_index():
     table = pd.DataFrame({"key": ["b", "a", "b"]}, index=[7, 7, 9])
     found = rows_by(table, ["key"])
     assert list(found) == ["a", "b"]

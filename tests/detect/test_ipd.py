@@ -177,7 +177,7 @@ def test_intervals_over_views_are_wider_than_over_photos_where_a_views_photos_ag
     photos = instance_performance_difference(first, second)
     assert (views.units, photos.units) == (6, 24)
     assert views.ipd == photos.ipd == pytest.approx(0.3)
-    spread = np.sqrt((0.2**2) * 2 / 3)  # standard deviation of the shifts
+    spread = np.sqrt((0.2**2) * 2 / 3)  # standard deviation of the offsets
     assert views.ipd_high - views.ipd_low == pytest.approx(2 * 1.96 * spread / np.sqrt(6), rel=0.15)
     assert photos.ipd_high - photos.ipd_low == pytest.approx(2 * 1.96 * spread / np.sqrt(24), rel=0.15)
 

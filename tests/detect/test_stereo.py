@@ -48,7 +48,7 @@ def meshes(tmp_path_factory) -> Path:
 
 
 def grey(points: np.ndarray) -> np.ndarray:
-    """Texture of a place in the sandbox: waves of 3 to 30 cm in many directions."""
+    """Texture of a point in the sandbox: waves of 3 to 30 cm in many directions."""
     random = np.random.default_rng(0)
     waves = random.normal(0, 1, (40, 3))
     waves *= (2 * np.pi / random.uniform(0.03, 0.3, 40) / np.linalg.norm(waves, axis=1))[:, None]
@@ -109,9 +109,9 @@ def test_truth_knows_the_plane_the_box_and_what_the_right_camera_cannot_see(scen
     np.testing.assert_allclose(heights, 0, atol=1e-4)
     assert set(np.unique(truth.rock)) == {NO_ROCK, 7}
     rows, columns = np.nonzero(truth.rock == 7)
-    middle = int(np.median(rows))
-    hidden = ~truth.shared[middle] & np.isfinite(truth.depth[middle])
-    left_of_box = columns[rows == middle].min()
+    centre = int(np.median(rows))
+    hidden = ~truth.shared[centre] & np.isfinite(truth.depth[centre])
+    left_of_box = columns[rows == centre].min()
     assert hidden[left_of_box - 8 : left_of_box - 1].any()  # the box hides what is behind its left edge from the right
     assert truth.shared[rows, columns].mean() > 0.8
 

@@ -192,7 +192,7 @@ def test_our_predictions_are_those_of_ultralytics_own_predictor(matched):
         picture[..., None].repeat(3, axis=2), imgsz=96, conf=0.001, iou=PREDICTION.nms_iou, verbose=False
     )[0].boxes
     table = tables.read_parquet(matched / "real_on_real.parquet")
-    # Ultralytics gives a place one class, we give it all that are likely enough: only the surest one must be the same.
+    # Ultralytics gives a cell one class, we give it all that are likely enough: only the surest one must be the same.
     surest = table[table["key"] == key].sort_values("confidence", ascending=False).iloc[0]
     assert surest["confidence"] == pytest.approx(float(found.conf.max()), abs=1e-4)
 

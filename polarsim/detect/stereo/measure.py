@@ -72,7 +72,7 @@ def measure_stereo(
     asked = [key for key in sorted(keys) if not options.exposures_ms or key.exposure_ms in options.exposures_ms]
     localised, mesh = read_all_localised(cameras), read_terrain(meshes, terrain)
     surfaces = caster(mesh.vertices, mesh.faces, threads=threads)
-    by_domain = {domain: picture_paths(place, asked) for domain, place in pictures.items()}
+    by_domain = {domain: picture_paths(folder, asked) for domain, folder in pictures.items()}
     pair_rows, rock_rows = [], []
     for position in sorted(set(localised) & {key.position for key in asked}):
         with about(cameras / f"Pos{position}.json"):

@@ -1,4 +1,4 @@
-"""A rig's pictures turned and bent so that the same point lies in the same row of both."""
+"""A rig's pictures rotated and bent so that the same point lies in the same row of both."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def rectify(rig: StereoRig, scale: float) -> Rectification:
     left, right = rig.left.scaled(scale), rig.right.scaled(scale)
     size = (left.width, left.height)
     right_from_left = rig.left_from_right.inverse()
-    left_turn, right_turn, left_projection, right_projection, *_ = cv2.stereoRectify(
+    left_rotation, right_rotation, left_projection, right_projection, *_ = cv2.stereoRectify(
         left.opencv_matrix(),
         np.array(left.distortion),
         right.opencv_matrix(),
@@ -56,13 +56,16 @@ def rectify(rig: StereoRig, scale: float) -> Rectification:
         raise DetectError(f"the right camera stands {-baseline:.3f} m to the left of the left one, no rig for stereo")
     maps = [
         cv2.initUndistortRectifyMap(
-            lens.opencv_matrix(), np.array(lens.distortion), turn, projection[:, :3], size, cv2.CV_32FC1
+            lens.opencv_matrix(), np.array(lens.distortion), rotation, projection[:, :3], size, cv2.CV_32FC1
         )
-        for lens, turn, projection in ((left, left_turn, left_projection), (right, right_turn, right_projection))
+        for lens, rotation, projection in (
+            (left, left_rotation, left_projection),
+            (right, right_rotation, right_projection),
+        )
     ]
     return Rectification(
         Lens.from_opencv(left_projection[:, :3], np.zeros(4), size),
-        Pose(np.asarray(left_turn, float).T, np.zeros(3)),
+        Pose(np.asarray(left_rotation, float).T, np.zeros(3)),
         baseline,
         *((np.asarray(x), np.asarray(y)) for x, y in maps),
     )

@@ -17,7 +17,7 @@ _CORE = 0.25  # cells this share of the box's sides around its centre answer for
 def assign(classes: Tensor, boxes: Tensor, shape: tuple[int, int, int]) -> Tensor:
     """The label (c, h, w) that each cell answers for, -1 for none.
 
-    A label has the cells in the middle half of its box, and always the cell of its centre; of several labels of a
+    A label has the cells in the central half of its box, and always the cell of its centre; of several labels of a
     class the smallest has a cell.
 
     Parameters
@@ -57,19 +57,19 @@ def losses(logits: Tensor, boxes: Tensor, labels: Sequence[tuple[Tensor, Tensor]
         Classes (n,) and boxes (n, 4) of each picture.
     """
     target = torch.zeros_like(logits)
-    wanted, found, places = [], [], []
+    wanted, found, indices = [], [], []
     for picture, (classes, corners) in enumerate(labels):
         if not len(corners):
             continue
         owner = assign(classes, corners, logits.shape[1:])
-        place = (owner >= 0).nonzero()
-        wanted.append(corners[owner[place[:, 0], place[:, 1], place[:, 2]]])
-        found.append(boxes[picture, place[:, 0], :, place[:, 1], place[:, 2]])
-        places.append(functional.pad(place, (1, 0), value=picture))
-    if not places:
+        index = (owner >= 0).nonzero()
+        wanted.append(corners[owner[index[:, 0], index[:, 1], index[:, 2]]])
+        found.append(boxes[picture, index[:, 0], :, index[:, 1], index[:, 2]])
+        indices.append(functional.pad(index, (1, 0), value=picture))
+    if not indices:
         return _quality_focal(logits, target).sum(), boxes.sum() * 0
     overlap, generalised = _overlaps(torch.cat(found), torch.cat(wanted))
-    target[torch.cat(places).unbind(1)] = overlap.detach().clamp(min=0)
+    target[torch.cat(indices).unbind(1)] = overlap.detach().clamp(min=0)
     count = len(overlap)
     return _quality_focal(logits, target).sum() / count, BOX_WEIGHT * (1 - generalised).sum() / count
 

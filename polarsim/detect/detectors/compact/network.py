@@ -2,7 +2,7 @@
 
 Half of all rocks are under ten pixels wide at the picture sizes that a CPU can train on, so there is one fine map
 instead of three coarse ones (cf. Zhou et al., Objects as Points, arXiv 1904.07850), and every class has a box of its
-own at a place, since a rock and its shadow touch (cf. Tian et al., FCOS, ICCV 2019).
+own at a cell, since a rock and its shadow touch (cf. Tian et al., FCOS, ICCV 2019).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from torch.nn import functional
 
 STRIDE = 4  # px of the picture a cell of the head's map
 WIDTHS = {"compact": (16, 32, 64, 96, 128), "compact-l": (32, 64, 128, 192, 256)}  # channels at strides 2 to 32
-_FIRST_SCORE = 0.01  # of every place before training: nearly all are empty
+_FIRST_SCORE = 0.01  # of every cell before training: nearly all are empty
 
 
 class Compact(nn.Module):

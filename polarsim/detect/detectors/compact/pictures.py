@@ -15,7 +15,7 @@ from polarsim.formats import yolo
 from polarsim.geometry.lens import HALF_PIXEL
 
 _CACHE_BYTES = 1 << 30  # pictures beyond are read again in every epoch
-_SHIFT, _SCALE, _BRIGHTNESS = 0.1, 0.3, 0.3  # largest random changes, as shares, as those of the other detectors
+_TRANSLATION, _SCALE, _BRIGHTNESS = 0.1, 0.3, 0.3  # largest random changes, as shares, as those of the other detectors
 _LEAST_SEEN = 0.25  # share of a box that must stay inside a moved picture
 _LEAST_SIDE = 0.5  # px
 
@@ -77,11 +77,11 @@ def changed(picture: Picture, random: np.random.Generator) -> Picture:
 
     height, width = picture.pixels.shape
     scale = 1 + random.uniform(-_SCALE, _SCALE)
-    shift = random.uniform(-_SHIFT, _SHIFT, 2) * (width, height)
+    translation = random.uniform(-_TRANSLATION, _TRANSLATION, 2) * (width, height)
     mirror = -1 if random.random() < 0.5 else 1
-    middle = np.array([width, height]) / 2
+    centre = np.array([width, height]) / 2
     factor = np.array([mirror * scale, scale])
-    offset = middle + shift - factor * middle  # in places counted from the picture's corner
+    offset = centre + translation - factor * centre  # in coordinates counted from the picture's corner
     # OpenCV counts from the first pixel's centre.
     matrix = np.column_stack([np.diag(factor), offset + HALF_PIXEL * factor - HALF_PIXEL])
     pixels = np.asarray(

@@ -65,9 +65,9 @@ def found(logits: Tensor, boxes: Tensor, options: PredictionOptions) -> list[np.
     for score, box in zip(scores, boxes, strict=True):
         rows = [np.zeros((0, 6))]
         for kind in range(len(score)):
-            surest, place = score[kind].topk(min(_MOST, score.shape[1]))
+            surest, index = score[kind].topk(min(_MOST, score.shape[1]))
             likely = surest > options.confidence
-            surest, corners = surest[likely], box[kind][:, place[likely]].T
+            surest, corners = surest[likely], box[kind][:, index[likely]].T
             rows.append(np.column_stack([corners, surest, np.full(len(surest), kind)]).astype(float))
         pictures.append(suppress_by_class(np.concatenate(rows), options.nms_iou, MAX_BOXES))
     return pictures

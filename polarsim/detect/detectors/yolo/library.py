@@ -1,4 +1,4 @@
-"""The one place that imports Ultralytics (AGPL-3.0): offline, and inside our folders."""
+"""The one module that imports Ultralytics (AGPL-3.0): offline, and inside our folders."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def _link(dataset: Path, run: Path) -> None:
     """Lists of pictures, and links to the data set.
 
     Ultralytics puts caches beside the labels that it reads and follows no link when it names them, so it gets links to
-    the data set's folders in a place of its own.
+    the data set's folders in a folder of its own.
     """
     for part in (TRAIN, VAL):
         for kind in ("images", "labels"):
