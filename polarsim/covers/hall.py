@@ -14,6 +14,7 @@ from polarsim.covers.options import HallOptions
 from polarsim.covers.relief import smooth_noise
 
 _BEFORE_WALL_M = 0.03  # a card's distance from the wall that it leans on
+_GLARE_SHARE = (0.02, 0.1)  # standard deviation of a blob of glare over the picture's width, as on cover photos
 _FRACTION_BITS = 4  # bits of a pixel's fraction in OpenCV's polygons
 
 
@@ -50,7 +51,7 @@ def furnish(
         for outline in (corners, _within(corners, random.uniform(0.75, 0.95))):
             seen = np.where(around & _filled(project(outline), shape), random.uniform(*options.card), seen)
     for _ in range(random.integers(options.most_glares + 1)):
-        seen = seen + random.uniform(*options.glare) * _blob(shape, random.uniform(*options.glare_share), random)
+        seen = seen + random.uniform(*options.glare) * _blob(shape, random.uniform(*_GLARE_SHARE), random)
     return np.asarray(seen, np.float32)
 
 

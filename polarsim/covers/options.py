@@ -14,111 +14,172 @@ Range = tuple[float, float]  # from least to most
 
 
 class ReliefOptions(BaseModel, extra="forbid", frozen=True):
-    """Ranges, from least to most, that every scene draws its sand from. Metres."""
+    """Ranges, from least to most, that every scene draws the relief of its sand from."""
 
-    cell_m: float = Field(0.005, gt=0, description="Least side of the ground mesh's cells.")
-    most_cells: int = Field(270, ge=10, description="Cells of the ground mesh along the longer side of what is seen.")
-    rough_sd_m: Range = Field((0.001, 0.004), description="Standard deviation of roughness of all sizes.")
-    finest_m: float = Field(0.008, gt=0, description="Least size of that roughness.")
-    widest_m: float = Field(0.4, gt=0, description="Largest size of that roughness.")
-    most_layers: int = Field(
-        2, ge=0, description="Layers of ridges, each along a direction of its own: none to so many."
+    cell_m: float = Field(
+        0.005, gt=0, description="Cells of the ground's mesh have sides of at least this, m; finer ones render slower."
     )
-    ridge_sd_m: Range = Field((0.0003, 0.002), description="Standard deviation of a layer's heights.")
-    ridge_width_m: Range = Field((0.01, 0.03), description="Correlation length across a ridge.")
-    ridge_length_m: Range = Field((0.015, 0.12), description="Correlation length along a ridge.")
-    swell_sd_m: Range = Field((0.0, 0.02), description="Standard deviation of wide swells.")
-    swell_width_m: float = Field(0.25, gt=0, description="Correlation length of swells.")
+    rough_sd_m: Range = Field(
+        (0.001, 0.004), description="Sand is rough at all sizes, by a standard deviation in this range, m."
+    )
+    most_layers: int = Field(
+        2, ge=0, description="Sand has from none to so many layers of ridges, each along a direction of its own."
+    )
+    swell_sd_m: Range = Field(
+        (0.0, 0.02), description="Wide swells raise and lower the sand by a standard deviation in this range, m."
+    )
+    swell_width_m: float = Field(0.25, gt=0, description="Swells are so wide (correlation length), m.")
     most_craters: int = Field(1, ge=0, description="A scene has from none to so many craters.")
-    crater_radius_m: Range = Field((0.1, 1.1), description="Radius of a crater at its crest.")
-    crater_depth: Range = Field((0.1, 0.3), description="Depth of a crater over its radius.")
 
 
 class HallOptions(BaseModel, extra="forbid", frozen=True):
     """Ranges, from least to most; brightness is over that of lit sand."""
 
-    brightness: Range = Field((0.0, 0.4), description="Mean of what is behind the walls.")
-    folds_sd: Range = Field((0.0, 0.0), description="Standard deviation of the log brightness of the walls' cloth.")
-    most_cards: int = Field(0, ge=0, description="Framed cards that lean on the walls: none to so many a picture.")
-    card_m: Range = Field((0.15, 0.4), description="Width of a card.")
-    card: Range = Field((0.05, 2.0), description="Brightness of a card and of its frame.")
-    most_glares: int = Field(0, ge=0, description="Blobs of light that the lens throws: none to so many a picture.")
-    glare: Range = Field((0.0, 0.6), description="Brightness of such a blob's centre.")
-    glare_share: Range = Field((0.02, 0.1), description="Standard deviation of its width over that of the picture.")
+    brightness: Range = Field(
+        (0.0, 0.4), description="What is behind the walls is so bright on average, lit sand being 1."
+    )
+    folds_sd: Range = Field(
+        (0.0, 0.0),
+        description="Folds of the walls' cloth change its brightness by this standard deviation of the logarithm; "
+        "0: it is even.",
+    )
+    most_cards: int = Field(
+        0,
+        ge=0,
+        description="From none to so many framed cards lean on the walls of a picture: they have edges as rocks.",
+    )
+    card_m: Range = Field((0.15, 0.4), description="Cards are so wide, m.")
+    card: Range = Field((0.05, 2.0), description="A card and its frame are so bright, lit sand being 1.")
+    most_glares: int = Field(0, ge=0, description="The lens throws from none to so many blobs of light onto a picture.")
+    glare: Range = Field((0.0, 0.6), description="The centre of such a blob is so bright, lit sand being 1.")
 
 
 class SceneOptions(BaseModel, extra="forbid", frozen=True):
     """Ranges, from least to most, that every strewn scene is drawn from."""
 
-    number: int = Field(64, ge=1, description="Scenes strewn with the rocks of each terrain.")
-    lamps: int = Field(6, ge=1, description="Pictures of a scene, each from its own lamp; they share the rays.")
-    scale: float = Field(0.5, gt=0, le=1, description="Size of the pictures over that of a photo.")
-    seed: int = Field(0, ge=0, description="Seed of all that is drawn.")
-    models: tuple[Model, ...] = Field(("hapke", "principled"), min_length=1, description="A scene has one of them.")
-
-    rocks: tuple[int, int] = Field((3, 40), description="Rocks of a scene.")
-    rock_size_m: Range = Field((0.05, 0.6), description="Longest extent of a rock.")
-    size_power: Range = Field((0.5, 2.0), description="Power at which the number of rocks larger than a size falls.")
-    rock_scale: Range = Field((0.3, 2.0), description="Size of a strewn rock over that of the scanned one.")
-    tumbled_share: float = Field(0.25, ge=0, le=1, description="Share of rocks that are turned about any axis.")
-    tilt_sd_deg: float = Field(6, ge=0, description="Tilt of the other ones, which are turned about the vertical.")
-    sunk: Range = Field((0.0, 0.6), description="Share of its height that a rock on sand is sunk.")
-    sunk_into_rocks: Range = Field((0.02, 0.15), description="Share of its height that a rock of a pile is sunk.")
-    piled_share: Range = Field((0.0, 0.35), description="Share of a scene's rocks that lie in piles.")
-    evenness: Range = Field(
-        (0.0, 1.0), description="From rocks strewn evenly over the picture, 0, to over the sand, 1."
+    number: int = Field(64, ge=1, description="So many scenes are strewn with the rocks of each terrain.")
+    lamps: int = Field(
+        6,
+        ge=1,
+        description="A scene makes so many pictures, each under its own lamp; they share rays, so they cost less.",
     )
-    relief: ReliefOptions = Field(ReliefOptions(), description="Relief of the sand.")
-    sand_half_width_m: float = Field(2.05, gt=0, description="Half the width of the sand inside walls.")
-    open_half_width_m: float = Field(3.0, gt=0, description="Half the width of sand without walls.")
+    scale: float = Field(
+        0.5, gt=0, le=1, description="Pictures are rendered in this size, a photo's being 1; larger ones take longer."
+    )
+    seed: int = Field(0, ge=0, description="Another seed draws other scenes.")
+    models: tuple[Model, ...] = Field(
+        ("hapke", "principled"), min_length=1, description="A scene is rendered with one of these reflectance models."
+    )
+
+    rocks: tuple[int, int] = Field((3, 40), description="A scene has so many rocks.")
+    rock_size_m: Range = Field((0.05, 0.6), description="Rocks have a longest extent in this range, m.")
+    size_power: Range = Field(
+        (0.5, 2.0),
+        description="The number of rocks larger than a size falls with this power of it; a higher one makes more small "
+        "rocks.",
+    )
+    rock_scale: Range = Field(
+        (0.3, 2.0), description="A strewn rock is as large as the scanned one times a factor in this range."
+    )
+    tumbled_share: float = Field(
+        0.25, ge=0, le=1, description="This share of rocks is rotated about any axis, the others about the vertical."
+    )
+    tilt_sd_deg: float = Field(
+        6,
+        ge=0,
+        description="Rocks rotated about the vertical are tilted by this standard deviation, degrees.",
+    )
+    sunk: Range = Field((0.0, 0.6), description="A rock on sand is sunk by a share of its height in this range.")
+    sunk_into_rocks: Range = Field(
+        (0.02, 0.15), description="A rock of a pile is sunk into those below it by a share of its height in this range."
+    )
+    piled_share: Range = Field((0.0, 0.35), description="A share of a scene's rocks in this range lies in piles.")
+    relief: ReliefOptions = Field(ReliefOptions(), description="The sand of a scene has such a relief.")
 
     rig_share: float = Field(
         0.5,
         ge=0,
         le=1,
-        description="Share of scenes seen as by NASA's rig: from outside the sand, by its lens. The others are seen "
-        "from anywhere that the next three ranges allow, as by a rover too.",
+        description="This share of scenes is seen as by NASA's rig: from outside the sand, by its lens. The others are "
+        "seen from anywhere that the next three ranges allow, as by a rover too.",
     )
-    camera_height_m: Range = Field((0.3, 2.0), description="Height of the camera above the sand.")
-    camera_distance_m: Range = Field((0.7, 4.5), description="How far before the camera it looks at the sand.")
-    focal_px: Range = Field((1500, 2800), description="Focal length in pixels of a full photo; the rig's has 2070.")
-    roll_sd_deg: float = Field(2, ge=0, description="Standard deviation of the camera's roll.")
-    least_sand: float = Field(0.55, ge=0, le=1, description="Share of a picture that sand and rocks fill.")
+    camera_height_m: Range = Field((0.3, 2.0), description="The camera stands so high above the sand, m.")
+    camera_distance_m: Range = Field((0.7, 4.5), description="The camera looks at the sand so far before it, m.")
+    focal_px: Range = Field(
+        (1500, 2800),
+        description="The focal length is in this range, px of a full photo (the rig's is 2070); a longer one shows "
+        "rocks larger.",
+    )
+    least_sand: float = Field(
+        0.55, ge=0, le=1, description="Sand and rocks fill at least this share of a picture, where a view allows it."
+    )
 
-    elevation_deg: Range = Field((2, 15), description="Height of a lamp above the horizon, seen from the centre.")
-    near_share: float = Field(0.7, ge=0, le=1, description="Share of lamps as near as NASA's; the others are the Sun.")
-    lamp_distance_m: Range = Field((3.2, 5.5), description="Distance of a near lamp from the centre.")
-    least_lit: float = Field(0.25, ge=0, le=1, description="Share of the sand in the picture that the lamp lights.")
+    elevation_deg: Range = Field(
+        (2, 15),
+        description="Lamps stand so high above the horizon as seen from the sand's centre, degrees; lower ones throw "
+        "longer shadows.",
+    )
+    near_share: float = Field(
+        0.7, ge=0, le=1, description="This share of lamps stands as near as NASA's; the others are as far as the Sun."
+    )
+    lamp_distance_m: Range = Field((3.2, 5.5), description="Near lamps stand so far from the sand's centre, m.")
+    least_lit: float = Field(
+        0.25, ge=0, le=1, description="A lamp lights at least this share of the sand in the picture, where one can."
+    )
 
-    rock_albedo: Range = Field((0.7, 2.2), description="Reflectance of a scene's rocks over that of its sand.")
-    rock_spread: float = Field(0.15, ge=0, description="Standard deviation of the rocks' albedos among each other.")
-    patch_sd: Range = Field((0.0, 0.15), description="Standard deviation of the albedo of patches of sand.")
-    walled_share: float = Field(0.7, ge=0, le=1, description="Share of scenes with the walls of the sandbox.")
-    rim_albedo: Range = Field((0.2, 0.9), description="Albedo of the walls.")
-    rim_height_m: Range = Field((0.2, 0.36), description="Height of the walls.")
-    hapke_w: Range = Field((0.15, 0.6), description="Single-scattering albedo.")
-    hapke_b: Range = Field((0.15, 0.4), description="Width of the phase function's lobes.")
-    hapke_c: Range = Field((-0.2, 0.6), description="Weight of the lobes.")
-    hapke_theta_deg: Range = Field((10, 35), description="Macroscopic roughness.")
-    roughness: Range = Field((0.5, 1.0), description="Of the principled model.")
-    specular: Range = Field((0.0, 0.7), description="Of the principled model.")
+    rock_albedo: Range = Field(
+        (0.7, 2.2), description="A scene's rocks reflect as much as its sand times a factor in this range."
+    )
+    rock_spread: float = Field(
+        0.15, ge=0, description="Albedos of the rocks of a scene differ from each other by this standard deviation."
+    )
+    patch_sd: Range = Field(
+        (0.0, 0.15), description="Patches of sand differ in albedo by a standard deviation in this range."
+    )
+    walled_share: float = Field(
+        0.7, ge=0, le=1, description="This share of scenes has the sandbox's walls, which are seen and throw shade."
+    )
+    hapke_w: Range = Field(
+        (0.15, 0.6), description="Hapke's single-scattering albedo is in this range; a higher one makes brighter sand."
+    )
+    roughness: Range = Field(
+        (0.5, 1.0), description="The principled model's roughness is in this range; 1 has no highlight."
+    )
+    specular: Range = Field(
+        (0.0, 0.7), description="The principled model's specular part is in this range; 0 has no highlight."
+    )
 
-    ambient: Range = Field((0.0, 0.02), description="Even light over a lamp's irradiance.")
-    hall: HallOptions | None = Field(HallOptions(), description="What is around the sand; none: dark and bare.")
-    blur_px: Range = Field((0.0, 1.0), description="Lens blur, pixels of the picture.")
-    lens_flare: Range = Field((0.0, 0.003), description="Share of a lamp's light that the lens scatters.")
-    noise: bool = Field(True, description="Shot and read noise.")
-    electrons_per_grey_value: Range = Field((3, 20), description="The fewer, the noisier.")
-    exposure: Range = Field((0.15, 1.0), description="Grey value of bright sand (90th percentile) over white.")
-    gamma: Range = Field((1.0, 2.0), description="Exponent of the tone curve from 12 to 8 bits.")
+    hall: HallOptions | None = Field(
+        HallOptions(), description="This is around the sand; none: all but sand and rocks is dark and bare."
+    )
+    blur_px: Range = Field((0.0, 1.0), description="The lens blurs pictures by so much, px of the picture.")
+    lens_flare: Range = Field(
+        (0.0, 0.003), description="The lens scatters a share of a lamp's light in this range over the picture."
+    )
+    noise: bool = Field(True, description="Pictures have shot and read noise.")
+    electrons_per_grey_value: Range = Field(
+        (3, 20), description="The sensor counts so many electrons a grey value; the fewer, the noisier."
+    )
+    exposure: Range = Field(
+        (0.15, 1.0),
+        description="Bright sand (90th percentile) has a grey value in this range, white being 1; darker pictures are "
+        "noisier.",
+    )
+    gamma: Range = Field(
+        (1.0, 2.0),
+        description="The curve from 12 to 8 bits has an exponent in this range; a larger one lifts shade.",
+    )
     strokes: int = Field(
-        30, ge=0, description="Boxes and digits drawn into half of the pictures and taken out: one to so many."
+        30,
+        ge=0,
+        description="From one to so many boxes and digits are drawn into half of the pictures and taken out again, as "
+        "on cover photos; 0: none.",
     )
     least_contrast: float = Field(
         0.06,
         ge=0,
-        description="Contrast in the picture, as a share of white, of a rock or shadow and its edge, below which it "
-        "has no label: people do not draw what they cannot see.",
+        description="A rock or shadow whose edge has less contrast in the picture than this share of white has no "
+        "label: people do not draw what they cannot see.",
     )
 
     @model_validator(mode="after")
@@ -135,43 +196,47 @@ class SceneOptions(BaseModel, extra="forbid", frozen=True):
 class CoversOptions(BaseModel, extra="forbid", frozen=True):
     """Detectors trained on strewn scenes alone, tested on the published cover photos of terrains left out."""
 
-    run: bool = Field(False, description="Train and test them: hours on a CPU, and the published release is needed.")
+    run: bool = Field(
+        False, description="The default target trains and tests them too: hours on a CPU, with the published release."
+    )
     folds: tuple[tuple[int, ...], ...] = Field(
         (),
-        description="Terrains that each detector is tested on; it is trained on rocks of the run's other terrains. "
+        description="Each detector is tested on the terrains of one fold and trained on rocks of the run's other ones. "
         "Where none is named, each of the run's terrains is left out in turn.",
     )
     keys: tuple[str, ...] = Field(
         (),
-        description="Photo keys of cover photos whose camera or azimuth is known; those of all others are told by the "
-        "boxes drawn into them and by the shadows that they show.",
+        description="These are the photo keys of cover photos whose camera or azimuth is known; those of all others "
+        "are told by the boxes drawn into them and by the shadows that they show.",
     )
     exposure_ms: int = Field(
-        USUAL_EXPOSURE_MS, gt=0, description="Exposure whose labels a cover photo is scored by, or the nearest to it."
+        USUAL_EXPOSURE_MS, gt=0, description="A cover photo is scored by labels of this exposure or the nearest, ms."
     )
-    scenes: SceneOptions = Field(SceneOptions(), description="Scenes that detectors are trained on.")
+    scenes: SceneOptions = Field(SceneOptions(), description="Detectors are trained on such scenes.")
     carved_scenes: int = Field(
         512,
         ge=0,
-        description="Scenes of rocks that the analog's generator carves. One detector is trained on them alone, once, "
-        "and that of every fold starts from its weights: it has seen no scanned rock. 0: folds start from random "
+        description="So many scenes show rocks that the analog's generator carves. One detector is trained on them "
+        "alone, once, and that of every fold starts from its weights: it has seen no scanned rock. 0: folds start from random "
         "weights.",
     )
-    carved_epochs: int = Field(24, ge=1, description="Passes over these scenes' pictures.")
+    carved_epochs: int = Field(24, ge=1, description="That detector's training passes over its pictures so often.")
     widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
         (512, 640, 768, 896, 1024, 1280),
-        description="Widths of a picture, px, that are tried. Those at which a fold's detector looks at its photos are "
+        description="These widths of a picture, px, are tried. Those at which a fold's detector looks at its photos are "
         "chosen on the photos of all other folds, unless `detect.prediction.widths` names them.",
     )
     publish: bool = Field(
-        False, description="Train a detector on the rocks of all terrains too, to take away: `covers/detector.pt`."
+        False, description="A detector of the rocks of all terrains is trained too, to take away: `covers/detector.pt`."
     )
-    val_share: float = Field(0.08, gt=0, lt=1, description="Share of each terrain's scenes that selects the weights.")
+    val_share: float = Field(
+        0.08, gt=0, lt=1, description="This share of each terrain's scenes selects the weights and is not trained on."
+    )
     val_terrains: int = Field(
         0,
         ge=0,
-        description="Terrains, drawn of those that a fold is trained on, whose scenes all select the weights instead: "
-        "weights are then chosen by rocks that the training has not seen.",
+        description="All scenes of so many terrains, drawn of those that a fold is trained on, select the weights "
+        "instead: weights are then chosen by rocks that the training has not seen.",
     )
 
     @field_validator("keys")

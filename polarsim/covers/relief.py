@@ -10,6 +10,12 @@ from scipy import fft
 from polarsim.covers.options import ReliefOptions
 from polarsim.geometry.meshes import Mesh
 
+# Ranges, from least to most, that hold what rakes, feet and sieves leave in sand of a sandbox.
+_FINEST_M, _WIDEST_M = 0.008, 0.4  # sizes of roughness: below, the mesh has no cells for it; above, it is a swell
+_RIDGE_LENGTH_M, _RIDGE_WIDTH_M = (0.015, 0.12), (0.01, 0.03)  # correlation lengths along and across a ridge
+_RIDGE_SD_M = (0.0003, 0.002)
+_CRATER_RADIUS_M = (0.1, 1.1)  # at the crest
+_CRATER_DEPTH = (0.1, 0.3)  # over the radius: from worn craters to fresh ones
 _ROUGH_POWER = 1.5  # of the wave number, by which rough sand's amplitudes fall: at 2 it is as steep at every size
 
 
@@ -77,18 +83,16 @@ def draw_relief(x: np.ndarray, y: np.ndarray, options: ReliefOptions, random: np
     cell = float(x[0, 1] - x[0, 0])
     layers = []
     for _ in range(random.integers(options.most_layers + 1)):
-        along, across, sd = (random.uniform(*limits) for limits in (
-            options.ridge_length_m, options.ridge_width_m, options.ridge_sd_m
-        ))  # fmt: skip
+        along, across, sd = (random.uniform(*limits) for limits in (_RIDGE_LENGTH_M, _RIDGE_WIDTH_M, _RIDGE_SD_M))
         angle = random.uniform(0, np.pi)
         layers.append((sd, gaussian_waves(x.shape, along / cell, across / cell, angle)))
     width = options.swell_width_m / cell
     layers.append((random.uniform(*options.swell_sd_m), gaussian_waves(x.shape, width, width, 0)))
     rough = random.uniform(*options.rough_sd_m)
-    layers.append((rough, rough_waves(x.shape, options.finest_m / cell, options.widest_m / cell)))
+    layers.append((rough, rough_waves(x.shape, _FINEST_M / cell, _WIDEST_M / cell)))
     height = summed_noise(x.shape, layers, random)
     for _ in range(random.integers(options.most_craters + 1)):
-        radius, share = random.uniform(*options.crater_radius_m), random.uniform(*options.crater_depth)
+        radius, share = random.uniform(*_CRATER_RADIUS_M), random.uniform(*_CRATER_DEPTH)
         centre = random.uniform(0.8 * np.array([x.min(), y.min()]), 0.8 * np.array([x.max(), y.max()]))
         height += crater(x - centre[0], y - centre[1], radius, share * radius)
     return height

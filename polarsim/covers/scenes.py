@@ -30,6 +30,13 @@ _PILE_ROCKS = 8  # rocks of a scene to one in a pile
 _EVEN_CELL_M = 0.25  # points within such cells share their chance
 _CAMERA_ROOM_M = 0.8  # width of what no rock stands in, about the camera's foot
 _MARGIN_M = 0.1  # of sand around what is seen
+_MOST_CELLS = 270  # of the ground's mesh along the longer side of what is seen: as fine as pictures show
+_EVENNESS = (0.0, 1.0)  # from rocks strewn evenly over the picture, 0, to evenly over the sand, 1
+_WALLED_M, _OPEN_M = 2.05, 3.0  # half the width of the sand inside walls and without them
+# Ranges, from least to most, about what is known of the sandbox and of sands.
+_WALL_HEIGHT_M, _WALL_ALBEDO = (0.2, 0.36), (0.2, 0.9)  # photos show tops of 0.29 to 0.36 m
+_HAPKE_B, _HAPKE_C, _HAPKE_THETA_DEG = (0.15, 0.4), (-0.2, 0.6), (10, 35)  # lobes' width and weight; roughness
+_AMBIENT = (0.0, 0.02)  # even light over a lamp's irradiance: the hall is dark
 _TRIANGLE_PX = 1.5  # sides of the triangles of rocks in the picture, at least where they were scanned so finely
 
 
@@ -110,7 +117,7 @@ def strew(
     count = int(random.integers(options.rocks[0], options.rocks[1] + 1))
     sizes = np.sort(draw_sizes(count, options, random))[::-1]
     piled = random.random(count) < random.uniform(*options.piled_share)
-    chance = _chances(seen, random.uniform(*options.evenness))
+    chance = _chances(seen, random.uniform(*_EVENNESS))
     piles = seen[random.choice(len(seen), max(1, round(count / _PILE_ROCKS)), p=chance)]
     top, laid = heights.copy(), []
     taken = [(camera.centre[:2], _CAMERA_ROOM_M)]
@@ -168,20 +175,20 @@ def draw_render_options(options: SceneOptions, random: np.random.Generator) -> R
         models=(model,),
         hapke=HapkeParameters(
             w=draw(options.hapke_w),
-            b=draw(options.hapke_b),
-            c=draw(options.hapke_c),
+            b=draw(_HAPKE_B),
+            c=draw(_HAPKE_C),
             b_s0=draw((0, 2)),
             h_s=draw((0.03, 0.1)),
-            theta_bar_deg=draw(options.hapke_theta_deg),
+            theta_bar_deg=draw(_HAPKE_THETA_DEG),
         ),
         principled=PrincipledParameters(roughness=draw(options.roughness), specular=draw(options.specular)),
         materials={"rocks": Material()},
         rim=walled,
-        rim_albedo=draw(options.rim_albedo),
-        rim_height_m=draw(options.rim_height_m),
-        rim_half_width_m=options.sand_half_width_m if walled else options.open_half_width_m,
+        rim_albedo=draw(_WALL_ALBEDO),
+        rim_height_m=draw(_WALL_HEIGHT_M),
+        rim_half_width_m=_WALLED_M if walled else _OPEN_M,
         skirt_m=0,  # the rocks are closed
-        ambient=draw(options.ambient),
+        ambient=draw(_AMBIENT),
         blur_px=draw(options.blur_px),
         lens_flare=draw(options.lens_flare),
         noise=options.noise,
@@ -224,7 +231,7 @@ def _grid_around(seen: np.ndarray, most: float, options: SceneOptions) -> tuple[
     """X and y (h, w) of a square grid over the sand that is seen, no farther than `most` from the centre; metres."""
     low = np.maximum(seen.min(axis=0) - _MARGIN_M, -most)
     high = np.minimum(seen.max(axis=0) + _MARGIN_M, most)
-    cell = max(options.relief.cell_m, float((high - low).max()) / options.relief.most_cells)
+    cell = max(options.relief.cell_m, float((high - low).max()) / _MOST_CELLS)
     x, y = (
         first + cell * np.arange(int(np.ceil((last - first) / cell)) + 1) for first, last in zip(low, high, strict=True)
     )

@@ -19,6 +19,7 @@ from polarsim.render.surfaces import Surfaces
 _COARSE = 1 / 32  # of a photo's size: pictures in which tries are looked at
 _TRIES = 60
 _AIMED = 0.7  # of the way from the centre of the sand to its edge: how far off a camera looks
+_ROLL_SD_DEG = 2.0  # a tripod stands upright by eye
 _ASIDE = 0.03  # of the picture's size: standard deviation of the principal point's position
 # NASA's rig by its survey and by cameras fitted to published labels, with room around them (docs/notes/cameras.md).
 _RIG_HEIGHT_M, _RIG_DISTANCE_M, _RIG_FOCAL_PX, _RIG_AIMED = (1.2, 1.9), (2.4, 4.6), (1950, 2200), 0.3
@@ -102,7 +103,7 @@ def _any_camera(chosen: RenderOptions, options: SceneOptions, of_rig: bool, rand
     aimed = _RIG_AIMED if of_rig else _AIMED
     aim = random.uniform(-aimed, aimed, 2) * chosen.rim_half_width_m
     centre = np.array([*(aim - distance * np.array([np.cos(yaw), np.sin(yaw)])), height])
-    roll = np.radians(options.roll_sd_deg) * random.standard_normal()
+    roll = np.radians(_ROLL_SD_DEG) * random.standard_normal()
     return Camera(looking(centre, yaw, float(np.arctan2(height, distance)), float(roll)), lens)
 
 

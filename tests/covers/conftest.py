@@ -27,10 +27,10 @@ def cover():
 def made_release(tmp_path, cover):
     """Terrain 1 with a cover photo at A, and labels of both cameras under two lamps: the right one's lie elsewhere."""
     png.write(tmp_path / "CoverPhotoOfIndices" / "cover_photo_indexed_01_A.png", cover)
-    for side, shift in (("L", 0), ("R", 500)):
+    for side, offset in (("L", 0), ("R", 500)):
         for azimuth, shadow in SHADOWS.items():
             path = tmp_path / "Labels" / "Terrain01" / f"01_A_off_{azimuth}_{side}_0256.txt"
-            moved = np.array([shift, 0, shift, 0])
+            moved = np.array([offset, 0, offset, 0])
             yolo.write_boxes(path, np.array([0, 0, 1]), np.vstack([ROCKS, [shadow]]) + moved)
     return tmp_path
 
