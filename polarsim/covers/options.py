@@ -217,14 +217,14 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
         512,
         ge=0,
         description="So many scenes show rocks that the analog's generator carves. One detector is trained on them "
-        "alone, once, and that of every fold starts from its weights: it has seen no scanned rock. 0: folds start from random "
-        "weights.",
+        "alone, once, and that of every fold starts from its weights: it has seen no scanned rock. 0: folds start "
+        "from random weights.",
     )
     carved_epochs: int = Field(24, ge=1, description="That detector's training passes over its pictures so often.")
     widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
         (512, 640, 768, 896, 1024, 1280),
-        description="These widths of a picture, px, are tried. Those at which a fold's detector looks at its photos are "
-        "chosen on the photos of all other folds, unless `detect.prediction.widths` names them.",
+        description="These widths of a picture, px, are tried. Those at which a fold's detector looks at its photos "
+        "are chosen on the photos of all other folds, unless `detect.prediction.widths` names them.",
     )
     publish: bool = Field(
         False, description="A detector of the rocks of all terrains is trained too, to take away: `covers/detector.pt`."
