@@ -100,8 +100,8 @@ class SceneOptions(BaseModel, extra="forbid", frozen=True):
         0.5,
         ge=0,
         le=1,
-        description="This share of scenes is seen as by NASA's rig, from outside the sand and by its lens; the others "
-        "from anywhere that the next three ranges allow, as by a rover too.",
+        description="This share of scenes is seen as by NASA's rig: from outside the sand, by its lens. The others are "
+        "seen from anywhere that the next three ranges allow, as by a rover too.",
     )
     camera_height_m: Range = Field((0.3, 2.0), description="The camera stands so high above the sand, m.")
     camera_distance_m: Range = Field((0.7, 4.5), description="The camera looks at the sand so far before it, m.")
@@ -210,30 +210,27 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
         "are told by the boxes drawn into them and by the shadows that they show.",
     )
     exposure_ms: int = Field(
-        USUAL_EXPOSURE_MS,
-        gt=0,
-        description="A cover photo is scored by labels of this exposure or the nearest, ms.",
+        USUAL_EXPOSURE_MS, gt=0, description="A cover photo is scored by labels of this exposure or the nearest, ms."
     )
     scenes: SceneOptions = Field(SceneOptions(), description="Detectors are trained on such scenes.")
-    val_share: float = Field(
-        0.08, gt=0, lt=1, description="This share of each terrain's scenes selects the weights and is not trained on."
-    )
     carved_scenes: int = Field(
         512,
         ge=0,
         description="So many scenes show rocks that the analog's generator carves. One detector is trained on them "
-        "alone, once, and that of every fold starts from its weights: it has seen no scanned rock. 0: folds start from "
-        "random weights.",
+        "alone, once, and that of every fold starts from its weights: it has seen no scanned rock. 0: folds start "
+        "from random weights.",
     )
-    carved_epochs: int = Field(16, ge=1, description="That detector sees these scenes' pictures so many times.")
+    carved_epochs: int = Field(24, ge=1, description="That detector's training passes over its pictures so often.")
     widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
         (512, 640, 768, 896, 1024, 1280),
         description="These widths of a picture, px, are tried. Those at which a fold's detector looks at its photos "
         "are chosen on the photos of all other folds, unless `detect.prediction.widths` names them.",
     )
     publish: bool = Field(
-        False,
-        description="A detector is trained on the rocks of all terrains too, to take away: `covers/detector.pt`.",
+        False, description="A detector of the rocks of all terrains is trained too, to take away: `covers/detector.pt`."
+    )
+    val_share: float = Field(
+        0.08, gt=0, lt=1, description="This share of each terrain's scenes selects the weights and is not trained on."
     )
     val_terrains: int = Field(
         0,
