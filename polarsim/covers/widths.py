@@ -36,7 +36,7 @@ def look_at_covers(
     """
     detector = detectors.read_detector(weights)
     with about(weights):
-        loaded = detectors.family(detector.model).load(detector, found.parent, options, threads)
+        loaded = detectors.load_detector(detector, found.parent, options, threads)
     rows = []
     for key in read_pictures(dataset, TEST):
         picture = read_picture(dataset / "images" / TEST / f"{key}.png")

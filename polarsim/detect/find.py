@@ -12,7 +12,6 @@ import pandas as pd
 from pydantic import ValidationError
 
 from polarsim.detect import detectors, tone
-from polarsim.detect.calibration import calibrated
 from polarsim.detect.options import PicturesOptions, PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import Sizes
@@ -69,10 +68,10 @@ def find_in_pictures(
         if draw:
             (folder / "pictures").mkdir()
         with about(weights):
-            loaded = detectors.family(detector.model).load(detector, folder, options, threads)
+            loaded = detectors.load_detector(detector, folder, options, threads)
         for path, pixels in _read_ahead(paths):
             height, width = pixels.shape[:2]
-            found = calibrated(see(loaded, pixels, sizes, options.nms_iou), detector.calibration)
+            found = see(loaded, pixels, sizes, options.nms_iou)
             found = found[found[:, 4] >= confidence]
             rows += [(path.name, BOX_CLASSES[int(row[5])], row[4], *row[:4]) for row in found]
             yolo.write_boxes(

@@ -42,7 +42,7 @@ def predict(*, weights: Path, dataset: Path, predictions: Path, options: Predict
     keys = read_pictures(dataset, TEST)
     predictions.parent.mkdir(parents=True, exist_ok=True)
     with about(weights):
-        loaded = detectors.family(detector.model).load(detector, predictions.parent, options, threads)
+        loaded = detectors.load_detector(detector, predictions.parent, options, threads)
     paths = {key: dataset / "images" / TEST / f"{key}.png" for key in keys}
 
     def see(some: Sequence[str]) -> pd.DataFrame:

@@ -51,7 +51,7 @@ def run_all(
     if pictures:
         render_frames(folder, vehicle, suite, seed, threads)
         if options.onboard:
-            if suite.onboard.weights is not None:
+            if suite.onboard.weights_file is not None:
                 detect_drive(folder, vehicle, suite, seed, threads)
             measure_drive(folder, vehicle, suite, seed)
         if suite.videos:

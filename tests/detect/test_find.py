@@ -38,7 +38,7 @@ def block_finder(monkeypatch):
     class Family:
         load = staticmethod(lambda *_: brightest)
 
-    monkeypatch.setattr(find.detectors, "family", lambda _: Family)
+    monkeypatch.setattr("polarsim.detect.detectors.models.family", lambda _: Family)
 
 
 def picture(size=(640, 400), depth=np.uint8, channels=1):

@@ -28,7 +28,7 @@ def camera_suite_options(*left_out):
 def detector_weights(run):
     """The detector that is taken along: one of the run, or another that the configuration names, or none."""
     if ROVER.detector is None:
-        return ROVER.cameras.onboard.weights
+        return ROVER.cameras.onboard.weights_file
     return Path(f"results/{run}/{CONFIG.first_training}/detectors/{ROVER.detector}.pt")
 
 

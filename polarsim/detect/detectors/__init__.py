@@ -3,7 +3,7 @@
 from polarsim.detect.detectors.devices import choose_device, load_torch
 from polarsim.detect.detectors.families import MAX_BOXES, LoadedDetector, Trained, Training
 from polarsim.detect.detectors.files import Detector, read_detector, write_detector
-from polarsim.detect.detectors.models import detector_name, family
+from polarsim.detect.detectors.models import detector_name, family, load_detector
 
 __all__ = [
     "MAX_BOXES",
@@ -14,6 +14,7 @@ __all__ = [
     "choose_device",
     "detector_name",
     "family",
+    "load_detector",
     "load_torch",
     "read_detector",
     "write_detector",

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from polarsim.detect.detectors.families import Family
+from pathlib import Path
+
+from polarsim.detect.calibration import calibrated
+from polarsim.detect.detectors.families import Family, LoadedDetector
+from polarsim.detect.detectors.files import Detector
+from polarsim.detect.options import PredictionOptions
 
 
 def family(model: str) -> Family:
@@ -14,6 +19,14 @@ def family(model: str) -> Family:
     from polarsim.detect.detectors.yolo import family as yolo
 
     return yolo
+
+
+def load_detector(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
+    """See `Family.load`; confidences are calibrated where the detector has a calibration."""
+    loaded = family(detector.model).load(detector, folder, options, threads)
+    if not detector.calibration:
+        return loaded
+    return lambda pictures: [calibrated(rows, detector.calibration) for rows in loaded(pictures)]
 
 
 def detector_name(model: str) -> str:

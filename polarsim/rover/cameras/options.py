@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, field_validator, model_validator
 
-from polarsim.detect.options import PicturesOptions, PredictionOptions
+from polarsim.detect.options import PACKAGED, PicturesOptions, PredictionOptions
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.vehicle.mounts import FRONT
 
@@ -43,7 +43,11 @@ class RealSun(BaseModel, extra="forbid", frozen=True):
 class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     """What a detector makes of the front camera's pictures while the rover drives."""
 
-    weights: Path | None = Field(None, description="The detector, weights of a run; none: truth alone is measured.")
+    weights: Path | Literal["packaged"] | None = Field(
+        None,
+        description="The detector, weights of a run, or `packaged`: the one that comes with polarsim. None: truth "
+        "alone is measured.",
+    )
     pictures: PicturesOptions = Field(PicturesOptions(), description="Tone curve of the detector's pictures.")
     prediction: PredictionOptions = Field(PredictionOptions(), description="How the detector looks at pictures.")
     confidence: float = Field(0.25, gt=0, lt=1, description="Detections of less confidence do not count.")
@@ -64,6 +68,11 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     resamples: int = Field(
         1000, ge=100, description="The 95 % intervals over drives and lights have this many bootstrap samples."
     )
+
+    @property
+    def weights_file(self) -> Path | None:
+        """The detector's file."""
+        return PACKAGED if self.weights == "packaged" else self.weights
 
 
 class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):

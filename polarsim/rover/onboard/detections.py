@@ -41,7 +41,7 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, se
         No detector is named, or it cannot be read; a picture is missing.
     """
     onboard = options.onboard
-    weights = onboard.weights
+    weights = onboard.weights_file
     if weights is None:
         raise RoverError("onboard: no weights of a detector are named")
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
@@ -61,7 +61,7 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, se
             continue
         if loaded is None:
             with about(weights):
-                loaded = detectors.family(detector.model).load(detector, pictures, onboard.prediction, threads)
+                loaded = detectors.load_detector(detector, pictures, onboard.prediction, threads)
         sizes = sizes_of(detector, onboard.prediction)
         _write_detections(pictures, paths, loaded, sizes, exposure_ms, onboard, identity)
         write_text(note, identity)

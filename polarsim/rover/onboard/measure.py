@@ -93,7 +93,7 @@ def _cases(folder: Path, suite: CameraSuite) -> Iterator[tuple[dict[str, Any], p
         truth = tables.read_parquet(folder / FRONT / f"{sun}_truth.parquet", TRUTH_COLUMNS)
         labels = truth[truth["kind"] == ROCK].assign(confidence=1.0)[list(DETECTION_COLUMNS)]
         yield {"sun": sun, "model": "", "exposure_ms": 0.0, "source": TRUTH}, truth, labels
-        if suite.options.onboard.weights is None:
+        if suite.options.onboard.weights_file is None:
             continue
         for model, exposure in suite.options.pictures:
             path = picture_folder(folder, FRONT, sun, model, exposure) / "detections.parquet"
