@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.detect import detectors, find
+from polarsim.detect import detectors
 from polarsim.detect.find import find_in_pictures, prediction_options, read_any
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import detect
