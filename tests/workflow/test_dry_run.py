@@ -138,7 +138,7 @@ def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_dete
         assert f"gap/twins/{name}/pictures/Terrain03" in text
 
 
-def test_the_strict_split_trains_its_detectors_and_leaves_the_legacy_ones(dry_run):
+def test_the_papers_split_trains_detectors_beside_those_of_the_strict_one(dry_run):
     files = ("--configfile", "config/config.yaml", "config/strict.yaml")
     done = dry_run("detect", "tables", *files)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -54,8 +55,8 @@ def test_what_detectors_see_is_not_rendered_again_for_another_detector(checkout,
         done = snakemake(checkout, "rover", "--dry-run", "-p", "--configfile", "config/evaluated.yaml")
         assert done.returncode == 0, done.stderr
         text[detector] = done.stdout + done.stderr
-    assert "detect/photo/seed0/detectors/hapke.pt" in text["hapke"]
-    assert "detect/photo/seed0/detectors/hapke.pt" not in text["analog"]
+    assert "detect/position/seed0/detectors/hapke.pt" in text["hapke"]
+    assert "detect/position/seed0/detectors/hapke.pt" not in text["analog"]
 
 
 @pytest.mark.parametrize(
@@ -129,3 +130,9 @@ RULES = (
     "drive_rover", "see_drive", "measure_drive", "write_bag", "write_urdf", "check_soil", "summarise_drives",
     "summarise_onboard", "tabulate_rover", "tabulate_onboard", "draw_drive", "draw_sequence", "draw_front", "draw_soil",
 )  # fmt: skip
+
+
+def test_the_rover_takes_a_finished_demo_as_it_is():
+    """The first part of its configuration is the demo's, word for word in meaning: else detectors are trained anew."""
+    demo, rover = (yaml.safe_load(Path(f"config/{name}.yaml").read_text()) for name in ("config", "rover"))
+    assert {key: value for key, value in rover.items() if key != "rover"} == demo
