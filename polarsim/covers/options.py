@@ -222,7 +222,7 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
     )
     carved_epochs: int = Field(24, ge=1, description="That detector's training passes over its pictures so often.")
     widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
-        (512, 640, 768, 896, 1024, 1280),
+        (512, 640, 768, 896, 1024, 1280, 1536, 1792),
         description="These widths of a picture, px, are tried. Those at which a fold's detector looks at its photos "
         "are chosen on the photos of all other folds, unless `detect.prediction.widths` names them.",
     )

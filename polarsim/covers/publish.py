@@ -15,7 +15,7 @@ from polarsim.detect import detectors
 from polarsim.detect.calibration import Calibration, calibrated, calibration_error, fit_calibration
 from polarsim.detect.dataset import read_pictures
 from polarsim.detect.options import PredictionOptions
-from polarsim.detect.sizes import Sizes
+from polarsim.detect.sizes import ClassSizes
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError
 from polarsim.formats import tables
@@ -69,7 +69,7 @@ def publish_detector(
     trained = detectors.read_detector(weights)
     check = _check(truth, seen, trained.imgsz, options)
     sizes, calibration = _chosen(truth, _together(seen), trained.imgsz, options)
-    whole = replace(trained, widths=sizes.widths, gates_px=sizes.gates_px, calibration=calibration)
+    whole = replace(trained, sizes=tuple((own.widths, own.gates_px) for own in sizes.by_class), calibration=calibration)
     detectors.write_detector(detector, whole)
     write_text(card, _card(whole, tables.read_parquet(scores, COVER_SCORES.columns), check))
 
@@ -78,7 +78,9 @@ def _together(seen: Mapping[str, Found], but: str = "") -> Found:
     return {key: rows for fold, own in seen.items() if fold != but for key, rows in own.items()}
 
 
-def _chosen(labels: pd.DataFrame, seen: Found, imgsz: int, options: PredictionOptions) -> tuple[Sizes, Calibration]:
+def _chosen(
+    labels: pd.DataFrame, seen: Found, imgsz: int, options: PredictionOptions
+) -> tuple[ClassSizes, Calibration]:
     sizes = widths_for(labels, seen, imgsz, options)
     boxes = [merged(rows, sizes, options.nms_iou) for rows in seen.values()]
     return sizes, fit_calibration(truth_of(labels, list(seen)), boxes, len(BOX_CLASSES))
@@ -105,18 +107,17 @@ def _card(detector: detectors.Detector, scores: pd.DataFrame, check: Check) -> s
         for row in scores.itertuples()
     ]
     worst = scores[(scores["terrain"] != ALL) & (scores["kind"] == BOX_CLASSES[0])].sort_values("map50").iloc[0]
-    sizes = ", ".join(map(str, detector.widths)) or str(detector.imgsz)
-    gates = (
-        f"; boxes below {', '.join(f'{g:g}' for g in detector.gates_px)} px of 1,936 from the wider"
-        if (detector.gates_px)
-        else ""
+    looked_at = "; ".join(
+        f"{kind}s at {' and '.join(map(str, widths))} px of width"
+        + (f", those below {gates[0]:g} px of 1,936 at the larger one" if gates else "")
+        for kind, (widths, gates) in zip(BOX_CLASSES, detector.sizes, strict=True)
     )
     return f"""# Detector of rocks and shadows on ground under low light
 
 `polarsim detect PICTURES --out FOLDER` uses it where no other weights are named.
 
 - **What it is**: {detectors.detector_name(detector.model)}, {_count(detector):,} numbers in half precision; boxes of
-  classes {" and ".join(BOX_CLASSES)}; grey pictures of any size, looked at {sizes} px wide{gates}.
+  classes {" and ".join(BOX_CLASSES)}; grey pictures of any size; {looked_at}.
 - **Data**: rendered pictures alone. First rocks that a generator carves, then scanned rocks of the POLAR-Sim release,
   strewn on made-up sand, cameras and lamps drawn at random. It has seen no photo.
 - **Confidences** say how often a box is right (IoU 0.5): expected calibration error {check.after:.3f}, without

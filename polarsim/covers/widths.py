@@ -13,7 +13,7 @@ from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.frame import read_picture
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import detect
-from polarsim.detect.sizes import Sizes, choose_sizes, merge
+from polarsim.detect.sizes import ClassSizes, Sizes, choose_sizes, merge
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError, about
 from polarsim.formats import tables
@@ -41,7 +41,7 @@ def look_at_covers(
     for key in read_pictures(dataset, TEST):
         picture = read_picture(dataset / "images" / TEST / f"{key}.png")
         for width in sorted({detector.imgsz, *widths}):
-            for box in next(detect(loaded, [picture], Sizes((width,)), options.nms_iou)):
+            for box in next(detect(loaded, [picture], ClassSizes.same(Sizes((width,))), options.nms_iou)):
                 rows.append((key, width, BOX_CLASSES[int(box[5])], box[4], *box[:4]))
     table = pd.DataFrame(rows, columns=list(COVER_FOUND.columns)).astype(COVER_FOUND.dtypes)
     tables.write_parquet(found, table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)}))
@@ -59,7 +59,7 @@ def choose_widths(
 ) -> None:
     """Write one prediction table of all cover photos, and the widths and gates of every fold.
 
-    A fold's widths are those with the largest mAP@0.5, mean of rocks and shadows, on the photos of all other folds, as
+    A fold's widths are those with the largest AP@0.5 of rocks, and of shadows, on the photos of all other folds, as
     their own detectors see them: neither detector nor choice has seen the terrain. With one fold alone there is nothing
     to choose by, and its photos are looked at as wide as its training's pictures. Widths that the options name are
     taken as they are.
@@ -71,7 +71,7 @@ def choose_widths(
     datasets : mapping of fold to Path
         Data sets of the folds, whose test parts name the photos.
     sizes : Path
-        CSV to write: fold, widths, gates_px (spaces between numbers), width_of_training.
+        CSV to write: fold, kind, widths, gates_px (spaces between numbers), width_of_training.
     imgsz : int
         Width of the training's pictures, px.
     """
@@ -82,18 +82,21 @@ def choose_widths(
         others = {key: by_width for other in seen if other != fold for key, by_width in seen[other].items()}
         chosen = widths_for(truth, others, imgsz, options)
         parts.append(_table(own, chosen, options.nms_iou))
-        rows.append((fold, *map(_joined, (chosen.widths, chosen.gates_px)), imgsz))
+        rows += [
+            (fold, kind, _joined(sizes_of_class.widths), _joined(sizes_of_class.gates_px), imgsz)
+            for kind, sizes_of_class in zip(BOX_CLASSES, chosen.by_class, strict=True)
+        ]
     table = pd.concat(parts, ignore_index=True).astype(PREDICTIONS.dtypes)
     tables.write_parquet(predictions, table[list(PREDICTIONS.columns)])
-    tables.write_csv(sizes, pd.DataFrame(rows, columns=["fold", "widths", "gates_px", "width_of_training"]))
+    tables.write_csv(sizes, pd.DataFrame(rows, columns=["fold", "kind", "widths", "gates_px", "width_of_training"]))
 
 
-def widths_for(labels: pd.DataFrame, others: Found, imgsz: int, options: PredictionOptions) -> Sizes:
+def widths_for(labels: pd.DataFrame, others: Found, imgsz: int, options: PredictionOptions) -> ClassSizes:
     """The widths that the options name, else the best on these photos, else that of the training."""
     if options.widths:
-        return Sizes(options.widths, options.gates_px)
+        return ClassSizes.same(Sizes(options.widths, options.gates_px))
     if not others:
-        return Sizes((imgsz,))
+        return ClassSizes.same(Sizes((imgsz,)))
     widths = sorted(next(iter(others.values())))
     by_width = {width: [found[width] for found in others.values()] for width in widths}
     return choose_sizes(truth_of(labels, list(others)), by_width, options.nms_iou, detectors.MAX_BOXES)
@@ -124,12 +127,12 @@ def _labelled(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
     return rows["kind"].map(BOX_CLASSES.index).to_numpy(int), rows[list(BOX_COLUMNS)].to_numpy(float)
 
 
-def merged(by_width: Mapping[int, np.ndarray], sizes: Sizes, nms_iou: float) -> np.ndarray:
+def merged(by_width: Mapping[int, np.ndarray], sizes: ClassSizes, nms_iou: float) -> np.ndarray:
     """Boxes (n, 6) of one photo at the chosen widths."""
-    return merge([by_width[width] for width in sizes.widths], sizes, nms_iou, detectors.MAX_BOXES)
+    return merge(by_width, sizes, nms_iou, detectors.MAX_BOXES)
 
 
-def _table(found: Found, sizes: Sizes, nms_iou: float) -> pd.DataFrame:
+def _table(found: Found, sizes: ClassSizes, nms_iou: float) -> pd.DataFrame:
     rows = [
         (key, BOX_CLASSES[int(box[5])], box[4], *box[:4])
         for key, by_width in found.items()

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from polarsim.detect import detectors, tone
 from polarsim.detect.options import PicturesOptions, PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
-from polarsim.detect.sizes import Sizes
+from polarsim.detect.sizes import ClassSizes
 from polarsim.errors import DetectError, PolarsimError, about
 from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import writing_folder
@@ -106,7 +106,7 @@ def prediction_options(widths: Sequence[str], gates_px: Sequence[str], device: s
         raise DetectError(describe_error(error, "options")) from error
 
 
-def see(loaded: detectors.LoadedDetector, pixels: np.ndarray, sizes: Sizes, nms_iou: float) -> np.ndarray:
+def see(loaded: detectors.LoadedDetector, pixels: np.ndarray, sizes: ClassSizes, nms_iou: float) -> np.ndarray:
     """Boxes (n, 6) in one picture (h, w[, 3]) of 8 or 16 bits: x0, y0, x1, y1 in its pixels, confidence, class."""
     grey, full, longest = _grey(pixels), (pixels.shape[1], pixels.shape[0]), max(sizes.widths)
     small = tone.shrink(grey, longest) if max(full) > longest else grey

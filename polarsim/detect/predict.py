@@ -14,7 +14,7 @@ from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.frame import frame, read_picture
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.parts import digest, write_in_parts
-from polarsim.detect.sizes import Sizes, merge
+from polarsim.detect.sizes import ClassSizes, Sizes, merge
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
@@ -61,17 +61,19 @@ def predict(*, weights: Path, dataset: Path, predictions: Path, options: Predict
     write_in_parts(predictions, keys, see, PART, identity)
 
 
-def sizes_of(detector: detectors.Detector, options: PredictionOptions) -> Sizes:
+def sizes_of(detector: detectors.Detector, options: PredictionOptions) -> ClassSizes:
     """The widths that the options name, else those that were chosen for the detector, else that of its training."""
     if options.widths:
-        return Sizes(options.widths, options.gates_px)
-    return Sizes(detector.widths, detector.gates_px) if detector.widths else Sizes((detector.imgsz,))
+        return ClassSizes.same(Sizes(options.widths, options.gates_px))
+    if detector.sizes:
+        return ClassSizes(tuple(Sizes(tuple(widths), tuple(gates)) for widths, gates in detector.sizes))
+    return ClassSizes.same(Sizes((detector.imgsz,)))
 
 
 def detect(
     loaded: detectors.LoadedDetector,
     pictures: list[np.ndarray],
-    sizes: Sizes,
+    sizes: ClassSizes,
     nms_iou: float,
     full: tuple[int, int] = (WIDTH, HEIGHT),
 ) -> Iterator[np.ndarray]:
@@ -86,10 +88,11 @@ def detect(
     """
     if len({picture.shape for picture in pictures}) > 1:
         raise DetectError(f"pictures of sizes {sorted({picture.shape for picture in pictures})}, expected one size")
-    by_width = [_detect_at(loaded, pictures, width, full) for width in sizes.widths]
+    widths = sizes.widths
+    by_width = [_detect_at(loaded, pictures, width, full) for width in widths]
     in_full = sizes.scaled(full[0] / WIDTH)  # gates are in pixels of a photo
     for found in zip(*by_width, strict=True):
-        yield merge(found, in_full, nms_iou, detectors.MAX_BOXES)
+        yield merge(dict(zip(widths, found, strict=True)), in_full, nms_iou, detectors.MAX_BOXES)
 
 
 def _detect_at(

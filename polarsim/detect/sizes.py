@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from polarsim.detect import metrics
 from polarsim.detect.nms import suppress_by_class
 from polarsim.errors import DetectError
+from polarsim.photo import BOX_CLASSES
 
 _OVERLAP = 1.25  # boxes up to this factor beyond a gate are taken from both widths; suppression leaves one of them
 _GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # that are tried between two widths
@@ -37,13 +39,34 @@ class Sizes:
         return [(low / _OVERLAP, high * _OVERLAP) for high, low in pairwise(edges)]
 
 
-def merge(found: Sequence[np.ndarray], sizes: Sizes, nms_iou: float, most: int) -> np.ndarray:
+@dataclass(frozen=True)
+class ClassSizes:
+    """Sizes of each class, in the order of `BOX_CLASSES`: rocks may be looked for in wider pictures than shadows."""
+
+    by_class: tuple[Sizes, ...]
+
+    @classmethod
+    def same(cls, sizes: Sizes) -> ClassSizes:
+        """The same sizes for all classes."""
+        return cls((sizes,) * len(BOX_CLASSES))
+
+    @property
+    def widths(self) -> list[int]:
+        """All widths at which a picture is looked at, ascending."""
+        return sorted({width for own in self.by_class for width in own.widths})
+
+    def scaled(self, factor: float) -> ClassSizes:
+        """See `Sizes.scaled`."""
+        return ClassSizes(tuple(own.scaled(factor) for own in self.by_class))
+
+
+def merge(found: Mapping[int, np.ndarray], sizes: ClassSizes, nms_iou: float, most: int) -> np.ndarray:
     """What is found of one picture at each of `sizes.widths`, as one list of boxes.
 
     Parameters
     ----------
-    found : sequence of (n, 6)
-        x0, y0, x1, y1 in pixels of a photo 1936 px wide, confidence, class; one array a width.
+    found : mapping of width to (n, 6)
+        x0, y0, x1, y1 in pixels of a photo 1936 px wide, confidence, class.
     nms_iou
         IoU above which the less confident of two boxes of a class is dropped.
     most
@@ -53,12 +76,14 @@ def merge(found: Sequence[np.ndarray], sizes: Sizes, nms_iou: float, most: int) 
     -------
     (m, 6), the most confident first
     """
-    if len(found) == 1:
-        return found[0]
+    if len(sizes.widths) == 1:
+        return found[sizes.widths[0]]
     taken = []
-    for rows, (least, largest) in zip(found, sizes.ranges_px(), strict=True):
-        side = (rows[:, 2:4] - rows[:, :2]).max(axis=1, initial=0)
-        taken.append(rows[(side >= least) & (side < largest)])
+    for kind, own in enumerate(sizes.by_class):
+        for width, (least, largest) in zip(own.widths, own.ranges_px(), strict=True):
+            rows = found[width]
+            side = (rows[:, 2:4] - rows[:, :2]).max(axis=1, initial=0)
+            taken.append(rows[(rows[:, 5] == kind) & (side >= least) & (side < largest)])
     return suppress_by_class(np.concatenate(taken), nms_iou, most)
 
 
@@ -67,11 +92,11 @@ def choose_sizes(
     found: Mapping[int, Sequence[np.ndarray]],
     nms_iou: float,
     most: int,
-) -> Sizes:
-    """The widths and gates with the largest mAP@0.5, mean over the classes that have labels.
+) -> ClassSizes:
+    """The widths and gates with the largest AP@0.5 of each class.
 
     One width alone, and two with each of a few gates between them. The pictures should be of places that the detector
-    was not trained on, and none of those that it will be evaluated on.
+    was not trained on, and none of those that it will be evaluated on. A class without labels has the sizes of all.
 
     Parameters
     ----------
@@ -91,10 +116,22 @@ def choose_sizes(
     tried = [Sizes((width,)) for width in widths]
     tried += [Sizes(pair, (gate,)) for pair in combinations(widths, 2) for gate in _GATES_PX]
 
-    def precision(sizes: Sizes) -> float:
-        merged = [
-            merge(rows, sizes, nms_iou, most) for rows in zip(*(found[width] for width in sizes.widths), strict=True)
-        ]
-        return float(metrics.mean_precision(labels, merged, np.array([0.5]))[0])
+    def precision(kind: int | None, sizes: Sizes) -> float:
+        of_pictures = (
+            dict(zip(sizes.widths, rows, strict=True))
+            for rows in zip(*(found[width] for width in sizes.widths), strict=True)
+        )
+        merged = [merge(by_width, ClassSizes.same(sizes), nms_iou, most) for by_width in of_pictures]
+        if kind is None:
+            return float(metrics.mean_precision(labels, merged, np.array([0.5]))[0])
+        own = [rows[rows[:, 5] == kind] for rows in merged]
+        corners = [boxes[classes == kind] for classes, boxes in labels]
+        return float(
+            metrics.average_precision(
+                corners, [rows[:, :4] for rows in own], [rows[:, 4] for rows in own], np.array([0.5])
+            )[0]
+        )
 
-    return max(tried, key=precision)
+    labelled = {int(kind) for classes, _ in labels for kind in classes}
+    asked = [kind if kind in labelled else None for kind in range(len(BOX_CLASSES))]
+    return ClassSizes(tuple(max(tried, key=partial(precision, kind)) for kind in asked))

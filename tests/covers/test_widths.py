@@ -51,7 +51,8 @@ def choose(folds, tmp_path, options=OPTIONS):
     choose_widths(
         **folds, predictions=tmp_path / "predictions.parquet", sizes=tmp_path / "sizes.csv", imgsz=512, options=options
     )
-    sizes = tables.read_csv(tmp_path / "sizes.csv", ("fold", "widths")).astype({"fold": str, "widths": str})
+    sizes = tables.read_csv(tmp_path / "sizes.csv", ("fold", "kind", "widths")).astype({"fold": str, "widths": str})
+    sizes = sizes[sizes["kind"] == "rock"]
     found = tables.read_parquet(tmp_path / "predictions.parquet", PREDICTIONS.columns)
     return dict(zip([f"{int(fold):02d}" for fold in sizes["fold"]], sizes["widths"], strict=True)), found
 
@@ -107,8 +108,10 @@ def test_a_detector_leaves_with_widths_calibration_and_a_card(folds, tmp_path):
         card=tmp_path / "detector.md", options=OPTIONS,
     )  # fmt: skip
     detector = detectors.read_detector(tmp_path / "detector.pt")
-    assert detector.widths == (512, 1024)
-    assert len(detector.gates_px) == 1
+    (rock_widths, rock_gates), (shadow_widths, _) = detector.sizes
+    assert tuple(rock_widths) == (512, 1024)
+    assert len(rock_gates) == 1
+    assert tuple(shadow_widths) == (512,)
     assert len(detector.calibration) == 2
     card = (tmp_path / "detector.md").read_text()
     assert "| all | rock | 0 | 6 | 0.410 | [0.300, 0.500] |" in card

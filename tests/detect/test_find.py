@@ -11,7 +11,7 @@ from polarsim.detect import detectors
 from polarsim.detect.find import find_in_pictures, prediction_options, read_any
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import detect
-from polarsim.detect.sizes import Sizes
+from polarsim.detect.sizes import ClassSizes, Sizes
 from polarsim.errors import DetectError
 
 torch = pytest.importorskip("torch")
@@ -117,5 +117,5 @@ def test_a_picture_of_another_shape_is_not_stretched():
     pixels = np.zeros((1080, 1920), np.uint8)
     pixels[600:700, 400:520] = 255
 
-    (found,) = detect(brightest, [pixels], Sizes((960,)), 0.5, (1920, 1080))
+    (found,) = detect(brightest, [pixels], ClassSizes.same(Sizes((960,))), 0.5, (1920, 1080))
     np.testing.assert_allclose(found[0, :4], [400, 600, 520, 700], atol=2.1)

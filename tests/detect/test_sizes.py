@@ -4,9 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.detect.options import PredictionOptions
-from polarsim.detect.sizes import Sizes, choose_sizes, merge
+from polarsim.detect.sizes import ClassSizes, Sizes, choose_sizes, merge
 
-BOTH = Sizes((512, 896), (64.0,))
+BOTH = ClassSizes.same(Sizes((512, 896), (64.0,)))
 
 
 def rows(*sides, confidence=0.5, left=0.0, kind=0):
@@ -15,27 +15,31 @@ def rows(*sides, confidence=0.5, left=0.0, kind=0):
     return np.array([(x, 0, x + side, side, confidence, kind) for x, side in zip(x0, sides, strict=True)], float)
 
 
+def at(narrow, wide):
+    return {512: narrow, 896: wide}
+
+
 def test_small_boxes_come_from_the_wide_picture_and_large_ones_from_the_narrow_one():
-    found = merge([rows(20, 200), rows(20, 200, left=1000)], BOTH, 0.5, 300)
+    found = merge(at(rows(20, 200), rows(20, 200, left=1000)), BOTH, 0.5, 300)
     assert sorted(found[:, 0].tolist()) == [30.0, 1000.0]  # the narrow one's 200 px, the wide one's 20 px
 
 
 def test_a_rock_at_the_gate_is_found_at_both_widths_and_kept_once():
-    found = merge([rows(64, confidence=0.4), rows(64, confidence=0.6)], BOTH, 0.5, 300)
+    found = merge(at(rows(64, confidence=0.4), rows(64, confidence=0.6)), BOTH, 0.5, 300)
     assert found[:, 4].tolist() == [0.6]
-    other = merge([rows(64, confidence=0.4), rows(64, confidence=0.6, kind=1)], BOTH, 0.5, 300)
+    other = merge(at(rows(64, confidence=0.4), rows(64, confidence=0.6, kind=1)), BOTH, 0.5, 300)
     assert other[:, 5].tolist() == [1, 0]  # a rock and its shadow do not suppress each other
 
 
 def test_gates_follow_the_size_of_the_picture():
-    found = merge([rows(18), rows(18, left=500)], BOTH.scaled(0.25), 0.5, 300)
+    found = merge(at(rows(18), rows(18, left=500)), BOTH.scaled(0.25), 0.5, 300)
     assert found[:, 0].tolist() == [0.0, 500.0]  # 16 px is the gate of a quarter photo: 18 px lies in both ranges
 
 
 @given(st.lists(st.floats(1, 500), min_size=1, max_size=8), st.integers(1, 5))
 def test_merging_invents_nothing_and_keeps_the_most_confident(sides, most):
     wide = rows(*sides, confidence=0.3)
-    found = merge([rows(*sides, confidence=0.2), wide], BOTH, 0.5, most)
+    found = merge(at(rows(*sides, confidence=0.2), wide), BOTH, 0.5, most)
     assert len(found) <= most
     assert (np.diff(found[:, 4]) <= 0).all()
     assert set(map(tuple, found[:, :4])) <= set(map(tuple, wide[:, :4]))
@@ -47,8 +51,22 @@ def test_sizes_are_chosen_by_what_is_found_where():
     """Small rocks are found in wide pictures alone, large ones in narrow pictures alone: both are needed."""
     labels = [(np.array([0, 0]), rows(20, 300)[:, :4])]
     found = {512: [rows(20, 300)[1:]], 896: [rows(20, 300)[:1]]}
-    assert choose_sizes(labels, found, 0.5, 300).widths == (512, 896)
-    assert choose_sizes(labels, {512: [rows(20, 300)], 896: [rows(5)]}, 0.5, 300) == Sizes((512,))
+    assert choose_sizes(labels, found, 0.5, 300).widths == [512, 896]
+    assert choose_sizes(labels, {512: [rows(20, 300)], 896: [rows(5)]}, 0.5, 300) == ClassSizes.same(Sizes((512,)))
+
+
+def test_rocks_and_shadows_have_sizes_of_their_own():
+    """Rocks are found in the wide picture alone, shadows in the narrow one alone: each class is asked of its own."""
+    labels = [(np.array([0, 1]), rows(300, 300)[:, :4])]
+    rock, shadow = rows(300, 300)
+    shadow[5] = 1
+    wrong = rows(250, left=5000, confidence=0.9, kind=1)
+    found = {512: [np.vstack([shadow])], 896: [np.vstack([rock, wrong])]}
+    sizes = choose_sizes(labels, found, 0.5, 300)
+    assert sizes == ClassSizes((Sizes((896,)), Sizes((512,))))
+    merged = merge({width: rows[0] for width, rows in found.items()}, sizes, 0.5, 300)
+    assert sorted(merged[:, 5]) == [0, 1]
+    assert wrong[0, 0] not in merged[:, 0]
 
 
 @pytest.mark.parametrize(

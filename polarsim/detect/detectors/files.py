@@ -24,8 +24,8 @@ class Detector:
     epochs: int
     start: str  # "scratch", or the name of the weights it started from
     state: dict[str, Any]  # tensors by name, half precision
-    widths: tuple[int, ...] = ()  # px, at which it looks at pictures best; none: imgsz. See `detect.sizes`
-    gates_px: tuple[float, ...] = ()  # one fewer
+    # By class, widths at which it looks at pictures best, px, and gates between them, see `detect.sizes`; none: imgsz.
+    sizes: tuple[tuple[tuple[int, ...], tuple[float, ...]], ...] = ()
     calibration: tuple[tuple[float, float], ...] = ()  # slope and offset of each class, see `detect.calibration`
 
 

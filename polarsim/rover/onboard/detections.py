@@ -15,7 +15,7 @@ import pandas as pd
 from polarsim.detect import detectors, tone
 from polarsim.detect.parts import digest, write_in_parts
 from polarsim.detect.predict import detect, sizes_of
-from polarsim.detect.sizes import Sizes
+from polarsim.detect.sizes import ClassSizes
 from polarsim.digest import code_digest
 from polarsim.errors import RoverError, about
 from polarsim.formats import png
@@ -71,7 +71,7 @@ def _write_detections(
     pictures: Path,
     paths: dict[str, Path],
     loaded: detectors.LoadedDetector,
-    sizes: Sizes,
+    sizes: ClassSizes,
     exposure_ms: float,
     options: OnboardOptions,
     identity: str,
