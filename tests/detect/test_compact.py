@@ -123,6 +123,29 @@ def test_a_training_that_was_stopped_ends_with_the_bytes_of_one_that_was_not(dat
     assert list((tmp_path / "work_stopped").iterdir()) == []
 
 
+@pytest.mark.parametrize("first", [1, 2])
+def test_a_training_that_diverges_keeps_the_best_weights_until_then(dataset, tmp_path, monkeypatch, caplog, first):
+    """Losses of epoch `first` are no numbers: of the first one there is nothing to keep."""
+    from polarsim.detect.detectors.compact import training
+
+    train_epoch = training._train_epoch
+
+    def broken(state, pictures, epoch, *rest):
+        row = train_epoch(state, pictures, epoch, *rest)
+        return dict.fromkeys(row, math.nan) if epoch + 1 == first else row
+
+    monkeypatch.setattr(training, "_train_epoch", broken)
+    options = OPTIONS.model_copy(update={"epochs": 3})
+    if first == 1:
+        with pytest.raises(DetectError, match=r"diverged: lower detect\.training\.learning_rate"):
+            train(dataset, tmp_path, "one", options)
+        return
+    train(dataset, tmp_path, "two", options)
+    assert "diverged in epoch 2 of 3: the best weights until then are kept" in caplog.text
+    assert tables.read_csv(tmp_path / "two.csv")["epoch"].tolist() == [1]
+    assert detectors.read_detector(tmp_path / "two.pt").state
+
+
 def test_predictions_are_well_formed_and_find_the_blobs(dataset, matched, tmp_path, world):
     predict(
         weights=matched / "real.pt",

@@ -46,14 +46,26 @@ class State:
 
 
 def train(training: Training) -> Trained:
-    """See `Family.train`. A training that was stopped ends with the bytes of one that was not."""
+    """See `Family.train`. A training that was stopped ends with the bytes of one that was not.
+
+    One that diverges after its first epoch says so and ends there, with the best weights until then.
+    """
     options, checkpoint = training.options, training.folder / "checkpoint.pt"
     device = _set_up_torch(training)
     pictures, held_out = (Pictures(training.dataset, part, training.imgsz) for part in (TRAIN, VAL))
     state = _start(training, device)
     _go_on(state, checkpoint)
     for epoch in range(len(state.curve), options.epochs):
-        row = {"epoch": epoch + 1} | _train_epoch(state, pictures, epoch, training, device)
+        losses_of_epoch = _train_epoch(state, pictures, epoch, training, device)
+        if not np.isfinite(list(losses_of_epoch.values())).all():
+            if not state.best:
+                raise DetectError("training diverged: lower detect.training.learning_rate")
+            log.warning(
+                "training diverged in epoch %d of %d: the best weights until then are kept; "
+                "lower detect.training.learning_rate", epoch + 1, options.epochs,
+            )  # fmt: skip
+            break
+        row = {"epoch": epoch + 1} | losses_of_epoch
         row |= _validate(state.average, held_out, training, device)
         state.curve.append(row)
         # As Ultralytics weighs them. Of equals the later one: the rate was lower.
@@ -114,8 +126,6 @@ def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Trainin
         state.steps += 1
         _update_average(state)
         totals += [float(part.detach()) for part in parts]
-    if not np.isfinite(totals).all():
-        raise DetectError("training diverged: lower detect.training.learning_rate")
     return dict(zip(("train_class_loss", "train_box_loss"), (totals / steps).tolist(), strict=True))
 
 
