@@ -243,6 +243,35 @@ def export(
 
 
 @app.command()
+def publish(
+    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
+    out: Annotated[Path, typer.Argument(help="Folder to write; every form gets a folder of its name in it.")],
+    form: Annotated[
+        list[str], typer.Option("--format", help="croissant, hf, parquet ...; may be repeated, or with commas; all.")
+    ],
+    subset: Annotated[
+        str, typer.Option(help="Only pictures with these fields of their keys, such as terrain=1+3,exposure=256.")
+    ] = "",
+    max_size: Annotated[
+        str, typer.Option(help="Largest size of each form, such as 2GB; whole scenes are left out until it fits.")
+    ] = "",
+    photos: Annotated[
+        bool, typer.Option("--photos", help="NASA's photos too, on NASA's terms; those of the analog always go.")
+    ] = False,
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Write a run in forms that other people's tools read, each with its data card; a stopped call goes on."""
+    from polarsim.publish.run import FORMS
+    from polarsim.publish.run import publish as write
+
+    names = [name for text in form for name in _listed(text)]
+    with reporting():  # typer keeps Ctrl-C to itself
+        parts = write(results / run, out, list(FORMS) if names == ["all"] else names, subset, max_size, photos)
+    for name, part in parts.items():
+        typer.echo(f"{len(part.pictures)} pictures in {out / name}")
+
+
+@app.command()
 def render(
     context: typer.Context,
     meshes: Annotated[

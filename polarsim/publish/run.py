@@ -1,0 +1,153 @@
+"""Publish a run: choose, count, look for space, write each form, say what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from polarsim import __version__
+from polarsim.errors import ConfigError
+from polarsim.progress import share_bar
+from polarsim.publish import croissant, huggingface
+from polarsim.publish.bundle import Bundle, check_space
+from polarsim.publish.card import write_card
+from polarsim.publish.catalogue import Catalogue, Picture, read_catalogue
+from polarsim.publish.subset import chosen, fitting, parse_size, parse_subset
+
+Write = Callable[[Catalogue, Bundle], None]
+
+
+@dataclass(frozen=True)
+class Form:
+    """A form in which a run leaves."""
+
+    says: str  # what is in its folder, for the data card
+    write: Write
+    bytes_of: Callable[[Picture], int]  # about, of one picture
+    needs: tuple[str, ...] = ()  # packages that it imports beyond the core's
+    front: Callable[[Catalogue], str] = lambda _: ""  # what stands before the card
+    extra: str = "publish"
+
+
+FORMS: dict[str, Form] = {
+    "croissant": Form(
+        f"`{croissant.FILE}` describes tables (Parquet) and pictures (16-bit PNG below `pictures/<domain>/`) in "
+        "Croissant 1.1 with RAI fields. Read the tables with `mlcroissant`, the pictures by file.",
+        croissant.write, croissant.bytes_of, croissant.NEEDS,
+    ),
+    "hf": Form(
+        "A folder for Hugging Face's `datasets`: a configuration a domain, `<domain>/<split>/KEY.png` with 16 bits, "
+        "`ids/KEY.png` (1000 + k: rock k, 2000 + k: its shadow; 65534, 65535: of a rock without a number), and "
+        "`metadata.jsonl` with key, pose, lens and objects (bbox x y w h, category 0 rock 1 shadow, masks as COCO "
+        "runs). `load_dataset(FOLDER, DOMAIN)` reads it.",
+        huggingface.write_folder, huggingface.bytes_of, front=lambda one: huggingface.front(one, parquet=False),
+    ),
+    "parquet": Form(
+        "The same as `hf` in Parquet files that hold the pictures' own bytes: `load_dataset(FOLDER, DOMAIN)`.",
+        huggingface.write_parquet, huggingface.bytes_of, front=lambda one: huggingface.front(one, parquet=True),
+    ),
+}  # fmt: skip
+
+
+def publish(
+    run: Path,
+    out: Path,
+    forms: Sequence[str],
+    subset: str = "",
+    max_size: str = "",
+    photos: bool = False,
+) -> dict[str, Catalogue]:
+    """Write `out/<form>/` for every form; what each holds.
+
+    Parameters
+    ----------
+    run
+        Its folder, `results/<run>`.
+    forms
+        Names in `FORMS`.
+    subset
+        As `subset.parse_subset` reads it.
+    max_size
+        Largest size of each form, as `subset.parse_size` reads it; none where it is empty.
+    photos
+        Whether NASA's photos go out too: their terms are NASA's. Those of the analog always go.
+
+    Raises
+    ------
+    ConfigError
+        An unknown form, a package that is missing, a subset without pictures, a folder that holds something else.
+    FormatError
+        A broken file of the run.
+    PolarsimError
+        Too little space.
+    """
+    for name in forms:
+        _check(name)
+    catalogue = chosen(_allowed(read_catalogue(run), photos), parse_subset(subset))
+    most = parse_size(max_size) if max_size else None
+    parts = {name: _cut(catalogue, FORMS[name], most) for name in dict.fromkeys(forms)}
+    check_space(out, sum(_size(one, FORMS[name]) for name, one in parts.items()))
+    for name, one in parts.items():
+        recipe = {"form": name, "run": one.name, "config": one.config, "subset": subset, "max_size": max_size}
+        _write(name, one, out / name, recipe | {"photos": photos, "polarsim": __version__})
+    return parts
+
+
+def _check(name: str) -> None:
+    if name not in FORMS:
+        raise ConfigError(f"format {name!r}, expected {', '.join(FORMS)}")
+    form = FORMS[name]
+    for package in form.needs:
+        if find_spec(package) is None:
+            raise ConfigError(f"format {name} needs {package}: pip install 'polarsim[{form.extra}]'")
+
+
+def _allowed(catalogue: Catalogue, photos: bool) -> Catalogue:
+    """Without NASA's photos unless they are asked for."""
+    if photos or "real" not in catalogue.domains:
+        return catalogue
+    kept = [one for one in catalogue.pictures if one.domain != "real"]
+    if not kept:
+        raise ConfigError("nothing but NASA's photos: --photos publishes them, on NASA's terms", path=catalogue.run)
+    return catalogue.with_pictures(kept, "NASA's photos are not in this bundle: get them from NASA; keys name them.")
+
+
+def _cut(catalogue: Catalogue, form: Form, most: int | None) -> Catalogue:
+    return fitting(catalogue, form.bytes_of, _FIXED, most) if most else catalogue
+
+
+_FIXED = 10**6  # bytes of cards, receipts and the heads of tables
+
+
+def _size(catalogue: Catalogue, form: Form) -> int:
+    meshes = sum(path.stat().st_size for one in catalogue.terrains.values() for path in one.meshes.values())
+    return _FIXED + meshes + sum(map(form.bytes_of, catalogue.pictures))
+
+
+def _write(name: str, catalogue: Catalogue, folder: Path, recipe: dict[str, Any]) -> None:
+    form = FORMS[name]
+    with _counting(name, len(catalogue.pictures)) as done:
+        bundle = Bundle(folder, done)
+        bundle.open(recipe)
+        form.write(catalogue, bundle)
+        write_card(catalogue, bundle, name, form.says, form.front(catalogue))
+        bundle.close()
+
+
+@contextmanager
+def _counting(text: str, pictures: int) -> Iterator[Callable[[], None]]:
+    """A bar over files; how many there will be is known about, so the last percent may take a while."""
+    with share_bar(text) as tell:
+        made = 0
+
+        def done() -> None:
+            nonlocal made
+            made += 1
+            tell(min(0.99, made / max(1, pictures)))
+
+        yield done
+        tell(1.0)
