@@ -12,7 +12,7 @@ from typing import Any
 from polarsim import __version__
 from polarsim.errors import ConfigError
 from polarsim.progress import share_bar
-from polarsim.publish import croissant, huggingface
+from polarsim.publish import croissant, detection_sets, huggingface, stereo_set
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
 from polarsim.publish.catalogue import Catalogue, Picture, read_catalogue
@@ -49,6 +49,23 @@ FORMS: dict[str, Form] = {
     "parquet": Form(
         "The same as `hf` in Parquet files that hold the pictures' own bytes: `load_dataset(FOLDER, DOMAIN)`.",
         huggingface.write_parquet, huggingface.bytes_of, front=lambda one: huggingface.front(one, parquet=True),
+    ),
+    "coco": Form(
+        "`images/<domain>/KEY.png` with 16 bits and `annotations/<domain>_<part>.json`: boxes, visible masks as runs "
+        "and, of twins, amodal masks (`amodal_segmentation`, `amodal_bbox`, `visible_share`); a shadow names the "
+        "annotation of its rock in `shadow_of`. `pycocotools` reads it.",
+        detection_sets.write_coco, detection_sets.coco_bytes,
+    ),
+    "yolo": Form(
+        "A data set a domain for YOLO trainers: `<domain>.yaml`, `<domain>/images/<part>/KEY.png` with 8 bits (linear "
+        "above black to the 99.7th percentile, then gamma 2.2), `<domain>/labels/<part>/KEY.txt` (0 rock, 1 shadow).",
+        detection_sets.write_yolo, detection_sets.yolo_bytes,
+    ),
+    "kitti": Form(
+        "A data set a domain as KITTI's devkit expects it: rectified pairs (8 bits, `training/image_2` left, "
+        "`image_3` right), `calib`, `label_2` (Rock, Shadow; boxes in three dimensions are not known), `ImageSets`, "
+        "and `keys.csv`, which names the photo keys. In `calib` the laser's frame is the sandbox.",
+        stereo_set.write, stereo_set.bytes_of,
     ),
 }  # fmt: skip
 
