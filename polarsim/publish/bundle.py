@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import numpy as np
 
 from polarsim.errors import ConfigError, PolarsimError
 from polarsim.formats import png
-from polarsim.formats.files import read_json, write_json, writing
+from polarsim.formats.files import read_json, write_json, writing, writing_folder
 
 RECEIPT = "publish.json"
 SUMS = "SHA256SUMS"
@@ -104,6 +104,15 @@ class Bundle:
             self._sums.pop(name, None)
         self._done()
         return target
+
+    def folder_of(self, name: str, files: Sequence[str], write: Callable[[Path], object]) -> None:
+        """Files that one call writes together into a folder that it is given."""
+        with writing_folder(self.path(name)) as temporary:
+            write(temporary)
+        for file in files:
+            self._names.append(f"{name}/{file}")
+            self._sums.pop(f"{name}/{file}", None)
+            self._done()
 
     def copy(self, name: str, source: Path) -> Path:
         """The bytes of a file of the run.

@@ -12,7 +12,7 @@ from typing import Any
 from polarsim import __version__
 from polarsim.errors import ConfigError
 from polarsim.progress import share_bar
-from polarsim.publish import croissant, detection_sets, huggingface, stereo_set
+from polarsim.publish import croissant, detection_sets, huggingface, pds4, reconstruction, stereo_set
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
 from polarsim.publish.catalogue import Catalogue, Picture, read_catalogue
@@ -66,6 +66,24 @@ FORMS: dict[str, Form] = {
         "`image_3` right), `calib`, `label_2` (Rock, Shadow; boxes in three dimensions are not known), `ImageSets`, "
         "and `keys.csv`, which names the photo keys. In `calib` the laser's frame is the sandbox.",
         stereo_set.write, stereo_set.bytes_of,
+    ),
+    "colmap": Form(
+        "A COLMAP model a domain and terrain: `images/KEY.png` (8 bits), `sparse/0/*.txt` with lenses, the rig, poses "
+        "in the sandbox frame, and points drawn over the meshes. The light changes from picture to picture: "
+        "`--subset azimuth=180,light=off` gives one light.",
+        reconstruction.write_colmap, reconstruction.bytes_of,
+    ),
+    "nerfstudio": Form(
+        "A folder a domain and terrain for nerfstudio and its splats: `images/KEY.png` (8 bits), `transforms.json`, "
+        "`points.ply` drawn over the meshes. `--subset azimuth=180,light=off` gives one light.",
+        reconstruction.write_nerfstudio, reconstruction.bytes_of,
+    ),
+    "pds4": Form(
+        "A PDS4 bundle, `bundle.xml`: collections of pictures (`data_<domain>`) and of maps of ids (`ids_<domain>`) as "
+        "raw arrays, of browse pictures, tables, maps and documents; a label beside every file states types, units, "
+        "frames, and whether values were measured, fitted or are synthetic. `pds4_tools` reads it. It was not "
+        "validated by the PDS.",
+        pds4.write, pds4.bytes_of,
     ),
 }  # fmt: skip
 

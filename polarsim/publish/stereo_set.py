@@ -65,13 +65,9 @@ def _write_pair(
     (folder, name), (left, right) = place, pair
     placed, sources = catalogue.terrains[left.key.terrain].rigs[left.key.position], catalogue.sources(left)
     for side, one, maps in (("image_2", left, rig.left_maps), ("image_3", right, rig.right_maps)):
-        bundle.png(
-            f"{folder}/{side}/{name}.png", lambda one=one, maps=maps: _turned(one, maps), [*sources, one.path]
-        )
+        bundle.png(f"{folder}/{side}/{name}.png", lambda one=one, maps=maps: _turned(one, maps), [*sources, one.path])
     objects = [kitti_object(one, placed.rig, rig, left) for one in catalogue.labels(left)]
-    bundle.make(
-        f"{folder}/label_2/{name}.txt", lambda path: kitti.write_objects(path, [one for one in objects if one])
-    )
+    bundle.make(f"{folder}/label_2/{name}.txt", lambda path: kitti.write_objects(path, [one for one in objects if one]))
     matrices = calibration(rig, placed.sandbox_from_left)
     bundle.make(f"{folder}/calib/{name}.txt", lambda path: kitti.write_calibration(path, matrices))
 
@@ -113,5 +109,3 @@ def _turned(picture: Picture, maps: tuple[np.ndarray, np.ndarray]) -> np.ndarray
 
     bent = cv2.remap(png.read(picture.path), *maps, cv2.INTER_LINEAR)
     return to_8bit(np.asarray(bent))[..., 0]
-
-

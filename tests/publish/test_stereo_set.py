@@ -47,7 +47,9 @@ def test_points_of_the_sandbox_are_projected_as_opencv_rectifies_them(published,
     )  # fmt: skip
     for side, camera in enumerate("LR"):
         pixels = placed.project(camera, points) - 0.5
-        wanted = cv2.undistortPoints(pixels, matrices[side], terms[side], R=turns[side], P=turns[2 + side], criteria=None)
+        wanted = cv2.undistortPoints(
+            pixels, matrices[side], terms[side], R=turns[side], P=turns[2 + side], criteria=None
+        )
         np.testing.assert_allclose(places[camera], wanted.reshape(-1, 2), atol=0.01, rtol=0)
     np.testing.assert_allclose(places["L"][:, 1], places["R"][:, 1], atol=1e-6)  # same rows
 
