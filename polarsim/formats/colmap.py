@@ -33,8 +33,6 @@ def write_model(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> No
     FormatError
         Two positions have different rigs, or there is none.
     """
-    import pycolmap
-
     with about(folder):
         model = _model(one_rig(localised))
     for frame_id, position in enumerate(sorted(localised), 1):

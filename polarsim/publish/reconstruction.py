@@ -71,14 +71,14 @@ def write_nerfstudio(catalogue: Catalogue, bundle: Bundle) -> None:
 
 
 def frame(name: str, camera: Camera) -> dict[str, Any]:
-    """nerfstudio's words for a picture; pixel centres lie at integer + 0.5 there as here."""
+    """Nerfstudio's words for a picture; pixel centres lie at integer + 0.5 there as here."""
     lens = camera.lens
     k1, k2, p1, p2, k3 = lens.distortion
     return {
         "file_path": name,
         "transform_matrix": (camera.world_from_camera.matrix @ CV_FROM_GL).tolist(),
-        **{"fl_x": lens.fx, "fl_y": lens.fy, "cx": lens.cx, "cy": lens.cy, "w": lens.width, "h": lens.height},
-        **{"k1": k1, "k2": k2, "k3": k3, "p1": p1, "p2": p2},
+        "fl_x": lens.fx, "fl_y": lens.fy, "cx": lens.cx, "cy": lens.cy, "w": lens.width, "h": lens.height,
+        "k1": k1, "k2": k2, "k3": k3, "p1": p1, "p2": p2,
     }
 
 

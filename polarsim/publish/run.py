@@ -12,7 +12,7 @@ from typing import Any
 from polarsim import __version__
 from polarsim.errors import ConfigError
 from polarsim.progress import share_bar
-from polarsim.publish import croissant, detection_sets, huggingface, pds4, reconstruction, stereo_set
+from polarsim.publish import crate, croissant, detection_sets, huggingface, pds4, reconstruction, stereo_set
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
 from polarsim.publish.catalogue import Catalogue, Picture, read_catalogue
@@ -84,6 +84,11 @@ FORMS: dict[str, Form] = {
         "frames, and whether values were measured, fitted or are synthetic. `pds4_tools` reads it. It was not "
         "validated by the PDS.",
         pds4.write, pds4.bytes_of,
+    ),
+    "ro-crate": Form(
+        f"An RO-Crate, `{crate.FILE}`: pictures, what made each twin, tables, meshes, poses, the workflow's files, and "
+        "the run as the action that made them. `rocrate` reads it.",
+        crate.write, crate.bytes_of, crate.NEEDS,
     ),
 }  # fmt: skip
 

@@ -89,7 +89,7 @@ def make_run(root: Path, kind: str = "analog") -> Path:
     write_meshes(run / "meshes" / terrain)
     table = pd.DataFrame(
         [
-            {name: 0 for name in ROCKS.columns}
+            dict.fromkeys(ROCKS.columns, 0)
             | {"rock": rock, "x": x, "y": y, "z": r / 2, "size_m": 2 * r, "source": "scan", "points_by_scan": "A:9"}
             | {"confirmed": "A", "points": 9}
             for rock, (x, y, r) in ROCK_PLACES.items()
