@@ -12,7 +12,7 @@ from typing import Any
 from polarsim import __version__
 from polarsim.errors import ConfigError
 from polarsim.progress import share_bar
-from polarsim.publish import crate, croissant, detection_sets, huggingface, pds4, reconstruction, stereo_set
+from polarsim.publish import crate, croissant, detection_sets, huggingface, pds4, reconstruction, scenes, stereo_set
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
 from polarsim.publish.catalogue import Catalogue, Picture, read_catalogue
@@ -89,6 +89,16 @@ FORMS: dict[str, Form] = {
         f"An RO-Crate, `{crate.FILE}`: pictures, what made each twin, tables, meshes, poses, the workflow's files, and "
         "the run as the action that made them. `rocrate` reads it.",
         crate.write, crate.bytes_of, crate.NEEDS,
+    ),
+    "gltf": Form(
+        "`terrainNN.glb`: ground and rocks as named nodes with rock ids (`extras`), cameras (principal point and "
+        "distortion in `extras`) and lamps; metres, +Y up. No pictures.",
+        scenes.write_gltf, scenes.bytes_of,
+    ),
+    "usd": Form(
+        "`terrainNN.usdc`: ground and rocks with semantic labels (`class`, `rock_id`), cameras with apertures, "
+        "principal point and distortion (`polarsim:*`), lamps; metres, +Z up. No pictures.",
+        scenes.write_usd, scenes.bytes_of, scenes.USD_NEEDS,
     ),
 }  # fmt: skip
 
