@@ -77,8 +77,17 @@ def frame(name: str, camera: Camera) -> dict[str, Any]:
     return {
         "file_path": name,
         "transform_matrix": (camera.world_from_camera.matrix @ CV_FROM_GL).tolist(),
-        "fl_x": lens.fx, "fl_y": lens.fy, "cx": lens.cx, "cy": lens.cy, "w": lens.width, "h": lens.height,
-        "k1": k1, "k2": k2, "k3": k3, "p1": p1, "p2": p2,
+        "fl_x": lens.fx,
+        "fl_y": lens.fy,
+        "cx": lens.cx,
+        "cy": lens.cy,
+        "w": lens.width,
+        "h": lens.height,
+        "k1": k1,
+        "k2": k2,
+        "k3": k3,
+        "p1": p1,
+        "p2": p2,
     }
 
 

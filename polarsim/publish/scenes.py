@@ -95,9 +95,7 @@ def _cameras_and_lamps(terrain: Terrain) -> Any:
             lamps.append({"name": name, "type": "point"})
             moved = gltf.Y_UP_FROM_SANDBOX[:3, :3] @ place
             own = {"KHR_lights_punctual": {"light": len(lamps) - 1}}
-            nodes.append(
-                {"name": name, "translation": moved.tolist(), "extensions": own, "extras": {"origin": origin}}
-            )
+            nodes.append({"name": name, "translation": moved.tolist(), "extensions": own, "extras": {"origin": origin}})
         first = len(tree["nodes"])
         tree["nodes"] += nodes
         tree["scenes"][0]["nodes"] += list(range(first, first + len(nodes)))
