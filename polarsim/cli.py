@@ -261,12 +261,11 @@ def publish(
     results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
 ) -> None:
     """Write a run in forms that other people's tools read, each with its data card; a stopped call goes on."""
-    from polarsim.publish.run import FORMS
     from polarsim.publish.run import publish as write
 
     names = [name for text in form for name in _listed(text)]
     with reporting():  # typer keeps Ctrl-C to itself
-        parts = write(results / run, out, list(FORMS) if names == ["all"] else names, subset, max_size, photos)
+        parts = write(results / run, out, names, subset, max_size, photos)
     for name, part in parts.items():
         typer.echo(f"{len(part.pictures)} pictures in {out / name}")
 

@@ -12,12 +12,24 @@ from typing import Any
 from polarsim import __version__
 from polarsim.errors import ConfigError
 from polarsim.progress import share_bar
-from polarsim.publish import crate, croissant, detection_sets, huggingface, pds4, reconstruction, scenes, stereo_set
+from polarsim.publish import (
+    crate,
+    croissant,
+    detection_sets,
+    huggingface,
+    pds4,
+    reconstruction,
+    ros_bags,
+    scenes,
+    stereo_set,
+    trajectories,
+)
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
 from polarsim.publish.catalogue import Catalogue, Picture, read_catalogue
 from polarsim.publish.subset import chosen, fitting, parse_size, parse_subset
 
+ALL = "all"  # stands for all forms that a run can have
 Write = Callable[[Catalogue, Bundle], None]
 
 
@@ -30,7 +42,20 @@ class Form:
     bytes_of: Callable[[Picture], int]  # about, of one picture
     needs: tuple[str, ...] = ()  # packages that it imports beyond the core's
     front: Callable[[Catalogue], str] = lambda _: ""  # what stands before the card
-    extra: str = "publish"
+    fixed: Callable[[Catalogue], int] = lambda _: 0  # bytes, about, of what is no picture of a station
+    lacks: Callable[[Catalogue], str] = lambda _: ""  # why the run cannot have the form
+
+
+def _mesh_bytes(catalogue: Catalogue) -> int:
+    return sum(path.stat().st_size for one in catalogue.terrains.values() for path in one.meshes.values())
+
+
+def _no_mesh(catalogue: Catalogue) -> str:
+    return "" if any(one.meshes for one in catalogue.terrains.values()) else "the run has no meshes"
+
+
+def _no_drive(catalogue: Catalogue) -> str:
+    return "" if catalogue.drives else "the run has no drive (rover.run in its configuration)"
 
 
 FORMS: dict[str, Form] = {
@@ -88,17 +113,33 @@ FORMS: dict[str, Form] = {
     "ro-crate": Form(
         f"An RO-Crate, `{crate.FILE}`: pictures, what made each twin, tables, meshes, poses, the workflow's files, and "
         "the run as the action that made them. `rocrate` reads it.",
-        crate.write, crate.bytes_of, crate.NEEDS,
+        crate.write, crate.bytes_of, crate.NEEDS, fixed=_mesh_bytes,
     ),
     "gltf": Form(
         "`terrainNN.glb`: ground and rocks as named nodes with rock ids (`extras`), cameras (principal point and "
         "distortion in `extras`) and lamps; metres, +Y up. No pictures.",
-        scenes.write_gltf, scenes.bytes_of,
+        scenes.write_gltf, scenes.bytes_of, fixed=_mesh_bytes, lacks=_no_mesh,
     ),
     "usd": Form(
         "`terrainNN.usdc`: ground and rocks with semantic labels (`class`, `rock_id`), cameras with apertures, "
         "principal point and distortion (`polarsim:*`), lamps; metres, +Z up. No pictures.",
-        scenes.write_usd, scenes.bytes_of, scenes.USD_NEEDS,
+        scenes.write_usd, scenes.bytes_of, scenes.USD_NEEDS, fixed=_mesh_bytes, lacks=_no_mesh,
+    ),
+    "mcap": Form(
+        "Bags for ROS 2, each a folder with `metadata.yaml`: `drives/seedN` as the rover's run wrote them, and "
+        "`stations/<domain>/TerrainNN_PosX` with pictures (16-bit PNG), camera_info, labels and keys of both cameras, "
+        "a second apart, for NASA noted no times.",
+        ros_bags.write, ros_bags.bytes_of, ros_bags.NEEDS, fixed=ros_bags.fixed_bytes,
+    ),
+    "euroc": Form(
+        "The rover's drives as EuRoC's `mav0` folders: pictures of cameras that are fixed to the rover, an IMU without "
+        "noise, exact states. Everything is synthetic.",
+        trajectories.write_euroc, trajectories.bytes_of, fixed=trajectories.fixed_bytes, lacks=_no_drive,
+    ),
+    "tum": Form(
+        "The rover's drives as TUM's folders: `rgb/`, `rgb.txt` and `groundtruth.txt`, poses of the camera in the "
+        "world. Everything is synthetic.",
+        trajectories.write_tum, trajectories.bytes_of, fixed=trajectories.fixed_bytes, lacks=_no_drive,
     ),
 }  # fmt: skip
 
@@ -118,7 +159,7 @@ def publish(
     run
         Its folder, `results/<run>`.
     forms
-        Names in `FORMS`.
+        Names in `FORMS`, or `all`.
     subset
         As `subset.parse_subset` reads it.
     max_size
@@ -129,22 +170,34 @@ def publish(
     Raises
     ------
     ConfigError
-        An unknown form, a package that is missing, a subset without pictures, a folder that holds something else.
+        An unknown form or one that the run cannot have, a package that is missing, a subset without pictures, a folder that holds something else.
     FormatError
         A broken file of the run.
     PolarsimError
         Too little space.
     """
-    for name in forms:
+    for name in FORMS if ALL in forms else forms:
         _check(name)
     catalogue = chosen(_allowed(read_catalogue(run), photos), parse_subset(subset))
     most = parse_size(max_size) if max_size else None
-    parts = {name: _cut(catalogue, FORMS[name], most) for name in dict.fromkeys(forms)}
+    names = _possible(catalogue, forms)
+    parts = {name: _cut(catalogue, FORMS[name], most) for name in names}
     check_space(out, sum(_size(one, FORMS[name]) for name, one in parts.items()))
     for name, one in parts.items():
         recipe = {"form": name, "run": one.name, "config": one.config, "subset": subset, "max_size": max_size}
         _write(name, one, out / name, recipe | {"photos": photos, "polarsim": __version__})
     return parts
+
+
+def _possible(catalogue: Catalogue, forms: Sequence[str]) -> list[str]:
+    """The forms, without doubles; of all those that the run can have."""
+    lacking = {name: FORMS[name].lacks(catalogue) for name in FORMS}
+    if ALL in forms:
+        return [name for name in FORMS if not lacking[name]]
+    for name in forms:
+        if lacking[name]:
+            raise ConfigError(f"format {name}: {lacking[name]}", path=catalogue.run)
+    return list(dict.fromkeys(forms))
 
 
 def _check(name: str) -> None:
@@ -153,7 +206,7 @@ def _check(name: str) -> None:
     form = FORMS[name]
     for package in form.needs:
         if find_spec(package) is None:
-            raise ConfigError(f"format {name} needs {package}: pip install 'polarsim[{form.extra}]'")
+            raise ConfigError(f"format {name} needs {package}: pip install 'polarsim[publish]'")
 
 
 def _allowed(catalogue: Catalogue, photos: bool) -> Catalogue:
@@ -167,15 +220,14 @@ def _allowed(catalogue: Catalogue, photos: bool) -> Catalogue:
 
 
 def _cut(catalogue: Catalogue, form: Form, most: int | None) -> Catalogue:
-    return fitting(catalogue, form.bytes_of, _FIXED, most) if most else catalogue
+    return fitting(catalogue, form.bytes_of, _FIXED + form.fixed(catalogue), most) if most else catalogue
 
 
 _FIXED = 10**6  # bytes of cards, receipts and the heads of tables
 
 
 def _size(catalogue: Catalogue, form: Form) -> int:
-    meshes = sum(path.stat().st_size for one in catalogue.terrains.values() for path in one.meshes.values())
-    return _FIXED + meshes + sum(map(form.bytes_of, catalogue.pictures))
+    return _FIXED + form.fixed(catalogue) + sum(map(form.bytes_of, catalogue.pictures))
 
 
 def _write(name: str, catalogue: Catalogue, folder: Path, recipe: dict[str, Any]) -> None:
