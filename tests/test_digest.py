@@ -36,7 +36,8 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"config", "reporting"},
     {"cli", "job"},
 )
-TALLER = {  # of the stages these see only these: drives and strewn rocks are rendered, a report shows scores, KITTI is rectified
+TALLER = {  # of the stages these see only these: drives and strewn rocks are rendered, a report shows scores, what is
+    # published for KITTI is rectified
     "rover": {"render", "detect"},
     "covers": {"rocks", "render", "detect"},
     "report": {"scoring", "annotate"},

@@ -36,7 +36,7 @@ def write_model(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> No
     with about(folder):
         model = _model(one_rig(localised))
     for frame_id, position in enumerate(sorted(localised), 1):
-        names = {camera: f"Pos{position}_Cam{camera}" for camera in CAMERAS}
+        names: dict[str, str] = {camera: f"Pos{position}_Cam{camera}" for camera in CAMERAS}
         _add_frame(model, frame_id, names, localised[position].sandbox_from_left)
     with writing_folder(folder) as temporary:
         model.write_text(str(temporary))

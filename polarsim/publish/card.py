@@ -1,4 +1,4 @@
-"""The data card of a bundle and its datasheet: what it is, how it was made, how good this very run is, what is wrong."""
+"""The data card of a bundle and its datasheet: what it is, how it was made, how good this run is, what is wrong."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.publish import terms
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import LABEL_ORIGINS, Catalogue
+from polarsim.publish.catalogue import Catalogue
 
 CARD, DATASHEET = "README.md", "DATASHEET.md"
 _FIGURES = ("stage", "subject", "metric", "unit", "against")
-_MOST_ROWS = 60  # of figures on the card; the tables have all
+_MOST_ROWS = 24  # of a stage's figures on the card; the tables have all
 
 
 def write_card(catalogue: Catalogue, bundle: Bundle, form: str, says: str, front: str = "") -> None:
@@ -84,7 +84,7 @@ def _origins(catalogue: Catalogue) -> pd.DataFrame:
     for picture in catalogue.pictures:
         counts["pictures", picture.domain, catalogue.picture_origin(picture)] += 1
         for one in catalogue.labels(picture):
-            counts["labels", one.source, LABEL_ORIGINS.get(one.source, "fitted")] += 1
+            counts["labels", one.source, catalogue.label_origin(one)] += 1
     for terrain in catalogue.terrains.values():
         for position, rig in terrain.rigs.items():
             counts["poses", rig.method, terrain.pose_origin(position)] += 1
@@ -108,14 +108,15 @@ def _figures(catalogue: Catalogue) -> str:
         means = table.groupby(list(_FIGURES), sort=False, as_index=False).agg(
             mean=("value", "mean"), terrains=("terrain", "nunique")
         )
-        note = f" (first {_MOST_ROWS} of {len(means)} rows of `tables/evaluation`)" if len(means) > _MOST_ROWS else ""
-        said += [f"Means over terrains{note}:", _table(means.head(_MOST_ROWS))]
+        shown = means[means["against"] != "own"].groupby("stage", sort=False).head(_MOST_ROWS)
+        note = f"{len(shown)} of {len(means)} rows of the run's `tables/evaluation`: what is measured against others"
+        said += [f"Means over terrains ({note}):", _table(shown)]
     detection = catalogue.run / "tables" / "detection.parquet"
     if detection.is_file():
         table = read_parquet(detection)
         names = ("detector", "training", "trained", "domain", "evaluated", "kind", "images", "map50", "map50_95")
         columns = [name for name in names if name in table.columns]
-        said += ["Detectors of the run:", _table(table[columns].head(_MOST_ROWS))]
+        said += ["Detectors of the run:", _table(table[columns].head(2 * _MOST_ROWS))]
     return "\n\n".join(said) or "This run was not evaluated: it has no `tables/evaluation`."
 
 

@@ -25,6 +25,8 @@ from polarsim.geometry.camera import Camera
 from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey
 
 Origin = Literal["measured", "fitted", "synthetic"]
+# What a real sandbox was measured as, an analog was made up as: nothing of it was ever measured.
+MEASURED: dict[str, Origin] = {"analog": "synthetic", "polar": "measured", "release": "measured"}
 PHOTO_DOMAINS = {"analog": "analog", "polar": "real", "release": "real"}  # by kind of source
 DRIVE = "trace.parquet"  # beside it lies all else of a drive
 # Where the values of a label come from. A seed is what a person measured by eye; all else was computed from it, from
@@ -81,11 +83,11 @@ class Terrain:
         return f"Terrain{self.number:02d}"
 
     def sun_origin(self, azimuth: str) -> Origin:
-        return "fitted" if azimuth in self.fitted_suns else "measured"
+        return "fitted" if azimuth in self.fitted_suns else MEASURED[self.kind]
 
     def pose_origin(self, position: str) -> Origin:
         """A pose that nothing but the survey gives was measured; all others were fitted."""
-        return "measured" if self.rigs[position].surveyed else "fitted"
+        return MEASURED[self.kind] if self.rigs[position].surveyed else "fitted"
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,11 @@ class Catalogue:
     def picture_origin(self, picture: Picture) -> Origin:
         """Only a real photo was measured: the analog's come out of a computer, as twins do."""
         return "measured" if picture.domain == "real" else "synthetic"
+
+    def label_origin(self, label: Annotation) -> Origin:
+        """Of its box and mask."""
+        origin = LABEL_ORIGINS.get(label.source, "fitted")
+        return MEASURED[self.kind] if origin == "measured" else origin
 
     def is_photo(self, picture: Picture) -> bool:
         return picture.domain == self.photo_domain

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ def _write_files(catalogue: Catalogue, bundle: Bundle) -> dict[str, str]:
         if (sidecar := one.path.with_suffix(".json")).is_file() and not catalogue.is_photo(one):
             bundle.copy(f"pictures/{one.name}.json", sidecar)
     for name, table in records.all_tables(catalogue, bundle).items():
-        bundle.make(f"data/{name}.parquet", lambda path, table=table: write_parquet(path, table))
+        bundle.make(f"data/{name}.parquet", partial(write_parquet, table=table))
         said[f"data/{name}.parquet"] = f"Table of {name}; column origin: measured, fitted or synthetic"
     for path in sorted((catalogue.run / "tables").glob("*.*")):
         if path.suffix in (".csv", ".parquet"):

@@ -6,6 +6,7 @@ in the table of pictures, and the description says so.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -30,7 +31,7 @@ def write(catalogue: Catalogue, bundle: Bundle) -> None:
     records.copy_pictures(catalogue, bundle)
     tables = records.all_tables(catalogue, bundle)
     for name, table in tables.items():
-        bundle.make(f"{name}.parquet", lambda path, table=table: write_parquet(path, table))
+        bundle.make(f"{name}.parquet", partial(write_parquet, table=table))
     bundle.json(FILE, metadata(catalogue, tables, bundle))
 
 
@@ -64,8 +65,8 @@ def metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bund
     made = mlc.Metadata(
         conforms_to=["http://mlcommons.org/croissant/1.1"],
         name=terms.title(catalogue).replace(" ", "-"),
-        description=f"{terms.what_it_is(catalogue)} Pictures are 16-bit PNG: read them by file, for readers of Croissant "
-        "may show them with 8 bits; their SHA-256 stand in the record set pictures.",
+        description=f"{terms.what_it_is(catalogue)} Pictures are 16-bit PNG: read them by file, for readers of "
+        "Croissant may show them with 8 bits; their SHA-256 stand in the record set pictures.",
         url=terms.URL,
         cite_as=terms.CITATION,
         license=terms.licence_urls(catalogue),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
+
 import numpy as np
 
 from polarsim.formats import coco, png, yolo
@@ -35,7 +38,7 @@ def write_coco(catalogue: Catalogue, bundle: Bundle) -> None:
                 rows = [(_image(catalogue, one), catalogue.labels(one)) for one in pictures]
                 bundle.make(
                     f"annotations/{domain}_{part}.json",
-                    lambda path, rows=rows: coco.write_pictures(path, rows, terms.what_it_is(catalogue)),
+                    partial(coco.write_pictures, pictures=rows, description=terms.what_it_is(catalogue)),
                 )
 
 
@@ -51,8 +54,8 @@ def write_yolo(catalogue: Catalogue, bundle: Bundle) -> None:
         pictures = catalogue.of_domain(domain)
         for one in pictures:
             place = f"{PARTS[one.part]}/{one.key}"
-            bundle.png(f"{domain}/images/{place}.png", lambda one=one: shown(one), [one.path])
-            bundle.make(f"{domain}/labels/{place}.txt", lambda path, one=one: _write_boxes(catalogue, one, path))
+            bundle.png(f"{domain}/images/{place}.png", partial(shown, one), [one.path])
+            bundle.make(f"{domain}/labels/{place}.txt", partial(_write_boxes, catalogue, one))
         there = {PARTS[one.part] for one in pictures}
         own = {part: part if part in there else "train" for part in ("train", "val", "test")}
         lines = [f"path: {domain}  # from the folder of this file", *(f"{a}: images/{b}" for a, b in own.items())]
@@ -65,7 +68,7 @@ def shown(picture: Picture) -> np.ndarray:
     return to_8bit(png.read(picture.path))[..., 0]
 
 
-def _write_boxes(catalogue: Catalogue, picture: Picture, path: object) -> None:
+def _write_boxes(catalogue: Catalogue, picture: Picture, path: Path) -> None:
     labels = catalogue.labels(picture)
     boxes = clip(np.array([one.box for one in labels], float).reshape(-1, 4), picture.width, picture.height)
-    yolo.write_boxes(str(path), np.array([BOX_CLASSES.index(one.kind) for one in labels]), boxes, picture.size)
+    yolo.write_boxes(path, np.array([BOX_CLASSES.index(one.kind) for one in labels]), boxes, picture.size)

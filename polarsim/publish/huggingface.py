@@ -6,7 +6,8 @@ A configuration a domain, a split a part. Pictures keep their 16 bits; beside ea
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ SHARD = 400 * 10**6  # bytes of pictures a Parquet file
 _GROUP = 32  # pictures a row group: readers hold one in memory
 _LABEL = {
     "bbox": "bbox", "category": "int64", "rock": "int64", "shadow_of": "int64", "source": "string",
-    "confidence": "float64", "origin": "string", "mask_rle": "string", "amodal_rle": "string", "visible_share": "float64",
+    "confidence": "float64", "origin": "string", "mask_rle": "string", "amodal_rle": "string",
+    "visible_share": "float64",
 }  # fmt: skip
 _PICTURE = {
     "key": "string", "domain": "string", "terrain": "int64", "position": "string", "light": "string",
@@ -54,9 +56,7 @@ def write_parquet(catalogue: Catalogue, bundle: Bundle) -> None:
         shards = _shards(pictures)
         for number, shard in enumerate(shards):
             name = f"{domain}/{split}-{number:05d}-of-{len(shards):05d}.parquet"
-            bundle.make(
-                name, lambda path, shard=shard: _write_shard(catalogue, shard, path), _sources(catalogue, shard)
-            )
+            bundle.make(name, partial(_write_shard, catalogue, shard), _sources(catalogue, shard))
 
 
 def row_of(catalogue: Catalogue, picture: Picture) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def row_of(catalogue: Catalogue, picture: Picture) -> dict[str, Any]:
         lens = [[one.fx, 0.0, one.cx], [0.0, one.fy, one.cy], list(one.distortion)]
     objects = [
         {
-            "bbox": [row["x0"], row["y0"], round(row["x1"] - row["x0"], 3), round(row["y1"] - row["y0"], 3)],
+            "bbox": _bbox(row),
             "category": BOX_CLASSES.index(row["kind"]),
             **{name: row[name] for name in _LABEL if name not in ("bbox", "category")},
         }
@@ -83,6 +83,11 @@ def row_of(catalogue: Catalogue, picture: Picture) -> dict[str, Any]:
         "lens": lens,
         "objects": objects,
     }
+
+
+def _bbox(row: Mapping[str, Any]) -> list[float]:
+    """x, y, width, height."""
+    return [row["x0"], row["y0"], round(row["x1"] - row["x0"], 3), round(row["y1"] - row["y0"], 3)]
 
 
 def front(catalogue: Catalogue, parquet: bool) -> str:

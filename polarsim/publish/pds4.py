@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,8 @@ from polarsim.publish.catalogue import Catalogue, Origin, Picture
 from polarsim.publish.detection_sets import shown
 
 FRAMES = (
-    "Frames: sandbox, origin at the terrain's centre on the ground, X to Sun azimuth 0, Y to 90, Z up; camera, x right, "
-    "y down, z forward; metres. Pixels count from the picture's corner, their centres lie at integer + 0.5."
+    "Frames: sandbox, origin at the terrain's centre on the ground, X to Sun azimuth 0, Y to 90, Z up; camera, x "
+    "right, y down, z forward; metres. Pixels count from the picture's corner, their centres lie at integer + 0.5."
 )
 _ORIGINS: dict[Origin, str] = {
     "measured": "Every value is measured: a photo of NASA's POLAR data set.",
@@ -215,7 +216,7 @@ def _write_domain(archive: Archive, domain: str) -> None:
         said = f"Grey values, black at {BLACK_LEVEL} DN, white at {WHITE_LEVEL} DN. {_ORIGINS[origin]} {FRAMES}"
         shape = (one.height, one.width)
         archive.array(
-            data, str(one.key), lambda one=one: png.read(one.path), [one.path], title=f"Picture {one.name}",
+            data, str(one.key), partial(png.read, one.path), [one.path], title=f"Picture {one.name}",
             description=said, unit="DN", level=_LEVELS[origin], shape=shape,
         )  # fmt: skip
         # The labels of photos were propagated; a label that a person drew is told apart in the table of labels.
@@ -225,7 +226,7 @@ def _write_domain(archive: Archive, domain: str) -> None:
             f"neither. {_ORIGINS[own]}"
         )
         archive.array(
-            ids, str(one.key), lambda one=one: _ids(catalogue, one), catalogue.sources(one), title=f"Ids of {one.name}",
+            ids, str(one.key), partial(_ids, catalogue, one), catalogue.sources(one), title=f"Ids of {one.name}",
             description=meaning, level="Derived", shape=shape,
         )  # fmt: skip
         archive.browse(browse, one)
@@ -250,13 +251,17 @@ def _write_maps(archive: Archive) -> None:
     maps = archive.collection("maps", "Data", "Depth, normals and photometric angles of the meshes")
     for name, path in found:
         unit, scale, meaning = _MAPS[name]
-        values = png.read(path)
-        bands = np.moveaxis(values, 2, 0) if values.ndim == 3 else values
         said = f"{meaning} 65535: nothing is seen there. {_ORIGINS['synthetic']} {FRAMES}"
         archive.array(
-            maps, f"{name}_{path.stem}", lambda bands=bands: bands, [path], title=f"{name} {path.stem}",
-            description=said, unit=unit, scale=scale, level="Derived", shape=bands.shape,
+            maps, f"{name}_{path.stem}", partial(_bands, path), [path], title=f"{name} {path.stem}",
+            description=said, unit=unit, scale=scale, level="Derived", shape=_bands(path).shape,
         )  # fmt: skip
+
+
+def _bands(path: Path) -> np.ndarray:
+    """(h, w), or (3, h, w) of normals."""
+    values = png.read(path)
+    return np.moveaxis(values, 2, 0) if values.ndim == 3 else values
 
 
 def _columns(table: pd.DataFrame) -> Iterator[Column]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,13 @@ def write_colmap(catalogue: Catalogue, bundle: Bundle) -> None:
         bundle.folder_of(
             f"{folder}/sparse/0",
             ("cameras.txt", "rigs.txt", "frames.txt", "images.txt", "points3D.txt"),
-            lambda place, a=(_rig(terrain, pictures[0]), frames, points, colours): colmap.write_pictures(place, *a),
+            partial(
+                colmap.write_pictures,
+                rig=_rig(terrain, pictures[0]),
+                frames=frames,
+                points=points,
+                colours=colours,
+            ),
         )
 
 
@@ -67,7 +74,7 @@ def write_nerfstudio(catalogue: Catalogue, bundle: Bundle) -> None:
             "frames": frames,
         }
         bundle.json(f"{folder}/transforms.json", content)
-        bundle.make(f"{folder}/points.ply", lambda path, terrain=terrain: _write_cloud(path, terrain))
+        bundle.make(f"{folder}/points.ply", partial(_write_cloud, terrain))
 
 
 def frame(name: str, camera: Camera) -> dict[str, Any]:
@@ -95,8 +102,9 @@ def pose_of(content: dict[str, Any]) -> tuple[Pose, Lens]:
     """The inverse of `frame`: `sandbox_from_camera` and the lens."""
     matrix = np.array(content["transform_matrix"]) @ CV_FROM_GL
     terms = tuple(float(content[name]) for name in ("k1", "k2", "p1", "p2", "k3"))
-    focal = (float(content[name]) for name in ("fl_x", "fl_y", "cx", "cy"))
-    return Pose.from_matrix(matrix), Lens(*focal, terms, int(content["w"]), int(content["h"]))  # type: ignore[arg-type]
+    fx, fy, cx, cy = (float(content[name]) for name in ("fl_x", "fl_y", "cx", "cy"))
+    lens = Lens(fx, fy, cx, cy, terms, int(content["w"]), int(content["h"]))  # type: ignore[arg-type]
+    return Pose.from_matrix(matrix), lens
 
 
 def cloud(terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
@@ -126,7 +134,7 @@ def _sampled(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
     return np.asarray(np.round(a + u * (b - a) + v * (c - a), 5))
 
 
-def _write_cloud(path: Path, terrain: Terrain) -> None:
+def _write_cloud(terrain: Terrain, path: Path) -> None:
     import trimesh
 
     points, colours = cloud(terrain)
@@ -145,7 +153,7 @@ def _scenes(catalogue: Catalogue) -> Iterator[tuple[str, Terrain, list[Picture]]
 
 def _write_images(bundle: Bundle, folder: str, pictures: list[Picture]) -> None:
     for one in pictures:
-        bundle.png(f"{folder}/images/{one.key}.png", lambda one=one: shown(one), [one.path])
+        bundle.png(f"{folder}/images/{one.key}.png", partial(shown, one), [one.path])
 
 
 def _pose(terrain: Terrain, picture: Picture) -> Pose:

@@ -1,8 +1,9 @@
-"""The tables of a catalogue: a row a picture, label, pose, lens, lamp, rock; units in the names, origins beside values."""
+"""The tables of a catalogue: pictures, labels, poses, lenses, lamps, rocks; units in names, origins beside values."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,7 @@ from polarsim.formats.tables import key_columns
 from polarsim.geometry.poses import Pose
 from polarsim.photo import CAMERAS, NO_ROCK, ROCK
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import LABEL_ORIGINS, Catalogue, Picture, shadow_casters
+from polarsim.publish.catalogue import Catalogue, Picture, shadow_casters
 
 PICTURE_FILE = "pictures/{name}.png"
 # Meaning and unit of every column, for people and for labels that state them; empty: a name, count or share.
@@ -114,7 +115,7 @@ def labels(catalogue: Catalogue) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def label_rows(catalogue: Catalogue, picture: Picture) -> Iterator[dict[str, object]]:
+def label_rows(catalogue: Catalogue, picture: Picture) -> Iterator[dict[str, Any]]:
     """Of one picture, in the order of its labels."""
     own = catalogue.labels(picture)
     for place, (one, caster) in enumerate(zip(own, shadow_casters(own), strict=True)):
@@ -135,7 +136,7 @@ def label_rows(catalogue: Catalogue, picture: Picture) -> Iterator[dict[str, obj
             "mask_rle": one.mask.counts if one.mask else "",
             "amodal_rle": one.amodal.mask.counts if one.amodal else "",
             "visible_share": round(one.visible_share, 4),
-            "origin": LABEL_ORIGINS.get(one.source, "fitted"),
+            "origin": catalogue.label_origin(one),
         }
 
 
@@ -188,7 +189,8 @@ def rocks(catalogue: Catalogue) -> pd.DataFrame:
     """A row a rock that has a mesh or was found in the scans."""
     rows: list[dict[str, object]] = []
     for terrain in catalogue.terrains.values():
-        found = {} if terrain.rocks is None else terrain.rocks.set_index("rock").to_dict("index")
+        rows_of = [] if terrain.rocks is None else terrain.rocks.to_dict("records")
+        found: dict[int, dict[Any, Any]] = {int(row["rock"]): row for row in rows_of}
         for rock in sorted({*found, *terrain.meshes} - {NO_ROCK}):
             own = found.get(rock, {})
             mesh = terrain.meshes.get(rock)
@@ -196,7 +198,7 @@ def rocks(catalogue: Catalogue) -> pd.DataFrame:
             rows.append(
                 {
                     "terrain": terrain.number,
-                    "rock": int(rock),
+                    "rock": rock,
                     **{f"{axis}_m": float(own.get(axis, np.nan)) for axis in "xyz"},
                     **{name: float(own.get(name, np.nan)) for name in ("size_m", "height_m", "volume_m3")},
                     "points": int(own.get("points", 0) or 0),

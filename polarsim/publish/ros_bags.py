@@ -6,6 +6,7 @@ NASA noted no times: a station's pictures follow each other second by second in 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,9 +41,7 @@ def write(catalogue: Catalogue, bundle: Bundle) -> None:
         name = f"Terrain{terrain:02d}_Pos{position}"
         place = f"stations/{domain}/{name}"
         sources = [path for one in pictures for path in catalogue.sources(one)]
-        made = bundle.make(
-            f"{place}/{name}.mcap", lambda path, own=pictures: bags.write(path, [stream(catalogue, own)]), sources
-        )
+        made = bundle.make(f"{place}/{name}.mcap", partial(_write_station, catalogue, pictures), sources)
         bundle.text(f"{place}/{bags.METADATA}", bags.metadata(made, f"{name}.mcap"))
 
 
@@ -57,6 +56,10 @@ def _stations(catalogue: Catalogue) -> dict[tuple[str, int, str], list[Picture]]
         if catalogue.camera(one):
             found.setdefault((one.domain, *one.key.station), []).append(one)
     return found
+
+
+def _write_station(catalogue: Catalogue, pictures: list[Picture], path: Path) -> None:
+    bags.write(path, [stream(catalogue, pictures)])
 
 
 def stream(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[Stamped]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from polarsim import __version__
+from polarsim.digest import code_digest
 from polarsim.errors import ConfigError
 from polarsim.progress import share_bar
 from polarsim.publish import (
@@ -170,7 +171,8 @@ def publish(
     Raises
     ------
     ConfigError
-        An unknown form or one that the run cannot have, a package that is missing, a subset without pictures, a folder that holds something else.
+        An unknown form or one that the run cannot have, a package that is missing, a subset without pictures, a
+        folder that holds something else.
     FormatError
         A broken file of the run.
     PolarsimError
@@ -185,8 +187,13 @@ def publish(
     check_space(out, sum(_size(one, FORMS[name]) for name, one in parts.items()))
     for name, one in parts.items():
         recipe = {"form": name, "run": one.name, "config": one.config, "subset": subset, "max_size": max_size}
-        _write(name, one, out / name, recipe | {"photos": photos, "polarsim": __version__})
+        _write(name, one, out / name, recipe | {"photos": photos, "polarsim": __version__, "code": _code(name)})
     return parts
+
+
+def _code(name: str) -> str:
+    """Digest of what writes the form: files of other code are not taken for those of this one."""
+    return code_digest("polarsim.publish.card", FORMS[name].write.__module__)
 
 
 def _possible(catalogue: Catalogue, forms: Sequence[str]) -> list[str]:

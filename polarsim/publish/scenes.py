@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ def write_gltf(catalogue: Catalogue, bundle: Bundle) -> None:
         extras = {_name(rock): _said(terrain, rock) for rock in terrain.meshes}
         bundle.make(
             gltf.name(terrain.number),
-            lambda path, own=(parts, {}, extras, _cameras_and_lamps(terrain)): gltf.write(path, *own),
+            partial(gltf.write, parts=parts, support={}, extras=extras, finish=_cameras_and_lamps(terrain)),
         )
 
 
@@ -70,8 +71,12 @@ def lens_extras(lens: Lens) -> dict[str, Any]:
     """What a camera of glTF or USD cannot say: principal point and distortion; pixel centres at integer + 0.5."""
     names = ("k1", "k2", "p1", "p2", "k3")
     return {
-        **{"fx_px": lens.fx, "fy_px": lens.fy, "cx_px": lens.cx, "cy_px": lens.cy},
-        **{"width_px": lens.width, "height_px": lens.height},
+        "fx_px": lens.fx,
+        "fy_px": lens.fy,
+        "cx_px": lens.cx,
+        "cy_px": lens.cy,
+        "width_px": lens.width,
+        "height_px": lens.height,
         **dict(zip(names, lens.distortion, strict=True)),
     }
 
@@ -111,10 +116,10 @@ def _cameras_and_lamps(terrain: Terrain) -> Any:
 def write_usd(catalogue: Catalogue, bundle: Bundle) -> None:
     """`terrainNN.usdc`: meshes with semantic labels, cameras, lamps; metres, +Z up, the sandbox frame."""
     for terrain in _meshed(catalogue):
-        bundle.make(f"terrain{terrain.number:02d}.usdc", lambda path, terrain=terrain: _write_stage(path, terrain))
+        bundle.make(f"terrain{terrain.number:02d}.usdc", partial(_write_stage, terrain))
 
 
-def _write_stage(path: Path, terrain: Terrain) -> None:
+def _write_stage(terrain: Terrain, path: Path) -> None:
     from pxr import Usd, UsdGeom
 
     stage = Usd.Stage.CreateNew(str(path))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from functools import partial
 
 import numpy as np
 
@@ -41,8 +42,8 @@ def write(catalogue: Catalogue, bundle: Bundle) -> None:
             names.setdefault(part, []).append(name)
             rows.writerow([name, left.key, right.key, part, catalogue.picture_origin(left)])
             if left.key.station not in rigs:
-                own = catalogue.terrains[left.key.terrain].rigs[left.key.position].rig
-                rigs = {left.key.station: rectify(own, left.width / own.left.width)}
+                rig = catalogue.terrains[left.key.terrain].rigs[left.key.position].rig
+                rigs = {left.key.station: rectify(rig, left.width / rig.left.width)}
             _write_pair(catalogue, bundle, (f"{domain}/training", name), (left, right), rigs[left.key.station])
         for part, own in names.items():
             bundle.text(f"{domain}/ImageSets/{part}.txt", "".join(f"{name}\n" for name in own))
@@ -65,11 +66,12 @@ def _write_pair(
     (folder, name), (left, right) = place, pair
     placed, sources = catalogue.terrains[left.key.terrain].rigs[left.key.position], catalogue.sources(left)
     for side, one, maps in (("image_2", left, rig.left_maps), ("image_3", right, rig.right_maps)):
-        bundle.png(f"{folder}/{side}/{name}.png", lambda one=one, maps=maps: _turned(one, maps), [*sources, one.path])
+        bundle.png(f"{folder}/{side}/{name}.png", partial(_turned, one, maps), [*sources, one.path])
     objects = [kitti_object(one, placed.rig, rig, left) for one in catalogue.labels(left)]
-    bundle.make(f"{folder}/label_2/{name}.txt", lambda path: kitti.write_objects(path, [one for one in objects if one]))
+    own = [one for one in objects if one]
+    bundle.make(f"{folder}/label_2/{name}.txt", partial(kitti.write_objects, objects=own))
     matrices = calibration(rig, placed.sandbox_from_left)
-    bundle.make(f"{folder}/calib/{name}.txt", lambda path: kitti.write_calibration(path, matrices))
+    bundle.make(f"{folder}/calib/{name}.txt", partial(kitti.write_calibration, matrices=matrices))
 
 
 def calibration(rig: Rectification, sandbox_from_left: Pose) -> dict[str, np.ndarray]:

@@ -43,7 +43,7 @@ FAULTS = (
     "Small rocks, rocks at the border of a photo and shadows in dark photos are missed most.",
     "What a scan did not see of a rock or of the ground is filled in smoothly; meshes there are a guess.",
     "Boxes of rocks are where people draw them; a mask may reach beyond its box or leave some of it.",
-    "Twins have two reflectance models with one set of parameters for all sand; grain by grain they differ from photos.",
+    "Twins have one set of reflectance parameters for all sand; grain by grain they differ from photos.",
     "The sensor's noise is that of a camera like NASA's: nobody published the camera's own.",
     "One sandbox, one rig, one kind of lamp: nothing here says how a method does on the Moon.",
 )

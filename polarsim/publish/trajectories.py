@@ -6,10 +6,11 @@ Stamps are the drive's clock plus a second, as in its bag. Ground truth is the s
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -75,7 +76,7 @@ def sequences(catalogue: Catalogue) -> Iterator[tuple[str, Drive, list[View]]]:
     """Name, drive and views: one sequence a drive and light."""
     for folder in catalogue.drives:
         drive = Drive.read(folder)
-        views = [view for view in _views(drive)]
+        views = list(_views(drive))
         for light in sorted({view.pictures.name for view in views}):
             yield f"{folder.name}_{light}", drive, [view for view in views if view.pictures.name == light]
         if not views:
@@ -146,7 +147,7 @@ def _shots(view: View) -> Iterator[tuple[int, Path]]:
             yield stamp_ns(time_s), path
 
 
-def _pose(row: dict[str, float]) -> Pose:
+def _pose(row: Mapping[Any, Any]) -> Pose:
     turn = Rotation.from_quat([row["qx"], row["qy"], row["qz"], row["qw"]]).as_matrix()
     return Pose(turn, np.array([row["x_m"], row["y_m"], row["z_m"]]))
 
@@ -154,7 +155,7 @@ def _pose(row: dict[str, float]) -> Pose:
 def _tum(drive: Drive, base_from_camera: Pose, of: str) -> str:
     lines = [f"# world from {of}\n", "# timestamp tx ty tz qx qy qz qw\n"]
     for row in drive.table.to_dict("records"):
-        pose = _pose({str(name): value for name, value in row.items()}) @ base_from_camera
+        pose = _pose(row) @ base_from_camera
         stamp = stamp_ns(row["time_s"])
         turn = Rotation.from_matrix(pose.rotation).as_quat(canonical=True)
         values = " ".join(repr(float(value)) for value in (*pose.translation, *turn))

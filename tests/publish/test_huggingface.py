@@ -23,7 +23,7 @@ def load(published, tmp_path, monkeypatch):
 def test_values_boxes_masks_and_ids_come_back_bit_for_bit(load, catalogue, form):
     for domain in catalogue.domains:
         found = {row["key"]: row for part in load(form, domain).values() for row in part}
-        assert list(found) and set(found) == {str(one.key) for one in catalogue.of_domain(domain)}
+        assert set(found) == {str(one.key) for one in catalogue.of_domain(domain)}
         for one in catalogue.of_domain(domain):
             row = found[str(one.key)]
             np.testing.assert_array_equal(np.array(row["image"]), png.read(one.path))

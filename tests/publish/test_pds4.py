@@ -73,7 +73,7 @@ def test_measured_fitted_and_synthetic_are_told_apart(published):
     lamps = opened(published("pds4") / "tables/lamps.xml")["table"]
     assert set(poses["origin"]) == {"fitted"}
     assert dict(zip(lamps["lamp"], lamps["origin"], strict=True)) == {
-        "30": "measured", "180": "fitted", "270": "measured", "350": "measured", "rover_A": "fitted",
+        "30": "synthetic", "180": "fitted", "270": "synthetic", "350": "synthetic", "rover_A": "fitted",
     }  # fmt: skip
     text = (published("pds4") / "data_hapke/01_A_off_30_L_0256.xml").read_text()
     assert "Every value is synthetic" in text

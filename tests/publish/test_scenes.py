@@ -94,7 +94,7 @@ def test_gltf_cameras_show_a_point_where_ours_do_and_lamps_stand_where_they_stoo
         np.testing.assert_allclose(lens.project(local), terrain.rigs["A"].project(side, PLACES), atol=1e-3)
     np.testing.assert_allclose(nodes["sun_180"]["translation"], Y_UP @ terrain.suns["180"], atol=1e-9)
     assert nodes["sun_180"]["extras"]["origin"] == "fitted"
-    assert nodes["sun_30"]["extras"]["origin"] == "measured"
+    assert nodes["sun_30"]["extras"]["origin"] == "synthetic"
 
 
 @pytest.fixture

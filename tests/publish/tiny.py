@@ -1,4 +1,4 @@
-"""A tiny run: one terrain, two rocks that hide each other and their shadows, two Suns, both cameras, one kind of twin."""
+"""A tiny run: a terrain, two rocks that hide each other and their shadows, two Suns, both cameras, one kind of twin."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -59,7 +59,7 @@ def icosphere(centre: tuple[float, float], radius: float) -> Mesh:
     import trimesh
 
     ball = trimesh.creation.icosphere(subdivisions=2, radius=radius)
-    return Mesh(ball.vertices + [*centre, radius / 2], ball.faces)
+    return Mesh(ball.vertices + np.array([*centre, radius / 2]), ball.faces)
 
 
 def make_run(root: Path, kind: str = "analog") -> Path:
