@@ -242,6 +242,45 @@ def export(
     typer.echo(f"{count} pictures in {folder}\n{opening(folder, tool)}")
 
 
+@app.command(name="import")
+def import_(
+    source: Annotated[Path, typer.Argument(help="Export of a labelling tool: a .json or .xml file, or a folder.")],
+    folder: Annotated[
+        Path, typer.Argument(help="New folder of label files KEY.txt; one that holds something is refused.")
+    ],
+    form: Annotated[
+        Literal["auto", "coco", "yolo", "cvat", "label-studio", "fiftyone"],
+        typer.Option("--format", help="What wrote it; auto: told by what it holds."),
+    ] = "auto",
+    use: Annotated[
+        Literal["seeds", "corrections"], typer.Option("--as", help="What the labels shall be to a run.")
+    ] = "corrections",
+    name: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CALLED=KIND", help="Another name of rock or shadow; CALLED= leaves it out; may be repeated."
+        ),
+    ] = None,
+    keep_empty: Annotated[
+        bool, typer.Option("--keep-empty", help="A photo without a box was looked at, and nothing is in it.")
+    ] = False,
+) -> None:
+    """Take labels that others drew in COCO, YOLO, CVAT, Label Studio or FiftyOne as seeds or corrections of a run."""
+    from polarsim.annotate.import_labels import import_labels
+
+    pairs = [text.partition("=") for text in name or ()]
+    if wrong := [called for called, equals, _ in pairs if not called or not equals]:
+        raise typer.BadParameter(f"--name {wrong[0]!r}: expected CALLED=rock, CALLED=shadow or CALLED=")
+    names = {called: kind for called, _, kind in pairs}
+    photos, boxes, empty = import_labels(source, folder, form, names, keep_empty)
+    typer.echo(f"{boxes} boxes in {photos} photos in {folder}")
+    if empty:
+        some = ", ".join(empty[:3]) + (", ..." if len(empty) > 3 else "")
+        typer.echo(f"{len(empty)} photos without a box were left out (--keep-empty takes them as seen): {some}")
+    key = {"seeds": f"{{seeds: {{root: {folder}}}}}", "corrections": f"{{corrections: {folder}}}"}[use]
+    typer.echo(f"in the run's configuration:  labels: {key}")
+
+
 @app.command()
 def publish(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
