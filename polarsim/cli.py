@@ -297,6 +297,9 @@ def publish(
     photos: Annotated[
         bool, typer.Option("--photos", help="NASA's photos too, on NASA's terms; those of the analog always go.")
     ] = False,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="What another call published in the folder of a form goes.")
+    ] = False,
     results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
 ) -> None:
     """Write a run in forms that other people's tools read, each with its data card; a stopped call goes on."""
@@ -304,7 +307,7 @@ def publish(
 
     names = [name for text in form for name in _listed(text)]
     with reporting():  # typer keeps Ctrl-C to itself
-        parts = write(results / run, out, names, subset, max_size, photos)
+        parts = write(results / run, out, names, subset, max_size, photos, replace)
     for name, part in parts.items():
         typer.echo(f"{len(part.pictures)} pictures in {out / name}")
 

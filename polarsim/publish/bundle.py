@@ -44,8 +44,8 @@ class Bundle:
         self._names: list[str] = []
         self._sums: dict[str, str] = {}
 
-    def open(self, recipe: dict[str, Any]) -> None:
-        """Begin, or go on with what the same call left.
+    def open(self, recipe: dict[str, Any], replace: bool = False) -> None:
+        """Begin, or go on with what the same call left; `replace` what another call published there.
 
         Raises
         ------
@@ -59,7 +59,11 @@ class Bundle:
             if not receipts and any(self.folder.iterdir()):
                 raise ConfigError("not empty, and publishing overwrites nothing: name a new folder", path=self.folder)
             if receipts and read_json(receipts[0]) != json.loads(json.dumps(recipe)):
-                raise ConfigError("was published by another call: name a new folder, or remove it", path=self.folder)
+                if not replace:
+                    raise ConfigError(
+                        "was published by another call: name a new folder, or --replace", path=self.folder
+                    )
+                shutil.rmtree(self.folder)
         write_json(self.folder / _UNDER_WAY, recipe)
         (self.folder / RECEIPT).unlink(missing_ok=True)
 

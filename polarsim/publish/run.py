@@ -12,6 +12,7 @@ from typing import Any
 from polarsim import __version__
 from polarsim.digest import code_digest
 from polarsim.errors import ConfigError
+from polarsim.formats.files import write_json
 from polarsim.progress import share_bar
 from polarsim.publish import (
     crate,
@@ -28,6 +29,7 @@ from polarsim.publish import (
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
 from polarsim.publish.catalogue import Catalogue, Picture, read_catalogue
+from polarsim.publish.options import PublishOptions
 from polarsim.publish.subset import chosen, fitting, parse_size, parse_subset
 
 ALL = "all"  # stands for all forms that a run can have
@@ -152,6 +154,7 @@ def publish(
     subset: str = "",
     max_size: str = "",
     photos: bool = False,
+    replace: bool = False,
 ) -> dict[str, Catalogue]:
     """Write `out/<form>/` for every form; what each holds.
 
@@ -167,6 +170,8 @@ def publish(
         Largest size of each form, as `subset.parse_size` reads it; none where it is empty.
     photos
         Whether NASA's photos go out too: their terms are NASA's. Those of the analog always go.
+    replace
+        Whether what another call published in the folder of a form goes.
 
     Raises
     ------
@@ -187,8 +192,25 @@ def publish(
     check_space(out, sum(_size(one, FORMS[name]) for name, one in parts.items()))
     for name, one in parts.items():
         recipe = {"form": name, "run": one.name, "config": one.config, "subset": subset, "max_size": max_size}
-        _write(name, one, out / name, recipe | {"photos": photos, "polarsim": __version__, "code": _code(name)})
+        _write(
+            name, one, out / name, recipe | {"photos": photos, "polarsim": __version__, "code": _code(name)}, replace
+        )
     return parts
+
+
+def publish_run(*, form: str, receipt: Path, options: PublishOptions) -> None:
+    """Publish the run that `receipt` lies in, as `publish/<form>/` beside it, and say in it what came out."""
+    part = publish(
+        receipt.parents[1],
+        receipt.parent,
+        [form],
+        options.subset,
+        options.max_size,
+        options.photos,
+        replace=True,
+    )[form]
+    counts = {domain: len(part.of_domain(domain)) for domain in part.domains}
+    write_json(receipt, {"form": form, "pictures": counts} | options.model_dump(mode="json", exclude={"forms"}))
 
 
 def _code(name: str) -> str:
@@ -237,11 +259,11 @@ def _size(catalogue: Catalogue, form: Form) -> int:
     return _FIXED + form.fixed(catalogue) + sum(map(form.bytes_of, catalogue.pictures))
 
 
-def _write(name: str, catalogue: Catalogue, folder: Path, recipe: dict[str, Any]) -> None:
+def _write(name: str, catalogue: Catalogue, folder: Path, recipe: dict[str, Any], replace: bool) -> None:
     form = FORMS[name]
     with _counting(name, len(catalogue.pictures)) as done:
         bundle = Bundle(folder, done)
-        bundle.open(recipe)
+        bundle.open(recipe, replace)
         form.write(catalogue, bundle)
         write_card(catalogue, bundle, name, form.says, form.front(catalogue))
         bundle.close()

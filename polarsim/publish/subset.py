@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from polarsim.errors import ConfigError
-from polarsim.publish.catalogue import Catalogue, Picture
 from polarsim.randomness import generator
+
+if TYPE_CHECKING:  # the configuration is read without pandas
+    from polarsim.publish.catalogue import Catalogue, Picture
 
 FIELDS: Mapping[str, Callable[[Picture], str]] = {
     "terrain": lambda one: str(one.key.terrain),

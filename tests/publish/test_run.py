@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from polarsim.errors import ConfigError, FormatError, PolarsimError
 from polarsim.formats import png
@@ -15,7 +16,8 @@ from polarsim.publish import bundle as bundles
 from polarsim.publish import run as running
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.catalogue import read_catalogue
-from polarsim.publish.run import FORMS, publish
+from polarsim.publish.options import FORM_NAMES, PublishOptions
+from polarsim.publish.run import FORMS, publish, publish_run
 from polarsim.publish.subset import chosen, fitting, parse_size, parse_subset
 from tests.publish.tiny import content, make_run
 
@@ -97,6 +99,10 @@ def test_a_folder_that_holds_something_else_is_never_written_to(run, tmp_path):
     with pytest.raises(ConfigError, match="another call"):
         publish(run, tmp_path, ["gltf"], subset="camera=L")
     assert content(tmp_path / "gltf") == before
+    publish(run, tmp_path, ["gltf"], subset="camera=L", replace=True)
+    assert json.loads((tmp_path / "gltf/publish.json").read_text())["subset"] == "camera=L"
+    with pytest.raises(ConfigError, match="overwrites nothing"):  # what is not ours stays all the same
+        publish(run, tmp_path, ["coco"], replace=True)
 
 
 def test_too_little_space_is_told_before_anything_is_written(run, tmp_path, monkeypatch):
@@ -249,3 +255,23 @@ def test_the_command_publishes_and_says_where(run, tmp_path, polarsim):
     wrong = polarsim("publish", "none", tmp_path / "other", "--format", "yolo", "--results", run.parent)
     assert wrong.returncode == 1
     assert len(wrong.stderr.strip().splitlines()) == 1
+
+
+def test_the_configuration_knows_all_forms():
+    assert set(FORM_NAMES) == set(FORMS)
+
+
+@pytest.mark.parametrize("options", [{"forms": ["csv"]}, {"subset": "colour=red"}, {"max_size": "much"}])
+def test_a_configuration_of_what_cannot_be_published_is_refused(options):
+    with pytest.raises(ValidationError):
+        PublishOptions(**options)
+
+
+def test_a_job_publishes_beside_its_receipt(tmp_path):
+    run = make_run(tmp_path)
+    receipt = run / "publish/yolo.json"
+    publish_run(form="yolo", receipt=receipt, options=PublishOptions(subset="camera=L"))
+    assert json.loads(receipt.read_text())["pictures"] == {"analog": 2, "hapke": 2}
+    assert (run / "publish/yolo/analog.yaml").is_file()
+    publish_run(form="yolo", receipt=receipt, options=PublishOptions())  # another choice replaces the first
+    assert json.loads(receipt.read_text())["pictures"] == {"analog": 4, "hapke": 4}
