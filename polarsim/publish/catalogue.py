@@ -28,6 +28,16 @@ Origin = Literal["measured", "fitted", "synthetic"]
 # What a real sandbox was measured as, an analog was made up as: nothing of it was ever measured.
 MEASURED: dict[str, Origin] = {"analog": "synthetic", "polar": "measured", "release": "measured"}
 PHOTO_DOMAINS = {"analog": "analog", "polar": "real", "release": "real"}  # by kind of source
+MAPS = {  # of renders/maps: unit of a step, the step, and what it is; all are computed from fitted meshes and poses
+    "depth": ("mm", 1.0, "Depth along the optical axis; 65535: nothing is seen."),
+    "incidence": ("deg", 0.01, "Incidence of the lamp's light; 65535: nothing is seen."),
+    "emergence": ("deg", 0.01, "Emergence towards the camera; 65535: nothing is seen."),
+    "phase": ("deg", 0.01, "Phase angle; 65535: nothing is seen."),
+    "lit": ("", 0.0001, "Share of the lamp that the surface sees; 65535: nothing is seen."),
+    "shading": ("", 1.0, "Why a pixel is dark: 0 nothing is seen, 1 lit, 2 ground's shadow, 3 a wall's, 4 faces away, "
+                "1000 + k and 2000 + k shadows of rock k on itself and on others."),
+    "normal": ("", 1.0, "Normal in the sandbox frame: x, y, z as (n + 1) / 2 of 65535; 0 in all: nothing is seen."),
+}  # fmt: skip
 DRIVE = "trace.parquet"  # beside it lies all else of a drive
 # Where the values of a label come from. A seed is what a person measured by eye; all else was computed from it, from
 # meshes and from lamps, which were fitted; the renderer's are exact of a synthetic picture.
@@ -153,6 +163,19 @@ class Catalogue:
         """Files that what is made of a picture and its labels and its pose depends on."""
         cameras = self.run / "cameras" / f"Terrain{picture.key.terrain:02d}" / f"Pos{picture.key.position}.json"
         return [path for path in (picture.path, self.label_file(picture), cameras) if path and path.is_file()]
+
+    def maps(self) -> list[tuple[str, Path]]:
+        """Kind and file of the maps (depth, photometric angles ...) of what the pictures show."""
+        keys = [one.key for one in self.pictures]
+        wanted = {str(key).rpartition("_")[0] for key in keys}  # exposure brackets
+        wanted |= {f"{key.terrain:02d}_{key.position}_{key.camera}" for key in keys}
+        return [
+            (name, path)
+            for terrain in self.terrains.values()
+            for name, paths in sorted(terrain.maps.items())
+            for path in paths
+            if name in MAPS and path.suffix == ".png" and path.stem in wanted
+        ]
 
     def instances(self, picture: Picture) -> Path | None:
         """The exact map of ids of a twin."""

@@ -12,7 +12,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import SUMS, Bundle
 from polarsim.publish.card import CARD, DATASHEET
-from polarsim.publish.catalogue import Catalogue, Picture
+from polarsim.publish.catalogue import MAPS, Catalogue, Picture
 
 NEEDS = ("rocrate",)
 FILE = "ro-crate-metadata.json"
@@ -35,6 +35,7 @@ def _write_files(catalogue: Catalogue, bundle: Bundle) -> dict[str, str]:
     """All files but pictures: what each is, by name."""
     said: dict[str, str] = {}
     records.copy_pictures(catalogue, bundle)
+    records.copy_maps(catalogue, bundle)
     for one in catalogue.pictures:
         if (sidecar := one.path.with_suffix(".json")).is_file() and not catalogue.is_photo(one):
             bundle.copy(f"pictures/{one.name}.json", sidecar)
@@ -103,6 +104,9 @@ def _metadata(catalogue: Catalogue, bundle: Bundle, said: dict[str, str]) -> Any
         )
         for domain in catalogue.domains
     ]
+    for kind in dict.fromkeys(name for name, _ in catalogue.maps()):
+        own = {"name": f"Maps of {kind}", "description": MAPS[kind][2]}
+        folders.append(crate.add_directory(dest_path=f"maps/{kind}", properties=own))
     results = [one for name, one in files.items() if name.startswith(("data/", "tables/", "meshes/", "cameras/"))]
     action = {
         "@type": "CreateAction",

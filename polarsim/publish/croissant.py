@@ -17,7 +17,7 @@ from polarsim.formats.tables import write_parquet
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.card import rai_answers
-from polarsim.publish.catalogue import Catalogue, Picture
+from polarsim.publish.catalogue import MAPS, Catalogue, Picture
 
 NEEDS = ("mlcroissant",)
 FILE = "croissant.json"
@@ -29,6 +29,7 @@ def bytes_of(picture: Picture) -> int:
 
 def write(catalogue: Catalogue, bundle: Bundle) -> None:
     records.copy_pictures(catalogue, bundle)
+    records.copy_maps(catalogue, bundle)
     tables = records.all_tables(catalogue, bundle)
     for name, table in tables.items():
         bundle.make(f"{name}.parquet", partial(write_parquet, table=table))
@@ -60,6 +61,12 @@ def metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bund
         )
         for domain in catalogue.domains
     ]
+    for kind in dict.fromkeys(name for name, _ in catalogue.maps()):
+        unit, step, meaning = MAPS[kind]
+        said = f"{meaning} Unit: {unit or 'none'}, times {step:g}; 16-bit PNG, rows of the record set maps."
+        own = f"maps-{kind}"
+        includes = [f"maps/{kind}/*.png"]
+        files.append(mlc.FileSet(id=own, name=own, description=said, encoding_formats=["image/png"], includes=includes))
     sets = [_record_set(name, table) for name, table in tables.items()]
     sets += [_pictures_of(domain) for domain in catalogue.domains]
     made = mlc.Metadata(

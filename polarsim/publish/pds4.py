@@ -16,7 +16,7 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.card import card
-from polarsim.publish.catalogue import Catalogue, Origin, Picture
+from polarsim.publish.catalogue import MAPS, Catalogue, Origin, Picture
 from polarsim.publish.detection_sets import shown
 
 FRAMES = (
@@ -32,16 +32,7 @@ _LEVELS: dict[Origin, str] = {"measured": "Raw", "fitted": "Derived", "synthetic
 _NAMES = {  # columns that name something or count it: no measurement
     "picture", "file", "domain", "key", "terrain", "position", "light", "azimuth", "camera", "width", "height",
     "sha256", "part", "origin", "label", "kind", "rock", "shadow_of", "source", "lamp", "mesh", "made_from", "method",
-}  # fmt: skip
-_MAPS = {  # of renders/maps: unit of a step, and what it is
-    "depth": ("mm", 1.0, "Depth along the optical axis."),
-    "incidence": ("deg", 0.01, "Incidence of the lamp's light."),
-    "emergence": ("deg", 0.01, "Emergence towards the camera."),
-    "phase": ("deg", 0.01, "Phase angle."),
-    "lit": ("", 0.0001, "Share of the lamp that the surface sees."),
-    "shading": ("", 1.0, "Why a pixel is dark: 0 nothing is seen, 1 lit, 2 ground's shadow, 3 a wall's, 4 faces away, "
-    "1000 + k and 2000 + k shadows of rock k on itself and on others."),
-    "normal": ("", 1.0, "Normal in the sandbox frame: x, y, z, (n + 1) / 2 of 65535."),
+    "map", "shows", "unit", "step", "meaning",
 }  # fmt: skip
 
 
@@ -203,6 +194,7 @@ _TABLES = {
     "poses": "A row a camera: its pose in the sandbox and its lens.",
     "lamps": "A row a lamp of a terrain.",
     "rocks": "A row a rock of a terrain.",
+    "maps": "A row a map of depth, normals or photometric angles.",
 }
 
 
@@ -222,36 +214,25 @@ def _write_domain(archive: Archive, domain: str) -> None:
         # The labels of photos were propagated; a label that a person drew is told apart in the table of labels.
         own: Origin = "fitted" if catalogue.is_photo(one) else "synthetic"
         meaning = (
-            "1000 + k: rock k; 2000 + k: ground in its shadow; 65534 and 65535: of a rock without a number; 0, 1, 2: "
-            f"neither. {_ORIGINS[own]}"
+            "1000 + k: rock k; 2000 + k: ground in its shadow; 65534 and 65535: of a rock without a number; 0 "
+            f"background, 1 ground, 2 ground in another shadow, as far as they are told apart. {_ORIGINS[own]}"
         )
         archive.array(
-            ids, str(one.key), partial(_ids, catalogue, one), catalogue.sources(one), title=f"Ids of {one.name}",
+            ids, str(one.key), partial(records.ids, catalogue, one), catalogue.sources(one), title=f"Ids of {one.name}",
             description=meaning, level="Derived", shape=shape,
         )  # fmt: skip
         archive.browse(browse, one)
 
 
-def _ids(catalogue: Catalogue, picture: Picture) -> np.ndarray:
-    exact = catalogue.instances(picture)
-    return png.read(exact) if exact else records.id_map(catalogue, picture)
-
-
 def _write_maps(archive: Archive) -> None:
     """Depth, normals and photometric angles, where the run made them."""
-    found = [
-        (name, path)
-        for terrain in archive.catalogue.terrains.values()
-        for name, paths in sorted(terrain.maps.items())
-        for path in paths
-        if name in _MAPS and path.suffix == ".png"
-    ]
+    found = archive.catalogue.maps()
     if not found:
         return
     maps = archive.collection("maps", "Data", "Depth, normals and photometric angles of the meshes")
     for name, path in found:
-        unit, scale, meaning = _MAPS[name]
-        said = f"{meaning} 65535: nothing is seen there. {_ORIGINS['synthetic']} {FRAMES}"
+        unit, scale, meaning = MAPS[name]
+        said = f"{meaning} {_ORIGINS['fitted']} {FRAMES}"
         archive.array(
             maps, f"{name}_{path.stem}", partial(_bands, path), [path], title=f"{name} {path.stem}",
             description=said, unit=unit, scale=scale, level="Derived", shape=_bands(path).shape,

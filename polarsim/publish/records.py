@@ -8,17 +8,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from polarsim.formats import png
+from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.poses import Pose
 from polarsim.photo import CAMERAS, NO_ROCK, ROCK
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import Catalogue, Picture, shadow_casters
+from polarsim.publish.catalogue import MAPS, Catalogue, Picture, shadow_casters
 
-PICTURE_FILE = "pictures/{name}.png"
+PICTURE_FILE, MAP_FILE = "pictures/{name}.png", "maps/{name}/{stem}.png"
 # Meaning and unit of every column, for people and for labels that state them; empty: a name, count or share.
 COLUMNS: dict[str, tuple[str, str]] = {
     "picture": ("Domain and key of the picture.", ""),
-    "file": ("Path of the picture in this bundle: 16-bit PNG of 12-bit values.", ""),
+    "file": ("Path in this bundle: 16-bit PNG, of pictures with 12-bit values.", ""),
     "domain": ("real, analog, or the reflectance model of a twin.", ""),
     "key": ("Photo key: terrain, position, light, azimuth, camera, exposure.", ""),
     "terrain": ("Number of the sandbox scene, 1 to 13.", ""),
@@ -72,6 +74,11 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "height_m": ("Height above the ground.", "m"),
     "volume_m3": ("Volume above the ground.", "m3"),
     "points": ("Scanned points on the rock.", ""),
+    "map": ("depth, normal, incidence, emergence, phase, lit or shading.", ""),
+    "shows": ("View (terrain, position, camera) or exposure bracket (light and azimuth too) that the map is of.", ""),
+    "unit": ("Unit of a step of the map's values.", ""),
+    "step": ("What a value of the map is times, to be in its unit.", ""),
+    "meaning": ("What the map's values say.", ""),
     "visible_share_of_plan": ("Share of the rock's plan that some scan saw.", ""),
 }
 
@@ -223,6 +230,7 @@ def all_tables(catalogue: Catalogue, bundle: Bundle | None = None) -> dict[str, 
         "poses": poses(catalogue),
         "lamps": lamps(catalogue),
         "rocks": rocks(catalogue),
+        "maps": maps(catalogue),
     }
     for name, table in found.items():
         unknown = set(table.columns) - set(COLUMNS)
@@ -236,14 +244,34 @@ def copy_pictures(catalogue: Catalogue, bundle: Bundle) -> None:
         bundle.copy(PICTURE_FILE.format(name=one.name), one.path)
 
 
+def ids(catalogue: Catalogue, picture: Picture) -> np.ndarray:
+    """(h, w) uint16: the renderer's own map of a twin, else what `id_map` paints."""
+    exact = catalogue.instances(picture)
+    return png.read(exact) if exact else id_map(catalogue, picture)
+
+
+def copy_maps(catalogue: Catalogue, bundle: Bundle) -> None:
+    """`maps/<kind>/`, as the run has them."""
+    for name, path in catalogue.maps():
+        bundle.copy(MAP_FILE.format(name=name, stem=path.stem), path)
+
+
+def maps(catalogue: Catalogue) -> pd.DataFrame:
+    """A row a map."""
+    rows = []
+    for name, path in catalogue.maps():
+        unit, step, meaning = MAPS[name]
+        own = {"map": name, "shows": path.stem, "file": MAP_FILE.format(name=name, stem=path.stem)}
+        rows.append(own | {"unit": unit, "step": step, "meaning": meaning, "origin": "fitted"})
+    return pd.DataFrame(rows)
+
+
 def id_map(catalogue: Catalogue, picture: Picture) -> np.ndarray:
     """(h, w) uint16 painted of the masks: rock k is 1000 + k, its shadow 2000 + k; see `UNKNOWN`.
 
     Shadows first and rocks over them, hidden rocks before those in front: of masks of what is to be seen none overlap
     but those of shadows.
     """
-    from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
-
     painted = np.zeros((picture.height, picture.width), np.uint16)
     for one in sorted(catalogue.labels(picture), key=lambda one: one.kind == ROCK):
         if one.mask:

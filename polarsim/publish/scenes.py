@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.formats import gltf, obj
+from polarsim.formats.tables import read_parquet
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.photo import CAMERAS, NO_ROCK, ROCK
@@ -35,8 +36,24 @@ def write_gltf(catalogue: Catalogue, bundle: Bundle) -> None:
         extras = {_name(rock): _said(terrain, rock) for rock in terrain.meshes}
         bundle.make(
             gltf.name(terrain.number),
-            partial(gltf.write, parts=parts, support={}, extras=extras, finish=_cameras_and_lamps(terrain)),
+            partial(
+                gltf.write,
+                parts=parts,
+                support=_support(terrain),
+                extras=extras,
+                finish=_cameras_and_lamps(terrain),
+            ),
         )
+
+
+def _support(terrain: Terrain) -> dict[str, np.ndarray]:
+    """How well scans support each vertex, by node, where the run knows it."""
+    path = next(iter(terrain.meshes.values())).with_name("support.parquet")
+    if not path.is_file():
+        return {}
+    table = read_parquet(path, ["mesh", "vertex", "support"])
+    by_file = {str(name): rows.sort_values("vertex")["support"].to_numpy() for name, rows in table.groupby("mesh")}
+    return {_name(rock): by_file[file.name] for rock, file in terrain.meshes.items() if file.name in by_file}
 
 
 def _said(terrain: Terrain, rock: int) -> dict[str, Any]:

@@ -37,6 +37,7 @@ def test_every_record_is_counted_and_equals_the_catalogue(published, catalogue):
                 np.testing.assert_array_equal(np.array(values, float), table[column])
             else:
                 assert [value if value is not None else "" for value in values] == table[column].tolist(), column
+    assert len(list((folder / "maps").rglob("*.png"))) == len(catalogue.maps()) == 8
     for domain in catalogue.domains:
         assert len(list(read(folder).records(f"images-{domain}"))) == len(catalogue.of_domain(domain))
 

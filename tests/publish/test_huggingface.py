@@ -27,7 +27,7 @@ def test_values_boxes_masks_and_ids_come_back_bit_for_bit(load, catalogue, form)
         for one in catalogue.of_domain(domain):
             row = found[str(one.key)]
             np.testing.assert_array_equal(np.array(row["image"]), png.read(one.path))
-            np.testing.assert_array_equal(np.array(row["ids"]), records.id_map(catalogue, one))
+            np.testing.assert_array_equal(np.array(row["ids"]), records.ids(catalogue, one))
             for label, got in zip(catalogue.labels(one), row["objects"], strict=True):
                 x, y, width, height = got["bbox"]
                 np.testing.assert_allclose([x, y, x + width, y + height], label.box, atol=1e-3, rtol=0)

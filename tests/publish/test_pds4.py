@@ -31,13 +31,27 @@ def test_the_reader_opens_every_product(published, catalogue):
     for path in labels(folder):
         assert opened(path).label is not None
     pictures = len(catalogue.pictures)
-    assert len(labels(folder)) == 3 * pictures + 5 + 1 + 2 * 3 + 2 + 1  # tables, card, collections, bundle
+    maps, tables, card, collections, bundle = 4 + 2 + 2, 6, 1, 2 * 3 + 3, 1
+    assert len(labels(folder)) == 3 * pictures + maps + tables + card + collections + bundle
+
+
+def test_maps_of_depth_angles_and_normals_have_their_units(published, catalogue):
+    folder, units = published("pds4") / "maps", {"depth": "mm", "incidence": "deg", "normal": None}
+    for name, path in catalogue.maps():
+        wanted = png.read(path)
+        found = opened(folder / f"{name}_{path.stem}.xml")["image"]
+        # The reader applies the factor of the label: hundredths of a degree come as degrees.
+        scale = 0.01 if name == "incidence" else 1
+        values = np.moveaxis(wanted, 2, 0) if wanted.ndim == 3 else wanted
+        np.testing.assert_allclose(np.asarray(found.data), values * scale, rtol=1e-12)
+        element = ElementTree.parse(folder / f"{name}_{path.stem}.xml").find(f".//{PDS}Element_Array")
+        assert element.findtext(f"{PDS}unit") == units[name]
 
 
 def test_values_of_pictures_and_ids_come_back_bit_for_bit(published, catalogue):
     folder = published("pds4")
     for one in catalogue.pictures:
-        for place, wanted in (("data", png.read(one.path)), ("ids", records.id_map(catalogue, one))):
+        for place, wanted in (("data", png.read(one.path)), ("ids", records.ids(catalogue, one))):
             found = opened(folder / f"{place}_{one.domain}/{one.key}.xml")["image"]
             np.testing.assert_array_equal(np.asarray(found.data), wanted)
         unit = ElementTree.parse(folder / f"data_{one.domain}/{one.key}.xml").find(f".//{PDS}Element_Array/{PDS}unit")

@@ -174,6 +174,15 @@ def test_a_subset_is_chosen_by_fields_of_the_keys(catalogue, text, left):
     assert set(found.pictures) <= set(catalogue.pictures)
 
 
+def test_maps_are_those_of_the_pictures_that_were_chosen(catalogue):
+    found = chosen(catalogue, parse_subset("camera=L,azimuth=30")).maps()
+    assert [f"{name}/{path.stem}" for name, path in found] == [
+        "depth/01_A_L",
+        "incidence/01_A_off_30_L",
+        "normal/01_A_L",
+    ]
+
+
 @pytest.mark.parametrize("text", ["colour=red", "camera", "camera=", "exposure=long", "camera=L,camera=R"])
 def test_a_subset_that_is_none_is_refused(text):
     with pytest.raises(ConfigError, match="subset"):
@@ -224,6 +233,16 @@ def test_nasas_photos_go_out_only_where_they_are_asked_for(tmp_path):
     shutil.rmtree(run / "renders/hapke")
     with pytest.raises(ConfigError, match="nothing but NASA's photos"):
         publish(run, tmp_path / "none", ["coco"])
+
+
+def test_a_run_of_the_release_has_twins_and_no_photos(tmp_path):
+    run = make_run(tmp_path, "release")
+    (run / "acquire/Terrain01/photos.parquet").unlink()
+    part = publish(run, tmp_path / "out", ["coco"])["coco"]
+    assert part.domains == ("hapke",)
+    assert (
+        "published POLAR-Sim labels and meshes, without NASA's photos" in (tmp_path / "out/coco/README.md").read_text()
+    )
 
 
 def test_what_was_measured_on_a_real_sandbox_was_made_up_on_an_analog(tmp_path):

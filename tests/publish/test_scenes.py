@@ -38,6 +38,8 @@ def test_gltf_keeps_meshes_names_and_ids(published, catalogue):
         np.testing.assert_array_equal(body.faces, wanted.faces)
         matrix = scene.graph.get(name)[0][:3, :3]
         np.testing.assert_allclose(body.vertices @ matrix.T, wanted.vertices @ Y_UP.T, atol=1e-6)
+    support = scene.geometry["rock4"].vertex_attributes["_SUPPORT"].ravel()
+    np.testing.assert_allclose(support, np.linspace(0, 1, 162), atol=1e-6)  # as the run's table has it
 
 
 def test_gltf_obeys_the_rules_that_the_validator_calls_errors(published):

@@ -87,6 +87,7 @@ def make_run(root: Path, kind: str = "analog") -> Path:
     rigs.write_placed(run / "cameras" / terrain / "PosA.json", placed)
     lamps.write_suns(run / "cameras" / terrain, {"180": SUN_180})
     write_meshes(run / "meshes" / terrain)
+    write_maps(run / "renders", terrain, rng)
     table = pd.DataFrame(
         [
             dict.fromkeys(ROCKS.columns, 0)
@@ -113,7 +114,26 @@ def write_meshes(folder: Path) -> None:
     for rock, (x0, y0, radius) in ROCK_PLACES.items():
         names.append(obj.rock_name(1, rock))
         obj.write(folder / names[-1], icosphere((x0, y0), radius), f"rock{rock}")
+    support = pd.DataFrame({"mesh": obj.rock_name(1, 4), "vertex": range(162), "support": np.linspace(0, 1, 162)})
+    write_parquet(folder / "support.parquet", support)
     write_csv(folder / "meshes.csv", pd.DataFrame({"mesh": names, "made_from": "scan"}))
+
+
+def write_maps(renders: Path, terrain: str, rng: np.random.Generator) -> None:
+    """Exact ids of the twins, with ground, and maps of a view and of an exposure bracket."""
+    for key in KEYS:
+        bracket = str(key).rpartition("_")[0]
+        ids = np.ones(SIZE[::-1], np.uint16)
+        for one in reversed(photo_labels(key)):
+            ids[one.mask.mask()] = (1000 if one.kind == ROCK else 2000) + max(one.rock, 0)
+        png.write(renders / "instances" / terrain / f"{bracket}.png", ids)
+        png.write(
+            renders / "maps" / terrain / "incidence" / f"{bracket}.png", rng.integers(0, 9000, SIZE[::-1], np.uint16)
+        )
+    for camera in "LR":
+        for name, shape in (("depth", SIZE[::-1]), ("normal", (*SIZE[::-1], 3))):
+            values = rng.integers(0, 65535, shape, np.uint16)
+            png.write(renders / "maps" / terrain / name / f"01_A_{camera}.png", values)
 
 
 def write_evaluation(run: Path) -> None:
