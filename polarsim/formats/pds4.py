@@ -103,13 +103,22 @@ def observation(identity: Identity, observed: Observed) -> Node:
             node("processing_level", observed.level),
             node("description", identity.description),
         ),
-        node("Investigation_Area", node("name", observed.investigation), node("type", "Other Investigation")),
+        node(
+            "Investigation_Area",
+            node("name", observed.investigation),
+            node("type", "Individual Investigation"),
+            _reference("urn:nasa:pds:context:investigation:individual.none", "data_to_investigation"),
+        ),
         node(
             "Observing_System",
             node("Observing_System_Component", node("name", observed.instrument), node("type", "Instrument")),
         ),
         node("Target_Identification", node("name", observed.target), node("type", "Laboratory Analog")),
     )
+
+
+def _reference(lid: str, kind: str) -> Node:
+    return node("Internal_Reference", node("lid_reference", lid), node("reference_type", kind))
 
 
 def file_node(path: Path, name: str, records: int | None = None) -> Node:

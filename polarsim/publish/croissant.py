@@ -20,7 +20,14 @@ from polarsim.publish.card import rai_answers
 from polarsim.publish.catalogue import MAPS, Catalogue, Picture
 
 NEEDS = ("mlcroissant",)
-FILE = "croissant.json"
+FILE, GEO_FILE = "croissant.json", "geocroissant.json"
+CONFORMS = ["http://mlcommons.org/croissant/1.1", "http://mlcommons.org/croissant/RAI/1.0"]
+# The sandbox has no place on Earth that anyone surveyed: its frame is an engineering one, as ISO 19162 writes it.
+SANDBOX_WKT = (
+    'ENGCRS["sandbox",EDATUM["Terrain\'s centre on the ground"],CS[Cartesian,3],'
+    'AXIS["to Sun azimuth 0 (X)",unspecified],AXIS["to Sun azimuth 90 (Y)",unspecified],AXIS["up (Z)",up],'
+    'LENGTHUNIT["metre",1]]'
+)
 
 
 def bytes_of(picture: Picture) -> int:
@@ -33,7 +40,9 @@ def write(catalogue: Catalogue, bundle: Bundle) -> None:
     tables = records.all_tables(catalogue, bundle)
     for name, table in tables.items():
         bundle.make(f"{name}.parquet", partial(write_parquet, table=table))
-    bundle.json(FILE, metadata(catalogue, tables, bundle))
+    content = metadata(catalogue, tables, bundle)
+    bundle.json(FILE, content)
+    bundle.json(GEO_FILE, _geographic(content))
 
 
 def metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bundle) -> dict[str, Any]:
@@ -70,7 +79,7 @@ def metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bund
     sets = [_record_set(name, table) for name, table in tables.items()]
     sets += [_pictures_of(domain) for domain in catalogue.domains]
     made = mlc.Metadata(
-        conforms_to=["http://mlcommons.org/croissant/1.1"],
+        conforms_to=CONFORMS,
         name=terms.title(catalogue).replace(" ", "-"),
         description=f"{terms.what_it_is(catalogue)} Pictures are 16-bit PNG: read them by file, for readers of "
         "Croissant may show them with 8 bits; their SHA-256 stand in the record set pictures.",
@@ -87,6 +96,21 @@ def metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bund
     if made.ctx.issues.errors or made.ctx.issues.warnings:
         raise PolarsimError(made.issues.report().replace("\n", " "), path=bundle.path(FILE))
     return made.to_json()
+
+
+def _geographic(content: dict[str, Any]) -> dict[str, Any]:
+    """The same with what of GeoCroissant fits photos of a sandbox: its frame, and that they have one band.
+
+    Pictures in perspective have no spatial resolution, and the sandbox has no place on Earth.
+    """
+    band = {"@type": "geocr:BandConfiguration", "geocr:totalBands": 1, "geocr:bandNameList": ["grey"]}
+    return {
+        **content,
+        "@context": {**content["@context"], "geocr": "http://mlcommons.org/croissant/geo/"},
+        "conformsTo": [*CONFORMS, "http://mlcommons.org/croissant/geo/1.0"],
+        "geocr:coordinateReferenceSystem": SANDBOX_WKT,
+        "geocr:bandConfiguration": band,
+    }
 
 
 def _record_set(name: str, table: pd.DataFrame) -> Any:

@@ -64,7 +64,8 @@ def _no_drive(catalogue: Catalogue) -> str:
 FORMS: dict[str, Form] = {
     "croissant": Form(
         f"`{croissant.FILE}` describes tables (Parquet) and pictures (16-bit PNG below `pictures/<domain>/`) in "
-        "Croissant 1.1 with RAI fields. Read the tables with `mlcroissant`, the pictures by file.",
+        "Croissant 1.1 with RAI fields, `geocroissant.json` with the frame too. "
+        "Read the tables with `mlcroissant`, the pictures by file.",
         croissant.write, croissant.bytes_of, croissant.NEEDS,
     ),
     "hf": Form(

@@ -25,6 +25,15 @@ def test_it_validates_without_a_warning_and_has_rai_fields(published):
     assert sum(name.startswith("rai:") for name in content) >= 18
 
 
+def test_geocroissant_says_the_frame_and_the_band_and_reads_the_same(published):
+    content = json.loads((published("croissant") / "geocroissant.json").read_text())
+    assert content["geocr:coordinateReferenceSystem"].startswith('ENGCRS["sandbox"')
+    assert "http://mlcommons.org/croissant/geo/1.0" in content["conformsTo"]
+    geographic = mlc.Dataset(published("croissant") / "geocroissant.json")
+    assert not geographic.metadata.ctx.issues.errors
+    assert list(geographic.records("lamps")) == list(read(published("croissant")).records("lamps"))
+
+
 def test_every_record_is_counted_and_equals_the_catalogue(published, catalogue):
     folder = published("croissant")
     for name, table in records.all_tables(catalogue).items():
