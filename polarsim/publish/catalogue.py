@@ -257,9 +257,13 @@ def _pictures(run: Path, terrains: Mapping[int, Terrain], photo_domain: str) -> 
         listed = run / "acquire" / terrain.name / "photos.parquet"
         if listed.is_file():
             for row in tables.read_parquet(listed, tables.PHOTO_COLUMNS).to_dict("records"):
-                key = PhotoKey.parse(row["key"])
+                key, path = PhotoKey.parse(row["key"]), Path(row["path"])
+                if not path.is_file():
+                    raise FormatError(
+                        f"lists {path}, which is not there from here; call it where snakemake ran", listed
+                    )
                 size = int(row["width"]), int(row["height"])
-                yield Picture(photo_domain, key, Path(row["path"]), *size, row["sha256"], parts.get(key, ""))
+                yield Picture(photo_domain, key, path, *size, row["sha256"], parts.get(key, ""))
         for folder in sorted((run / "renders").glob(f"*/{terrain.name}")):
             for path in sorted(folder.glob("*_*_*_*_*_*.png")) if _is_model(folder.parent) else ():
                 key = PhotoKey.parse(path.stem)

@@ -258,6 +258,9 @@ def test_a_broken_run_is_one_line_with_the_file(tmp_path):
     with pytest.raises(ConfigError, match="no run"):
         read_catalogue(tmp_path)
     run = make_run(tmp_path)
+    (tmp_path / "photos/01_A_off_30_L_0256.png").rename(tmp_path / "moved.png")
+    with pytest.raises(FormatError, match=r"photos.parquet: lists .*01_A_off_30_L_0256.png, which is not there"):
+        read_catalogue(run)
     (run / "cameras/Terrain01/PosA.json").write_text("{")
     with pytest.raises(FormatError, match=r"PosA.json: no readable JSON"):
         read_catalogue(run)
