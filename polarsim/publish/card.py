@@ -40,8 +40,8 @@ def card(catalogue: Catalogue, form: str, says: str) -> str:
         "integer + 0.5. Photo keys read terrain, position, rover light, Sun azimuth, camera, exposure in ms.",
         "## How it was made",
         f"By polarsim {__version__}, run `{catalogue.name}`, source `{catalogue.kind}`, configuration "
-        f"`{catalogue.config or 'unknown'}`. Scans became meshes, cameras were placed by scans, labels and photos; a "
-        "few labels that people drew were propagated to every photo by geometry and light; twins were ray-traced on "
+        f"`{catalogue.config or 'unknown'}`. Scans became meshes, cameras were localised by scans, labels and photos; "
+        "a few labels that people drew were propagated to every photo by geometry and light; twins were ray-traced on "
         "the meshes with the same cameras, lamps, lens and sensor.",
         "Every value is one of three: *measured* (photos, what a person drew, NASA's survey), *fitted* (poses, lamps "
         "found in photos, meshes, propagated labels), *synthetic* (twins and their labels, all of the analog).",

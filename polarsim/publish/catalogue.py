@@ -19,7 +19,7 @@ from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import lamps, rigs, scene, tables
 from polarsim.formats.coco import Annotation, read_coco
 from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rigs import PlacedRig
+from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.run_files import instances_of
 from polarsim.geometry.camera import Camera
 from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey
@@ -80,7 +80,7 @@ class Terrain:
 
     number: int
     kind: str  # of the source
-    rigs: Mapping[str, PlacedRig]  # by position
+    rigs: Mapping[str, LocalisedRig]  # by position
     suns: Mapping[str, np.ndarray]  # by azimuth, sandbox frame, metres
     fitted_suns: frozenset[str]  # those that photos place; the others stand where NASA surveyed them
     meshes: Mapping[int, Path]  # by rock, the ground is NO_ROCK
@@ -141,11 +141,11 @@ class Catalogue:
         return picture.domain == self.photo_domain
 
     def camera(self, picture: Picture) -> Camera | None:
-        """Where the picture was taken; None where nobody placed its position."""
-        placed = self.terrains[picture.key.terrain].rigs.get(picture.key.position)
-        if placed is None:
+        """Where the picture was taken; None where nobody localised its position."""
+        localised = self.terrains[picture.key.terrain].rigs.get(picture.key.position)
+        if localised is None:
             return None
-        camera = placed.camera(picture.key.camera)
+        camera = localised.camera(picture.key.camera)
         return camera if picture.width == camera.lens.width else camera.scaled(picture.width / camera.lens.width)
 
     def labels(self, picture: Picture) -> list[Annotation]:
@@ -235,13 +235,13 @@ def _has(run: Path, number: int) -> bool:
 def _terrain(run: Path, number: int) -> Terrain:
     folder = f"Terrain{number:02d}"
     cameras, meshes, rocks = run / "cameras" / folder, run / "meshes" / folder, run / "rocks" / folder
-    placed = rigs.read_all_placed(cameras)
-    suns = lamps.read_suns(cameras, placed) if placed else {}
+    localised = rigs.read_all_localised(cameras)
+    suns = lamps.read_suns(cameras, localised) if localised else {}
     maps = sorted(path for path in (run / "renders" / "maps" / folder).glob("*") if path.is_dir())
     return Terrain(
         number=number,
         kind=read_inventory(run / "acquire" / folder / "inventory.json").kind,
-        rigs=placed,
+        rigs=localised,
         suns={azimuth: suns[azimuth] for azimuth in SUNS if azimuth in suns},
         fitted_suns=frozenset(lamps.read_found_suns(cameras)),
         meshes=scene.mesh_files(meshes, number) if meshes.is_dir() else {},

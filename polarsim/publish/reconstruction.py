@@ -65,7 +65,7 @@ def write_nerfstudio(catalogue: Catalogue, bundle: Bundle) -> None:
         frames = []
         for one in pictures:
             camera = catalogue.camera(one)
-            assert camera is not None  # pictures of positions that nobody placed are left out
+            assert camera is not None  # pictures of positions that nobody localised are left out
             frames.append(frame(f"images/{one.key}.png", camera))
         content = {
             "camera_model": "OPENCV",
@@ -142,13 +142,13 @@ def _write_cloud(terrain: Terrain, path: Path) -> None:
 
 
 def _scenes(catalogue: Catalogue) -> Iterator[tuple[str, Terrain, list[Picture]]]:
-    """Pictures of placed cameras by domain and terrain."""
+    """Pictures of localised cameras by domain and terrain."""
     for domain in catalogue.domains:
         for terrain in catalogue.terrains.values():
             own = [one for one in catalogue.of_domain(domain) if one.key.terrain == terrain.number]
-            placed = [one for one in own if one.key.position in terrain.rigs]
-            if placed:
-                yield domain, terrain, placed
+            localised = [one for one in own if one.key.position in terrain.rigs]
+            if localised:
+                yield domain, terrain, localised
 
 
 def _write_images(bundle: Bundle, folder: str, pictures: list[Picture]) -> None:

@@ -148,12 +148,12 @@ def label_rows(catalogue: Catalogue, picture: Picture) -> Iterator[dict[str, Any
 
 
 def poses(catalogue: Catalogue) -> pd.DataFrame:
-    """A row a camera of every placed position: its pose and its lens."""
+    """A row a camera of every localised position: its pose and its lens."""
     rows: list[dict[str, object]] = []
     for terrain in catalogue.terrains.values():
-        for position, placed in sorted(terrain.rigs.items()):
+        for position, localised in sorted(terrain.rigs.items()):
             for side in CAMERAS:
-                pose, lens = placed.sandbox_from(side), placed.rig.lens(side)
+                pose, lens = localised.sandbox_from(side), localised.rig.lens(side)
                 rows.append(
                     {
                         "terrain": terrain.number,
@@ -168,9 +168,9 @@ def poses(catalogue: Catalogue) -> pd.DataFrame:
                         **dict(zip(("k1", "k2", "p1", "p2", "k3"), lens.distortion, strict=True)),
                         "width": lens.width,
                         "height": lens.height,
-                        "method": placed.method,
-                        "sd_mm": float(placed.quality.get("sd_mm", np.nan)),
-                        "sd_deg": float(placed.quality.get("sd_deg", np.nan)),
+                        "method": localised.method,
+                        "sd_mm": float(localised.quality.get("sd_mm", np.nan)),
+                        "sd_deg": float(localised.quality.get("sd_deg", np.nan)),
                         "origin": terrain.pose_origin(position),
                     }
                 )
@@ -178,13 +178,13 @@ def poses(catalogue: Catalogue) -> pd.DataFrame:
 
 
 def lamps(catalogue: Catalogue) -> pd.DataFrame:
-    """A row a Sun lamp of a terrain, and one a rover light of every placed position."""
+    """A row a Sun lamp of a terrain, and one a rover light of every localised position."""
     rows: list[dict[str, object]] = []
     for terrain in catalogue.terrains.values():
         places = [(name, place, terrain.sun_origin(name)) for name, place in terrain.suns.items()]
         places += [
-            (f"rover_{position}", placed.rover_light, terrain.pose_origin(position))
-            for position, placed in sorted(terrain.rigs.items())
+            (f"rover_{position}", localised.rover_light, terrain.pose_origin(position))
+            for position, localised in sorted(terrain.rigs.items())
         ]
         for name, place, origin in places:
             own = dict(zip(("x_m", "y_m", "z_m"), map(float, place), strict=True))
@@ -212,7 +212,7 @@ def rocks(catalogue: Catalogue) -> pd.DataFrame:
                     "visible_share_of_plan": float(own.get("visible_share", np.nan)),
                     "mesh": mesh.name if mesh else "",
                     "made_from": made_from,
-                    "origin": "fitted",  # a surface laid through scanned points, or placed by labels
+                    "origin": "fitted",  # a surface laid through scanned points, or localised by labels
                 }
             )
     columns = [

@@ -50,7 +50,7 @@ def _drives(catalogue: Catalogue) -> dict[str, Path]:
 
 
 def _stations(catalogue: Catalogue) -> dict[tuple[str, int, str], list[Picture]]:
-    """Pictures of placed positions."""
+    """Pictures of localised positions."""
     found: dict[tuple[str, int, str], list[Picture]] = {}
     for one in catalogue.pictures:
         if catalogue.camera(one):
@@ -64,7 +64,7 @@ def _write_station(catalogue: Catalogue, pictures: list[Picture], path: Path) ->
 
 def stream(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[Stamped]:
     """A station's messages in the order of their stamps."""
-    placed = catalogue.terrains[pictures[0].key.terrain].rigs[pictures[0].key.position]
+    localised = catalogue.terrains[pictures[0].key.terrain].rigs[pictures[0].key.position]
     yield (
         SECOND,
         "/tf_static",
@@ -72,7 +72,7 @@ def stream(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[Stamped]:
         {
             "transforms": [
                 *(
-                    ros.transform(SECOND, "map", f"{SIDES[side]}_optical", placed.sandbox_from(side))
+                    ros.transform(SECOND, "map", f"{SIDES[side]}_optical", localised.sandbox_from(side))
                     for side in CAMERAS
                 ),
                 *(
@@ -92,7 +92,7 @@ def stream(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[Stamped]:
 
 def _messages(catalogue: Catalogue, picture: Picture, time_ns: int) -> Iterator[Stamped]:
     side, camera = SIDES[picture.key.camera], catalogue.camera(picture)
-    assert camera is not None  # stations are placed
+    assert camera is not None  # stations are localised
     frame = f"{side}_optical"
     yield time_ns, f"/{side}/key", "std_msgs/msg/String", {"data": str(picture.key)}
     info = ros.camera_info(time_ns, frame, camera.lens)

@@ -71,17 +71,17 @@ def _meshed(catalogue: Catalogue) -> Iterator[Terrain]:
 
 def _cameras(terrain: Terrain) -> Iterator[tuple[str, str, Camera]]:
     """Name, position and camera."""
-    for position, placed in sorted(terrain.rigs.items()):
+    for position, localised in sorted(terrain.rigs.items()):
         for side in CAMERAS:
-            yield f"Pos{position}_Cam{side}", position, placed.camera(side)
+            yield f"Pos{position}_Cam{side}", position, localised.camera(side)
 
 
 def _lamps(terrain: Terrain) -> Iterator[tuple[str, np.ndarray, str]]:
     """Name, place and origin."""
     for azimuth, place in terrain.suns.items():
         yield f"sun_{azimuth}", place, terrain.sun_origin(azimuth)
-    for position, placed in sorted(terrain.rigs.items()):
-        yield f"rover_light_{position}", placed.rover_light, terrain.pose_origin(position)
+    for position, localised in sorted(terrain.rigs.items()):
+        yield f"rover_light_{position}", localised.rover_light, terrain.pose_origin(position)
 
 
 def lens_extras(lens: Lens) -> dict[str, Any]:

@@ -51,7 +51,7 @@ def write(catalogue: Catalogue, bundle: Bundle) -> None:
 
 
 def _pairs(catalogue: Catalogue, domain: str) -> list[tuple[Picture, Picture]]:
-    """Left and right pictures of one moment, of positions that are placed."""
+    """Left and right pictures of one moment, of positions that are localised."""
     by_key = {one.key: one for one in catalogue.of_domain(domain)}
     return [
         (one, by_key[key.other_camera])
@@ -64,13 +64,13 @@ def _write_pair(
     catalogue: Catalogue, bundle: Bundle, place: tuple[str, str], pair: tuple[Picture, Picture], rig: Rectification
 ) -> None:
     (folder, name), (left, right) = place, pair
-    placed, sources = catalogue.terrains[left.key.terrain].rigs[left.key.position], catalogue.sources(left)
+    localised, sources = catalogue.terrains[left.key.terrain].rigs[left.key.position], catalogue.sources(left)
     for side, one, maps in (("image_2", left, rig.left_maps), ("image_3", right, rig.right_maps)):
         bundle.png(f"{folder}/{side}/{name}.png", partial(_turned, one, maps), [*sources, one.path])
-    objects = [kitti_object(one, placed.rig, rig, left) for one in catalogue.labels(left)]
+    objects = [kitti_object(one, localised.rig, rig, left) for one in catalogue.labels(left)]
     own = [one for one in objects if one]
     bundle.make(f"{folder}/label_2/{name}.txt", partial(kitti.write_objects, objects=own))
-    matrices = calibration(rig, placed.sandbox_from_left)
+    matrices = calibration(rig, localised.sandbox_from_left)
     bundle.make(f"{folder}/calib/{name}.txt", partial(kitti.write_calibration, matrices=matrices))
 
 

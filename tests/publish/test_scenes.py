@@ -133,13 +133,13 @@ def test_usd_keeps_meshes_with_semantics(stage, catalogue):
 def test_usd_cameras_show_a_point_where_a_pinhole_of_ours_does(stage, catalogue):
     from pxr import Gf, UsdGeom
 
-    placed = catalogue.terrains[1].rigs["A"]
+    localised = catalogue.terrains[1].rigs["A"]
     for side in "LR":
-        camera, lens = UsdGeom.Camera(stage.GetPrimAtPath(f"/World/PosA_Cam{side}")), placed.rig.lens(side)
+        camera, lens = UsdGeom.Camera(stage.GetPrimAtPath(f"/World/PosA_Cam{side}")), localised.rig.lens(side)
         frustum = camera.GetCamera().frustum
         both = frustum.ComputeViewMatrix() * frustum.ComputeProjectionMatrix()
         pinhole = Lens(lens.fx, lens.fy, lens.cx, lens.cy, width=lens.width, height=lens.height)
-        wanted = Camera(placed.sandbox_from(side), pinhole).project(PLACES)
+        wanted = Camera(localised.sandbox_from(side), pinhole).project(PLACES)
         for place, pixel in zip(PLACES, wanted, strict=True):
             x, y, _ = both.Transform(Gf.Vec3d(*place))
             found = [(x + 1) / 2 * lens.width, (1 - y) / 2 * lens.height]
@@ -148,4 +148,4 @@ def test_usd_cameras_show_a_point_where_a_pinhole_of_ours_does(stage, catalogue)
         assert tuple(terms) == lens.distortion
         found = UsdGeom.Xformable(camera).ComputeLocalToWorldTransform(0)
         pose = Pose.from_matrix(np.array(found).T @ np.diag([1, -1, -1, 1]))
-        np.testing.assert_allclose(pose.matrix, placed.sandbox_from(side).matrix, atol=1e-12)
+        np.testing.assert_allclose(pose.matrix, localised.sandbox_from(side).matrix, atol=1e-12)

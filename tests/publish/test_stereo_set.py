@@ -30,7 +30,7 @@ def test_the_devkits_folders_hold_a_file_of_each_kind_for_every_pair(published, 
 
 
 def test_points_of_the_sandbox_are_projected_as_opencv_rectifies_them(published, catalogue):
-    placed = catalogue.terrains[1].rigs["A"]
+    localised = catalogue.terrains[1].rigs["A"]
     points = np.array([[0.2, 0.1, 0.1], [-0.3, -0.2, 0.2], [0.5, 0.4, 0.0]])
     found = kitti.read_calibration(published("kitti") / "analog/training/calib/000000.txt")
     places = {}
@@ -38,15 +38,15 @@ def test_points_of_the_sandbox_are_projected_as_opencv_rectifies_them(published,
         rectified = found["R0_rect"] @ (found["Tr_velo_to_cam"] @ np.c_[points, np.ones(3)].T)
         image = found[name] @ np.vstack([rectified, np.ones(3)])
         places[camera] = (image[:2] / image[2]).T
-    right_from_left = placed.rig.left_from_right.inverse()
-    matrices = [placed.rig.left.opencv_matrix(), placed.rig.right.opencv_matrix()]
-    terms = [np.array(placed.rig.left.distortion), np.array(placed.rig.right.distortion)]
+    right_from_left = localised.rig.left_from_right.inverse()
+    matrices = [localised.rig.left.opencv_matrix(), localised.rig.right.opencv_matrix()]
+    terms = [np.array(localised.rig.left.distortion), np.array(localised.rig.right.distortion)]
     turns = cv2.stereoRectify(
         matrices[0], terms[0], matrices[1], terms[1], SIZE, right_from_left.rotation,
         right_from_left.translation[:, None], flags=cv2.CALIB_ZERO_DISPARITY, alpha=0,
     )  # fmt: skip
     for side, camera in enumerate("LR"):
-        pixels = placed.project(camera, points) - 0.5
+        pixels = localised.project(camera, points) - 0.5
         wanted = cv2.undistortPoints(
             pixels, matrices[side], terms[side], R=turns[side], P=turns[2 + side], criteria=None
         )
@@ -57,8 +57,8 @@ def test_points_of_the_sandbox_are_projected_as_opencv_rectifies_them(published,
 def test_boxes_read_back_hold_the_turned_box_to_a_hundredth_of_a_pixel(published, catalogue):
     from polarsim.detect.stereo.rectify import rectify
 
-    folder, placed = published("kitti"), catalogue.terrains[1].rigs["A"]
-    turned = rectify(placed.rig, 1.0)
+    folder, localised = published("kitti"), catalogue.terrains[1].rigs["A"]
+    turned = rectify(localised.rig, 1.0)
     left = {one.key: one for one in catalogue.of_domain("hapke")}
     for name, key in pairs(folder, "hapke"):
         found = kitti.read_objects(folder / f"hapke/training/label_2/{name}.txt")
@@ -66,17 +66,17 @@ def test_boxes_read_back_hold_the_turned_box_to_a_hundredth_of_a_pixel(published
         assert [one.kind for one in found] == [label.kind.capitalize() for label in labels]
         assert [one.occluded for one in found] == [0, 1, 3, 3, 0]
         for one, label in zip(found, labels, strict=True):
-            corners = rectified_edges(label.box, placed.rig.left, turned)
+            corners = rectified_edges(label.box, localised.rig.left, turned)
             middle = cv2.undistortPoints(  # OpenCV takes the box's middle to a place inside the box that was read
                 (label.box.reshape(2, 2).mean(axis=0) - 0.5)[None],
-                placed.rig.left.opencv_matrix(),
-                np.array(placed.rig.left.distortion),
+                localised.rig.left.opencv_matrix(),
+                np.array(localised.rig.left.distortion),
                 R=turned.left_from_rectified.rotation.T,
                 P=turned.lens.opencv_matrix(),
             ).ravel()
             np.testing.assert_allclose(one.box.reshape(2, 2).mean(axis=0) - 0.5, middle, atol=0.3)
             np.testing.assert_allclose(one.box, [*corners.min(axis=0), *corners.max(axis=0)], atol=0.01, rtol=0)
-            again = kitti_object(label, placed.rig, turned, left[key])
+            again = kitti_object(label, localised.rig, turned, left[key])
             assert again.truncated == 0
 
 

@@ -81,10 +81,10 @@ def make_run(root: Path, kind: str = "analog") -> Path:
     for stage, source in (("labels", "fused"), ("renders", "rendered")):
         own = {key: [replace(one, source=source) for one in labels[key]] for key in KEYS}
         coco.write_coco(run / stage / "coco" / f"{terrain}.json", own, size=SIZE)
-    placed = rigs.PlacedRig(
+    localised = rigs.LocalisedRig(
         small_rig(), looking(np.array([3.0, 0.0, 1.2]), np.pi, 0.4), "scans, photos", {"sd_mm": 1.5}
     )
-    rigs.write_placed(run / "cameras" / terrain / "PosA.json", placed)
+    rigs.write_localised(run / "cameras" / terrain / "PosA.json", localised)
     lamps.write_suns(run / "cameras" / terrain, {"180": SUN_180})
     write_meshes(run / "meshes" / terrain)
     write_maps(run / "renders", terrain, rng)
