@@ -56,5 +56,5 @@ schema: setup ## write config/schema.json and config/views.schema.json anew
 # lock would pin CUDA's packages. The local version of that build is cut off again, so that one lock serves all machines.
 lock: ## make requirements.lock anew from pyproject.toml
 	sed -i 's/^torch==[0-9.]*$$/&+cpu/' requirements.lock
-	uv pip compile pyproject.toml --extra detect --extra rover --extra dev --no-annotate --no-header -o requirements.lock
+	uv pip compile pyproject.toml --extra detect --extra rover --extra publish --extra dev --no-annotate --no-header -o requirements.lock
 	sed -i 's/^\(torch==[0-9.]*\)+.*$$/\1/' requirements.lock

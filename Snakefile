@@ -24,6 +24,7 @@ include: "workflow/rules/gap_files.smk"
 include: "workflow/rules/gap.smk"
 include: "workflow/rules/covers_files.smk"
 include: "workflow/rules/covers.smk"
+include: "workflow/rules/publish.smk"
 
 
 localrules:
@@ -39,6 +40,7 @@ localrules:
     geometry,
     gap,
     real,
+    publish,
 
 
 rule all:

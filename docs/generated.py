@@ -42,7 +42,8 @@ def commands() -> str:
 
 
 def _command(callback: Callable[..., Any]) -> str:
-    hints, rows, usage = get_type_hints(callback, include_extras=True), [], f"polarsim {callback.__name__} [OPTIONS]"
+    own = callback.__name__.rstrip("_")  # one that is a word of Python's has a dash below behind it
+    hints, rows, usage = get_type_hints(callback, include_extras=True), [], f"polarsim {own} [OPTIONS]"
     for name, parameter in inspect.signature(callback).parameters.items():
         if get_origin(hints[name]) is not Annotated:
             continue  # typer's own context
@@ -51,7 +52,7 @@ def _command(callback: Callable[..., Any]) -> str:
         usage += f" {shown}" if isinstance(info, ArgumentInfo) else ""
         rows.append(_row(f"`{shown}`", _default_of(parameter), _escaped(info.help or "")))
     parts = [
-        f"## `polarsim {callback.__name__}`",
+        f"## `polarsim {own}`",
         _escaped(inspect.getdoc(callback) or ""),
         f"```text\n{usage}\n```",
         "| argument or option | default | meaning |\n|---|---|---|\n" + "\n".join(rows) if rows else "",

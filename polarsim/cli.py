@@ -242,6 +242,76 @@ def export(
     typer.echo(f"{count} pictures in {folder}\n{opening(folder, tool)}")
 
 
+@app.command(name="import")
+def import_(
+    source: Annotated[Path, typer.Argument(help="Export of a labelling tool: a .json or .xml file, or a folder.")],
+    folder: Annotated[
+        Path, typer.Argument(help="New folder of label files KEY.txt; one that holds something is refused.")
+    ],
+    form: Annotated[
+        Literal["auto", "coco", "yolo", "cvat", "label-studio", "fiftyone"],
+        typer.Option("--format", help="What wrote it; auto: told by what it holds."),
+    ] = "auto",
+    use: Annotated[
+        Literal["seeds", "corrections"], typer.Option("--as", help="What the labels shall be to a run.")
+    ] = "corrections",
+    name: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CALLED=KIND", help="Another name of rock or shadow; CALLED= leaves it out; may be repeated."
+        ),
+    ] = None,
+    keep_empty: Annotated[
+        bool, typer.Option("--keep-empty", help="A photo without a box was looked at, and nothing is in it.")
+    ] = False,
+) -> None:
+    """Take labels that others drew in COCO, YOLO, CVAT, Label Studio or FiftyOne as seeds or corrections of a run."""
+    from polarsim.annotate.import_labels import import_labels
+
+    pairs = [text.partition("=") for text in name or ()]
+    if wrong := [called for called, equals, _ in pairs if not called or not equals]:
+        raise typer.BadParameter(f"--name {wrong[0]!r}: expected CALLED=rock, CALLED=shadow or CALLED=")
+    names = {called: kind for called, _, kind in pairs}
+    photos, boxes, empty = import_labels(source, folder, form, names, keep_empty)
+    typer.echo(f"{boxes} boxes in {photos} photos in {folder}")
+    if empty:
+        some = ", ".join(empty[:3]) + (", ..." if len(empty) > 3 else "")
+        typer.echo(f"{len(empty)} photos without a box were left out (--keep-empty takes them as seen): {some}")
+    key = {"seeds": f"{{seeds: {{root: {folder}}}}}", "corrections": f"{{corrections: {folder}}}"}[use]
+    typer.echo(f"in the run's configuration:  labels: {key}")
+
+
+@app.command()
+def publish(
+    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
+    out: Annotated[Path, typer.Argument(help="Folder to write; every form gets a folder of its name in it.")],
+    form: Annotated[
+        list[str], typer.Option("--format", help="croissant, hf, parquet ...; may be repeated, or with commas; all.")
+    ],
+    subset: Annotated[
+        str, typer.Option(help="Only pictures with these fields of their keys, such as terrain=1+3,exposure=256.")
+    ] = "",
+    max_size: Annotated[
+        str, typer.Option(help="Largest size of each form, such as 2GB; whole scenes are left out until it fits.")
+    ] = "",
+    photos: Annotated[
+        bool, typer.Option("--photos", help="NASA's photos too, on NASA's terms; those of the analog always go.")
+    ] = False,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="What another call published in the folder of a form goes.")
+    ] = False,
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Write a run in forms that other people's tools read, each with its data card; a stopped call goes on."""
+    from polarsim.publish.run import publish as write
+
+    names = [name for text in form for name in _listed(text)]
+    with reporting():  # typer keeps Ctrl-C to itself
+        parts = write(results / run, out, names, subset, max_size, photos, replace)
+    for name, part in parts.items():
+        typer.echo(f"{len(part.pictures)} pictures in {out / name}")
+
+
 @app.command()
 def render(
     context: typer.Context,

@@ -23,6 +23,7 @@ from polarsim.formats.yaml_files import describe_error, read_yaml
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import TERRAINS, PhotoKey, positions
+from polarsim.publish.options import PublishOptions
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
 from polarsim.rover.options import RoverOptions
@@ -100,6 +101,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     )
     rover: RoverOptions = Field(RoverOptions(), description="Drives over the digitised terrains.")
     scoring: ScoringOptions = Field(ScoringOptions(), description="How results are scored.")
+    publish: PublishOptions = Field(PublishOptions(), description="Forms in which the run leaves.")
 
     @field_validator("terrains")
     @classmethod
@@ -239,8 +241,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     def digest(self) -> str:
         """Short name of the whole configuration, for tables."""
-        # Where nothing drives, or no cover photo is tested on, tables know nothing of it.
-        exclude = {name for name in ("rover", "covers") if not getattr(self, name).run}
+        # Where nothing drives, or no cover photo is tested on, tables know nothing of it; nor of what leaves the run.
+        exclude = {name for name in ("rover", "covers") if not getattr(self, name).run} | {"publish"}
         content = json.dumps(self.model_dump(mode="json", exclude=exclude), sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()[:12]
 

@@ -32,14 +32,16 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"geometry", "grid"},
     {"formats"},
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
-    {"rover", "covers", "report"},
+    {"rover", "covers", "report", "publish"},
     {"config", "reporting"},
     {"cli", "job"},
 )
-TALLER = {  # of the stages these see only these: drives and strewn rocks are rendered, a report shows scores
+TALLER = {  # of the stages these see only these: drives and strewn rocks are rendered, a report shows scores, what is
+    # published for KITTI is rectified
     "rover": {"render", "detect"},
     "covers": {"rocks", "render", "detect"},
     "report": {"scoring", "annotate"},
+    "publish": {"detect"},
 }
 
 

@@ -224,7 +224,9 @@ class _File(_Part):
 _FILE = TypeAdapter(_File)
 
 
-def read_coco(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> dict[PhotoKey, list[Annotation]]:
+def read_coco(
+    path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT), kinds: Sequence[str] | None = BOX_CLASSES
+) -> dict[PhotoKey, list[Annotation]]:
     """The annotations of every photo of a COCO file, from here or as an annotation tool wrote it.
 
     Categories go by their names. File names may have folders, another suffix, or letters and a dash in front of the
@@ -235,6 +237,8 @@ def read_coco(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> dict
     ----------
     size
         Width and height that all pictures must have, px.
+    kinds
+        Names that categories may have; None: any, as it is written.
 
     Raises
     ------
@@ -259,7 +263,7 @@ def read_coco(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> dict
         try:
             if row.image_id not in keys:
                 raise FormatError(f"image_id {row.image_id} is no image's")
-            photos[keys[row.image_id]].append(_annotation(row, names, size))
+            photos[keys[row.image_id]].append(_annotation(row, names, size, kinds))
         except PolarsimError as error:
             own = number if row.id is None else row.id
             raise FormatError(f"annotation {own}: {error.reason}", path=path) from error
@@ -286,12 +290,16 @@ def _key(path: str | Path, image: _Image, size: tuple[int, int]) -> PhotoKey:
         raise FormatError(f"image {image.id}: {error.reason}", path=path) from error
 
 
-def _annotation(row: _Annotation, names: Mapping[int, str], size: tuple[int, int]) -> Annotation:
+def _annotation(
+    row: _Annotation, names: Mapping[int, str], size: tuple[int, int], kinds: Sequence[str] | None
+) -> Annotation:
     if row.category_id not in names:
         raise FormatError(f"category_id {row.category_id} is no category's")
-    kind = names[row.category_id].strip().lower()
-    if kind not in BOX_CLASSES:
-        raise FormatError(f"category {names[row.category_id]!r}, expected {' or '.join(BOX_CLASSES)}")
+    kind = names[row.category_id]
+    if kinds is not None:
+        kind = kind.strip().lower()
+        if kind not in kinds:
+            raise FormatError(f"category {names[row.category_id]!r}, expected {' or '.join(kinds)}")
     mask = _mask(row.segmentation, size)
     rock, confidence = row.named("rock", NO_ROCK), row.named("confidence", 1.0)
     source = row.named("source", row.named("label_source", ""))

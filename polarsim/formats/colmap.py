@@ -1,18 +1,19 @@
 """A terrain's rigs as a COLMAP model in text: `cameras.txt rigs.txt frames.txt images.txt points3D.txt`.
 
 One rig with the left camera as its reference, one frame a position, two images a frame (`PosA_CamL`, `PosA_CamR`), no
-points. COLMAP's world is the sandbox, metres; its pixel centres lie at integer + 0.5, as ours do.
+points; or a frame a moment, with the names of its pictures. COLMAP's world is the sandbox, metres; its pixel centres
+lie at integer + 0.5, as ours do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from polarsim.errors import FormatError
+from polarsim.errors import FormatError, about
 from polarsim.formats.files import writing_folder
 from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.lens import Lens
@@ -32,24 +33,70 @@ def write_model(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> No
     FormatError
         Two positions have different rigs, or there is none.
     """
-    import pycolmap
-
-    if not localised:
-        raise FormatError("a COLMAP model needs a position", path=folder)
-    rigs = [one.rig for one in localised.values()]
-    if any(not _same_rig(rig, rigs[0]) for rig in rigs):
-        raise FormatError(f"positions {', '.join(sorted(localised))} have different rigs, a model has one", path=folder)
-    model = pycolmap.Reconstruction()
-    for camera in CAMERAS:
-        model.add_camera(_camera(CAMERA_ID[camera], rigs[0].lens(camera)))
-    rig = pycolmap.Rig(rig_id=RIG_ID)
-    rig.add_ref_sensor(_sensor("L"))
-    rig.add_sensor(_sensor("R"), _rigid(rigs[0].left_from_right.inverse()))
-    model.add_rig(rig)
+    with about(folder):
+        model = _model(one_rig(localised))
     for frame_id, position in enumerate(sorted(localised), 1):
-        _add_frame(model, frame_id, position, localised[position].sandbox_from_left)
+        names: dict[str, str] = {camera: f"Pos{position}_Cam{camera}" for camera in CAMERAS}
+        _add_frame(model, frame_id, names, localised[position].sandbox_from_left)
     with writing_folder(folder) as temporary:
         model.write_text(str(temporary))
+
+
+def one_rig(localised: Mapping[str, LocalisedRig]) -> StereoRig:
+    """The rig of all positions.
+
+    Raises
+    ------
+    FormatError
+        Two positions have different rigs, or there is none.
+    """
+    if not localised:
+        raise FormatError("a COLMAP model needs a position")
+    rigs = [one.rig for one in localised.values()]
+    if any(not _same_rig(rig, rigs[0]) for rig in rigs):
+        raise FormatError(f"positions {', '.join(sorted(localised))} have different rigs, a model has one")
+    return rigs[0]
+
+
+def write_pictures(
+    folder: Path,
+    rig: StereoRig,
+    frames: Sequence[tuple[Mapping[str, str], Pose]],
+    points: np.ndarray,
+    colours: np.ndarray,
+) -> None:
+    """Write a model of pictures of one rig, and points that a reconstruction may start from, into a folder.
+
+    Parameters
+    ----------
+    frames
+        Of each moment the names of its pictures by camera, one or both, and `sandbox_from_left`.
+    points, colours
+        (n, 3) metres in the sandbox, (n, 3) uint8; without tracks, for no picture was matched.
+    """
+    import pycolmap
+
+    model = _model(rig)
+    for frame_id, (names, sandbox_from_left) in enumerate(frames, 1):
+        _add_frame(model, frame_id, names, sandbox_from_left)
+    for point, colour in zip(points, colours, strict=True):
+        model.add_point3D(point, pycolmap.Track(), colour)
+    folder.mkdir(parents=True, exist_ok=True)
+    model.write_text(str(folder))
+
+
+def _model(rig: StereoRig) -> Any:
+    """Two cameras on one rig, no frame yet."""
+    import pycolmap
+
+    model = pycolmap.Reconstruction()
+    for camera in CAMERAS:
+        model.add_camera(_camera(CAMERA_ID[camera], rig.lens(camera)))
+    sensors = pycolmap.Rig(rig_id=RIG_ID)
+    sensors.add_ref_sensor(_sensor("L"))
+    sensors.add_sensor(_sensor("R"), _rigid(rig.left_from_right.inverse()))
+    model.add_rig(sensors)
+    return model
 
 
 def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
@@ -80,19 +127,17 @@ def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
     return localised
 
 
-def _add_frame(model: Any, frame_id: int, position: str, sandbox_from_left: Pose) -> None:
+def _add_frame(model: Any, frame_id: int, names: Mapping[str, str], sandbox_from_left: Pose) -> None:
     import pycolmap
 
     frame = pycolmap.Frame(frame_id=frame_id, rig_id=RIG_ID)
-    image_ids = {camera: 2 * frame_id - 2 + CAMERA_ID[camera] for camera in CAMERAS}
-    for camera in CAMERAS:
+    image_ids = {camera: 2 * frame_id - 2 + CAMERA_ID[camera] for camera in names}
+    for camera in names:
         frame.add_data_id(pycolmap.data_t(_sensor(camera), image_ids[camera]))
     frame.rig_from_world = _rigid(sandbox_from_left.inverse())
     model.add_frame(frame)
-    for camera in CAMERAS:
-        image = pycolmap.Image(
-            name=f"Pos{position}_Cam{camera}", camera_id=CAMERA_ID[camera], image_id=image_ids[camera]
-        )
+    for camera, name in names.items():
+        image = pycolmap.Image(name=name, camera_id=CAMERA_ID[camera], image_id=image_ids[camera])
         image.frame_id = frame_id
         model.add_image(image)
 

@@ -5,8 +5,9 @@ Vertices that no scan supports are tinted; their support, 0 to 1, is the vertex 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +23,22 @@ def name(terrain: int) -> str:
     return f"terrain{terrain:02d}.glb"
 
 
-def write(path: str | Path, parts: Mapping[str, Mesh], support: Mapping[str, np.ndarray]) -> None:
-    """Write meshes by the names of their nodes, with the support (v,) of their vertices where it is known."""
+def write(
+    path: str | Path,
+    parts: Mapping[str, Mesh],
+    support: Mapping[str, np.ndarray],
+    extras: Mapping[str, Mapping[str, Any]] | None = None,
+    finish: Callable[[dict[str, Any]], None] | None = None,
+) -> None:
+    """Write meshes by the names of their nodes, with the support (v,) of their vertices where it is known.
+
+    Parameters
+    ----------
+    extras
+        What else a mesh is said to be, by the name of its node.
+    finish
+        Given the file's JSON before it is written, for nodes that are no meshes.
+    """
     import trimesh
 
     scene = trimesh.Scene(base_frame="sandbox")
@@ -37,7 +52,8 @@ def write(path: str | Path, parts: Mapping[str, Mesh], support: Mapping[str, np.
             vertex_normals=mesh.normals(),
             vertex_colors=np.hstack([np.round(colour), np.full_like(known, 255)]).astype(np.uint8),
             vertex_attributes={"_SUPPORT": known.astype(np.float32)},
+            metadata=dict((extras or {}).get(node, {})),
         )
         scene.add_geometry(body, node_name=node, geom_name=node, transform=Y_UP_FROM_SANDBOX)
     with writing(path) as temporary:
-        temporary.write_bytes(scene.export(file_type="glb", include_normals=True))
+        temporary.write_bytes(scene.export(file_type="glb", include_normals=True, tree_postprocessor=finish))

@@ -93,6 +93,31 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return np.array(classes, int), np.array(boxes, float).reshape(-1, 4), np.array(confidences, float)
 
 
+def read_boxes_of_any(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """Class numbers (n,) and boxes (n, 4) of anyone's boxes or, around them, polygons, of whatever classes.
+
+    Raises
+    ------
+    FormatError
+        A line that is neither: file, line number and reason.
+    """
+    classes, boxes = [], []
+    for number, fields in _lines(path):
+        if len(fields) < 5 or (len(fields) > 6 and len(fields) % 2 == 0):
+            raise FormatError(f"{len(fields)} fields, expected a box of 5 or a polygon", path=path, line=number)
+        if not fields[0].isdigit():
+            raise FormatError(f"class {fields[0]}, expected a whole number", path=path, line=number)
+        values = _numbers(path, number, fields)[1:]
+        if len(fields) <= 6:
+            centre, extent = values[:2] * _SIZE, values[2:4] * _SIZE
+            corners = np.array([centre - extent / 2, centre + extent / 2])
+        else:
+            corners = values.reshape(-1, 2) * _SIZE
+        classes.append(int(fields[0]))
+        boxes.append(np.concatenate([corners.min(axis=0), corners.max(axis=0)]))
+    return np.array(classes, int), np.array(boxes, float).reshape(-1, 4)
+
+
 def class_names(folder: Path) -> tuple[str, ...]:
     """What class numbers mean in a folder: the lines of its `classes.txt`, rock and shadow where there is none.
 

@@ -147,6 +147,15 @@ def test_the_papers_split_trains_detectors_beside_those_of_the_strict_one(dry_ru
     assert jobs["split_photos"] == 2
 
 
+def test_a_run_is_published_once_a_form_and_only_where_it_is_asked_for(dry_run):
+    done = dry_run("publish", "--config", "publish={forms: [coco, pds4, usd]}")
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs = planned(done)
+    assert (jobs["publish"], jobs["publish_run"]) == (1, 3)
+    assert {"propagate_labels", "render_twins", "gather_evaluation"} <= set(jobs)
+    assert "publish_run" not in planned(dry_run("--configfile", "config/config.yaml"))
+
+
 def test_without_components_there_is_no_ablation(dry_run):
     done = dry_run("--configfile", "config/config.yaml")
     assert "gap/" not in (done.stdout + done.stderr).replace("figures/gap", "")

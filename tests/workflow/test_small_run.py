@@ -1,6 +1,8 @@
 """A small run of the whole pipeline: it ends, a second call does nothing, and another build has the same bytes."""
 
 import hashlib
+import json
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -58,3 +60,20 @@ def test_another_build_from_the_same_data_has_the_same_bytes(small, checkout, sn
     built = snakemake(checkout, "labels", "render", "--configfile", "config/small.yaml")
     assert built.returncode == 0, built.stderr[-3000:]
     assert digests(checkout / "results/small") == digests(small / "results/small")
+
+
+def test_the_run_is_published_by_a_target_and_nothing_else_is_made_anew(small, snakemake):
+    call = ("publish", "--cores", "2", "--configfile", "config/small.yaml", "--config", "publish={forms: [coco, gltf]}")
+    done = snakemake(small, *call)
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert set(re.findall(r"^(?:local)?rule (\w+):", done.stdout + done.stderr, re.MULTILINE)) == {
+        "publish_run",
+        "publish",
+    }
+    published = small / "results/small/publish"
+    pictures = json.loads((published / "coco.json").read_text())["pictures"]
+    assert pictures == {"analog": 16, "hapke": 16}
+    assert len(list((published / "coco/images/hapke").glob("*.png"))) == 16
+    assert (published / "gltf/terrain01.glb").stat().st_size > 10_000
+    again = snakemake(small, *call)
+    assert "Nothing to be done" in again.stdout + again.stderr

@@ -23,6 +23,7 @@ from polarsim.formats.release import (
 )
 from polarsim.grid import selected_grid
 from polarsim.photo import positions as positions_of_terrain
+from polarsim.publish.options import FORM_NAMES
 
 try:
     CONFIG = parse_config(config)
@@ -67,6 +68,7 @@ wildcard_constraints:
     evaluated=one_of(DOMAINS),
     split=one_of(SPLITS),
     seed=r"\d+",
+    form=one_of(FORM_NAMES),
 
 
 def of_run(pattern, **wildcards):

@@ -6,35 +6,26 @@ with the drive; stamps come from the drive's clock, so the same drive has the sa
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Iterator
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from polarsim.errors import RoverError
+from polarsim.formats import bags, ros
 from polarsim.formats.files import writing
+from polarsim.formats.ros import Message, Stamped
 from polarsim.geometry.poses import Pose
 from polarsim.randomness import generator
 from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.exchange import messages
 from polarsim.rover.exchange.bag_pictures import PictureTopics
-from polarsim.rover.exchange.messages import Message, Stamped, definition
 from polarsim.rover.exchange.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 
 UP = np.array([0.0, 0.0, 1.0])
-_FOREVER = "{sec: 9223372036, nsec: 854775807}"
-# What rosbag2 writes for a topic whose last message late listeners get too (durability 1: transient local).
-_LATCHED = (
-    "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n"
-    f"  deadline: {_FOREVER}\n  lifespan: {_FOREVER}\n  liveliness: 1\n  liveliness_lease_duration: {_FOREVER}\n"
-    "  avoid_ros_namespace_conventions: false"
-)
 
 
 def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> dict[str, int]:
@@ -54,7 +45,7 @@ def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, se
     ]
     streams += PictureTopics(folder, vehicle, options).streams()
     with writing(out) as temporary:
-        return _write(temporary, streams, options)
+        return bags.write(temporary, streams, options.compression)
 
 
 def picked(times: np.ndarray, hz: float) -> np.ndarray:
@@ -63,48 +54,14 @@ def picked(times: np.ndarray, hz: float) -> np.ndarray:
     return np.flatnonzero(np.diff(period, prepend=-np.inf) > 0)
 
 
-def _write(path: Path, streams: list[Iterator[Stamped]], options: BagOptions) -> dict[str, int]:
-    try:
-        from mcap.writer import CompressionType, Writer
-    except ImportError as error:
-        raise RoverError("bags need mcap and mcap-ros2-support: pip install 'polarsim[rover]'") from error
-    counts: dict[str, int] = {}
-    schemas: dict[str, Any] = {}
-    with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType[options.compression.upper()])
-        writer.start(profile="ros2", library="polarsim")
-        channels: dict[str, int] = {}
-        # Of one time in the order of the streams: messages themselves are never compared.
-        for time_ns, topic, kind, message in heapq.merge(*streams, key=itemgetter(0)):
-            if kind not in schemas:
-                schemas[kind] = _encoder(writer, kind)
-            schema, encode = schemas[kind]
-            if topic not in channels:
-                metadata = {"offered_qos_profiles": _LATCHED if topic == "/tf_static" else ""}
-                channels[topic] = writer.register_channel(topic, "cdr", schema, metadata)
-            number = counts.get(topic, 0)
-            writer.add_message(channels[topic], time_ns, encode(message), time_ns, number)
-            counts[topic] = number + 1
-        writer.finish()
-    return counts
-
-
-def _encoder(writer: Any, kind: str) -> tuple[int, Any]:
-    """A schema's number in the bag, and what turns its messages into bytes."""
-    from mcap_ros2._dynamic import serialize_dynamic
-
-    text = definition(kind)
-    return writer.register_schema(kind, "ros2msg", text.encode()), serialize_dynamic(kind, text)[kind]
-
-
 def _still(trace: Trace, vehicle: Vehicle, options: BagOptions) -> Iterator[Stamped]:
     """What does not move: the world's frames, and cameras on the body."""
     time_ns = options.stamp_ns(float(trace.table["time_s"].iloc[0]))
-    frames = [messages.transform(time_ns, "map", "odom", Pose.identity())]
+    frames = [ros.transform(time_ns, "map", "odom", Pose.identity())]
     for camera in vehicle.cameras:
         if camera.name not in FOLLOWING:
             mount = mount_of(camera).base_from_camera
-            frames.append(messages.transform(time_ns, camera.link, f"{camera.name}_optical", mount))
+            frames.append(ros.transform(time_ns, camera.link, f"{camera.name}_optical", mount))
     yield time_ns, "/tf_static", "tf2_msgs/msg/TFMessage", {"transforms": frames}
 
 
@@ -129,7 +86,7 @@ def _states(trace: Trace, vehicle: Vehicle, options: BagOptions) -> Iterator[Sta
 
 def _moving(time_ns: int, base: Pose, row: dict[str, Any], vehicle: Vehicle) -> list[Message]:
     """Of the body and of the three links of each wheel."""
-    frames = [messages.transform(time_ns, "odom", "base_link", base)]
+    frames = [ros.transform(time_ns, "odom", "base_link", base)]
     for wheel in vehicle.wheels:
         code = wheel.code
         lift, steer, spin = (row[f"{code}_{name}"] for name in ("lift_m", "steer_rad", "spin_rad"))
@@ -138,7 +95,7 @@ def _moving(time_ns: int, base: Pose, row: dict[str, Any], vehicle: Vehicle) -> 
             (f"{code}_arm", f"{code}_upright", Pose.from_rotvec(np.array([0, 0, steer]), np.zeros(3))),
             (f"{code}_upright", f"{code}_wheel", Pose.from_rotvec(np.array([0, spin, 0]), np.zeros(3))),
         ):
-            frames.append(messages.transform(time_ns, parent, child, pose))
+            frames.append(ros.transform(time_ns, parent, child, pose))
     return frames
 
 

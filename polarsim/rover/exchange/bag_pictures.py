@@ -10,11 +10,10 @@ import numpy as np
 import pandas as pd
 
 from polarsim.errors import FormatError, about
-from polarsim.formats import png, tables
+from polarsim.formats import png, ros, tables
+from polarsim.formats.ros import Stamped
 from polarsim.geometry.lens import Lens
 from polarsim.rover.cameras.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_set
-from polarsim.rover.exchange import messages
-from polarsim.rover.exchange.messages import Stamped
 from polarsim.rover.exchange.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
 from polarsim.rover.vehicle.table import CameraPart, Vehicle
@@ -51,14 +50,14 @@ class PictureTopics:
             lens = lens or lens_of(camera, content, picture)
             if camera.name in FOLLOWING:
                 yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": [_following(time_ns, frame, pose)]}
-            info = messages.camera_info(time_ns, frame, lens)
+            info = ros.camera_info(time_ns, frame, lens)
             yield time_ns, f"/{camera.name}/camera_info", "sensor_msgs/msg/CameraInfo", info
             if options.images:
-                image = messages.image(time_ns, frame, content)
+                image = ros.image(time_ns, frame, content)
                 yield time_ns, f"/{camera.name}/image/compressed", "sensor_msgs/msg/CompressedImage", image
             for topic, rows in (("truth", truth), ("detections", detections)):
                 if rows is not None:
-                    found = messages.detections(time_ns, frame, rows.get(number, []))
+                    found = ros.detections(time_ns, frame, rows.get(number, []))
                     yield time_ns, f"/{camera.name}/{topic}", ARRAY, found
 
 
@@ -81,11 +80,11 @@ def lens_of(camera: CameraPart, content: bytes, path: Path) -> Lens:
     return lens
 
 
-def _following(time_ns: int, frame: str, row: dict[str, Any]) -> messages.Message:
+def _following(time_ns: int, frame: str, row: dict[str, Any]) -> ros.Message:
     """A camera that follows the rover and is fixed to no link of it."""
     position = np.array([row[name] for name in ("x_m", "y_m", "z_m")])
     quaternion = np.array([row[name] for name in ("qw", "qx", "qy", "qz")])
-    return messages.transform(time_ns, "map", frame, pose_of(position, quaternion))
+    return ros.transform(time_ns, "map", frame, pose_of(position, quaternion))
 
 
 def _by_frame(path: Path, columns: tuple[str, ...]) -> dict[int, list[dict[str, Any]]] | None:

@@ -1,0 +1,103 @@
+"""KITTI's object and stereo benchmark: label and calibration files as its devkit reads them.
+
+KITTI counts pixels from the first one's centre, polarsim from its corner: half a pixel less leaves here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError
+from polarsim.geometry.lens import HALF_PIXEL
+
+FIELDS = 15  # type truncated occluded alpha bbox(4) dimensions(3) location(3) rotation_y
+UNKNOWN_3D = "-1 -1 -1 -1000 -1000 -1000 -10"  # as the devkit writes what is not known
+MATRICES = {"P0": (3, 4), "P1": (3, 4), "P2": (3, 4), "P3": (3, 4), "R0_rect": (3, 3), "Tr_velo_to_cam": (3, 4),
+            "Tr_imu_to_velo": (3, 4)}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class KittiObject:
+    """A thing in the left picture: its box (4,) in our pixels, and how much of it is hidden."""
+
+    kind: str
+    box: np.ndarray
+    truncated: float  # share beyond the picture, 0 to 1
+    occluded: int  # 0 seen whole, 1 in part, 2 hardly, 3 unknown
+
+
+def write_objects(path: str | Path, objects: Sequence[KittiObject]) -> None:
+    """A line each, 2 decimals as KITTI has them; boxes in three dimensions are not known."""
+    lines = []
+    for one in objects:
+        edges = " ".join(f"{edge - HALF_PIXEL:.2f}" for edge in one.box)
+        lines.append(f"{one.kind} {one.truncated:.2f} {one.occluded} -10 {edges} {UNKNOWN_3D}\n")
+    Path(path).write_text("".join(lines), encoding="ascii")
+
+
+def read_objects(path: str | Path) -> list[KittiObject]:
+    """The inverse of `write_objects`.
+
+    Raises
+    ------
+    FormatError
+        A line that is no object: file, line number and reason.
+    """
+    found = []
+    for number, fields in _lines(path):
+        if len(fields) != FIELDS:
+            raise FormatError(f"{len(fields)} fields, a KITTI object has {FIELDS}", path=path, line=number)
+        values = _numbers(path, number, fields[1:])
+        box = values[3:7] + HALF_PIXEL
+        if (box[2:] <= box[:2]).any() or values[1] not in (0, 1, 2, 3):
+            raise FormatError("box without area, or occluded none of 0 to 3", path=path, line=number)
+        found.append(KittiObject(fields[0], box, float(values[0]), int(values[1])))
+    return found
+
+
+def write_calibration(path: str | Path, matrices: Mapping[str, np.ndarray]) -> None:
+    """`P0` to `Tr_imu_to_velo` in the devkit's order, 12 digits."""
+    lines = [f"{name}: {' '.join(f'{value:.12e}' for value in matrices[name].ravel())}\n" for name in MATRICES]
+    Path(path).write_text("".join(lines), encoding="ascii")
+
+
+def read_calibration(path: str | Path) -> dict[str, np.ndarray]:
+    """The matrices by name.
+
+    Raises
+    ------
+    FormatError
+        One is missing or has another shape.
+    """
+    found = {}
+    for number, fields in _lines(path):
+        name = fields[0].rstrip(":")
+        values = _numbers(path, number, fields[1:])
+        if name not in MATRICES or values.size != np.prod(MATRICES[name]):
+            raise FormatError(f"{name} with {values.size} numbers is no matrix of KITTI's", path=path, line=number)
+        found[name] = values.reshape(MATRICES[name])
+    if missing := [name for name in MATRICES if name not in found]:
+        raise FormatError(f"{missing[0]} is missing", path=path)
+    return found
+
+
+def _lines(path: str | Path) -> list[tuple[int, list[str]]]:
+    try:
+        text = Path(path).read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FormatError(f"no readable KITTI file, {error}", path=path) from error
+    return [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+
+
+def _numbers(path: str | Path, number: int, fields: Sequence[str]) -> np.ndarray:
+    try:
+        values = np.array([float(field) for field in fields])
+    except ValueError as error:
+        raise FormatError(str(error), path=path, line=number) from error
+    if not np.isfinite(values).all():
+        raise FormatError("a value that is not finite", path=path, line=number)
+    return values

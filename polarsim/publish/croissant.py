@@ -1,0 +1,183 @@
+"""Croissant 1.1 with fields of responsible AI (RAI): tables as Parquet, pictures as files, read by `mlcroissant`.
+
+Readers of Croissant give 16-bit pictures as 8-bit colour; values are therefore published by file, with their checksums
+in the table of pictures, and the description says so.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import pandas as pd
+
+from polarsim import __version__
+from polarsim.errors import PolarsimError
+from polarsim.formats.tables import write_parquet
+from polarsim.publish import records, terms
+from polarsim.publish.bundle import Bundle
+from polarsim.publish.card import rai_answers
+from polarsim.publish.catalogue import MAPS, Catalogue, Picture
+
+NEEDS = ("mlcroissant",)
+FILE, GEO_FILE = "croissant.json", "geocroissant.json"
+CONFORMS = ["http://mlcommons.org/croissant/1.1", "http://mlcommons.org/croissant/RAI/1.0"]
+# The sandbox has no place on Earth that anyone surveyed: its frame is an engineering one, as ISO 19162 writes it.
+SANDBOX_WKT = (
+    'ENGCRS["sandbox",EDATUM["Terrain\'s centre on the ground"],CS[Cartesian,3],'
+    'AXIS["to Sun azimuth 0 (X)",unspecified],AXIS["to Sun azimuth 90 (Y)",unspecified],AXIS["up (Z)",up],'
+    'LENGTHUNIT["metre",1]]'
+)
+
+
+def bytes_of(picture: Picture) -> int:
+    return picture.path.stat().st_size + 4000  # and its rows
+
+
+def write(catalogue: Catalogue, bundle: Bundle) -> None:
+    records.copy_pictures(catalogue, bundle)
+    records.copy_maps(catalogue, bundle)
+    tables = records.all_tables(catalogue, bundle)
+    for name, table in tables.items():
+        bundle.make(f"{name}.parquet", partial(write_parquet, table=table))
+    content = metadata(catalogue, tables, bundle)
+    bundle.json(FILE, content)
+    bundle.json(GEO_FILE, _geographic(content))
+
+
+def metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bundle) -> dict[str, Any]:
+    """The JSON-LD, checked by mlcroissant as it is made."""
+    import mlcroissant as mlc
+
+    files = [
+        mlc.FileObject(
+            id=f"{name}.parquet",
+            name=f"{name}.parquet",
+            description=f"Table of {name}, a row each.",
+            content_url=f"{name}.parquet",
+            encoding_formats=["application/x-parquet"],
+            sha256=bundle.sha256(f"{name}.parquet"),
+        )
+        for name in tables
+    ]
+    files += [
+        mlc.FileSet(
+            id=f"pictures-{domain}",
+            name=f"pictures-{domain}",
+            description=f"16-bit PNG of 12-bit values, domain {domain}; SHA-256 of each in pictures.parquet.",
+            encoding_formats=["image/png"],
+            includes=[f"pictures/{domain}/*.png"],
+        )
+        for domain in catalogue.domains
+    ]
+    for kind in dict.fromkeys(name for name, _ in catalogue.maps()):
+        unit, step, meaning = MAPS[kind]
+        said = f"{meaning} Unit: {unit or 'none'}, times {step:g}; 16-bit PNG, rows of the record set maps."
+        own = f"maps-{kind}"
+        includes = [f"maps/{kind}/*.png"]
+        files.append(mlc.FileSet(id=own, name=own, description=said, encoding_formats=["image/png"], includes=includes))
+    sets = [_record_set(name, table) for name, table in tables.items()]
+    sets += [_pictures_of(domain) for domain in catalogue.domains]
+    made = mlc.Metadata(
+        conforms_to=CONFORMS,
+        name=terms.title(catalogue).replace(" ", "-"),
+        description=f"{terms.what_it_is(catalogue)} Pictures are 16-bit PNG: read them by file, for readers of "
+        "Croissant may show them with 8 bits; their SHA-256 stand in the record set pictures.",
+        url=terms.URL,
+        cite_as=terms.CITATION,
+        license=terms.licence_urls(catalogue),
+        creators=[mlc.Organization(name=terms.CREATOR)],
+        date_published=terms.RELEASED,
+        version=__version__,
+        distribution=files,
+        record_sets=sets,
+        **rai_answers(catalogue),
+    )
+    if made.ctx.issues.errors or made.ctx.issues.warnings:
+        raise PolarsimError(made.issues.report().replace("\n", " "), path=bundle.path(FILE))
+    return made.to_json()
+
+
+def _geographic(content: dict[str, Any]) -> dict[str, Any]:
+    """The same with what of GeoCroissant fits photos of a sandbox: its frame, and that they have one band.
+
+    Pictures in perspective have no spatial resolution, and the sandbox has no place on Earth.
+    """
+    band = {"@type": "geocr:BandConfiguration", "geocr:totalBands": 1, "geocr:bandNameList": ["grey"]}
+    return {
+        **content,
+        "@context": {**content["@context"], "geocr": "http://mlcommons.org/croissant/geo/"},
+        "conformsTo": [*CONFORMS, "http://mlcommons.org/croissant/geo/1.0"],
+        "geocr:coordinateReferenceSystem": SANDBOX_WKT,
+        "geocr:bandConfiguration": band,
+    }
+
+
+def _record_set(name: str, table: pd.DataFrame) -> Any:
+    import mlcroissant as mlc
+
+    fields = [
+        mlc.Field(
+            id=f"{name}/{column}",
+            name=f"{name}/{column}",
+            description=_described(column),
+            data_types=[_data_type(table[column])],
+            source=mlc.Source(file_object=f"{name}.parquet", extract=mlc.Extract(column=column)),
+            **_reference(name, column),
+        )
+        for column in table.columns
+    ]
+    key = {"pictures": ["pictures/picture"]}.get(name)
+    return mlc.RecordSet(id=name, name=name, fields=fields, **({"key": key} if key else {}))
+
+
+def _reference(name: str, column: str) -> dict[str, Any]:
+    import mlcroissant as mlc
+
+    return {"references": mlc.Source(field="pictures/picture")} if (name, column) == ("labels", "picture") else {}
+
+
+def _pictures_of(domain: str) -> Any:
+    """The pictures themselves: their file names and what a reader makes of them."""
+    import mlcroissant as mlc
+
+    own = f"images-{domain}"
+    return mlc.RecordSet(
+        id=own,
+        name=own,
+        fields=[
+            mlc.Field(
+                id=f"{own}/name",
+                name=f"{own}/name",
+                description="File name of the picture.",
+                data_types=[mlc.DataType.TEXT],
+                source=mlc.Source(
+                    file_set=f"pictures-{domain}",
+                    extract=mlc.Extract(file_property=mlc.FileProperty.filename),
+                ),
+            ),
+            mlc.Field(
+                id=f"{own}/image",
+                name=f"{own}/image",
+                description="The picture; 16 bits in the file.",
+                data_types=[mlc.DataType.IMAGE_OBJECT],
+                source=mlc.Source(
+                    file_set=f"pictures-{domain}",
+                    extract=mlc.Extract(file_property=mlc.FileProperty.content),
+                ),
+            ),
+        ],
+    )
+
+
+def _described(column: str) -> str:
+    meaning, unit = records.COLUMNS[column]
+    return f"{meaning} Unit: {unit}." if unit else meaning
+
+
+def _data_type(column: pd.Series) -> Any:
+    import mlcroissant as mlc
+
+    if pd.api.types.is_integer_dtype(column):
+        return mlc.DataType.INTEGER
+    return mlc.DataType.FLOAT if pd.api.types.is_float_dtype(column) else mlc.DataType.TEXT

@@ -1,0 +1,74 @@
+"""COCO and YOLO data sets: boxes and masks for those who train detectors."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats import coco, png, yolo
+from polarsim.formats.tables import key_columns
+from polarsim.formats.tone import to_8bit
+from polarsim.geometry.boxes import clip
+from polarsim.photo import BOX_CLASSES
+from polarsim.publish import terms
+from polarsim.publish.bundle import Bundle
+from polarsim.publish.catalogue import Catalogue, Picture
+
+PARTS = {"train": "train", "val": "val", "test": "test", "": "train"}  # of pictures of no part too
+
+
+def coco_bytes(picture: Picture) -> int:
+    return picture.path.stat().st_size + 20_000
+
+
+def yolo_bytes(picture: Picture) -> int:
+    return picture.width * picture.height + 2000  # 8 bits; noise hardly packs
+
+
+def write_coco(catalogue: Catalogue, bundle: Bundle) -> None:
+    """`images/<domain>/KEY.png`, 16 bits, and `annotations/<domain>_<part>.json`."""
+    for one in catalogue.pictures:
+        bundle.copy(f"images/{one.name}.png", one.path)
+    for domain in catalogue.domains:
+        for part in dict.fromkeys(PARTS.values()):
+            pictures = [one for one in catalogue.of_domain(domain) if PARTS[one.part] == part]
+            if pictures:
+                rows = [(_image(catalogue, one), catalogue.labels(one)) for one in pictures]
+                bundle.make(
+                    f"annotations/{domain}_{part}.json",
+                    partial(coco.write_pictures, pictures=rows, description=terms.what_it_is(catalogue)),
+                )
+
+
+def _image(catalogue: Catalogue, picture: Picture) -> dict[str, object]:
+    own = {"file_name": f"{picture.name}.png", "width": picture.width, "height": picture.height}
+    said = {"domain": picture.domain, "origin": catalogue.picture_origin(picture), "part": picture.part}
+    return {"id": coco.image_id(picture.key), **own, **key_columns(picture.key), **said}
+
+
+def write_yolo(catalogue: Catalogue, bundle: Bundle) -> None:
+    """A data set a domain: `<domain>/images/<part>/KEY.png` with 8 bits, labels beside, `<domain>.yaml`."""
+    for domain in catalogue.domains:
+        pictures = catalogue.of_domain(domain)
+        for one in pictures:
+            place = f"{PARTS[one.part]}/{one.key}"
+            bundle.png(f"{domain}/images/{place}.png", partial(shown, one), [one.path])
+            bundle.make(f"{domain}/labels/{place}.txt", partial(_write_boxes, catalogue, one))
+        there = {PARTS[one.part] for one in pictures}
+        own = {part: part if part in there else "train" for part in ("train", "val", "test")}
+        lines = [f"path: {domain}  # from the folder of this file", *(f"{a}: images/{b}" for a, b in own.items())]
+        names = [f"  {number}: {name}" for number, name in enumerate(BOX_CLASSES)]
+        bundle.text(f"{domain}.yaml", "\n".join([*lines, "names:", *names, ""]))
+
+
+def shown(picture: Picture) -> np.ndarray:
+    """(h, w) uint8, linear above black up to the 99.7th percentile, then gamma 2.2: trainers read 16 bits as black."""
+    return to_8bit(png.read(picture.path))[..., 0]
+
+
+def _write_boxes(catalogue: Catalogue, picture: Picture, path: Path) -> None:
+    labels = catalogue.labels(picture)
+    boxes = clip(np.array([one.box for one in labels], float).reshape(-1, 4), picture.width, picture.height)
+    yolo.write_boxes(path, np.array([BOX_CLASSES.index(one.kind) for one in labels]), boxes, picture.size)

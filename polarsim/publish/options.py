@@ -1,0 +1,53 @@
+"""What the configuration says about publishing."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, Field, field_validator
+
+from polarsim.errors import ConfigError
+from polarsim.publish.subset import parse_size, parse_subset
+
+FORM_NAMES = (
+    "croissant", "hf", "parquet", "coco", "yolo", "kitti", "colmap", "nerfstudio", "pds4", "ro-crate", "gltf", "usd",
+    "mcap", "euroc", "tum",
+)  # fmt: skip
+
+
+class PublishOptions(BaseModel, extra="forbid", frozen=True):
+    """The forms in which a run leaves; the target `publish` writes them."""
+
+    forms: tuple[str, ...] = Field(
+        ("croissant", "coco"), description=f"Forms that the target `publish` writes: {', '.join(FORM_NAMES)}."
+    )
+    subset: str = Field(
+        "", description="Only pictures with these fields of their keys, such as terrain=1+3,exposure=256; empty: all."
+    )
+    max_size: str = Field("", description="Largest size of each form, such as 2GB; empty: none.")
+    photos: bool = Field(False, description="NASA's photos go out too, on NASA's terms; those of the analog always go.")
+
+    @field_validator("forms")
+    @classmethod
+    def _known_forms(cls, values: tuple[str, ...]) -> tuple[str, ...]:
+        for value in values:
+            if value not in FORM_NAMES:
+                raise ValueError(f"form {value!r}, expected {', '.join(FORM_NAMES)}")
+        return values
+
+    @field_validator("subset")
+    @classmethod
+    def _readable_subset(cls, value: str) -> str:
+        try:
+            parse_subset(value)
+        except ConfigError as error:
+            raise ValueError(error.reason) from error
+        return value
+
+    @field_validator("max_size")
+    @classmethod
+    def _readable_size(cls, value: str) -> str:
+        try:
+            if value:
+                parse_size(value)
+        except ConfigError as error:
+            raise ValueError(error.reason) from error
+        return value

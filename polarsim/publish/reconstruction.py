@@ -1,0 +1,168 @@
+"""COLMAP models and nerfstudio's `transforms.json`: poses, lenses and a coloured cloud to start splats from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.errors import within
+from polarsim.formats import colmap, gltf, obj
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import StereoRig
+from polarsim.photo import NO_ROCK
+from polarsim.publish.bundle import Bundle
+from polarsim.publish.catalogue import Catalogue, Picture, Terrain
+from polarsim.publish.detection_sets import shown
+from polarsim.randomness import generator
+
+POINTS = 60_000  # of a terrain's cloud
+CV_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's camera looks along -z with y up, ours along z with y down
+
+
+def bytes_of(picture: Picture) -> int:
+    return picture.width * picture.height + 2000
+
+
+def write_colmap(catalogue: Catalogue, bundle: Bundle) -> None:
+    """`<domain>/TerrainNN/`: `images/KEY.png` with 8 bits, `sparse/0/*.txt`."""
+    for domain, terrain, pictures in _scenes(catalogue):
+        folder = f"{domain}/{terrain.name}"
+        _write_images(bundle, folder, pictures)
+        points, colours = cloud(terrain)
+        by_moment: dict[str, dict[str, Picture]] = {}
+        for one in pictures:
+            left = one.key if one.key.camera == "L" else one.key.other_camera
+            by_moment.setdefault(str(left), {})[one.key.camera] = one
+        frames = [
+            ({side: f"{one.key}.png" for side, one in sorted(own.items())}, _pose(terrain, next(iter(own.values()))))
+            for own in by_moment.values()
+        ]
+        bundle.folder_of(
+            f"{folder}/sparse/0",
+            ("cameras.txt", "rigs.txt", "frames.txt", "images.txt", "points3D.txt"),
+            partial(
+                colmap.write_pictures,
+                rig=_rig(terrain, pictures[0]),
+                frames=frames,
+                points=points,
+                colours=colours,
+            ),
+        )
+
+
+def write_nerfstudio(catalogue: Catalogue, bundle: Bundle) -> None:
+    """`<domain>/TerrainNN/`: `images/KEY.png` with 8 bits, `transforms.json`, `points.ply`."""
+    for domain, terrain, pictures in _scenes(catalogue):
+        folder = f"{domain}/{terrain.name}"
+        _write_images(bundle, folder, pictures)
+        frames = []
+        for one in pictures:
+            camera = catalogue.camera(one)
+            assert camera is not None  # pictures of positions that nobody localised are left out
+            frames.append(frame(f"images/{one.key}.png", camera))
+        content = {
+            "camera_model": "OPENCV",
+            "applied_transform": np.eye(4)[:3].tolist(),
+            "ply_file_path": "points.ply",
+            "frames": frames,
+        }
+        bundle.json(f"{folder}/transforms.json", content)
+        bundle.make(f"{folder}/points.ply", partial(_write_cloud, terrain))
+
+
+def frame(name: str, camera: Camera) -> dict[str, Any]:
+    """Nerfstudio's words for a picture; pixel centres lie at integer + 0.5 there as here."""
+    lens = camera.lens
+    k1, k2, p1, p2, k3 = lens.distortion
+    return {
+        "file_path": name,
+        "transform_matrix": (camera.world_from_camera.matrix @ CV_FROM_GL).tolist(),
+        "fl_x": lens.fx,
+        "fl_y": lens.fy,
+        "cx": lens.cx,
+        "cy": lens.cy,
+        "w": lens.width,
+        "h": lens.height,
+        "k1": k1,
+        "k2": k2,
+        "k3": k3,
+        "p1": p1,
+        "p2": p2,
+    }
+
+
+def pose_of(content: dict[str, Any]) -> tuple[Pose, Lens]:
+    """The inverse of `frame`: `sandbox_from_camera` and the lens."""
+    matrix = np.array(content["transform_matrix"]) @ CV_FROM_GL
+    terms = tuple(float(content[name]) for name in ("k1", "k2", "p1", "p2", "k3"))
+    fx, fy, cx, cy = (float(content[name]) for name in ("fl_x", "fl_y", "cx", "cy"))
+    lens = Lens(fx, fy, cx, cy, terms, int(content["w"]), int(content["h"]))  # type: ignore[arg-type]
+    return Pose.from_matrix(matrix), lens
+
+
+def cloud(terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) drawn evenly over ground and rocks, and their colours (n, 3) uint8; none without meshes."""
+    parts = [(rock, obj.read(path)) for rock, path in terrain.meshes.items()]
+    areas = np.array([_areas(mesh).sum() for _, mesh in parts])
+    points, colours = [np.zeros((0, 3))], [np.zeros((0, 3), np.uint8)]
+    for (rock, mesh), area in zip(parts, areas, strict=True):
+        own = max(100, round(POINTS * area / areas.sum()))
+        points.append(_sampled(mesh, own, generator(0, "publish", "cloud", terrain.number, rock)))
+        colours.append(np.tile((gltf.SAND if rock == NO_ROCK else gltf.ROCK).astype(np.uint8), (own, 1)))
+    return np.concatenate(points), np.concatenate(colours)
+
+
+def _areas(mesh: Mesh) -> np.ndarray:
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def _sampled(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
+    area = _areas(mesh)
+    faces = mesh.faces[rng.choice(len(area), count, p=area / area.sum())]
+    u, v = rng.random((2, count, 1))
+    folded = u + v > 1  # into the triangle
+    u, v = np.where(folded, 1 - u, u), np.where(folded, 1 - v, v)
+    a, b, c = (mesh.vertices[faces[:, corner]] for corner in range(3))
+    return np.asarray(np.round(a + u * (b - a) + v * (c - a), 5))
+
+
+def _write_cloud(terrain: Terrain, path: Path) -> None:
+    import trimesh
+
+    points, colours = cloud(terrain)
+    path.write_bytes(trimesh.PointCloud(points, colors=colours).export(file_type="ply"))
+
+
+def _scenes(catalogue: Catalogue) -> Iterator[tuple[str, Terrain, list[Picture]]]:
+    """Pictures of localised cameras by domain and terrain."""
+    for domain in catalogue.domains:
+        for terrain in catalogue.terrains.values():
+            own = [one for one in catalogue.of_domain(domain) if one.key.terrain == terrain.number]
+            localised = [one for one in own if one.key.position in terrain.rigs]
+            if localised:
+                yield domain, terrain, localised
+
+
+def _write_images(bundle: Bundle, folder: str, pictures: list[Picture]) -> None:
+    for one in pictures:
+        bundle.png(f"{folder}/images/{one.key}.png", partial(shown, one), [one.path])
+
+
+def _pose(terrain: Terrain, picture: Picture) -> Pose:
+    return terrain.rigs[picture.key.position].sandbox_from_left
+
+
+def _rig(terrain: Terrain, picture: Picture) -> StereoRig:
+    """Of the pictures' size."""
+    with within(terrain.name):
+        rig = colmap.one_rig(terrain.rigs)
+    factor = picture.width / rig.left.width
+    return rig if factor == 1 else StereoRig(rig.left.scaled(factor), rig.right.scaled(factor), rig.left_from_right)

@@ -1,0 +1,109 @@
+"""Bags for ROS 2: the rover's drives, and the pictures of each station, every folder a rosbag2 with `metadata.yaml`.
+
+NASA noted no times: a station's pictures follow each other second by second in the order of their keys, pairs at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats import bags, ros
+from polarsim.formats.ros import Stamped
+from polarsim.geometry.poses import Pose
+from polarsim.photo import CAMERAS
+from polarsim.publish.bundle import Bundle
+from polarsim.publish.catalogue import Catalogue, Picture
+
+NEEDS = ("mcap", "mcap_ros2", "rosbags")
+SIDES = {"L": "left", "R": "right"}
+SECOND = 1_000_000_000  # ns; the first picture's stamp, for 0 means `the latest` to tf2
+
+
+def bytes_of(picture: Picture) -> int:
+    return picture.path.stat().st_size + 4000
+
+
+def fixed_bytes(catalogue: Catalogue) -> int:
+    return sum(path.stat().st_size for path in _drives(catalogue).values())
+
+
+def write(catalogue: Catalogue, bundle: Bundle) -> None:
+    """`drives/seedN/`, `stations/<domain>/TerrainNN_PosX/`."""
+    for name, path in _drives(catalogue).items():
+        place = f"drives/{name}"
+        copied = bundle.copy(f"{place}/{name}.mcap", path)
+        bundle.text(f"{place}/{bags.METADATA}", bags.metadata(copied, f"{name}.mcap"))
+    for (domain, terrain, position), pictures in _stations(catalogue).items():
+        name = f"Terrain{terrain:02d}_Pos{position}"
+        place = f"stations/{domain}/{name}"
+        sources = [path for one in pictures for path in catalogue.sources(one)]
+        made = bundle.make(f"{place}/{name}.mcap", partial(_write_station, catalogue, pictures), sources)
+        bundle.text(f"{place}/{bags.METADATA}", bags.metadata(made, f"{name}.mcap"))
+
+
+def _drives(catalogue: Catalogue) -> dict[str, Path]:
+    return {folder.name: folder / "drive.mcap" for folder in catalogue.drives if (folder / "drive.mcap").is_file()}
+
+
+def _stations(catalogue: Catalogue) -> dict[tuple[str, int, str], list[Picture]]:
+    """Pictures of localised positions."""
+    found: dict[tuple[str, int, str], list[Picture]] = {}
+    for one in catalogue.pictures:
+        if catalogue.camera(one):
+            found.setdefault((one.domain, *one.key.station), []).append(one)
+    return found
+
+
+def _write_station(catalogue: Catalogue, pictures: list[Picture], path: Path) -> None:
+    bags.write(path, [stream(catalogue, pictures)])
+
+
+def stream(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[Stamped]:
+    """A station's messages in the order of their stamps."""
+    localised = catalogue.terrains[pictures[0].key.terrain].rigs[pictures[0].key.position]
+    yield (
+        SECOND,
+        "/tf_static",
+        "tf2_msgs/msg/TFMessage",
+        {
+            "transforms": [
+                *(
+                    ros.transform(SECOND, "map", f"{SIDES[side]}_optical", localised.sandbox_from(side))
+                    for side in CAMERAS
+                ),
+                *(
+                    ros.transform(SECOND, "map", f"sun_{azimuth}", Pose(np.eye(3), place))
+                    for azimuth, place in catalogue.terrains[pictures[0].key.terrain].suns.items()
+                ),
+            ]
+        },
+    )
+    moments: dict[str, list[Picture]] = {}
+    for one in pictures:
+        moments.setdefault(str(one.key).replace("_R_", "_L_"), []).append(one)
+    for number, own in enumerate(moments.values(), 1):
+        for one in own:
+            yield from _messages(catalogue, one, number * SECOND)
+
+
+def _messages(catalogue: Catalogue, picture: Picture, time_ns: int) -> Iterator[Stamped]:
+    side, camera = SIDES[picture.key.camera], catalogue.camera(picture)
+    assert camera is not None  # stations are localised
+    frame = f"{side}_optical"
+    yield time_ns, f"/{side}/key", "std_msgs/msg/String", {"data": str(picture.key)}
+    info = ros.camera_info(time_ns, frame, camera.lens)
+    yield time_ns, f"/{side}/camera_info", "sensor_msgs/msg/CameraInfo", info
+    image = ros.image(time_ns, frame, picture.path.read_bytes())
+    yield time_ns, f"/{side}/image/compressed", "sensor_msgs/msg/CompressedImage", image
+    rows = [
+        {"kind": one.kind, "rock": one.rock, "confidence": one.confidence, **dict(zip(_EDGES, one.box, strict=True))}
+        for one in catalogue.labels(picture)
+    ]
+    yield time_ns, f"/{side}/labels", "vision_msgs/msg/Detection2DArray", ros.detections(time_ns, frame, rows)
+
+
+_EDGES = ("x0", "y0", "x1", "y1")

@@ -1,0 +1,214 @@
+"""Whole terrains for those who look at them or render them: glTF and OpenUSD, with rock ids, cameras and lamps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.formats import gltf, obj
+from polarsim.formats.tables import read_parquet
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.lens import Lens
+from polarsim.photo import CAMERAS, NO_ROCK, ROCK
+from polarsim.publish.bundle import Bundle
+from polarsim.publish.catalogue import Catalogue, Picture, Terrain
+from polarsim.publish.reconstruction import CV_FROM_GL
+
+USD_NEEDS = ("pxr",)
+NEAR, FAR = 0.05, 100.0  # metres that cameras see
+FOCAL = 20.0  # of USD's cameras, in units that cancel: apertures count in the same
+LAMP_RADIUS = 0.02  # metres, of a lamp that is a point to the renderer
+
+
+def bytes_of(_: Picture) -> int:
+    """No picture is written."""
+    return 0
+
+
+def write_gltf(catalogue: Catalogue, bundle: Bundle) -> None:
+    """`terrainNN.glb`: ground and rocks as named nodes, cameras and lamps; +Y up as glTF asks."""
+    for terrain in _meshed(catalogue):
+        parts = {_name(rock): obj.read(path) for rock, path in terrain.meshes.items()}
+        extras = {_name(rock): _said(terrain, rock) for rock in terrain.meshes}
+        bundle.make(
+            gltf.name(terrain.number),
+            partial(
+                gltf.write,
+                parts=parts,
+                support=_support(terrain),
+                extras=extras,
+                finish=_cameras_and_lamps(terrain),
+            ),
+        )
+
+
+def _support(terrain: Terrain) -> dict[str, np.ndarray]:
+    """How well scans support each vertex, by node, where the run knows it."""
+    path = next(iter(terrain.meshes.values())).with_name("support.parquet")
+    if not path.is_file():
+        return {}
+    table = read_parquet(path, ["mesh", "vertex", "support"])
+    by_file = {str(name): rows.sort_values("vertex")["support"].to_numpy() for name, rows in table.groupby("mesh")}
+    return {_name(rock): by_file[file.name] for rock, file in terrain.meshes.items() if file.name in by_file}
+
+
+def _said(terrain: Terrain, rock: int) -> dict[str, Any]:
+    own = {"terrain": terrain.number, "class": "ground" if rock == NO_ROCK else ROCK, "rock_id": rock}
+    return own | {"made_from": terrain.made_from.get(terrain.meshes[rock].name, ""), "origin": "fitted"}
+
+
+def _name(rock: int) -> str:
+    return gltf.GROUND if rock == NO_ROCK else f"rock{rock}"
+
+
+def _meshed(catalogue: Catalogue) -> Iterator[Terrain]:
+    return (terrain for terrain in catalogue.terrains.values() if terrain.meshes)
+
+
+def _cameras(terrain: Terrain) -> Iterator[tuple[str, str, Camera]]:
+    """Name, position and camera."""
+    for position, localised in sorted(terrain.rigs.items()):
+        for side in CAMERAS:
+            yield f"Pos{position}_Cam{side}", position, localised.camera(side)
+
+
+def _lamps(terrain: Terrain) -> Iterator[tuple[str, np.ndarray, str]]:
+    """Name, place and origin."""
+    for azimuth, place in terrain.suns.items():
+        yield f"sun_{azimuth}", place, terrain.sun_origin(azimuth)
+    for position, localised in sorted(terrain.rigs.items()):
+        yield f"rover_light_{position}", localised.rover_light, terrain.pose_origin(position)
+
+
+def lens_extras(lens: Lens) -> dict[str, Any]:
+    """What a camera of glTF or USD cannot say: principal point and distortion; pixel centres at integer + 0.5."""
+    names = ("k1", "k2", "p1", "p2", "k3")
+    return {
+        "fx_px": lens.fx,
+        "fy_px": lens.fy,
+        "cx_px": lens.cx,
+        "cy_px": lens.cy,
+        "width_px": lens.width,
+        "height_px": lens.height,
+        **dict(zip(names, lens.distortion, strict=True)),
+    }
+
+
+def _cameras_and_lamps(terrain: Terrain) -> Any:
+    """What adds them to a glTF file's JSON: a camera looks along its own -z with y up there too."""
+
+    def add(tree: dict[str, Any]) -> None:
+        cameras, lamps, nodes = [], [], []
+        for name, position, camera in _cameras(terrain):
+            lens = camera.lens
+            view = {"yfov": 2 * np.arctan(lens.height / 2 / lens.fy), "znear": NEAR, "zfar": FAR}
+            view["aspectRatio"] = lens.width / lens.fx * lens.fy / lens.height
+            cameras.append({"name": name, "type": "perspective", "perspective": view, "extras": lens_extras(lens)})
+            matrix = gltf.Y_UP_FROM_SANDBOX @ camera.world_from_camera.matrix @ CV_FROM_GL
+            extras = {"origin": terrain.pose_origin(position)}
+            nodes.append(
+                {"name": name, "camera": len(cameras) - 1, "matrix": matrix.T.ravel().tolist(), "extras": extras}
+            )
+        for name, place, origin in _lamps(terrain):
+            lamps.append({"name": name, "type": "point"})
+            moved = gltf.Y_UP_FROM_SANDBOX[:3, :3] @ place
+            own = {"KHR_lights_punctual": {"light": len(lamps) - 1}}
+            nodes.append({"name": name, "translation": moved.tolist(), "extensions": own, "extras": {"origin": origin}})
+        first = len(tree["nodes"])
+        tree["nodes"] += nodes
+        tree["scenes"][0]["nodes"] += list(range(first, first + len(nodes)))
+        if cameras:
+            tree["cameras"] = cameras
+        if lamps:
+            tree.setdefault("extensions", {})["KHR_lights_punctual"] = {"lights": lamps}
+            tree.setdefault("extensionsUsed", []).append("KHR_lights_punctual")
+
+    return add
+
+
+def write_usd(catalogue: Catalogue, bundle: Bundle) -> None:
+    """`terrainNN.usdc`: meshes with semantic labels, cameras, lamps; metres, +Z up, the sandbox frame."""
+    for terrain in _meshed(catalogue):
+        bundle.make(f"terrain{terrain.number:02d}.usdc", partial(_write_stage, terrain))
+
+
+def _write_stage(terrain: Terrain, path: Path) -> None:
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    world = UsdGeom.Xform.Define(stage, "/World")
+    stage.SetDefaultPrim(world.GetPrim())
+    for rock, file in terrain.meshes.items():
+        _add_mesh(stage, terrain, rock, file)
+    for name, position, camera in _cameras(terrain):
+        _add_camera(stage, name, camera, terrain.pose_origin(position))
+    for name, place, origin in _lamps(terrain):
+        _add_lamp(stage, name, place, origin)
+    stage.GetRootLayer().Save()
+
+
+def _add_mesh(stage: Any, terrain: Terrain, rock: int, file: Path) -> None:
+    from pxr import Gf, Sdf, UsdGeom, UsdSemantics, Vt
+
+    mesh = obj.read(file)
+    made = UsdGeom.Mesh.Define(stage, f"/World/{_name(rock)}")
+    points = mesh.vertices.astype(np.float32)
+    made.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+    made.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
+    made.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.astype(np.int32).ravel()))
+    made.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(mesh.normals().astype(np.float32)))
+    made.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    made.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    low, high = (Gf.Vec3f(*map(float, corner)) for corner in (points.min(axis=0), points.max(axis=0)))
+    made.CreateExtentAttr([low, high])
+    colour = (gltf.SAND if rock == NO_ROCK else gltf.ROCK) / 255
+    made.CreateDisplayColorAttr([Gf.Vec3f(*map(float, colour))])
+    said = _said(terrain, rock)
+    labels = {"class": said["class"], "rock_id": str(rock)} if rock != NO_ROCK else {"class": said["class"]}
+    for taxonomy, value in labels.items():
+        UsdSemantics.LabelsAPI.Apply(made.GetPrim(), taxonomy).CreateLabelsAttr([value])
+    _say(made, {"origin": said["origin"], "made_from": said["made_from"]}, Sdf)
+
+
+def _add_camera(stage: Any, name: str, camera: Camera, origin: str) -> None:
+    """Apertures in the unit of the focal length; the principal point lies off their middle."""
+    from pxr import Gf, Sdf, UsdGeom
+
+    lens = camera.lens
+    wide, high = FOCAL * lens.width / lens.fx, FOCAL * lens.height / lens.fy
+    made = UsdGeom.Camera.Define(stage, f"/World/{name}")
+    made.CreateProjectionAttr(UsdGeom.Tokens.perspective)
+    made.CreateFocalLengthAttr(FOCAL)
+    made.CreateHorizontalApertureAttr(wide)
+    made.CreateVerticalApertureAttr(high)
+    made.CreateHorizontalApertureOffsetAttr(wide * (0.5 - lens.cx / lens.width))
+    made.CreateVerticalApertureOffsetAttr(high * (lens.cy / lens.height - 0.5))
+    made.CreateClippingRangeAttr(Gf.Vec2f(NEAR, FAR))
+    matrix = camera.world_from_camera.matrix @ CV_FROM_GL
+    made.AddTransformOp().Set(Gf.Matrix4d(*matrix.T.ravel().tolist()))  # USD's vectors are rows
+    _say(made, {"origin": origin}, Sdf)
+    for key, value in lens_extras(lens).items():
+        kind = Sdf.ValueTypeNames.Double
+        made.GetPrim().CreateAttribute(f"polarsim:{key}", kind, custom=True).Set(float(value))
+
+
+def _add_lamp(stage: Any, name: str, place: np.ndarray, origin: str) -> None:
+    from pxr import Gf, Sdf, UsdGeom, UsdLux
+
+    lamp = UsdLux.SphereLight.Define(stage, f"/World/{name}")
+    lamp.CreateRadiusAttr(LAMP_RADIUS)
+    lamp.CreateTreatAsPointAttr(True)
+    UsdGeom.Boundable(lamp).CreateExtentAttr([Gf.Vec3f(-LAMP_RADIUS), Gf.Vec3f(LAMP_RADIUS)])
+    UsdGeom.Xformable(lamp).AddTranslateOp().Set(Gf.Vec3d(*map(float, place)))
+    _say(lamp, {"origin": origin}, Sdf)
+
+
+def _say(made: Any, texts: dict[str, str], sdf: Any) -> None:
+    for key, text in texts.items():
+        made.GetPrim().CreateAttribute(f"polarsim:{key}", sdf.ValueTypeNames.Token, custom=True).Set(text)

@@ -1,0 +1,191 @@
+"""The rover's drives as EuRoC and TUM folders, which visual odometry and SLAM are tested on.
+
+Stamps are the drive's clock plus a second, as in its bag. Ground truth is the simulation's own: synthetic and exact.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import yaml
+from scipy.spatial.transform import Rotation, Slerp
+
+from polarsim.formats.tables import read_parquet
+from polarsim.geometry.poses import Pose
+from polarsim.publish.bundle import Bundle
+from polarsim.publish.catalogue import DRIVE, Catalogue, Picture
+
+START_NS = 1_000_000_000
+POSE = ("time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
+_BODY = (*POSE, "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2")
+_RIGID = 1e-6  # a camera whose place on the rover changes by more follows it without being fixed to it
+
+
+def bytes_of(_: Picture) -> int:
+    """None of a station's pictures is written."""
+    return 0
+
+
+def fixed_bytes(catalogue: Catalogue) -> int:
+    return sum(path.stat().st_size for drive in catalogue.drives for path in drive.rglob("*.png")) + sum(
+        4 * (drive / DRIVE).stat().st_size for drive in catalogue.drives
+    )
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive's states: `base_link` in the world."""
+
+    folder: Path
+    table: pd.DataFrame
+
+    @classmethod
+    def read(cls, folder: Path) -> Drive:
+        return cls(folder, read_parquet(folder / DRIVE, _BODY))
+
+    @cached_property
+    def _turn(self) -> Slerp:
+        turns = Rotation.from_quat(self.table[["qx", "qy", "qz", "qw"]].to_numpy())
+        return Slerp(self.table["time_s"].to_numpy(), turns)
+
+    def world_from_base(self, time_s: float) -> Pose:
+        times = self.table["time_s"].to_numpy()
+        at = float(np.clip(time_s, times[0], times[-1]))
+        place = np.array([np.interp(at, times, self.table[name]) for name in ("x_m", "y_m", "z_m")])
+        return Pose(self._turn(at).as_matrix(), place)
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera that is fixed to the rover, with its pictures in one light."""
+
+    name: str
+    base_from_camera: Pose
+    frames: pd.DataFrame  # frame and `POSE`, world from camera
+    pictures: Path
+
+
+def sequences(catalogue: Catalogue) -> Iterator[tuple[str, Drive, list[View]]]:
+    """Name, drive and views: one sequence a drive and light."""
+    for folder in catalogue.drives:
+        drive = Drive.read(folder)
+        views = list(_views(drive))
+        for light in sorted({view.pictures.name for view in views}):
+            yield f"{folder.name}_{light}", drive, [view for view in views if view.pictures.name == light]
+        if not views:
+            yield folder.name, drive, []
+
+
+def _views(drive: Drive) -> Iterator[View]:
+    for path in sorted(drive.folder.glob("*/poses.parquet")):
+        frames = read_parquet(path, ("frame", *POSE))
+        poses = [_pose(row) for row in frames.to_dict("records")]
+        times = frames["time_s"].to_numpy()
+        mounts = [drive.world_from_base(time).inverse() @ pose for time, pose in zip(times, poses, strict=True)]
+        if not mounts or max(np.abs(one.matrix - mounts[0].matrix).max() for one in mounts) > _RIGID:
+            continue
+        for pictures in sorted(path.parent.glob("*_*_*")):
+            if pictures.is_dir() and any(pictures.glob("*.png")):
+                yield View(path.parent.name, mounts[0], frames, pictures)
+
+
+def write_euroc(catalogue: Catalogue, bundle: Bundle) -> None:
+    """`<drive>_<light>/mav0/{cam0,imu0,state_groundtruth_estimate0}`; cam0 is the first view by name, and so on."""
+    for name, drive, views in sequences(catalogue):
+        place, table = f"{name}/mav0", drive.table
+        stamps = [stamp_ns(time) for time in table["time_s"]]
+        imu = table[["wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2"]]
+        bundle.text(f"{place}/imu0/data.csv", _csv(_IMU, stamps, imu))
+        bundle.text(f"{place}/imu0/sensor.yaml", _sensor("imu", Pose.identity(), "readings without noise"))
+        truth = table[[*POSE[1:], "vx_m_s", "vy_m_s", "vz_m_s"]].assign(**dict.fromkeys("abcdef", 0.0))  # no biases
+        bundle.text(f"{place}/state_groundtruth_estimate0/data.csv", _csv(_TRUTH, stamps, truth))
+        bundle.text(
+            f"{place}/state_groundtruth_estimate0/sensor.yaml",
+            _sensor("visual-inertial", Pose.identity(), "the simulation's own states, synthetic"),
+        )
+        for number, view in enumerate(views):
+            lines = ["#timestamp [ns],filename\n"]
+            for stamp, path in _shots(view):
+                bundle.copy(f"{place}/cam{number}/data/{stamp}.png", path)
+                lines.append(f"{stamp},{stamp}.png\n")
+            bundle.text(f"{place}/cam{number}/data.csv", "".join(lines))
+            says = f"{view.name}, 12-bit values in 16-bit PNG; its lens is in the bag's camera_info"
+            bundle.text(f"{place}/cam{number}/sensor.yaml", _sensor("camera", view.base_from_camera, says))
+
+
+def write_tum(catalogue: Catalogue, bundle: Bundle) -> None:
+    """`<drive>_<light>/<view>/{rgb/,rgb.txt,groundtruth.txt}`, poses of the camera; without pictures of the rover."""
+    for name, drive, views in sequences(catalogue):
+        if not views:
+            bundle.text(f"{name}/base_link/groundtruth.txt", _tum(drive, Pose.identity(), "base_link"))
+        for view in views:
+            place = f"{name}/{view.name}"
+            bundle.text(f"{place}/groundtruth.txt", _tum(drive, view.base_from_camera, f"{view.name}, z forward"))
+            lines = ["# timestamp filename\n"]
+            for stamp, path in _shots(view):
+                shown = f"{stamp // 10**9}.{stamp % 10**9:09d}"
+                bundle.copy(f"{place}/rgb/{shown}.png", path)
+                lines.append(f"{shown} rgb/{shown}.png\n")
+            bundle.text(f"{place}/rgb.txt", "".join(lines))
+
+
+def stamp_ns(time_s: float) -> int:
+    return START_NS + round(float(time_s) * 1e9)
+
+
+def _shots(view: View) -> Iterator[tuple[int, Path]]:
+    for frame, time_s in zip(view.frames["frame"], view.frames["time_s"], strict=True):
+        path = view.pictures / f"{int(frame):05d}.png"
+        if path.is_file():
+            yield stamp_ns(time_s), path
+
+
+def _pose(row: Mapping[Any, Any]) -> Pose:
+    turn = Rotation.from_quat([row["qx"], row["qy"], row["qz"], row["qw"]]).as_matrix()
+    return Pose(turn, np.array([row["x_m"], row["y_m"], row["z_m"]]))
+
+
+def _tum(drive: Drive, base_from_camera: Pose, of: str) -> str:
+    lines = [f"# world from {of}\n", "# timestamp tx ty tz qx qy qz qw\n"]
+    for row in drive.table.to_dict("records"):
+        pose = _pose(row) @ base_from_camera
+        stamp = stamp_ns(row["time_s"])
+        turn = Rotation.from_matrix(pose.rotation).as_quat(canonical=True)
+        values = " ".join(repr(float(value)) for value in (*pose.translation, *turn))
+        lines.append(f"{stamp // 10**9}.{stamp % 10**9:09d} {values}\n")
+    return "".join(lines)
+
+
+def _csv(head: str, stamps: list[int], table: pd.DataFrame) -> str:
+    out = io.StringIO()
+    out.write(head)
+    for stamp, row in zip(stamps, table.to_numpy(float), strict=True):
+        out.write(f"{stamp},{','.join(repr(float(value)) for value in row)}\n")
+    return out.getvalue()
+
+
+def _sensor(kind: str, base_from_sensor: Pose, comment: str) -> str:
+    content = {
+        "sensor_type": kind,
+        "comment": comment,
+        "T_BS": {"cols": 4, "rows": 4, "data": [float(value) for value in base_from_sensor.matrix.ravel()]},
+    }
+    return yaml.safe_dump(content, sort_keys=False)
+
+
+_IMU = (
+    "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
+    "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n"
+)
+_TRUTH = (
+    "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z [],"
+    "v_RS_R_x [m s^-1],v_RS_R_y [m s^-1],v_RS_R_z [m s^-1],b_w_RS_S_x [rad s^-1],b_w_RS_S_y [rad s^-1],"
+    "b_w_RS_S_z [rad s^-1],b_a_RS_S_x [m s^-2],b_a_RS_S_y [m s^-2],b_a_RS_S_z [m s^-2]\n"
+)

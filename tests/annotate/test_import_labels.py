@@ -1,0 +1,210 @@
+"""Exports of other people's tools become label files: of each tool a file as it writes it, and boxes that come back."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.acquire.options import SeedOptions
+from polarsim.acquire.seeds import choose_seeds, find_labels
+from polarsim.annotate.export import label_studio_tasks
+from polarsim.annotate.import_labels import import_labels, told_form
+from polarsim.errors import ConfigError, FormatError
+from polarsim.formats import coco, yolo
+from polarsim.formats.tables import key_columns, label_table
+from polarsim.labels.seeds import read_corrections
+from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
+
+KEY = PhotoKey.parse("01_A_off_30_L_0256")
+OTHER = PhotoKey.parse("01_A_off_180_L_0256")
+ROCK, SHADOW = np.array([100.0, 200, 150, 230]), np.array([60.0, 210, 105, 230])
+BOXES = st.lists(
+    st.tuples(
+        st.sampled_from(BOX_CLASSES), st.floats(0, 1800), st.floats(0, 1100), st.floats(2, 130), st.floats(2, 110)
+    ),
+    min_size=1,
+    max_size=6,
+)
+
+CVAT = f"""<?xml version="1.0" encoding="utf-8"?>
+<annotations><version>1.1</version>
+  <image id="0" name="some/{KEY}.png" width="968" height="608">
+    <box label="rock" source="manual" occluded="0" xtl="50" ytl="100" xbr="75" ybr="115" z_order="0">
+      <attribute name="rock">4</attribute></box>
+    <polygon label="shadow" points="30,105;52.5,110;40,115" z_order="0"></polygon>
+    <points label="rock" points="1,1"></points>
+  </image>
+  <image id="1" name="{OTHER}.png" width="1936" height="1216"></image>
+</annotations>"""
+
+
+def percent(box):
+    x0, y0, x1, y1 = box / np.tile([WIDTH, HEIGHT], 2) * 100
+    return {"x": x0, "y": y0, "width": x1 - x0, "height": y1 - y0, "rotation": 0}
+
+
+def studio(minimal):
+    rectangles = [percent(box) | {"rectanglelabels": [kind]} for kind, box in (("rock", ROCK), ("shadow", SHADOW))]
+    image = f"/data/upload/1/1a2b3c4d-{KEY}.png"
+    if minimal:
+        return [{"image": image, "id": 1, "label": rectangles, "annotator": 1}]
+    result = [{"type": "rectanglelabels", "value": one} for one in rectangles]
+    dropped = {"was_cancelled": True, "result": result[:1]}
+    return [{"data": {"image": image}, "annotations": [{"result": result}, dropped], "predictions": [{"result": []}]}]
+
+
+def relative(box):
+    x0, y0, x1, y1 = box / np.tile([WIDTH, HEIGHT], 2)
+    return [x0, y0, x1 - x0, y1 - y0]
+
+
+def fiftyone_samples():
+    detections = [
+        {"_cls": "Detection", "label": k, "bounding_box": relative(b)} for k, b in (("rock", ROCK), ("shadow", SHADOW))
+    ]
+    return {
+        "samples": [{"filepath": f"data/{KEY}.png", "ground_truth": {"_cls": "Detections", "detections": detections}}]
+    }
+
+
+def fiftyone_labels():
+    detections = [{"label": n, "bounding_box": relative(b)} for n, b in ((1, ROCK), (0, SHADOW))]
+    return {"classes": ["shadow", "rock"], "labels": {str(KEY): detections, str(OTHER): None}}
+
+
+def write_source(folder, tool):
+    folder.mkdir(parents=True, exist_ok=True)
+    if tool == "cvat":
+        (folder / "annotations.xml").write_text(CVAT)
+        return folder / "annotations.xml"
+    if tool == "coco":
+        labels = [coco.Annotation("rock", 4, ROCK), coco.Annotation("shadow", 4, SHADOW)]
+        coco.write_coco(folder / "instances.json", {KEY: labels, OTHER: []})
+        return folder / "instances.json"
+    if tool == "yolo":
+        (folder / "data.yaml").write_text("names: [shadow, rock]\n")
+        yolo.write_boxes(folder / f"labels/train/{KEY}.txt", np.array([1]), ROCK[None])
+        with (folder / f"labels/train/{KEY}.txt").open("a") as file:  # the shadow as a polygon
+            corners = SHADOW[[0, 1, 2, 1, 2, 3]].reshape(-1, 2) / [WIDTH, HEIGHT]
+            file.write("0 " + " ".join(f"{value:.7f}" for value in corners.ravel()) + "\n")
+        return folder
+    name, content = {
+        "label-studio": ("tasks.json", studio(minimal=False)),
+        "label-studio minimal": ("tasks.json", studio(minimal=True)),
+        "fiftyone samples": ("samples.json", fiftyone_samples()),
+        "fiftyone labels": ("labels.json", fiftyone_labels()),
+    }[tool]
+    (folder / name).write_text(json.dumps(content))
+    return folder / name
+
+
+TOOLS = [
+    "coco", "yolo", "cvat", "label-studio", "label-studio minimal", "fiftyone samples", "fiftyone labels",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_an_export_becomes_corrections_that_the_labels_stage_reads(tmp_path, tool):
+    source = write_source(tmp_path / "export", tool)
+    assert told_form(source) == tool.split()[0]
+    photos, boxes, _ = import_labels(source, tmp_path / "corrections")
+    assert (photos, boxes) == (1, 2)
+    found = read_corrections(tmp_path / "corrections", 1)
+    assert list(found) == [KEY]
+    np.testing.assert_allclose(found[KEY].rocks, [ROCK], atol=0.01)
+    np.testing.assert_allclose(found[KEY].shadows, [SHADOW], atol=0.01)
+
+
+def test_an_export_becomes_seeds_that_the_acquire_stage_chooses(tmp_path):
+    import_labels(write_source(tmp_path / "export", "cvat"), tmp_path / "seeds")
+    files, _ = find_labels(tmp_path / "seeds", 1)
+    assert [key for key, _ in choose_seeds(files, ["A"], SeedOptions())] == [KEY]
+
+
+@settings(max_examples=15)
+@given(drawn=BOXES)
+def test_what_was_exported_to_label_studio_comes_back(tmp_path_factory, drawn):
+    folder = tmp_path_factory.mktemp("studio")
+    rows = [
+        key_columns(KEY)
+        | {"kind": kind, "rock": number, "source": "fused", "confidence": 0.8}
+        | {"x0": x, "y0": y, "x1": x + width, "y1": y + height}
+        for number, (kind, x, y, width, height) in enumerate(drawn)
+    ]
+    (task,) = label_studio_tasks(label_table(rows), [KEY], "pictures")
+    task["annotations"] = task.pop("predictions")  # a person took them as they were
+    (folder / "tasks.json").write_text(json.dumps([task]))
+    import_labels(folder / "tasks.json", folder / "out")
+    classes, boxes = yolo.read_boxes(folder / f"out/{KEY}.txt")
+    wanted = label_table(rows)
+    assert [BOX_CLASSES[number] for number in classes] == wanted["kind"].tolist()
+    edges = np.clip(wanted[["x0", "y0", "x1", "y1"]], 0, [WIDTH, HEIGHT] * 2)
+    np.testing.assert_allclose(boxes, edges, atol=0.01)
+
+
+def test_a_turned_rectangle_of_label_studio_is_boxed(tmp_path):
+    turned = percent(np.array([500.0, 300, 600, 350])) | {"rotation": 90, "rectanglelabels": ["rock"]}
+    (tmp_path / "tasks.json").write_text(json.dumps([{"image": f"{KEY}.png", "label": [turned]}]))
+    import_labels(tmp_path / "tasks.json", tmp_path / "out")
+    _, boxes = yolo.read_boxes(tmp_path / f"out/{KEY}.txt")
+    np.testing.assert_allclose(boxes, [[450, 300, 500, 400]], atol=0.01)  # a quarter turn about its upper left corner
+
+
+def test_a_photo_without_a_box_is_left_out_unless_it_was_looked_at(tmp_path):
+    source = write_source(tmp_path / "export", "cvat")
+    assert import_labels(source, tmp_path / "out") == (1, 2, [str(OTHER)])
+    assert not (tmp_path / f"out/{OTHER}.txt").exists()
+    assert import_labels(source, tmp_path / "all", keep_empty=True) == (2, 2, [])
+    assert (tmp_path / f"all/{OTHER}.txt").read_text() == ""
+
+
+def test_other_names_are_said(tmp_path):
+    source = write_source(tmp_path / "export", "cvat")
+    source.write_text(CVAT.replace('label="rock"', 'label="boulder"').replace('label="shadow"', 'label="dog"'))
+    with pytest.raises(FormatError, match=r"'boulder' is neither rock nor shadow: --name 'boulder=rock'"):
+        import_labels(source, tmp_path / "out")
+    assert import_labels(source, tmp_path / "out", names={"boulder": "rock", "dog": ""})[:2] == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "reason"),
+    [
+        ("a.xml", "<annotations>", "no readable XML"),
+        ("a.xml", '<annotations><image name="x.png" width="1936" height="1216"/></annotations>', "no photo key"),
+        ("a.xml", f'<annotations><image name="{KEY}.png" width="100" height="100"/></annotations>', "100 x 100 px"),
+        ("a.xml", f'<annotations><image name="{KEY}.png" width="1936"/></annotations>', "no export of cvat, KeyError"),
+        ("a.xml", CVAT.replace('xbr="75"', 'xbr="50"'), "a rock without area"),
+        ("a.xml", CVAT.replace(f"{OTHER}.png", f"{KEY}.jpg"), "is there twice"),
+        ("a.json", "[1, 2]", "no export of label-studio, AttributeError"),
+        ("a.json", '{"images": 3}', "no COCO file"),
+        ("a.json", '{"labels": {}}', "no labelled photo"),
+        ("a.json", "{", "no readable JSON"),
+        ("a.csv", "", "neither a folder"),
+    ],
+)
+def test_what_is_no_export_is_one_line_with_the_file(tmp_path, name, text, reason):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(FormatError, match=rf"{name}: .*{reason}"):
+        import_labels(tmp_path / name, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_holds_something_is_refused(tmp_path):
+    source = write_source(tmp_path / "export", "cvat")
+    with pytest.raises(ConfigError, match="overwrites nothing"):
+        import_labels(source, tmp_path / "export")
+
+
+def test_the_command_says_what_to_write_into_the_configuration(tmp_path, polarsim):
+    source = write_source(tmp_path / "export", "cvat")
+    done = polarsim("import", source, tmp_path / "mine", "--as", "seeds")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [
+        f"2 boxes in 1 photos in {tmp_path}/mine",
+        f"1 photos without a box were left out (--keep-empty takes them as seen): {OTHER}",
+        f"in the run's configuration:  labels: {{seeds: {{root: {tmp_path}/mine}}}}",
+    ]
+    wrong = polarsim("import", source, tmp_path / "again", "--name", "boulder")
+    assert wrong.returncode == 2

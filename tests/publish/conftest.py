@@ -1,0 +1,64 @@
+from pathlib import Path
+
+import pytest
+
+from polarsim.publish.bundle import Bundle
+from polarsim.publish.catalogue import Catalogue, read_catalogue
+from polarsim.publish.run import publish
+from tests.publish.tiny import make_run
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory) -> Path:
+    return make_run(tmp_path_factory.mktemp("tiny"))
+
+
+@pytest.fixture(scope="session")
+def catalogue(run) -> Catalogue:
+    return read_catalogue(run)
+
+
+@pytest.fixture(scope="session")
+def published(run, tmp_path_factory):
+    """A form's folder, written once for all tests that look at it."""
+    out = tmp_path_factory.mktemp("out")
+
+    def folder(form: str) -> Path:
+        if not (out / form).exists():
+            publish(run, out, [form])
+        return out / form
+
+    return folder
+
+
+@pytest.fixture
+def bundle(tmp_path) -> Bundle:
+    return Bundle(tmp_path / "bundle")
+
+
+@pytest.fixture(scope="session")
+def drive(tmp_path_factory) -> Path:
+    """A made-up drive of a run of its own, with its bag."""
+    from polarsim.rover.exchange.bag import write_bag
+    from polarsim.rover.exchange.options import BagOptions
+    from polarsim.rover.vehicle.table import read_vehicle
+    from tests.rover.drives import write_drive
+
+    vehicle = read_vehicle(Path(__file__).parents[2] / "config/viper.yaml")
+    folder = make_run(tmp_path_factory.mktemp("driven")) / "rover/seed0"
+    write_drive(folder, vehicle)
+    write_bag(folder, folder / "drive.mcap", vehicle, BagOptions())
+    return folder
+
+
+@pytest.fixture(scope="session")
+def drives_published(drive, tmp_path_factory):
+    """A form of the run with the drive."""
+    out = tmp_path_factory.mktemp("drives")
+
+    def folder(form: str) -> Path:
+        if not (out / form).exists():
+            publish(drive.parents[1], out, [form])
+        return out / form
+
+    return folder

@@ -1,0 +1,35 @@
+import hashlib
+import json
+
+import pytest
+
+from polarsim.publish import records
+
+pytest.importorskip("rocrate")
+from rocrate.rocrate import ROCrate
+
+
+def test_entities_come_back_and_their_files_exist_with_their_checksums(published, catalogue):
+    folder = published("ro-crate")
+    crate = ROCrate(str(folder))
+    stated = json.loads((folder / "ro-crate-metadata.json").read_text())["@graph"]
+    assert {entity.id for entity in crate.get_entities()} == {entity["@id"] for entity in stated}
+    files = {entity.id: entity for entity in crate.data_entities}
+    for name, entity in files.items():
+        assert (folder / name).exists(), name
+        if "sha256" in entity:
+            assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == entity["sha256"]
+    assert {f"data/{name}.parquet" for name in records.all_tables(catalogue)} <= set(files)
+    assert {"meshes/Terrain01/terrain01_rock4.obj", "cameras/Terrain01/PosA.json", "SHA256SUMS"} <= set(files)
+    for domain in catalogue.domains:
+        assert len(list((folder / f"pictures/{domain}").glob("*.png"))) == len(catalogue.of_domain(domain))
+
+
+def test_the_workflow_made_the_results_of_the_photos(published):
+    crate = ROCrate(str(published("ro-crate")))
+    assert crate.mainEntity.id == "workflow/Snakefile"
+    run = crate.get("#run")
+    assert run["instrument"] is crate.mainEntity
+    assert [one.id.rstrip("/") for one in run["object"]] == ["pictures/analog"] or run["object"].id
+    assert len(run["result"]) > 10
+    assert crate.root_dataset["datePublished"] == "2026-11-25"

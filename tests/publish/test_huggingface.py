@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+from polarsim.formats import png, rle
+from polarsim.photo import BOX_CLASSES
+from polarsim.publish import huggingface, records
+from tests.publish.tiny import SIZE
+
+datasets = pytest.importorskip("datasets")
+
+
+@pytest.fixture
+def load(published, tmp_path, monkeypatch):
+    monkeypatch.setattr(datasets.config, "HF_HUB_OFFLINE", True)
+
+    def of(form: str, domain: str):
+        return datasets.load_dataset(str(published(form)), domain, cache_dir=str(tmp_path / "cache"))
+
+    return of
+
+
+@pytest.mark.parametrize("form", ["hf", "parquet"])
+def test_values_boxes_masks_and_ids_come_back_bit_for_bit(load, catalogue, form):
+    for domain in catalogue.domains:
+        found = {row["key"]: row for part in load(form, domain).values() for row in part}
+        assert set(found) == {str(one.key) for one in catalogue.of_domain(domain)}
+        for one in catalogue.of_domain(domain):
+            row = found[str(one.key)]
+            np.testing.assert_array_equal(np.array(row["image"]), png.read(one.path))
+            np.testing.assert_array_equal(np.array(row["ids"]), records.ids(catalogue, one))
+            for label, got in zip(catalogue.labels(one), row["objects"], strict=True):
+                x, y, width, height = got["bbox"]
+                np.testing.assert_allclose([x, y, x + width, y + height], label.box, atol=1e-3, rtol=0)
+                assert (BOX_CLASSES[got["category"]], got["rock"]) == (label.kind, label.rock)
+                np.testing.assert_array_equal(rle.from_text(got["mask_rle"], SIZE).mask(), label.mask.mask())
+                whole = label.amodal.mask.counts if label.amodal else ""
+                assert got["amodal_rle"] == whole
+            np.testing.assert_array_equal(row["sandbox_from_camera"], catalogue.camera(one).world_from_camera.matrix)
+
+
+@pytest.mark.parametrize("form", ["hf", "parquet"])
+def test_splits_are_the_runs(load, form):
+    found = {split: {row["azimuth"] for row in part} for split, part in load(form, "analog").items()}
+    assert found == {"train": {"180"}, "test": {"30"}}
+
+
+def test_a_shadow_names_the_object_that_throws_it(load):
+    objects = load("parquet", "analog")["train"][0]["objects"]
+    assert [one["shadow_of"] for one in objects] == [-1, -1, 0, 1, -1]
+
+
+def test_pictures_are_shared_out_to_files_of_a_size(catalogue, monkeypatch):
+    pictures = catalogue.of_domain("analog")
+    largest = max(one.path.stat().st_size for one in pictures)
+    monkeypatch.setattr(huggingface, "SHARD", 2 * largest)
+    shards = huggingface._shards(pictures)
+    assert [len(shard) for shard in shards] == [2, 2]
+    assert [one for shard in shards for one in shard] == pictures

@@ -1,0 +1,58 @@
+import json
+
+import numpy as np
+import pycolmap
+import trimesh
+
+from polarsim.formats import png
+from polarsim.geometry.poses import Pose
+from polarsim.publish.reconstruction import POINTS, pose_of
+from tests.publish.tiny import ROCK_PLACES, SIZE
+
+PLACE = np.array([0.2, 0.1, 0.05])  # in the photos
+
+
+def test_colmap_reads_poses_lenses_and_names(published, catalogue):
+    for domain in catalogue.domains:
+        folder = published("colmap") / domain / "Terrain01"
+        model = pycolmap.Reconstruction(folder / "sparse/0")
+        images = {image.name: image for image in model.images.values()}
+        assert set(images) == {f"{one.key}.png" for one in catalogue.of_domain(domain)}
+        for one in catalogue.of_domain(domain):
+            image, camera = images[f"{one.key}.png"], catalogue.camera(one)
+            sandbox_from_camera = Pose.from_matrix(image.cam_from_world().matrix()).inverse()
+            np.testing.assert_allclose(sandbox_from_camera.matrix, camera.world_from_camera.matrix, atol=1e-9, rtol=0)
+            np.testing.assert_allclose(image.project_point(PLACE), camera.project(PLACE), atol=1e-9, rtol=1e-12)
+            assert png.read(folder / "images" / image.name).shape == SIZE[::-1]
+        assert len(model.rigs) == 1
+        assert len(model.frames) == 2
+        assert abs(len(model.points3D) - POINTS) < 300
+
+
+def test_nerfstudio_poses_are_the_cameras_when_undone(published, catalogue):
+    for domain in catalogue.domains:
+        folder = published("nerfstudio") / domain / "Terrain01"
+        content = json.loads((folder / "transforms.json").read_text())
+        frames = {frame["file_path"]: frame for frame in content["frames"]}
+        for one in catalogue.of_domain(domain):
+            pose, lens = pose_of(frames[f"images/{one.key}.png"])
+            camera = catalogue.camera(one)
+            np.testing.assert_allclose(pose.matrix, camera.world_from_camera.matrix, atol=1e-9, rtol=0)
+            assert lens == camera.lens
+            # By OpenGL's own rule: a point in front has negative z, one above the middle has positive y.
+            gl_from_sandbox = np.linalg.inv(frames[f"images/{one.key}.png"]["transform_matrix"])
+            x, y, z, _ = gl_from_sandbox @ [*PLACE, 1]
+            pinhole = np.array([lens.fx * x / -z + lens.cx, lens.fy * -y / -z + lens.cy])
+            assert z < 0
+            assert np.abs(pinhole - camera.project(PLACE)).max() < 5  # but for the lens's distortion
+        points = trimesh.load(folder / content["ply_file_path"])
+        assert len(points.colors) == len(points.vertices)
+
+
+def test_the_cloud_lies_on_the_meshes(published):
+    points = trimesh.load(published("nerfstudio") / "hapke/Terrain01/points.ply").vertices
+    on_ground = np.abs(points[:, 2]) < 1e-4
+    assert on_ground.sum() > 50_000
+    x, y, radius = ROCK_PLACES[4]
+    away = np.linalg.norm(points - [x, y, radius / 2], axis=1)
+    assert ((away > 0.9 * radius) & (away < 1.001 * radius)).sum() > 100

@@ -1,0 +1,299 @@
+"""Any form: same bytes, resumed calls, what is refused, what is chosen."""
+
+import hashlib
+import json
+import shutil
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from polarsim.errors import ConfigError, FormatError, PolarsimError
+from polarsim.formats import png
+from polarsim.publish import bundle as bundles
+from polarsim.publish import run as running
+from polarsim.publish.bundle import Bundle, check_space
+from polarsim.publish.catalogue import read_catalogue
+from polarsim.publish.options import FORM_NAMES, PublishOptions
+from polarsim.publish.run import FORMS, publish, publish_run
+from polarsim.publish.subset import chosen, fitting, parse_size, parse_subset
+from tests.publish.tiny import content, make_run
+
+DRIVEN = {"euroc", "tum"}
+
+
+@pytest.mark.parametrize("form", sorted(set(FORMS) - DRIVEN))
+def test_the_same_run_has_the_same_bytes(form, run, published, tmp_path):
+    first, second = published(form), tmp_path / form
+    publish(run, tmp_path, [form])
+    assert content(first) == content(second)
+
+
+@pytest.mark.parametrize("form", ["mcap", "euroc", "tum"])
+def test_the_same_drive_has_the_same_bytes(form, drive, drives_published, tmp_path):
+    publish(drive.parents[1], tmp_path, [form])
+    assert content(drives_published(form)) == content(tmp_path / form)
+
+
+@pytest.mark.parametrize("form", sorted(set(FORMS) - DRIVEN))
+def test_every_form_has_a_card_a_datasheet_and_the_checksum_of_every_file(form, published):
+    files = content(published(form))
+    listed = dict(reversed(line.split("  ", 1)) for line in files["SHA256SUMS"].decode().splitlines())
+    assert set(listed) == set(files) - {"SHA256SUMS", "publish.json"}
+    assert all(hashlib.sha256(files[name]).hexdigest() == digest for name, digest in listed.items())
+    card = files["README.md"].decode()
+    assert "| labels | rock | F1 | 1 | truth | 0.9375 | 1 |" in card  # this run's own figure
+    assert "| analog | 4 | 1 | 12 | 8 | test 2, train 2 |" in card
+    for heading in ("What is in it", "How it was made", "Known faults", "Licence", "Citation"):
+        assert f"## {heading}" in card
+    assert "Labelling: who drew what" in files["DATASHEET.md"].decode()
+
+
+def test_a_stopped_call_goes_on_and_ends_like_one_that_was_not(run, published, tmp_path, monkeypatch):
+    copied = []
+    copy = shutil.copyfile
+
+    def stop_at_third(source, target):
+        if len(copied) == 3:
+            raise KeyboardInterrupt
+        copied.append(source)
+        return copy(source, target)
+
+    monkeypatch.setattr(bundles.shutil, "copyfile", stop_at_third)
+    with pytest.raises(KeyboardInterrupt):
+        publish(run, tmp_path, ["coco"])
+    assert not (tmp_path / "coco/publish.json").exists()
+    assert not list((tmp_path / "coco").rglob(".*.png"))  # nothing half-written
+    monkeypatch.setattr(bundles.shutil, "copyfile", lambda *paths: copied.append(paths[0]) or copy(*paths))
+    publish(run, tmp_path, ["coco"])
+    assert len(copied) == len(set(copied)) == 8  # none a second time
+    assert content(tmp_path / "coco") == content(published("coco"))
+
+
+def test_a_picture_that_changed_is_published_anew(tmp_path):
+    run = make_run(tmp_path)
+    publish(run, tmp_path / "out", ["coco"])
+    path = tmp_path / "photos/01_A_off_30_L_0256.png"
+    png.write(path, np.full((304, 484), 77, np.uint16))
+    publish(run, tmp_path / "out", ["coco"])
+    assert (tmp_path / "out/coco/images/analog/01_A_off_30_L_0256.png").read_bytes() == path.read_bytes()
+
+
+def test_what_an_earlier_version_of_the_call_left_behind_goes(run, tmp_path):
+    publish(run, tmp_path, ["gltf"])
+    (tmp_path / "gltf/stray/deeper").mkdir(parents=True)
+    (tmp_path / "gltf/stray/deeper/old.png").write_bytes(b"")
+    publish(run, tmp_path, ["gltf"])
+    assert not (tmp_path / "gltf/stray").exists()
+
+
+def test_a_folder_that_holds_something_else_is_never_written_to(run, tmp_path):
+    (tmp_path / "coco").mkdir()
+    (tmp_path / "coco/mine.txt").write_text("mine")
+    with pytest.raises(ConfigError, match="overwrites nothing"):
+        publish(run, tmp_path, ["coco"])
+    publish(run, tmp_path, ["gltf"])
+    before = content(tmp_path / "gltf")
+    with pytest.raises(ConfigError, match="another call"):
+        publish(run, tmp_path, ["gltf"], subset="camera=L")
+    assert content(tmp_path / "gltf") == before
+    publish(run, tmp_path, ["gltf"], subset="camera=L", replace=True)
+    assert json.loads((tmp_path / "gltf/publish.json").read_text())["subset"] == "camera=L"
+    with pytest.raises(ConfigError, match="overwrites nothing"):  # what is not ours stays all the same
+        publish(run, tmp_path, ["coco"], replace=True)
+
+
+def test_too_little_space_is_told_before_anything_is_written(run, tmp_path, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(bundles.shutil, "disk_usage", lambda _: usage._replace(free=10**6))
+    with pytest.raises(PolarsimError, match=r"needs about .* GB, 0.00 GB are free"):
+        publish(run, tmp_path / "out", ["coco"])
+    assert not (tmp_path / "out").exists()
+
+
+def test_space_that_the_bundle_holds_already_counts(tmp_path, monkeypatch):
+    (tmp_path / "half").write_bytes(b"0" * 5000)
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(bundles.shutil, "disk_usage", lambda _: usage._replace(free=bundles.SPARE))
+    check_space(tmp_path, 5000)
+    with pytest.raises(PolarsimError):
+        check_space(tmp_path, 5001)
+
+
+def test_a_full_disk_is_one_line_and_leaves_no_file_with_a_final_name(tmp_path):
+    bundle = Bundle(tmp_path / "out")
+
+    def fill(path):
+        path.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(PolarsimError, match=r"whole.bin: cannot be written, No space left"):
+        bundle.make("whole.bin", fill)
+    assert not list((tmp_path / "out").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("forms", "reason"),
+    [(["csv"], "format 'csv', expected croissant"), (["euroc"], "format euroc: the run has no drive")],
+)
+def test_forms_that_cannot_be_are_refused_in_one_line(run, tmp_path, forms, reason):
+    with pytest.raises(ConfigError, match=reason):
+        publish(run, tmp_path / "out", forms)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_package_names_its_extra(run, tmp_path, monkeypatch):
+    find = running.find_spec
+    monkeypatch.setattr(running, "find_spec", lambda name: None if name == "mlcroissant" else find(name))
+    with pytest.raises(ConfigError, match=r"format croissant needs mlcroissant: pip install 'polarsim\[publish\]'"):
+        publish(run, tmp_path, ["croissant"])
+
+
+def test_all_forms_are_those_that_the_run_can_have(run, tmp_path):
+    parts = publish(run, tmp_path, ["all"], subset="camera=L,azimuth=30,domain=hapke")
+    assert set(parts) == set(FORMS) - DRIVEN
+    assert {path.name for path in tmp_path.iterdir()} == set(parts)
+
+
+@pytest.mark.parametrize(
+    ("text", "left"),
+    [
+        ("terrain=01,exposure=256", 8),
+        ("exposure=0256+512", 8),
+        ("camera=L", 4),
+        ("camera=L,domain=hapke", 2),
+        ("part=test,azimuth=30", 4),
+        ("", 8),
+    ],
+)
+def test_a_subset_is_chosen_by_fields_of_the_keys(catalogue, text, left):
+    found = chosen(catalogue, parse_subset(text))
+    assert len(found.pictures) == left
+    assert set(found.pictures) <= set(catalogue.pictures)
+
+
+def test_maps_are_those_of_the_pictures_that_were_chosen(catalogue):
+    found = chosen(catalogue, parse_subset("camera=L,azimuth=30")).maps()
+    assert [f"{name}/{path.stem}" for name, path in found] == [
+        "depth/01_A_L",
+        "incidence/01_A_off_30_L",
+        "normal/01_A_L",
+    ]
+
+
+@pytest.mark.parametrize("text", ["colour=red", "camera", "camera=", "exposure=long", "camera=L,camera=R"])
+def test_a_subset_that_is_none_is_refused(text):
+    with pytest.raises(ConfigError, match="subset"):
+        parse_subset(text)
+
+
+def test_an_empty_subset_names_what_there_is(catalogue):
+    with pytest.raises(ConfigError, match="no picture with azimuth=270, there are 180, 30"):
+        chosen(catalogue, parse_subset("azimuth=270"))
+
+
+@pytest.mark.parametrize(("text", "size"), [("2GB", 2 * 10**9), ("500 MB", 5 * 10**8), ("1.5k", 1500), ("7", 7)])
+def test_sizes_are_read(text, size):
+    assert parse_size(text) == size
+
+
+@pytest.mark.parametrize("text", ["", "much", "0", "-1GB", "1..5k"])
+def test_what_is_no_size_is_refused(text):
+    with pytest.raises(ConfigError, match="size"):
+        parse_size(text)
+
+
+@given(st.integers(40, 100), st.integers(40, 100))
+def test_a_larger_size_holds_all_of_a_smaller_one_and_scenes_stay_whole(catalogue, one, other):
+    small, large = (fitting(catalogue, lambda _: 10, 0, size).pictures for size in sorted((one, other)))
+    assert set(small) <= set(large)
+    for kept, size in zip((small, large), sorted((one, other)), strict=True):
+        assert 10 * len(kept) <= size
+        moments = {str(picture.key).replace("_R_", "_L_") for picture in kept}
+        assert len(kept) == 4 * len(moments)  # left and right, photo and twin
+
+
+def test_a_size_that_holds_nothing_is_refused(catalogue):
+    with pytest.raises(ConfigError, match="one scene takes 40"):
+        fitting(catalogue, lambda _: 10, 0, 39)
+
+
+def test_nasas_photos_go_out_only_where_they_are_asked_for(tmp_path):
+    run = make_run(tmp_path, "polar")
+    without = publish(run, tmp_path / "without", ["coco"])["coco"]
+    assert without.domains == ("hapke",)
+    assert "CC0 1.0" in (tmp_path / "without/coco/README.md").read_text()
+    assert "NASA's photos are not in this bundle" in (tmp_path / "without/coco/README.md").read_text()
+    with_photos = publish(run, tmp_path / "with", ["coco"], photos=True)["coco"]
+    assert with_photos.domains == ("hapke", "real")
+    assert "NASA's terms" in (tmp_path / "with/coco/README.md").read_text()
+    assert "license: other" in running.FORMS["hf"].front(with_photos)
+    shutil.rmtree(run / "renders/hapke")
+    with pytest.raises(ConfigError, match="nothing but NASA's photos"):
+        publish(run, tmp_path / "none", ["coco"])
+
+
+def test_a_run_of_the_release_has_twins_and_no_photos(tmp_path):
+    run = make_run(tmp_path, "release")
+    (run / "acquire/Terrain01/photos.parquet").unlink()
+    part = publish(run, tmp_path / "out", ["coco"])["coco"]
+    assert part.domains == ("hapke",)
+    assert (
+        "published POLAR-Sim labels and meshes, without NASA's photos" in (tmp_path / "out/coco/README.md").read_text()
+    )
+
+
+def test_what_was_measured_on_a_real_sandbox_was_made_up_on_an_analog(tmp_path):
+    real, analog = (read_catalogue(make_run(tmp_path / kind, kind)) for kind in ("polar", "analog"))
+    assert (real.terrains[1].sun_origin("30"), analog.terrains[1].sun_origin("30")) == ("measured", "synthetic")
+    assert (real.terrains[1].sun_origin("180"), analog.terrains[1].sun_origin("180")) == ("fitted", "fitted")
+    photos = [next(one for one in catalogue.pictures if catalogue.is_photo(one)) for catalogue in (real, analog)]
+    assert real.picture_origin(photos[0]) == "measured"
+    assert analog.picture_origin(photos[1]) == "synthetic"
+
+
+def test_a_broken_run_is_one_line_with_the_file(tmp_path):
+    with pytest.raises(ConfigError, match="no run"):
+        read_catalogue(tmp_path)
+    run = make_run(tmp_path)
+    (tmp_path / "photos/01_A_off_30_L_0256.png").rename(tmp_path / "moved.png")
+    with pytest.raises(FormatError, match=r"photos.parquet: lists .*01_A_off_30_L_0256.png, which is not there"):
+        read_catalogue(run)
+    (run / "cameras/Terrain01/PosA.json").write_text("{")
+    with pytest.raises(FormatError, match=r"PosA.json: no readable JSON"):
+        read_catalogue(run)
+
+
+def test_the_command_publishes_and_says_where(run, tmp_path, polarsim):
+    done = polarsim(
+        "publish", run.name, tmp_path / "out", "--format", "yolo,gltf", "--subset", "camera=L", "--results", run.parent
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [f"4 pictures in {tmp_path}/out/yolo", f"4 pictures in {tmp_path}/out/gltf"]
+    recipe = json.loads((tmp_path / "out/yolo/publish.json").read_text())
+    assert (recipe["form"], recipe["subset"], recipe["run"]) == ("yolo", "camera=L", "tiny")
+    wrong = polarsim("publish", "none", tmp_path / "other", "--format", "yolo", "--results", run.parent)
+    assert wrong.returncode == 1
+    assert len(wrong.stderr.strip().splitlines()) == 1
+
+
+def test_the_configuration_knows_all_forms():
+    assert set(FORM_NAMES) == set(FORMS)
+
+
+@pytest.mark.parametrize("options", [{"forms": ["csv"]}, {"subset": "colour=red"}, {"max_size": "much"}])
+def test_a_configuration_of_what_cannot_be_published_is_refused(options):
+    with pytest.raises(ValidationError):
+        PublishOptions(**options)
+
+
+def test_a_job_publishes_beside_its_receipt(tmp_path):
+    run = make_run(tmp_path)
+    receipt = run / "publish/yolo.json"
+    publish_run(form="yolo", receipt=receipt, options=PublishOptions(subset="camera=L"))
+    assert json.loads(receipt.read_text())["pictures"] == {"analog": 2, "hapke": 2}
+    assert (run / "publish/yolo/analog.yaml").is_file()
+    publish_run(form="yolo", receipt=receipt, options=PublishOptions())  # another choice replaces the first
+    assert json.loads(receipt.read_text())["pictures"] == {"analog": 4, "hapke": 4}

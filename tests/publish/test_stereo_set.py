@@ -1,0 +1,99 @@
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats import kitti, png
+from polarsim.photo import PhotoKey
+from polarsim.publish.stereo_set import kitti_object, rectified_edges
+from tests.publish.tiny import SIZE
+
+
+def pairs(folder, domain):
+    table = pd.read_csv(folder / domain / "keys.csv", dtype={"name": str})
+    return [(row["name"], PhotoKey.parse(row["left"])) for row in table.to_dict("records")]
+
+
+def test_the_devkits_folders_hold_a_file_of_each_kind_for_every_pair(published, catalogue):
+    folder = published("kitti")
+    for domain in catalogue.domains:
+        names = {name for name, _ in pairs(folder, domain)}
+        assert len(names) == 2
+        for place, suffix in (("image_2", "png"), ("image_3", "png"), ("label_2", "txt"), ("calib", "txt")):
+            assert {path.name for path in (folder / domain / "training" / place).iterdir()} == {
+                f"{name}.{suffix}" for name in names
+            }
+        listed = [line for path in (folder / domain / "ImageSets").iterdir() for line in path.read_text().split()]
+        assert sorted(listed) == sorted(names)
+        assert png.read(folder / domain / "training/image_2/000000.png").shape == SIZE[::-1]
+
+
+def test_points_of_the_sandbox_are_projected_as_opencv_rectifies_them(published, catalogue):
+    localised = catalogue.terrains[1].rigs["A"]
+    points = np.array([[0.2, 0.1, 0.1], [-0.3, -0.2, 0.2], [0.5, 0.4, 0.0]])
+    found = kitti.read_calibration(published("kitti") / "analog/training/calib/000000.txt")
+    places = {}
+    for camera, name in (("L", "P2"), ("R", "P3")):
+        rectified = found["R0_rect"] @ (found["Tr_velo_to_cam"] @ np.c_[points, np.ones(3)].T)
+        image = found[name] @ np.vstack([rectified, np.ones(3)])
+        places[camera] = (image[:2] / image[2]).T
+    right_from_left = localised.rig.left_from_right.inverse()
+    matrices = [localised.rig.left.opencv_matrix(), localised.rig.right.opencv_matrix()]
+    terms = [np.array(localised.rig.left.distortion), np.array(localised.rig.right.distortion)]
+    turns = cv2.stereoRectify(
+        matrices[0], terms[0], matrices[1], terms[1], SIZE, right_from_left.rotation,
+        right_from_left.translation[:, None], flags=cv2.CALIB_ZERO_DISPARITY, alpha=0,
+    )  # fmt: skip
+    for side, camera in enumerate("LR"):
+        pixels = localised.project(camera, points) - 0.5
+        wanted = cv2.undistortPoints(
+            pixels, matrices[side], terms[side], R=turns[side], P=turns[2 + side], criteria=None
+        )
+        np.testing.assert_allclose(places[camera], wanted.reshape(-1, 2), atol=0.01, rtol=0)
+    np.testing.assert_allclose(places["L"][:, 1], places["R"][:, 1], atol=1e-6)  # same rows
+
+
+def test_boxes_read_back_hold_the_turned_box_to_a_hundredth_of_a_pixel(published, catalogue):
+    from polarsim.detect.stereo.rectify import rectify
+
+    folder, localised = published("kitti"), catalogue.terrains[1].rigs["A"]
+    turned = rectify(localised.rig, 1.0)
+    left = {one.key: one for one in catalogue.of_domain("hapke")}
+    for name, key in pairs(folder, "hapke"):
+        found = kitti.read_objects(folder / f"hapke/training/label_2/{name}.txt")
+        labels = catalogue.labels(left[key])
+        assert [one.kind for one in found] == [label.kind.capitalize() for label in labels]
+        assert [one.occluded for one in found] == [0, 1, 3, 3, 0]
+        for one, label in zip(found, labels, strict=True):
+            corners = rectified_edges(label.box, localised.rig.left, turned)
+            middle = cv2.undistortPoints(  # OpenCV takes the box's middle to a place inside the box that was read
+                (label.box.reshape(2, 2).mean(axis=0) - 0.5)[None],
+                localised.rig.left.opencv_matrix(),
+                np.array(localised.rig.left.distortion),
+                R=turned.left_from_rectified.rotation.T,
+                P=turned.lens.opencv_matrix(),
+            ).ravel()
+            np.testing.assert_allclose(one.box.reshape(2, 2).mean(axis=0) - 0.5, middle, atol=0.3)
+            np.testing.assert_allclose(one.box, [*corners.min(axis=0), *corners.max(axis=0)], atol=0.01, rtol=0)
+            again = kitti_object(label, localised.rig, turned, left[key])
+            assert again.truncated == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("Rock 0 0 -10 1 2 3 4\n", "8 fields"),
+        ("Rock 0 0 -10 1 2 nan 4 -1 -1 -1 -1000 -1000 -1000 -10\n", "not finite"),
+        ("Rock 0 0 -10 5 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10\n", "without area"),
+        ("Rock 0 7 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10\n", "occluded"),
+    ],
+)
+def test_a_broken_label_is_refused_with_its_line(tmp_path, text, reason):
+    path = tmp_path / "000000.txt"
+    path.write_text(text)
+    with pytest.raises(FormatError, match=rf"000000.txt:1: .*{reason}"):
+        kitti.read_objects(path)
+    path.write_text("P0: 1 2 3\n")
+    with pytest.raises(FormatError, match="P0 with 3 numbers"):
+        kitti.read_calibration(path)

@@ -1,0 +1,30 @@
+"""Forms in which the run leaves, each with its data card; not part of `all`, for pictures are copied."""
+
+
+rule publish:
+    """Every form that the configuration names."""
+    input:
+        of_run("results/{run}/publish/{form}.json", form=CONFIG.publish.forms),
+
+
+rule publish_run:
+    """One form of the run."""
+    input:
+        labels=rules.labels.input,
+        twins=rules.render.input,
+        tables=rules.tables.input,
+        drives=rules.rover.input,
+    output:
+        receipt="results/{run}/publish/{form}.json",
+    log:
+        "results/{run}/logs/publish/publish_run_{form}.log",
+    benchmark:
+        "results/{run}/benchmarks/publish/publish_run_{form}.tsv"
+    resources:
+        mem_mb=4000,
+        runtime=120,
+    params:
+        options=options("publish"),
+        code=code_of("publish_run"),
+    script:
+        "../scripts/publish_run.py"
