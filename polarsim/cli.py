@@ -243,6 +243,89 @@ def export(
 
 
 @app.command()
+def explore(
+    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
+    out: Annotated[
+        Path | None, typer.Option(help="Write the page to this new folder, for any static host, instead of serving it.")
+    ] = None,
+    width: Annotated[int, typer.Option(min=240, max=1936, help="Width of the pictures, px.")] = 968,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Look at a run in the browser: photos, twins, labels, rocks in 3-D, detectors, drives; correct boxes.
+
+    The page is served on this machine alone until Ctrl-C.
+    """
+    from polarsim.explore.run import Run
+    from polarsim.explore.site import site, write_site
+
+    chosen = Run.at(results / run)
+    if out:
+        count = write_site(chosen, out, width)
+        typer.echo(f"{count} files in {out}; any static host shows them: python -m http.server -d {out} -b 127.0.0.1")
+        return
+    import webbrowser
+
+    from polarsim.explore.server import server
+
+    with server(site(chosen, width), port) as served:
+        address = f"http://{served.server_address[0]!s}:{served.server_address[1]}/"
+        typer.echo(f"{address}   Ctrl-C ends it")
+        if browser:
+            webbrowser.open(address)
+        try:
+            served.serve_forever()
+        except KeyboardInterrupt:
+            typer.echo("ended")
+
+
+@app.command()
+def undo(
+    drawing: Annotated[str, typer.Argument(metavar="KEY", help="Photo of a seed or of a correction.")],
+    configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),
+    run: Annotated[str | None, typer.Option(help="Name of the run; default is the configuration's.")] = None,
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Show what followed from one drawing, a seed or a correction, and how it is taken back.
+
+    Labels of its terrain are propagated with and without it; results/<run>/labels/undone/KEY.parquet has what differs,
+    which `polarsim explore` shows.
+    """
+    from polarsim.config import read_config
+    from polarsim.errors import LabelError
+    from polarsim.grid import selected_grid
+    from polarsim.labels.seeds import read_corrections
+    from polarsim.labels.undo import what_followed
+    from polarsim.photo import PhotoKey, positions
+
+    key, config = PhotoKey.parse(drawing), read_config(configfile)
+    folder, terrain = results / (run or config.run), f"Terrain{key.terrain:02d}"
+    seeds = folder / "acquire" / terrain / "seeds"
+    if not (seeds / f"{key}.txt").exists() and key not in read_corrections(config.labels.corrections, key.terrain):
+        raise LabelError(f"no seed and no correction of {key}", path=seeds)
+    here = [position for position in config.positions if position in positions(key.terrain)]
+    found = what_followed(
+        drawing=key,
+        keys=selected_grid(key.terrain, here, config.grid),
+        photos=folder / "acquire" / terrain / "photos.parquet",
+        inventory=folder / "acquire" / terrain / "inventory.json",
+        seeds=seeds,
+        cameras=folder / "cameras" / terrain,
+        meshes=folder / "meshes" / terrain,
+        options=config.labels,
+        out=folder / "labels" / "undone" / f"{key}.parquet",
+    )
+    changes = found.groupby(["kind", "change"]).agg(labels=("key", "size"), photos=("key", "nunique"))
+    for (kind, change), row in changes.iterrows():
+        typer.echo(f"{kind:7} {change:6} {row['labels']:6} labels on {row['photos']} photos")
+    typer.echo(
+        f"{found['key'].nunique()} photos follow from {key}. Taken back it is by these lines in the configuration, and "
+        f"snakemake:\nlabels:\n  taken_back: [{', '.join([*config.labels.taken_back, str(key)])}]"
+    )
+
+
+@app.command()
 def render(
     context: typer.Context,
     meshes: Annotated[

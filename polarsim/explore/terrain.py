@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,12 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.photo import CAMERAS, NO_ROCK
 
 GROUND_CELL, ROCK_CELL = 0.018, 0.008  # metres to which the ground's and rocks' vertices are thinned
-REACH = 0.03  # metres within which a measured error belongs to a vertex
+REACH = 0.06  # metres within which a measured error belongs to a vertex
 
 Trees = dict[int, tuple[cKDTree, np.ndarray]]  # by rock: where errors were measured, and these, mm
 
 
+@lru_cache(maxsize=2)  # vertices and faces are asked for one after the other
 def thinned_terrain(run: Run, terrain: int) -> tuple[pd.DataFrame, pd.DataFrame] | None:
     """Vertices and faces of a terrain's ground and rocks, thinned for looking at; None where it has no meshes.
 
@@ -107,7 +109,7 @@ def surroundings(run: Run, terrain: int) -> dict[str, Any]:
             "camera": side,
             "method": rig.method,
             "sandbox_from_camera": as_rows(rig.sandbox_from(side).matrix),
-            "lens": as_rows(rig.rig.lens(side).opencv_matrix[[0, 1, 0, 1], [0, 1, 2, 2]]),
+            "lens": as_rows(rig.rig.lens(side).opencv_matrix()[[0, 1, 0, 1], [0, 1, 2, 2]]),
         }
         for position, rig in placed.items()
         for side in CAMERAS
