@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import logging
+import sys
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
@@ -77,9 +78,18 @@ def server(files: Files, port: int = 0) -> ThreadingHTTPServer:
         content = kept
 
     try:
-        return ThreadingHTTPServer((HOST, port), Handler)
+        return _Server((HOST, port), Handler)
     except OSError as error:
         raise ConfigError(f"port {port} of {HOST} cannot be used, {error.strerror}: name another by --port") from error
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A browser that left while it was answered is no error."""
+        if not isinstance(sys.exc_info()[1], ConnectionError):
+            super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -87,6 +97,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     content: Kept
     protocol_version = "HTTP/1.1"
+    wbufsize = 1 << 16  # head and content leave together: apart, the second waits 40 ms for the first one's receipt
     server_version, sys_version = "polarsim", ""
 
     def do_GET(self) -> None:  # noqa: N802  # as http.server calls it

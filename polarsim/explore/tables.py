@@ -8,7 +8,7 @@ import pandas as pd
 from polarsim.explore.run import PHOTO, Run
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.boxes import iou
-from polarsim.photo import BOX_CLASSES, ROCK, PhotoKey
+from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, PhotoKey
 
 EDGES = ["x0", "y0", "x1", "y1"]
 LEAST_CONFIDENCE = 0.05  # of predictions that are shown
@@ -93,14 +93,15 @@ def shown_predictions(run: Run, name: str) -> pd.DataFrame:
     labels = pd.concat([run.labels(terrain, of_twins=domain != PHOTO) for terrain in run.terrains])
     by_photo = labels.groupby(["key", "kind"]).indices
     boxes, rocks = labels[EDGES].to_numpy(float), labels["rock"].to_numpy()
-    overlap, rock, right = np.zeros(len(found)), np.full(len(found), -1), np.zeros(len(found), bool)
+    overlap, rock, right = np.zeros(len(found)), np.full(len(found), NO_ROCK), np.zeros(len(found), bool)
     places = found[EDGES].to_numpy(float)
     for pair, rows in found.groupby(["key", "kind"]).indices.items():
         own = by_photo.get(pair)
         if own is None:
             continue
         shared = iou(places[rows], boxes[own])
-        overlap[rows], rock[rows] = shared.max(axis=1), rocks[own][shared.argmax(axis=1)]
+        overlap[rows] = shared.max(axis=1)
+        rock[rows] = np.where(overlap[rows] > 0, rocks[own][shared.argmax(axis=1)], NO_ROCK)
         right[rows] = surest(shared)
     return found.assign(iou=overlap, rock=rock, right=right, false_positive=overlap < STRANGE_SHARE)
 

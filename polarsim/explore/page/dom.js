@@ -28,7 +28,7 @@ export const labelled = (text, control) => h('label', {}, text, control);
 
 /** A labelled list to choose from; options are texts or [value, text]. */
 export function chooser(text, options, value, change) {
-  const list = h('select', { onchange: () => change(list.value) }, options.map((option) => {
+  const list = h('select', { 'aria-label': text, onchange: () => change(list.value) }, options.map((option) => {
     const [name, shown] = Array.isArray(option) ? option : [option, option];
     return h('option', { value: name, text: shown, selected: String(name) === String(value) });
   }));
