@@ -326,6 +326,47 @@ def undo(
 
 
 @app.command()
+def rerun(
+    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
+    station: Annotated[str, typer.Argument(help="Terrain and position, such as 03_A.")],
+    out: Annotated[Path | None, typer.Option(help="Recording to write; default <run>_<station>.rrd here.")] = None,
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Write a station as a Rerun recording: terrain, cameras, lamps, photos and twins with labels. Needs
+    polarsim[rerun].
+    """
+    from polarsim.errors import ConfigError
+    from polarsim.explore.recording import write_recording
+    from polarsim.explore.run import Run
+
+    terrain, _, position = station.partition("_")
+    if not terrain.isdigit() or not position:
+        raise ConfigError(f"station {station!r}, expected terrain and position such as 03_A")
+    target = out or Path(f"{run}_{station}.rrd")
+    count = write_recording(Run.at(results / run), int(terrain), position, target)
+    typer.echo(f"{count} pictures in {target}; open it with: rerun {target}")
+
+
+@app.command()
+def fiftyone(
+    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
+    folder: Annotated[Path, typer.Argument(help="New folder to write.")],
+    keys: Annotated[str, typer.Option(help="Only photos with keys like this, such as '01_A_off_*_L_0256'.")] = "*",
+    domain: Annotated[
+        list[str] | None, typer.Option(help="Only photo, or a model's twins; may be repeated. Default: all.")
+    ] = None,
+    width: Annotated[int, typer.Option(min=240, max=1936, help="Width of the pictures, px.")] = 1936,
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Write a run as a FiftyOne data set: photos and twins with labels and predictions."""
+    from polarsim.explore.fiftyone import FORM, write_fiftyone
+    from polarsim.explore.run import Run
+
+    count = write_fiftyone(Run.at(results / run), folder, pattern=keys, domains=domain or (), width=width)
+    typer.echo(f"{count} samples in {folder}; fiftyone.Dataset.from_dir({str(folder)!r}, dataset_type={FORM})")
+
+
+@app.command()
 def render(
     context: typer.Context,
     meshes: Annotated[
