@@ -317,8 +317,8 @@ def undo(
         out=folder / "labels" / "undone" / f"{key}.parquet",
     )
     changes = found.groupby(["kind", "change"]).agg(labels=("key", "size"), photos=("key", "nunique"))
-    for (kind, change), row in changes.iterrows():
-        typer.echo(f"{kind:7} {change:6} {row['labels']:6} labels on {row['photos']} photos")
+    for row in changes.reset_index().to_dict("records"):
+        typer.echo(f"{row['kind']:7} {row['change']:6} {row['labels']:6} labels on {row['photos']} photos")
     typer.echo(
         f"{found['key'].nunique()} photos follow from {key}. Taken back it is by these lines in the configuration, and "
         f"snakemake:\nlabels:\n  taken_back: [{', '.join([*config.labels.taken_back, str(key)])}]"

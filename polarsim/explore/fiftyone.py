@@ -22,7 +22,9 @@ FORM = "fiftyone.types.LegacyFiftyOneDataset"  # the form that FiftyOne reads of
 PARTS = ("terrain", "position", "light", "azimuth", "camera", "exposure_ms")
 
 
-def write_fiftyone(run: Run, folder: Path, *, pattern: str = "*", domains: Sequence[str] = (), width: int = WIDTH) -> int:
+def write_fiftyone(
+    run: Run, folder: Path, *, pattern: str = "*", domains: Sequence[str] = (), width: int = WIDTH
+) -> int:
     """Write photos and twins with labels and predictions to a new folder; how many samples it has.
 
     A sample has the key, its parts, domain, score and defect, labels in `ground_truth` and a field a detector that
@@ -36,10 +38,10 @@ def write_fiftyone(run: Run, folder: Path, *, pattern: str = "*", domains: Seque
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError("not empty, and nothing is overwritten: name a new folder", path=folder)
     table = picture_table(run)
-    wanted = [fnmatchcase(key, pattern) and (not domains or domain in domains) for key, domain in zip(table["key"], table["domain"], strict=True)]
-    rows = table[wanted].to_dict("records")
+    fits = table["key"].map(lambda key: fnmatchcase(key, pattern))
+    rows = table[fits & (table["domain"].isin(domains) if domains else True)].to_dict("records")
     if not rows:
-        raise ConfigError(f"no picture of a key like {pattern} in {', '.join(domains) or 'any domain'}", path=run.folder)
+        raise ConfigError(f"no picture of a key like {pattern} in {', '.join(domains) or 'any domain'}", run.folder)
     labels = {of_twins: _by_key(_labels(run, of_twins=of_twins)) for of_twins in (False, True)}
     seen = {name: _by_key(shown_predictions(run, name)) for name in run.predictions}
     pictures = {(domain, str(key)): path for (domain, key), path in run.pictures.items()}
@@ -89,7 +91,7 @@ def _detections(rows: pd.DataFrame | None) -> dict[str, Any]:
 def _detection(row: dict[Any, Any]) -> dict[str, Any]:
     x0, y0, x1, y1 = (float(row[edge]) for edge in EDGES)
     box = [x0 / WIDTH, y0 / HEIGHT, (x1 - x0) / WIDTH, (y1 - y0) / HEIGHT]
-    more = {name: bool(row[name]) for name in ("right", "false_positive") if name in row}
+    more: dict[str, Any] = {name: bool(row[name]) for name in ("right", "false_positive") if name in row}
     more |= {"source": str(row["source"])} if "source" in row else {}
     return {
         "_cls": "Detection",

@@ -93,7 +93,9 @@ def _blueprint(run: Run) -> Any:
         for domain in (PHOTO, *run.models)
     ]
     around = parts.Spatial3DView(origin="world", name=f"terrain; {USUAL_EXPOSURE_MS} ms")
-    return parts.Blueprint(parts.Horizontal(around, parts.Grid(*views, grid_columns=len(views) // 2)), collapse_panels=True)
+    return parts.Blueprint(
+        parts.Horizontal(around, parts.Grid(*views, grid_columns=len(views) // 2)), collapse_panels=True
+    )
 
 
 def _log_terrain(rerun: ModuleType, recording: Any, run: Run, terrain: int) -> None:

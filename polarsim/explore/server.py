@@ -100,10 +100,10 @@ class _Handler(BaseHTTPRequestHandler):
     wbufsize = 1 << 16  # head and content leave together: apart, the second waits 40 ms for the first one's receipt
     server_version, sys_version = "polarsim", ""
 
-    def do_GET(self) -> None:  # noqa: N802  # as http.server calls it
+    def do_GET(self) -> None:  # as http.server calls it
         self._answer(with_content=True)
 
-    def do_HEAD(self) -> None:  # noqa: N802
+    def do_HEAD(self) -> None:
         self._answer(with_content=False)
 
     def _answer(self, *, with_content: bool) -> None:
@@ -130,7 +130,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _refuse(self, status: HTTPStatus) -> None:
         self._send(status, f"{status.value} {status.phrase}\n".encode(), "txt", self.command != "HEAD", packed=False)
 
-    def _send(self, status: HTTPStatus, content: bytes, kind: str, with_content: bool, packed: bool) -> None:  # noqa: FBT001
+    def _send(self, status: HTTPStatus, content: bytes, kind: str, with_content: bool, packed: bool) -> None:
         self.send_response(status)
         self.send_header("Content-Type", TYPES.get(kind, TYPES["txt"]))
         self.send_header("Content-Length", str(len(content)))

@@ -37,8 +37,8 @@ def site(run: Run, width: int = WIDTH_PX) -> Files:
 def page_files() -> Files:
     """The page itself: HTML, style, modules, and the library they use with its licence."""
     place = resources.files("polarsim.explore") / "page"
-    parts = (place, place / "vendor")
-    named = {f"{prefix}{part.name}": part for prefix, at in zip(("", "vendor/"), parts, strict=True) for part in at.iterdir()}
+    vendor = {f"vendor/{part.name}": part for part in (place / "vendor").iterdir()}
+    named = {part.name: part for part in place.iterdir()} | vendor
     return {name: part.read_bytes for name, part in sorted(named.items()) if part.is_file()}
 
 
@@ -72,7 +72,7 @@ def overview(run: Run) -> dict[str, Any]:
         "meshes": [terrain for terrain in run.terrains if any(run.folder.glob(f"meshes/Terrain{terrain:02d}/*.obj"))],
         "predictions": list(run.predictions),
         "drives": [folder.name for folder in run.drives],
-        "seeds": sorted(path.stem for path in run.folder.glob("acquire/Terrain*/seeds/*.txt") if path.stem != "classes"),
+        "seeds": sorted(path.stem for path in run.folder.glob("acquire/Terrain*/seeds/??_*.txt")),
         "undone": sorted(path.stem for path in run.folder.glob("labels/undone/*.parquet")),
     }
 

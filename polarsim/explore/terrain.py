@@ -88,7 +88,7 @@ def _errors(run: Run, terrain: int) -> Trees:
         return {}
     places, offsets = table[["x", "y", "z"]].to_numpy(float), table["offset_mm"].to_numpy(float)
     groups = table.groupby("rock").indices.items()
-    return {int(rock): (cKDTree(places[rows]), offsets[rows]) for rock, rows in groups}
+    return {int(str(rock)): (cKDTree(places[rows]), offsets[rows]) for rock, rows in groups}
 
 
 def _nearest(tree: tuple[cKDTree, np.ndarray] | None, vertices: np.ndarray) -> np.ndarray:

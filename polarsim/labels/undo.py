@@ -70,8 +70,8 @@ def what_followed(
 def followed(with_it: Labels, without: Labels) -> pd.DataFrame:
     """A row a label that a drawing changed, with `COLUMNS`; `change` is what would happen without the drawing.
 
-    `gone`: the label would not be there; `moved`: an edge would lie `moved_px` further; `new`: a label that is not there
-    now would be.
+    `gone`: the label would not be there; `moved`: an edge would lie `moved_px` further; `new`: a label would be
+    there that is not there now.
     """
     rows: list[tuple[object, ...]] = []
     for key in sorted({*with_it, *without}):

@@ -38,7 +38,7 @@ def boxes_of(key: PhotoKey) -> dict[tuple[str, int], np.ndarray]:
         box = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
         found["rock", rock] = box
         if key.azimuth != "no":
-            found["shadow", rock] = box + [40, 20, 40, 20]
+            found["shadow", rock] = box + np.array([40, 20, 40, 20])
     return found
 
 
@@ -69,7 +69,9 @@ def make_run(results: Path, name: str = "made") -> Path:
     for key in KEYS:
         path = results / "photos" / f"{key}.png"
         png.write(path, picture(key, 2.0))
-        photos.append({**key_columns(key), "width": WIDTH, "height": HEIGHT, "bits": 16, "sha256": "", "path": str(path)})
+        photos.append(
+            {**key_columns(key), "width": WIDTH, "height": HEIGHT, "bits": 16, "sha256": "", "path": str(path)}
+        )
         for model, gain in zip(MODELS, (1.8, 2.4), strict=True):
             png.write(run / f"renders/{model}/{FOLDER}/{key}.png", picture(key, gain))
         classes = np.array([BOX_CLASSES.index(kind) for kind, _ in boxes_of(key)])
@@ -136,7 +138,13 @@ def _write_scores(run: Path) -> None:
 
 def _write_drive(folder: Path) -> None:
     x, y = np.meshgrid(np.linspace(0, 6, 61), np.linspace(-2, 2, 41))
-    write_arrays(folder / "world/ground.npz", x0_m=np.float64(0), y0_m=np.float64(-2), cell_m=np.float64(0.1), level_m=0.1 * np.sin(x + y))
+    write_arrays(
+        folder / "world/ground.npz",
+        x0_m=np.float64(0),
+        y0_m=np.float64(-2),
+        cell_m=np.float64(0.1),
+        level_m=0.1 * np.sin(x + y),
+    )
     time = np.arange(0, 20, 0.1)
     trace = pd.DataFrame({"time_s": time, "x_m": 0.5 + 0.2 * time, "y_m": 0.5 * np.sin(time / 4)})
     write_parquet(folder / "trace.parquet", trace)

@@ -42,7 +42,9 @@ def test_boxes_are_shares_of_the_picture_with_rock_and_confidence(samples):
     assert row["ground_truth"]["_cls"] == "Detections"
     big = next(one for one in found if (one["label"], one["rock"]) == ("rock", 1))
     x, y, w, h = big["bounding_box"]
-    np.testing.assert_allclose(np.array([x, y, x + w, y + h]) * [WIDTH, HEIGHT, WIDTH, HEIGHT], boxes_of(SEED)["rock", 1], atol=0.01)
+    np.testing.assert_allclose(
+        np.array([x, y, x + w, y + h]) * [WIDTH, HEIGHT, WIDTH, HEIGHT], boxes_of(SEED)["rock", 1], atol=0.01
+    )
     assert (big["_cls"], big["confidence"], big["source"]) == ("Detection", 0.99, "seed")
 
 

@@ -19,7 +19,13 @@ from polarsim.photo import PhotoKey
 from .made_run import KEYS, MODELS, SEED, boxes_of
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-FLAGS = ["--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+FLAGS = [
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
 VIEWS = ("photos", "compare", "terrain", "detectors", "rover", "correct")
 MARKS = {"boxes": ".box", "masks": ".mask", "ids": "text", "lines": ".link"}
 playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install polarsim[browser]")
@@ -52,8 +58,12 @@ def page(browser, address):
     opened, wrong = context.new_page(), []
     opened.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
     opened.on("pageerror", lambda error: wrong.append(str(error)))
-    opened.on("request", lambda asked: None if asked.url.startswith((address, "blob:", "data:")) else wrong.append(asked.url))
-    opened.on("response", lambda answer: wrong.append(f"{answer.status} {answer.url}") if answer.status >= 400 else None)
+    opened.on(
+        "request", lambda asked: None if asked.url.startswith((address, "blob:", "data:")) else wrong.append(asked.url)
+    )
+    opened.on(
+        "response", lambda answer: wrong.append(f"{answer.status} {answer.url}") if answer.status >= 400 else None
+    )
     yield opened
     context.close()
     assert wrong == []
@@ -93,7 +103,9 @@ def pixels(page, canvas: int) -> np.ndarray:
 
 def address_of(page) -> dict[str, str]:
     page.wait_for_timeout(200)
-    return dict(part.split("=", 1) for part in page.evaluate("decodeURIComponent(location.hash).slice(1)").split("&") if part)
+    return dict(
+        part.split("=", 1) for part in page.evaluate("decodeURIComponent(location.hash).slice(1)").split("&") if part
+    )
 
 
 def test_filters_leave_the_pictures_that_fit(page, address):
@@ -219,7 +231,8 @@ def test_a_rock_is_found_in_photos_tables_and_3d(page, address):
 
 def test_the_terrain_is_drawn_in_every_colour(page, address):
     shown(page, address, "view=terrain")
-    script = """() => { const scene = document.querySelector('#scene'), gl = scene.getContext('webgl2'), found = new Set();
+    script = """() => { const scene = document.querySelector('#scene'), gl = scene.getContext('webgl2');
+        const found = new Set();
         const data = new Uint8Array(4 * scene.width * scene.height);
         gl.readPixels(0, 0, scene.width, scene.height, gl.RGBA, gl.UNSIGNED_BYTE, data);
         for (let k = 0; k < data.length; k += 4) found.add((data[k] << 16) | (data[k + 1] << 8) | data[k + 2]);
@@ -292,7 +305,13 @@ def test_a_box_that_is_put_right_is_downloaded_as_a_correction(page, address, tm
     figures = page.locator("#correct figure")
     figures.first.wait_for()
     captions = " ".join(figures.all_inner_texts())
-    assert [captions.count(word) for word in ("exposure", "other camera", "Sun 180", "Sun 270", "Sun 350")] == [2, 1, 1, 1, 1]
+    assert [captions.count(word) for word in ("exposure", "other camera", "Sun 180", "Sun 270", "Sun 350")] == [
+        2,
+        1,
+        1,
+        1,
+        1,
+    ]
     page.locator("#editor").focus()
     for key in ("ArrowRight", "ArrowRight", "Shift+ArrowDown"):
         page.keyboard.press(key)

@@ -23,7 +23,9 @@ def test_a_station_is_recorded_with_all_its_entities(polarsim, made, tmp_path):
     done = polarsim("rerun", "made", "03_A", "--results", made.parent, "--out", tmp_path / "a.rrd")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(f"{len({key.bracket for key in KEYS}) * 3} pictures")
-    verified = subprocess.run([sys.executable, "-m", "rerun_cli", "rrd", "verify", tmp_path / "a.rrd"], capture_output=True)
+    verified = subprocess.run(
+        [sys.executable, "-m", "rerun_cli", "rrd", "verify", tmp_path / "a.rrd"], capture_output=True
+    )
     assert verified.returncode == 0, verified.stderr
     told = entities(tmp_path / "a.rrd")
     wanted = ["/world/terrain", "/world/rocks", "/world/lamps", "/photo"]
