@@ -112,6 +112,7 @@ def test_filters_leave_the_pictures_that_fit(page, address):
     shown(page, address)
     count = page.locator("#count")
     assert count.inner_text() == f"{3 * len(KEYS)} of {3 * len(KEYS)} pictures"
+    assert page.locator(".tile").count() < 60  # what fits on the screen, and a little more
     wanted = {"camera": "L", "light": "on", "azimuth": "30", "domain": "hapke"}
     for field, value in wanted.items():
         page.locator(f"input[name={field}][value='{value}']").check()
