@@ -54,8 +54,10 @@ def clustered(mesh: Mesh, cell: float) -> tuple[Mesh, np.ndarray]:
 
     For looking at: holes may open. -1 stands for vertices that no face is left of.
     """
-    _, cluster = np.unique(np.floor(mesh.vertices / cell).astype(np.int64), axis=0, return_inverse=True)
-    cluster = cluster.ravel()
+    places = np.floor(mesh.vertices / cell).astype(np.int64)
+    places -= places.min(axis=0)
+    cubes = np.ravel_multi_index(tuple(places.T), tuple(places.max(axis=0) + 1))
+    _, cluster = np.unique(cubes, return_inverse=True)
     means = np.stack([np.bincount(cluster, axis) for axis in mesh.vertices.T], axis=1) / np.bincount(cluster)[:, None]
     faces = cluster[mesh.faces]
     a, b, c = faces.T

@@ -207,6 +207,8 @@ def test_predictions_are_drawn_where_the_detector_was_tested(page, address):
     until(page, "document.querySelectorAll('#compare svg .seen').length === 3")
     assert page.locator("#compare svg .seen.false").count() == 1
     assert page.locator("#told").inner_text() == "3 predictions"
+    page.get_by_label("confidence", exact=True).fill("0.7")
+    until(page, "document.querySelector('#told').textContent === '2 predictions'")
     shown(page, address, f"view=compare&key={KEYS[-1]}&show=b")
     page.get_by_label("detector", exact=True).select_option("photo/seed0/analog_on_analog")
     until(page, "document.querySelector('#told').textContent.includes('not tested')")

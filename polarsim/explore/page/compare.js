@@ -65,6 +65,7 @@ function drawControls() {
     ...MARKS.map(([mark, text]) => toggle(text, shows(mark), () => switchMark(mark), `key ${mark}`)),
     chooser('labels of', [['photo', 'photos (propagated)'], ['twins', 'twins (rendered)']], state.labels, (labels) => set({ labels })),
     chooser('detector', [['', 'none'], ...run.about.predictions], state.detector, (detector) => set({ detector, show: shows('p') ? state.show : `${state.show}p` })),
+    ...(shows('p') && state.detector ? [slider('confidence', { min: 0.05, max: 0.99, step: 0.01, value: state.confidence, shown: (value) => `from ${value.toFixed(2)}` }, (confidence) => set({ confidence }))] : []),
     told,
     h('button', { type: 'button', text: 'correct', onclick: () => set({ view: 'correct' }) }),
     ...(needsLamps() ? lampSliders() : []),

@@ -25,13 +25,14 @@ export async function refresh() {
       h('button', { type: 'button', text: 'in 3-D', onclick: () => set({ view: 'terrain', terrain: String(terrain) }) }),
       h('button', { type: 'button', text: `in ${many} photos`, id: 'rock-photos', onclick: () => set({ view: 'photos', only: asked, 'f.terrain': '' }) }),
       h('button', { type: 'button', text: 'close', onclick: () => set({ rock: '' }) })),
-    factsOf(facts, rock),
     h('h3', { text: `Labels: ${found.length} on ${many} photos, one of each of ${brackets.length} brackets:` }),
     h('div', { class: 'strip' }, brackets.slice(0, MOST).map((one) => h('button', {
       type: 'button', class: 'crop', title: `${one.key}, confidence ${one.confidence.toFixed(2)}, ${one.source}`,
       'aria-label': one.key, onclick: () => set({ view: 'compare', key: one.key }),
     }, run.places.has(`photo/${one.key}`) ? crop(pictureUrl('photo', one.key), one, outline(one, one.kind)) : null,
     h('small', { text: bracketOf(one.key).slice(3) })))),
+    h('h3', { text: 'Tables' }),
+    factsOf(facts, rock),
   );
 }
 
