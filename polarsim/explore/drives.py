@@ -19,7 +19,7 @@ LEAST_STEP = 0.02  # metres between points of the path
 
 
 def drive_content(folder: Path) -> dict[str, Any]:
-    """A drive: `map` (x0_m, y0_m, width_m, height_m of its picture), `path` (x, y in turn), `views` with their frames.
+    """A drive: `map` (place and size of its picture, metres), `path` (x, y in turn), `rocks`, `views` with their frames.
 
     A view has the places (x, y in turn) and times of its frames, and by look (`Sun_model_exposure`) the frames that
     have a picture.
@@ -40,8 +40,22 @@ def drive_content(folder: Path) -> dict[str, Any]:
         },
         "length_m": round(float(gone[-1]), 3),
         "path": as_rows(places[kept]),
+        "rocks": _rocks(folder),
         "views": [_view(path) for path in sorted(folder.glob("*/poses.parquet"))],
     }
+
+
+def _rocks(folder: Path) -> list[dict[str, Any]]:
+    """Rocks of the drive's world: terrain and number there, place and size, metres."""
+    path = folder / "world" / "rocks.parquet"
+    if not path.exists():
+        return []
+    table = read_parquet(path, ["terrain", "rock_in_terrain", "x_m", "y_m", "radius_m"])
+    return [
+        {"rock": f"{row['terrain']}.{row['rock_in_terrain']}"}
+        | {name: round(float(row[name]), 3) for name in ("x_m", "y_m", "radius_m")}
+        for row in table.to_dict("records")
+    ]
 
 
 def _view(poses: Path) -> dict[str, Any]:
@@ -84,7 +98,8 @@ def _map(folder: Path) -> bytes:
     small = cv2.resize(np.asarray(level, np.float32), size, interpolation=cv2.INTER_AREA)
     down, right = np.gradient(small, cell / scale)
     light = (1 + right - down) / np.sqrt(2 * (1 + down**2 + right**2))  # of a lamp 45 degrees up, x right and y up
-    shaded = np.clip(255 * (0.2 + 0.8 * np.clip(light, 0, 1)), 0, 255).astype(np.uint8)[::-1]
+    dark, bright = np.percentile(light, [1, 99])
+    shaded = (40 + 200 * np.clip((light - dark) / max(bright - dark, 1e-6), 0, 1)).astype(np.uint8)[::-1]
     done, content = cv2.imencode(".jpg", np.ascontiguousarray(shaded), [cv2.IMWRITE_JPEG_QUALITY, 85])
     assert done
     return content.tobytes()

@@ -148,6 +148,8 @@ def _write_drive(folder: Path) -> None:
     time = np.arange(0, 20, 0.1)
     trace = pd.DataFrame({"time_s": time, "x_m": 0.5 + 0.2 * time, "y_m": 0.5 * np.sin(time / 4)})
     write_parquet(folder / "trace.parquet", trace)
+    stones = {"terrain": 3, "rock_in_terrain": [1, 2], "x_m": [2.0, 4.0], "y_m": [-1.0, 1.0], "radius_m": [0.2, 0.06]}
+    write_parquet(folder / "world/rocks.parquet", pd.DataFrame(stones))
     poses = trace.iloc[::50].reset_index(drop=True).assign(frame=range(4))
     write_parquet(folder / "front_left/poses.parquet", poses[["frame", "time_s", "x_m", "y_m"]])
     for frame in range(3):

@@ -294,12 +294,14 @@ def test_false_positives_are_listed_by_confidence(page, address):
 def test_a_drive_is_on_the_map_with_its_frames(page, address):
     shown(page, address, "view=rover")
     page.wait_for_selector("#rover polyline")
-    assert page.locator("#rover circle").count() == 4
-    page.locator("#rover circle").nth(2).click()
+    assert page.locator("#rover circle[data-frame]").count() == 4
+    page.locator("#rover circle[data-frame='2']").click()
     page.locator("#rover img[src$='front_left/1_hapke_0064/00002.jpg']").wait_for()
     page.locator("#status").click()
     page.keyboard.press("ArrowRight")
     page.get_by_text("No picture was taken here.").wait_for()
+    page.locator("#rover .stone").first.click()
+    page.locator("#rock h2", has_text="Rock 1").wait_for()
 
 
 def test_a_box_that_is_put_right_is_downloaded_as_a_correction(page, address, tmp_path):

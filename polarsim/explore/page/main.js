@@ -77,7 +77,7 @@ async function start() {
     const tell = async (changed) => {
       try {
         await refresh(changed);
-        status.textContent = `${run.about.terrains.length} terrains, ${run.pictures.rows} pictures`;
+        status.textContent = `terrains ${run.about.terrains.join(', ')}: ${run.pictures.rows} pictures`;
       } catch (error) {
         status.textContent = `not there: ${error.message}`;
         console.warn(error);

@@ -32,8 +32,8 @@ export async function draw(svg, key) {
   svg.replaceChildren(
     ...rings.map(({ kind, ring }) => s('polygon', { class: `mask ${kind}`, points: ring.join(' ') })),
     ...(shows('l') ? links(own) : []),
-    ...(seen ?? []).map((one) => box(one, `seen ${one.false_positive ? 'false' : ''}`)),
     ...(shows('b') ? kinds.map((one) => box(one, one.confidence < DOUBTFUL ? 'doubtful' : '')) : []),
+    ...(seen ?? []).map((one) => box(one, `seen ${one.false_positive ? 'false' : ''}`)),
     ...(shows('i') ? kinds.map(tag).filter(Boolean) : []),
     ...(seen ? seen.map((one) => s('text', { x: one.x0, y: one.y1 + 20, text: one.confidence.toFixed(2) })) : []),
   );

@@ -56,8 +56,14 @@ function drawMap(view, place) {
   }) : [];
   map.replaceChildren(s('svg', { viewBox: `0 0 ${width} ${height}`, role: 'img', 'aria-label': 'map of the drive', style: 'width:100%;height:100%' },
     s('image', { href: `data/drives/${nameNow()}/map.jpg`, width, height, preserveAspectRatio: 'none' }),
+    ...drive.rocks.map((one) => rockOf(one, at(one.x_m, one.y_m))),
     s('polyline', { points, fill: 'none', stroke: '#56b4e9', 'stroke-width': 0.006 * size }), ...dots));
 }
+
+const rockOf = (one, [u, v]) => s('circle', {
+  cx: u, cy: v, r: Math.max(0.03, one.radius_m), fill: state.rock === one.rock ? '#fff' : '#ffb000', 'fill-opacity': 0.75, style: 'cursor:pointer', class: 'stone',
+  onclick: () => set({ rock: one.rock }),
+}, s('title', { text: `rock ${one.rock.split('.')[1]} of terrain ${one.rock.split('.')[0]}` }));
 
 const pairs = (numbers) => Array.from({ length: numbers.length / 2 }, (_, k) => [numbers[2 * k], numbers[2 * k + 1]]);
 
