@@ -19,7 +19,7 @@ LEAST_STEP = 0.02  # metres between points of the path
 
 
 def drive_content(folder: Path) -> dict[str, Any]:
-    """A drive: `map` (place and size of its picture, metres), `path` (x, y in turn), `rocks`, `views` with their frames.
+    """A drive: `map` (its place and size, metres), `path` (x, y in turn), `rocks`, `views` with their frames.
 
     A view has the places (x, y in turn) and times of its frames, and by look (`Sun_model_exposure`) the frames that
     have a picture.
