@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ def jpeg(path: Path, width: int, quality: int = QUALITY) -> bytes:
     """
     import cv2
 
-    pixels = png.read(path)
+    pixels = _read(path)
     if min(pixels.shape[:2]) < 1:
         raise FormatError("a picture without pixels", path=path)
     size = (width, max(1, round(width * pixels.shape[0] / pixels.shape[1])))
@@ -36,6 +37,11 @@ def jpeg(path: Path, width: int, quality: int = QUALITY) -> bytes:
     done, content = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, quality])
     assert done
     return content.tobytes()
+
+
+@lru_cache(maxsize=4)  # large and small copies are asked for one after the other
+def _read(path: Path) -> np.ndarray:
+    return png.read(path)
 
 
 def small_jpeg(path: Path) -> bytes:
