@@ -19,15 +19,15 @@ LEAST_STEP = 0.02  # metres between points of the path
 
 
 def drive_content(folder: Path) -> dict[str, Any]:
-    """A drive: `map` (its place and size, metres), `path` (x, y in turn), `rocks`, `views` with their frames.
+    """A drive: `map` (its position and size, metres), `path` (x, y in turn), `rocks`, `views` with their frames.
 
-    A view has the places (x, y in turn) and times of its frames, and by look (`Sun_model_exposure`) the frames that
+    A view has the positions (x, y in turn) and times of its frames, and by look (`Sun_model_exposure`) the frames that
     have a picture.
     """
     ground = _ground(folder)
     trace = read_parquet(folder / "trace.parquet", ["time_s", "x_m", "y_m"])
-    places = trace[["x_m", "y_m"]].to_numpy(float)
-    gone = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    positions = trace[["x_m", "y_m"]].to_numpy(float)
+    gone = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
     kept = np.unique(np.searchsorted(gone, np.arange(0, gone[-1] + LEAST_STEP, LEAST_STEP)).clip(max=len(gone) - 1))
     rows, columns = ground["level_m"].shape
     cell = float(ground["cell_m"])
@@ -39,14 +39,14 @@ def drive_content(folder: Path) -> dict[str, Any]:
             "height_m": (rows - 1) * cell,
         },
         "length_m": round(float(gone[-1]), 3),
-        "path": as_rows(places[kept]),
+        "path": as_rows(positions[kept]),
         "rocks": _rocks(folder),
         "views": [_view(path) for path in sorted(folder.glob("*/poses.parquet"))],
     }
 
 
 def _rocks(folder: Path) -> list[dict[str, Any]]:
-    """Rocks of the drive's world: terrain and number there, place and size, metres."""
+    """Rocks of the drive's world: terrain and number there, position and size, metres."""
     path = folder / "world" / "rocks.parquet"
     if not path.exists():
         return []
@@ -69,7 +69,7 @@ def _view(poses: Path) -> dict[str, Any]:
         "name": poses.parent.name,
         "frames": [int(frame) for frame in table["frame"]],
         "time_s": as_rows(table["time_s"].to_numpy()),
-        "places": as_rows(table[["x_m", "y_m"]].to_numpy(float)),
+        "positions": as_rows(table[["x_m", "y_m"]].to_numpy(float)),
         "looks": {name: frames for name, frames in looks.items() if frames},
     }
 

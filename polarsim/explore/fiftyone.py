@@ -49,9 +49,9 @@ def write_fiftyone(
     with writing_folder(folder) as temporary:
         for row in track(rows, "samples"):
             key, domain = str(row["key"]), str(row["domain"])
-            place = f"data/{domain}/{key}.jpg"
-            write_bytes(temporary / place, jpeg(pictures[domain, key], width))
-            sample = _sample(row, place)
+            name = f"data/{domain}/{key}.jpg"
+            write_bytes(temporary / name, jpeg(pictures[domain, key], width))
+            sample = _sample(row, name)
             sample["ground_truth"] = _detections(labels[domain != PHOTO].get(key))
             for name, found in seen.items():
                 if key in found and run.domain_of(name.rpartition("_on_")[2]) == domain:
@@ -71,11 +71,11 @@ def _by_key(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return {str(key): part for key, part in table.groupby("key")}
 
 
-def _sample(row: dict[Any, Any], place: str) -> dict[str, Any]:
+def _sample(row: dict[Any, Any], name: str) -> dict[str, Any]:
     told = {name: row[name] for name in PARTS} | {"key": row["key"], "domain": row["domain"]}
     numbers = {name: None if np.isnan(row[name]) else round(float(row[name]), 5) for name in ("score", "confidence")}
     tags = [str(row["defect"])] if row["defect"] else []
-    return {"filepath": place, "tags": tags, "_media_type": "image", "metadata": None, **told, **numbers}
+    return {"filepath": name, "tags": tags, "_media_type": "image", "metadata": None, **told, **numbers}
 
 
 def _field(name: str) -> str:

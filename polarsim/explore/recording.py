@@ -40,8 +40,8 @@ def write_recording(run: Run, terrain: int, position: str, out: Path) -> int:
     rerun = _rerun()
     shown = list(_shown(run, terrain, position))
     folder = run.folder / "cameras" / f"Terrain{terrain:02d}"
-    placed = rigs.read_all_placed(folder) if folder.exists() else {}
-    if not shown or position not in placed:
+    localised = rigs.read_all_localised(folder) if folder.exists() else {}
+    if not shown or position not in localised:
         known = sorted({f"{key.terrain:02d}_{key.position}" for _, key in run.pictures})
         raise ConfigError(f"no pictures and cameras of station {terrain:02d}_{position}, there are {', '.join(known)}")
     recording = rerun.RecordingStream("polarsim", recording_id=f"{run.name}_{terrain:02d}_{position}")
@@ -51,12 +51,12 @@ def write_recording(run: Run, terrain: int, position: str, out: Path) -> int:
         context = [(number, kind, colour) for kind, (number, colour) in CLASSES.items()]
         recording.log("/", rerun.AnnotationContext(context), static=True)
         _log_terrain(rerun, recording, run, terrain)
-        suns = lamps.read_suns(folder, placed)
+        suns = lamps.read_suns(folder, localised)
         names = [f"Sun lamp {azimuth}" for azimuth in suns]
         points = rerun.Points3D(np.array(list(suns.values())), labels=names, radii=0.05, colors=(255, 240, 140))
         recording.log("world/lamps", points, static=True)
         for side in CAMERAS:
-            _log_camera(rerun, recording, side, placed[position].camera(side))
+            _log_camera(rerun, recording, side, localised[position].camera(side))
         labels = run.labels(terrain)
         for step, key in shown:
             recording.set_time("lamp", sequence=step)
@@ -112,10 +112,10 @@ def _log_terrain(rerun: ModuleType, recording: Any, run: Run, terrain: int) -> N
         vertex_colors=colours,
     )
     recording.log("world/terrain", mesh, static=True)
-    middle = vertices[rock != NO_ROCK].groupby("rock")[["x", "y", "z"]].agg({"x": "mean", "y": "mean", "z": "max"})
-    names = [str(number) for number in middle.index]
+    tops = vertices[rock != NO_ROCK].groupby("rock")[["x", "y", "z"]].agg({"x": "mean", "y": "mean", "z": "max"})
+    names = [str(number) for number in tops.index]
     if names:
-        recording.log("world/rocks", rerun.Points3D(middle.to_numpy(), labels=names, radii=0.01), static=True)
+        recording.log("world/rocks", rerun.Points3D(tops.to_numpy(), labels=names, radii=0.01), static=True)
 
 
 def _log_camera(rerun: ModuleType, recording: Any, side: str, camera: Camera) -> None:

@@ -46,11 +46,11 @@ class Run:
     @cached_property
     def terrains(self) -> tuple[int, ...]:
         """Terrains with photos, labels or meshes."""
-        places = ("acquire/{}/photos.parquet", "labels/tables/{}.parquet", "meshes/{}")
+        paths = ("acquire/{}/photos.parquet", "labels/tables/{}.parquet", "meshes/{}")
         return tuple(
             terrain
             for terrain in TERRAINS
-            if any((self.folder / place.format(f"Terrain{terrain:02d}")).exists() for place in places)
+            if any((self.folder / path.format(f"Terrain{terrain:02d}")).exists() for path in paths)
         )
 
     @cached_property
@@ -67,7 +67,7 @@ class Run:
             for domain in (PHOTO, *self.models):
                 if domain != PHOTO or (self.folder / f"acquire/Terrain{terrain:02d}/photos.parquet").exists():
                     found += [((domain, key), path) for key, path in pictures_of(self.folder, domain, terrain).items()]
-        order = {domain: place for place, domain in enumerate((PHOTO, *self.models))}
+        order = {domain: index for index, domain in enumerate((PHOTO, *self.models))}
         return dict(sorted(found, key=lambda item: (item[0][1], order[item[0][0]])))
 
     def labels(self, terrain: int, *, of_twins: bool = False) -> pd.DataFrame:
@@ -77,10 +77,10 @@ class Run:
 
     def table(self, path: str) -> pd.DataFrame | None:
         """A table below the run's folder; None where the run has none."""
-        place = self.folder / path
-        if not place.exists():
+        file = self.folder / path
+        if not file.exists():
             return None
-        return read_csv(place) if place.suffix == ".csv" else read_parquet(place)
+        return read_csv(file) if file.suffix == ".csv" else read_parquet(file)
 
     @cached_property
     def predictions(self) -> dict[str, Path]:

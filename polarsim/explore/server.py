@@ -135,7 +135,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Length", str(len(content)))
         if packed:
             self.send_header("Content-Encoding", "gzip")
-        # A picture is asked for again at every turn of the page; tables and the page itself may be made anew meanwhile.
+        # Pictures are asked for whenever the page is scrolled; tables and the page itself may be made anew meanwhile.
         self.send_header("Cache-Control", "private, max-age=600" if kind == "jpg" else "no-cache")
         for name, value in HEADERS.items():
             self.send_header(name, value)

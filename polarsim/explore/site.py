@@ -36,9 +36,9 @@ def site(run: Run, width: int = WIDTH_PX) -> Files:
 
 def page_files() -> Files:
     """The page itself: HTML, style, modules, and the library they use with its licence."""
-    place = resources.files("polarsim.explore") / "page"
-    vendor = {f"vendor/{part.name}": part for part in (place / "vendor").iterdir()}
-    named = {part.name: part for part in place.iterdir()} | vendor
+    page = resources.files("polarsim.explore") / "page"
+    vendor = {f"vendor/{part.name}": part for part in (page / "vendor").iterdir()}
+    named = {part.name: part for part in page.iterdir()} | vendor
     return {name: part.read_bytes for name, part in sorted(named.items()) if part.is_file()}
 
 
@@ -55,9 +55,9 @@ def write_site(run: Run, folder: Path, width: int = WIDTH_PX) -> int:
     files = site(run, width)
     with writing_folder(folder) as temporary:
         for name, content in track(list(files.items()), "files"):
-            place = temporary / name
-            place.parent.mkdir(parents=True, exist_ok=True)
-            place.write_bytes(content())
+            target = temporary / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content())
     return len(files)
 
 

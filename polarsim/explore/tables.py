@@ -94,12 +94,12 @@ def shown_predictions(run: Run, name: str) -> pd.DataFrame:
     by_photo = labels.groupby(["key", "kind"]).indices
     boxes, rocks = labels[EDGES].to_numpy(float), labels["rock"].to_numpy()
     overlap, rock, right = np.zeros(len(found)), np.full(len(found), NO_ROCK), np.zeros(len(found), bool)
-    places = found[EDGES].to_numpy(float)
+    predicted = found[EDGES].to_numpy(float)
     for pair, rows in found.groupby(["key", "kind"]).indices.items():
         own = by_photo.get(pair)
         if own is None:
             continue
-        shared = iou(places[rows], boxes[own])
+        shared = iou(predicted[rows], boxes[own])
         overlap[rows] = shared.max(axis=1)
         rock[rows] = np.where(overlap[rows] > 0, rocks[own][shared.argmax(axis=1)], NO_ROCK)
         right[rows] = surest(shared)
@@ -122,7 +122,7 @@ def surest(overlap: np.ndarray) -> np.ndarray:
 
 
 def facts_of_rocks(run: Run, terrain: int) -> pd.DataFrame:
-    """What tables say of every rock of a terrain, side by side: its place and size, its mesh, how detectors see it."""
+    """What tables say of every rock of a terrain: its position and size, its mesh, how detectors see it."""
     rocks = run.table(f"rocks/Terrain{terrain:02d}/rocks.parquet")
     if rocks is None:
         return pd.DataFrame({"rock": pd.Series(dtype=np.int64)})

@@ -54,9 +54,9 @@ def clustered(mesh: Mesh, cell: float) -> tuple[Mesh, np.ndarray]:
 
     For looking at: holes may open. -1 stands for vertices that no face is left of.
     """
-    places = np.floor(mesh.vertices / cell).astype(np.int64)
-    places -= places.min(axis=0)
-    cubes = np.ravel_multi_index(tuple(places.T), tuple(places.max(axis=0) + 1))
+    cells = np.floor(mesh.vertices / cell).astype(np.int64)
+    cells -= cells.min(axis=0)
+    cubes = np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))
     _, cluster = np.unique(cubes, return_inverse=True)
     means = np.stack([np.bincount(cluster, axis) for axis in mesh.vertices.T], axis=1) / np.bincount(cluster)[:, None]
     faces = cluster[mesh.faces]
@@ -88,9 +88,9 @@ def _errors(run: Run, terrain: int) -> Trees:
     table = run.table(f"evaluation/offsets_Terrain{terrain:02d}.parquet")
     if table is None:
         return {}
-    places, offsets = table[["x", "y", "z"]].to_numpy(float), table["offset_mm"].to_numpy(float)
+    points, offsets = table[["x", "y", "z"]].to_numpy(float), table["offset_mm"].to_numpy(float)
     groups = table.groupby("rock").indices.items()
-    return {int(str(rock)): (cKDTree(places[rows]), offsets[rows]) for rock, rows in groups}
+    return {int(str(rock)): (cKDTree(points[rows]), offsets[rows]) for rock, rows in groups}
 
 
 def _nearest(tree: tuple[cKDTree, np.ndarray] | None, vertices: np.ndarray) -> np.ndarray:
@@ -104,7 +104,7 @@ def _nearest(tree: tuple[cKDTree, np.ndarray] | None, vertices: np.ndarray) -> n
 def surroundings(run: Run, terrain: int) -> dict[str, Any]:
     """Cameras and lamps of a terrain in the sandbox frame: metres, lenses in pixels."""
     folder = run.folder / "cameras" / f"Terrain{terrain:02d}"
-    placed = rigs.read_all_placed(folder) if folder.exists() else {}
+    localised = rigs.read_all_localised(folder) if folder.exists() else {}
     cameras = [
         {
             "position": position,
@@ -113,12 +113,12 @@ def surroundings(run: Run, terrain: int) -> dict[str, Any]:
             "sandbox_from_camera": as_rows(rig.sandbox_from(side).matrix),
             "lens": as_rows(rig.rig.lens(side).opencv_matrix()[[0, 1, 0, 1], [0, 1, 2, 2]]),
         }
-        for position, rig in placed.items()
+        for position, rig in localised.items()
         for side in CAMERAS
     ]
-    suns = {azimuth: as_rows(place) for azimuth, place in sorted(lamps.read_suns(folder, placed).items())}
+    suns = {azimuth: as_rows(position) for azimuth, position in sorted(lamps.read_suns(folder, localised).items())}
     return {
         "cameras": cameras,
-        "lamps": suns if placed else {},
-        "rover_lights": {position: as_rows(rig.rover_light) for position, rig in placed.items()},
+        "lamps": suns if localised else {},
+        "rover_lights": {position: as_rows(rig.rover_light) for position, rig in localised.items()},
     }

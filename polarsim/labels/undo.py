@@ -86,7 +86,7 @@ def followed(with_it: Labels, without: Labels) -> pd.DataFrame:
 
 
 def _by_name(labels: Sequence[Label]) -> dict[tuple[str, int, int], np.ndarray]:
-    """Boxes (4,) by kind, rock and, of several of one rock, their place from left to right."""
+    """Boxes (4,) by kind, rock and, of several of one rock, their number from left to right."""
     found: dict[tuple[str, int, int], np.ndarray] = {}
     for label in sorted(labels, key=lambda label: (label.kind, label.rock, *label.box.tolist())):
         number = sum(name[:2] == (label.kind, label.rock) for name in found)

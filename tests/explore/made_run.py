@@ -8,7 +8,7 @@ import pandas as pd
 from polarsim.formats import obj, png, yolo
 from polarsim.formats.files import write_json
 from polarsim.formats.npz import write_arrays
-from polarsim.formats.rigs import PlacedRig, write_placed
+from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.schemas import PREDICTIONS
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_csv, write_parquet
 from polarsim.geometry.poses import looking
@@ -27,7 +27,7 @@ KEYS = [
 SEED = PhotoKey.parse("03_A_off_30_L_0256")
 EDGES = ("x0", "y0", "x1", "y1")
 MESHES = {number: make_cube((x, y, side / 4), side) for number, ((x, y), side) in ROCKS.items()}
-RIG = PlacedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)), "scans", {})
+RIG = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)), "scans", {})
 
 
 def boxes_of(key: PhotoKey) -> dict[tuple[str, int], np.ndarray]:
@@ -101,7 +101,7 @@ def _write_masks(run: Path) -> None:
 
 
 def _write_terrain(run: Path) -> None:
-    write_placed(run / f"cameras/{FOLDER}/PosA.json", RIG)
+    write_localised(run / f"cameras/{FOLDER}/PosA.json", RIG)
     meshes = run / f"meshes/{FOLDER}"
     obj.write(meshes / obj.ground_name(TERRAIN), make_sand(), "ground")
     rows, offsets = [], []

@@ -6,6 +6,7 @@ Needs Chromium, and Playwright for Python (`pip install polarsim[browser]`); ski
 import shutil
 import threading
 import time
+from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -90,11 +91,11 @@ def shown(page, address: str, state: str = ""):
     return page
 
 
-def until(page, script: str) -> None:
-    """Wait for an expression to be true; Playwright's own way is forbidden by the page's policy."""
+def until(page, true: str | Callable[[], bool]) -> None:
+    """Wait for an expression of the page, or a call here, to be true; Playwright's own way breaks the page's policy."""
     ends = time.monotonic() + 15
-    while not page.evaluate(script):
-        assert time.monotonic() < ends, script
+    while not (page.evaluate(true) if isinstance(true, str) else true()):
+        assert time.monotonic() < ends, true
         page.wait_for_timeout(30)
 
 
@@ -116,7 +117,6 @@ def pixels(page, canvas: int) -> np.ndarray:
 
 
 def address_of(page) -> dict[str, str]:
-    page.wait_for_timeout(200)
     return dict(
         part.split("=", 1) for part in page.evaluate("decodeURIComponent(location.hash).slice(1)").split("&") if part
     )
@@ -133,7 +133,7 @@ def test_filters_leave_the_pictures_that_fit(page, address):
     assert count.inner_text().startswith("3 of")
     until(page, "document.querySelectorAll('.tile').length === 3")
     assert page.locator(".tile").first.get_attribute("data-key") == "03_A_on_30_L_0064"
-    assert address_of(page)["f.light"] == "on"
+    until(page, lambda: address_of(page).get("f.light") == "on")
     page.locator("#reset").click()
     page.locator("input[name=score-most]").fill("0.7")
     page.locator("input[name=score-most]").press("Enter")
@@ -157,7 +157,7 @@ def test_a_tile_opens_the_comparison_and_the_slider_divides_it(page, address):
     compared(page, "photo hapke", KEYS[1])
     page.get_by_label("divider").fill("20")
     assert "80%" in page.locator("#compare canvas").nth(1).evaluate("one => one.style.clipPath")
-    assert address_of(page)["split"] == "20"
+    until(page, lambda: address_of(page).get("split") == "20")
 
 
 def test_any_two_of_the_pictures_stand_side_by_side(page, address):
@@ -178,8 +178,9 @@ def test_an_olat_sum_of_the_photos_own_lamps_is_its_twin(page, address):
     compared(page, "hapke olat", key)
     np.testing.assert_allclose(pixels(page, 0)[..., 0], pixels(page, 1)[..., 0], atol=2)
     page.get_by_label("lamp 180").fill("3")
-    assert address_of(page)["lamps"] == "1,3,0,0,0"
-    assert pixels(page, 0)[1, 1, 0] == pytest.approx(pixels(page, 1)[1, 1, 0] * 4 ** (1 / 2.2), abs=3)
+    until(page, lambda: address_of(page).get("lamps") == "1,3,0,0,0")
+    twin = pixels(page, 1)[1, 1, 0]
+    until(page, lambda: pixels(page, 0)[1, 1, 0] == pytest.approx(twin * 4 ** (1 / 2.2), abs=3))
 
 
 def test_the_exposure_slider_walks_through_the_bracket(page, address):
@@ -190,13 +191,12 @@ def test_the_exposure_slider_walks_through_the_bracket(page, address):
     compared(page, "photo hapke", SEED.with_exposure(64))
     assert pixels(page, 1)[1, 1, 0] == pytest.approx(before / 4 ** (1 / 2.2), abs=3)
     page.get_by_label("brightness").fill("2")  # two stops make up for a quarter of the time
-    page.wait_for_timeout(200)
-    assert pixels(page, 1)[1, 1, 0] == pytest.approx(before, abs=5)
+    until(page, lambda: pixels(page, 1)[1, 1, 0] == pytest.approx(before, abs=5))
     page.locator("#key").click()
     page.keyboard.press("ArrowUp")
     compared(page, "photo hapke", SEED)
     page.get_by_role("button", name="auto", exact=True).click()
-    assert "auto" not in address_of(page)
+    until(page, lambda: "auto" not in address_of(page))
 
 
 def test_marks_are_switched_by_buttons_and_keys(page, address):
@@ -213,14 +213,14 @@ def test_marks_are_switched_by_buttons_and_keys(page, address):
     page.keyboard.press("b")
     until(page, "document.querySelectorAll('#compare svg .box').length === 0")
     page.get_by_label("labels of").select_option("twins")
-    assert address_of(page)["labels"] == "twins"
+    until(page, lambda: address_of(page).get("labels") == "twins")
 
 
 def test_predictions_are_drawn_where_the_detector_was_tested(page, address):
     shown(page, address, f"view=compare&key={KEYS[0]}&show=p&detector=photo/seed0/analog_on_analog")
     until(page, "document.querySelectorAll('#compare svg .seen').length === 3")
     assert page.locator("#compare svg .seen.false").count() == 1
-    assert page.locator("#told").inner_text() == "3 predictions"
+    until(page, "document.querySelector('#told').textContent === '3 predictions'")
     page.get_by_label("confidence", exact=True).fill("0.7")
     until(page, "document.querySelector('#told').textContent === '2 predictions'")
     shown(page, address, f"view=compare&key={KEYS[-1]}&show=b")
@@ -239,7 +239,7 @@ def test_a_rock_is_found_in_photos_tables_and_3d(page, address):
     until(page, "document.querySelector('#count').textContent.includes('those of rock 1')")
     panel.get_by_role("button", name="in 3-D").click()
     page.wait_for_selector("#scene[data-drawn]")
-    assert address_of(page)["rock"] == "3.1"
+    until(page, lambda: address_of(page).get("rock") == "3.1")
     page.locator("#terrain").click(position={"x": 5, "y": 300})
     page.keyboard.press("n")
     page.keyboard.press("Escape")
@@ -280,13 +280,12 @@ def test_a_click_in_3d_chooses_the_rock(page, address):
     page.mouse.wheel(0, 200)
     page.locator("#scene").focus()
     page.keyboard.press("ArrowLeft")
-    page.wait_for_timeout(400)
-    yaw, _, far, *_ = map(float, address_of(page)["orbit"].split(","))
-    assert yaw == pytest.approx(-1.571 - 80 / 200 + 0.1, abs=0.02)
-    assert far > 3.3
+    until(
+        page, lambda: float(address_of(page)["orbit"].split(",")[0]) == pytest.approx(-1.571 - 80 / 200 + 0.1, abs=0.02)
+    )
+    assert float(address_of(page)["orbit"].split(",")[2]) > 3.3
     page.get_by_label("look through").select_option("AL")
-    page.wait_for_timeout(300)
-    assert address_of(page)["camera"] == "AL"
+    until(page, lambda: address_of(page).get("camera") == "AL")
     page.get_by_role("button", name="from above").click()
 
 

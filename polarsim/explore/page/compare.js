@@ -51,13 +51,13 @@ export const refresh = soon(async () => {
 
 function drawControls() {
   const { exposure } = parts(state.key), bracket = bracketOf(state.key), times = run.brackets.get(bracket) ?? [exposure];
-  const change = (place) => set({ key: keyOf({ ...parts(state.key), exposure: times[place] }) });
+  const change = (index) => set({ key: keyOf({ ...parts(state.key), exposure: times[index] }) });
   renew(controls, () => [
     h('strong', { id: 'key', text: state.key }),
     chooser('left', sides(), state.left, (left) => set({ left })),
     chooser('right', sides(), twinOf(), (right) => set({ right })),
     slider('divider', { min: 0, max: 100, step: 1, value: state.split, shown: (value) => `${value} %` }, (split) => set({ split })),
-    slider('exposure', { min: 0, max: times.length - 1, step: 1, value: times.indexOf(exposure), disabled: times.length < 2, shown: (place) => `${times[place]} ms` }, change),
+    slider('exposure', { min: 0, max: times.length - 1, step: 1, value: times.indexOf(exposure), disabled: times.length < 2, shown: (index) => `${times[index]} ms` }, change),
     slider('brightness', { min: -6, max: 6, step: 0.5, value: state.ev, shown: (value) => `${value > 0 ? '+' : ''}${value} stops` }, (ev) => set({ ev })),
     toggle('auto', Boolean(state.auto), (on) => set({ auto: on ? 1 : 0 }), 'White is the photo\'s 99.7th percentile; else the sensor\'s 4095'),
   ]);
@@ -84,8 +84,8 @@ function weights() {
 
 function lampSliders() {
   const now = weights();
-  return LAMPS.map(([name], place) => slider(`lamp ${name}`, { min: 0, max: 3, step: 0.1, value: now[place], shown: (value) => value.toFixed(1) }, (value) => {
-    now[place] = value;
+  return LAMPS.map(([name], index) => slider(`lamp ${name}`, { min: 0, max: 3, step: 0.1, value: now[index], shown: (value) => value.toFixed(1) }, (value) => {
+    now[index] = value;
     set({ lamps: now.join(',') });
   }));
 }
@@ -96,8 +96,8 @@ async function drawPictures() {
   const gain = 2 ** state.ev / (state.auto && reference ? whiteOf(reference) : 1);
   const pictures = await Promise.all([pictureOf(twinOf(), key, gain), pictureOf(state.left, key, gain)]);
   if (key !== state.key) return; // another one was asked for meanwhile
-  pictures.forEach((data, place) => {
-    const canvas = canvases[place];
+  pictures.forEach((data, index) => {
+    const canvas = canvases[index];
     canvas.hidden = !data;
     if (!data) return;
     canvas.width = data.width;
@@ -132,8 +132,8 @@ async function pictureOf(side, key, gain) {
 /** Twins under one lamp each, brought to the photo's exposure and added up. */
 async function sumOf(key, gain) {
   const own = parts(key), chosen = [];
-  weights().forEach((weight, place) => {
-    const [, light, azimuth] = LAMPS[place];
+  weights().forEach((weight, index) => {
+    const [, light, azimuth] = LAMPS[index];
     const bracket = bracketOf(keyOf({ ...own, light, azimuth }));
     const exposure = nearestExposure(bracket, azimuth === 'no' ? 8192 : own.exposure);
     const single = keyOf({ ...own, light, azimuth, exposure });
@@ -144,7 +144,7 @@ async function sumOf(key, gain) {
   return summed(pictures, chosen.map(([, weight]) => weight), gain);
 }
 
-/** The exposure `by` places on in the bracket. */
+/** The exposure `by` steps on in the bracket. */
 export function stepExposure(by) {
   if (!state.key) return;
   const own = parts(state.key), times = run.brackets.get(bracketOf(state.key)) ?? [];

@@ -59,7 +59,7 @@ function drawControls() {
     h('button', { type: 'button', text: 'new shadow', onclick: () => add('shadow') }),
     h('button', { type: 'button', text: 'delete box', disabled: chosen < 0, onclick: remove }),
     h('button', { type: 'button', text: 'undo', id: 'undo', disabled: !corrections.past.length, onclick: () => { corrections.undo(); take(); } }),
-    h('button', { type: 'button', text: 'as propagated', id: 'revert', disabled: !now, onclick: () => { corrections.drop(state.key); take(); } }),
+    h('button', { type: 'button', text: 'drop corrections', id: 'revert', disabled: !now, onclick: () => { corrections.drop(state.key); take(); } }),
     h('button', { type: 'button', id: 'download', text: `download corrections (${count} ${count === 1 ? 'photo' : 'photos'})`, disabled: !count, onclick: download,
       title: 'A COCO file: put it into a folder of its own and name that as labels.corrections' }),
   ]);
@@ -88,9 +88,9 @@ function add(kind) {
 }
 
 function remove() {
-  const place = chosen;
+  const index = chosen;
   chosen = -1;
-  change(boxes.filter((_, number) => number !== place));
+  change(boxes.filter((_, number) => number !== index));
 }
 
 function download() {

@@ -4,10 +4,10 @@ const KINDS = ['rock', 'shadow'];
 
 export class Corrections {
   constructor(name, store = globalThis.localStorage) {
-    this.place = `polarsim corrections of ${name}`;
+    this.item = `polarsim corrections of ${name}`;
     this.store = store;
     this.past = [];
-    try { this.photos = JSON.parse(store.getItem(this.place) ?? '{}'); } catch { this.photos = {}; }
+    try { this.photos = JSON.parse(store.getItem(this.item) ?? '{}'); } catch { this.photos = {}; }
   }
 
   get keys() { return Object.keys(this.photos).sort(); }
@@ -37,7 +37,7 @@ export class Corrections {
     return true;
   }
 
-  #keep() { this.store.setItem(this.place, JSON.stringify(this.photos)); }
+  #keep() { this.store.setItem(this.item, JSON.stringify(this.photos)); }
 }
 
 /** A COCO file that `labels.corrections` reads: every photo with all its boxes. */
@@ -50,9 +50,9 @@ export function coco(photos, { width, height }) {
   })));
   return {
     info: { description: 'Corrections made in polarsim explore' }, licenses: [],
-    categories: KINDS.map((name, place) => ({ id: place + 1, name, supercategory: 'terrain' })),
-    images: keys.map((key, place) => ({ id: place + 1, file_name: `${key}.png`, width, height })),
-    annotations: annotations.map((one, place) => ({ id: place + 1, ...one })),
+    categories: KINDS.map((name, index) => ({ id: index + 1, name, supercategory: 'terrain' })),
+    images: keys.map((key, index) => ({ id: index + 1, file_name: `${key}.png`, width, height })),
+    annotations: annotations.map((one, index) => ({ id: index + 1, ...one })),
   };
 }
 

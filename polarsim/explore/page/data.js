@@ -67,7 +67,7 @@ export function spans(of) {
 /** The rows of one key. */
 export function rowsOf(of, key) {
   const [start, end] = spans(of).get(key) ?? [0, 0];
-  return Array.from({ length: end - start }, (_, place) => row(of, start + place));
+  return Array.from({ length: end - start }, (_, index) => row(of, start + index));
 }
 
 /** The parts of a photo key. */
@@ -84,15 +84,15 @@ export function keyOf({ terrain, position, light, azimuth, camera, exposure }) {
 export const bracketOf = (key) => key.slice(0, key.lastIndexOf('_'));
 
 /** The run: what there is, and a row a picture. Filled by `open`. */
-export const run = { about: null, pictures: null, places: new Map(), brackets: new Map() };
+export const run = { about: null, pictures: null, rows: new Map(), brackets: new Map() };
 
 export async function open() {
   [run.about, run.pictures] = await Promise.all([json('data/run.json'), table('data/pictures.arrow')]);
   const { key, domain } = run.pictures.columns;
   const { key: keys, domain: domains } = run.pictures.values;
-  for (let place = 0; place < run.pictures.rows; place += 1) {
-    const name = keys[key[place]];
-    run.places.set(`${domains[domain[place]]}/${name}`, place);
+  for (let index = 0; index < run.pictures.rows; index += 1) {
+    const name = keys[key[index]];
+    run.rows.set(`${domains[domain[index]]}/${name}`, index);
     const bracket = bracketOf(name);
     if (!run.brackets.has(bracket)) run.brackets.set(bracket, new Set());
     run.brackets.get(bracket).add(parts(name).exposure);
@@ -100,9 +100,9 @@ export async function open() {
   for (const [name, times] of run.brackets) run.brackets.set(name, [...times].sort((a, b) => a - b));
 }
 
-export const keyAt = (place) => run.pictures.values.key[run.pictures.columns.key[place]];
-export const domainAt = (place) => run.pictures.values.domain[run.pictures.columns.domain[place]];
-export const has = (domain, key) => run.places.has(`${domain}/${key}`);
+export const keyAt = (index) => run.pictures.values.key[run.pictures.columns.key[index]];
+export const domainAt = (index) => run.pictures.values.domain[run.pictures.columns.domain[index]];
+export const has = (domain, key) => run.rows.has(`${domain}/${key}`);
 export const pictureUrl = (domain, key) => `data/pictures/${domain}/${key}.jpg`;
 export const smallUrl = (domain, key) => `data/small/${domain}/${key}.jpg`;
 export const labelsOf = (terrain, ofTwins) => table(`data/labels/${ofTwins ? 'twins' : 'photo'}/${terrain}.arrow`);

@@ -60,10 +60,10 @@ export function form() {
   });
   const ranges = RANGES.map((field) => {
     const ends = (state[`f.${field}`] || '..').split('..');
-    const inputs = ['least', 'most'].map((end, place) => h('input', {
-      type: 'number', min: 0, max: 1, step: 0.01, value: ends[place] ?? '', 'aria-label': `${end} ${field}`, name: `${field}-${end}`,
+    const inputs = ['least', 'most'].map((end, index) => h('input', {
+      type: 'number', min: 0, max: 1, step: 0.01, value: ends[index] ?? '', 'aria-label': `${end} ${field}`, name: `${field}-${end}`,
       onchange: (event) => {
-        ends[place] = event.target.value;
+        ends[index] = event.target.value;
         set({ [`f.${field}`]: ends.join('..') === '..' ? '' : ends.join('..') });
       },
     }));

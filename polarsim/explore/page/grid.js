@@ -8,12 +8,12 @@ import { brightening } from './picture.js';
 
 const WIDE = 190, HIGH = 160, MARGIN = 2; // pixels of a tile; rows beyond the screen
 
-let place = null, list = null, inner = null, said = null, filters = null;
+let page = null, list = null, inner = null, said = null, filters = null;
 export let shown = []; // rows of the pictures that pass the filters
 const tiles = new Map();
 
 export function build(section) {
-  place = section;
+  page = section;
   filters = h('div', { class: 'side' });
   inner = h('div', { style: 'position:relative' });
   list = h('div', { class: 'grid', tabindex: 0, role: 'region', 'aria-label': 'Pictures', onscroll: draw }, inner);
@@ -52,7 +52,7 @@ export async function refresh(changed = new Set(['all'])) {
 }
 
 function draw() {
-  if (!place || place.hidden) return;
+  if (!page || page.hidden) return;
   const columns = Math.max(1, Math.floor(list.clientWidth / WIDE));
   inner.style.height = `${Math.ceil(shown.length / columns) * HIGH}px`;
   const first = Math.max(0, Math.floor(list.scrollTop / HIGH) - MARGIN) * columns;
@@ -85,7 +85,7 @@ export function choose(row) {
   set({ view: 'compare', key, ...left });
 }
 
-/** The picture `step` places on among those shown. */
+/** The picture `step` on among those shown. */
 export function step(by) {
   const photos = [...new Set(shown.map(keyAt))];
   if (!photos.length) return;

@@ -65,8 +65,8 @@ async function start() {
     await open();
     document.getElementById('run').textContent = run.about.run;
     document.title = `polarsim ${run.about.run}`;
-    document.getElementById('tabs').append(...VIEWS.map(([name, text], place) => h('button', {
-      type: 'button', id: `tab-${name}`, title: `key ${place + 1}`, text, onclick: () => set({ view: name }),
+    document.getElementById('tabs').append(...VIEWS.map(([name, text], index) => h('button', {
+      type: 'button', id: `tab-${name}`, title: `key ${index + 1}`, text, onclick: () => set({ view: name }),
     })), ' ');
     rock.build(document.getElementById('rock'));
     grid.build(document.getElementById('photos'));

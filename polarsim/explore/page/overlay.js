@@ -40,7 +40,7 @@ export async function draw(svg, key) {
   return { own, seen };
 }
 
-const middle = (one) => [(one.x0 + one.x1) / 2, (one.y0 + one.y1) / 2];
+const centre = (one) => [(one.x0 + one.x1) / 2, (one.y0 + one.y1) / 2];
 
 function box(one, more) {
   const { terrain } = parts(state.key);
@@ -62,8 +62,8 @@ function tag(one) {
 function links(own) {
   const rocks = own.filter((one) => one.kind === 'rock' && one.rock >= 0);
   return own.filter((one) => one.kind === 'shadow').flatMap((shadow) => {
-    const [x, y] = middle(shadow);
-    const ends = rocks.filter((rock) => rock.rock === shadow.rock).map(middle);
+    const [x, y] = centre(shadow);
+    const ends = rocks.filter((rock) => rock.rock === shadow.rock).map(centre);
     if (!ends.length) return [];
     const [u, v] = ends.reduce((best, end) => (Math.hypot(end[0] - x, end[1] - y) < Math.hypot(best[0] - x, best[1] - y) ? end : best));
     return [s('line', { class: 'link', x1: x, y1: y, x2: u, y2: v })];
@@ -73,7 +73,7 @@ function links(own) {
 /** A part of a picture around a box, as an SVG that shows nothing else. */
 export function crop(url, one, more = [], margin = 0.6) {
   const { width, height } = run.about;
-  const [x, y] = middle(one);
+  const [x, y] = centre(one);
   const side = Math.max(48, (1 + 2 * margin) * Math.max(one.x1 - one.x0, 1.4 * (one.y1 - one.y0)));
   const picture = s('image', { href: url, width, height, preserveAspectRatio: 'none' });
   gainOf(url.replace('/pictures/', '/small/')).then((gain) => { picture.style.filter = `brightness(${gain})`; });

@@ -30,7 +30,7 @@ async function decode(url) {
   pen.drawImage(picture, 0, 0);
   const pixels = pen.getImageData(0, 0, width, height).data;
   const codes = new Uint8Array(width * height);
-  for (let place = 0; place < codes.length; place += 1) codes[place] = pixels[4 * place];
+  for (let index = 0; index < codes.length; index += 1) codes[index] = pixels[4 * index];
   return { width, height, codes };
 }
 
@@ -40,7 +40,7 @@ function meanBrightness(picture) {
   pen.drawImage(picture, 0, 0, 16, 10);
   const pixels = pen.getImageData(0, 0, 16, 10).data;
   let sum = 0;
-  for (let place = 0; place < pixels.length; place += 4) sum += pixels[place];
+  for (let index = 0; index < pixels.length; index += 4) sum += pixels[index];
   return sum / (pixels.length / 4) / 255;
 }
 
@@ -73,7 +73,7 @@ export function exposed({ width, height, codes }, gain) {
   const shade = Uint8ClampedArray.from(linear, (value) => Math.round(255 * Math.min(1, value * gain) ** (1 / GAMMA)));
   const data = new ImageData(width, height), pixels = new Uint32Array(data.data.buffer);
   const grey = Uint32Array.from(shade, (value) => 0xff000000 | (value << 16) | (value << 8) | value);
-  for (let place = 0; place < codes.length; place += 1) pixels[place] = grey[codes[place]];
+  for (let index = 0; index < codes.length; index += 1) pixels[index] = grey[codes[index]];
   return data;
 }
 
@@ -81,10 +81,10 @@ export function exposed({ width, height, codes }, gain) {
 export function difference(first, second) {
   if (first.codes.length !== second.codes.length) throw new Error('pictures of two sizes have no difference');
   const data = new ImageData(first.width, first.height), pixels = new Uint32Array(data.data.buffer);
-  const colours = Uint32Array.from({ length: 513 }, (_, place) => diverging((place - 256) / 256));
-  for (let place = 0; place < pixels.length; place += 1) {
-    const off = (stops[second.codes[place]] - stops[first.codes[place]]) / MOST_STOPS;
-    pixels[place] = colours[256 + Math.round(256 * Math.max(-1, Math.min(1, off)))];
+  const colours = Uint32Array.from({ length: 513 }, (_, index) => diverging((index - 256) / 256));
+  for (let index = 0; index < pixels.length; index += 1) {
+    const off = (stops[second.codes[index]] - stops[first.codes[index]]) / MOST_STOPS;
+    pixels[index] = colours[256 + Math.round(256 * Math.max(-1, Math.min(1, off)))];
   }
   return data;
 }
@@ -102,13 +102,13 @@ export function summed(pictures, weights, gain) {
   const sum = new Float32Array(width * height);
   pictures.forEach(({ codes }, number) => {
     const own = linear.map((value) => value * weights[number]);
-    for (let place = 0; place < sum.length; place += 1) sum[place] += own[codes[place]];
+    for (let index = 0; index < sum.length; index += 1) sum[index] += own[codes[index]];
   });
   const data = new ImageData(width, height), pixels = new Uint32Array(data.data.buffer);
   const shade = Uint32Array.from({ length: 4096 }, (_, value) => {
     const grey = Math.round(255 * (value / 4095) ** (1 / GAMMA));
     return 0xff000000 | (grey << 16) | (grey << 8) | grey;
   });
-  for (let place = 0; place < sum.length; place += 1) pixels[place] = shade[Math.min(4095, Math.round(4095 * sum[place] * gain))];
+  for (let index = 0; index < sum.length; index += 1) pixels[index] = shade[Math.min(4095, Math.round(4095 * sum[index] * gain))];
   return data;
 }

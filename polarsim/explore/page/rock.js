@@ -29,7 +29,7 @@ export async function refresh() {
     h('div', { class: 'strip' }, brackets.slice(0, MOST).map((one) => h('button', {
       type: 'button', class: 'crop', title: `${one.key}, confidence ${one.confidence.toFixed(2)}, ${one.source}`,
       'aria-label': one.key, onclick: () => set({ view: 'compare', key: one.key }),
-    }, run.places.has(`photo/${one.key}`) ? crop(pictureUrl('photo', one.key), one, outline(one, one.kind)) : null,
+    }, run.rows.has(`photo/${one.key}`) ? crop(pictureUrl('photo', one.key), one, outline(one, one.kind)) : null,
     h('small', { text: bracketOf(one.key).slice(3) })))),
     h('h3', { text: 'Tables' }),
     factsOf(facts, rock),
@@ -40,7 +40,7 @@ export async function refresh() {
 function sightings(labels, rock) {
   const found = [];
   for (const [start, end] of spans(labels).values()) {
-    for (let place = start; place < end; place += 1) if (labels.columns.rock[place] === rock) found.push(row(labels, place));
+    for (let index = start; index < end; index += 1) if (labels.columns.rock[index] === rock) found.push(row(labels, index));
   }
   return found;
 }
@@ -57,9 +57,9 @@ function byBracket(found) {
 }
 
 function factsOf(facts, rock) {
-  const place = facts.columns.rock ? facts.columns.rock.indexOf(rock) : -1;
-  if (place < 0) return h('p', { class: 'note', text: 'No table of the run knows this rock.' });
-  const own = row(facts, place);
+  const index = facts.columns.rock ? facts.columns.rock.indexOf(rock) : -1;
+  if (index < 0) return h('p', { class: 'note', text: 'No table of the run knows this rock.' });
+  const own = row(facts, index);
   const text = (value) => (typeof value === 'number' ? (Number.isInteger(value) ? String(value) : Number(value.toPrecision(4)).toString()) : value);
   return h('table', {}, h('tbody', {}, Object.entries(own)
     .filter(([name, value]) => name !== 'rock' && value !== '' && value !== 'nan' && !Number.isNaN(value))

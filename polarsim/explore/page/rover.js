@@ -24,33 +24,33 @@ export const refresh = soon(async () => {
   if (!run.about.drives.length) return;
   drive = await json(`data/drives/${nameNow()}.json`);
   const view = viewNow(), looks = looksOf(view), look = looks.includes(state.look) ? state.look : looks[0];
-  const frames = view ? view.frames : [], place = Math.max(0, frames.indexOf(state.frame));
+  const frames = view ? view.frames : [], index = Math.max(0, frames.indexOf(state.frame));
   renew(controls, () => [
     chooser('drive', run.about.drives, nameNow(), (value) => set({ drive: value })),
     ...(view ? [
       chooser('camera', drive.views.map((one) => one.name), view.name, (sight) => set({ sight })),
       chooser('light and model', looks, look ?? '', (value) => set({ look: value })),
-      slider('frame', { min: 0, max: Math.max(0, frames.length - 1), step: 1, value: place, shown: (number) => `${frames[number]} at ${view.time_s[number].toFixed(1)} s` }, (number) => set({ frame: frames[number] })),
+      slider('frame', { min: 0, max: Math.max(0, frames.length - 1), step: 1, value: index, shown: (number) => `${frames[number]} at ${view.time_s[number].toFixed(1)} s` }, (number) => set({ frame: frames[number] })),
     ] : []),
     h('span', { text: `${drive.length_m.toFixed(1)} m` }),
   ]);
-  drawMap(view, place);
-  const there = view && look && view.looks[look].includes(frames[place]);
-  const url = there ? `data/drives/${nameNow()}/${view.name}/${look}/${String(frames[place]).padStart(5, '0')}.jpg` : '';
+  drawMap(view, index);
+  const there = view && look && view.looks[look].includes(frames[index]);
+  const url = there ? `data/drives/${nameNow()}/${view.name}/${look}/${String(frames[index]).padStart(5, '0')}.jpg` : '';
   picture.replaceChildren(there
-    ? h('img', { src: url, alt: `frame ${frames[place]} of ${view.name}`, style: 'width:100%;height:100%;object-fit:contain' })
+    ? h('img', { src: url, alt: `frame ${frames[index]} of ${view.name}`, style: 'width:100%;height:100%;object-fit:contain' })
     : h('p', { class: 'empty', text: 'No picture was taken here.' }));
 });
 
-function drawMap(view, place) {
+function drawMap(view, index) {
   const { x0_m: x0, y0_m: y0, width_m: width, height_m: height } = drive.map;
   const at = (x, y) => [x - x0, y0 + height - y]; // north up
   const points = pairs(drive.path).map(([x, y]) => at(x, y).map((value) => value.toFixed(3)).join()).join(' ');
   const size = Math.max(width, height);
-  const dots = view ? pairs(view.places).map(([x, y], number) => {
+  const dots = view ? pairs(view.positions).map(([x, y], number) => {
     const [u, v] = at(x, y);
     return s('circle', {
-      cx: u, cy: v, r: (number === place ? 0.014 : 0.006) * size, fill: number === place ? '#ffb000' : '#fff', 'data-frame': view.frames[number], style: 'cursor:pointer',
+      cx: u, cy: v, r: (number === index ? 0.014 : 0.006) * size, fill: number === index ? '#ffb000' : '#fff', 'data-frame': view.frames[number], style: 'cursor:pointer',
       onclick: () => set({ frame: view.frames[number] }),
     });
   }) : [];
@@ -67,7 +67,7 @@ const rockOf = (one, [u, v]) => s('circle', {
 
 const pairs = (numbers) => Array.from({ length: numbers.length / 2 }, (_, k) => [numbers[2 * k], numbers[2 * k + 1]]);
 
-/** The frame `by` places on. */
+/** The frame `by` steps on. */
 export function step(by) {
   const frames = drive ? viewNow()?.frames ?? [] : [];
   const next = frames[Math.max(0, frames.indexOf(state.frame)) + by];

@@ -12,9 +12,9 @@ const PALETTE = [[230, 159, 0], [86, 180, 233], [0, 158, 115], [240, 228, 66], [
 const LAMP = [255, 240, 140], CAMERA = [255, 255, 255];
 
 const SOLID = `#version 300 es
-in vec3 place; in vec3 normal; in vec3 colour; uniform mat4 view; uniform vec3 light; uniform float flat_; out vec3 shade;
+in vec3 position; in vec3 normal; in vec3 colour; uniform mat4 view; uniform vec3 light; uniform float flat_; out vec3 shade;
 void main() {
-  gl_Position = view * vec4(place, 1.0);
+  gl_Position = view * vec4(position, 1.0);
   float lit = 0.35 + 0.65 * max(0.0, dot(normalize(normal), light));
   shade = colour * mix(lit, 1.0, flat_);
 }`;
@@ -22,7 +22,7 @@ const PAINT = `#version 300 es
 precision mediump float; in vec3 shade; out vec4 colour; void main() { colour = vec4(shade, 1.0); }`;
 
 let canvas = null, gl = null, program = null, controls = null, names = null, legend = null, said = null;
-let shown = null; // {terrain, mesh, place, count, rock, lines, marks, around}
+let shown = null; // {terrain, mesh, index, count, rock, lines, marks, around}
 let orbit = { yaw: -0.6, pitch: 0.7, far: 6, at: [0, 0, 0] };
 
 export function build(section) {
@@ -49,7 +49,7 @@ function link(vertex, fragment) {
     if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
     gl.attachShader(linked, shader);
   }
-  ['place', 'normal', 'colour'].forEach((name, location) => gl.bindAttribLocation(linked, location, name));
+  ['position', 'normal', 'colour'].forEach((name, location) => gl.bindAttribLocation(linked, location, name));
   gl.linkProgram(linked);
   return linked;
 }
@@ -119,10 +119,10 @@ function interleaved(x, y, z) {
   return out;
 }
 
-/** Frustums of cameras, 0.8 m long, and a star at each lamp with a ray to the middle. */
+/** Frustums of cameras, 0.8 m long, and a star at each lamp with a ray to the centre. */
 function linesOf({ cameras, lamps, rover_lights: rovers }) {
-  const places = [], colours = [];
-  const add = (from, to, colour) => { places.push(...from, ...to); colours.push(...colour, ...colour); };
+  const positions = [], colours = [];
+  const add = (from, to, colour) => { positions.push(...from, ...to); colours.push(...colour, ...colour); };
   for (const { position, camera, sandbox_from_camera: pose, lens: [fx, fy, cx, cy] } of cameras) {
     const at = [pose[3], pose[7], pose[11]];
     const corner = (u, v) => {
@@ -142,10 +142,10 @@ function linesOf({ cameras, lamps, rover_lights: rovers }) {
   for (const at of Object.values(rovers)) star(at, 0.04);
   const made = gl.createVertexArray();
   gl.bindVertexArray(made);
-  attribute(0, Float32Array.from(places));
-  attribute(1, Float32Array.from(places, (_, k) => Number(k % 3 === 2))); // a zero normal would have no direction
+  attribute(0, Float32Array.from(positions));
+  attribute(1, Float32Array.from(positions, (_, k) => Number(k % 3 === 2))); // a zero normal would have no direction
   attribute(2, Uint8Array.from(colours), gl.UNSIGNED_BYTE);
-  return { array: made, count: places.length / 3 };
+  return { array: made, count: positions.length / 3 };
 }
 
 /** Colours of the vertices by what is asked for. */
@@ -229,7 +229,7 @@ function drawInto(matrixNow, flat) {
   gl.bindVertexArray(null);
 }
 
-/** The rock under a place of the canvas: the scene is drawn once in colours that are numbers, and one pixel is read. */
+/** The rock under a point of the canvas: the scene is drawn once in colours that are numbers, and one pixel is read. */
 function pick(x, y) {
   const { rock } = shown.table.columns;
   const numbers = new Uint8Array(3 * rock.length);
@@ -259,9 +259,9 @@ async function lookAtRock() {
   const [terrain, rock] = state.rock.split('.').map(Number);
   if (terrain !== shown.terrain) return;
   const facts = await table(`data/rocks/${terrain}.arrow`);
-  const place = facts.columns.rock ? facts.columns.rock.indexOf(rock) : -1;
-  if (place < 0) return;
-  const { x, y, z, size_m: size } = row(facts, place);
+  const index = facts.columns.rock ? facts.columns.rock.indexOf(rock) : -1;
+  if (index < 0) return;
+  const { x, y, z, size_m: size } = row(facts, index);
   orbit = { ...orbit, at: [x, y, z], far: Math.max(0.5, 6 * (size || 0.2)) };
 }
 
