@@ -247,6 +247,7 @@ def test_a_rock_is_found_in_photos_tables_and_3d(page, address):
 
 
 def test_the_terrain_is_drawn_in_every_colour(page, address):
+    page.set_viewport_size({"width": 900, "height": 500})
     shown(page, address, "view=terrain")
     script = """() => { const scene = document.querySelector('#scene'), gl = scene.getContext('webgl2');
         const found = new Set();
@@ -268,6 +269,7 @@ def test_the_terrain_is_drawn_in_every_colour(page, address):
 
 
 def test_a_click_in_3d_chooses_the_rock(page, address):
+    page.set_viewport_size({"width": 900, "height": 500})
     shown(page, address, "view=terrain&orbit=-1.571,1.55,3,0.5,0.4,0.05")
     page.wait_for_selector("#scene[data-drawn]")
     scene = page.locator("#scene").bounding_box()

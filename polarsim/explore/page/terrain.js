@@ -194,7 +194,16 @@ function view() {
   return matrix.product(matrix.perspective(0.45 * aspect, 0.45, 0.02, 60), matrix.looking(eye, at));
 }
 
+let waiting = false;
+
+/** Draw at the browser's next frame, once however often it was asked for. */
 function draw() {
+  if (waiting) return;
+  waiting = true;
+  requestAnimationFrame(() => { waiting = false; drawNow(); });
+}
+
+function drawNow() {
   if (!gl || !shown || !canvas.clientWidth) return;
   const ratio = Math.min(2, devicePixelRatio || 1);
   canvas.width = Math.round(canvas.clientWidth * ratio);
