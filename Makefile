@@ -21,6 +21,7 @@ setup: .venv/.ready ## make .venv with polarsim, snakemake and all they need
 demo: setup ## the whole pipeline on the analog sandbox: config/config.yaml
 	$(SNAKEMAKE)
 	@$(BIN)/polarsim report demo --cores $(CORES)
+	@echo "to look at it in the browser: $(BIN)/polarsim explore demo"
 
 release: setup ## cameras, labels, twins and tables on the published labels and meshes (POLAR_SIM_ROOT)
 	POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(SNAKEMAKE) --configfile config/release.yaml

@@ -313,6 +313,130 @@ def publish(
 
 
 @app.command()
+def explore(
+    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
+    out: Annotated[
+        Path | None, typer.Option(help="Write the page to this new folder, for any static host, instead of serving it.")
+    ] = None,
+    width: Annotated[int, typer.Option(min=240, max=1936, help="Width of the pictures, px.")] = 968,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Look at a run in the browser: photos, twins, labels, rocks in 3-D, detectors, drives; correct boxes.
+
+    The page is served on this machine alone until Ctrl-C.
+    """
+    from polarsim.explore.run import Run
+    from polarsim.explore.site import site, write_site
+
+    chosen = Run.at(results / run)
+    if out:
+        count = write_site(chosen, out, width)
+        typer.echo(f"{count} files in {out}; any static host shows them: python -m http.server -d {out} -b 127.0.0.1")
+        return
+    import webbrowser
+
+    from polarsim.explore.server import server
+
+    with server(site(chosen, width), port) as served:
+        address = f"http://{served.server_address[0]!s}:{served.server_address[1]}/"
+        typer.echo(f"{address}   Ctrl-C ends it")
+        if browser:
+            webbrowser.open(address)
+        try:
+            served.serve_forever()
+        except KeyboardInterrupt:
+            typer.echo("ended")
+
+
+@app.command()
+def undo(
+    drawing: Annotated[str, typer.Argument(metavar="KEY", help="Photo of a seed or of a correction.")],
+    configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),
+    run: Annotated[str | None, typer.Option(help="Name of the run; default is the configuration's.")] = None,
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Show what followed from one drawing, a seed or a correction, and how it is taken back.
+
+    Labels of its terrain are propagated with and without it; results/<run>/labels/undone/KEY.parquet has what differs,
+    which `polarsim explore` shows.
+    """
+    from polarsim.config import read_config
+    from polarsim.errors import LabelError
+    from polarsim.grid import selected_grid
+    from polarsim.labels.seeds import read_corrections
+    from polarsim.labels.undo import what_followed
+    from polarsim.photo import PhotoKey, positions
+
+    key, config = PhotoKey.parse(drawing), read_config(configfile)
+    folder, terrain = results / (run or config.run), f"Terrain{key.terrain:02d}"
+    seeds = folder / "acquire" / terrain / "seeds"
+    if not (seeds / f"{key}.txt").exists() and key not in read_corrections(config.labels.corrections, key.terrain):
+        raise LabelError(f"no seed and no correction of {key}", path=seeds)
+    here = [position for position in config.positions if position in positions(key.terrain)]
+    found = what_followed(
+        drawing=key,
+        keys=selected_grid(key.terrain, here, config.grid),
+        photos=folder / "acquire" / terrain / "photos.parquet",
+        inventory=folder / "acquire" / terrain / "inventory.json",
+        seeds=seeds,
+        cameras=folder / "cameras" / terrain,
+        meshes=folder / "meshes" / terrain,
+        options=config.labels,
+        out=folder / "labels" / "undone" / f"{key}.parquet",
+    )
+    changes = found.groupby(["kind", "change"]).agg(labels=("key", "size"), photos=("key", "nunique"))
+    for row in changes.reset_index().to_dict("records"):
+        typer.echo(f"{row['kind']:7} {row['change']:6} {row['labels']:6} labels on {row['photos']} photos")
+    typer.echo(
+        f"{found['key'].nunique()} photos follow from {key}. Taken back it is by these lines in the configuration, and "
+        f"snakemake:\nlabels:\n  taken_back: [{', '.join([*config.labels.taken_back, str(key)])}]"
+    )
+
+
+@app.command()
+def rerun(
+    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
+    station: Annotated[str, typer.Argument(help="Terrain and position, such as 03_A.")],
+    out: Annotated[Path | None, typer.Option(help="Recording to write; default <run>_<station>.rrd here.")] = None,
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Write a station as a Rerun recording: terrain, cameras, lamps, photos and twins with labels. Needs
+    polarsim[rerun].
+    """
+    from polarsim.errors import ConfigError
+    from polarsim.explore.recording import write_recording
+    from polarsim.explore.run import Run
+
+    terrain, _, position = station.partition("_")
+    if not terrain.isdigit() or not position:
+        raise ConfigError(f"station {station!r}, expected terrain and position such as 03_A")
+    target = out or Path(f"{run}_{station}.rrd")
+    count = write_recording(Run.at(results / run), int(terrain), position, target)
+    typer.echo(f"{count} pictures in {target}; open it with: rerun {target}")
+
+
+@app.command()
+def fiftyone(
+    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
+    folder: Annotated[Path, typer.Argument(help="New folder to write.")],
+    keys: Annotated[str, typer.Option(help="Only photos with keys like this, such as '01_A_off_*_L_0256'.")] = "*",
+    domain: Annotated[
+        list[str] | None, typer.Option(help="Only photo, or a model's twins; may be repeated. Default: all.")
+    ] = None,
+    width: Annotated[int, typer.Option(min=240, max=1936, help="Width of the pictures, px.")] = 1936,
+    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+) -> None:
+    """Write a run as a FiftyOne data set: photos and twins with labels and predictions."""
+    from polarsim.explore.fiftyone import FORM, write_fiftyone
+    from polarsim.explore.run import Run
+
+    count = write_fiftyone(Run.at(results / run), folder, pattern=keys, domains=domain or (), width=width)
+    typer.echo(f"{count} samples in {folder}; fiftyone.Dataset.from_dir({str(folder)!r}, dataset_type={FORM})")
+
+
+@app.command()
 def render(
     context: typer.Context,
     meshes: Annotated[

@@ -31,7 +31,7 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"kernels", "photo"},
     {"geometry", "grid"},
     {"formats"},
-    {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
+    {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint", "explore"},
     {"rover", "covers", "report", "publish"},
     {"config", "reporting"},
     {"cli", "job"},

@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, field_validator
 
+from polarsim.errors import LabelError
 from polarsim.labels import rover_light
 from polarsim.labels.annotator_model import COEFFICIENTS
+from polarsim.photo import PhotoKey
 from polarsim.survey import WALL_HEIGHT
 
 
@@ -19,6 +21,12 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         None,
         description="Label files in this folder were edited by people, KEY.txt as `polarsim export` writes them or "
         "COCO: each wins for its photo, and is propagated to others as seeds are.",
+    )
+
+    taken_back: tuple[str, ...] = Field(
+        (),
+        description="Seeds and corrections of these photos count as never drawn: keys such as 01_A_off_180_L_0256. "
+        "`polarsim undo KEY` shows what followed from one.",
     )
 
     # What a photo shows, by the photo itself.
@@ -107,6 +115,14 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         ge=0,
         description="Walls of the sandbox stand so high above the sand, m, and shade it; 0: there are none.",
     )
+
+    @field_validator("taken_back")
+    @classmethod
+    def _photo_keys(cls, values: tuple[str, ...]) -> tuple[str, ...]:
+        try:
+            return tuple(str(PhotoKey.parse(value)) for value in values)
+        except LabelError as error:
+            raise ValueError(str(error)) from error
 
     def shadow_start(self, terrain: int) -> int:
         """Shortest exposure under a Sun lamp with shadow labels, ms."""

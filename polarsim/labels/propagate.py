@@ -105,25 +105,54 @@ def propagate_labels(
     FormatError
         A broken seed, camera or mesh file.
     """
-    if (found := read_inventory(inventory).terrain) != terrain:
-        raise LabelError(f"inventory of terrain {found:02d}, expected {terrain:02d}", path=inventory)
-    _warn_of_gaps(photos, keys)
-    localised = rigs.read_all_localised(cameras)
-    suns = lamps.read_suns(cameras, localised)
-    corrections = read_corrections(options.corrections, terrain)
-    scene = read_terrain(meshes, terrain)
-    drawings = without_strangers(read_drawings(seeds, terrain), scene, localised)
-    by_people = {**drawings, **corrections}
-    starts = Starts(shadow_starts(by_people, options.shadow_start(terrain)), UnlitStarts.of(by_people))
-    chosen = choose_seeds(drawings, corrections, starts.shadows)
-    known = gather(scene, localised, suns, chosen, options)
-    labels = grid_labels(known, keys, options, starts, Photos(photos, terrain), drawings, corrections)
+    labels = labels_of_terrain(
+        terrain=terrain,
+        keys=keys,
+        photos=photos,
+        inventory=inventory,
+        seeds=seeds,
+        cameras=cameras,
+        meshes=meshes,
+        options=options,
+    )
     with writing_folder(boxes) as folder:
         for key in keys:
             classes = np.array([BOX_CLASSES.index(label.kind) for label in labels[key]], int)
             own_boxes = np.array([label.box for label in labels[key]]).reshape(-1, 4)
             yolo.write_boxes(folder / f"{key}.txt", classes, own_boxes)
     tables.write_parquet(table, tables.label_table([_row(key, label) for key in keys for label in labels[key]]))
+
+
+def labels_of_terrain(
+    *,
+    terrain: int,
+    keys: Sequence[PhotoKey],
+    photos: Path,
+    inventory: Path,
+    seeds: Path,
+    cameras: Path,
+    meshes: Path,
+    options: LabelsOptions,
+) -> dict[PhotoKey, list[Label]]:
+    """What `propagate_labels` writes; arguments and errors are its."""
+    if (found := read_inventory(inventory).terrain) != terrain:
+        raise LabelError(f"inventory of terrain {found:02d}, expected {terrain:02d}", path=inventory)
+    _warn_of_gaps(photos, keys)
+    localised = rigs.read_all_localised(cameras)
+    suns = lamps.read_suns(cameras, localised)
+    corrections = _left(read_corrections(options.corrections, terrain), options)
+    scene = read_terrain(meshes, terrain)
+    drawings = _left(without_strangers(read_drawings(seeds, terrain), scene, localised), options)
+    by_people = {**drawings, **corrections}
+    starts = Starts(shadow_starts(by_people, options.shadow_start(terrain)), UnlitStarts.of(by_people))
+    chosen = choose_seeds(drawings, corrections, starts.shadows)
+    known = gather(scene, localised, suns, chosen, options)
+    return grid_labels(known, keys, options, starts, Photos(photos, terrain), drawings, corrections)
+
+
+def _left(drawings: Drawings, options: LabelsOptions) -> Drawings:
+    """Drawings without those that are taken back."""
+    return {key: annotated for key, annotated in drawings.items() if str(key) not in options.taken_back}
 
 
 def grid_labels(

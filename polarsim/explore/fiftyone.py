@@ -1,0 +1,105 @@
+"""A run as a FiftyOne data set: its own files (metadata.json, samples.json, data/), written without FiftyOne."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.errors import ConfigError
+from polarsim.explore.pictures import jpeg
+from polarsim.explore.run import PHOTO, Run
+from polarsim.explore.tables import EDGES, picture_table, shown_predictions
+from polarsim.formats.files import write_bytes, write_json, writing_folder
+from polarsim.photo import HEIGHT, WIDTH
+from polarsim.progress import track
+
+FORM = "fiftyone.types.LegacyFiftyOneDataset"  # the form that FiftyOne reads of any version since 0.8
+PARTS = ("terrain", "position", "light", "azimuth", "camera", "exposure_ms")
+
+
+def write_fiftyone(
+    run: Run, folder: Path, *, pattern: str = "*", domains: Sequence[str] = (), width: int = WIDTH
+) -> int:
+    """Write photos and twins with labels and predictions to a new folder; how many samples it has.
+
+    A sample has the key, its parts, domain, score and defect, labels in `ground_truth` and a field a detector that
+    was tested on its domain. Boxes are shares of the picture: x, y, width, height.
+
+    Raises
+    ------
+    ConfigError
+        The folder holds something, or no picture fits.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ConfigError("not empty, and nothing is overwritten: name a new folder", path=folder)
+    table = picture_table(run)
+    fits = table["key"].map(lambda key: fnmatchcase(key, pattern))
+    rows = table[fits & (table["domain"].isin(domains) if domains else True)].to_dict("records")
+    if not rows:
+        raise ConfigError(f"no picture of a key like {pattern} in {', '.join(domains) or 'any domain'}", run.folder)
+    labels = {of_twins: _by_key(_labels(run, of_twins=of_twins)) for of_twins in (False, True)}
+    seen = {name: _by_key(shown_predictions(run, name)) for name in run.predictions}
+    pictures = {(domain, str(key)): path for (domain, key), path in run.pictures.items()}
+    samples = []
+    with writing_folder(folder) as temporary:
+        for row in track(rows, "samples"):
+            key, domain = str(row["key"]), str(row["domain"])
+            name = f"data/{domain}/{key}.jpg"
+            write_bytes(temporary / name, jpeg(pictures[domain, key], width))
+            sample = _sample(row, name)
+            sample["ground_truth"] = _detections(labels[domain != PHOTO].get(key))
+            for name, found in seen.items():
+                if key in found and run.domain_of(name.rpartition("_on_")[2]) == domain:
+                    sample[_field(name)] = _detections(found[key])
+            samples.append(sample)
+        write_json(temporary / "samples.json", {"samples": samples})
+        about = {"source": "polarsim", "run": run.name, "picture_width_px": width}
+        write_json(temporary / "metadata.json", {"media_type": "image", "info": about})
+    return len(samples)
+
+
+def _labels(run: Run, *, of_twins: bool) -> pd.DataFrame:
+    return pd.concat([run.labels(terrain, of_twins=of_twins) for terrain in run.terrains])
+
+
+def _by_key(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    return {str(key): part for key, part in table.groupby("key")}
+
+
+def _sample(row: dict[Any, Any], name: str) -> dict[str, Any]:
+    told = {name: row[name] for name in PARTS} | {"key": row["key"], "domain": row["domain"]}
+    numbers = {name: None if np.isnan(row[name]) else round(float(row[name]), 5) for name in ("score", "confidence")}
+    tags = [str(row["defect"])] if row["defect"] else []
+    return {"filepath": name, "tags": tags, "_media_type": "image", "metadata": None, **told, **numbers}
+
+
+def _field(name: str) -> str:
+    """A prediction file's name as FiftyOne takes it: letters, numbers, underscores."""
+    return "".join(letter if letter.isalnum() else "_" for letter in name)
+
+
+def _detections(rows: pd.DataFrame | None) -> dict[str, Any]:
+    found = [] if rows is None else [_detection(row) for row in rows.to_dict("records")]
+    return {"_cls": "Detections", "detections": found}
+
+
+def _detection(row: dict[Any, Any]) -> dict[str, Any]:
+    x0, y0, x1, y1 = (float(row[edge]) for edge in EDGES)
+    box = [x0 / WIDTH, y0 / HEIGHT, (x1 - x0) / WIDTH, (y1 - y0) / HEIGHT]
+    more: dict[str, Any] = {name: bool(row[name]) for name in ("right", "false_positive") if name in row}
+    more |= {"source": str(row["source"])} if "source" in row else {}
+    return {
+        "_cls": "Detection",
+        "tags": [],
+        "attributes": {},
+        "label": str(row["kind"]),
+        "bounding_box": [round(value, 7) for value in box],
+        "confidence": round(float(row["confidence"]), 5),
+        "rock": int(row["rock"]),
+        **more,
+    }

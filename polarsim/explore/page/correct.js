@@ -1,0 +1,245 @@
+// One annotation on its whole bracket, on the other camera and under the other Suns; its box is put right here.
+
+import { bracketOf, has, keyOf, nearestExposure, parts, pictureUrl, row, run, table } from './data.js';
+import { Corrections, coco, dragged, grip } from './corrections.js';
+import { chooser, h, renew, s, soon } from './dom.js';
+import { crop, labels, outline } from './overlay.js';
+import { set, state } from './state.js';
+import { read, whiteOf } from './picture.js';
+
+const SUNS = ['30', '180', '270', '350'];
+const SAME = ['x0', 'y0', 'x1', 'y1'];
+
+let controls = null, editor = null, panels = null, note = null, seeds = null, corrections = null;
+let boxes = [], propagated = [], chosen = -1, near = true, drag = null;
+
+export function build(section) {
+  corrections = new Corrections(run.about.run);
+  controls = h('div', { class: 'bar' });
+  note = h('p', { class: 'empty', text: 'Choose a picture in the grid.' });
+  editor = s('svg', { id: 'editor', tabindex: 0, role: 'application', 'aria-label': 'editor of boxes', style: 'width:100%;height:100%;touch-action:none' });
+  panels = h('div', { class: 'panels', role: 'region', 'aria-label': 'The same on other photos', tabindex: 0 });
+  seeds = h('div', { class: 'bar', id: 'seeds' });
+  section.append(h('div', { class: 'column' }, controls, note, h('div', { class: 'work' }, h('div', { class: 'stage' }, editor), panels), seeds));
+  listen();
+}
+
+export const refresh = soon(async () => {
+  note.hidden = Boolean(state.key);
+  if (state.key) {
+    const key = state.key;
+    propagated = (await labels(key, false)).map(({ kind, rock, ...rest }) => ({ kind, rock, ...Object.fromEntries(SAME.map((edge) => [edge, rest[edge]])) }));
+    if (key !== state.key) return;
+    const wanted = boxes[chosen];
+    boxes = corrections.of(key) ?? propagated;
+    chosen = boxes.findIndex((one) => wanted && one.kind === wanted.kind && one.rock === wanted.rock && one.rock >= 0);
+    if (state.rock && boxes[chosen]?.rock !== rockNow()) chosen = boxes.findIndex((one) => one.rock === rockNow() && one.kind === state.kind);
+    if (chosen < 0) chosen = boxes.findIndex((one) => one.rock === rockNow());
+    drawAll();
+  }
+  await drawSeeds();
+});
+
+const rockNow = () => (state.rock.startsWith(`${parts(state.key).terrain}.`) ? Number(state.rock.split('.')[1]) : -2);
+
+function drawAll() {
+  drawControls();
+  drawEditor();
+  drawPanels();
+}
+
+function drawControls() {
+  const now = corrections.of(state.key);
+  const count = corrections.keys.length;
+  renew(controls, () => [
+    h('strong', { text: state.key }),
+    h('span', { text: now ? 'corrected' : 'as propagated', id: 'corrected' }),
+    h('button', { type: 'button', text: near ? 'whole photo' : 'close up', onclick: () => { near = !near; drawAll(); } }),
+    h('button', { type: 'button', text: 'new rock', onclick: () => add('rock') }),
+    h('button', { type: 'button', text: 'new shadow', onclick: () => add('shadow') }),
+    h('button', { type: 'button', text: 'delete box', disabled: chosen < 0, onclick: remove }),
+    h('button', { type: 'button', text: 'undo', id: 'undo', disabled: !corrections.past.length, onclick: () => { corrections.undo(); take(); } }),
+    h('button', { type: 'button', text: 'drop corrections', id: 'revert', disabled: !now, onclick: () => { corrections.drop(state.key); take(); } }),
+    h('button', { type: 'button', id: 'download', text: `download corrections (${count} ${count === 1 ? 'photo' : 'photos'})`, disabled: !count, onclick: download,
+      title: 'A COCO file: put it into a folder of its own and name that as labels.corrections' }),
+  ]);
+}
+
+/** Show what the corrections hold. */
+function take() {
+  boxes = corrections.of(state.key) ?? propagated;
+  chosen = Math.min(chosen, boxes.length - 1);
+  drawAll();
+}
+
+function change(next) {
+  corrections.put(state.key, next);
+  boxes = next;
+  drawAll();
+}
+
+function add(kind) {
+  const { width, height } = run.about;
+  const at = boxes[chosen] ?? { x0: width / 2 - 40, x1: width / 2 + 40, y0: height / 2 - 30, y1: height / 2 + 30 };
+  const side = 60;
+  const one = { kind, rock: -1, x0: Math.min(width - side, at.x1 + 8), y0: at.y0, x1: Math.min(width, at.x1 + 8 + side), y1: at.y0 + side };
+  chosen = boxes.length;
+  change([...boxes, one]);
+}
+
+function remove() {
+  const index = chosen;
+  chosen = -1;
+  change(boxes.filter((_, number) => number !== index));
+}
+
+function download() {
+  const content = new Blob([JSON.stringify(coco(corrections.photos, run.about), null, 1)], { type: 'application/json' });
+  const link = h('a', { href: URL.createObjectURL(content), download: `corrections_${run.about.run}.json` });
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+
+/** The part of the photo that the editor shows. */
+function sight() {
+  const { width, height } = run.about, one = boxes[chosen];
+  if (!near || !one) return [0, 0, width, height];
+  const side = Math.max(260, 3 * Math.max(one.x1 - one.x0, one.y1 - one.y0));
+  return [(one.x0 + one.x1 - side) / 2, (one.y0 + one.y1 - side / 1.4) / 2, side, side / 1.4];
+}
+
+let bright = 1;
+async function drawEditor() {
+  const key = state.key, { width, height } = run.about;
+  const domain = has('photo', key) ? 'photo' : run.about.domains[1];
+  const url = pictureUrl(domain, key);
+  if (!drag) editor.setAttribute('viewBox', sight().join(' '));
+  editor.replaceChildren(
+    s('image', { href: url, width, height, preserveAspectRatio: 'none', style: `filter:brightness(${bright})` }),
+    ...boxes.map((one, number) => s('rect', {
+      class: `box ${one.kind} ${number === chosen ? 'edited' : ''}`, x: one.x0, y: one.y0, width: one.x1 - one.x0, height: one.y1 - one.y0, 'data-number': number,
+    }, s('title', { text: `${one.kind} ${one.rock < 0 ? '' : one.rock}` }))),
+  );
+  const picture = await read(url).catch(() => null);
+  if (picture && key === state.key) {
+    bright = (1 / whiteOf(picture)) ** (1 / 2.2);
+    editor.firstChild.style.filter = `brightness(${bright})`;
+  }
+}
+
+/** Photos that show the same: the bracket, the other camera, the other Suns. */
+function siblings() {
+  const own = parts(state.key);
+  const near256 = (change) => {
+    const other = { ...own, ...change };
+    const exposure = nearestExposure(bracketOf(keyOf(other)), own.exposure);
+    return Number.isFinite(exposure) ? [keyOf({ ...other, exposure })] : [];
+  };
+  const bracket = (run.brackets.get(bracketOf(state.key)) ?? []).map((exposure) => keyOf({ ...own, exposure }));
+  return [
+    ...bracket.filter((key) => key !== state.key).map((key) => [key, 'exposure', true]),
+    ...near256({ camera: own.camera === 'L' ? 'R' : 'L' }).map((key) => [key, 'other camera', false]),
+    ...SUNS.filter((azimuth) => azimuth !== own.azimuth).flatMap((azimuth) => near256({ azimuth }).map((key) => [key, `Sun ${azimuth}`, true])),
+  ];
+}
+
+let drawn = 0;
+async function drawPanels() {
+  const one = boxes[chosen], turn = (drawn += 1);
+  if (!one) { panels.replaceChildren(h('p', { class: 'note', text: 'Choose a box: it is shown here on its whole exposure bracket, in the other camera and under the other Suns.' })); return; }
+  const before = propagated.find((other) => other.rock === one.rock && other.kind === one.kind && one.rock >= 0);
+  const found = await Promise.all(siblings().map(async ([key, what, sameCamera]) => {
+    const own = await labels(key, false);
+    const label = own.find((other) => other.rock === one.rock && other.kind === one.kind && one.rock >= 0);
+    return [key, what, label, expected(one, before, label, sameCamera && (one.kind === 'rock' || what === 'exposure'))];
+  }));
+  if (turn !== drawn) return;
+  panels.replaceChildren(...found.map(([key, what, label, preview]) => {
+    const at = preview ?? label ?? one;
+    const domain = has('photo', key) ? 'photo' : run.about.domains[1];
+    const marks = [label ? outline(label, one.kind) : null, preview ? outline(preview, 'preview') : null].filter(Boolean);
+    return h('figure', {}, crop(pictureUrl(domain, key), at, marks),
+      h('figcaption', {}, `${what}: `, h('button', { type: 'button', text: key, onclick: () => set({ key }) }), label ? '' : ' no label'));
+  }));
+}
+
+/** Where the box should lie on another photo: the same for a camera that stands still, moved alike for the other one. */
+function expected(one, before, label, still) {
+  if (still) return one;
+  if (!label || !before) return null;
+  return Object.fromEntries(SAME.map((edge) => [edge, label[edge] + one[edge] - before[edge]]));
+}
+
+function listen() {
+  const at = (event) => {
+    const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(editor.getScreenCTM().inverse());
+    return [point.x, point.y, 7 / editor.getScreenCTM().a];
+  };
+  editor.addEventListener('pointerdown', (event) => {
+    const [x, y, reach] = at(event);
+    let held = chosen >= 0 ? grip(boxes[chosen], x, y, reach) : null;
+    if (held === null) {
+      const number = Number(event.target.dataset?.number ?? -1);
+      chosen = number;
+      const one = boxes[number];
+      drawAll();
+      if (one && one.rock >= 0) set({ rock: `${parts(state.key).terrain}.${one.rock}`, kind: one.kind });
+      return;
+    }
+    drag = { x, y, held, box: boxes[chosen] };
+    editor.setPointerCapture(event.pointerId);
+  });
+  editor.addEventListener('pointermove', (event) => {
+    if (!drag) return;
+    const [x, y] = at(event);
+    const moved = dragged(drag.box, drag.held, x - drag.x, y - drag.y);
+    boxes = boxes.map((one, number) => (number === chosen ? moved : one));
+    drawEditor();
+  });
+  editor.addEventListener('pointerup', () => {
+    if (!drag) return;
+    const { box } = drag, moved = SAME.some((edge) => boxes[chosen][edge] !== box[edge]);
+    drag = null;
+    if (moved) change(boxes);
+  });
+  editor.addEventListener('keydown', (event) => {
+    const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (chosen >= 0 && by) {
+      change(boxes.map((one, number) => (number === chosen ? dragged(one, event.shiftKey ? 'es' : '', ...by) : one)));
+    } else if (chosen >= 0 && event.key === 'Delete') remove();
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+  });
+}
+
+/** What followed from a seed, where the run knows, and how it is taken back. */
+async function drawSeeds() {
+  const { seeds: all, undone } = run.about;
+  const seed = all.includes(state.seed) ? state.seed : '';
+  const told = seed && undone.includes(seed) ? await table(`data/undone/${seed}.arrow`) : null;
+  renew(seeds, () => [
+    chooser('what followed from the seed', [['', 'none'], ...all], seed, (value) => set({ seed: value })),
+    ...(seed && !told ? [h('span', {}, 'ask ', h('code', { text: `polarsim undo ${seed} --run ${run.about.run}` }), ' and open the page anew')] : []),
+    ...(told ? followed(told) : []),
+  ]);
+}
+
+const WORDS = { gone: 'would be gone', moved: 'would move', new: 'would be new' };
+
+function followed(told) {
+  const photos = new Map();
+  for (let k = 0; k < told.rows; k += 1) {
+    const { key, change: what } = row(told, k);
+    if (!photos.has(key)) photos.set(key, {});
+    photos.get(key)[what] = (photos.get(key)[what] ?? 0) + 1;
+  }
+  const say = (counts) => Object.entries(counts).map(([what, count]) => `${count} ${what}`).join(', ');
+  const total = {};
+  for (const counts of photos.values()) for (const [what, count] of Object.entries(counts)) total[what] = (total[what] ?? 0) + count;
+  const text = Object.entries(total).map(([what, count]) => `${count} ${WORDS[what]}`).join(', ');
+  return [
+    h('span', { id: 'followed', text: `without it, of the labels of ${photos.size} photos ${text || 'nothing would change'}` }),
+    chooser('on', [['', 'a photo'], ...[...photos].map(([key, counts]) => [key, `${key}: ${say(counts)}`])], '', (key) => key && set({ key })),
+  ];
+}

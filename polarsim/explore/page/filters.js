@@ -1,0 +1,75 @@
+// Which pictures are shown: columns against what is allowed, row by row.
+
+import { FIELDS, RANGES, set, state } from './state.js';
+import { run } from './data.js';
+import { h } from './dom.js';
+
+/** Distinct values of a field, in order, each with the numbers that stand for it. */
+export function valuesOf(field) {
+  const { columns, values } = run.pictures;
+  if (values[field]) return values[field].map((value, code) => [value, code]).sort(byOrder);
+  return [...new Set(columns[field])].sort((a, b) => a - b).map((value) => [String(value), value]);
+}
+
+const byOrder = ([a], [b]) => (Number(a) - Number(b)) || String(a).localeCompare(String(b));
+
+/** Rows that fit the state's filters; `among` are keys that alone count, all where it is null. */
+export function filtered(among = null) {
+  const { columns, rows } = run.pictures;
+  const tests = FIELDS.filter((field) => state[`f.${field}`]).map((field) => {
+    const wanted = new Set(state[`f.${field}`].split(','));
+    const codes = new Set(valuesOf(field).filter(([value]) => wanted.has(value || 'none')).map(([, code]) => code));
+    return [columns[field], codes];
+  });
+  const ranges = RANGES.filter((field) => state[`f.${field}`]).map((field) => {
+    const [low, high] = state[`f.${field}`].split('..').map((text, end) => (text === '' ? (end ? Infinity : -Infinity) : Number(text)));
+    return [columns[field], low, high];
+  });
+  const keys = among && new Set(run.pictures.values.key.map((key, code) => [key, code]).filter(([key]) => among.has(key)).map(([, code]) => code));
+  const found = [];
+  for (let row = 0; row < rows; row += 1) {
+    if (tests.every(([column, allowed]) => allowed.has(column[row]))
+      && ranges.every(([column, low, high]) => column[row] >= low && column[row] <= high)
+      && (!keys || keys.has(columns.key[row]))) found.push(row);
+  }
+  return sorted(found);
+}
+
+function sorted(rows) {
+  const column = run.pictures.columns[state.sort];
+  if (state.sort === 'key' || !column) return rows;
+  const last = (value) => (Number.isNaN(value) ? Infinity : value);
+  return rows.sort((a, b) => last(column[a]) - last(column[b]) || a - b);
+}
+
+const NAMES = { exposure_ms: 'exposure, ms', light: 'rover light', azimuth: 'Sun azimuth' };
+
+/** The form of all filters. */
+export function form() {
+  const boxes = FIELDS.map((field) => {
+    const values = valuesOf(field);
+    const wanted = new Set(state[`f.${field}`].split(',').filter(Boolean));
+    return h('fieldset', {}, h('legend', { text: NAMES[field] ?? field }), values.map(([value]) => {
+      const name = value || 'none';
+      const box = h('input', { type: 'checkbox', name: field, value: name, checked: wanted.has(name), onchange: () => {
+        if (box.checked) wanted.add(name); else wanted.delete(name);
+        set({ [`f.${field}`]: [...wanted].join(',') });
+      } });
+      return h('label', {}, box, name);
+    }));
+  });
+  const ranges = RANGES.map((field) => {
+    const ends = (state[`f.${field}`] || '..').split('..');
+    const inputs = ['least', 'most'].map((end, index) => h('input', {
+      type: 'number', min: 0, max: 1, step: 0.01, value: ends[index] ?? '', 'aria-label': `${end} ${field}`, name: `${field}-${end}`,
+      onchange: (event) => {
+        ends[index] = event.target.value;
+        set({ [`f.${field}`]: ends.join('..') === '..' ? '' : ends.join('..') });
+      },
+    }));
+    const meaning = field === 'score' ? 'photos: mean IoU of labels with truth; twins: SSIM with the photo' : 'mean over the labels';
+    return h('fieldset', { title: meaning }, h('legend', { text: field }), inputs[0], ' to ', inputs[1]);
+  });
+  const reset = () => set(Object.fromEntries([...FIELDS, ...RANGES].map((field) => [`f.${field}`, '']).concat([['only', '']])));
+  return h('form', { onsubmit: (event) => event.preventDefault() }, boxes, ranges, h('button', { type: 'button', id: 'reset', onclick: reset, text: 'All pictures' }));
+}

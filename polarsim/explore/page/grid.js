@@ -1,0 +1,94 @@
+// The photo grid: as many tiles as fit on the screen, however many pictures there are.
+
+import { domainAt, keyAt, labelsOf, run, smallUrl } from './data.js';
+import { chooser, h, renew } from './dom.js';
+import { filtered, form } from './filters.js';
+import { set, state } from './state.js';
+import { brightening } from './picture.js';
+
+const WIDE = 190, HIGH = 160, MARGIN = 2; // pixels of a tile; rows beyond the screen
+
+let page = null, list = null, inner = null, said = null, filters = null;
+export let shown = []; // rows of the pictures that pass the filters
+const tiles = new Map();
+
+export function build(section) {
+  page = section;
+  filters = h('div', { class: 'side' });
+  inner = h('div', { style: 'position:relative' });
+  list = h('div', { class: 'grid', tabindex: 0, role: 'region', 'aria-label': 'Pictures', onscroll: draw }, inner);
+  said = h('span', { id: 'count', role: 'status' });
+  const sort = chooser('sort by', ['key', 'score', 'confidence', 'least_confidence', 'rocks'], state.sort, (value) => set({ sort: value }));
+  section.className = 'split';
+  section.append(filters, h('div', { class: 'column' }, h('div', { class: 'bar' }, said, sort), list));
+  addEventListener('resize', draw);
+}
+
+/** Keys of the photos that show the chosen rock, where the grid is limited to it. */
+async function among() {
+  if (!state.only) return null;
+  const [terrain, rock] = state.only.split('.').map(Number);
+  const found = new Set();
+  for (const labels of await Promise.all([labelsOf(terrain, false), labelsOf(terrain, true)])) {
+    for (let row = 0; row < labels.rows; row += 1) {
+      if (labels.columns.rock[row] === rock) found.add(labels.values.key[labels.columns.key[row]]);
+    }
+  }
+  return found;
+}
+
+export async function refresh(changed = new Set(['all'])) {
+  if (![...changed].some((name) => name.startsWith('f.') || ['all', 'view', 'sort', 'only'].includes(name))) return;
+  const keys = await among();
+  const start = performance.now();
+  shown = filtered(keys);
+  const took = performance.now() - start;
+  said.textContent = `${shown.length} of ${run.pictures.rows} pictures${state.only ? `, those of rock ${state.only.split('.')[1]}` : ''}`;
+  said.dataset.ms = took.toFixed(1);
+  renew(filters, () => [form()]);
+  for (const tile of tiles.values()) tile.remove();
+  tiles.clear();
+  draw();
+}
+
+function draw() {
+  if (!page || page.hidden) return;
+  const columns = Math.max(1, Math.floor(list.clientWidth / WIDE));
+  inner.style.height = `${Math.ceil(shown.length / columns) * HIGH}px`;
+  const first = Math.max(0, Math.floor(list.scrollTop / HIGH) - MARGIN) * columns;
+  const end = Math.min(shown.length, (Math.ceil((list.scrollTop + list.clientHeight) / HIGH) + MARGIN) * columns);
+  for (const [number, tile] of tiles) if (number < first || number >= end) { tile.remove(); tiles.delete(number); }
+  for (let number = first; number < end; number += 1) {
+    if (!tiles.has(number)) { tiles.set(number, tileOf(shown[number])); inner.append(tiles.get(number)); }
+    const style = tiles.get(number).style;
+    style.left = `${(number % columns) * WIDE}px`;
+    style.top = `${Math.floor(number / columns) * HIGH}px`;
+  }
+}
+
+function tileOf(row) {
+  const key = keyAt(row), domain = domainAt(row), { columns } = run.pictures;
+  const figure = (name) => (Number.isNaN(columns[name][row]) ? '-' : columns[name][row].toFixed(2));
+  const picture = h('img', { src: smallUrl(domain, key), alt: '', onload: () => brighten(picture) });
+  return h('button', { type: 'button', class: 'tile', onclick: () => choose(row), 'data-key': key },
+    picture, h('span', { text: key }), h('small', { text: `${domain}, score ${figure('score')}, conf. ${figure('confidence')}` }));
+}
+
+/** Shows a short exposure as bright as a long one: recognition, not measurement, is what the grid is for. */
+function brighten(picture) {
+  picture.style.filter = `brightness(${brightening(picture)})`;
+}
+
+export function choose(row) {
+  const key = keyAt(row), domain = domainAt(row);
+  const left = domain === 'photo' ? {} : { right: domain };
+  set({ view: 'compare', key, ...left });
+}
+
+/** The picture `step` on among those shown. */
+export function step(by) {
+  const photos = [...new Set(shown.map(keyAt))];
+  if (!photos.length) return;
+  const now = photos.indexOf(state.key);
+  set({ key: photos[Math.min(photos.length - 1, Math.max(0, now + by))] });
+}

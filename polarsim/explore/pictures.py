@@ -1,0 +1,48 @@
+"""Photos and twins as JPEG files: all grey values of the sensor with one curve, so that a page can expose them anew."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError
+from polarsim.formats import png
+from polarsim.formats.tone import to_8bit
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+
+SMALL_PX = 240  # width of the pictures in the grid
+QUALITY, SMALL_QUALITY = 88, 80  # of JPEG
+
+
+def jpeg(path: Path, width: int, quality: int = QUALITY) -> bytes:
+    """A picture scaled to a width: linear from black to the sensor's white, then gamma 2.2, the same for all.
+
+    Raises
+    ------
+    FormatError
+        No picture.
+    """
+    import cv2
+
+    pixels = _read(path)
+    if min(pixels.shape[:2]) < 1:
+        raise FormatError("a picture without pixels", path=path)
+    size = (width, max(1, round(width * pixels.shape[0] / pixels.shape[1])))
+    if width < pixels.shape[1]:
+        pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
+    shown = to_8bit(pixels, WHITE_LEVEL - BLACK_LEVEL)
+    grey = shown[..., 0] if pixels.ndim == 2 else np.ascontiguousarray(shown[..., ::-1])
+    done, content = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    assert done
+    return content.tobytes()
+
+
+@lru_cache(maxsize=4)  # large and small copies are asked for one after the other
+def _read(path: Path) -> np.ndarray:
+    return png.read(path)
+
+
+def small_jpeg(path: Path) -> bytes:
+    return jpeg(path, SMALL_PX, SMALL_QUALITY)

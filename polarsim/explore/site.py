@@ -1,0 +1,152 @@
+"""The page of a run: every file it consists of by its address, made when it is asked for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from functools import partial
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from polarsim.errors import ConfigError
+from polarsim.explore import outlines
+from polarsim.explore.drives import drive_content, drive_pictures
+from polarsim.explore.pictures import jpeg, small_jpeg
+from polarsim.explore.run import PHOTO, Run
+from polarsim.explore.tables import facts_of_rocks, picture_table, shown_labels, shown_predictions
+from polarsim.explore.terrain import surroundings, thinned_terrain
+from polarsim.formats import arrow
+from polarsim.formats.files import writing_folder
+from polarsim.formats.run_files import instances_of, polygons_of
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.progress import track
+
+Files = dict[str, Callable[[], bytes]]  # by address below the page, without a slash in front
+WIDTH_PX = 968  # of the pictures, half a photo's
+
+
+def site(run: Run, width: int = WIDTH_PX) -> Files:
+    """Every file of a run's page.
+
+    The list is complete: an address that is not in it has no file, whatever lies on the disk.
+    """
+    return {**page_files(), **_tables(run), **_terrains(run), **_pictures(run, width), **_drives(run)}
+
+
+def page_files() -> Files:
+    """The page itself: HTML, style, modules, and the library they use with its licence."""
+    page = resources.files("polarsim.explore") / "page"
+    vendor = {f"vendor/{part.name}": part for part in (page / "vendor").iterdir()}
+    named = {part.name: part for part in page.iterdir()} | vendor
+    return {name: part.read_bytes for name, part in sorted(named.items()) if part.is_file()}
+
+
+def write_site(run: Run, folder: Path, width: int = WIDTH_PX) -> int:
+    """Write the page to a new folder for any static host; how many files it has.
+
+    Raises
+    ------
+    ConfigError
+        The folder holds something.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ConfigError("not empty, and nothing is overwritten: name a new folder", path=folder)
+    files = site(run, width)
+    with writing_folder(folder) as temporary:
+        for name, content in track(list(files.items()), "files"):
+            target = temporary / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content())
+    return len(files)
+
+
+def overview(run: Run) -> dict[str, Any]:
+    """What the page asks first: what there is to ask for."""
+    return {
+        "run": run.name,
+        "terrains": list(run.terrains),
+        "domains": [PHOTO, *run.models],
+        "width": WIDTH,
+        "height": HEIGHT,
+        "meshes": [terrain for terrain in run.terrains if any(run.folder.glob(f"meshes/Terrain{terrain:02d}/*.obj"))],
+        "predictions": list(run.predictions),
+        "drives": [folder.name for folder in run.drives],
+        "seeds": sorted(path.stem for path in run.folder.glob("acquire/Terrain*/seeds/??_*.txt")),
+        "undone": sorted(path.stem for path in run.folder.glob("labels/undone/*.parquet")),
+    }
+
+
+def _json(content: Callable[[], Any]) -> bytes:
+    return json.dumps(content(), separators=(",", ":"), allow_nan=False).encode()
+
+
+def _arrow(content: Callable[[], Any]) -> bytes:
+    return arrow.encode(content())
+
+
+def _tables(run: Run) -> Files:
+    files: Files = {
+        "data/run.json": partial(_json, partial(overview, run)),
+        "data/pictures.arrow": partial(_arrow, partial(picture_table, run)),
+    }
+    for terrain in run.terrains:
+        for name, of_twins in (("photo", False), ("twins", True)):
+            labels = partial(shown_labels, run, terrain, of_twins=of_twins)
+            files[f"data/labels/{name}/{terrain}.arrow"] = partial(_arrow, labels)
+        files[f"data/rocks/{terrain}.arrow"] = partial(_arrow, partial(facts_of_rocks, run, terrain))
+    for name in run.predictions:
+        files[f"data/predictions/{name}.arrow"] = partial(_arrow, partial(shown_predictions, run, name))
+    for path in sorted(run.folder.glob("labels/undone/*.parquet")):
+        files[f"data/undone/{path.stem}.arrow"] = partial(_arrow, partial(_undone, run, path))
+    return files
+
+
+def _undone(run: Run, path: Path) -> Any:
+    return run.table(str(path.relative_to(run.folder)))
+
+
+def _terrains(run: Run) -> Files:
+    files: Files = {}
+    for terrain in run.terrains:
+        files[f"data/terrain/{terrain}.json"] = partial(_json, partial(surroundings, run, terrain))
+        if (run.folder / f"meshes/Terrain{terrain:02d}").exists():
+            for part, name in enumerate(("vertices", "faces")):
+                files[f"data/terrain/{terrain}/{name}.arrow"] = partial(_mesh, run, terrain, part)
+    return files
+
+
+def _mesh(run: Run, terrain: int, part: int) -> bytes:
+    import pandas as pd
+
+    tables = thinned_terrain(run, terrain)
+    return arrow.encode(tables[part] if tables else pd.DataFrame())
+
+
+def _pictures(run: Run, width: int) -> Files:
+    files: Files = {}
+    brackets: dict[str, tuple[str, PhotoKey]] = {}
+    for (domain, key), path in run.pictures.items():
+        files[f"data/pictures/{domain}/{key}.jpg"] = partial(jpeg, path, width)
+        files[f"data/small/{domain}/{key}.jpg"] = partial(small_jpeg, path)
+        kind = "photo" if domain == PHOTO else "twins"
+        brackets.setdefault(f"data/outlines/{kind}/{str(key).rpartition('_')[0]}.json", (kind, key))
+    for name, (kind, key) in brackets.items():
+        files[name] = partial(_json, partial(_outlines, run, kind, key))
+    return files
+
+
+def _outlines(run: Run, kind: str, key: PhotoKey) -> list[dict[str, Any]]:
+    path = polygons_of(run.folder, key) if kind == "photo" else instances_of(run.folder, key)
+    if not path.exists():
+        return []
+    return outlines.of_photos(path) if kind == "photo" else outlines.of_twins(path)
+
+
+def _drives(run: Run) -> Files:
+    files: Files = {}
+    for folder in run.drives:
+        files[f"data/drives/{folder.name}.json"] = partial(_json, partial(drive_content, folder))
+        pictures: Mapping[str, Callable[[], bytes]] = drive_pictures(folder)
+        files.update((f"data/drives/{folder.name}/{name}", content) for name, content in pictures.items())
+    return files

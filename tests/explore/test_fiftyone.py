@@ -1,0 +1,73 @@
+"""The files as FiftyOne's importer reads them: `LegacyFiftyOneDatasetImporter` of 1.22.1 read a folder like this."""
+
+import json
+
+import numpy as np
+import pytest
+
+from polarsim.errors import ConfigError
+from polarsim.explore.fiftyone import write_fiftyone
+from polarsim.explore.run import Run
+from polarsim.formats import png
+from polarsim.photo import HEIGHT, WIDTH
+
+from .made_run import KEYS, SEED, boxes_of
+
+
+@pytest.fixture(scope="module")
+def samples(made, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fiftyone") / "set"
+    assert write_fiftyone(Run.at(made), folder, pattern="03_A_off_*", width=242) == len(own()) * 3
+    return folder, json.loads((folder / "samples.json").read_text())["samples"]
+
+
+def own():
+    return [key for key in KEYS if key.light == "off"]
+
+
+def test_every_sample_has_its_picture_and_what_is_known_of_it(samples):
+    folder, rows = samples
+    first = next(row for row in rows if (row["key"], row["domain"]) == (str(KEYS[0]), "photo"))
+    assert (first["tags"], first["score"], first["exposure_ms"]) == (["dark"], 0.9, KEYS[0].exposure_ms)
+    assert {row["_media_type"] for row in rows} == {"image"}
+    for row in rows[:3]:
+        assert png.read(folder / row["filepath"]).shape[1] == 242
+    about = json.loads((folder / "metadata.json").read_text())
+    assert (about["media_type"], about["info"]["run"]) == ("image", "made")
+
+
+def test_boxes_are_shares_of_the_picture_with_rock_and_confidence(samples):
+    row = next(row for row in samples[1] if (row["key"], row["domain"]) == (str(SEED), "photo"))
+    found = row["ground_truth"]["detections"]
+    assert row["ground_truth"]["_cls"] == "Detections"
+    big = next(one for one in found if (one["label"], one["rock"]) == ("rock", 1))
+    x, y, w, h = big["bounding_box"]
+    np.testing.assert_allclose(
+        np.array([x, y, x + w, y + h]) * [WIDTH, HEIGHT, WIDTH, HEIGHT], boxes_of(SEED)["rock", 1], atol=0.01
+    )
+    assert (big["_cls"], big["confidence"], big["source"]) == ("Detection", 0.99, "seed")
+
+
+def test_predictions_are_a_field_of_the_photos_that_were_tested(samples):
+    with_field = [row for row in samples[1] if "photo_seed0_analog_on_analog" in row]
+    assert {row["key"] for row in with_field} == {str(key) for key in KEYS[:6]}
+    assert {row["domain"] for row in with_field} == {"photo"}
+    detections = with_field[0]["photo_seed0_analog_on_analog"]["detections"]
+    assert [one["false_positive"] for one in detections] == [False, True, False]
+
+
+def test_a_folder_that_holds_something_and_keys_that_fit_nothing_are_refused(made, tmp_path):
+    (tmp_path / "mine").write_text("")
+    with pytest.raises(ConfigError, match="not empty"):
+        write_fiftyone(Run.at(made), tmp_path)
+    with pytest.raises(ConfigError, match="no picture of a key like 09"):
+        write_fiftyone(Run.at(made), tmp_path / "new", pattern="09_*")
+    assert not (tmp_path / "new").exists()
+
+
+def test_the_command_says_how_the_folder_is_opened(polarsim, made, tmp_path):
+    arguments = ("--results", made.parent, "--keys", str(SEED), "--domain", "photo", "--width", 242)
+    done = polarsim("fiftyone", "made", tmp_path / "set", *arguments)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("1 samples in")
+    assert "from_dir" in done.stdout

@@ -1,0 +1,429 @@
+"""The page in a real browser: every control, no error in the console, no request to anybody else, no barrier.
+
+Needs Chromium, and Playwright for Python (`pip install polarsim[browser]`); skips where one of them is missing.
+"""
+
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from polarsim.explore.run import Run
+from polarsim.explore.server import server
+from polarsim.explore.site import site
+from polarsim.labels.seeds import read_corrections
+from polarsim.photo import PhotoKey
+
+from .made_run import KEYS, MODELS, SEED, boxes_of
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+FLAGS = [
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",  # quicker without a GPU; WebGL stays
+]
+VIEWS = ("photos", "compare", "terrain", "detectors", "rover", "correct")
+MARKS = {"boxes": ".box", "masks": ".mask", "ids": "text", "lines": ".link"}
+playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install polarsim[browser]")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+
+
+def is_wrong(message) -> bool:
+    """Whether a line of the console is an error or a warning; how fast a software GPU copies pixels is neither."""
+    return message.type in ("error", "warning") and "GL Driver Message" not in message.text
+
+
+@contextmanager
+def served(run: Path):
+    with server(site(Run.at(run), 484)) as running:
+        thread = threading.Thread(target=running.serve_forever, daemon=True)
+        thread.start()
+        yield f"http://127.0.0.1:{running.server_address[1]}/"
+        running.shutdown()
+        thread.join()
+
+
+@pytest.fixture(scope="module")
+def address(made):
+    with served(made) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as running:
+        chromium = running.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def page(browser, address):
+    """An empty page; in the end nothing was wrong with it, and nobody else was asked."""
+    context = browser.new_context(viewport={"width": 1300, "height": 800}, accept_downloads=True)
+    context.set_default_timeout(15_000)
+    opened, wrong = context.new_page(), []
+    opened.on("console", lambda message: wrong.append(message.text) if is_wrong(message) else None)
+    opened.on("pageerror", lambda error: wrong.append(str(error)))
+    opened.on(
+        "request", lambda asked: None if asked.url.startswith((address, "blob:", "data:")) else wrong.append(asked.url)
+    )
+    opened.on(
+        "response", lambda answer: wrong.append(f"{answer.status} {answer.url}") if answer.status >= 400 else None
+    )
+    yield opened
+    context.close()
+    assert wrong == []
+
+
+def shown(page, address: str, state: str = ""):
+    page.goto("about:blank")
+    page.goto(f"{address}#{state}")
+    page.wait_for_selector("body[data-ready=yes]")
+    return page
+
+
+def until(page, true: str | Callable[[], bool]) -> None:
+    """Wait for an expression of the page, or a call here, to be true; Playwright's own way breaks the page's policy."""
+    ends = time.monotonic() + 15
+    while not (page.evaluate(true) if isinstance(true, str) else true()):
+        assert time.monotonic() < ends, true
+        page.wait_for_timeout(30)
+
+
+def compared(page, state: str, key: PhotoKey = SEED):
+    """Wait until both pictures of a key are drawn."""
+    page.wait_for_selector(f"[data-drawn='{key} {state}']")
+
+
+def pixels(page, canvas: int) -> np.ndarray:
+    """(h, w, 4) of what a canvas of the comparison holds, an eighth of its size."""
+    script = """number => { const one = document.querySelectorAll('#compare canvas')[number];
+        const [w, h] = [one.width >> 3, one.height >> 3];
+        const pen = new OffscreenCanvas(w, h).getContext('2d', { willReadFrequently: true });
+        pen.imageSmoothingEnabled = false;
+        pen.drawImage(one, 0, 0, w, h);
+        return [w, h, ...pen.getImageData(0, 0, w, h).data]; }"""
+    width, height, *values = page.evaluate(script, canvas)
+    return np.array(values).reshape(height, width, 4)
+
+
+def address_of(page) -> dict[str, str]:
+    return dict(
+        part.split("=", 1) for part in page.evaluate("decodeURIComponent(location.hash).slice(1)").split("&") if part
+    )
+
+
+def test_filters_leave_the_pictures_that_fit(page, address):
+    shown(page, address)
+    count = page.locator("#count")
+    assert count.inner_text() == f"{3 * len(KEYS)} of {3 * len(KEYS)} pictures"
+    assert page.locator(".tile").count() < 60  # what fits on the screen, and a little more
+    wanted = {"camera": "L", "light": "on", "azimuth": "30", "domain": "hapke"}
+    for field, value in wanted.items():
+        page.locator(f"input[name={field}][value='{value}']").check()
+    assert count.inner_text().startswith("3 of")
+    until(page, "document.querySelectorAll('.tile').length === 3")
+    assert page.locator(".tile").first.get_attribute("data-key") == "03_A_on_30_L_0064"
+    until(page, lambda: address_of(page).get("f.light") == "on")
+    page.locator("#reset").click()
+    page.locator("input[name=score-most]").fill("0.7")
+    page.locator("input[name=score-most]").press("Enter")
+    right = sum(key.camera == "R" for key in KEYS)
+    assert count.inner_text().startswith(f"{right + 2 * len(KEYS)} of")  # photos of 0.6, and all twins with 0.5
+    page.locator("#reset").click()
+    page.locator("input[name=defect][value=dark]").check()
+    assert count.inner_text().startswith("1 of")
+    page.locator("#reset").click()
+    page.locator("input[name=confidence-least]").fill("0.9")
+    page.locator("input[name=confidence-least]").press("Enter")
+    assert count.inner_text().startswith("0 of")
+    page.locator("#reset").click()
+    page.get_by_label("sort by").select_option("score")
+    assert page.locator(".tile small").first.inner_text().startswith(("hapke, score 0.50", "principled, score 0.50"))
+
+
+def test_a_tile_opens_the_comparison_and_the_slider_divides_it(page, address):
+    shown(page, address, "f.domain=photo")
+    page.locator(f"[data-key='{KEYS[1]}']").click()
+    compared(page, "photo hapke", KEYS[1])
+    page.get_by_label("divider").fill("20")
+    assert "80%" in page.locator("#compare canvas").nth(1).evaluate("one => one.style.clipPath")
+    until(page, lambda: address_of(page).get("split") == "20")
+
+
+def test_any_two_of_the_pictures_stand_side_by_side(page, address):
+    shown(page, address, f"view=compare&key={SEED}&left=principled")
+    for side in ("photo", *MODELS, "difference", "olat"):
+        page.get_by_label("right", exact=True).select_option(side)
+        compared(page, f"principled {side}")
+        red, green, blue = pixels(page, 0)[5, 12, :3]
+        if side == "difference":  # the principled twin is brighter than the photo by 1.2
+            assert red > blue + 40  # orange
+        else:
+            assert red == green == blue > 20
+
+
+def test_an_olat_sum_of_the_photos_own_lamps_is_its_twin(page, address):
+    key = PhotoKey.parse("03_A_off_30_L_0064")
+    shown(page, address, f"view=compare&key={key}&left=hapke&right=olat&auto=0")
+    compared(page, "hapke olat", key)
+    np.testing.assert_allclose(pixels(page, 0)[..., 0], pixels(page, 1)[..., 0], atol=2)
+    page.get_by_label("lamp 180").fill("3")
+    until(page, lambda: address_of(page).get("lamps") == "1,3,0,0,0")
+    twin = pixels(page, 1)[1, 1, 0]
+    until(page, lambda: pixels(page, 0)[1, 1, 0] == pytest.approx(twin * 4 ** (1 / 2.2), abs=3))
+
+
+def test_the_exposure_slider_walks_through_the_bracket(page, address):
+    shown(page, address, f"view=compare&key={SEED}&auto=0")
+    compared(page, "photo hapke")
+    before = pixels(page, 1)[1, 1, 0]
+    page.get_by_label("exposure").fill("0")
+    compared(page, "photo hapke", SEED.with_exposure(64))
+    assert pixels(page, 1)[1, 1, 0] == pytest.approx(before / 4 ** (1 / 2.2), abs=3)
+    page.get_by_label("brightness").fill("2")  # two stops make up for a quarter of the time
+    until(page, lambda: pixels(page, 1)[1, 1, 0] == pytest.approx(before, abs=5))
+    page.locator("#key").click()
+    page.keyboard.press("ArrowUp")
+    compared(page, "photo hapke", SEED)
+    page.get_by_role("button", name="auto", exact=True).click()
+    until(page, lambda: "auto" not in address_of(page))
+
+
+def test_marks_are_switched_by_buttons_and_keys(page, address):
+    shown(page, address, f"view=compare&key={SEED}&show=")
+    compared(page, "photo hapke")
+    drawing = page.get_by_role("img", name="labels")
+    for name, selector in MARKS.items():
+        assert drawing.locator(selector).count() == 0
+        page.get_by_role("button", name=name, exact=True).click()
+        until(page, f"document.querySelectorAll('#compare svg {selector}').length > 0")
+    assert drawing.locator(".box.rock").count() == 2
+    assert drawing.locator(".doubtful").count() == 2  # rock 2 and its shadow
+    page.locator("#key").click()
+    page.keyboard.press("b")
+    until(page, "document.querySelectorAll('#compare svg .box').length === 0")
+    page.get_by_label("labels of").select_option("twins")
+    until(page, lambda: address_of(page).get("labels") == "twins")
+
+
+def test_predictions_are_drawn_where_the_detector_was_tested(page, address):
+    shown(page, address, f"view=compare&key={KEYS[0]}&show=p&detector=photo/seed0/analog_on_analog")
+    until(page, "document.querySelectorAll('#compare svg .seen').length === 3")
+    assert page.locator("#compare svg .seen.false").count() == 1
+    until(page, "document.querySelector('#told').textContent === '3 predictions'")
+    page.get_by_label("confidence", exact=True).fill("0.7")
+    until(page, "document.querySelector('#told').textContent === '2 predictions'")
+    shown(page, address, f"view=compare&key={KEYS[-1]}&show=b")
+    page.get_by_label("detector", exact=True).select_option("photo/seed0/analog_on_analog")
+    until(page, "document.querySelector('#told').textContent.includes('not tested')")
+
+
+def test_a_rock_is_found_in_photos_tables_and_3d(page, address):
+    shown(page, address, f"view=compare&key={SEED}")
+    page.locator("#compare svg .box.rock[data-rock='1']").click()
+    panel = page.locator("#rock")
+    panel.locator("h2", has_text="Rock 1 of terrain 3").wait_for()
+    assert "size_m" in panel.inner_text()
+    assert panel.locator(".crop").count() == len({key.bracket for key in KEYS})
+    panel.locator("#rock-photos").click()
+    until(page, "document.querySelector('#count').textContent.includes('those of rock 1')")
+    panel.get_by_role("button", name="in 3-D").click()
+    page.wait_for_selector("#scene[data-drawn]")
+    until(page, lambda: address_of(page).get("rock") == "3.1")
+    page.locator("#terrain").click(position={"x": 5, "y": 300})
+    page.keyboard.press("n")
+    page.keyboard.press("Escape")
+    panel.wait_for(state="hidden")
+
+
+def test_the_terrain_is_drawn_in_every_colour(page, address):
+    page.set_viewport_size({"width": 900, "height": 500})
+    shown(page, address, "view=terrain")
+    script = """() => { const scene = document.querySelector('#scene'), gl = scene.getContext('webgl2');
+        const found = new Set();
+        const data = new Uint8Array(4 * scene.width * scene.height);
+        gl.readPixels(0, 0, scene.width, scene.height, gl.RGBA, gl.UNSIGNED_BYTE, data);
+        for (let k = 0; k < data.length; k += 4) found.add((data[k] << 16) | (data[k + 1] << 8) | data[k + 2]);
+        return [...found].sort(); }"""
+    seen = set()
+    for colour in ("lit", "id", "error_mm", "support"):
+        page.get_by_label("colour").select_option(colour)
+        page.wait_for_selector(f"#scene[data-drawn^='3 {colour}']")
+        shades = page.evaluate(script)
+        assert len(shades) > 20  # shades of waves, not one flat colour
+        seen.add(tuple(shades))
+    assert len(seen) == 4
+    names = page.locator("#terrain .name").all_inner_texts()
+    assert "camera A" in names
+    assert any(name.startswith("Sun lamp") for name in names)
+
+
+def test_a_click_in_3d_chooses_the_rock(page, address):
+    page.set_viewport_size({"width": 900, "height": 500})
+    shown(page, address, "view=terrain&orbit=-1.571,1.55,3,0.5,0.4,0.05")
+    page.wait_for_selector("#scene[data-drawn]")
+    scene = page.locator("#scene").bounding_box()
+    page.mouse.click(scene["x"] + scene["width"] / 2, scene["y"] + scene["height"] / 2)
+    page.locator("#rock h2", has_text="Rock 1").wait_for()
+    page.mouse.move(scene["x"] + 300, scene["y"] + 300)
+    page.mouse.down()
+    page.mouse.move(scene["x"] + 380, scene["y"] + 330, steps=3)
+    page.mouse.up()
+    page.mouse.wheel(0, 200)
+    page.locator("#scene").focus()
+    page.keyboard.press("ArrowLeft")
+    until(
+        page, lambda: float(address_of(page)["orbit"].split(",")[0]) == pytest.approx(-1.571 - 80 / 200 + 0.1, abs=0.02)
+    )
+    assert float(address_of(page)["orbit"].split(",")[2]) > 3.3
+    page.get_by_label("look through").select_option("AL")
+    until(page, lambda: address_of(page).get("camera") == "AL")
+    page.get_by_role("button", name="from above").click()
+
+
+def test_false_positives_are_listed_by_confidence(page, address):
+    shown(page, address, "view=detectors")
+    until(page, "document.querySelectorAll('#detectors .crop').length === 6")
+    counts = page.locator("#counts").inner_text()
+    assert "18 predictions" in counts  # six photos; confidences 0.9, 0.8, 0.6
+    assert "6 right" in counts
+    assert "6 of 12 labels missed" in counts
+    page.get_by_label("confidence", exact=True).fill("0.85")
+    until(page, "document.querySelector('#detectors .list').textContent.includes('No false positive')")
+    assert "precision 1.000" in page.locator("#counts").inner_text()
+    page.get_by_label("confidence", exact=True).fill("0.3")
+    page.locator("#detectors .crop").first.click()
+    page.wait_for_selector("#compare svg .seen.false")
+
+
+def test_a_drive_is_on_the_map_with_its_frames(page, address):
+    shown(page, address, "view=rover")
+    page.wait_for_selector("#rover polyline")
+    assert page.locator("#rover circle[data-frame]").count() == 4
+    page.locator("#rover circle[data-frame='2']").click()
+    page.locator("#rover img[src$='front_left/1_hapke_0064/00002.jpg']").wait_for()
+    page.locator("#status").click()
+    page.keyboard.press("ArrowRight")
+    page.get_by_text("No picture was taken here.").wait_for()
+    page.locator("#rover .stone").first.click()
+    page.locator("#rock h2", has_text="Rock 1").wait_for()
+
+
+def test_a_box_that_is_put_right_is_downloaded_as_a_correction(page, address, tmp_path):
+    shown(page, address, f"view=correct&key={SEED}&rock=3.1")
+    page.wait_for_selector("#editor .edited")
+    figures = page.locator("#correct figure")
+    figures.first.wait_for()
+    captions = " ".join(figures.all_inner_texts())
+    assert [captions.count(word) for word in ("exposure", "other camera", "Sun 180", "Sun 270", "Sun 350")] == [
+        2,
+        1,
+        1,
+        1,
+        1,
+    ]
+    page.locator("#editor").focus()
+    for key in ("ArrowRight", "ArrowRight", "Shift+ArrowDown"):
+        page.keyboard.press(key)
+    assert page.locator("#corrected").inner_text() == "corrected"
+    box = page.locator("#editor .edited").bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2 + 30, box["y"] + box["height"] / 2, steps=3)
+    page.mouse.up()
+    page.locator("#undo").click()  # the drag
+    page.get_by_role("button", name="new shadow").click()
+    page.get_by_role("button", name="delete box").click()
+    with page.expect_download() as waiting:
+        page.locator("#download").click()
+    waiting.value.save_as(tmp_path / "corrections" / waiting.value.suggested_filename)
+    found = read_corrections(tmp_path / "corrections", 3)
+    assert set(found) == {SEED}
+    was = boxes_of(SEED)
+    wanted = was["rock", 1] + [2, 0, 2, 1]
+    np.testing.assert_allclose(found[SEED].rocks, [wanted, was["rock", 2]], atol=2e-3)
+    assert len(found[SEED].shadows) == 2
+    shown(page, address, f"view=correct&key={SEED}&rock=3.1")  # what was corrected is still there
+    page.wait_for_selector("#editor .edited")
+    assert page.locator("#corrected").inner_text() == "corrected"
+    page.locator("#revert").click()
+    assert page.locator("#corrected").inner_text() == "as propagated"
+
+
+def test_what_followed_from_a_seed_is_told(page, address):
+    shown(page, address, f"view=correct&key={SEED}&seed={SEED}")
+    told = page.locator("#followed")
+    told.wait_for()
+    assert told.inner_text() == "without it, of the labels of 5 photos 4 would move, 1 would be gone"
+
+
+def test_an_address_brings_everything_back(page, address):
+    state = f"view=compare&key={SEED}&left=hapke&right=difference&split=30&ev=-1.5&show=bm&rock=3.2&labels=twins"
+    shown(page, address, state)
+    compared(page, "hapke difference")
+    assert page.get_by_label("brightness").input_value() == "-1.5"
+    assert page.get_by_role("button", name="masks").get_attribute("aria-pressed") == "true"
+    page.locator("#rock h2", has_text="Rock 2").wait_for()
+    page.evaluate("location.hash = 'view=nonsense&ev=much&key=%E0%A4%A&split=1e9&other=1'")
+    page.wait_for_selector("#photos:not([hidden])")
+
+
+def test_keys_lead_through_the_views_and_the_help(page, address):
+    shown(page, address, f"key={SEED}&f.domain=photo")
+    for number, view in enumerate(VIEWS, 1):
+        page.keyboard.press(str(number))
+        page.wait_for_selector(f"#{view}:not([hidden])")
+        assert page.locator("nav [aria-current=page]").get_attribute("id") == f"tab-{view}"
+    page.keyboard.press("2")
+    page.keyboard.press("ArrowRight")
+    following = KEYS_IN_ORDER[KEYS_IN_ORDER.index(str(SEED)) + 1]
+    until(page, f"document.querySelector('#key').textContent === '{following}'")
+    page.keyboard.press("?")
+    page.get_by_role("heading", name="Keys").wait_for()
+    page.get_by_role("button", name="Close").click()
+
+
+KEYS_IN_ORDER = sorted(str(key) for key in KEYS)
+
+
+def test_there_is_no_barrier(page, address):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="needs axe-playwright-python").Axe()
+    shown(page, address, f"key={SEED}&rock=3.1&seed={SEED}&show=bmilp&detector=photo/seed0/analog_on_analog")
+    for view in VIEWS:
+        page.locator(f"#tab-{view}").click()
+        page.wait_for_timeout(300)
+        found = axe.run(page).response["violations"]
+        assert [(view, one["id"], [node["html"][:120] for node in one["nodes"]][:3]) for one in found] == []
+
+
+def test_a_run_without_photos_meshes_or_detectors_shows_what_it_has(browser, made, tmp_path):
+    """As the published release: labels and twins."""
+    for part in ("labels", "renders/hapke", "renders/tables", "renders/instances"):
+        shutil.copytree(made / part, tmp_path / "bare" / part)
+    wrong = []
+    with served(tmp_path / "bare") as address:
+        page = browser.new_page()
+        page.on("console", lambda message: wrong.append(message.text) if is_wrong(message) else None)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        shown(page, address)
+        assert page.locator("#count").inner_text() == f"{len(KEYS)} of {len(KEYS)} pictures"
+        page.locator(f"[data-key='{KEYS[1]}']").click()
+        compared(page, "photo hapke", KEYS[1])
+        assert page.locator("#compare .tag.left").inner_text() == "photo: not there"
+        for view in VIEWS:
+            page.locator(f"#tab-{view}").click()
+            page.wait_for_timeout(250)
+        page.locator("#editor .box").first.wait_for()
+        assert page.locator("#status").inner_text().startswith("terrains 3")
+        page.close()
+    assert wrong == []

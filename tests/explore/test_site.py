@@ -1,0 +1,86 @@
+"""The page as files: small, complete, on its own."""
+
+import gzip
+import re
+
+import pytest
+
+from polarsim.errors import ConfigError
+from polarsim.explore.run import Run
+from polarsim.explore.server import TYPES
+from polarsim.explore.site import page_files, site, write_site
+from polarsim.formats import png
+
+from .made_run import KEYS
+
+MOST_PACKED = 300_000  # bytes of the page without the run's data
+
+
+@pytest.fixture(scope="module")
+def page():
+    return {name: content() for name, content in page_files().items()}
+
+
+def test_the_page_is_small(page):
+    assert sum(len(gzip.compress(content)) for content in page.values()) < MOST_PACKED
+
+
+def test_the_page_asks_nobody_outside(page):
+    for name, content in page.items():
+        if not name.startswith("vendor/"):
+            outside = set(re.findall(r"(?:https?:)?//[a-z][\w.-]+\.[a-z]{2,}", content.decode()))
+            assert outside <= {"//www.w3.org", "http://www.w3.org"}, name  # names of SVG, never asked
+
+
+def test_every_module_that_is_imported_is_there(page):
+    for name, content in page.items():
+        if name.endswith(".js") and "/" not in name:
+            wanted = re.findall(r"from '\./([\w.]+)'", content.decode())
+            assert set(wanted) <= set(page), name
+    html = page["index.html"].decode()
+    assert set(re.findall(r'(?:src|href)="([^"#]+)"', html)) <= set(page)
+
+
+def test_what_others_wrote_has_its_licence_beside_it(page):
+    libraries = [name for name in page if name.startswith("vendor/") and name.endswith(".js")]
+    assert libraries
+    for name in libraries:
+        licence = page[name.replace(".min.js", ".LICENSE.txt")].decode()
+        assert "Copyright" in licence
+
+
+def test_a_written_page_is_what_is_served(made, tmp_path):
+    files = site(Run.at(made), 320)
+    count = write_site(Run.at(made), tmp_path / "page", 320)
+    written = {str(path.relative_to(tmp_path / "page")) for path in (tmp_path / "page").rglob("*") if path.is_file()}
+    assert written == set(files)
+    assert count == len(files)
+    assert {name.rpartition(".")[2] for name in files} <= set(TYPES)
+    for name in ("index.html", "data/run.json", "data/pictures.arrow", f"data/pictures/photo/{KEYS[0]}.jpg"):
+        assert (tmp_path / "page" / name).read_bytes() == files[name]()
+
+
+def test_nothing_is_overwritten(made, tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(ConfigError, match="not empty"):
+        write_site(Run.at(made), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_pictures_keep_ratios_of_light(made, tmp_path):
+    """One curve for all: where a twin gets half the light, its code is 2 ** (1 / 2.2) times lower."""
+    files, key = site(Run.at(made), 242), next(key for key in KEYS if key.exposure_ms == 64 and key.azimuth == "30")
+    values = {}
+    for domain, gain in (("photo", 2.0), ("hapke", 1.8)):
+        (tmp_path / "a.jpg").write_bytes(files[f"data/pictures/{domain}/{key}.jpg"]())
+        values[domain] = (png.read(tmp_path / "a.jpg")[5, 5] / 255) ** 2.2 * 4079
+        assert values[domain] == pytest.approx(gain * 64, rel=0.03)
+
+
+def test_explore_writes_the_page(polarsim, made, tmp_path):
+    done = polarsim("explore", made.name, "--results", made.parent, "--out", tmp_path / "page", "--width", 240)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "page/index.html").exists()
+    done = polarsim("explore", "nothing", "--results", made.parent)
+    assert done.returncode == 1
+    assert re.fullmatch(r"error: \S*nothing: no run: .*\n", done.stderr)

@@ -1,0 +1,107 @@
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.errors import ConfigError
+from polarsim.explore.outlines import of_twins
+from polarsim.explore.run import Run
+from polarsim.explore.site import overview
+from polarsim.explore.tables import facts_of_rocks, picture_table, shown_predictions, surest
+from polarsim.explore.terrain import clustered, surroundings, thinned_terrain
+from polarsim.formats import arrow
+from polarsim.geometry.polygons import signed_area
+from tests.made_terrain import make_sand
+
+from .made_run import KEYS, MODELS, RIG, SEED, boxes_of
+
+
+def test_every_picture_has_a_row_with_its_score_and_what_it_shows(made):
+    table = picture_table(Run.at(made)).set_index(["key", "domain"])
+    assert len(table) == len(KEYS) * 3
+    photo, twin = table.loc[(str(SEED), "photo")], table.loc[(str(SEED), "hapke")]
+    assert (photo["score"], twin["score"]) == (0.9, 0.5)
+    assert (photo["rocks"], photo["shadows"]) == (2, 2)
+    assert photo["confidence"] == pytest.approx((0.99 + 0.4) / 2)
+    assert photo["least_confidence"] == 0.4
+    assert table["defect"].value_counts().to_dict() == {"": len(table) - 1, "dark": 1}
+    assert table.loc[(str(KEYS[0]), "photo"), "defect"] == "dark"
+
+
+def test_a_folder_without_a_run_is_said_to_be_none(tmp_path):
+    with pytest.raises(ConfigError, match="no run"):
+        Run.at(tmp_path / "nothing")
+
+
+def test_the_overview_is_json_and_names_all_there_is(made):
+    told = json.loads(json.dumps(overview(Run.at(made))))
+    assert told["domains"] == ["photo", *MODELS]
+    assert told["predictions"] == ["photo/seed0/analog_on_analog"]
+    assert (told["drives"], told["seeds"], told["undone"]) == (["seed0"], [str(SEED)], [str(SEED)])
+
+
+def test_predictions_are_right_once_and_false_where_no_label_is(made):
+    seen = shown_predictions(Run.at(made), "photo/seed0/analog_on_analog")
+    first = seen[seen["key"] == str(KEYS[0])]
+    assert first["confidence"].tolist() == [0.9, 0.8, 0.6]  # the unsure one is left out
+    assert first["right"].tolist() == [True, False, False]  # the second box of the same rock is not right
+    assert first["false_positive"].tolist() == [False, True, False]
+    assert first["rock"].tolist() == [1, -1, 1]
+
+
+def test_the_surest_prediction_takes_the_label():
+    overlap = np.array([[0.6, 0.0], [0.9, 0.55], [0.7, 0.0], [0.4, 0.49]])
+    assert surest(overlap).tolist() == [True, True, False, False]
+
+
+def test_thinned_meshes_keep_shape_and_what_is_known_of_vertices(made):
+    vertices, faces = thinned_terrain(Run.at(made), 3)
+    assert faces.to_numpy().max() < len(vertices)
+    assert set(vertices["rock"]) == {-1, 1, 2}
+    own = vertices[vertices["rock"] == 2]
+    np.testing.assert_allclose(own["error_mm"], 6.0)
+    np.testing.assert_allclose(np.sort(vertices[vertices["rock"] == 1]["support"]), np.arange(8) / 7)
+    assert np.linalg.norm(own[["nx", "ny", "nz"]], axis=1) == pytest.approx(1)
+
+
+def test_vertices_of_a_cube_of_the_grid_become_their_mean():
+    sand = make_sand()
+    thin, became = clustered(sand, 0.2)
+    assert len(thin.vertices) < len(sand.vertices) / 5
+    assert became.min() >= 0
+    for number in (0, len(thin.vertices) // 2):
+        np.testing.assert_allclose(thin.vertices[number], sand.vertices[became == number].mean(axis=0))
+    assert np.abs(thin.vertices[:, 2]).max() < 0.031
+
+
+def test_cameras_are_told_as_they_stand(made):
+    around = surroundings(Run.at(made), 3)
+    left = next(one for one in around["cameras"] if one["camera"] == "L")
+    pose = np.array(left["sandbox_from_camera"]).reshape(4, 4)
+    np.testing.assert_allclose(pose, RIG.sandbox_from("L").matrix, atol=1e-4)
+    assert set(around["lamps"]) == {"30", "180", "270", "350"}
+
+
+def test_rings_of_twins_cover_what_the_pixels_show(made):
+    rings = of_twins(made / "renders/instances/Terrain03/03_A_off_30_L.png")
+    (ring,) = [one["ring"] for one in rings if (one["kind"], one["rock"]) == ("rock", 1)]
+    points = np.array(ring).reshape(-1, 2)
+    x0, y0, x1, y1 = np.round(boxes_of(SEED)["rock", 1])
+    assert abs(signed_area(points.astype(float))) == pytest.approx((x1 - x0) * (y1 - y0), rel=0.02)
+
+
+def test_facts_of_rocks_need_no_table_but_that_of_rocks(made):
+    assert facts_of_rocks(Run.at(made), 3)["size_m"].tolist() == [0.2, 0.06]
+    assert facts_of_rocks(Run(made / "nothing"), 3).empty
+
+
+def test_columns_of_all_of_nasas_photos_are_small():
+    """5,280 photos and two models: what the page reads before it shows anything."""
+    keys = np.repeat([f"03_A_off_30_L_{number:04d}" for number in range(5280)], 3)
+    table = pd.DataFrame({"key": keys, "domain": np.tile(["photo", "hapke", "principled"], 5280)})
+    for name in ("terrain", "exposure_ms", "rocks", "shadows"):
+        table[name] = 1
+    for name in ("score", "confidence", "least_confidence"):
+        table[name] = 0.5
+    assert len(arrow.encode(table)) < 1 << 20

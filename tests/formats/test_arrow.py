@@ -1,0 +1,39 @@
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats import arrow
+
+TABLE = pd.DataFrame(
+    {"key": ["b", "a", "b"], "rock": [1, -1, 7], "iou": [0.5, np.nan, 0.25], "right": [True, False, True]}
+)
+
+
+def test_columns_come_back_as_narrow_numbers_and_texts():
+    back = arrow.decode(arrow.encode(TABLE))
+    assert back["key"].tolist() == ["b", "a", "b"]
+    assert back["rock"].dtype == np.int32
+    assert back["iou"].dtype == np.float32
+    np.testing.assert_array_equal(back["iou"], [0.5, np.nan, 0.25])
+    assert back["right"].tolist() == [1, 0, 1]
+
+
+def test_there_is_one_batch_without_nulls_so_that_columns_are_arrays():
+    file = pa.ipc.open_file(arrow.encode(TABLE))
+    assert file.num_record_batches == 1
+    assert all(column.null_count == 0 for column in file.read_all().columns)
+
+
+def test_the_same_rows_are_the_same_bytes():
+    assert arrow.encode(TABLE) == arrow.encode(TABLE.copy())
+
+
+def test_a_table_without_rows_keeps_its_columns():
+    assert list(arrow.decode(arrow.encode(TABLE.iloc[:0])).columns) == list(TABLE.columns)
+
+
+def test_what_is_no_arrow_file_is_refused():
+    with pytest.raises(FormatError, match="no Arrow file"):
+        arrow.decode(b"ARROW1 cut")

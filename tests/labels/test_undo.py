@@ -1,0 +1,83 @@
+"""What followed from one drawing, and that it is gone when the drawing is taken back."""
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from polarsim.errors import LabelError
+from polarsim.formats.tables import read_parquet
+from polarsim.labels.label import Label
+from polarsim.labels.options import LabelsOptions
+from polarsim.labels.propagate import propagate_labels
+from polarsim.labels.undo import followed, what_followed
+from polarsim.photo import PhotoKey, photo_grid
+
+from .conftest import TERRAIN
+
+SEED = PhotoKey.parse("03_A_off_180_L_0256")
+KEYS = [
+    key
+    for key in photo_grid(TERRAIN)
+    if key.position == "A" and key.exposure_ms in (128, 1024) and key.azimuth in ("30", "180")
+]
+OPTIONS = LabelsOptions(ray_step_px=4, visibility="annotator")
+
+
+def label(x0: float, kind: str = "rock", rock: int = 4) -> Label:
+    return Label(kind, rock, "fused", 0.9, np.array([x0, 0.0, x0 + 20, 30]))
+
+
+def test_labels_are_gone_moved_or_new_and_equal_ones_are_not_told():
+    key = KEYS[0]
+    now = {key: [label(0), label(50, rock=5), label(80, "shadow"), label(100, rock=6)]}
+    then = {key: [label(0.4), label(53, rock=5), label(80, "shadow"), label(200, rock=7)]}
+    found = followed(now, then)
+    assert found[["rock", "change"]].to_numpy().tolist() == [[5, "moved"], [6, "gone"], [7, "new"]]
+    assert found["moved_px"].tolist()[0] == 3
+    assert followed(then, now)["change"].tolist() == ["moved", "new", "gone"]
+    assert followed(now, now).empty
+
+
+def test_two_labels_of_one_rock_are_compared_in_their_order():
+    found = followed({KEYS[0]: [label(0), label(300)]}, {KEYS[0]: [label(310), label(0)]})
+    assert found["moved_px"].tolist() == [10]
+
+
+def inputs(scene):
+    return {name: getattr(scene, name) for name in ("photos", "inventory", "seeds", "cameras", "meshes")}
+
+
+def test_what_followed_is_what_the_run_without_the_seed_lacks(scene, tmp_path):
+    found = what_followed(drawing=SEED, keys=KEYS, options=OPTIONS, out=tmp_path / "undone.parquet", **inputs(scene))
+    assert read_parquet(tmp_path / "undone.parquet").equals(found)
+    assert "03_A_on_180_L_0128" in set(found["key"])  # another light of the same lamp
+
+    def table(name, **options):
+        chosen = OPTIONS.model_copy(update=options)
+        out = {"boxes": tmp_path / name, "table": tmp_path / f"{name}.parquet"}
+        propagate_labels(terrain=TERRAIN, keys=KEYS, options=chosen, **out, **inputs(scene))
+        return read_parquet(tmp_path / f"{name}.parquet")
+
+    undone = table("undone", taken_back=(str(SEED),))
+    (scene.seeds / f"{SEED}.txt").unlink()
+    never = table("never")
+    assert undone.equals(never)
+
+
+def test_only_what_somebody_drew_can_be_taken_back(scene, tmp_path):
+    options = OPTIONS.model_copy(update={"taken_back": (str(SEED),)})
+    with pytest.raises(LabelError, match="taken back already"):
+        what_followed(drawing=SEED, keys=KEYS, options=options, out=tmp_path / "a.parquet", **inputs(scene))
+
+
+def test_what_is_no_photo_cannot_be_named_as_taken_back():
+    with pytest.raises(ValidationError, match="no photo key"):
+        LabelsOptions(taken_back=("03_A_off_99_L_0256",))
+
+
+def test_undo_names_a_photo_that_nobody_drew_in(polarsim, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "config.yaml").write_text("source: {kind: analog}\n")
+    done = polarsim("undo", SEED, "--configfile", "config.yaml")
+    assert done.returncode == 1
+    assert done.stderr.endswith(f"seeds: no seed and no correction of {SEED}\n")
