@@ -33,7 +33,7 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"formats"},
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
     {"rover", "covers", "report"},
-    {"config", "reporting"},
+    {"arguments", "config", "reporting"},
     {"cli", "job"},
 )
 TALLER = {  # of the stages these see only these: drives and strewn rocks are rendered, a report shows scores
