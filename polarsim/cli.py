@@ -231,7 +231,7 @@ def masks(
 @command()
 def outline(
     source: Annotated[Path, typer.Argument(help="COCO file of labels, results/<run>/labels/coco/TerrainNN.json.")],
-    out: Annotated[Path, typer.Argument(callback=writes_file(".json"), help="COCO file to write.")],
+    out: Annotated[Path, typer.Argument(callback=writes_file(), help="COCO file to write.")],
     simplify_px: Annotated[float, typer.Option(min=0, max=10, help="Farthest a dropped point may lie off, px.")] = 0.6,
 ) -> None:
     """Turn the masks of a COCO file into polygons: Label Studio's converter reads no others."""
@@ -381,7 +381,8 @@ def render(
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
 
-    sidecar = writes_file(".png")(out).with_suffix(".json")
+    writes_file(".png")(out)
+    sidecar = out.with_suffix(".json")
     refuse_existing_folder(sidecar)
     rig = read_localised(cameras).rig if cameras else stated_rig()
     shot = Shot(

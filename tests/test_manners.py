@@ -95,7 +95,7 @@ ipd :: missing boxes boxes boxes | boxes file boxes boxes | boxes boxes text.pt 
 ipd boxes boxes boxes boxes :: --json folder
 masks :: missing out | file out | folder out | polygons file | polygons file/out
 outline :: missing out.json | folder out.json | file out.json
-outline labels.json :: folder | out.txt | file/out.json
+outline labels.json :: folder | file/out.json
 show KEY :: --out folder | --out x.jpg | --run nowhere | --run '' | --run ../results | --results missing |
 export :: file | folder | new --run nowhere | new --results file | new
 compare demo :: | demo | nowhere | --out folder | --out file/x | --results missing

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,10 @@ from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
 CAPTION = "Quality of every stage. Unit 1: a share or ratio; against: what a metric is measured against."
 ROW_NAMES = ("stage", "subject", "metric", "unit", "against")
 _SHOWN = {"mm": 2, "px": 2, "deg": 4, "1": 3, "%": 1, "m": 3}  # decimals by unit
-RUNS_CAPTION = "Quality of {runs}, in this order in every cell. Unit 1: a share or ratio; against: what a metric is measured against."
+RUNS_CAPTION = (
+    "Quality of {runs}, in this order in every cell. Unit 1: a share or ratio; against: what a metric is measured "
+    "against."
+)
 MEDIAN_NOTE = (
     "Medians: of each run over the terrains that all runs with this metric have; none where they share no terrain. "
     "n is in the CSV form."
@@ -140,7 +144,7 @@ def format_runs(table: pd.DataFrame, runs: Sequence[str]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _medians(values: Mapping[tuple[int, str], float], runs: Sequence[str]) -> list[float]:
+def _medians(values: Mapping[Any, float], runs: Sequence[str]) -> list[float]:
     """Median of each run over what can be compared: terrains where every run that has the metric has a number."""
     there = {at: value for at, value in values.items() if not math.isnan(value)}
     terrains_of = {run: {terrain for terrain, own in there if own == run} for run in runs}
