@@ -52,6 +52,25 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
+def found_from(path: str | Path, file: str | Path) -> Path:
+    """A path that a file states, such as a table of photos: where it is, whatever folder the program was started in.
+
+    A relative path counts from the file's own folder, or from the nearest folder above it where it is there: paths of a
+    run count from the folder in which the run was made. One that is nowhere stays as it is, from the current folder.
+    """
+    path = Path(path)
+    if not path.is_absolute():
+        for folder in Path(file).absolute().parents:
+            if (there := folder / path).exists():
+                return path if folder == Path.cwd() else there  # the shorter form where both are one
+    return path
+
+
+def relative_to(path: str | Path, folder: str | Path) -> str:
+    """A path as it is written into a file of a folder: from there, with slashes."""
+    return Path(os.path.relpath(path, folder)).as_posix()
+
+
 def write_text(path: str | Path, text: str) -> None:
     with writing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
