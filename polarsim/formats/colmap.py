@@ -100,7 +100,7 @@ def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
     return localised
 
 
-def _add_frame(model: Any, frame_id: int, names: Mapping[str, str], sandbox_from_left: Pose) -> None:
+def _add_frame(model: Any, frame_id: int, names: Mapping[Any, str], sandbox_from_left: Pose) -> None:
     import pycolmap
 
     frame = pycolmap.Frame(frame_id=frame_id, rig_id=RIG_ID)

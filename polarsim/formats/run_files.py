@@ -10,6 +10,8 @@ from polarsim.formats.inventory import read_inventory
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey
 
+STRIP_TEXT = "strip.json"  # in the folder of a photo's strip: its key, and name and caption of each panel
+
 
 def pictures_at(folder: Path) -> dict[PhotoKey, Path]:
     """Pictures by key: those that a table of photos lists (see `found_from`), or those in a folder of twins."""

@@ -235,17 +235,22 @@ def test_a_comparison_shows_what_is_there(tmp_path):
         "key": KEY,
         "labels": tmp_path / "labels.parquet",
         "rendered": None,
-        "width": NARROW,
+        "width": 2 * NARROW,
     }
     known = described(tmp_path, {KEY: tmp_path / "photo.png"})
     draw_comparison(**arguments, **known, twins=twins, figure=tmp_path / "two.png")
     draw_comparison(**arguments, **described(tmp_path, {}), twins={}, figure=tmp_path / "none.png")
     shown = png.read(tmp_path / "two.png")
-    # Beside each other with the photo's white: the twin, with 284 of 684 DN above black, is darker than the photo.
-    left, right = shown[:, 150].astype(int).mean(axis=-1), shown[:, 450].astype(int).mean(axis=-1)
-    centre = slice(shown.shape[0] // 4, shown.shape[0] // 4 + 20)  # of the upper of two rows
-    assert np.median(left[centre]) == 255
-    assert np.median(right[centre]) == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
+    # Below each other with the photo's white: the twin, with 284 of 684 DN above black, is darker than the photo.
+    rows = shown.shape[0]
+    photo, twin = (np.median(shown[round(at * rows) :][:20, 280:320]) for at in (0.2, 0.68))
+    assert photo == 255
+    assert twin == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
+    # The twin is 1.27 stops too dark: blue beside it, and a bar below that says so, red at its right end.
+    difference = np.median(shown[round(0.68 * rows) :][:20, 880:920], axis=(0, 1))
+    assert difference.tolist() == pytest.approx([255 * (1 - np.log2(684 / 284) / 2)] * 2 + [255], abs=2)
+    reds = (shown[round(0.8 * rows) :].astype(int) @ [1, -1, -1]) > 200
+    assert reds[:, 600:].sum() > 20 > reds[:, :600].sum()
     assert is_drawn(tmp_path / "none.png")
 
 
