@@ -398,6 +398,7 @@ rule draw_residuals:
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
+        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=STAND_INS),
     output:
         figure=shown("results/{run}/figures/residuals_Terrain{terrain}.png", "Cameras", terrain="{terrain}"),
     log:
