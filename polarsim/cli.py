@@ -547,7 +547,9 @@ def report(
     configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),
     cores: Annotated[int, typer.Option(min=1, help="Processor cores.")] = 1,
 ) -> None:
-    """Make results/<run>/report.html where a table or figure is newer than it, and print where everything lies."""
+    """Make results/<run>/report.html, Snakemake's own, where a table or figure is newer than it, and print where
+    everything lies: the tables, that report, and last results.html, the page to open first.
+    """
     import subprocess
 
     folder = run_folder(Path("results"), run)
@@ -563,7 +565,8 @@ def report(
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise PolarsimError(f"snakemake --report failed: {' '.join(done.stderr.split())[-500:]}", path=page)
-    for path in (*(path for path in parts if path.suffix == ".md"), page):
+    first = folder / "results.html"
+    for path in (*(path for path in parts if path.suffix == ".md"), page, *([first] if first.exists() else [])):
         typer.echo(str(path))
 
 
