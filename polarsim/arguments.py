@@ -22,6 +22,10 @@ from polarsim.errors import PolarsimError
 Check = Callable[[Path | None], Path | None]
 PLOTS = (".eps", ".jpg", ".jpeg", ".pdf", ".pgf", ".png", ".ps", ".svg", ".tif", ".tiff", ".webp")  # of matplotlib
 _SHOWN_RUNS = 10
+_EXTRAS = {  # what brings a module that polarsim does without
+    **dict.fromkeys(("torch", "torchvision", "ultralytics"), "detect"),
+    **dict.fromkeys(("av", "gymnasium", "mcap", "mcap_ros2", "mujoco", "rosbags"), "rover"),
+}
 
 
 class Checked(TyperCommand):
@@ -135,6 +139,10 @@ def call(app: typer.Typer) -> int:
         return error.exit_code
     except typer.Abort:
         return 1
+    except ModuleNotFoundError as error:
+        if (extra := _EXTRAS.get((error.name or "").partition(".")[0])) is None:
+            raise
+        raise PolarsimError(f"{error.name} is not installed: pip install 'polarsim[{extra}]'") from error
     except OSError as error:  # of a file that the user named: no permission, no space, a name that is too long
         if error.filename is None:
             raise

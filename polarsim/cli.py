@@ -557,6 +557,8 @@ def report(
     if not parts:
         raise PolarsimError("no tables; run snakemake first", path=folder)
     page = folder / "report.html"
+    if not Path("Snakefile").exists():
+        raise PolarsimError("no Snakefile here: start in the clone that made the run", path=Path.cwd())
     if not page.exists() or page.stat().st_mtime < max(path.stat().st_mtime for path in parts):
         command = [
             *(sys.executable, "-m", "snakemake", "--cores", str(cores)),

@@ -12,6 +12,8 @@ from typing import Any
 
 from polarsim.errors import FormatError, PolarsimError
 
+_CONFIGS = Path(__file__).parents[1] / "configs"  # config/ of the repository, in a wheel a copy
+
 
 @contextmanager
 def writing(path: str | Path) -> Iterator[Path]:
@@ -64,6 +66,16 @@ def found_from(path: str | Path, file: str | Path) -> Path:
             if (there := folder / path).exists():
                 return path if folder == Path.cwd() else there  # the shorter form where both are one
     return path
+
+
+def packaged(path: str | Path) -> Path:
+    """A path below `config/`: where there is none from here, the file of that name that came with polarsim.
+
+    So configurations, vehicles and soils are at hand without a clone.
+    """
+    path = Path(path)
+    own = _CONFIGS.joinpath(*path.parts[1:])
+    return own if path.parts[:1] == ("config",) and not path.exists() and own.is_file() else path
 
 
 def relative_to(path: str | Path, folder: str | Path) -> str:
