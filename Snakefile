@@ -59,6 +59,11 @@ rule all:
         rules.real.input if CONFIG.covers.run else [],
 
 
+for _rule in workflow.rules:  # one environment for all, with `--sdm conda`; else jobs run in snakemake's own
+    if not _rule.norun:
+        _rule.conda_env = "../envs/polarsim.yaml"
+
+
 onstart:
     # On one machine no limit of jobs a second. Snakemake 9.27 (JobScheduler._schedule_reevalutation) sets off a timer for
     # it at every look for jobs, each timer brings another look, and after a hundred jobs the looks take a core for

@@ -62,6 +62,7 @@ def outlines(job: Job) -> int:
     draw_masks(
         terrain=job.run.terrain,
         keys=job.keys,
+        photos=job.run.folder / "photos.parquet",
         table=job.out / "labels.parquet",
         cameras=job.run.folder / "cameras",
         meshes=job.run.folder / "meshes",

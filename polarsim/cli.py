@@ -2,35 +2,71 @@
 
 from __future__ import annotations
 
+import sys
+from functools import partial
 from json import dumps
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
+from polarsim.arguments import (
+    PLOTS,
+    Checked,
+    call,
+    refuse_existing_folder,
+    run_folder,
+    sun_above_horizon,
+    writes_file,
+    writes_folder,
+)
 from polarsim.errors import PolarsimError
 from polarsim.reporting import reporting
 
 app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     help="Digital twins of NASA's POLAR photos: labels, meshes, ray-traced twins, detectors and tables. "
     "The pipeline itself is run by snakemake; these commands look at its parts.",
 )
+command = partial(app.command, cls=Checked)
 
 Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
 Treatment = Literal["zero", "left_out"]  # what becomes of a rock
-JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the whole report to this JSON file.")]
+JsonFile = Annotated[
+    Path | None, typer.Option("--json", callback=writes_file(), help="Write the whole report to this JSON file.")
+]
+Results = Annotated[Path, typer.Option(help="Folder of results.")]
 
 
 def main() -> None:
-    """Entry point: bad input ends in one line and exit code 1."""
+    """Entry point: bad input ends in one line and exit code 1, a call that cannot be in one line and exit code 2."""
     with reporting():
-        app()
+        sys.exit(call(app))
 
 
-@app.command()
+def _print_version(asked: bool) -> None:
+    from polarsim import __version__
+
+    if asked:
+        typer.echo(f"polarsim {__version__}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def _start(
+    context: typer.Context,
+    version: Annotated[  # noqa: ARG001  its callback does all
+        bool,
+        typer.Option("--version", "-V", callback=_print_version, is_eager=True, help="Print the version and exit."),
+    ] = False,
+) -> None:
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help(), nl=False)
+        raise typer.Exit(2)
+
+
+@command()
 def validate(
     root: Annotated[
         Path,
@@ -47,7 +83,10 @@ def validate(
     json: JsonFile = None,
     fix: Annotated[
         Path | None,
-        typer.Option(help="Write a repaired copy to this new folder, with changes.csv; ROOT stays as it is."),
+        typer.Option(
+            callback=writes_folder,
+            help="Write a repaired copy to this new folder, with changes.csv; ROOT stays as it is.",
+        ),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help="Processes that share the terrains.")] = 2,
 ) -> None:
@@ -75,7 +114,7 @@ def validate(
         raise typer.Exit(1)
 
 
-@app.command()
+@command()
 def rules() -> None:
     """Print the rules of `validate`: code, severity, name, meaning, and what --fix does."""
     from polarsim.lint.folders import rule_lines
@@ -87,7 +126,7 @@ def _listed(text: str) -> list[str]:
     return [part.strip() for part in text.split(",") if part.strip()]
 
 
-@app.command()
+@command()
 def score(
     truth: Annotated[
         Path, typer.Argument(help="Folder of YOLO box files that people drew, flat or with TerrainNN folders.")
@@ -106,7 +145,7 @@ def score(
     _print_scores(report)
 
 
-@app.command()
+@command()
 def ipd(
     labels_a: Annotated[
         Path, typer.Argument(help="Labels of the first domain: a folder of YOLO files, or a Parquet table.")
@@ -162,13 +201,17 @@ def ipd(
     _print_ipd(report)
 
 
-@app.command()
+@command()
 def masks(
     polygons: Annotated[
         Path, typer.Argument(help="Folder of YOLO polygon files (0 background, 1 ground, 2 rock, 3 shadow).")
     ],
     out: Annotated[
-        Path, typer.Argument(help="Folder for the 8-bit grey maps: rock 128, ground 86, shadow 43, background 0.")
+        Path,
+        typer.Argument(
+            callback=writes_folder,
+            help="Folder for the 8-bit grey maps: rock 128, ground 86, shadow 43, background 0.",
+        ),
     ],
 ) -> None:
     """Paint polygon files as grey maps of 1936 x 1216 pixels; rocks last, so that nothing erases them."""
@@ -185,10 +228,10 @@ def masks(
     typer.echo(f"{len(files)} grey maps in {out}")
 
 
-@app.command()
+@command()
 def outline(
     source: Annotated[Path, typer.Argument(help="COCO file of labels, results/<run>/labels/coco/TerrainNN.json.")],
-    out: Annotated[Path, typer.Argument(help="COCO file to write.")],
+    out: Annotated[Path, typer.Argument(callback=writes_file(), help="COCO file to write.")],
     simplify_px: Annotated[float, typer.Option(min=0, max=10, help="Farthest a dropped point may lie off, px.")] = 0.6,
 ) -> None:
     """Turn the masks of a COCO file into polygons: Label Studio's converter reads no others."""
@@ -199,30 +242,35 @@ def outline(
     typer.echo(f"{sum(map(len, photos.values()))} outlines on {len(photos)} photos in {out}")
 
 
-@app.command()
+@command()
 def show(
     key: Annotated[str, typer.Argument(help="Photo key, such as 01_A_off_180_L_0256.")],
     run: Annotated[str, typer.Option(help="Name of the run, below results/.")] = "demo",
     domain: Annotated[str, typer.Option(help="photo, or a model that the run rendered (principled, hapke).")] = "photo",
-    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
-    out: Annotated[Path | None, typer.Option(help="PNG to write; default <key>_<domain>.png here.")] = None,
+    results: Results = Path("results"),
+    out: Annotated[
+        Path | None, typer.Option(callback=writes_file(".png"), help="PNG to write; default <key>_<domain>.png here.")
+    ] = None,
     masks: Annotated[bool, typer.Option("--masks", help="Fill rocks and shadows with their colour.")] = False,
     kinds: Annotated[str, typer.Option(help="What is drawn: rock, shadow, or both with a comma.")] = "rock,shadow",
-    scale: Annotated[float, typer.Option(help="Size of the picture over that of the photo.")] = 1.0,
+    scale: Annotated[float, typer.Option(min=0.04, max=8, help="Size of the picture over that of the photo.")] = 1.0,
 ) -> None:
     """Draw a photo or a twin with its labels to PNG: boxes, rock ids, confidences, lines from shadows to rocks."""
     from polarsim.annotate.show import show_of_run
     from polarsim.photo import PhotoKey
 
-    photo = PhotoKey.parse(key)
+    photo, folder = PhotoKey.parse(key), run_folder(results, run)
     target = out or Path(f"{key}_{domain}.png")
-    show_of_run(key=photo, run=results / run, domain=domain, out=target, scale=scale, kinds=_listed(kinds), masks=masks)
+    show_of_run(key=photo, run=folder, domain=domain, out=target, scale=scale, kinds=_listed(kinds), masks=masks)
     typer.echo(str(target))
 
 
-@app.command()
+@command()
 def export(
-    folder: Annotated[Path, typer.Argument(help="New folder to write; one that holds something is refused.")],
+    folder: Annotated[
+        Path,
+        typer.Argument(callback=writes_folder, help="New folder to write; one that holds something is refused."),
+    ],
     run: Annotated[str, typer.Option(help="Name of the run, below results/.")] = "demo",
     terrain: Annotated[
         list[int] | None, typer.Option(min=1, max=13, help="Only this terrain; may be repeated.")
@@ -232,17 +280,18 @@ def export(
         Literal["labelimg", "cvat", "label-studio"], typer.Option(help="What is to open the folder.")
     ] = "labelimg",
     domain: Annotated[str, typer.Option(help="photo, or a model whose twins stand in for photos.")] = "photo",
-    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+    results: Results = Path("results"),
 ) -> None:
     """Write a run's photos, tone-mapped, with their labels to a folder in which people correct them."""
     from polarsim.annotate.export import export as write
     from polarsim.annotate.export import opening
 
-    count = write(folder=folder, run=results / run, terrains=terrain or (), pattern=keys, domain=domain, tool=tool)
+    place = run_folder(results, run)
+    count = write(folder=folder, run=place, terrains=terrain or (), pattern=keys, domain=domain, tool=tool)
     typer.echo(f"{count} pictures in {folder}\n{opening(folder, tool)}")
 
 
-@app.command(name="import")
+@command(name="import")
 def import_(
     source: Annotated[Path, typer.Argument(help="Export of a labelling tool: a .json or .xml file, or a folder.")],
     folder: Annotated[
@@ -281,7 +330,7 @@ def import_(
     typer.echo(f"in the run's configuration:  labels: {key}")
 
 
-@app.command()
+@command()
 def publish(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
     out: Annotated[Path, typer.Argument(help="Folder to write; every form gets a folder of its name in it.")],
@@ -312,7 +361,7 @@ def publish(
         typer.echo(f"{len(part.pictures)} pictures in {out / name}")
 
 
-@app.command()
+@command()
 def explore(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
     out: Annotated[
@@ -350,7 +399,7 @@ def explore(
             typer.echo("ended")
 
 
-@app.command()
+@command()
 def undo(
     drawing: Annotated[str, typer.Argument(metavar="KEY", help="Photo of a seed or of a correction.")],
     configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),
@@ -395,7 +444,7 @@ def undo(
     )
 
 
-@app.command()
+@command()
 def rerun(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
     station: Annotated[str, typer.Argument(help="Terrain and position, such as 03_A.")],
@@ -417,7 +466,7 @@ def rerun(
     typer.echo(f"{count} pictures in {target}; open it with: rerun {target}")
 
 
-@app.command()
+@command()
 def fiftyone(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
     folder: Annotated[Path, typer.Argument(help="New folder to write.")],
@@ -436,7 +485,7 @@ def fiftyone(
     typer.echo(f"{count} samples in {folder}; fiftyone.Dataset.from_dir({str(folder)!r}, dataset_type={FORM})")
 
 
-@app.command()
+@command()
 def render(
     context: typer.Context,
     meshes: Annotated[
@@ -457,7 +506,7 @@ def render(
         1.55,
     ),
     yaw: Annotated[float, typer.Option(help="Heading of the optical axis, deg from +X towards +Y.")] = 180.0,
-    pitch: Annotated[float, typer.Option(help="Downwards, deg.")] = 25.0,
+    pitch: Annotated[float, typer.Option(min=-90, max=90, help="Downwards, deg.")] = 25.0,
     roll: Annotated[float, typer.Option(help="Right side down, deg.")] = 0.0,
     lamp: Annotated[tuple[float, float, float], typer.Option(help="Sun lamp x y z, m, sandbox frame.")] = (
         3.594,
@@ -470,7 +519,10 @@ def render(
     lamp_radius: Annotated[float, typer.Option(min=0, help="Radius of the lamp's disc, m; 0: a point.")] = 0.0,
     sun: Annotated[
         tuple[float, float] | None,
-        typer.Option(help="The Sun instead of the lamp: azimuth, deg from +X towards +Y, and elevation, deg."),
+        typer.Option(
+            callback=sun_above_horizon,
+            help="The Sun instead of the lamp: azimuth, deg from +X towards +Y, and elevation, deg above 0 up to 90.",
+        ),
     ] = None,
     exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = 256.0,
     model: Annotated[Model, typer.Option(help="Reflectance model.")] = "hapke",
@@ -489,7 +541,10 @@ def render(
     preview: Annotated[bool, typer.Option("--preview", help="Write an 8-bit tone-mapped PNG instead.")] = False,
     maps: Annotated[
         Path | None,
-        typer.Option(help="Folder for 16-bit PNGs: depth (mm), normal, ids, angles (0.01 deg), shading, lit."),
+        typer.Option(
+            callback=writes_folder,
+            help="Folder for 16-bit PNGs: depth (mm), normal, ids, angles (0.01 deg), shading, lit.",
+        ),
     ] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads; they change no byte.")] = 1,
     limit: Annotated[int | None, typer.Option(min=1, help="Of views: only the first pictures.")] = None,
@@ -502,6 +557,7 @@ def render(
     """
     if meshes.suffix in (".yaml", ".yml"):
         _refuse_others(context, {"meshes", "out", "limit", "scale", "threads", "preview"})
+        writes_folder(out)
         _render_views(meshes, out, limit, scale, preview, threads)
         return
     _refuse_others(context, set(context.params) - {"limit", "scale"})
@@ -519,6 +575,9 @@ def render(
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
 
+    writes_file(".png")(out)
+    sidecar = out.with_suffix(".json")
+    refuse_existing_folder(sidecar)
     rig = read_localised(cameras).rig if cameras else stated_rig()
     shot = Shot(
         camera=Camera(looking(np.array(camera), *np.radians([yaw, pitch, roll])), rig.left),
@@ -528,9 +587,10 @@ def render(
     )
     assignments = [*(option or ()), *([f"engine={engine}"] if engine else ())]
     scene = Scene(meshes, terrain, render_options(assignments))
+    scene.refuse_places(shot)
     picture = scene.picture(shot, threads)
     png.write(out, to_8bit(picture) if preview else picture)
-    write_sidecar(out.with_suffix(".json"), scene.sidecar(shot))
+    write_sidecar(sidecar, scene.sidecar(shot))
     if maps:
         write_maps(maps, scene.maps(shot, threads))
     typer.echo(str(out))
@@ -561,7 +621,7 @@ def _refuse_others(context: typer.Context, known: set[str]) -> None:
             raise typer.BadParameter(f"--{name.replace('_', '-')} is no option with {form}")
 
 
-@app.command()
+@command()
 def brdf(
     model: Annotated[Model, typer.Argument(help="Reflectance model.")],
     incidence: Annotated[float, typer.Option(min=0, max=90, help="Of the light, deg from the normal.")] = 30.0,
@@ -573,7 +633,11 @@ def brdf(
         str | None, typer.Option("--set", help="Parameter set of Hapke's models; default: chrono_lunar.")
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw it over the phase angle into this picture, for every set unless --set.")
+        Path | None,
+        typer.Option(
+            callback=writes_file(*PLOTS),
+            help="Draw it over the phase angle into this picture, for every set unless --set.",
+        ),
     ] = None,
 ) -> None:
     """Print a reflectance, f_r in 1/sr, and the reflectance factor pi f_r (1: a perfectly white matt surface)."""
@@ -596,12 +660,12 @@ def brdf(
         typer.echo(str(plot))
 
 
-@app.command()
+@command()
 def detect(
     pictures: Annotated[
         list[Path], typer.Argument(help="Pictures, or folders of them; any size, 8 or 16 bits, grey or colour.")
     ],
-    out: Annotated[Path, typer.Option(help="New folder to write.")],
+    out: Annotated[Path, typer.Option(callback=writes_folder, help="New folder to write.")],
     weights: Annotated[
         Path | None, typer.Option(help="Detector (.pt) that a run trained; default: the one that comes with polarsim.")
     ] = None,
@@ -629,13 +693,16 @@ def detect(
     typer.echo(f"{counts} in {out}")
 
 
-@app.command()
+@command()
 def drive(
     config: Annotated[Path, typer.Option(help="Configuration with a section `rover`.")] = Path("config/rover.yaml"),
     seed: Annotated[int | None, typer.Option(min=0, help="Which drive; default is the configuration's first.")] = None,
     pictures: Annotated[bool, typer.Option(help="Take pictures, and run a detector on them on board.")] = True,
     results: Annotated[Path, typer.Option(help="Folder of results, with the run's meshes.")] = Path("results"),
-    out: Annotated[Path | None, typer.Option(help="Folder to write; default results/<run>/rover/seed<N>.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(callback=writes_folder, help="Folder to write; default results/<run>/rover/seed<N>."),
+    ] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the renderer; they change no byte.")] = 1,
 ) -> None:
     """Drive over a run's terrains once, without Snakemake: physics, pictures, what a detector sees, an MCAP bag, a
@@ -668,21 +735,24 @@ def drive(
     typer.echo(f"{figures['ended'].iloc[0]}: {folder}")
 
 
-@app.command()
+@command()
 def report(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
     configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),
     cores: Annotated[int, typer.Option(min=1, help="Processor cores.")] = 1,
 ) -> None:
-    """Make results/<run>/report.html where a table or figure is newer than it, and print where everything lies."""
+    """Make results/<run>/report.html, Snakemake's own, where a table or figure is newer than it, and print where
+    everything lies: the tables, that report, and last results.html, the page to open first.
+    """
     import subprocess
-    import sys
 
-    folder = Path("results") / run
+    folder = run_folder(Path("results"), run)
     parts = sorted([*folder.glob("tables/*.*"), *folder.glob("figures/*.png")])
     if not parts:
         raise PolarsimError("no tables; run snakemake first", path=folder)
     page = folder / "report.html"
+    if not Path("Snakefile").exists():
+        raise PolarsimError("no Snakefile here: start in the clone that made the run", path=Path.cwd())
     if not page.exists() or page.stat().st_mtime < max(path.stat().st_mtime for path in parts):
         command = [
             *(sys.executable, "-m", "snakemake", "--cores", str(cores)),
@@ -691,24 +761,29 @@ def report(
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise PolarsimError(f"snakemake --report failed: {' '.join(done.stderr.split())[-500:]}", path=page)
-    for path in (*(path for path in parts if path.suffix == ".md"), page):
+    first = folder / "results.html"
+    for path in (*(path for path in parts if path.suffix == ".md"), page, *([first] if first.exists() else [])):
         typer.echo(str(path))
 
 
-@app.command()
+@command()
 def compare(
     runs: Annotated[list[str], typer.Argument(help="Names of runs, below results/.")],
-    out: Annotated[Path, typer.Option(help="Table to write, without its ending.")] = Path("comparison"),
-    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+    out: Annotated[Path, typer.Option(callback=writes_file(), help="Table to write, without its ending.")] = Path(
+        "comparison"
+    ),
+    results: Results = Path("results"),
 ) -> None:
     """Put the evaluation of several runs side by side: of other seeds, options, versions. In four forms."""
     from polarsim.report.evaluation_table import compare_runs
 
-    compare_runs(runs=[results / run for run in runs], stem=out)
+    for form in (".csv", ".md", ".tex", ".parquet"):
+        refuse_existing_folder(out.with_name(out.name + form))
+    compare_runs(runs=[run_folder(results, run) for run in runs], stem=out)
     typer.echo(f"{out}.md")
 
 
-@app.command()
+@command()
 def schema(
     views: Annotated[bool, typer.Option("--views", help="Of files of views, such as config/views.yaml.")] = False,
 ) -> None:

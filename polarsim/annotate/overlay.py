@@ -81,6 +81,8 @@ class Marks:
     ----------
     doubtful_below
         Boxes of a lower confidence are dashed.
+    letter_px
+        Size of ids; 0: in proportion to the picture, at least 10.
     """
 
     kinds: Sequence[str] = BOX_CLASSES
@@ -88,6 +90,7 @@ class Marks:
     shadow_ids: bool = False
     confidences: bool = True
     doubtful_below: float = 0.0
+    letter_px: int = 0
 
 
 @dataclass(frozen=True)
@@ -152,7 +155,7 @@ def draw_labels(
         _draw_links(pen, shown, line)
     for label in shown:
         _draw_box(pen, label.box, COLOURS[label.kind], line, dashed=label.confidence < marks.doubtful_below)
-    tags, large = Tags(pen, size, line), max(10, round(width / 62))
+    tags, large = Tags(pen, size, line), marks.letter_px or max(10, round(width / 62))
     letters = {ROCK: font(large), SHADOW: font(max(9, round(_SMALL * large)) if marks.shadow_ids else large)}
     for label in reversed(shown):  # rocks choose their positions first
         text = label.tag(marks)

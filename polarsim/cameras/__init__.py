@@ -1,1 +1,10 @@
 """Stage 2, scans or labels to rig poses: where the cameras stood in the sandbox."""
+
+from polarsim.public import offered
+
+__all__, __getattr__, __dir__ = offered(
+    __name__,
+    register_scans="scans",
+    locate_cameras="locate",
+    refine_cameras="photos",
+)

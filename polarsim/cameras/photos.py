@@ -7,11 +7,13 @@ nothing in the scans tells that error. Photos do.
 from __future__ import annotations
 
 import logging
+import math
 import shutil
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +24,9 @@ from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
 from polarsim.cameras.shading import Surface, look, surface_of
 from polarsim.formats import colmap, lamps
 from polarsim.formats.best_photos import Photos, Pictures, best_pictures, read_all_shrunk
-from polarsim.formats.files import writing_folder
+from polarsim.formats.files import relative_to, writing_folder
 from polarsim.formats.rigs import LocalisedRig, read_all_localised, write_localised
+from polarsim.formats.run_files import pictures_at
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.patches import Window, find
 from polarsim.geometry.poses import angle_between
@@ -41,6 +44,8 @@ PRIORS = Priors(
     pose_m=0.003, pose_rad=float(np.radians(0.1)), rig_m=0.0005, rig_rad=float(np.radians(0.02)),
     focal_px=1.5, centre_px=1.5, k1=0.003,
 )  # fmt: skip
+_MIDDLING_MS = 256  # exposure of the photo that a COLMAP model names
+_MODEL_POINTS = 20_000  # of the meshes in a COLMAP model
 log = logging.getLogger("polarsim")
 
 
@@ -78,7 +83,23 @@ def refine_cameras(
                 write_localised(folder / f"Pos{position}.json", rig)
         if suns:
             lamps.write_suns(folder, suns)
-        colmap.write_model(folder / "colmap", localised)
+        names = {} if photos is None else image_names(photos, cameras / "colmap")
+        colmap.write_model(folder / "colmap", localised, names, model_points(read_terrain(meshes, terrain).vertices))
+
+
+def image_names(photos: Path, folder: Path) -> dict[tuple[str, str], str]:
+    """A Sun-lit photo of a middling exposure by position and camera, as a model's folder names it."""
+    best: dict[tuple[str, str], tuple[Any, ...]] = {}
+    for key, path in pictures_at(photos).items():
+        told = (key.azimuth == "no", key.light == "on", abs(math.log2(key.exposure_ms / _MIDDLING_MS)), key)
+        view = (key.position, key.camera)
+        best[view] = min(best.get(view, (*told, path)), (*told, path))
+    return {view: relative_to(told[-1], folder) for view, told in best.items()}
+
+
+def model_points(vertices: np.ndarray) -> np.ndarray:
+    """At most `_MODEL_POINTS` of the vertices (n, 3), evenly through their list."""
+    return np.asarray(vertices[:: max(1, math.ceil(len(vertices) / _MODEL_POINTS))], float)
 
 
 def _refined(

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import rle
-from polarsim.formats.files import writing
+from polarsim.formats.files import relative_to, writing
 from polarsim.formats.rle import Rle
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.boxes import area, of_mask
@@ -76,6 +76,7 @@ def write_coco(
     photos: Mapping[PhotoKey, Sequence[Annotation]],
     simplify_px: float | None = None,
     size: tuple[int, int] = (WIDTH, HEIGHT),
+    pictures: Mapping[PhotoKey, Path] | None = None,
 ) -> None:
     """Write the annotations of photos, a line each; those without any are listed too.
 
@@ -83,9 +84,11 @@ def write_coco(
     dropped point lies farther off: Label Studio's converter reads no runs. Ids of annotations are image id * 10,000
     + 1, 2, ... in the order given. What other tools do not know of stands in `attributes` too: CVAT keeps those, but
     for `source`, which it has itself. `size` is the pictures' width and height, px.
+    `file_name` is the way from the file's folder to the photo's picture among `pictures`, KEY.png where there is none.
     """
-    pictures = [(_image_row(key, size), photos[key]) for key in sorted(photos)]
-    write_pictures(path, pictures, "Rocks and shadows of the POLAR data set, labelled by polarsim", simplify_px)
+    names = {key: relative_to(picture, Path(path).parent) for key, picture in (pictures or {}).items()}
+    rows = [(_image_row(key, names.get(key, f"{key}.png"), size), photos[key]) for key in sorted(photos)]
+    write_pictures(path, rows, "Rocks and shadows of the POLAR data set, labelled by polarsim", simplify_px)
 
 
 def write_pictures(
@@ -112,8 +115,8 @@ def write_pictures(
         file.write("}\n")
 
 
-def _image_row(key: PhotoKey, size: tuple[int, int]) -> dict[str, Any]:
-    return {"id": image_id(key), "file_name": f"{key}.png", "width": size[0], "height": size[1], **key_columns(key)}
+def _image_row(key: PhotoKey, name: str, size: tuple[int, int]) -> dict[str, Any]:
+    return {"id": image_id(key), "file_name": name, "width": size[0], "height": size[1], **key_columns(key)}
 
 
 def _segmentation(mask: Rle | None, simplify_px: float | None) -> object:
@@ -173,6 +176,7 @@ class _Part(BaseModel):
 class _Image(_Part):
     id: int
     file_name: str
+    key: str | None = None  # the photo's, where the file is named otherwise
     width: int | None = None
     height: int | None = None
 
@@ -229,7 +233,8 @@ def read_coco(
 ) -> dict[PhotoKey, list[Annotation]]:
     """The annotations of every photo of a COCO file, from here or as an annotation tool wrote it.
 
-    Categories go by their names. File names may have folders, another suffix, or letters and a dash in front of the
+    Categories go by their names. A picture's photo key is its `key`, else in its file name, which may have folders,
+    another suffix, or letters and a dash in front of the
     photo key, as Label Studio puts them. Masks may be runs, compressed or not, or polygons. A box that is not there is
     that of the mask; a rock, source or confidence may stand among `attributes`, as CVAT puts them, or be missing.
 
@@ -280,7 +285,7 @@ def _once(path: str | Path, what: str, pairs: Iterable[tuple[int, Any]]) -> dict
 
 
 def _key(path: str | Path, image: _Image, size: tuple[int, int]) -> PhotoKey:
-    stem = re.split(r"[\\/]", image.file_name)[-1].rsplit(".", 1)[0]
+    stem = image.key or re.split(r"[\\/]", image.file_name)[-1].rsplit(".", 1)[0]
     stated = (image.width or size[0], image.height or size[1])
     if stated != size:
         raise FormatError(f"image {image.id}: {stated[0]} x {stated[1]} px, expected {size[0]} x {size[1]}", path=path)

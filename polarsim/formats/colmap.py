@@ -1,12 +1,14 @@
 """A terrain's rigs as a COLMAP model in text: `cameras.txt rigs.txt frames.txt images.txt points3D.txt`.
 
-One rig with the left camera as its reference, one frame a position, two images a frame (`PosA_CamL`, `PosA_CamR`), no
-points; or a frame a moment, with the names of its pictures. COLMAP's world is the sandbox, metres; its pixel centres
+One rig with the left camera as its reference, one frame a position, two images a frame: photos, named by the way from
+the model's folder, or `PosA_CamL` and `PosA_CamR` where there are none; or a frame a moment, with the names of its
+pictures. Points are those of meshes, grey and without tracks. COLMAP's world is the sandbox, metres; its pixel centres
 lie at integer + 0.5, as ours do.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,21 +25,41 @@ from polarsim.photo import CAMERAS
 
 CAMERA_ID = {"L": 1, "R": 2}
 RIG_ID = 1
+_GREY = np.full(3, 128, np.uint8)  # of points: no one photo shows their colour
+_IMAGE = re.compile(r"Pos([A-Z])(?![A-Za-z]).*Cam([LR])|\d\d_([A-Z])_(?:on|off)_\w+_([LR])_\d{4}")  # or a photo key
 
 
-def write_model(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> None:
+def write_model(
+    folder: str | Path,
+    localised: Mapping[str, LocalisedRig],
+    pictures: Mapping[tuple[str, str], str] | None = None,
+    points: np.ndarray | None = None,
+) -> None:
     """Write the rigs of a terrain by position; they must have one calibration.
+
+    Parameters
+    ----------
+    pictures : (position, camera) -> name
+        Names of images, with the position as `PosX` and the camera as `CamL` or `CamR` in them, or a photo key.
+    points : (n, 3) float
+        Of the scene, sandbox frame, metres.
 
     Raises
     ------
     FormatError
         Two positions have different rigs, or there is none.
     """
+    import pycolmap
+
     with about(folder):
         model = _model(one_rig(localised))
     for frame_id, position in enumerate(sorted(localised), 1):
-        names: dict[str, str] = {camera: f"Pos{position}_Cam{camera}" for camera in CAMERAS}
+        names: dict[str, str] = {
+            camera: (pictures or {}).get((position, camera), f"Pos{position}_Cam{camera}") for camera in CAMERAS
+        }
         _add_frame(model, frame_id, names, localised[position].sandbox_from_left)
+    for point in [] if points is None else points:
+        model.add_point3D(point, pycolmap.Track(), _GREY)
     with writing_folder(folder) as temporary:
         model.write_text(str(temporary))
 
@@ -105,7 +127,7 @@ def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
     Raises
     ------
     FormatError
-        No readable model, another camera model, or other images than `PosX_CamL` and `PosX_CamR`.
+        No readable model, another camera model, or images that are no pairs of `PosX` ... `CamL` and `CamR`.
     """
     import pycolmap
 
@@ -117,11 +139,12 @@ def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
     except (ValueError, RuntimeError, TypeError, KeyError, IndexError) as error:
         raise FormatError(f"no readable COLMAP model, {str(error).splitlines()[0]}", path=folder) from error
     localised = {}
+    named = {tuple(filter(None, found.groups())): name for name in poses if (found := _IMAGE.search(name))}
     for name in poses:
-        position = name.removeprefix("Pos").split("_")[0]
-        left, right = (f"Pos{position}_Cam{camera}" for camera in CAMERAS)
-        if left not in poses or right not in poses or name not in (left, right):
+        position = next((view[0] for view, own in named.items() if own == name), "")
+        if {(position, camera) for camera in CAMERAS} - set(named):
             raise FormatError(f"image {name!r}, expected pairs PosX_CamL and PosX_CamR", path=folder)
+        left, right = (named[position, camera] for camera in CAMERAS)
         rig = StereoRig(lenses[left], lenses[right], poses[left] @ poses[right].inverse())
         localised[position] = LocalisedRig(rig, poses[left].inverse())
     return localised

@@ -12,6 +12,8 @@ from typing import Any
 
 from polarsim.errors import FormatError, PolarsimError
 
+_CONFIGS = Path(__file__).parents[1] / "configs"  # config/ of the repository, in a wheel a copy
+
 
 @contextmanager
 def writing(path: str | Path) -> Iterator[Path]:
@@ -50,6 +52,35 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
         raise PolarsimError(f"cannot be written, {error.strerror or error}", path=path) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def found_from(path: str | Path, file: str | Path) -> Path:
+    """A path that a file states, such as a table of photos: where it is, whatever folder the program was started in.
+
+    A relative path counts from the file's own folder, or from the nearest folder above it where it is there: paths of a
+    run count from the folder in which the run was made. One that is nowhere stays as it is, from the current folder.
+    """
+    path = Path(path)
+    if not path.is_absolute():
+        for folder in Path(file).absolute().parents:
+            if (there := folder / path).exists():
+                return path if folder == Path.cwd() else there  # the shorter form where both are one
+    return path
+
+
+def packaged(path: str | Path) -> Path:
+    """A path below `config/`: where there is none from here, the file of that name that came with polarsim.
+
+    So configurations, vehicles and soils are at hand without a clone.
+    """
+    path = Path(path)
+    own = _CONFIGS.joinpath(*path.parts[1:])
+    return own if path.parts[:1] == ("config",) and not path.exists() and own.is_file() else path
+
+
+def relative_to(path: str | Path, folder: str | Path) -> str:
+    """A path as it is written into a file of a folder: from there, with slashes."""
+    return Path(os.path.relpath(path, folder)).as_posix()
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -5,17 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from polarsim.formats.files import found_from
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey
 
+STRIP_TEXT = "strip.json"  # in the folder of a photo's strip: its key, and name and caption of each panel
+
 
 def pictures_at(folder: Path) -> dict[PhotoKey, Path]:
-    """Pictures by key: those that a table of photos lists, or those in a folder of twins."""
+    """Pictures by key: those that a table of photos lists (see `found_from`), or those in a folder of twins."""
     if folder.suffix != ".parquet":
         return {PhotoKey.parse(path.stem): path for path in sorted(folder.glob("*.png"))}
     photos = read_parquet(folder, ["key", "path"])
-    return {PhotoKey.parse(str(key)): Path(str(path)) for key, path in zip(photos["key"], photos["path"], strict=True)}
+    stated = {
+        PhotoKey.parse(str(key)): Path(str(path)) for key, path in zip(photos["key"], photos["path"], strict=True)
+    }
+    if not stated:
+        return stated
+    first = next(iter(stated.values()))
+    found = found_from(first, folder)
+    root = Path(str(found).removesuffix(str(first)))  # one look for all: they are below one folder
+    return {key: root / path for key, path in stated.items()}
 
 
 def picture_finder(photo_domain: str, folders: Iterable[Path]) -> Callable[[str, PhotoKey], Path | None]:
@@ -38,7 +49,7 @@ def picture_finder(photo_domain: str, folders: Iterable[Path]) -> Callable[[str,
 def cover_photo(inventory: Path, position: str) -> Path | None:
     """The release's picture of a position with rock ids drawn in; None where there is none."""
     path = read_inventory(inventory).cover_photos.get(position)
-    return Path(path) if path else None
+    return found_from(path, inventory) if path else None
 
 
 def pictures_of(run: Path, domain: str, terrain: int) -> dict[PhotoKey, Path]:

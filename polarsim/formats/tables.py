@@ -39,6 +39,8 @@ def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     """
     try:
         table = pd.read_parquet(path)
+    except FileNotFoundError as error:
+        raise FormatError("no such table", path=path) from error
     except Exception as error:  # pyarrow raises many kinds
         raise FormatError(f"no readable Parquet table, {str(error).splitlines()[0]}", path=path) from error
     return _with_columns(table, columns, path)

@@ -9,12 +9,13 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from polarsim.errors import ConfigError
+from polarsim.formats.files import packaged
 
 Model = TypeVar("Model", bound=BaseModel)
 
 
 def read_yaml(path: str | Path) -> Any:
-    """What a YAML file holds.
+    """What a YAML file holds; one of `config/` may be that which came with polarsim (see `files.packaged`).
 
     Raises
     ------
@@ -22,7 +23,7 @@ def read_yaml(path: str | Path) -> Any:
         No file, or no YAML.
     """
     try:
-        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        return yaml.safe_load(packaged(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigError(f"no readable YAML file, {' '.join(str(error).split())}", path=path) from error
 

@@ -21,6 +21,7 @@ import pandas as pd
 from polarsim.formats import coco, lamps, png, rigs, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.rigs import LocalisedRig
+from polarsim.formats.run_files import pictures_at
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
@@ -162,6 +163,7 @@ def draw_masks(
     *,
     terrain: int,
     keys: Sequence[PhotoKey],
+    photos: Path,
     table: Path,
     cameras: Path,
     meshes: Path,
@@ -172,7 +174,8 @@ def draw_masks(
 ) -> None:
     """Write `polygons`/KEY.txt and `masks`/KEY.png for every key, and the COCO file `annotations`.
 
-    Polygons and grey maps are one drawing an exposure bracket, of its fullest labels; COCO has each photo's own labels.
+    Polygons and grey maps are one drawing an exposure bracket, of its fullest labels; COCO has each photo's own labels,
+    and names the files of the `photos` that there are.
     """
     labels = tables.read_parquet(table, tables.LABEL_COLUMNS)
     localised = rigs.read_all_localised(cameras)
@@ -180,7 +183,7 @@ def draw_masks(
         log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
     suns = lamps.read_suns(cameras, localised)
     world, bare = build_worlds(read_terrain(meshes, terrain), localised, suns, options)
-    photos: dict[PhotoKey, list[coco.Annotation]] = {}
+    annotated: dict[PhotoKey, list[coco.Annotation]] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
         drawn = sorted((key for key in keys if key.position in localised), key=lambda key: (key.view, key))
         for (_, position, camera), members in groupby(drawn, key=lambda key: key.view):
@@ -190,8 +193,8 @@ def draw_masks(
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
             for _, own in groupby(members, key=lambda key: key.bracket):
                 rows_of = {key: of_photo.get(str(key), in_view[:0]) for key in own}
-                photos |= _draw_bracket(outlines, rows_of, polygon_folder, mask_folder)
-    coco.write_coco(annotations, photos)
+                annotated |= _draw_bracket(outlines, rows_of, polygon_folder, mask_folder)
+    coco.write_coco(annotations, annotated, pictures=pictures_at(photos))
 
 
 def _draw_bracket(

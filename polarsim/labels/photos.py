@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import PolarsimError
-from polarsim.formats import png, tables
+from polarsim.formats import png
+from polarsim.formats.run_files import pictures_at
 from polarsim.geometry.boxes import window
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import (
@@ -21,7 +22,6 @@ from polarsim.photo import (
     Azimuth,
     CameraSide,
     Light,
-    PhotoKey,
 )
 
 log = logging.getLogger("polarsim")
@@ -56,13 +56,11 @@ class Photos:
     """The photos of one terrain, read when they are asked for; none is a source without photos."""
 
     def __init__(self, index: Path, terrain: int) -> None:
-        table = tables.read_parquet(index, ("key", "path"))
         self.sets: dict[Bracket, list[tuple[int, Path]]] = {}
-        for name, path in sorted(zip(table["key"], table["path"], strict=True)):
-            key = PhotoKey.parse(str(name))
+        for key, path in sorted(pictures_at(index).items()):
             if key.terrain == terrain:
                 own = self.sets.setdefault((key.position, key.camera, key.light, key.azimuth), [])
-                own.append((key.exposure_ms, Path(path)))
+                own.append((key.exposure_ms, path))
 
         self.brightness = lru_cache(maxsize=KEPT)(self._brightness)
 

@@ -13,6 +13,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from polarsim.errors import RenderError
 from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.casters import caster
@@ -24,6 +25,7 @@ from polarsim.render.options import Model, RenderOptions
 _WALL_THICKNESS = 0.05  # metres
 _WALL_FOOT = 0.5  # metres that walls reach below the median ground
 _LOWER_PART = 0.5  # of a rock's height: rims above it are holes in its back, not its foot
+FARTHEST_M = 1000.0  # of a camera or near lamp: beyond it a sandbox is a dot, and float32 loses millimetres
 _SAME_POSITION = 1e-6  # metres: vertices nearer than this are one, or seams between them would count as rims
 
 
@@ -93,6 +95,24 @@ class Surfaces:
         """(f, 3, 3) float32: by face, corner and axis."""
         normals = self.normals.astype(np.float32)
         return np.stack([normals.take(self.faces[:, corner], axis=0) for corner in range(3)], axis=1)
+
+
+def refuse_place(surfaces: Surfaces, place: np.ndarray, what: str) -> None:
+    """End where a camera or lamp at a place (3,) can see or light nothing, before anything is rendered.
+
+    Raises
+    ------
+    RenderError
+        It stands below the ground, or farther away than `FARTHEST_M`.
+    """
+    at = ", ".join(f"{value:g}" for value in place)
+    if (away := float(np.linalg.norm(place))) > FARTHEST_M:
+        raise RenderError(f"{what} at ({at}) m is {away:.3g} m away, expected at most {FARTHEST_M:g} m")
+    distance, face = surfaces.all.nearest(np.array([place], float), np.array([[0.0, 0.0, 1.0]]))
+    beneath = face[0] >= 0 and surfaces.id_of_face[face[0]] == GROUND
+    if beneath or place[2] < surfaces.vertices[:, 2].min():
+        how = f"{distance[0]:.3g} m below the ground" if beneath else "below all ground"
+        raise RenderError(f"{what} at ({at}) m lies {how}; +Z is up")
 
 
 def surfaces_of(

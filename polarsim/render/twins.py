@@ -132,15 +132,19 @@ def render_twins(
         if options.maps and labels.maps:
             mapped = {name: active_lamps[name] for name in lamps_of_maps(options.maps, shadow_lamps)}
             write_view_maps(labels.maps, own, maps_of(surfaces, camera, mapped, options, threads), options.maps)
-    _write_labels(labels, found_labels, rigs)
+    folder = next(iter(twins.values()))
+    _write_labels(labels, found_labels, rigs, {key: folder / f"{key}.png" for key in found_labels})
 
 
 def _write_labels(
-    labels: LabelPaths, found: Mapping[PhotoKey, Sequence[coco.Annotation]], rigs: Mapping[str, LocalisedRig]
+    labels: LabelPaths,
+    found: Mapping[PhotoKey, Sequence[coco.Annotation]],
+    rigs: Mapping[str, LocalisedRig],
+    pictures: Mapping[PhotoKey, Path],
 ) -> None:
-    """Write the labels of all twins as COCO and as a table."""
+    """Write the labels of all twins as COCO, which names the pictures of one model, and as a table."""
     sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {(WIDTH, HEIGHT)}
-    coco.write_coco(labels.annotations, found, size=max(sizes))
+    coco.write_coco(labels.annotations, found, size=max(sizes), pictures=pictures)
     in_order = sorted(found, key=lambda key: (key.position, key.camera, key))
     rows = [label_row(key, label) for key in in_order for label in found[key]]
     tables.write_parquet(labels.table, tables.label_table(rows))

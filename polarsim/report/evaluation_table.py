@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,14 @@ from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
 CAPTION = "Quality of every stage. Unit 1: a share or ratio; against: what a metric is measured against."
 ROW_NAMES = ("stage", "subject", "metric", "unit", "against")
 _SHOWN = {"mm": 2, "px": 2, "deg": 4, "1": 3, "%": 1, "m": 3}  # decimals by unit
-RUNS_CAPTION = "Quality of several runs. Unit 1: a share or ratio; against: what a metric is measured against."
+RUNS_CAPTION = (
+    "Quality of {runs}, in this order in every cell. Unit 1: a share or ratio; against: what a metric is measured "
+    "against."
+)
+MEDIAN_NOTE = (
+    "Medians: of each run over the terrains that all runs with this metric have; none where they share no terrain. "
+    "n is in the CSV form."
+)
 
 
 def gather_evaluation(*, parts: list[Path], stem: Path, origin: dict[str, str]) -> None:
@@ -96,13 +104,16 @@ def compare_runs(*, runs: Sequence[Path], stem: Path) -> None:
     Raises
     ------
     PolarsimError
-        A run has measured nothing.
+        A run has measured nothing, or is named twice.
     FormatError
         A file of metrics is broken.
     """
+    if twice := [run.name for number, run in enumerate(runs) if run in runs[:number]]:
+        raise PolarsimError(f"run {twice[0]!r} is named twice")
     table = in_order(pd.concat([_measured(run) for run in runs], ignore_index=True))
-    notes = [f"Cells: {' / '.join(run.name for run in runs)}. The median is over runs and terrains; n is in the CSV."]
-    write_table(stem, table, RUNS_CAPTION, layout=format_runs(table, [run.name for run in runs]), notes=notes)
+    names = [run.name for run in runs]
+    caption = RUNS_CAPTION.format(runs=" / ".join(names))
+    write_table(stem, table, caption, layout=format_runs(table, names), notes=[MEDIAN_NOTE])
 
 
 def _measured(run: Path) -> pd.DataFrame:
@@ -117,7 +128,7 @@ def _measured(run: Path) -> pd.DataFrame:
 
 
 def format_runs(table: pd.DataFrame, runs: Sequence[str]) -> pd.DataFrame:
-    """A row a metric, a column a terrain with the value of every run in turn, and the median of them all."""
+    """A row a metric, a column a terrain with the value of every run in turn, and each run's median."""
     rows = []
     for names, metrics in table.groupby(list(ROW_NAMES), sort=False):
         unit = str(metrics["unit"].iloc[0])
@@ -128,6 +139,19 @@ def format_runs(table: pd.DataFrame, runs: Sequence[str]) -> pd.DataFrame:
             )
             for terrain in sorted(set(table["terrain"]))
         }
-        median = shown_value(float(metrics["value"].median()), unit)
+        median = " / ".join(shown_value(value, unit) for value in _medians(values, runs))
         rows.append({**dict(zip(ROW_NAMES, map(str, names), strict=True)), **cells, "median": median})
     return pd.DataFrame(rows)
+
+
+def _medians(values: Mapping[Any, float], runs: Sequence[str]) -> list[float]:
+    """Median of each run over what can be compared: terrains where every run that has the metric has a number."""
+    there = {at: value for at, value in values.items() if not math.isnan(value)}
+    terrains_of = {run: {terrain for terrain, own in there if own == run} for run in runs}
+    measured = [terrains for terrains in terrains_of.values() if terrains]
+    shared = set.intersection(*measured) if measured else set()
+    medians = []
+    for run in runs:
+        own = [there[terrain, run] for terrain in sorted(shared & terrains_of[run])]
+        medians.append(float(np.median(own)) if own else math.nan)
+    return medians

@@ -1,23 +1,32 @@
-"""One page of what a run's detectors found: its tables and figures, laid out by `results_page.html.jinja`."""
+"""The page of a run that is opened first, laid out by `results_page.html.jinja`."""
 
 from __future__ import annotations
 
 import base64
 import io
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
+from urllib.parse import quote
 
 import jinja2
 import pandas as pd
 from markdown_it import MarkdownIt
 from markupsafe import Markup
 
-from polarsim.formats.files import read_json, write_text
+from polarsim import __version__
+from polarsim.formats.files import read_json, relative_to, write_text
+from polarsim.formats.run_files import STRIP_TEXT
+from polarsim.formats.tables import read_parquet
 from polarsim.report import paper
+from polarsim.report.headlines import headlines
 from polarsim.report.layout import markdown
 
 _TEMPLATE = Path(__file__).with_name("results_page.html.jinja")
-_QUALITY = 88  # of JPEGs: lines and digits stay sharp
+_QUALITY = 82  # of WebP: lines and digits stay sharp
+WIDE, PANEL, THUMBNAIL = 1100, 480, 320  # px: of figures in the text, of a strip's panels, of the list of all figures
+_FORMS = (".csv", ".parquet", ".md", ".tex")
 PARTS = ("train", "val", "test")
 
 
@@ -25,12 +34,21 @@ def write_results_page(
     *,
     tables: Mapping[str, Path],
     figures: Mapping[str, Path],
+    strip: Path | None,
     phases: Sequence[Path],
     datasets: Mapping[tuple[str, str], Path],
+    photos: Path | None,
     page: Path,
     origin: Mapping[str, str],
+    terrains: Sequence[int],
+    positions: Sequence[str],
+    models: Sequence[str],
+    photo_domain: str,
+    others: Mapping[str, str],
 ) -> None:
-    """Write `page`, HTML that needs no other file.
+    """Write `page`, the first one that a reader opens: what the run is, five metrics, pictures, all tables and figures.
+
+    Pictures inside are small; each leads to the full one, which lies beside the page, as tables do.
 
     Parameters
     ----------
@@ -38,10 +56,16 @@ def write_results_page(
         Markdown form of the run's tables by name; the template leaves out what a run has not.
     figures
         PNG by name; those of one detector as `seen_<domain>` and `gap_rocks_<domain>`.
+    strip
+        Folder of one photo's strip, see `figures.strip`.
     phases
         What the figure of the opposition effect shows, `figures/opposition.json`; none where there are no photos.
     datasets
         Data set of each split and domain.
+    photos
+        Table of all photos of the run.
+    others
+        Further pages beside this one, by file name, and what they are.
 
     Raises
     ------
@@ -49,9 +73,14 @@ def write_results_page(
         A file is missing or broken.
     """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    run = _Run(tables, figures, origin["source"])
+    run = _Run(tables, figures, origin["source"], page.parent)
+    forms = {name: path.with_suffix(".csv") for name, path in tables.items()}
     text = environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
         origin=origin,
+        facts=_facts(photos, datasets, tables, terrains, positions, models),
+        headlines=headlines(forms, photo_domain, origin["source"]),
+        strip=run.strip(strip) if strip else None,
+        others=others,
         pictures=_html(markdown(picture_counts(datasets, origin["source"]), "Pictures of every domain.")),
         comparison=next((name for name in figures if name.startswith("comparison_")), ""),
         opposition="".join(map(_opposition, phases)),
@@ -59,8 +88,33 @@ def write_results_page(
         table=run.table,
         figure=run.figure,
         figures=run.figures_of_detectors,
+        all_tables=run.all_tables(),
+        all_figures=run.all_figures(),
     )
     write_text(page, text)
+
+
+def _facts(
+    photos: Path | None,
+    datasets: Mapping[tuple[str, str], Path],
+    tables: Mapping[str, Path],
+    terrains: Sequence[int],
+    positions: Sequence[str],
+    models: Sequence[str],
+) -> dict[str, str]:
+    """What this run is, by name."""
+    count = 0 if photos is None else len(read_parquet(photos, ["key"]))
+    newest = max((path.stat().st_mtime for path in tables.values()), default=None)
+    facts = {
+        "terrains": ", ".join(f"{terrain:02d}" for terrain in terrains) + f" (positions {', '.join(positions)})",
+        "photos": f"{count:,}" if count else "none",
+        "twins": ", ".join(models),
+        "detectors": ", ".join(dict.fromkeys(domain for _, domain in datasets)) or "none",
+        "polarsim": __version__,
+    }
+    if newest is not None:  # of the tables, not of the clock: the same files make the same page
+        facts["tables made"] = datetime.fromtimestamp(newest, UTC).strftime("%Y-%m-%d %H:%M UTC")
+    return facts
 
 
 def picture_counts(datasets: Mapping[tuple[str, str], Path], source: str) -> pd.DataFrame:
@@ -76,8 +130,8 @@ def picture_counts(datasets: Mapping[tuple[str, str], Path], source: str) -> pd.
 class _Run:
     """Tables and figures as the template asks for them; what a run has not is nothing."""
 
-    def __init__(self, tables: Mapping[str, Path], figures: Mapping[str, Path], source: str) -> None:
-        self._tables, self._figures, self._source = tables, figures, source
+    def __init__(self, tables: Mapping[str, Path], figures: Mapping[str, Path], source: str, folder: Path) -> None:
+        self._tables, self._figures, self._source, self._folder = tables, figures, source, folder
 
     def table(self, name: str) -> Markup:
         return _html(self._tables[name].read_text(encoding="utf-8")) if name in self._tables else Markup()
@@ -85,14 +139,47 @@ class _Run:
     def figure(self, name: str, caption: str) -> Markup:
         if name not in self._figures:
             return Markup()
-        form = Markup('<figure id="{}"><img alt="{}" src="{}"><figcaption>{}</figcaption></figure>')
-        return form.format(name, name.replace("_", " "), _embedded(self._figures[name]), caption)
+        form = Markup('<figure id="{}"><a href="{}"><img alt="{}" src="{}"></a><figcaption>{}</figcaption></figure>')
+        path = self._figures[name]
+        return form.format(name, self._link(path), name.replace("_", " "), _embedded(path, WIDE), caption)
 
     def figures_of_detectors(self, name: str, caption: str) -> Markup:
         """Each detector's own; `{}` in the caption becomes the domain that it was trained on."""
         domains = paper.in_order({key.removeprefix(f"{name}_") for key in self._figures if key.startswith(f"{name}_")})
         titled = [(domain, paper.title(paper.own_name(domain, self._source))) for domain in domains]
         return Markup("\n").join(self.figure(f"{name}_{domain}", caption.format(title)) for domain, title in titled)
+
+    def strip(self, folder: Path) -> dict[str, Any]:
+        """The key of a strip, and its panels: link, thumbnail, name, caption."""
+        told = read_json(folder / STRIP_TEXT)
+        panels = [
+            (self._link(path), _embedded(path, PANEL), name, caption)
+            for name, caption in told["panels"]
+            if (path := folder / f"{name}.png")
+        ]
+        return {"key": told["key"], "panels": panels}
+
+    def all_tables(self) -> list[dict[str, Any]]:
+        """Every table: its name, its links by form, itself."""
+        rows = []
+        for name, path in self._tables.items():
+            forms = [one for one in (path.with_suffix(suffix) for suffix in _FORMS) if one.exists()]
+            links = {one.suffix[1:]: self._link(one) for one in forms}
+            rows.append({"name": name, "links": links, "html": self.table(name)})
+        return rows
+
+    def all_figures(self) -> dict[str, list[tuple[str, str, str]]]:
+        """Link, thumbnail and title of every figure, by what comes before `_Terrain` in its name."""
+        groups: dict[str, list[tuple[str, str, str]]] = {}
+        for name, path in self._figures.items():
+            kind, of_terrain, where = name.partition("_Terrain")
+            title = f"Terrain {where.replace('_Pos', ', position ')}" if of_terrain else name.replace("_", " ")
+            group = kind.replace("_", " ") if of_terrain else "of the whole run"
+            groups.setdefault(group, []).append((self._link(path), _embedded(path, THUMBNAIL), title))
+        return groups
+
+    def _link(self, path: Path) -> str:
+        return quote(relative_to(path, self._folder))
 
 
 def _html(text: str) -> Markup:
@@ -107,12 +194,13 @@ def _opposition(phases: Path) -> str:
     return f"{content['text']}." if content["shown"] else ""
 
 
-def _embedded(path: Path) -> str:
-    """A PNG as a data URI: as it is, or as a JPEG where that is smaller, as it is for photos."""
+def _embedded(path: Path, width: int) -> str:
+    """A PNG as a data URI: WebP, at most `width` pixels wide."""
     from PIL import Image
 
-    compressed = io.BytesIO()
+    coded = io.BytesIO()
     with Image.open(path) as picture:
-        picture.convert("RGB").save(compressed, "JPEG", quality=_QUALITY)
-    kind, content = min(("png", path.read_bytes()), ("jpeg", compressed.getvalue()), key=lambda form: len(form[1]))
-    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
+        small = picture.convert("RGB")
+        small.thumbnail((width, 4 * width), Image.Resampling.LANCZOS)
+        small.save(coded, "WEBP", quality=_QUALITY, method=4)
+    return f"data:image/webp;base64,{base64.b64encode(coded.getvalue()).decode('ascii')}"

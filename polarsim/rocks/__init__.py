@@ -1,1 +1,10 @@
 """Stage 3, scans to rocks and ground: clouds, cuboids and meshes."""
+
+from polarsim.public import offered
+
+__all__, __getattr__, __dir__ = offered(
+    __name__,
+    RocksOptions="options",
+    find_rocks="find",
+    mesh_rocks="mesh",
+)

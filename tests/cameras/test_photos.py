@@ -5,13 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import pycolmap
 import pytest
 from scipy.ndimage import gaussian_filter
+from scipy.spatial import cKDTree
 
 from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.photos import refine_cameras
 from polarsim.cameras.shading import look, surface_of
 from polarsim.formats import obj, png
+from polarsim.formats.colmap import read_model
 from polarsim.formats.lamps import FILE, read_suns, surveyed_suns
 from polarsim.formats.rigs import LocalisedRig, read_all_localised, write_localised
 from polarsim.formats.scene import read_terrain
@@ -131,7 +134,25 @@ def test_a_position_without_photos_gets_the_lenses_and_keeps_its_pose(refined):
 def test_tables_of_the_located_poses_and_a_colmap_model_come_along(refined):
     folder = refined[1] / "cameras"
     assert (folder / "alignment.csv").read_text() == (refined[1] / "located" / "alignment.csv").read_text()
-    assert "PosA_CamR" in (folder / "colmap" / "images.txt").read_text()
+    model = pycolmap.Reconstruction(str(folder / "colmap"))
+    names = {image.name for image in model.images.values()}
+    assert {"PosB_CamL", "PosB_CamR"} < names  # nobody took photos there
+    shown = [folder / "colmap" / name for name in names if not name.startswith("PosB")]
+    assert len(shown) == 2
+    assert all(path.is_file() for path in shown)
+    placed = read_model(folder / "colmap")
+    np.testing.assert_allclose(
+        placed["A"].sandbox_from_left.matrix, refined[0]["A"].sandbox_from_left.matrix, atol=1e-9
+    )
+
+
+def test_a_colmap_model_holds_points_of_the_meshes(refined, photographed):
+    model = pycolmap.Reconstruction(str(refined[1] / "cameras" / "colmap"))
+    points = np.array([point.xyz for point in model.points3D.values()])
+    vertices = read_terrain(photographed / "meshes", 1).vertices
+    assert 10_000 < len(points) <= 20_000
+    assert cKDTree(vertices).query(points)[0].max() < 1e-6
+    assert np.ptp(points[:, :2], axis=0).min() > 3.9  # from all over the sandbox
 
 
 def test_without_photos_everything_stays_as_it_was_located(photographed, tmp_path):

@@ -1,10 +1,14 @@
+import json
+
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.spatial import ConvexHull
 from shapely import Polygon
 
 from polarsim.formats import lamps, png, tables, yolo
 from polarsim.formats.coco import read_coco
+from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, write_parquet
 from polarsim.geometry.polygons import paint, rasterised, signed_area
 from polarsim.labels.masks import BOX_COLUMNS, draw_masks
 from polarsim.labels.options import LabelsOptions
@@ -25,10 +29,26 @@ def draw(scene, out, keys=KEYS):
     return draw_table(scene, out, keys)
 
 
+def photo_table(out, keys):
+    """A table of photos in the layout of a source, the last of which is not there."""
+    rows = [key_columns(key) | {"path": str(out / f"photos/Sun_{key.azimuth}/Cam_{key}.png")} for key in keys[:-1]]
+    write_parquet(out / "photos.parquet", pd.DataFrame(rows, columns=list(PHOTO_COLUMNS)))
+    return out / "photos.parquet"
+
+
+def test_coco_names_photos_by_the_way_from_its_folder(annotated):
+    images = {image["key"]: image["file_name"] for image in json.loads((annotated / "coco.json").read_text())["images"]}
+    *there, missing = KEYS
+    assert all(images[str(key)] == f"photos/Sun_{key.azimuth}/Cam_{key}.png" for key in there)
+    assert images[str(missing)] == f"{missing}.png"
+    assert set(read_coco(annotated / "coco.json")) == set(KEYS)
+
+
 def draw_table(scene, out, keys):
     draw_masks(
         terrain=TERRAIN,
         keys=keys,
+        photos=photo_table(out, keys),
         table=out / "labels.parquet",
         cameras=scene.cameras,
         meshes=scene.meshes,

@@ -20,9 +20,22 @@ def test_runs_follow_each_other_in_the_cells_of_a_terrain(tmp_path):
     measured(tmp_path, "seed2", 1, 4.0)
     write_csv(tmp_path / "seed1/evaluation/meshes_Terrain01.csv", mesh_table([]))  # no metrics of quality
     compare_runs(runs=[tmp_path / "seed1", tmp_path / "seed2"], stem=tmp_path / "both")
-    assert "| mm | truth | 2.00 / 4.00 | 1.00 / – | 2.00 |" in (tmp_path / "both.md").read_text()
+    text = (tmp_path / "both.md").read_text()
+    assert "| mm | truth | 2.00 / 4.00 | 1.00 / – | 2.00 / 4.00 |" in text  # of terrain 1, which both have
+    assert text.startswith("**Quality of seed1 / seed2, in this order in every cell.")
     table = read_csv(tmp_path / "both.csv")
     assert table[["run", "terrain", "value"]].values.tolist() == [["seed1", 1, 2], ["seed2", 1, 4], ["seed1", 3, 1]]
+
+
+def test_runs_that_share_no_terrain_have_no_median_and_one_without_the_metric_takes_none_away(tmp_path):
+    for run, terrain, value in (("one", 1, 2.0), ("one", 3, 4.0), ("other", 6, 9.0)):
+        measured(tmp_path, run, terrain, value)
+    compare_runs(runs=[tmp_path / "one", tmp_path / "other"], stem=tmp_path / "both")
+    assert (tmp_path / "both.md").read_text().splitlines()[4].endswith("| – / – |")
+    rocks = [Metric("A", "found", 0.5, "1", 1, "truth")]
+    write_metrics(tmp_path / "third/evaluation/rocks_Terrain03.csv", "rocks", 3, rocks)
+    compare_runs(runs=[tmp_path / "one", tmp_path / "third"], stem=tmp_path / "both")
+    assert "| 3.00 / – |" in (tmp_path / "both.md").read_text()
 
 
 def test_a_run_without_metrics_is_named(tmp_path):

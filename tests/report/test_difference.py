@@ -1,7 +1,8 @@
 import numpy as np
 
-from polarsim.report.figures.comparison import difference_of_cover as of_cover
-from polarsim.report.figures.comparison import difference_of_photo as of_photo
+from polarsim.report.figures.difference import difference_of_cover as of_cover
+from polarsim.report.figures.difference import difference_of_photo as of_photo
+from polarsim.report.figures.difference import log2_over_photo
 
 
 def test_a_brighter_twin_is_red_and_a_darker_one_blue():
@@ -12,6 +13,7 @@ def test_a_brighter_twin_is_red_and_a_darker_one_blue():
     assert shown[0, 0].tolist() == [255, 0, 0]
     assert shown[0, 2].tolist() == [255, 255, 255]
     assert shown[0, 4].tolist() == [0, 0, 255]
+    assert sorted(log2_over_photo(photo, twin)) == [-2.0] * 8 + [0.0] * 8 + [2.0] * 8
 
 
 def test_dark_and_clipped_pixels_are_grey():

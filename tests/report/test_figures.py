@@ -112,13 +112,14 @@ def described(folder, photos):
     return {"photos": folder / "photos.parquet", "inventory": folder / "inventory.json"}
 
 
-def residuals_drawn(folder, name):
+def residuals_drawn(folder, name, twins=None):
     draw_residuals(
         terrain=3,
         cameras=folder / "cameras",
         meshes=folder / "meshes",
         seeds=folder / "seeds",
         **described(folder, {}),
+        twins=twins,
         figure=folder / name,
         width=WIDE,
     )
@@ -133,9 +134,22 @@ def test_boxes_beside_their_meshes_get_arrows_and_right_ones_none(tmp_path, worl
     arrows = []
     for off in (0, 8):
         yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(len(boxes)), boxes + off)
-        pixels = residuals_drawn(tmp_path, f"{off}.png")
+        pixels = residuals_drawn(tmp_path, f"{off}.png")[:-60]  # without the legend
         arrows.append(((pixels[..., 0] - pixels[..., 2] > 120) & (pixels[..., 1] < 140)).sum())  # vermilion
     assert arrows[1] > 2 * arrows[0] + 50
+
+
+def test_where_there_is_no_photo_a_twin_stands_behind_the_residuals(tmp_path, world):
+    world.write(tmp_path)
+    position = sorted(read_all_localised(tmp_path / "cameras"))[0]
+    png.write(tmp_path / f"twins/03_{position}_off_30_L_0256.png", np.full((1216, 1936), 4000, np.uint16))
+    (tmp_path / "seeds").mkdir(exist_ok=True)
+    bare, on_twin = (
+        residuals_drawn(tmp_path, name, twins=twins) for name, twins in (("a.png", None), ("b.png", tmp_path / "twins"))
+    )
+    middle = bare.shape[0] // 2
+    assert np.median(bare[middle, 50:300]) == 90
+    assert np.median(on_twin[middle, 50:300]) == 255
 
 
 def test_residuals_need_neither_photos_nor_seeds(tmp_path, world):
@@ -235,18 +249,23 @@ def test_a_comparison_shows_what_is_there(tmp_path):
         "key": KEY,
         "labels": tmp_path / "labels.parquet",
         "rendered": None,
-        "width": NARROW,
+        "width": 2 * NARROW,
     }
     known = described(tmp_path, {KEY: tmp_path / "photo.png"})
     draw_comparison(**arguments, **known, twins=twins, figure=tmp_path / "two.png")
     draw_comparison(**arguments, **described(tmp_path, {}), twins={}, figure=tmp_path / "none.png")
     shown = png.read(tmp_path / "two.png")
-    # Beside each other with the photo's white: the twin, with 284 of 684 DN above black, is darker than the photo.
-    left, right = shown[:, 150].astype(int).mean(axis=-1), shown[:, 450].astype(int).mean(axis=-1)
-    centre = slice(shown.shape[0] // 4, shown.shape[0] // 4 + 20)  # of the upper of two rows
-    assert np.median(left[centre]) == 255
-    assert np.median(right[centre]) == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
-    assert is_drawn(tmp_path / "none.png")
+    # Below each other with the photo's white: the twin, with 284 of 684 DN above black, is darker than the photo.
+    rows = shown.shape[0]
+    photo, twin = (np.median(shown[round(at * rows) :][:20, 280:320]) for at in (0.2, 0.68))
+    assert photo == 255
+    assert twin == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
+    # The twin is 1.27 stops too dark: blue beside it, and a bar below that says so, red at its right end.
+    difference = np.median(shown[round(0.68 * rows) :][:20, 880:920], axis=(0, 1))
+    assert difference.tolist() == pytest.approx([255 * (1 - np.log2(684 / 284) / 2)] * 2 + [255], abs=2)
+    reds = (shown[round(0.8 * rows) :].astype(int) @ [1, -1, -1]) > 200
+    assert reds[:, 600:].sum() > 20 > reds[:, :600].sum()
+    assert is_drawn(tmp_path / "none.png", 2 * NARROW)
 
 
 @pytest.mark.release
@@ -283,7 +302,7 @@ def reliability_drawn(folder, rows, name):
 
 def test_points_of_sure_and_right_labels_lie_above_and_right_of_doubtful_ones(tmp_path):
     points = []
-    for confidence in (0.3, 0.8):
+    for confidence in (0.3, 0.98):
         point = {"kind": "rock", "label_source": "seed", "labels": 50, "low": confidence, "high": confidence}
         shares = dict.fromkeys(("confidence", "right", "right_low", "right_high"), confidence) | {"brier": 0.1}
         pixels = reliability_drawn(tmp_path, [point | shares], f"{confidence}.png")[:-80, :650]  # without the legend

@@ -91,7 +91,11 @@ def test_brightness_near_opposition_is_told_beside_that_far_from_it(tmp_path, ca
     assert told["shown"]
     assert told["text"].count("median over that of Analog is 2.00 (Hapke)") == 2
     assert str(ROVER) in told["text"].split(". ")[0]
-    assert png.read(tmp_path / "o.png").shape[1] == 640
+    shown = png.read(tmp_path / "o.png")
+    assert shown.shape[1] == 640
+    photo, twin = (np.median(shown[120:160, at : at + 40]) for at in (150, 460))  # of one white: that of the twin
+    assert twin == 255
+    assert photo == pytest.approx(255 * 0.5 ** (1 / 2.2), abs=2)
 
 
 def test_clipped_crops_are_not_compared(tmp_path, cameras):

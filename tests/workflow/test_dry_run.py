@@ -50,6 +50,21 @@ def test_every_configuration_plans_its_jobs(dry_run, release_like, name):
     assert ("train_detector" in jobs) == (name != "release")  # the release has no photos
 
 
+def test_snakemakes_linter_finds_nothing(snakemake, checkout):
+    done = snakemake(checkout, "--lint")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert "good condition" in done.stderr
+
+
+def test_the_environment_of_all_rules_is_there_and_pins_what_the_lock_pins():
+    folder = CONFIGURATIONS.parent / "workflow/envs"
+    assert yaml.safe_load((folder / "polarsim.yaml").read_text())["dependencies"]
+    setup, deploy = (path.read_text() for path in (folder.parent / "setup.sh", folder / "polarsim.post-deploy.sh"))
+    for line in ("grep '^torch==' requirements.lock", "grep -v '^torch==' requirements.lock"):
+        assert line in setup
+        assert line in deploy
+
+
 def test_the_papers_protocol_trains_each_domain_by_two_splits_with_three_seeds(dry_run, release_like):
     done = dry_run("--configfile", "config/paper.yaml", POLAR_SIM_ROOT=str(release_like))
     jobs = planned(done)

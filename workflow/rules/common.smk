@@ -263,25 +263,51 @@ def figures_of_detectors():
     return of_run("results/{run}/figures/{name}.png", name=names if DOMAINS else [])
 
 
+# A run of cover photos alone makes no stage but that.
+ONLY_COVERS = CONFIG.covers.run and not DOMAINS
+
+
 def tables_of_page():
     """Tables of the results page, in the form that it shows."""
-    names = [*TABLES_OF_DETECTORS]
+    names = [] if ONLY_COVERS else ["evaluation", "cameras", "alignment", "rocks", "meshes", "render"]
+    names += ["labels", "reliability"] if SCORED_TERRAINS and not ONLY_COVERS else []
+    names += [*TABLES_OF_DETECTORS, "ipd_rocks"] if DOMAINS else []
     names += ["stereo"] if STEREO else []
-    names += ["gap"] if CONFIG.gap.components else []
-    real = of_run("results/{run}/tables/covers.md") if CONFIG.covers.run else []
-    of_domains = names if DOMAINS else []
-    return of_run("results/{run}/tables/{name}.md", name=of_domains) + real
+    names += ["gap"] if CONFIG.gap.components and DOMAINS else []
+    names += ["covers"] if CONFIG.covers.run else []
+    return of_run("results/{run}/tables/{name}.md", name=names)
+
+
+def figures_of_stages():
+    """Figures of all stages but the detectors'."""
+    names = ["comparison_Terrain{terrain}_Pos{position}", "contact_Terrain{terrain}_Pos{position}"]
+    names += ["meshes_Terrain{terrain}", "crops_Terrain{terrain}", "residuals_Terrain{terrain}"]
+    names += ["offsets_Terrain{terrain}"] if KIND == "analog" else []
+    whole = ["reflectance", *(["reliability"] if SCORED_TERRAINS else [])]
+    return [
+        *of_run("results/{run}/figures/{name}.png", name=whole),
+        *(path for name in names for path in every_figure(name)),
+        *of_run("results/{run}/figures/label_errors_Terrain{terrain}.png", terrain=SCORED_TERRAINS),
+    ]
 
 
 def figures_of_page():
-    """Figures of the results page; of the comparisons the first one."""
-    names = ["covers", "scenes"] if CONFIG.covers.run else []
-    real = of_run("results/{run}/figures/{name}.png", name=names)
-    if not DOMAINS:
-        return real
-    causes = of_run("results/{run}/figures/gap.png") if CONFIG.gap.components else []
-    comparisons = every_figure("comparison_Terrain{terrain}_Pos{position}")
-    return [*comparisons[:1], *figures_of_detectors(), *causes, *real]
+    """Figures of the results page."""
+    real = of_run("results/{run}/figures/{name}.png", name=["covers", "scenes"] if CONFIG.covers.run else [])
+    causes = of_run("results/{run}/figures/gap.png") if CONFIG.gap.components and DOMAINS else []
+    return [*figures_of_detectors(), *causes, *real, *([] if ONLY_COVERS else figures_of_stages())]
+
+
+def pages_beside():
+    """Further pages of the run, by the way from its folder."""
+    errata = {"errata.html": "Defects of the published labels"} if KIND == "release" and not ONLY_COVERS else {}
+    return {"report.html": "Snakemake's report, made by polarsim report", **errata}
+
+
+def predictions_of_strip():
+    """What the detector of photos finds in photos, where it is trained."""
+    photo = CONFIG.photo_domain
+    return of_first_training(f"predictions/{photo}_on_{photo}.parquet") if photo in DOMAINS else []
 
 
 def shown_photo(wildcards):

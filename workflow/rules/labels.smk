@@ -43,6 +43,7 @@ rule propagate_labels:
 rule draw_masks:
     """Polygons, grey maps and COCO masks of every photo of a terrain."""
     input:
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",

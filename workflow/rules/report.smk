@@ -17,16 +17,10 @@ rule tables:
         tables_of_detectors(),
         figures_of_detectors(),
         of_run("results/{run}/tables/stereo.csv") if STEREO else [],
-        of_run("results/{run}/results.html") if DOMAINS or CONFIG.covers.run else [],
-        of_run("results/{run}/figures/reflectance.png"),
-        every_figure("comparison_Terrain{terrain}_Pos{position}"),
-        every_figure("contact_Terrain{terrain}_Pos{position}"),
-        every_figure("meshes_Terrain{terrain}"),
-        every_figure("crops_Terrain{terrain}"),
+        of_run("results/{run}/results.html"),
+        figures_of_stages(),
         of_run("results/{run}/errata.html") if KIND == "release" else [],
-        of_run("results/{run}/figures/label_errors_Terrain{terrain}.png", terrain=SCORED_TERRAINS),
         of_run("results/{run}/tables/labels.csv") if SCORED_TERRAINS else [],
-        of_run("results/{run}/figures/reliability.png") if SCORED_TERRAINS else [],
 
 
 rule gather_evaluation:
@@ -404,6 +398,7 @@ rule draw_residuals:
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
+        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=STAND_INS),
     output:
         figure=shown("results/{run}/figures/residuals_Terrain{terrain}.png", "Cameras", terrain="{terrain}"),
     log:
@@ -514,11 +509,37 @@ rule draw_opposition:
         "../scripts/draw_opposition.py"
 
 
+rule draw_strip:
+    """One photo, its twin, how they differ, its labels, and what a detector finds in it."""
+    input:
+        photos=f"results/{{run}}/acquire/Terrain{TERRAINS[0]}/photos.parquet",
+        twins=f"results/{{run}}/renders/{MODELS[-1]}/Terrain{TERRAINS[0]}",
+        labels=f"results/{{run}}/labels/tables/Terrain{TERRAINS[0]}.parquet",
+        predictions=predictions_of_strip(),
+    output:
+        strip=directory("results/{run}/figures/strip"),
+    log:
+        "results/{run}/logs/report/draw_strip.log",
+    benchmark:
+        "results/{run}/benchmarks/report/draw_strip.tsv"
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        model=MODELS[-1],
+        trained=CONFIG.photo_domain,
+        code=code_of("draw_strip"),
+    script:
+        "../scripts/draw_strip.py"
+
+
 rule write_results_page:
-    """Tables and figures of what detectors found, on one page."""
+    """The page that is opened first: what the run is, metrics, pictures, all tables and figures."""
     input:
         tables=tables_of_page(),
         figures=figures_of_page(),
+        strip=[] if ONLY_COVERS else "results/{run}/figures/strip",
+        photos=[] if ONLY_COVERS else "results/{run}/acquire/photos.parquet",
         phases=of_run("results/{run}/figures/opposition.json") if DOMAINS else [],
         datasets=of_run("results/{run}/detect/{split}/datasets/{trained}", split=SPLITS, trained=TRAINED),
     output:
@@ -533,6 +554,11 @@ rule write_results_page:
     params:
         datasets=[(split, trained) for split in SPLITS for trained in TRAINED],
         origin=ORIGIN,
+        terrains=CONFIG.terrains,
+        positions=CONFIG.positions,
+        models=MODELS,
+        photo_domain=CONFIG.photo_domain,
+        others=pages_beside(),
         code=code_of("write_results_page"),
     script:
         "../scripts/write_results_page.py"

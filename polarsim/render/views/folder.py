@@ -16,7 +16,7 @@ import pandas as pd
 from polarsim.digest import code_digest
 from polarsim.errors import PolarsimError
 from polarsim.formats import coco, png, tables, yolo
-from polarsim.formats.files import read_json, write_json, write_text, writing
+from polarsim.formats.files import read_json, relative_to, write_json, write_text, writing
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, ROCK, SHADOW
 from polarsim.randomness import generator
@@ -27,6 +27,7 @@ from polarsim.render.views.scenes import Ensemble
 Tone = Callable[[np.ndarray], np.ndarray]  # (h, w) uint16 of 12 bits to (h, w, 3) uint8
 MOST = 1024  # pictures on a sheet; of more a seeded choice
 _WIDTH, _WIDEST, _GAP = 4000, 480, 2  # px: of the sheet, of one picture, between two
+_EVERY = 5  # places of a camera, the last of which is for validation
 _NAMED_FROM = 300  # px: narrower pictures have no room for a name
 _COLOURS = {ROCK: (255, 176, 0), SHADOW: (70, 190, 255)}
 _OF_ONE_TERRAIN = ("terrain", "sources", "noise_seed")  # of a scene's sidecar: views may have several
@@ -167,13 +168,13 @@ class Job:
 
 
 def write_listing(out: Path, entries: Sequence[Entry]) -> None:
-    """Write index.csv, annotations.json, rocks.csv and data.yaml."""
+    """Write index.csv, annotations.json, rocks.csv, and data.yaml with train.txt and val.txt."""
     tables.write_csv(out / "index.csv", pd.DataFrame([_index_row(*entry) for entry in entries]))
     pictures = [
         (
             {
                 "id": picture.number + 1,
-                "file_name": f"{picture.name}.png",
+                "file_name": f"images/{picture.name}.png",
                 "width": picture.size[0],
                 "height": picture.size[1],
                 **picture.columns(),
@@ -185,10 +186,35 @@ def write_listing(out: Path, entries: Sequence[Entry]) -> None:
     ]
     coco.write_pictures(out / "annotations.json", pictures, "Rocks and shadows of novel views, labelled by polarsim")
     scenes = {picture.scene.name: picture.scene for picture, _, _ in entries}
-    tables.write_csv(out / "rocks.csv", _rocks(list(scenes.values())))
+    tables.write_csv(out / "rocks.csv", _rocks(list(scenes.values()), out))
     names = "".join(f"  {number}: {name}\n" for number, name in enumerate(BOX_CLASSES))
-    note = "# Paths are relative to this file. For validation divide by camera: pictures of one are alike."
-    write_text(out / "data.yaml", f"{note}\ntrain: images\nval: images\nnames:\n{names}")
+    parts = divided([picture for picture, _, _ in entries])
+    for part, chosen in parts.items():
+        write_text(out / f"{part}.txt", "".join(f"./images/{picture.name}.png\n" for picture in chosen))
+    note = "# Paths are relative to this file. Pictures of one camera are alike, so none is in both parts."
+    write_text(out / "data.yaml", f"{note}\ntrain: train.txt\nval: val.txt\nnames:\n{names}")
+
+
+def divided(pictures: Sequence[Picture]) -> dict[str, list[Picture]]:
+    """Pictures to train on and to validate with: every fifth place of a camera, one at least, is for validation.
+
+    Both eyes of a pair are one place. Where all pictures are of one place its lights are divided so, and a single
+    picture is in both parts.
+    """
+    places = list(dict.fromkeys(_place(picture) for picture in pictures))
+    sort = _place if len(places) > 1 else _light
+    kinds = list(dict.fromkeys(map(sort, pictures)))
+    kept = set(kinds[_EVERY - 1 :: _EVERY]) or {kinds[-1]}
+    val = [picture for picture in pictures if sort(picture) in kept]
+    return {"train": [picture for picture in pictures if sort(picture) not in kept] or val, "val": val}
+
+
+def _place(picture: Picture) -> tuple[str, str]:
+    return picture.scene.name, picture.camera.name.rstrip("LR")
+
+
+def _light(picture: Picture) -> str:
+    return picture.light.name
 
 
 def _index_row(picture: Picture, exposure_ms: float, labels: list[coco.Annotation]) -> dict[str, object]:
@@ -209,15 +235,15 @@ def _index_row(picture: Picture, exposure_ms: float, labels: list[coco.Annotatio
     }
 
 
-def _rocks(scenes: Sequence[Ensemble]) -> pd.DataFrame:
-    """Every rock of every scene, and the terrain and id that it has in its meshes."""
+def _rocks(scenes: Sequence[Ensemble], out: Path) -> pd.DataFrame:
+    """Every rock of every scene, and the terrain and id that it has in its meshes, whose folder is named from `out`."""
     rows = [
         {
             "scene": scene.name,
             "rock": rock,
             "terrain": scene.parts[part].section.terrain,
             "terrain_rock": own,
-            "meshes": str(scene.parts[part].section.meshes),
+            "meshes": relative_to(scene.parts[part].section.meshes, out),
         }
         for scene in scenes
         for rock, (part, own) in scene.rocks.items()

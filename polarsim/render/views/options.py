@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, PositiveInt, model_validator
 
+from polarsim.formats.files import found_from
 from polarsim.formats.yaml_files import read_model
 from polarsim.render.options import RenderOptions
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
@@ -26,6 +27,9 @@ def _in_order(low: Point, high: Point) -> None:
 
 class Section(BaseModel, extra="forbid", frozen=True):
     """A section of the file."""
+
+
+AnyPart = TypeVar("AnyPart", bound=Section)
 
 
 class TerrainPart(Section):
@@ -233,14 +237,27 @@ class Views(Section):
 
 
 def read_views(path: str | Path) -> Views:
-    """Read a file of views.
+    """Read a file of views. Relative paths count from its folder, or the nearest one above where they are.
 
     Raises
     ------
     ConfigError
         No YAML, unknown or missing keys, impossible values: one line with the file and each key.
     """
-    return read_model(path, Views, "the file")
+    views = read_model(path, Views, "the file")
+    scenes = tuple(
+        scene.model_copy(update={"terrains": tuple(_found(part, "meshes", path) for part in scene.terrains)})
+        for scene in views.scenes
+    )
+    lens = views.lens
+    if isinstance(lens, RigLens) and lens.placed is not None:
+        lens = _found(lens, "placed", path)
+    return views.model_copy(update={"scenes": scenes, "lens": lens})
+
+
+def _found(part: AnyPart, name: str, file: str | Path) -> AnyPart:
+    """The part with its path of a name as it is from here."""
+    return part.model_copy(update={name: found_from(getattr(part, name), file)})
 
 
 def schema() -> str:

@@ -16,6 +16,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import ROVER, SUN_RADIUS_DEG, Lamp
 from polarsim.render.options import Model
 from polarsim.render.scene import Shot
+from polarsim.render.surfaces import refuse_place
 from polarsim.render.views.cameras import NamedCamera, cameras_of
 from polarsim.render.views.moon import local_from_celestial, sun_over
 from polarsim.render.views.options import LunarSuns, NearLamps, RoverLight, Suns, Views
@@ -169,6 +170,8 @@ def plan(views: Views, scale: float = 1.0) -> list[Picture]:
     for section in views.scenes:
         scene = Ensemble(section, views.render)
         cameras = cameras_of(views, scene.heights, scale)
+        for camera in cameras:
+            refuse_place(scene.surfaces, camera.centre, f"camera {camera.name}")
         for camera, light in _pairs(views, cameras, lights):
             for rover, model, exposure in variants:
                 pictures.append(Picture(len(pictures), scene, camera, light, rover, model, exposure))

@@ -10,6 +10,7 @@ import numpy as np
 from polarsim.formats.tables import read_csv
 from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, page
 
+_DASHES = ("-", "--", ":", "-.")
 Curves = Mapping[str, tuple[np.ndarray, np.ndarray]]  # by name: phase angles in degrees, reflectance factors
 
 
@@ -26,15 +27,21 @@ def draw_reflectance(*, curves: Path, figure: Path, width: int = FIGURE_WIDTH) -
     draw_brdf(figure, panels, width)
 
 
+def look(number: int) -> dict[str, str]:
+    """Colour and dashes of a curve: when all colours are taken they come again, dashed otherwise."""
+    turn, place = divmod(number, len(SERIES))
+    return {"color": SERIES[place], "linestyle": _DASHES[turn % len(_DASHES)]}
+
+
 def draw_brdf(figure: Path, panels: Mapping[str, Curves], width_px: int = 1600) -> None:
-    """Write curves over the phase angle, a panel for each title; a name has one colour in all panels."""
+    """Write curves over the phase angle, a panel for each title; a name has one look, and no two have the same."""
     names = list(dict.fromkeys(name for curves in panels.values() for name in curves))
-    colours = dict(zip(names, SERIES * len(names), strict=False))
+    looks = {name: look(number) for number, name in enumerate(names)}
     with page(figure, width_px, round(width_px * 0.5)) as sheet:
         all_axes = np.atleast_1d(sheet.subplots(1, len(panels)))
         for axes, (title, curves) in zip(all_axes, panels.items(), strict=True):
             for name, (phase_deg, factor) in curves.items():
-                axes.plot(phase_deg, factor, color=colours[name], label=name if axes is all_axes[0] else None)
+                axes.plot(phase_deg, factor, **looks[name], label=name if axes is all_axes[0] else None)
             axes.set_title(title)
             axes.set_xlabel("phase angle, degrees")
             axes.set_yscale("log")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ DPI = 100
 FIGURE_WIDTH = 1600  # px: what a screen shows at once
 INK, FAINT, LINE = "#202124", "#5f6368", "#dadce0"
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c6d1f", "#56b4e9")  # Okabe and Ito: apart for all eyes
+PLAIN = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.0}  # behind words on a map
 _STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 12,
@@ -72,6 +73,34 @@ def rectangle(axes: Any, box: Any, colour: str, **look: Any) -> None:
 
     x0, y0, x1, y1 = box
     axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, **look))
+
+
+def beside(
+    boxes: Mapping[str, tuple[float, float, float, float]], letter: tuple[float, float]
+) -> dict[str, tuple[float, float]]:
+    """Where the middle of each name stands: beside its box (x0, y0, x1, y1), y upwards, where it hides the least.
+
+    `letter`: width and height of a letter in the boxes' units.
+    """
+    taken, places = [(x0, y0, x1, y1, 0.3) for x0, y0, x1, y1 in boxes.values()], {}
+    for name, (x0, y0, x1, y1) in sorted(boxes.items(), key=lambda item: (-item[1][3], item[0])):
+        wide, high = letter[0] * len(name) / 2, letter[1] / 2
+        x, y = (x0 + x1) / 2, (y0 + y1) / 2
+        tried = [(x, y1 + high), (x, y0 - high), (x1 + wide, y), (x0 - wide, y)]
+        tried += [(x + side * wide * 2, y + up * (y1 - y + high)) for side in (1, -1) for up in (1, -1)]
+        tried += [(x, y1 + 3 * high), (x, y0 - 3 * high)]
+
+        def hidden(place: tuple[float, float], wide: float = wide, high: float = high) -> float:
+            left, low, right, top = place[0] - wide, place[1] - high, place[0] + wide, place[1] + high
+            return sum(
+                weight * max(0, min(right, c) - max(left, a)) * max(0, min(top, d) - max(low, b))
+                for a, b, c, d, weight in taken
+            )
+
+        places[name] = min(tried, key=hidden)
+        px, py = places[name]
+        taken.append((px - wide, py - high, px + wide, py + high, 1.0))
+    return places
 
 
 def boxed(pixels: np.ndarray, boxes: Iterable[tuple[np.ndarray, tuple[int, int, int]]], width: int) -> np.ndarray:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,17 +17,22 @@ from polarsim.formats import png
 from polarsim.formats.run_files import cover_photo, pictures_at
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit, white_of
-from polarsim.photo import BLACK_LEVEL, HEIGHT, ROCK, WIDTH, PhotoKey
-from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
-from polarsim.scoring.twins import FULL_DN, LIT_DN
+from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, note, page, picture
+from polarsim.report.figures.difference import (
+    STOPS,
+    TONES,
+    TONES_MEANING,
+    difference_bar,
+    difference_of_cover,
+    difference_of_photo,
+    log2_over_photo,
+)
 
-GAP = 50  # pixels of a title
+GAP = 130  # pixels of a title and a colour bar
 _SAME = 0.35  # share of our boxes' outlines on drawn red lines from which a cover photo is taken to show that photo
 _ALIKE = 0.1  # difference of two such shares that says nothing
 _REACH = 9  # pixels between our line and the red one
-STOPS = 2.0  # of full colour
-_TONES = 0.5  # of full colour, share of white, where tones were matched
-_LEVELS = np.linspace(0, 1, 257)
 
 
 def draw_comparison(
@@ -40,6 +47,9 @@ def draw_comparison(
     width: int = FIGURE_WIDTH,
 ) -> None:
     """Write the picture: photo, cover photo, twins, with boxes and rock ids drawn in, and how twins differ.
+
+    Each twin has its difference beside it, with a bar that says what its colours mean. Beside the photo stands how
+    often a twin is how many stops too bright or too dark.
 
     Twins are shown with the photo's white, so brightness can be compared; among themselves where there is no photo.
 
@@ -61,29 +71,43 @@ def draw_comparison(
     own = rows_of(table, key)
     of_twins = own if rendered is None else rows_of(read_parquet(rendered, LABEL_COLUMNS), key)
     width //= 2  # two panels stand side by side
-    panels, differences = [], []
+    panels: list[Panel] = []
+    differences: dict[str, Panel] = {}
+    stops: dict[str, np.ndarray] = {}
     pictured = _read(twins, key)
     photo, printed = pictures_at(photos).get(key), cover_photo(inventory, key.position)
     white = None
     if photo is not None and photo.exists():
         pixels = png.read(photo)
         white = white_of(pixels)
-        panels.append((f"Photo {key}", draw_labels(to_8bit(pixels, white), own, width)))
-        differences += [
-            (f"log2 of twin over photo, {model}: ±{STOPS:g}", difference_of_photo(pixels, twin))
+        panels.append(Panel(f"Photo {key}", draw_labels(to_8bit(pixels, white), own, width)))
+        stops = {model: log2_over_photo(pixels, twin) for model, twin in pictured.items()}
+        differences = {
+            model: Panel(f"Twin over photo, {model}", _small(difference_of_photo(pixels, twin), width), STOPS)
             for model, twin in pictured.items()
-        ]
+        }
     if printed is not None and printed.exists():
         cover = to_8bit(png.read(printed))
         shown = _shown_on(cover, table, key)
         panels.append(_cover_panel(cover, table, shown, width))
-        differences += _cover_differences(cover, shown, _read(twins, shown)) if shown else []
+        differences |= _cover_differences(cover, shown, _read(twins, shown), width) if shown else {}
+    if panels and stops:
+        panels.append(Panel("How far twins are off", stops=stops))
     for model, pixels in pictured.items():
         white = white_of(pixels) if white is None else white
-        panels.append((f"Twin, {model}", draw_labels(to_8bit(pixels, white), of_twins, width)))
-    nothing = table[:0]
-    panels += [(title, draw_labels(pixels, nothing, width)) for title, pixels in differences]
+        panels.append(Panel(f"Twin, {model}", draw_labels(to_8bit(pixels, white), of_twins, width)))
+        panels += [differences[model]] if model in differences else []
     _draw(figure, panels, width, f"{key}: neither photo nor twin")
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A picture, or a histogram of `stops` (n,) by model."""
+
+    title: str
+    pixels: np.ndarray | None = None
+    full: float = 0.0  # value of full colour in a difference; 0: no difference
+    stops: Mapping[str, np.ndarray] | None = None
 
 
 def cover_key(cover: np.ndarray, labels: pd.DataFrame, keys: Iterable[PhotoKey]) -> PhotoKey | None:
@@ -117,14 +141,22 @@ def _shown_on(cover: np.ndarray, table: pd.DataFrame, key: PhotoKey) -> PhotoKey
 
 
 def _cover_differences(
-    cover: np.ndarray, shown: PhotoKey, twins: Mapping[str, np.ndarray]
-) -> list[tuple[str, np.ndarray]]:
+    cover: np.ndarray, shown: PhotoKey, twins: Mapping[str, np.ndarray], width: int
+) -> dict[str, Panel]:
     red = maximum_filter(_red(cover), _REACH)
-    return [
-        (f"Published photo and twin {shown}, {model}, tones matched", difference_of_cover(cover, twin, red))
+    return {
+        model: Panel(
+            f"Twin less published photo, {model}\n{shown}, tones matched",
+            _small(difference_of_cover(cover, twin, red), width),
+            TONES,
+        )
         for model, twin in twins.items()
         if twin.shape == red.shape
-    ]
+    }
+
+
+def _small(pixels: np.ndarray, width: int) -> np.ndarray:
+    return draw_labels(pixels, pd.DataFrame(columns=list(LABEL_COLUMNS)), width)
 
 
 def _read(twins: Mapping[str, Path], key: PhotoKey) -> dict[str, np.ndarray]:
@@ -132,11 +164,11 @@ def _read(twins: Mapping[str, Path], key: PhotoKey) -> dict[str, np.ndarray]:
     return {model: png.read(path) for model, path in paths.items() if path.exists()}
 
 
-def _cover_panel(cover: np.ndarray, table: pd.DataFrame, shown: PhotoKey | None, width: int) -> tuple[str, np.ndarray]:
+def _cover_panel(cover: np.ndarray, table: pd.DataFrame, shown: PhotoKey | None, width: int) -> Panel:
     if shown is None:
-        return "Published photo, ids drawn by its authors", draw_labels(cover, table[:0], width)
+        return Panel("Published photo\nids drawn by its authors", draw_labels(cover, table[:0], width))
     rocks = draw_labels(cover, rows_of(table, shown), width, Marks((ROCK,)))  # its azimuth is not known: no shadows
-    return f"Published photo (red: its authors), rocks of {shown}", rocks
+    return Panel(f"Published photo, red: its authors\nyellow: our rocks of {shown}", rocks)
 
 
 def _share_on(mask: np.ndarray, box: np.ndarray) -> float:
@@ -149,9 +181,9 @@ def _share_on(mask: np.ndarray, box: np.ndarray) -> float:
     return float(mask[rows, columns].mean())
 
 
-def _draw(path: Path, panels: list[tuple[str, np.ndarray]], width: int, empty: str) -> None:
+def _draw(path: Path, panels: list[Panel], width: int, empty: str) -> None:
     rows = max(1, (len(panels) + 1) // 2)
-    height = round(width * HEIGHT / WIDTH) + GAP
+    height = round(width * HEIGHT / WIDTH) + GAP * (1 + any("\n" in panel.title for panel in panels))
     with page(path, 2 * width, rows * height) as figure:
         if not panels:
             note(figure, empty)
@@ -159,40 +191,30 @@ def _draw(path: Path, panels: list[tuple[str, np.ndarray]], width: int, empty: s
         grid = figure.subplots(rows, 2 if len(panels) > 1 else 1, squeeze=False)
         for axes in grid.ravel()[len(panels) :]:
             axes.set_axis_off()
-        for axes, (title, pixels) in zip(grid.ravel(), panels, strict=False):
-            picture(axes, pixels, title)
+        for axes, panel in zip(grid.ravel(), panels, strict=False):
+            if panel.pixels is not None:
+                picture(axes, panel.pixels, panel.title)
+                if panel.full == STOPS:
+                    difference_bar(figure, [axes])
+                elif panel.full:
+                    difference_bar(figure, [axes], panel.full, TONES_MEANING)
+            elif panel.stops is not None:
+                axes.set_title(panel.title)
+                _draw_stops(axes, panel.stops)
 
 
-def difference_of_photo(photo: np.ndarray, twin: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 picture of log2(twin / photo) of 12-bit pictures (h, w); grey where either is dark or clipped."""
-    signals = [picture.astype(np.float32) - BLACK_LEVEL for picture in (photo, twin)]
-    good = np.logical_and.reduce([(signal > LIT_DN) & (signal < FULL_DN) for signal in signals])
-    ratio = np.log2(np.divide(signals[1], signals[0], where=good, out=np.ones_like(signals[0])))
-    return _coloured(ratio / STOPS, good)
-
-
-def difference_of_cover(cover: np.ndarray, twin: np.ndarray, red: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 picture of tones, twin less cover photo, once the twin has the distribution of its tones.
-
-    Published covers are stretched in ways that nobody wrote down, so that brightness itself cannot be compared.
-
-    Parameters
-    ----------
-    cover : (h, w, 3) uint8
-    twin : (h, w) uint16
-    red : (h, w) bool
-        Where lines or digits were drawn into the cover: left grey.
-    """
-    tones = cover.astype(np.float32).mean(axis=-1) / 255
-    wanted = np.quantile(tones[~red], _LEVELS)
-    own, first = np.unique(np.quantile(twin[~red], _LEVELS), return_index=True)
-    matched = np.interp(twin, own, wanted[first])
-    return _coloured((matched - tones) / _TONES, ~red)
-
-
-def _coloured(share: np.ndarray, good: np.ndarray) -> np.ndarray:
-    """-1 is blue, 0 white, 1 red."""
-    share = np.clip(share, -1, 1)
-    fade = 1 - np.abs(share)
-    channels = [np.where(share > 0, 1, fade), fade, np.where(share < 0, 1, fade)]
-    return np.where(good[..., None], np.round(255 * np.stack(channels, axis=-1)), 128).astype(np.uint8)
+def _draw_stops(axes: Any, stops: Mapping[str, np.ndarray]) -> None:
+    """A line a model: share of the compared pixels by stops."""
+    bins = np.linspace(-2 * STOPS, 2 * STOPS, 81)
+    for number, (model, values) in enumerate(stops.items()):
+        told = f"{model}: none compared"
+        if len(values):
+            share = np.histogram(values.clip(bins[0], bins[-1]), bins)[0] / len(values)
+            told = f"{model}: median {np.median(values):+.2f}, off by {np.median(np.abs(values)):.2f} (median)"
+            axes.stairs(100 * share, bins, color=SERIES[number % len(SERIES)], linewidth=2, label=told)
+        else:
+            axes.plot([], [], label=told)
+    axes.axvline(0, color=FAINT, linewidth=0.8)
+    axes.set(xlabel="log2 of twin over photo, stops", ylabel="share of compared pixels, %", ylim=(0, None))
+    axes.legend(loc="upper left", fontsize="small")
+    axes.set_ylim(0, 1.25 * axes.get_ylim()[1])

@@ -21,13 +21,13 @@ from polarsim.formats.run_files import pictures_at
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, ROCK, SHADOW, WIDTH, PhotoKey
-from polarsim.report.figures.canvas import FIGURE_WIDTH
 
 ALWAYS_DOUBTFUL = 0.5  # confidence below which a label is marked, however sure the others are
 DOUBTFUL_SHARE = 0.1  # of a terrain's labels: the least sure ones are marked too
 MAX_BYTES = 1_500_000  # of a sheet: a report holds many
 GREYS, SHADES = (96, 48, 24), 16  # of the palette: greys, the first number that fits, and steps of each colour to black
 BLANK = 90  # grey of a tile without photo and twin
+SHEET_WIDTH = 2400  # px: ids of four tiles in a row can be read
 _GAP = 6  # pixels between tiles
 _CODE = np.array([1 << 16, 1 << 8, 1])  # a colour as one number
 
@@ -50,7 +50,7 @@ class Tile:
 
 
 def draw_contact(
-    *, keys: Iterable[PhotoKey], labels: Path, pictures: Iterable[Path], figure: Path, width: int = FIGURE_WIDTH
+    *, keys: Iterable[PhotoKey], labels: Path, pictures: Iterable[Path], figure: Path, width: int = SHEET_WIDTH
 ) -> None:
     """Write the sheet: a row a Sun azimuth, columns for both cameras with the rover light off and on.
 
@@ -130,7 +130,7 @@ def _drawn(tile: Tile, width: int, doubtful_below: float) -> np.ndarray:
         pixels = to_8bit(png.read(tile.picture))
     else:
         pixels = np.full((HEIGHT, WIDTH, 3), BLANK, np.uint8)
-    marks = Marks(links=True, confidences=False, doubtful_below=doubtful_below)
+    marks = Marks(links=True, confidences=False, doubtful_below=doubtful_below, letter_px=max(10, round(width / 42)))
     return draw_labels(pixels, tile.labels, width, marks)
 
 

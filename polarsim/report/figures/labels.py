@@ -20,6 +20,7 @@ from polarsim.scoring.metrics import TRUTH_NAMES
 SIDES = ("left", "top", "right", "bottom")
 REACH = 20  # pixels to both sides that the histograms show
 COPIED = (EXPOSURES, LIGHT)  # left out of the printed medians where other tasks are there: mostly zeros
+_SHARES = (0, 0.01, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1)  # that are written at the axis
 _GOOD = 1.4826  # robust sd over median absolute deviation
 
 
@@ -42,7 +43,7 @@ def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = F
         for axes in grid[-1]:
             axes.set_xlabel("error, px")
         for axes in grid[:, 0]:
-            axes.set_ylabel("share of boxes")
+            axes.set_ylabel("share of boxes, root scale")
         shown = [task for task in TASKS if any(task == part for _, part in errors)]
         lines = [legend_line(color=SERIES[TASKS.index(task) % len(SERIES)], linewidth=2.5) for task in shown]
         sheet.legend(lines, shown, loc="outside lower center", ncols=len(shown))
@@ -56,19 +57,25 @@ def edge_errors(pairs: pd.DataFrame) -> dict[tuple[str, str], np.ndarray]:
     }
 
 
+def _root(share: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.maximum(share, 0))
+
+
 def _draw_edge(axes: Any, parts: Mapping[str, np.ndarray]) -> None:
     bins = np.arange(-REACH - 0.5, REACH + 1)
     tallest = 0.0
     for task, values in parts.items():
         share = np.histogram(values.clip(-REACH, REACH), bins)[0] / len(values)
         axes.stairs(share, bins, color=SERIES[TASKS.index(task) % len(SERIES)], linewidth=1.8)
-        tallest = max(tallest, float(np.sort(share)[-2]), 0.4 * float(share.max()))
+        tallest = max(tallest, float(share.max()))
     axes.axvline(0, color=FAINT, linewidth=0.8)
     axes.set_xlim(-REACH - 0.5, REACH + 0.5)
     if not parts:
         axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", color=FAINT)
         return
-    axes.set_ylim(0, 1.1 * tallest)
+    axes.set_yscale("function", functions=(_root, np.square))  # copies pile up at 0: they are shown, and the rest too
+    axes.set_ylim(0, min(1.0, 1.3 * tallest))
+    axes.set_yticks([share for share in _SHARES if share <= 1.3 * tallest])
     moved = [values for task, values in parts.items() if task not in COPIED]
     everything = np.concatenate(moved or list(parts.values()))
     median = float(np.median(everything))

@@ -11,10 +11,12 @@ import pandas as pd
 from polarsim.formats.schemas import OFFSETS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, PLAIN, SERIES, beside, note, page
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
-RANGE_MM = 5.0  # beyond it colours stay the same
+RANGES_MM = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # beyond the chosen one colours stay the same
+SHOWN_SHARE = 95  # percent of the points that the chosen range holds
+_LETTER_M = (0.09, 0.13)  # width and height of a digit on the map
 COLOURS = "RdBu_r"  # red outside the true surface, blue inside
 
 
@@ -32,31 +34,39 @@ def draw_offsets(*, terrain: int, offsets: Path, figure: Path, width: int = FIGU
             note(sheet, "no surface was seen")
             return
         above, spread = sheet.subplots(1, 2, width_ratios=[1.25, 1])
-        sheet.set_layout_engine("compressed")  # the map keeps its scale
-        _draw_map(sheet, above, table, f"Terrain {terrain:02d}: our surface, less the true one")
-        _draw_spread(spread, table)
+        reach = range_mm(table["offset_mm"].to_numpy(float))
+        _draw_map(sheet, above, table, f"Terrain {terrain:02d}: our surface, less the true one", reach)
+        _draw_spread(spread, table, max(reach, RANGES_MM[2]))
 
 
-def _draw_map(sheet: Any, axes: Any, table: pd.DataFrame, title: str) -> None:
+def range_mm(offsets: np.ndarray) -> float:
+    """The least range of colours that shows nearly all offsets (n,)."""
+    wanted = float(np.percentile(np.abs(offsets), SHOWN_SHARE))
+    return next((reach for reach in RANGES_MM if reach >= wanted), RANGES_MM[-1])
+
+
+def _draw_map(sheet: Any, axes: Any, table: pd.DataFrame, title: str, reach: float) -> None:
     low_first = table.sort_values("z", kind="stable")
     dots = axes.scatter(
-        low_first["x"], low_first["y"], c=low_first["offset_mm"], s=3, cmap=COLOURS, vmin=-RANGE_MM, vmax=RANGE_MM,
+        low_first["x"], low_first["y"], c=low_first["offset_mm"], s=14, cmap=COLOURS, vmin=-reach, vmax=reach,
         linewidths=0,
     )  # fmt: skip
     axes.set_title(title)
     axes.set(xlabel="x (Sun azimuth 0), m", ylabel="y (Sun azimuth 90), m", facecolor="#f1f3f4")
     axes.set(xlim=(-SANDBOX_HALF_WIDTH, SANDBOX_HALF_WIDTH), ylim=(-SANDBOX_HALF_WIDTH, SANDBOX_HALF_WIDTH))
     axes.set_aspect("equal")
-    for rock, part in table[table["rock"] != NO_ROCK].groupby("rock"):
-        axes.text(part["x"].mean(), part["y"].max() + 0.02, str(rock), ha="center", va="bottom", color=INK)
+    rocks = {str(rock): part for rock, part in table[table["rock"] != NO_ROCK].groupby("rock")}
+    boxes = {rock: (p["x"].min(), p["y"].min(), p["x"].max(), p["y"].max()) for rock, p in rocks.items()}
+    for rock, (x, y) in beside(boxes, _LETTER_M).items():
+        axes.text(x, y, rock, ha="center", va="center", color=INK, bbox=PLAIN)
     sheet.colorbar(dots, ax=axes, label="offset outwards, mm", shrink=0.8, extend="both")
 
 
-def _draw_spread(axes: Any, table: pd.DataFrame) -> None:
+def _draw_spread(axes: Any, table: pd.DataFrame, reach: float) -> None:
     """Shares of the points within a distance, of ground and of rocks."""
     axes.set_title("Points within a distance")
     axes.set(xlabel="distance to the true surface, mm", ylabel="share of the points, %")
-    axes.set(xlim=(0, RANGE_MM), ylim=(0, 100))
+    axes.set(xlim=(0, reach), ylim=(0, 101))
     axes.grid(visible=True)
     level = table["rock"] == NO_ROCK
     for name, mine, colour in (("rocks", ~level, SERIES[1]), ("ground", level, SERIES[0])):

@@ -18,7 +18,7 @@ from polarsim.formats.files import write_json
 from polarsim.formats.lamps import read_suns
 from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.run_files import picture_finder
-from polarsim.formats.tone import to_8bit
+from polarsim.formats.tone import to_8bit, white_of
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
@@ -123,8 +123,8 @@ def draw_opposition(
 ) -> None:
     """Write the figure, and in a JSON file what it shows or why it shows nothing.
 
-    Rows: the smallest and the largest phase angle; columns: photo and twins. Each crop has its own white, and below it
-    how bright it is: a surge that one model has and the other has not would hide all else.
+    Rows: the smallest and the largest phase angle; columns: photo and twins. The crops of a row have one white, that of
+    the brightest, so that brightness can be compared; below each stands its median.
 
     Parameters
     ----------
@@ -207,8 +207,9 @@ def _is_clear(signal: float) -> bool:
 
 
 def _draw_row(axes: Any, crops: list[np.ndarray], domains: Sequence[str], spot: Spot, key: PhotoKey) -> None:
+    white = max(map(white_of, crops))
     for panel, domain, crop in zip(axes, domains, crops, strict=True):
-        panel.imshow(to_8bit(crop), interpolation="antialiased")
+        panel.imshow(to_8bit(crop, white), interpolation="antialiased")
         panel.set_xticks([])
         panel.set_yticks([])
         panel.set_title(paper.title(domain))

@@ -18,12 +18,13 @@ from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.photo import HEIGHT, NO_ROCK, WIDTH, PhotoKey
-from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, note, page, picture
+from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, legend_line, note, page, picture
 from polarsim.scoring.surface import Surface
 
 LENGTHENED = 20  # times that arrows are longer than what they show
-DRAWN, PROJECTED = "#ffb000", SERIES[5]
-GREY = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)  # where there is no photo
+DRAWN, PROJECTED, ARROW = "#ffb000", SERIES[5], SERIES[1]
+_LEGEND_PX = 50
+GREY = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)  # where there is no picture
 
 
 def draw_residuals(
@@ -34,6 +35,7 @@ def draw_residuals(
     seeds: Path,
     photos: Path,
     inventory: Path,
+    twins: Path | None = None,
     figure: Path,
     width: int = FIGURE_WIDTH,
 ) -> None:
@@ -43,14 +45,16 @@ def draw_residuals(
     ----------
     photos, inventory : Path
         Table and inventory of the terrain's photos. A position is drawn on a left photo with seeds, else on its cover
-        photo, else on grey.
+        photo, else on a twin.
+    twins : Path or None
+        Folder of the terrain's twins.
     """
     localised, drawn = read_all_localised(cameras), read_rock_boxes(seeds, terrain)
-    backgrounds = _backgrounds(seeds, photos, inventory)
+    backgrounds = _backgrounds(seeds, photos, inventory, twins)
     outlines = outlines_of(_above_ground(read_terrain(meshes, terrain)))
     columns = min(2, max(1, len(localised)))
     rows = -(-len(localised) // columns)
-    with page(figure, width, round(width / columns * rows * 0.77)) as sheet:
+    with page(figure, width, round(width / columns * rows * 0.77) + _LEGEND_PX) as sheet:
         if not localised:
             note(sheet, "no position")
             return
@@ -60,15 +64,25 @@ def draw_residuals(
         for axes, (position, rig) in zip(panels, sorted(localised.items()), strict=False):
             boxes = consensus_boxes(drawn.get(position, []))
             _draw_position(axes, f"Terrain {terrain:02d}, {position}", rig, outlines, boxes, backgrounds.get(position))
+        looks = ({"color": DRAWN}, {"color": PROJECTED, "linestyle": "--"}, {"color": ARROW})
+        lines = [legend_line(linewidth=2.5, **look) for look in looks]
+        told = (
+            "boxes that people agree on", "boxes of projected meshes",
+            f"from those to these, drawn {LENGTHENED} times as long",
+        )  # fmt: skip
+        sheet.legend(lines, told, loc="outside lower center", ncols=3)
 
 
-def _backgrounds(seeds: Path, photos: Path, inventory: Path) -> dict[str, Path | None]:
-    """By position, the left photo of its first seed that has one, else its cover photo."""
-    pictures = pictures_at(photos)
+def _backgrounds(seeds: Path, photos: Path, inventory: Path, twins: Path | None) -> dict[str, Path | None]:
+    """By position, the left photo of its first seed that has one, else its cover photo, else a twin of usual light."""
+    pictures, rendered = pictures_at(photos), pictures_at(twins) if twins else {}
     found: dict[str, Path | None] = {}
     for key in (PhotoKey.parse(path.stem) for path in sorted(seeds.glob("*.txt"))):
         if key.camera == "L" and found.get(key.position) is None:
             found[key.position] = pictures.get(key) or cover_photo(inventory, key.position)
+    for key in sorted(rendered, key=lambda key: (key.azimuth == "no", key.light == "on", key.stops_off_usual, key)):
+        if key.camera == "L" and found.get(key.position) is None:
+            found[key.position] = rendered[key]
     return found
 
 
@@ -97,15 +111,19 @@ def _draw_position(
         off = np.median(np.abs(end - start), axis=0)
         overlap = np.diag(iou(ours, theirs)).mean()
         name += f": {len(rows)} of {len(boxes)} boxes\nmean IoU {overlap:.2f}, median {off[0]:.1f}, {off[1]:.1f} px"
-    else:
+    elif len(boxes):
         name += f": none of {len(boxes)} boxes\npaired with a mesh"
+        theirs, ours = boxes, projected[np.isfinite(projected).all(axis=1)]
+    else:
+        name += ": no box to compare,\nnobody drew a rock here"
+        ours = projected[np.isfinite(projected).all(axis=1)]
     picture(axes, pixels, name)
-    for some, colour in ((theirs, DRAWN), (ours, PROJECTED)):
+    for some, colour, dashes in ((theirs, DRAWN, "-"), (ours, PROJECTED, "--")):
         for x0, y0, x1, y1 in some * scale:
-            axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=colour, linewidth=0.9)
+            axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=colour, linewidth=1.3, linestyle=dashes)
     if len(rows):
         axes.quiver(
-            *(start * scale).T, *(LENGTHENED * scale * (end - start)).T, color=SERIES[1], angles="xy",
+            *(start * scale).T, *(LENGTHENED * scale * (end - start)).T, color=ARROW, angles="xy",
             scale_units="xy", scale=1, width=0.004,
         )  # fmt: skip
     height, width = pixels.shape[:2]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from polarsim.errors import RoverError, about
+from polarsim.formats.files import packaged
 
 CONSTANTS = ("K_phi", "K_c", "n", "n_slip", "c", "phi_deg", "K", "K_e", "R")
 POSITIVE = ("K_phi", "n", "K", "K_e", "gravity")
@@ -89,7 +90,7 @@ def read_soils(path: str | Path) -> dict[str, Soil]:
     """
     from polarsim.formats import tables  # options need the constants alone, and pandas takes a third of a second
 
-    table = tables.read_csv(path, [field.name for field in fields(Soil)])
+    table = tables.read_csv(packaged(path), [field.name for field in fields(Soil)])
     soils: dict[str, Soil] = {}
     with about(path):
         for row in table.to_dict("records"):

@@ -27,6 +27,21 @@ def test_the_example_makes_one_thousand_pictures_of_one_terrain():
     assert len(views.scenes) == 1
 
 
+def test_meshes_are_found_from_the_files_folder_or_one_above_wherever_it_is_read(tmp_path, monkeypatch):
+    (tmp_path / "clone/results/demo/meshes").mkdir(parents=True)
+    (tmp_path / "clone/config/beside").mkdir(parents=True)
+    for name, stated, wanted in (
+        ("config/one.yaml", "results/demo/meshes", "clone/results/demo/meshes"),
+        ("config/two.yaml", "beside", "clone/config/beside"),
+    ):
+        scene = {"name": "one", "terrains": [{"meshes": stated, "terrain": 1}]}
+        (tmp_path / "clone" / name).write_text(yaml.safe_dump(VIEWS | {"scenes": [scene]}))
+        for folder in (tmp_path, tmp_path / "clone", tmp_path / "clone/config"):
+            monkeypatch.chdir(folder)
+            meshes = read_views(tmp_path / "clone" / name).scenes[0].terrains[0].meshes
+            assert meshes.resolve() == (tmp_path / wanted).resolve()
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [

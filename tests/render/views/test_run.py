@@ -1,10 +1,13 @@
 """A folder of labelled pictures: what is in it, and that nothing is made twice."""
 
 import json
+import shutil
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from polarsim.errors import ConfigError
 from polarsim.formats import png, tables, yolo
@@ -13,6 +16,7 @@ from polarsim.photo import BLACK_LEVEL, BOX_CLASSES
 from polarsim.render.ground_truth import boxes_of
 from polarsim.render.scene import Scene
 from polarsim.render.views import run
+from polarsim.render.views.folder import divided
 from polarsim.render.views.options import AutoExposure
 from polarsim.render.views.plan import plan
 from polarsim.render.views.run import auto_exposure, render_views, unit_starts
@@ -40,8 +44,8 @@ def test_every_picture_has_its_labels_and_its_line_in_the_lists(tmp_path, grid, 
     count = Counter(row["image_id"] for row in coco["annotations"])
     assert len(index) == len(coco["images"]) == 12
     for image, (_, row) in zip(coco["images"], index.iterrows(), strict=True):
-        assert image["file_name"] == f"{row['name']}.png"
-        assert png.read_photo(tmp_path / "images" / image["file_name"], SIZE).max() > BLACK_LEVEL + 50
+        assert image["file_name"] == f"images/{row['name']}.png"
+        assert png.read_photo(tmp_path / image["file_name"], SIZE).max() > BLACK_LEVEL + 50
         classes, boxes = yolo.read_boxes(tmp_path / f"labels/{row['name']}.txt", SIZE)
         ids = png.read(tmp_path / "instances" / row["instances"])
         found = boxes_of(ids, grid.render)
@@ -52,6 +56,31 @@ def test_every_picture_has_its_labels_and_its_line_in_the_lists(tmp_path, grid, 
     assert index["shadows"].max() == 1
     assert not [path for path in tmp_path.rglob(".*") if path.is_file()]
     assert (tmp_path / "contact.jpg").stat().st_size > 1000
+
+
+def test_training_and_validation_share_no_camera_and_survive_a_move(tmp_path, folders, views_of, tone):
+    orbit = ORBIT | {"number": 7}
+    views = views_of(cameras=[orbit], lights=[SUNS], render={"models": ["lambert"], "rim": False}, stereo=True)
+    render_views(views, tmp_path / "made", tone=tone, scale=0.25)
+    moved = tmp_path / "elsewhere"
+    shutil.unpack_archive(shutil.make_archive(str(tmp_path / "set"), "zip", tmp_path / "made"), moved)
+    content = yaml.safe_load((moved / "data.yaml").read_text())
+    parts = {}
+    for part in ("train", "val"):
+        lines = (moved / content[part]).read_text().splitlines()
+        assert all(line.startswith("./images/") and (moved / line).is_file() for line in lines)
+        parts[part] = {Path(line).stem.split("_")[1][:-1] for line in lines}  # without L and R
+    assert len(parts["train"]) == 6
+    assert len(parts["val"]) == 1
+    assert not parts["train"] & parts["val"]
+
+
+def test_one_camera_is_divided_by_its_lights_and_one_picture_is_in_both_parts(views_of):
+    point = {"kind": "point", "position_m": [2, 0, 1], "look_at_m": [0, 0, 0]}
+    parts = divided(plan(views_of(cameras=[point], lights=[SUNS], exposures_ms=[64])))
+    assert {picture.light.name for picture in parts["train"]}.isdisjoint({p.light.name for p in parts["val"]})
+    one = plan(views_of(cameras=[point], lights=[SUNS], exposures_ms=[64]))[:1]
+    assert divided(one) == {"train": one, "val": one}
 
 
 def test_a_rock_behind_another_is_labelled_whole_too(tmp_path, folders, views_of, tone):
@@ -176,6 +205,7 @@ def test_rocks_of_terrains_side_by_side_keep_their_ids_apart(tmp_path, folders, 
     assert {ROCK_IDS + 1, ROCK_IDS + 2, SHADOW_IDS + 1, SHADOW_IDS + 2} <= set(np.unique(png.read(path)))
     rocks = tables.read_csv(tmp_path / "rocks.csv")
     assert rocks[["rock", "terrain", "terrain_rock"]].to_numpy().tolist() == [[1, 1, 1], [2, 1, 1]]
+    assert {(tmp_path / meshes).resolve() for meshes in rocks["meshes"]} == {(folders / "meshes").resolve()}
     (sidecar,) = (tmp_path / "sidecars").iterdir()
     terrains = json.loads(sidecar.read_text())["terrains"]
     assert [part["offset_m"] for part in terrains] == [[0, 0, 0], [4, 0, 0]]

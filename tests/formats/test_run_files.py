@@ -1,0 +1,59 @@
+"""Tables of photos are read from any folder, and YOLO data sets survive being packed and moved."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.formats import png
+from polarsim.formats.files import found_from, relative_to
+from polarsim.formats.run_files import pictures_of
+from polarsim.formats.tables import write_parquet
+from polarsim.photo import PhotoKey
+
+KEYS = [PhotoKey.parse(f"01_A_off_30_{camera}_0256") for camera in "LR"]
+
+
+@pytest.fixture
+def clone(tmp_path):
+    """A clone with photos, and a run whose table names them from the clone's folder, as a run does."""
+    rows = []
+    for key in KEYS:
+        png.write(tmp_path / "clone/data/analog" / f"Cam_{key}.png", np.zeros((2, 3), np.uint16))
+        rows.append({"key": str(key), "path": f"data/analog/Cam_{key}.png"})
+    write_parquet(tmp_path / "clone/results/demo/acquire/Terrain01/photos.parquet", pd.DataFrame(rows))
+    return tmp_path / "clone"
+
+
+@pytest.mark.parametrize("started_in", [".", "..", "results/demo", "/"])
+def test_photos_of_a_run_are_found_from_any_folder(clone, monkeypatch, started_in):
+    monkeypatch.chdir(clone / started_in)
+    found = pictures_of(clone / "results/demo", "photo", 1)
+    assert list(found) == KEYS
+    assert all(path.is_file() for path in found.values())
+
+
+def test_a_moved_clone_finds_its_own_photos(clone, tmp_path, monkeypatch):
+    shutil.move(clone, tmp_path / "moved")
+    monkeypatch.chdir("/")
+    found = pictures_of(tmp_path / "moved/results/demo", "photo", 1)
+    assert {path.parent for path in found.values()} == {tmp_path / "moved/data/analog"}
+
+
+def test_in_the_folder_of_the_run_paths_stay_as_they_are_stated(clone, monkeypatch):
+    monkeypatch.chdir(clone)
+    assert pictures_of(Path("results/demo"), "photo", 1)[KEYS[0]] == Path(f"data/analog/Cam_{KEYS[0]}.png")
+
+
+def test_a_path_that_is_nowhere_or_absolute_stays_as_it_is(tmp_path):
+    assert found_from("nowhere/x.png", tmp_path / "table.csv") == Path("nowhere/x.png")
+    assert found_from("/nowhere/x.png", tmp_path / "table.csv") == Path("/nowhere/x.png")
+
+
+def test_the_nearest_folder_goes_before_those_above(tmp_path):
+    for folder in ("", "run"):
+        (tmp_path / folder / "meshes").mkdir(parents=True)
+    assert found_from("meshes", tmp_path / "run/views.yaml") == tmp_path / "run/meshes"
+    assert relative_to(tmp_path / "meshes", tmp_path / "run") == "../meshes"

@@ -1,0 +1,65 @@
+"""Parts of figures that a reader's eye goes by: looks of curves, places of names, scales of axes."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.annotate.overlay import COLOURS, Marks, draw_labels
+from polarsim.formats.tables import label_table
+from polarsim.render.options import HAPKE_SETS
+from polarsim.report.figures.brdf import look
+from polarsim.report.figures.canvas import beside
+from polarsim.report.figures.offsets import RANGES_MM, range_mm
+from polarsim.report.figures.reliability import stretched
+
+LETTER = (0.09, 0.13)
+
+
+def test_no_two_parameter_sets_look_the_same():
+    looks = [tuple(look(number).values()) for number in range(len(HAPKE_SETS))]
+    assert len(set(looks)) == len(HAPKE_SETS) > 6  # more than there are colours
+
+
+def test_names_of_neighbours_do_not_lie_on_each_other():
+    boxes = {"195": (-1.3, 0.9, -1.1, 1.1), "180": (-1.25, 0.7, -1.1, 0.9), "182": (-0.8, 0.8, -0.6, 1.0)}
+    boxes |= {"181": (-0.78, 0.78, -0.58, 0.98)}  # nearly the same rock
+    places = beside(boxes, LETTER)
+    assert set(places) == set(boxes)
+    names = list(places)
+    for number, name in enumerate(names):
+        for other in names[:number]:
+            apart = np.abs(np.subtract(places[name], places[other]))
+            assert apart[0] >= 0.98 * 3 * LETTER[0] or apart[1] >= 0.98 * LETTER[1], (name, other)
+
+
+def test_a_name_alone_stands_above_its_box():
+    assert beside({"7": (0.0, 0.0, 1.0, 1.0)}, LETTER) == {"7": (0.5, 1 + LETTER[1] / 2)}
+
+
+@pytest.mark.parametrize(("spread_mm", "reach_mm"), [(0.2, 0.5), (0.6, 2.0), (3.0, 10.0), (500.0, 20.0)])
+def test_colours_reach_as_far_as_nearly_all_offsets(spread_mm, reach_mm):
+    offsets = np.random.default_rng(0).normal(0, spread_mm, 20_000)
+    offsets[0] = 1e4  # a stray point changes nothing
+    assert range_mm(offsets) == reach_mm
+    assert reach_mm in RANGES_MM
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+def test_a_larger_share_stands_farther_up(one, other):
+    assert (stretched(np.array(one)) <= stretched(np.array(other))) == (one <= other) or abs(one - other) < 1e-9
+
+
+def test_the_last_twentieth_of_the_scale_has_a_third_of_the_axis():
+    low, from_95, high = stretched(np.array([0, 0.95, 1.0]))
+    assert (high - from_95) / (high - low) > 0.35
+
+
+def test_letters_of_a_stated_size_are_larger():
+    row = {"key": "01_A_off_30_L_0256", "terrain": 1, "position": "A", "light": "off", "azimuth": "30", "camera": "L"}
+    row |= {"exposure_ms": 256, "kind": "rock", "rock": 188, "source": "seed", "confidence": 1.0}
+    table = label_table([row | {"x0": 600.0, "y0": 500.0, "x1": 900.0, "y1": 700.0}])
+    grey = np.full((1216, 1936, 3), 90, np.uint8)
+    drawn = [draw_labels(grey, table, 400, Marks(letter_px=size)) for size in (0, 20)]
+    small, large = (int((np.abs(one.astype(int) - COLOURS["rock"]).max(axis=-1) < 60).sum()) for one in drawn)
+    assert large > small + 60
