@@ -4,9 +4,9 @@ from polarsim.public import offered
 
 __all__, __getattr__, __dir__ = offered(
     __name__,
-    PlacedRig="rigs",
-    read_placed="rigs",
-    write_placed="rigs",
+    LocalisedRig="rigs",
+    read_localised="rigs",
+    write_localised="rigs",
     to_8bit="tone",
     read_terrain="scene",
     read_parquet="tables",
