@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-# The detector that comes with polarsim, and its card; made by `snakemake real --configfile config/covers.yaml`.
+# The detector that comes with polarsim, its card beside it; docs/notes/detect.md says how it was made.
 PACKAGED = Path(__file__).parent / "packaged" / "rocks.pt"
 VIEWS = "views"  # the training domain of pictures that nobody photographed
 SplitName = Literal["photo", "view", "position", "terrain"]
