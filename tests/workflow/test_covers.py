@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 from polarsim.covers.strokes import COLOURS, draw_strokes
+from polarsim.detect.detectors import read_detector
 from polarsim.formats import obj, png, yolo
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import HEIGHT, WIDTH
@@ -14,8 +15,8 @@ from polarsim.render.surfaces import box
 ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
 TERRAINS = (1, 3)
 RULES = (
-    "real", "read_covers", "render_scenes", "make_cover_dataset", "train_cover_detector", "predict_covers",
-    "score_covers", "tabulate_covers", "draw_covers", "draw_scenes", "write_results_page",
+    "real", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
+    "look_at_covers", "choose_cover_widths", "score_covers", "publish_detector", "tabulate_covers", "draw_covers", "draw_scenes", "write_results_page",
 )  # fmt: skip
 
 
@@ -47,6 +48,7 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
         copies = checkout / f"results/covers/repaired/Terrain{terrain:02d}"
         obj.write(copies / f"terrain{terrain:02d}_rock1.obj", Mesh(vertices, faces), "rock")
     content = yaml.safe_load((checkout / "config/covers.yaml").read_text()) | {"terrains": list(TERRAINS)}
+    content["covers"] |= {"folds": [], "carved_scenes": 2, "carved_epochs": 1, "widths": [96, 128]}
     content["covers"]["scenes"] = {"number": 4, "lamps": 5, "scale": 0.1, "rocks": [2, 6]}
     content["detect"] = {
         "training": {"model": "compact", "epochs": 2}, "pictures": {"imgsz": 96}, "comparison": {"resamples": 100},
@@ -61,6 +63,10 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     table = pd.read_csv(run / "tables/covers.csv", dtype={"terrain": str})
     assert table.loc[table["kind"] == "rock", "terrain"].tolist() == ["all", "01", "03"]
     assert (table.loc[table["terrain"] == "all", "labels"] == 2).all()
+    detector = read_detector(run / "covers/detector.pt")
+    assert detector.start == "detector.pt"  # of carved rocks
+    assert len(detector.calibration) == len(detector.sizes) == 2
+    assert "2 published cover photos" in (run / "covers/detector.md").read_text()
     pairing = pd.read_csv(run / "covers/pairing.csv")
     assert pairing.loc[pairing["shown"], "key"].tolist() == ["01_A_off_30_L_0256", "03_A_off_30_L_0256"]
     for fold, other in (("01", "03"), ("03", "01")):

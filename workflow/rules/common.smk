@@ -1,6 +1,7 @@
 """The checked configuration, wildcards, and all functions that name files."""
 
 import functools
+import hashlib
 import operator
 import re
 import sys
@@ -89,6 +90,12 @@ def shown(path, category, caption=None, **labels):
     """
     own = re.sub(r"results/{run}/|_Terrain{.*|_{.*|\.\w+$", "", path)
     return report(path, caption=f"../report/{caption or own}.rst", category=category, labels=labels or None)
+
+
+def digest_of_packaged():
+    """Digest of the detector that comes with polarsim, where trainings start from it: it lies outside the run."""
+    chosen = CONFIG.detect.training.pretrained == "packaged"
+    return hashlib.sha256(PACKAGED.read_bytes()).hexdigest()[:12] if chosen else ""
 
 
 @functools.cache

@@ -121,7 +121,6 @@ rule train_detector:
     input:
         dataset="results/{run}/detect/{split}/datasets/{trained}",
         pictures=pictures_behind_training,
-        start=str(PACKAGED) if CONFIG.detect.training.pretrained == "packaged" else [],
     output:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         curve="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.csv",
@@ -138,6 +137,7 @@ rule train_detector:
         prediction=options("detect.prediction"),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/detect/{split}/seed{seed}/work/{trained}",
+        packaged=digest_of_packaged(),
         code=code_of("train_detector"),
     script:
         "../scripts/train_detector.py"
