@@ -16,7 +16,8 @@ ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
 TERRAINS = (1, 3)
 RULES = (
     "real", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
-    "look_at_covers", "choose_cover_widths", "score_covers", "publish_detector", "tabulate_covers", "draw_covers", "draw_scenes", "write_results_page",
+    "look_at_covers", "choose_cover_widths", "score_covers", "publish_detector",
+    "tabulate_covers", "draw_covers", "draw_scenes", "write_results_page",
 )  # fmt: skip
 
 
