@@ -9,7 +9,6 @@ from scipy.optimize import minimize
 from scipy.special import expit, logit, xlogy
 
 from polarsim.detect import metrics
-from polarsim.errors import DetectError
 
 SAME = 0.5  # IoU from which a box is right
 _LEAST = 1e-4  # confidences lie between this and 1 less this: logits stay finite
@@ -32,23 +31,18 @@ def fit_calibration(
 ) -> Calibration:
     """Slope and offset of the logit of confidences, by class, with which they are most likely (Platt, 1999).
 
+    A class of which nothing was found keeps its confidences.
+
     Parameters
     ----------
     labels : sequence of (classes (n,), boxes (n, 4))
         Of every picture, as in `sizes.choose_sizes`: of places that the detector was not trained on.
     found : sequence of (n, 6)
         x0, y0, x1, y1, confidence, class.
-
-    Raises
-    ------
-    DetectError
-        Of a class nothing was found.
     """
     fitted = []
     for kind in range(classes):
         confidence, right = _answers(labels, found, kind)
-        if not len(confidence):
-            raise DetectError(f"nothing was found of class {kind}: no confidence can be calibrated")
         score = _logits(confidence)
 
         def loss(values: np.ndarray, score: np.ndarray = score, right: np.ndarray = right) -> float:

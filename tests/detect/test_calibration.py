@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from polarsim.detect.calibration import calibrated, calibration_error, fit_calibration
-from polarsim.errors import DetectError
 
 BOX = np.array([10.0, 10, 50, 50])
 FAR = np.array([200.0, 200, 240, 240])
@@ -59,6 +58,6 @@ def test_the_error_of_calibration_by_hand():
     assert np.isnan(calibration_error(label, [np.zeros((0, 6))] * 4))
 
 
-def test_a_class_of_which_nothing_was_found_is_named():
-    with pytest.raises(DetectError, match="nothing was found of class 1"):
-        fit_calibration([(np.array([0]), BOX[None])], [np.array([[*BOX, 0.5, 0]])], 2)
+def test_a_class_of_which_nothing_was_found_keeps_its_confidences():
+    _, kept = fit_calibration([(np.array([0]), BOX[None])], [np.array([[*BOX, 0.5, 0]])], 2)
+    assert kept == pytest.approx((1, 0), abs=1e-3)

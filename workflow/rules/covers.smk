@@ -205,7 +205,7 @@ rule score_covers:
 rule publish_detector:
     """A detector of the rocks of all terrains to take away, its widths, its calibration, and its card."""
     input:
-        weights=of_run("results/{run}/covers/folds/all/seed{seed}/detector.pt", seed=SEEDS[0]),
+        weights=f"results/{{run}}/covers/folds/all/seed{SEEDS[0]}/detector.pt",
         labels="results/{run}/covers/labels.parquet",
         found=expand("results/{{run}}/covers/folds/{fold}/seed{seed}/found.parquet", fold=COVER_FOLDS, seed=SEEDS[0]),
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
@@ -254,7 +254,7 @@ rule draw_covers:
     input:
         photos="results/{run}/covers/photos",
         labels="results/{run}/covers/labels.parquet",
-        predictions=of_run("results/{run}/covers/seed{seed}/predictions.parquet", seed=SEEDS[0]),
+        predictions=f"results/{{run}}/covers/seed{SEEDS[0]}/predictions.parquet",
     output:
         figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
     log:
