@@ -10,13 +10,11 @@ import numpy as np
 import pandas as pd
 
 from polarsim.covers.scores import ALL
-from polarsim.covers.widths import Found, merged, read_found, truth_of, widths_for
+from polarsim.covers.widths import Found, merged, read_folds, together, truth_of, widths_for
 from polarsim.detect import detectors
 from polarsim.detect.calibration import Calibration, calibrated, calibration_error, fit_calibration
-from polarsim.detect.dataset import read_pictures
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.sizes import ClassSizes
-from polarsim.detect.split import TEST
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.formats.files import write_text
@@ -65,17 +63,13 @@ def publish_detector(
     if len(found) < 2:
         raise DetectError(f"{len(found)} fold: a detector's card needs figures of terrains left out of two or more")
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    seen = {fold: read_found(path, read_pictures(datasets[fold], TEST)) for fold, path in found.items()}
+    seen = read_folds(found, datasets)
     trained = detectors.read_detector(weights)
     check = _check(truth, seen, trained.imgsz, options)
-    sizes, calibration = _chosen(truth, _together(seen), trained.imgsz, options)
+    sizes, calibration = _chosen(truth, together(seen), trained.imgsz, options)
     whole = replace(trained, sizes=tuple((own.widths, own.gates_px) for own in sizes.by_class), calibration=calibration)
     detectors.write_detector(detector, whole)
     write_text(card, _card(whole, tables.read_parquet(scores, COVER_SCORES.columns), check))
-
-
-def _together(seen: Mapping[str, Found], but: str = "") -> Found:
-    return {key: rows for fold, own in seen.items() if fold != but for key, rows in own.items()}
 
 
 def _chosen(
@@ -83,7 +77,7 @@ def _chosen(
 ) -> tuple[ClassSizes, Calibration]:
     sizes = widths_for(labels, seen, imgsz, options)
     boxes = [merged(rows, sizes, options.nms_iou) for rows in seen.values()]
-    return sizes, fit_calibration(truth_of(labels, list(seen)), boxes, len(BOX_CLASSES))
+    return sizes, fit_calibration(truth_of(labels, list(seen)), boxes)
 
 
 def _check(labels: pd.DataFrame, seen: Mapping[str, Found], imgsz: int, options: PredictionOptions) -> Check:
@@ -91,11 +85,11 @@ def _check(labels: pd.DataFrame, seen: Mapping[str, Found], imgsz: int, options:
     before: list[np.ndarray] = []
     after: list[np.ndarray] = []
     for fold, own in seen.items():
-        sizes, calibration = _chosen(labels, _together(seen, fold), imgsz, options)
+        sizes, calibration = _chosen(labels, together(seen, but=fold), imgsz, options)
         boxes = [merged(rows, sizes, options.nms_iou) for rows in own.values()]
         before += boxes
         after += [calibrated(rows, calibration) for rows in boxes]
-    truth = truth_of(labels, list(_together(seen)))
+    truth = truth_of(labels, list(together(seen)))
     return Check(calibration_error(truth, before), calibration_error(truth, after))
 
 

@@ -76,11 +76,10 @@ def choose_widths(
         Width of the training's pictures, px.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    seen = {fold: read_found(path, read_pictures(datasets[fold], TEST)) for fold, path in found.items()}
+    seen = read_folds(found, datasets)
     parts, rows = [], []
     for fold, own in seen.items():
-        others = {key: by_width for other in seen if other != fold for key, by_width in seen[other].items()}
-        chosen = widths_for(truth, others, imgsz, options)
+        chosen = widths_for(truth, together(seen, but=fold), imgsz, options)
         parts.append(_table(own, chosen, options.nms_iou))
         rows += [
             (fold, kind, _joined(sizes_of_class.widths), _joined(sizes_of_class.gates_px), imgsz)
@@ -106,6 +105,16 @@ def truth_of(labels: pd.DataFrame, keys: Sequence[str]) -> Truth:
     """Classes and boxes of a label table, of every photo."""
     by_key = dict(iter(labels[labels["kind"].isin(BOX_CLASSES)].groupby("key")))
     return [_labelled(by_key[key]) if key in by_key else (np.zeros(0, int), np.zeros((0, 4))) for key in keys]
+
+
+def read_folds(found: Mapping[str, Path], datasets: Mapping[str, Path]) -> dict[str, Found]:
+    """What every fold's detector found, see `read_found`."""
+    return {fold: read_found(path, read_pictures(datasets[fold], TEST)) for fold, path in found.items()}
+
+
+def together(seen: Mapping[str, Found], but: str = "") -> Found:
+    """What was found in the photos of all folds but one."""
+    return {key: by_width for fold, own in seen.items() if fold != but for key, by_width in own.items()}
 
 
 def read_found(path: Path, keys: Sequence[str]) -> Found:

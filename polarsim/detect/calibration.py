@@ -10,7 +10,7 @@ from scipy.special import expit, logit, xlogy
 
 from polarsim.detect import metrics
 
-SAME = 0.5  # IoU from which a box is right
+_SAME = np.array([0.5])  # IoU from which a box is right
 _LEAST = 1e-4  # confidences lie between this and 1 less this: logits stay finite
 _PRIOR = 2.0  # boxes that speak for a slope of 1 and an offset of 0: a few boxes do not set these two numbers at will
 Calibration = tuple[tuple[float, float], ...]  # slope and offset of the logit, by class
@@ -26,9 +26,7 @@ def calibrated(found: np.ndarray, calibration: Calibration) -> np.ndarray:
     return changed
 
 
-def fit_calibration(
-    labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray], classes: int
-) -> Calibration:
+def fit_calibration(labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray]) -> Calibration:
     """Slope and offset of the logit of confidences, by class, with which they are most likely (Platt, 1999).
 
     A class of which nothing was found keeps its confidences.
@@ -41,9 +39,8 @@ def fit_calibration(
         x0, y0, x1, y1, confidence, class.
     """
     fitted = []
-    for kind in range(classes):
-        confidence, right = _answers(labels, found, kind)
-        score = _logits(confidence)
+    for ranked in metrics.rank_classes(labels, found, _SAME):
+        score, right = _logits(ranked.confidence), ranked.right[0, 0].astype(float)
 
         def loss(values: np.ndarray, score: np.ndarray = score, right: np.ndarray = right) -> float:
             slope, offset = values
@@ -64,9 +61,9 @@ def calibration_error(
     Of boxes with a confidence of `least` or more, in bins of equal width, weighted by their boxes (Naeini et al., AAAI
     2015). NaN without such a box.
     """
-    classes = max((int(rows[:, 5].max(initial=0)) for rows in found), default=0) + 1
-    parts = [_answers(labels, found, kind) for kind in range(classes)]
-    confidence, right = (np.concatenate(column) for column in zip(*parts, strict=True))
+    parts = metrics.rank_classes(labels, found, _SAME)
+    confidence = np.concatenate([ranked.confidence for ranked in parts])
+    right = np.concatenate([ranked.right[0, 0] for ranked in parts])
     kept = confidence >= least
     if not kept.any():
         return float("nan")
@@ -74,20 +71,6 @@ def calibration_error(
     number = np.minimum((confidence * bins).astype(int), bins - 1)
     gaps = np.bincount(number, right - confidence, bins)  # sums over a bin
     return float(np.abs(gaps).sum() / len(confidence))
-
-
-def _answers(
-    labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray], kind: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Confidence (n,) of every box of a class, and whether it is right (n,), of all pictures."""
-    own = [rows[rows[:, 5] == kind] for rows in found]
-    ranked = metrics.rank(
-        [corners[classes == kind] for classes, corners in labels],
-        [rows[:, :4] for rows in own],
-        [rows[:, 4] for rows in own],
-        np.array([SAME]),
-    )
-    return ranked.confidence, ranked.right[0, 0].astype(float)
 
 
 def _logits(confidence: np.ndarray) -> np.ndarray:

@@ -111,8 +111,17 @@ def mean_precision(
     found : sequence of (m, 6)
         x0, y0, x1, y1, confidence, class.
     """
-    by_class = [
-        average_precision(
+    by_class = [precision_at_recalls(ranked).mean(axis=1) for ranked in rank_classes(labels, found, thresholds)]
+    labelled = [row for row in by_class if not np.isnan(row).any()]
+    return np.mean(labelled, axis=0) if labelled else np.zeros(len(thresholds))
+
+
+def rank_classes(
+    labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray], thresholds: np.ndarray
+) -> list[Ranked]:
+    """What `rank` says of each class, in the order of `BOX_CLASSES`; arguments as of `mean_precision`."""
+    return [
+        rank(
             [corners[classes == kind] for classes, corners in labels],
             [rows[rows[:, 5] == kind, :4] for rows in found],
             [rows[rows[:, 5] == kind, 4] for rows in found],
@@ -120,8 +129,6 @@ def mean_precision(
         )
         for kind in range(len(BOX_CLASSES))
     ]
-    labelled = [row for row in by_class if not np.isnan(row).any()]
-    return np.mean(labelled, axis=0) if labelled else np.zeros(len(thresholds))
 
 
 def precision_at_recalls(ranked: Ranked, area: int = 0, weights: np.ndarray | None = None) -> np.ndarray:

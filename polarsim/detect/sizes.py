@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -116,22 +115,17 @@ def choose_sizes(
     tried = [Sizes((width,)) for width in widths]
     tried += [Sizes(pair, (gate,)) for pair in combinations(widths, 2) for gate in _GATES_PX]
 
-    def precision(kind: int | None, sizes: Sizes) -> float:
+    def precisions(sizes: Sizes) -> np.ndarray:
+        """(classes,) AP@0.5; NaN of a class without labels."""
         of_pictures = (
             dict(zip(sizes.widths, rows, strict=True))
             for rows in zip(*(found[width] for width in sizes.widths), strict=True)
         )
         merged = [merge(by_width, ClassSizes.same(sizes), nms_iou, most) for by_width in of_pictures]
-        if kind is None:
-            return float(metrics.mean_precision(labels, merged, np.array([0.5]))[0])
-        own = [rows[rows[:, 5] == kind] for rows in merged]
-        corners = [boxes[classes == kind] for classes, boxes in labels]
-        return float(
-            metrics.average_precision(
-                corners, [rows[:, :4] for rows in own], [rows[:, 4] for rows in own], np.array([0.5])
-            )[0]
-        )
+        ranked = metrics.rank_classes(labels, merged, np.array([0.5]))
+        return np.array([metrics.precision_at_recalls(one).mean() for one in ranked])
 
-    labelled = {int(kind) for classes, _ in labels for kind in classes}
-    asked = [kind if kind in labelled else None for kind in range(len(BOX_CLASSES))]
-    return ClassSizes(tuple(max(tried, key=partial(precision, kind)) for kind in asked))
+    by_size = np.array([precisions(sizes) for sizes in tried])  # (tried, classes)
+    labelled = ~np.isnan(by_size).any(axis=0)
+    by_size[:, ~labelled] = by_size[:, labelled].mean(axis=1, keepdims=True)
+    return ClassSizes(tuple(tried[best] for best in by_size.argmax(axis=0)))

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import FormatError
+from polarsim.formats.text_fields import fields_of, numbers
 from polarsim.geometry.lens import HALF_PIXEL
 
 FIELDS = 15  # type truncated occluded alpha bbox(4) dimensions(3) location(3) rotation_y
@@ -48,10 +49,10 @@ def read_objects(path: str | Path) -> list[KittiObject]:
         A line that is no object: file, line number and reason.
     """
     found = []
-    for number, fields in _lines(path):
+    for number, fields in fields_of(path, "KITTI file"):
         if len(fields) != FIELDS:
             raise FormatError(f"{len(fields)} fields, a KITTI object has {FIELDS}", path=path, line=number)
-        values = _numbers(path, number, fields[1:])
+        values = numbers(path, number, fields[1:])
         box = values[3:7] + HALF_PIXEL
         if (box[2:] <= box[:2]).any() or values[1] not in (0, 1, 2, 3):
             raise FormatError("box without area, or occluded none of 0 to 3", path=path, line=number)
@@ -74,30 +75,12 @@ def read_calibration(path: str | Path) -> dict[str, np.ndarray]:
         One is missing or has another shape.
     """
     found = {}
-    for number, fields in _lines(path):
+    for number, fields in fields_of(path, "KITTI file"):
         name = fields[0].rstrip(":")
-        values = _numbers(path, number, fields[1:])
+        values = numbers(path, number, fields[1:])
         if name not in MATRICES or values.size != np.prod(MATRICES[name]):
             raise FormatError(f"{name} with {values.size} numbers is no matrix of KITTI's", path=path, line=number)
         found[name] = values.reshape(MATRICES[name])
     if missing := [name for name in MATRICES if name not in found]:
         raise FormatError(f"{missing[0]} is missing", path=path)
     return found
-
-
-def _lines(path: str | Path) -> list[tuple[int, list[str]]]:
-    try:
-        text = Path(path).read_text(encoding="ascii")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"no readable KITTI file, {error}", path=path) from error
-    return [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
-
-
-def _numbers(path: str | Path, number: int, fields: Sequence[str]) -> np.ndarray:
-    try:
-        values = np.array([float(field) for field in fields])
-    except ValueError as error:
-        raise FormatError(str(error), path=path, line=number) from error
-    if not np.isfinite(values).all():
-        raise FormatError("a value that is not finite", path=path, line=number)
-    return values

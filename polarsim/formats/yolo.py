@@ -8,6 +8,7 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import write_text
+from polarsim.formats.text_fields import fields_of, numbers
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, PhotoKey
 
 CLASS_FILE = "classes.txt"  # stands beside label files and is none: the names of their class numbers, one a line
@@ -30,10 +31,10 @@ def read_boxes(
         A line that is no box of a rock or shadow inside the photo: file, line number and reason.
     """
     classes, boxes, photo = [], [], _SIZE if size is None else np.array(size, float)
-    for number, fields in _lines(path):
+    for number, fields in fields_of(path, "label file"):
         if len(fields) != 5:
             raise FormatError(f"{len(fields)} fields, a YOLO box has 5: class x y width height", path=path, line=number)
-        values = _numbers(path, number, fields)
+        values = numbers(path, number, fields)
         classes.append(_box_class(path, number, fields[0], names))
         centre, extent = values[1:3] * photo, values[3:5] * photo
         if (extent <= 0).any() or (extent > photo + 1).any() or (np.abs(centre / photo - 0.5) > 0.5 + 1e-3).any():
@@ -76,14 +77,14 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
         A line that is no box with area: file, line number and reason.
     """
     classes, boxes, confidences = [], [], []
-    for number, fields in _lines(path):
+    for number, fields in fields_of(path, "label file"):
         if len(fields) not in (5, 6):
             raise FormatError(
                 f"{len(fields)} fields, expected class x y width height [confidence]", path=path, line=number
             )
         if not fields[0].isdigit():
             raise FormatError(f"class {fields[0]}, expected a whole number", path=path, line=number)
-        values = _numbers(path, number, fields)
+        values = numbers(path, number, fields)
         centre, extent = values[1:3] * _SIZE, values[3:5] * _SIZE
         if (extent <= 0).any():
             raise FormatError("box without area", path=path, line=number)
@@ -102,12 +103,12 @@ def read_boxes_of_any(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
         A line that is neither: file, line number and reason.
     """
     classes, boxes = [], []
-    for number, fields in _lines(path):
+    for number, fields in fields_of(path, "label file"):
         if len(fields) < 5 or (len(fields) > 6 and len(fields) % 2 == 0):
             raise FormatError(f"{len(fields)} fields, expected a box of 5 or a polygon", path=path, line=number)
         if not fields[0].isdigit():
             raise FormatError(f"class {fields[0]}, expected a whole number", path=path, line=number)
-        values = _numbers(path, number, fields)[1:]
+        values = numbers(path, number, fields)[1:]
         if len(fields) <= 6:
             centre, extent = values[:2] * _SIZE, values[2:4] * _SIZE
             corners = np.array([centre - extent / 2, centre + extent / 2])
@@ -151,12 +152,12 @@ def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:
         A line that is no polygon of class 0 to 3: file, line number and reason.
     """
     polygons = []
-    for number, fields in _lines(path):
+    for number, fields in fields_of(path, "label file"):
         if len(fields) < 7 or len(fields) % 2 == 0:
             raise FormatError(
                 f"{len(fields)} fields, a polygon has a class and at least 3 points", path=path, line=number
             )
-        values = _numbers(path, number, fields)
+        values = numbers(path, number, fields)
         polygons.append((_class(path, number, fields[0], POLYGON_CLASSES), values[1:].reshape(-1, 2) * _SIZE))
     return polygons
 
@@ -169,7 +170,7 @@ def read_boxes_or_polygons(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     FormatError
         A line that is neither like the first one: file, line number and reason.
     """
-    lines = _lines(path)
+    lines = fields_of(path, "label file")
     if not lines or len(lines[0][1]) <= 5:
         return read_boxes(path)
     found = [(POLYGON_CLASSES[number], ring) for number, ring in read_polygons(path)]
@@ -186,24 +187,6 @@ def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]]) -> 
         coordinates = " ".join(f"{value:.6f}" for value in (np.asarray(vertices, float) / _SIZE).ravel())
         lines.append(f"{number} {coordinates}\n")
     write_text(path, "".join(lines))
-
-
-def _lines(path: str | Path) -> list[tuple[int, list[str]]]:
-    try:
-        text = Path(path).read_text(encoding="ascii")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"no readable label file, {error}", path=path) from error
-    return [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
-
-
-def _numbers(path: str | Path, number: int, fields: list[str]) -> np.ndarray:
-    try:
-        values = np.array([float(field) for field in fields])
-    except ValueError as error:
-        raise FormatError(str(error), path=path, line=number) from error
-    if not np.isfinite(values).all():
-        raise FormatError("a value that is not finite", path=path, line=number)
-    return values
 
 
 def _box_class(path: str | Path, number: int, field: str, names: tuple[str, ...]) -> int:

@@ -27,7 +27,7 @@ def test_what_was_too_sure_or_too_unsure_is_mended(slope):
         return 1 / (1 + np.exp(-slope * np.log(confidence / (1 - confidence)) + 0.7))
 
     labels, found = pictures(random.uniform(0.05, 0.95, 4000), share, random)
-    ((fitted, offset),) = fit_calibration(labels, found, 1)
+    (fitted, offset), _ = fit_calibration(labels, found)
     assert fitted == pytest.approx(slope, rel=0.15)
     assert offset == pytest.approx(-0.7, abs=0.15)
     others = pictures(random.uniform(0.05, 0.95, 4000), share, random)
@@ -59,5 +59,5 @@ def test_the_error_of_calibration_by_hand():
 
 
 def test_a_class_of_which_nothing_was_found_keeps_its_confidences():
-    _, kept = fit_calibration([(np.array([0]), BOX[None])], [np.array([[*BOX, 0.5, 0]])], 2)
+    _, kept = fit_calibration([(np.array([0]), BOX[None])], [np.array([[*BOX, 0.5, 0]])])
     assert kept == pytest.approx((1, 0), abs=1e-3)

@@ -24,8 +24,6 @@ def family(model: str) -> Family:
 def load_detector(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
     """See `Family.load`; confidences are calibrated where the detector has a calibration."""
     loaded = family(detector.model).load(detector, folder, options, threads)
-    if not detector.calibration:
-        return loaded
     return lambda pictures: [calibrated(rows, detector.calibration) for rows in loaded(pictures)]
 
 
