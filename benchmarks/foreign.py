@@ -39,7 +39,7 @@ from scipy import ndimage
 from scipy.spatial import ConvexHull, KDTree
 
 from polarsim.cameras.locate import locate_cameras
-from polarsim.cameras.options import PlacementOptions
+from polarsim.cameras.options import LocalisationOptions
 from polarsim.formats import nasa, obj, tables, yolo
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.obj import Mesh
@@ -386,7 +386,7 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
         calibration=folder / "calibration.json",
         seeds=folder / "seeds",
         cameras=folder / "cameras",
-        options=PlacementOptions(),
+        options=LocalisationOptions(),
         threads=1,
     )
     seconds["cameras"], start = time.process_time() - start, time.process_time()

@@ -36,7 +36,7 @@ import pandas as pd
 from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.locate import locate_cameras
-from polarsim.cameras.options import PlacementOptions
+from polarsim.cameras.options import LocalisationOptions
 from polarsim.formats import nasa, obj
 from polarsim.formats.inventory import Inventory, read_inventory, write_inventory
 from polarsim.formats.rigs import read_all_localised, read_localised, write_rig
@@ -89,7 +89,7 @@ def make(folder: Path, name: str) -> None:
     locate_cameras(
         terrain=number, positions=positions, inventory=folder / "inventory.json",
         calibration=folder / "calibration.json", seeds=folder / "seeds", cameras=folder / "cameras",
-        options=PlacementOptions(), threads=1,
+        options=LocalisationOptions(), threads=1,
     )  # fmt: skip
 
 

@@ -116,7 +116,7 @@ class Run:
             calibration=at["calibration.json"],
             seeds=at["seeds"],
             cameras=self.folder / "cameras",
-            options=self.config.cameras.placement,
+            options=self.config.cameras.localisation,
             threads=1,
         )
         if self.unlocalised:

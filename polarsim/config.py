@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 
 from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions, seed_choice
 from polarsim.analog.options import AnalogOptions
-from polarsim.cameras.options import CamerasOptions, PlacementOptions
+from polarsim.cameras.options import CamerasOptions, LocalisationOptions
 from polarsim.covers.options import CoversOptions
 from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions
@@ -45,7 +45,9 @@ _DETECT_KEYS = {
 MOVED = {
     **{f"detect.{key}": f"detect.{part}.{key}" for part, keys in _DETECT_KEYS.items() for key in keys},
     **{f"tables.{key}": f"scoring.{key}" for key in ScoringOptions.model_fields if key != "annotated_root"},
-    **{f"cameras.{key}": f"cameras.placement.{key}" for key in PlacementOptions.model_fields},
+    **{f"cameras.{key}": f"cameras.localisation.{key}" for key in LocalisationOptions.model_fields},
+    "cameras.placement": "cameras.localisation",
+    "cameras.rock_shift_sd_mm": "cameras.localisation.rock_translation_sd_mm",
     "cameras.photo_scales": "cameras.refinement.scales",
     "detect.downsize": "detect.pictures.stored_px",
     "detect.pictures.downsize": "detect.pictures.stored_px",

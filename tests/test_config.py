@@ -61,7 +61,7 @@ def test_a_key_that_moved_is_refused_with_its_new_place(section, told):
         detect(**section)
 
 
-@pytest.mark.parametrize("key", ["cameras.placement.edge_sd_px", "rover.drive.stuck_s", "tables.figure_width_px"])
+@pytest.mark.parametrize("key", ["cameras.localisation.edge_sd_px", "rover.drive.stuck_s", "tables.figure_width_px"])
 def test_a_key_that_is_a_constant_now_is_refused_by_name(key):
     section, *path, last = key.split(".")
     content = {last: 1}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.cameras.options import PlacementOptions
+from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, check_pose, refine_pose
 from polarsim.cameras.search import candidate_centres, search_pose
 from polarsim.errors import RegistrationError
@@ -46,7 +46,7 @@ class LabelLocalisation:
 
 
 def localise_by_labels(
-    boxes: np.ndarray, outlines: Outlines, lens: Lens, surveyed: Pose | None, options: PlacementOptions
+    boxes: np.ndarray, outlines: Outlines, lens: Lens, surveyed: Pose | None, options: LocalisationOptions
 ) -> LabelLocalisation:
     """Find the left camera's pose from boxes and meshes, with no start; not yet checked, see `checked`.
 
@@ -112,7 +112,7 @@ def checked(localisation: LabelLocalisation) -> LabelLocalisation:
     return localisation
 
 
-def survey_prior(surveyed: Pose | None, options: PlacementOptions) -> PosePrior:
+def survey_prior(surveyed: Pose | None, options: LocalisationOptions) -> PosePrior:
     """The survey as a prior; without it only the roll is known to be small."""
     roll = np.radians(ROLL_SD_DEG)
     if surveyed is None:

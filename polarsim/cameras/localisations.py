@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from polarsim.cameras.labels import FINAL_NOISE, MIN_BOXES, LabelLocalisation, checked, localise_by_labels
-from polarsim.cameras.options import PlacementOptions
+from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import BoxFit, check_pose, pose_of
 from polarsim.cameras.surveyed import pose_beside
 from polarsim.cameras.translations import Translations, fit_translations, no_translations, translated
@@ -35,7 +35,7 @@ class Localisations:
 
 
 def localise_all(
-    seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, options: PlacementOptions
+    seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, options: LocalisationOptions
 ) -> Localisations:
     """Localise every position whose boxes and meshes suffice.
 
@@ -50,7 +50,7 @@ def localise_all(
         Positions with too few boxes or meshes are neither localised nor refused.
     """
     usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= MIN_BOXES]
-    found = Localisations({}, no_translations(outlines, options.rock_shift_sd_mm / 1000), {})
+    found = Localisations({}, no_translations(outlines, options.rock_translation_sd_mm / 1000), {})
     alone = {position: _alone(position, seen[position], outlines, lens, options) for position in usable}
     surest_first = sorted(usable, key=lambda position: (-(one.share if (one := alone[position]) else 0.0), position))
     for position in surest_first:
@@ -67,7 +67,7 @@ def untranslated_fits(found: Localisations, outlines: Outlines, lens: Lens) -> l
 
 
 def _alone(
-    position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: PlacementOptions
+    position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: LocalisationOptions
 ) -> LabelLocalisation | None:
     """A position by itself, without what others tell of rocks; None where nothing is explained."""
     try:
@@ -82,7 +82,7 @@ def _with_position(
     boxes: np.ndarray,
     outlines: Outlines,
     lens: Lens,
-    options: PlacementOptions,
+    options: LocalisationOptions,
     alone: LabelLocalisation | None,
 ) -> Localisations:
     """One more position, and all poses and translations fitted anew; or one more that is refused."""
@@ -104,12 +104,14 @@ def _fitted(
     start: Translations,
     outlines: Outlines,
     lens: Lens,
-    options: PlacementOptions,
+    options: LocalisationOptions,
 ) -> Localisations:
     """All positions localised together with translations of the rocks."""
-    if not options.rock_shift_sd_mm:
+    if not options.rock_translation_sd_mm:
         return Localisations(dict(localised), start, {})
-    unknowns, translations = fit_translations(localised, outlines, lens, options.rock_shift_sd_mm / 1000, start.metres)
+    unknowns, translations = fit_translations(
+        localised, outlines, lens, options.rock_translation_sd_mm / 1000, start.metres
+    )
     moved = translated(outlines, translations.metres)
     after = {}
     for position, one in localised.items():

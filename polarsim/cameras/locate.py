@@ -15,7 +15,7 @@ import pandas as pd
 
 from polarsim.cameras.labels import LabelLocalisation
 from polarsim.cameras.localisations import Localisations, localise_all, untranslated_fits
-from polarsim.cameras.options import PlacementOptions
+from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.rounding import rounded, rounded_figures
 from polarsim.cameras.sandbox_frame import find_sandbox_frame
 from polarsim.cameras.scans import register_scans
@@ -26,7 +26,7 @@ from polarsim.formats import colmap, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.rigs import SURVEYED, LocalisedRig, read_rig, write_localised
-from polarsim.formats.rock_shifts import FILE as SHIFT_FILE
+from polarsim.formats.rock_translations import FILE as TRANSLATION_FILE
 from polarsim.formats.scans import read_scan
 from polarsim.formats.schemas import ALIGNMENT, MATCHES
 from polarsim.formats.yolo import read_rock_boxes
@@ -54,7 +54,7 @@ def locate_cameras(
     calibration: Path,
     seeds: Path,
     cameras: Path,
-    options: PlacementOptions,
+    options: LocalisationOptions,
     threads: int,
 ) -> None:
     """Localise the rigs of a terrain and write the folder `cameras`: `PosX.json`, `colmap/`, and how well it went.
@@ -137,7 +137,7 @@ def _formal_errors(covariance: np.ndarray, position: np.ndarray) -> dict[str, fl
 
 
 def _locate_by_labels(
-    known: Inventory, positions: Sequence[str], rig: StereoRig, seeds: Path, options: PlacementOptions
+    known: Inventory, positions: Sequence[str], rig: StereoRig, seeds: Path, options: LocalisationOptions
 ) -> Located:
     meshes = {rock: obj.read(path) for rock, path in known.rock_meshes().items()}
     outlines = outlines_of(meshes)
@@ -146,10 +146,10 @@ def _locate_by_labels(
     found = localise_all(seen, outlines, rig.left, options)
     _tell_refused(found)
     details = {}
-    if options.rock_shift_sd_mm and found.localised:
+    if options.rock_translation_sd_mm and found.localised:
         before = untranslated_fits(found, outlines, rig.left)
         fits = [one.fit for one in found.localised.values()]
-        details[SHIFT_FILE] = translation_table(outlines.rocks, found.translations, before, fits)
+        details[TRANSLATION_FILE] = translation_table(outlines.rocks, found.translations, before, fits)
     localised, rows = {}, []
     for position, localisation in sorted(found.localised.items()):
         pose = localisation.fit.sandbox_from_left

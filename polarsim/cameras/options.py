@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import BaseModel, Field
 
 
-class PlacementOptions(BaseModel, extra="forbid", frozen=True):
+class LocalisationOptions(BaseModel, extra="forbid", frozen=True):
     """How rigs are localised by labels and meshes where there are no scans. The defaults fit the real data."""
 
     distance_m: tuple[float, float] = Field(
@@ -27,7 +27,7 @@ class PlacementOptions(BaseModel, extra="forbid", frozen=True):
         description="Yaw and pitch lie about the nominal ones with this standard deviation, degrees; a smaller one "
         "trusts the survey more.",
     )
-    rock_shift_sd_mm: float = Field(
+    rock_translation_sd_mm: float = Field(
         7,
         ge=0,
         description="Published rock meshes may lie off their positions by this standard deviation, mm on each axis; 0:"
@@ -48,5 +48,7 @@ class RefinementOptions(BaseModel, extra="forbid", frozen=True):
 class CamerasOptions(BaseModel, extra="forbid", frozen=True):
     """Where the rigs stood."""
 
-    placement: PlacementOptions = Field(PlacementOptions(), description="How rigs are localised by labels and meshes.")
+    localisation: LocalisationOptions = Field(
+        LocalisationOptions(), description="How rigs are localised by labels and meshes."
+    )
     refinement: RefinementOptions = Field(RefinementOptions(), description="How rigs are refined on photos.")

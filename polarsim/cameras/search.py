@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.cameras.options import PlacementOptions
+from polarsim.cameras.options import LocalisationOptions
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, looking
@@ -41,7 +41,7 @@ class Hypothesis:
         return looking(self.centre, self.yaw, self.pitch)
 
 
-def candidate_centres(azimuth: float | None, level: float, options: PlacementOptions) -> np.ndarray:
+def candidate_centres(azimuth: float | None, level: float, options: LocalisationOptions) -> np.ndarray:
     """(n, 3) positions to try.
 
     Parameters

@@ -10,7 +10,7 @@ import pandas as pd
 
 from polarsim.cameras.labels import FINAL_NOISE, LabelLocalisation
 from polarsim.cameras.refine import BoxFit, EdgeProblem, pose_of, unknowns_of
-from polarsim.formats.rock_shifts import TRANSLATION_COLUMNS
+from polarsim.formats.rock_translations import TRANSLATION_COLUMNS
 from polarsim.geometry.boxes import MATCH_GATE_PX, assign
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens

@@ -49,7 +49,7 @@ ALIGNMENT = _schema("cameras/TerrainTT/alignment.csv", "pair:s fitness:f rmse_mm
 ROCKS = _schema(
     "rocks/TerrainTT/rocks.parquet",
     "rock:i x:f:m y:f:m z:f:m size_m:f:m height_m:f:m volume_m3:f:m3 points:i points_by_scan:s visible_share:f",
-    "scan_shift_mm:f:mm x0:f:m y0:f:m z0:f:m x1:f:m y1:f:m z1:f:m source:s confirmed:s",
+    "scan_translation_mm:f:mm x0:f:m y0:f:m z0:f:m x1:f:m y1:f:m z1:f:m source:s confirmed:s",
 )
 PREDICTIONS = _schema(
     "detect/<split>/seed<seed>/predictions/<trained>_on_<evaluated>.parquet", "key:s kind:s confidence:f", _BOX

@@ -14,6 +14,7 @@ from polarsim.photo import PhotoKey
 
 PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns
 FORMER_NAMES = {  # of columns, in tables of versions before 0.2
+    "scan_translation_mm": "scan_shift_mm",
     "detector": "judge",
     "component": "ingredient",
     "metric": "figure",

@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.errors import FormatError, about
 from polarsim.formats import obj, scene, tables
 from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rock_shifts import read_translations
+from polarsim.formats.rock_translations import read_translations
 from polarsim.geometry.casters import caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.vectors import cross
@@ -91,7 +91,8 @@ def _heights_at(ground: Mesh, points: np.ndarray) -> np.ndarray:
 def adopt_rocks(*, terrain: int, inventory: Path, cameras: Path, rocks: Path, cuboids: Path, meshes: Path) -> None:
     """Take over a terrain's published rock meshes under their ids, and its ground; fit a ground where none is there.
 
-    Rocks are moved as `cameras/rock_shifts.csv` says, where there is one. `meshes.csv` tells where the ground is from.
+    Rocks are moved as `cameras/rock_translations.csv` says, where there is one. `meshes.csv` tells where the ground is
+    from.
 
     A terrain without meshes has an empty table and level ground at z = 0.
 

@@ -45,7 +45,7 @@ def row(
         "rock": rock, "x": x, "y": y, "z": z,
         "size_m": size, "height_m": height, "volume_m3": volume, "points": sum(points.values()),
         "points_by_scan": " ".join(f"{position}:{count}" for position, count in sorted(points.items())),
-        "visible_share": visible_share, "scan_shift_mm": 1000 * scan_translation,
+        "visible_share": visible_share, "scan_translation_mm": 1000 * scan_translation,
         **dict(zip(("x0", "y0", "z0", "x1", "y1", "z1"), (*cuboid.low, *cuboid.high), strict=True)),
         "source": source, "confirmed": " ".join(confirmed),
     }  # fmt: skip

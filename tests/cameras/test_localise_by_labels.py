@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from polarsim.cameras.labels import checked, localise_by_labels, survey_prior
-from polarsim.cameras.options import PlacementOptions
+from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import EdgeNoise, EdgeProblem, unknowns_of
 from polarsim.cameras.search import candidate_centres, search_pose
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
@@ -14,7 +14,7 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.geometry.stereo import stated_rig
 
-OPTIONS = PlacementOptions()
+OPTIONS = LocalisationOptions()
 LENS = stated_rig().left
 
 

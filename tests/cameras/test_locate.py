@@ -6,7 +6,7 @@ import pytest
 
 from polarsim.cameras import scans
 from polarsim.cameras.locate import locate_cameras
-from polarsim.cameras.options import PlacementOptions
+from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.rounding import rounded
 from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import nasa, obj, yolo
@@ -37,7 +37,7 @@ def locate(folder, inventory, rig, positions="ABC", seeds=None, name="cameras", 
         calibration=folder / "calibration.json",
         seeds=seeds or folder / "seeds",
         cameras=folder / name,
-        options=PlacementOptions(),
+        options=LocalisationOptions(),
         threads=threads,
     )
     return read_all_localised(folder / name)

@@ -5,7 +5,7 @@ import pytest
 
 from polarsim.cameras.labels import checked, localise_by_labels
 from polarsim.cameras.localisations import localise_all
-from polarsim.cameras.options import PlacementOptions
+from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import RegistrationError
 from polarsim.formats import obj, release, yolo
@@ -16,7 +16,7 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import SUNS
 
-OPTIONS = PlacementOptions()
+OPTIONS = LocalisationOptions()
 
 
 def best_boxes(root, terrain, position, camera):

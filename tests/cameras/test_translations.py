@@ -7,17 +7,17 @@ import pytest
 
 from polarsim.cameras import search
 from polarsim.cameras.localisations import Localisations, localise_all, untranslated_fits
-from polarsim.cameras.options import PlacementOptions
+from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.translations import FARTHEST, translated, translation_table
 from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.rock_shifts import FILE, read_translations
+from polarsim.formats.rock_translations import FILE, read_translations
 from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.geometry.stereo import stated_rig
 
 from .conftest import TRUE_POSES, annotated_boxes
 
-OPTIONS = PlacementOptions(rock_shift_sd_mm=10)
+OPTIONS = LocalisationOptions(rock_translation_sd_mm=10)
 LENS = stated_rig().left
 EDGE_PX = 0.7
 
@@ -114,7 +114,9 @@ def test_rocks_that_lie_right_stay(labelled, annotated):
 
 
 def test_a_stronger_prior_moves_rocks_less(labelled, annotated, off, solution):
-    held = solved(labelled, annotated, off, OPTIONS.model_copy(update={"rock_shift_sd_mm": 1.0})).found.translations
+    held = solved(
+        labelled, annotated, off, OPTIONS.model_copy(update={"rock_translation_sd_mm": 1.0})
+    ).found.translations
     assert np.linalg.norm(held.metres) < 0.7 * np.linalg.norm(solution.found.translations.metres)
 
 

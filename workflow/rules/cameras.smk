@@ -25,7 +25,7 @@ rule locate_cameras:
         runtime=20,
     params:
         positions=positions_here,
-        options=options("cameras.placement"),
+        options=options("cameras.localisation"),
         code=code_of("locate_cameras"),
     script:
         "../scripts/locate_cameras.py"

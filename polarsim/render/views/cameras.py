@@ -62,7 +62,7 @@ def rig_of(views: Views) -> StereoRig:
     if isinstance(views.lens, PinholeLens):
         lens = pinhole(views.lens.hfov_deg, views.lens.width_px, views.lens.height_px)
         return StereoRig(lens, lens, Pose(np.eye(3), np.array([views.lens.baseline_m, 0, 0])))
-    return read_localised(views.lens.placed).rig if views.lens.placed else stated_rig()
+    return read_localised(views.lens.localised).rig if views.lens.localised else stated_rig()
 
 
 def pinhole(hfov_deg: float, width_px: int, height_px: int) -> Lens:

@@ -52,7 +52,9 @@ class RigLens(Section):
     """The calibrated rig's lenses."""
 
     kind: Literal["rig"] = "rig"
-    placed: Path | None = Field(None, description="PosX.json whose lenses are used; none: the real rig's stated ones.")
+    localised: Path | None = Field(
+        None, description="PosX.json whose lenses are used; none: the real rig's stated ones."
+    )
 
 
 class PinholeLens(Section):
@@ -250,8 +252,8 @@ def read_views(path: str | Path) -> Views:
         for scene in views.scenes
     )
     lens = views.lens
-    if isinstance(lens, RigLens) and lens.placed is not None:
-        lens = _found(lens, "placed", path)
+    if isinstance(lens, RigLens) and lens.localised is not None:
+        lens = _found(lens, "localised", path)
     return views.model_copy(update={"scenes": scenes, "lens": lens})
 
 

@@ -113,6 +113,6 @@ def test_a_pinhole_has_the_field_of_view_that_is_stated():
 def test_the_rigs_lens_may_be_that_of_a_localised_rig_and_scaled(views_of, folders, lens):
     (stated,) = cameras_of(views_of(lens={"kind": "rig"}), LEVEL)
     assert (stated.lens.width, stated.lens.height) == (1936, 1216)
-    placed = {"kind": "rig", "placed": folders / "cameras/PosA.json"}
+    placed = {"kind": "rig", "localised": folders / "cameras/PosA.json"}
     (camera,) = cameras_of(views_of(lens=placed), LEVEL, scale=0.5)
     assert camera.lens == lens.scaled(0.5)

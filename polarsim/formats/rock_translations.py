@@ -1,4 +1,4 @@
-"""`rock_shifts.csv`: how far published rock meshes belong from where they were placed."""
+"""`rock_translations.csv`: how far published rock meshes belong from where they were placed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from polarsim.formats import tables
 
-FILE = "rock_shifts.csv"
+FILE = "rock_translations.csv"
 TRANSLATION_COLUMNS = ("dx_mm", "dy_mm", "dz_mm")
 COLUMNS = ("rock", *TRANSLATION_COLUMNS, "sd_mm", "boxes", "iou_before", "iou_after")
 
