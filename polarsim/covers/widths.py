@@ -11,6 +11,7 @@ import pandas as pd
 from polarsim.detect import detectors
 from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.frame import read_picture
+from polarsim.detect.on_sand import Sand
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import detect
 from polarsim.detect.sizes import ClassSizes, Sizes, choose_sizes, merge
@@ -56,6 +57,7 @@ def choose_widths(
     sizes: Path,
     imgsz: int,
     options: PredictionOptions,
+    cameras: Sequence[Path] = (),
 ) -> None:
     """Write one prediction table of all cover photos, and the widths and gates of every fold.
 
@@ -74,9 +76,12 @@ def choose_widths(
         CSV to write: fold, kind, widths, gates_px (spaces between numbers), width_of_training.
     imgsz : int
         Width of the training's pictures, px.
+    cameras : sequence of Path
+        Folders of poses, one a terrain: boxes off the sand are left out there, before widths are chosen.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    seen = read_folds(found, datasets)
+    sand = Sand.read(cameras)
+    seen = {fold: kept_on_sand(own, sand) for fold, own in read_folds(found, datasets).items()}
     parts, rows = [], []
     for fold, own in seen.items():
         chosen = widths_for(truth, together(seen, but=fold), imgsz, options)
@@ -110,6 +115,11 @@ def truth_of(labels: pd.DataFrame, keys: Sequence[str]) -> Truth:
 def read_folds(found: Mapping[str, Path], datasets: Mapping[str, Path]) -> dict[str, Found]:
     """What every fold's detector found, see `read_found`."""
     return {fold: read_found(path, read_pictures(datasets[fold], TEST)) for fold, path in found.items()}
+
+
+def kept_on_sand(found: Found, sand: Sand) -> Found:
+    """What stands on the sand of what was found."""
+    return {key: {w: sand.keep(key, rows) for w, rows in by_width.items()} for key, by_width in found.items()}
 
 
 def together(seen: Mapping[str, Found], but: str = "") -> Found:

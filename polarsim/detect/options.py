@@ -158,6 +158,12 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
         "wider picture is asked; descending.",
     )
 
+    sand_only: bool = Field(
+        True,
+        description="Where the camera's pose is known (cover photos, photos and twins of a run), boxes whose foot lies "
+        "beyond the sandbox's sand are left out: cards, cloth and lamps are no rocks.",
+    )
+
     @model_validator(mode="after")
     def _are_sizes(self) -> Self:
         if len(self.gates_px) != max(0, len(self.widths) - 1):

@@ -12,6 +12,7 @@ import pandas as pd
 from polarsim.detect import detectors
 from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.frame import frame, read_picture
+from polarsim.detect.on_sand import Sand
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.parts import digest, write_in_parts
 from polarsim.detect.sizes import ClassSizes, Sizes, merge
@@ -27,10 +28,23 @@ BATCH = 8
 PART = 25 * BATCH  # pictures whose predictions are held in memory
 
 
-def predict(*, weights: Path, dataset: Path, predictions: Path, options: PredictionOptions, threads: int) -> None:
+def predict(
+    *,
+    weights: Path,
+    dataset: Path,
+    predictions: Path,
+    options: PredictionOptions,
+    threads: int,
+    cameras: Sequence[Path] = (),
+) -> None:
     """Write what a detector sees in the test part of a data set, boxes in pixels of the full photo.
 
     Memory does not grow with the number of pictures; a call that was stopped goes on where it stopped.
+
+    Parameters
+    ----------
+    cameras : sequence of Path
+        Folders of poses, one a terrain: boxes off the sand are left out there.
 
     Raises
     ------
@@ -44,6 +58,7 @@ def predict(*, weights: Path, dataset: Path, predictions: Path, options: Predict
     with about(weights):
         loaded = detectors.load_detector(detector, predictions.parent, options, threads)
     paths = {key: dataset / "images" / TEST / f"{key}.png" for key in keys}
+    sand = Sand.read(cameras)
 
     def see(some: Sequence[str]) -> pd.DataFrame:
         rows: list[tuple[Any, ...]] = []
@@ -53,11 +68,12 @@ def predict(*, weights: Path, dataset: Path, predictions: Path, options: Predict
             rows += [
                 (key, BOX_CLASSES[int(found[5])], found[4], *found[:4])
                 for key, result in zip(group, results, strict=True)
-                for found in result
+                for found in sand.keep(key, result)
             ]
         return _table(rows)
 
-    identity = digest([weights, *paths.values()], code_digest(__name__), options.model_dump_json())
+    poses = [path for folder in cameras for path in sorted(Path(folder).glob("Pos?.json"))]
+    identity = digest([weights, *paths.values(), *poses], code_digest(__name__), options.model_dump_json())
     write_in_parts(predictions, keys, see, PART, identity)
 
 

@@ -11,7 +11,10 @@ from polarsim.detect.detectors.compact.weights import network
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
+from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.schemas import COVER_FOUND, COVER_SCORES, PREDICTIONS
+from polarsim.geometry.poses import looking
+from polarsim.geometry.stereo import stated_rig
 from tests.covers.test_scores import label_rows_of
 
 KEYS = {"01": "01_A_off_30_L_0256", "03": "03_A_off_30_R_0256", "04": "04_A_off_30_L_0256"}
@@ -64,6 +67,15 @@ def test_a_folds_widths_are_those_of_the_other_folds(folds, tmp_path):
     own = found[found["key"] == KEYS["04"]]
     assert own["x0"].tolist() == [SMALL[0]]  # large boxes are asked of 512 px
     assert set(found["key"]) == set(KEYS.values())
+
+
+def test_what_is_found_off_the_sand_is_left_out_before_widths_are_chosen(folds, tmp_path):
+    """Fold 03's camera looks at the ceiling: nothing it shows stands on the sand, and it chooses nothing."""
+    up = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
+    write_localised(tmp_path / "Terrain03/PosA.json", up)
+    widths, found = choose(folds | {"cameras": [tmp_path / "Terrain03"]}, tmp_path)
+    assert set(found["key"]) == {KEYS["01"], KEYS["04"]}
+    assert widths["04"] == "512 1024"
 
 
 def test_one_fold_alone_and_named_widths(folds, tmp_path):

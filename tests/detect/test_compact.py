@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -18,6 +19,9 @@ from polarsim.detect.split import split_photos
 from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
 from polarsim.formats import tables
+from polarsim.formats.rigs import LocalisedRig, write_localised
+from polarsim.geometry.poses import looking
+from polarsim.geometry.stereo import stated_rig
 
 torch = pytest.importorskip("torch")
 
@@ -163,6 +167,27 @@ def test_predictions_are_well_formed_and_find_the_blobs(dataset, matched, tmp_pa
     centres = ((surest["x0"] + surest["x1"]) / 2).groupby(surest["key"]).apply(list)
     near = [any(abs(x - (row.x0 + row.x1) / 2) < 30 for x in centres.get(row.key, [])) for row in labels.itertuples()]
     assert np.mean(near) > 0.6  # five points at random find less than a sixth
+
+
+def test_finds_off_the_sand_are_left_out_where_poses_are_known(dataset, matched, tmp_path):
+    """A camera that looks at the ceiling sees no sand, whatever a detector finds."""
+    up = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
+    (tmp_path / "Terrain01").mkdir()
+    for position in "ABCDEFG":
+        write_localised(tmp_path / f"Terrain01/Pos{position}.json", up)
+    for cameras, name in (([], "all"), ([tmp_path / "Terrain01"], "on_sand")):
+        predict(
+            weights=matched / "real.pt",
+            dataset=dataset,
+            predictions=tmp_path / f"{name}.parquet",
+            options=PREDICTION,
+            threads=1,
+            cameras=cameras,
+        )
+    found, kept = (tables.read_parquet(tmp_path / f"{name}.parquet") for name in ("all", "on_sand"))
+    elsewhere = found[~found["key"].str.startswith("01")].reset_index(drop=True)
+    assert len(elsewhere) < len(found)
+    pd.testing.assert_frame_equal(kept, elsewhere)
 
 
 def test_it_trains_and_predicts_where_ultralytics_cannot_be_imported(dataset, tmp_path):
