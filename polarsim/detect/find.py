@@ -17,7 +17,7 @@ from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import ClassSizes
 from polarsim.errors import DetectError, PolarsimError, about
 from polarsim.formats import coco, png, tables, yolo
-from polarsim.formats.files import writing_folder
+from polarsim.formats.files import relative_to, writing_folder
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, NO_ROCK, WHITE_LEVEL
 from polarsim.progress import track
@@ -77,7 +77,7 @@ def find_in_pictures(
             yolo.write_boxes(
                 folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], (width, height), found[:, 4]
             )
-            image = {"id": len(annotated) + 1, "file_name": path.name, "width": width, "height": height}
+            image = {"id": len(annotated) + 1, "file_name": relative_to(path, out), "width": width, "height": height}
             own = [coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]
             annotated.append((image, own))
             if draw:

@@ -5,9 +5,11 @@ A catalogue names files and holds what is small (keys, poses, lamps); labels are
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Literal
@@ -20,7 +22,7 @@ from polarsim.formats import lamps, rigs, scene, tables
 from polarsim.formats.coco import Annotation, read_coco
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.run_files import instances_of
+from polarsim.formats.run_files import instances_of, pictures_at
 from polarsim.geometry.camera import Camera
 from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey
 
@@ -111,6 +113,7 @@ class Catalogue:
     drives: tuple[Path, ...] = ()  # folders
     tables: tuple[Path, ...] = ()
     config: str = ""  # hash of the run's configuration
+    made_on: str = ""  # the day (UTC, YYYY-MM-DD) of the run's newest picture, label, pose or mesh
     left_out: tuple[str, ...] = field(default_factory=tuple)  # what is not published, in sentences
 
     @property
@@ -225,6 +228,7 @@ def read_catalogue(run: Path) -> Catalogue:
         drives=tuple(sorted(path.parent for path in (run / "rover").glob(f"seed*/{DRIVE}"))),
         tables=tuple(sorted((run / "tables").glob("*.parquet"))),
         config=_config(run),
+        made_on=_made_on(run, pictures),
     )
 
 
@@ -256,12 +260,12 @@ def _pictures(run: Path, terrains: Mapping[int, Terrain], photo_domain: str) -> 
     for terrain in terrains.values():
         listed = run / "acquire" / terrain.name / "photos.parquet"
         if listed.is_file():
+            found = pictures_at(listed)
             for row in tables.read_parquet(listed, tables.PHOTO_COLUMNS).to_dict("records"):
-                key, path = PhotoKey.parse(row["key"]), Path(row["path"])
+                key = PhotoKey.parse(row["key"])
+                path = found[key]
                 if not path.is_file():
-                    raise FormatError(
-                        f"lists {path}, which is not there from here; call it where snakemake ran", listed
-                    )
+                    raise FormatError(f"lists {path}, which is not there", listed)
                 size = int(row["width"]), int(row["height"])
                 yield Picture(photo_domain, key, path, *size, row["sha256"], parts.get(key, ""))
         for folder in sorted((run / "renders").glob(f"*/{terrain.name}")):
@@ -299,6 +303,29 @@ def _config(run: Path) -> str:
         if "config" in table.columns and len(table):
             return str(table["config"].iloc[0])
     return ""
+
+
+def _made_on(run: Path, pictures: tuple[Picture, ...]) -> str:
+    """The day on which the run's newest file was written: a day of the call would give other bytes every day.
+
+    A copy that does not keep the time stamps of files has another day; SOURCE_DATE_EPOCH states one, as reproducible
+    builds do (https://reproducible-builds.org/specs/source-date-epoch/).
+
+    Raises
+    ------
+    ConfigError
+        SOURCE_DATE_EPOCH is no number of seconds.
+    """
+    stated = os.environ.get("SOURCE_DATE_EPOCH", "")
+    if stated:
+        try:
+            return datetime.fromtimestamp(int(stated), UTC).date().isoformat()
+        except (ValueError, OverflowError, OSError) as error:
+            raise ConfigError(f"SOURCE_DATE_EPOCH is {stated!r}, expected seconds since 1970") from error
+    stages = ("labels/coco", "renders/coco", "cameras", "meshes")
+    files = [path for stage in stages for path in (run / stage).rglob("*") if path.is_file()]
+    newest = max(path.stat().st_mtime for path in [*files, *(one.path for one in pictures)])
+    return datetime.fromtimestamp(newest, UTC).date().isoformat()
 
 
 def shadow_casters(labels: list[Annotation]) -> list[int]:

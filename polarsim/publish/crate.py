@@ -74,7 +74,7 @@ def _metadata(catalogue: Catalogue, bundle: Bundle, said: dict[str, str]) -> Any
     crate = ROCrate()
     root = crate.root_dataset
     root["name"], root["description"] = terms.title(catalogue), terms.what_it_is(catalogue)
-    root["datePublished"], root["version"] = terms.RELEASED, __version__
+    root["datePublished"], root["version"] = catalogue.made_on, __version__
     # Those that are in the table of licences are known by their addresses; which is of what stands on the card.
     root["license"] = [
         crate.add(ContextEntity(crate, url, {"@type": "CreativeWork", "name": how, "description": what}))

@@ -87,7 +87,7 @@ def metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bund
         cite_as=terms.CITATION,
         license=terms.licence_urls(catalogue),
         creators=[mlc.Organization(name=terms.CREATOR)],
-        date_published=terms.RELEASED,
+        date_published=catalogue.made_on,
         version=__version__,
         distribution=files,
         record_sets=sets,

@@ -38,7 +38,11 @@ def bytes_of(picture: Picture) -> int:
 
 
 def write_folder(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`<domain>/<split>/KEY.png`, its ids, and `metadata.jsonl`, which the loader `imagefolder` joins to them."""
+    """`<domain>/<split>/KEY.png`, its ids, and `metadata.parquet`, which the loader `imagefolder` joins to them.
+
+    Parquet states the columns' types; of lines of JSON the loader guesses them, and finds splits that do not go
+    together where no picture of one has a label.
+    """
     for (domain, split), pictures in _splits(catalogue).items():
         lines = []
         for one in pictures:
@@ -46,8 +50,7 @@ def write_folder(catalogue: Catalogue, bundle: Bundle) -> None:
             bundle.copy(f"{domain}/{split}/{name}", one.path)
             _write_ids(catalogue, bundle, one, f"{domain}/{split}/{ids}")
             lines.append({"file_name": name, "ids_file_name": ids, **row_of(catalogue, one)})
-        text = "".join(json.dumps(line, allow_nan=False) + "\n" for line in lines)
-        bundle.text(f"{domain}/{split}/metadata.jsonl", text)
+        bundle.make(f"{domain}/{split}/metadata.parquet", partial(_write_metadata, lines))
 
 
 def write_parquet(catalogue: Catalogue, bundle: Bundle) -> None:
@@ -164,14 +167,29 @@ def _full_rows(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[dict[s
         }
 
 
+def _write_metadata(rows: list[dict[str, Any]], path: Path) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    fields = {"file_name": pa.string(), "ids_file_name": pa.string(), **_fields()}
+    table = pa.Table.from_pylist(rows, pa.schema(fields))
+    parquet.write_table(table, path, compression="none", write_statistics=False)
+
+
+def _fields() -> dict[str, Any]:
+    """Arrow's types of what `row_of` says."""
+    import pyarrow as pa
+
+    label = pa.struct({name: _arrow(kind) for name, kind in _LABEL.items()})
+    return {**{name: _arrow(kind) for name, kind in _PICTURE.items()}, "objects": pa.list_(label)}
+
+
 def _schema() -> Any:
     """Arrow's, with what `datasets` calls features in its metadata."""
     import pyarrow as pa
 
     image = pa.struct({"bytes": pa.binary(), "path": pa.string()})
-    label = pa.struct({name: _arrow(kind) for name, kind in _LABEL.items()})
-    fields = {"image": image, "ids": image, **{name: _arrow(kind) for name, kind in _PICTURE.items()}}
-    fields["objects"] = pa.list_(label)
+    fields = {"image": image, "ids": image, **_fields()}
     features = {
         "image": {"_type": "Image"},
         "ids": {"_type": "Image"},

@@ -111,7 +111,7 @@ class Archive:
             node("files", 1),
             node("Document_File", node("file_name", f"{name}.md"), node("document_standard_id", "UTF-8 Text")),
         )
-        area = node("Document", node("publication_date", terms.RELEASED), node("document_editions", 1), edition)
+        area = node("Document", node("publication_date", self.catalogue.made_on), node("document_editions", 1), edition)
         self._label(collection, name, pds4.label("Product_Document", identity, area))
 
     def close(self) -> None:

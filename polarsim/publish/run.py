@@ -71,7 +71,7 @@ FORMS: dict[str, Form] = {
     "hf": Form(
         "A folder for Hugging Face's `datasets`: a configuration a domain, `<domain>/<split>/KEY.png` with 16 bits, "
         "`ids/KEY.png` (1000 + k: rock k, 2000 + k: its shadow; 65534, 65535: of a rock without a number), and "
-        "`metadata.jsonl` with key, pose, lens and objects (bbox x y w h, category 0 rock 1 shadow, masks as COCO "
+        "`metadata.parquet` with key, pose, lens and objects (bbox x y w h, category 0 rock 1 shadow, masks as COCO "
         "runs). `load_dataset(FOLDER, DOMAIN)` reads it.",
         huggingface.write_folder, huggingface.bytes_of, front=lambda one: huggingface.front(one, parquet=False),
     ),

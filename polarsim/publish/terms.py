@@ -8,7 +8,6 @@ CC0 = "https://creativecommons.org/publicdomain/zero/1.0/"
 NASA_TERMS = "https://www.nasa.gov/nasa-brand-center/images-and-media/"
 URL = "https://github.com/uwsbel/POLAR-Sim"  # where the labels and meshes that a run starts from are published
 CREATOR = "The polarsim developers"
-RELEASED = "2026-11-25"  # of this version of polarsim: a day of the call would give other bytes every day
 LICENCES = (
     ("Labels, masks, poses, lamps, meshes, tables", "CC0 1.0", CC0),
     ("Twins, pictures of the analog, drives", "CC0 1.0 (polarsim claims no rights in what it makes)", CC0),

@@ -76,7 +76,9 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
     assert (fields[0], fields[5]) == ("0", "0.9000")
     np.testing.assert_allclose(float(fields[1]) * 320, (corners[2, 0] + corners[2, 2]) / 2, atol=0.1)
     images = {row["file_name"]: row for row in json.loads((tmp_path / "out/coco.json").read_text())["images"]}
-    assert (images["half.png"]["width"], images["half.png"]["height"]) == (320, 200)
+    assert all((tmp_path / "out" / name).is_file() for name in images)
+    half = images[f"../{folder.name}/half.png"]
+    assert (half["width"], half["height"]) == (320, 200)
     assert cv2.imread(str(tmp_path / "out/pictures/whole.jpg")).shape == (400, 640, 3)
 
 

@@ -32,4 +32,4 @@ def test_the_workflow_made_the_results_of_the_photos(published):
     assert run["instrument"] is crate.mainEntity
     assert [one.id.rstrip("/") for one in run["object"]] == ["pictures/analog"] or run["object"].id
     assert len(run["result"]) > 10
-    assert crate.root_dataset["datePublished"] == "2026-11-25"
+    assert crate.root_dataset["datePublished"] == catalogue.made_on

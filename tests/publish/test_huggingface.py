@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from polarsim.formats import png, rle
+from polarsim.formats import coco, png, rle
 from polarsim.photo import BOX_CLASSES
 from polarsim.publish import huggingface, records
-from tests.publish.tiny import SIZE
+from polarsim.publish.run import publish
+from tests.publish.tiny import KEYS, PARTS, SIZE, make_run, photo_labels
 
 datasets = pytest.importorskip("datasets")
 
@@ -56,3 +57,17 @@ def test_pictures_are_shared_out_to_files_of_a_size(catalogue, monkeypatch):
     shards = huggingface._shards(pictures)
     assert [len(shard) for shard in shards] == [2, 2]
     assert [one for shard in shards for one in shard] == pictures
+
+
+def test_splits_go_together_where_no_picture_of_one_has_a_label(tmp_path, monkeypatch):
+    monkeypatch.setattr(datasets.config, "HF_HUB_OFFLINE", True)
+    run = make_run(tmp_path)
+    dark = {key: [] if PARTS[key] == "test" else photo_labels(key) for key in KEYS}
+    coco.write_coco(run / "labels/coco/Terrain01.json", dark, size=SIZE)
+    for form in ("hf", "parquet"):
+        publish(run, tmp_path / "out", [form])
+        parts = datasets.load_dataset(str(tmp_path / "out" / form), "analog", cache_dir=str(tmp_path / "cache"))
+        assert {name: {len(row["objects"]) for row in part} for name, part in parts.items()} == {
+            "train": {5},
+            "test": {0},
+        }

@@ -114,13 +114,26 @@ def pose_table(cameras: Mapping[int, Pose], times: np.ndarray) -> pd.DataFrame:
 
 
 def write_tables(
-    folder: Path, sun: str, truths: Sequence[Truth], world: World, cameras: Mapping[int, Pose], size: tuple[int, int]
+    folder: Path,
+    sun: str,
+    truths: Sequence[Truth],
+    world: World,
+    cameras: Mapping[int, Pose],
+    size: tuple[int, int],
+    pictures_in: str,
 ) -> None:
-    """`<Sun>_truth.parquet` and `<Sun>_coco.json` of a view."""
+    """`<Sun>_truth.parquet` and `<Sun>_coco.json` of a view; the latter names the pictures of the folder
+    `pictures_in` beside it, of all models and exposures that show the same.
+    """
     tables.write_parquet(folder / f"{sun}_truth.parquet", truth_table(truths, world, cameras))
     pictures: list[tuple[Mapping[str, Any], Sequence[coco.Annotation]]] = [
         (
-            {"id": truth.frame + 1, "file_name": f"{truth.frame:05d}.png", "width": size[0], "height": size[1]},
+            {
+                "id": truth.frame + 1,
+                "file_name": f"{pictures_in}/{truth.frame:05d}.png",
+                "width": size[0],
+                "height": size[1],
+            },
             truth.labels,
         )
         for truth in truths
@@ -207,7 +220,8 @@ def _write_tables(folder: Path, suite: CameraSuite, view: str) -> None:
     for sun in suite.suns:
         truths = [read_truth(labels_folder(folder, view, sun), frame) for frame in suite.frames]
         there: Sequence[Truth] = [truth for truth in truths if truth is not None]
-        write_tables(folder / view, sun, there, suite.trace.world, cameras, _size(suite, view))
+        first = picture_folder(folder, view, sun, *suite.options.pictures[0]).name
+        write_tables(folder / view, sun, there, suite.trace.world, cameras, _size(suite, view), first)
 
 
 def _size(suite: CameraSuite, view: str) -> tuple[int, int]:

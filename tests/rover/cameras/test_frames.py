@@ -49,6 +49,7 @@ def test_truth_says_the_same_in_all_its_formats(written):
     assert len(classes) == len(own)
     coco = json.loads((folder / FRONT / "2_coco.json").read_text())
     assert len(coco["images"]) == 4
+    assert all((folder / FRONT / image["file_name"]).is_file() for image in coco["images"])
     assert len(coco["annotations"]) == len(table)
     nearest = own[own["kind"] == "rock"].sort_values("distance_m").iloc[0]
     assert nearest["height_m"] in [rock[2] for rock in driven.ROCKS]
