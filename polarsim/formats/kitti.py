@@ -16,6 +16,7 @@ from polarsim.formats.text_fields import fields_of, numbers
 from polarsim.geometry.lens import HALF_PIXEL
 
 FIELDS = 15  # type truncated occluded alpha bbox(4) dimensions(3) location(3) rotation_y
+DISPARITY_STEPS = 256  # of a pixel, in pictures of disparity; 0 there: not known, or 256 px and more
 UNKNOWN_3D = "-1 -1 -1 -1000 -1000 -1000 -10"  # as the devkit writes what is not known
 MATRICES = {"P0": (3, 4), "P1": (3, 4), "P2": (3, 4), "P3": (3, 4), "R0_rect": (3, 3), "Tr_velo_to_cam": (3, 4),
             "Tr_imu_to_velo": (3, 4)}  # fmt: skip
@@ -58,6 +59,17 @@ def read_objects(path: str | Path) -> list[KittiObject]:
             raise FormatError("box without area, or occluded none of 0 to 3", path=path, line=number)
         found.append(KittiObject(fields[0], box, float(values[0]), int(values[1])))
     return found
+
+
+def disparity_picture(disparity: np.ndarray) -> np.ndarray:
+    """Disparities (h, w) in pixels, NaN where there is none, as the devkit's 16-bit pictures hold them."""
+    steps = np.round(disparity * DISPARITY_STEPS)
+    return np.where((steps >= 1) & (steps <= np.iinfo(np.uint16).max), steps, 0).astype(np.uint16)
+
+
+def disparity_of(picture: np.ndarray) -> np.ndarray:
+    """The inverse of `disparity_picture`: pixels, NaN where there is none."""
+    return np.where(picture > 0, picture / DISPARITY_STEPS, np.nan)
 
 
 def write_calibration(path: str | Path, matrices: Mapping[str, np.ndarray]) -> None:

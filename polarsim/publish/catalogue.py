@@ -164,8 +164,12 @@ class Catalogue:
 
     def sources(self, picture: Picture) -> list[Path]:
         """Files that what is made of a picture and its labels and its pose depends on."""
-        cameras = self.run / "cameras" / f"Terrain{picture.key.terrain:02d}" / f"Pos{picture.key.position}.json"
-        return [path for path in (picture.path, self.label_file(picture), cameras) if path and path.is_file()]
+        files = (picture.path, self.label_file(picture), self.camera_file(picture))
+        return [path for path in files if path and path.is_file()]
+
+    def camera_file(self, picture: Picture) -> Path:
+        """Where the pose of its rig stands."""
+        return self.run / "cameras" / f"Terrain{picture.key.terrain:02d}" / f"Pos{picture.key.position}.json"
 
     def maps(self) -> list[tuple[str, Path]]:
         """Kind and file of the maps (depth, photometric angles ...) of what the pictures show."""

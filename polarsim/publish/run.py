@@ -92,8 +92,9 @@ FORMS: dict[str, Form] = {
     ),
     "kitti": Form(
         "A data set a domain as KITTI's devkit expects it: rectified pairs (8 bits, `training/image_2` left, "
-        "`image_3` right), `calib`, `label_2` (Rock, Shadow; boxes in three dimensions are not known), `ImageSets`, "
-        "and `keys.csv`, which names the photo keys. In `calib` the laser's frame is the sandbox.",
+        "`image_3` right), `calib`, `label_2` (Rock, Shadow; boxes in three dimensions are not known), `disp_noc_0` "
+        "and `disp_occ_0` (disparity of the meshes, 256 a pixel; 0 where there is none or where it is 256 px and "
+        "more), `ImageSets`, and `keys.csv`, which names the photo keys. In `calib` the laser's frame is the sandbox.",
         stereo_set.write, stereo_set.bytes_of,
     ),
     "colmap": Form(

@@ -1,35 +1,41 @@
-"""A KITTI data set a domain: rectified pairs with calibration and boxes, laid out as the devkit expects."""
+"""A KITTI data set a domain: rectified pairs with calibration, boxes and disparity, laid out as the devkit expects."""
 
 from __future__ import annotations
 
 import csv
 import io
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from polarsim.detect.stereo.rectify import Rectification, rectify
+from polarsim.detect.stereo.truth import DepthTruth, depth_truth
 from polarsim.formats import kitti, png
 from polarsim.formats.coco import Annotation
+from polarsim.formats.scene import read_terrain
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import around
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.rays_embree import EmbreeCaster
 from polarsim.geometry.stereo import StereoRig
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, Picture
 from polarsim.publish.detection_sets import PARTS
 
 _SEEN, _HARDLY = 0.98, 0.5  # visible shares from which a thing is seen whole, below which it is hardly seen
+DISPARITIES = ("disp_noc_0", "disp_occ_0")  # of pixels that the right camera sees too, and of all
 _STEP_PX = 2.0  # between points of a box's edge that are turned
 
 
 def bytes_of(picture: Picture) -> int:
-    return picture.width * picture.height + 2000
+    return 2 * picture.width * picture.height + 2000  # 8 bits, and of every pair two pictures of disparity
 
 
 def write(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`<domain>/training/{image_2,image_3,label_2,calib}/NNNNNN.*`, `ImageSets/`, `keys.csv`."""
+    """`<domain>/training/{image_2,image_3,label_2,calib,disp_noc_0,disp_occ_0}/NNNNNN.*`, `ImageSets/`, `keys.csv`."""
+    disparities = Disparities(catalogue)
     for domain in catalogue.domains:
         pairs = _pairs(catalogue, domain)
         names: dict[str, list[str]] = {}
@@ -42,12 +48,40 @@ def write(catalogue: Catalogue, bundle: Bundle) -> None:
             names.setdefault(part, []).append(name)
             rows.writerow([name, left.key, right.key, part, catalogue.picture_origin(left)])
             if left.key.station not in rigs:
-                rig = catalogue.terrains[left.key.terrain].rigs[left.key.position].rig
-                rigs = {left.key.station: rectify(rig, left.width / rig.left.width)}
-            _write_pair(catalogue, bundle, (f"{domain}/training", name), (left, right), rigs[left.key.station])
-        for part, own in names.items():
-            bundle.text(f"{domain}/ImageSets/{part}.txt", "".join(f"{name}\n" for name in own))
+                own = catalogue.terrains[left.key.terrain].rigs[left.key.position].rig
+                rigs = {left.key.station: rectify(own, left.width / own.left.width)}
+            place = (f"{domain}/training", name)
+            _write_pair(catalogue, bundle, place, (left, right), rigs[left.key.station])
+            if meshes := list(catalogue.terrains[left.key.terrain].meshes.values()):
+                for kind in DISPARITIES:
+                    file = f"{domain}/training/{kind}/{name}.png"
+                    content = partial(disparities.write, left.key.station, rigs[left.key.station], kind)
+                    bundle.make(file, content, [*meshes, catalogue.camera_file(left)])
+        for part, listed in names.items():
+            bundle.text(f"{domain}/ImageSets/{part}.txt", "".join(f"{name}\n" for name in listed))
         bundle.text(f"{domain}/keys.csv", table.getvalue())
+
+
+class Disparities:
+    """Pictures of disparity by station, from its meshes: the same for every light, domain and exposure."""
+
+    def __init__(self, catalogue: Catalogue) -> None:
+        self._catalogue = catalogue
+        self._pngs: dict[tuple[int, str], dict[str, bytes]] = {}  # of the last station: pairs come one after another
+
+    def write(self, station: tuple[int, str], rig: Rectification, kind: str, path: Path) -> None:
+        if station not in self._pngs:
+            truth = self._truth(station, rig)
+            disparity = rig.disparity(truth.depth)
+            pictures = zip(DISPARITIES, (np.where(truth.shared, disparity, np.nan), disparity), strict=True)
+            self._pngs = {station: {name: png.encode(kitti.disparity_picture(one)) for name, one in pictures}}
+        path.write_bytes(self._pngs[station][kind])
+
+    def _truth(self, station: tuple[int, str], rig: Rectification) -> DepthTruth:
+        terrain, position = station
+        mesh = read_terrain(self._catalogue.run / "meshes" / f"Terrain{terrain:02d}", terrain)
+        caster = EmbreeCaster(mesh.vertices, mesh.faces)
+        return depth_truth(mesh, caster, self._catalogue.terrains[terrain].rigs[position], rig)
 
 
 def _pairs(catalogue: Catalogue, domain: str) -> list[tuple[Picture, Picture]]:

@@ -25,7 +25,7 @@ def test_entities_come_back_and_their_files_exist_with_their_checksums(published
         assert len(list((folder / f"pictures/{domain}").glob("*.png"))) == len(catalogue.of_domain(domain))
 
 
-def test_the_workflow_made_the_results_of_the_photos(published):
+def test_the_workflow_made_the_results_of_the_photos(published, catalogue):
     crate = ROCrate(str(published("ro-crate")))
     assert crate.mainEntity.id == "workflow/Snakefile"
     run = crate.get("#run")

@@ -2,7 +2,9 @@
 
 import hashlib
 import json
+import os
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from pydantic import ValidationError
 
 from polarsim.errors import ConfigError, FormatError, PolarsimError
 from polarsim.formats import png
+from polarsim.formats.tables import read_parquet, write_parquet
 from polarsim.publish import bundle as bundles
 from polarsim.publish import run as running
 from polarsim.publish.bundle import Bundle, check_space
@@ -40,6 +43,7 @@ def test_the_same_drive_has_the_same_bytes(form, drive, drives_published, tmp_pa
 @pytest.mark.parametrize("form", sorted(set(FORMS) - DRIVEN))
 def test_every_form_has_a_card_a_datasheet_and_the_checksum_of_every_file(form, published):
     files = content(published(form))
+    assert not any(path.is_symlink() for path in published(form).rglob("*"))  # so that `tar` and `cp` take all
     listed = dict(reversed(line.split("  ", 1)) for line in files["SHA256SUMS"].decode().splitlines())
     assert set(listed) == set(files) - {"SHA256SUMS", "publish.json"}
     assert all(hashlib.sha256(files[name]).hexdigest() == digest for name, digest in listed.items())
@@ -297,3 +301,28 @@ def test_a_job_publishes_beside_its_receipt(tmp_path):
     assert (run / "publish/yolo/analog.yaml").is_file()
     publish_run(form="yolo", receipt=receipt, options=PublishOptions())  # another choice replaces the first
     assert json.loads(receipt.read_text())["pictures"] == {"analog": 4, "hapke": 4}
+
+
+def test_a_run_is_dated_by_its_newest_file_or_as_one_states(tmp_path, monkeypatch):
+    run = make_run(tmp_path)
+    for path in tmp_path.rglob("*"):
+        os.utime(path, (0, 0))
+    os.utime(run / "meshes/Terrain01/terrain01_rock4.obj", (86_400 * 365, 86_400 * 365))
+    assert read_catalogue(run).made_on == "1971-01-01"
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1790000000")
+    assert read_catalogue(run).made_on == "2026-09-21"
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "tomorrow")
+    with pytest.raises(ConfigError, match="SOURCE_DATE_EPOCH is 'tomorrow'"):
+        read_catalogue(run)
+
+
+def test_photos_are_found_from_any_folder(tmp_path, monkeypatch):
+    run = make_run(tmp_path)
+    table = read_parquet(run / "acquire/Terrain01/photos.parquet")
+    table["path"] = [str(Path(path).relative_to(tmp_path)) for path in table["path"]]
+    write_parquet(run / "acquire/Terrain01/photos.parquet", table)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    for folder in (tmp_path, elsewhere, run):
+        monkeypatch.chdir(folder)
+        assert len(read_catalogue(run).of_domain("analog")) == 4

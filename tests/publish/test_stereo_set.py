@@ -6,8 +6,8 @@ import pytest
 from polarsim.errors import FormatError
 from polarsim.formats import kitti, png
 from polarsim.photo import PhotoKey
-from polarsim.publish.stereo_set import kitti_object, rectified_edges
-from tests.publish.tiny import SIZE
+from polarsim.publish.stereo_set import DISPARITIES, kitti_object, rectified_edges
+from tests.publish.tiny import ROCK_PLACES, SIZE
 
 
 def pairs(folder, domain):
@@ -20,7 +20,8 @@ def test_the_devkits_folders_hold_a_file_of_each_kind_for_every_pair(published, 
     for domain in catalogue.domains:
         names = {name for name, _ in pairs(folder, domain)}
         assert len(names) == 2
-        for place, suffix in (("image_2", "png"), ("image_3", "png"), ("label_2", "txt"), ("calib", "txt")):
+        pictures = ("image_2", "image_3", "disp_noc_0", "disp_occ_0")
+        for place, suffix in [*((name, "png") for name in pictures), ("label_2", "txt"), ("calib", "txt")]:
             assert {path.name for path in (folder / domain / "training" / place).iterdir()} == {
                 f"{name}.{suffix}" for name in names
             }
@@ -78,6 +79,33 @@ def test_boxes_read_back_hold_the_turned_box_to_a_hundredth_of_a_pixel(published
             np.testing.assert_allclose(one.box, [*corners.min(axis=0), *corners.max(axis=0)], atol=0.01, rtol=0)
             again = kitti_object(label, localised.rig, turned, left[key])
             assert again.truncated == 0
+
+
+def test_disparity_and_calibration_give_the_meshes_back(published):
+    """As the devkit has it: depth is focal length times baseline over disparity, pixels count from their centres."""
+    training = published("kitti") / "hapke/training"
+    found = kitti.read_calibration(training / "calib/000000.txt")
+    everywhere, shared = (kitti.disparity_of(png.read(training / name / "000000.png")) for name in DISPARITIES[::-1])
+    assert everywhere.shape == SIZE[::-1]
+    assert 0.5 < np.isfinite(shared).mean() < np.isfinite(everywhere).mean()
+    np.testing.assert_array_equal(shared[np.isfinite(shared)], everywhere[np.isfinite(shared)])
+    row, column = np.nonzero(np.isfinite(everywhere))
+    focal, baseline = found["P2"][0, 0], -found["P3"][0, 3] / found["P2"][0, 0]
+    depth = focal * baseline / everywhere[row, column]
+    centre = found["P2"][:2, 2]
+    camera = np.c_[(np.c_[column, row] - centre) / focal, np.ones(len(row))] * depth[:, None]
+    laser = np.vstack([found["Tr_velo_to_cam"], [0, 0, 0, 1]])
+    points = (np.linalg.inv(laser) @ np.c_[camera, np.ones(len(row))].T)[:3].T
+    near = np.min([np.linalg.norm(points - [x, y, r / 2], axis=1) - r for x, y, r in ROCK_PLACES.values()], axis=0)
+    surface = np.minimum(np.abs(points[:, 2]), np.abs(near))
+    assert np.quantile(surface, 0.99) < 0.006  # a step of disparity is millimetres here; balls have flat faces
+    assert (near < 0.004).sum() > 200  # rocks are there
+
+
+def test_disparities_that_kitti_cannot_hold_are_none():
+    steps = kitti.disparity_picture(np.array([[np.nan, 0.001, 1.5, 255.99, 256.0, 400.0]]))
+    assert steps.tolist() == [[0, 0, 384, 65533, 0, 0]]
+    np.testing.assert_array_equal(kitti.disparity_of(steps)[0, :3], [np.nan, np.nan, 1.5])
 
 
 @pytest.mark.parametrize(
