@@ -37,6 +37,7 @@ class Identity:
     lid: str  # logical identifier, without a version
     title: str
     description: str  # what it is, its frames, and whether its values were measured, fitted or made up
+    citation: tuple[str, str] | None = None  # authors and year; bundles, collections and documents must have one
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,7 @@ def label(kind: str, identity: Identity, *areas: Node) -> bytes:
         node("title", identity.title),
         node("information_model_version", MODEL_VERSION),
         node("product_class", kind),
+        *_citation(identity),
     )
     root = node(kind, identification, *areas)
     root.set("xmlns", NAMESPACE)
@@ -85,6 +87,18 @@ def label(kind: str, identity: Identity, *areas: Node) -> bytes:
     root.set("xsi:schemaLocation", f"{NAMESPACE} {_SCHEMA}.xsd")
     ElementTree.indent(root)
     return _HEAD.encode() + ElementTree.tostring(root, encoding="utf-8") + b"\n"
+
+
+def _citation(identity: Identity) -> list[Node]:
+    if identity.citation is None:
+        return []
+    authors, year = identity.citation
+    parts = (
+        node("author_list", authors),
+        node("publication_year", year),
+        node("description", identity.description),
+    )
+    return [node("Citation_Information", *parts)]
 
 
 def observation(identity: Identity, observed: Observed) -> Node:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -103,7 +103,7 @@ class Archive:
     def document(self, collection: Collection, name: str, text: str) -> None:
         file = f"{collection.name}/{name}.md"
         self.bundle.text(file, text)
-        identity = self._identity(collection, name, name.replace("_", " "), "Markdown, UTF-8.")
+        identity = self._cited(self._identity(collection, name, name.replace("_", " "), "Markdown, UTF-8."))
         edition = node(
             "Document_Edition",
             node("edition_name", "1"),
@@ -119,7 +119,7 @@ class Archive:
         for one in self.collections:
             self._close_collection(one)
         says = f"{terms.what_it_is(self.catalogue)} {FRAMES}"
-        identity = Identity(self.lid, terms.title(self.catalogue), says)
+        identity = self._cited(Identity(self.lid, terms.title(self.catalogue), says))
         entries = [
             node(
                 "Bundle_Member_Entry",
@@ -137,12 +137,12 @@ class Archive:
         lines = "".join(f"P,{member}::1.0\r\n" for member in one.members)
         file = f"{one.name}/collection.csv"
         self.bundle.bytes(file, lines.encode())
-        identity = Identity(f"{self.lid}:{one.name}", one.title, one.title)
+        identity = self._cited(Identity(f"{self.lid}:{one.name}", one.title, one.title))
         fields = [
             node("Field_Delimited", node("name", name), node("field_number", number), node("data_type", kind),
-                 node("maximum_field_length", 255, unit="byte"))
-            for number, (name, kind) in enumerate(
-                (("Member Status", "ASCII_String"), ("LIDVID_LID", "ASCII_LIDVID_LID")), 1)
+                 node("maximum_field_length", length, unit="byte"))
+            for number, (name, kind, length) in enumerate(
+                (("Member_Status", "ASCII_String", 1), ("LIDVID_LID", "ASCII_LIDVID_LID", 255)), 1)
         ]  # fmt: skip
         inventory = node(
             "File_Area_Inventory",
@@ -160,6 +160,9 @@ class Archive:
         )
         area = node("Collection", node("collection_type", one.kind), node("description", one.title))
         self.bundle.bytes(f"{one.name}/collection.xml", pds4.label("Product_Collection", identity, area, inventory))
+
+    def _cited(self, identity: Identity) -> Identity:
+        return replace(identity, citation=(terms.CREATOR, self.catalogue.made_on[:4]))
 
     def _identity(self, collection: Collection, name: str, title: str, description: str) -> Identity:
         return Identity(f"{self.lid}:{collection.name}:{_lid(name)}", title, description)

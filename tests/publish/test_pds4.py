@@ -8,9 +8,9 @@ import pytest
 
 from polarsim.formats import png
 from polarsim.publish import records
+from tests.publish.pds4_rules import PDS, broken_rules
 
 pds4_tools = pytest.importorskip("pds4_tools")
-PDS = "{http://pds.nasa.gov/pds4/pds/v1}"
 
 
 @pytest.fixture(autouse=True)
@@ -33,6 +33,26 @@ def test_the_reader_opens_every_product(published, catalogue):
     pictures = len(catalogue.pictures)
     maps, tables, card, collections, bundle = 4 + 2 + 2, 6, 1, 2 * 3 + 3, 1
     assert len(labels(folder)) == 3 * pictures + maps + tables + card + collections + bundle
+
+
+def test_labels_keep_the_rules_of_the_schema(published):
+    for path in labels(published("pds4")):
+        assert list(broken_rules(path.read_bytes())) == [], path
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes", "told"),
+    [
+        (b"Citation_Information>", b"Citation>", "Identification_Area holds"),
+        (b"bundle_has_data_collection", b"bundle_has_dust", "reference_type is 'bundle_has_dust'"),
+        (b"urn:nasa:pds:polarsim_tiny<", b"urn:nasa:pds:polarsim_tiny:more<", "logical_identifier"),
+        (b"<version_id>1.0</version_id>", b"", "Identification_Area holds"),
+    ],
+)
+def test_a_label_that_breaks_one_is_found(published, was, becomes, told):
+    label = (published("pds4") / "bundle.xml").read_bytes()
+    assert was in label
+    assert any(told in one for one in broken_rules(label.replace(was, becomes)))
 
 
 def test_maps_of_depth_angles_and_normals_have_their_units(published, catalogue):
