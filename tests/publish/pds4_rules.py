@@ -108,6 +108,12 @@ def broken_rules(label: bytes) -> Iterator[str]:
                 yield f"{name}: {child.tag.removeprefix(PDS)} is {child.text!r}"
         if name in ("offset", "file_size", "maximum_field_length") and element.get("unit") != "byte":
             yield f"{name} without its unit"
+    yield from _broken_identity(root)
+    yield from _broken_records(root)
+    yield from _broken_axes(root)
+
+
+def _broken_identity(root: ElementTree.Element) -> Iterator[str]:
     kind, area = root.tag.removeprefix(PDS), root.find(f"{PDS}Identification_Area")
     lid = area.findtext(f"{PDS}logical_identifier")
     if not re.fullmatch(r"urn:nasa:pds(:[a-z0-9._-]+)+", lid) or lid.count(":") != _COLONS.get(kind, 5):
@@ -119,8 +125,6 @@ def broken_rules(label: bytes) -> Iterator[str]:
     for text in (element for name in ("title", "name") for element in root.iter(f"{PDS}{name}")):
         if not 0 < len(text.text or "") <= 255:
             yield f"{text.text!r} is no short text"
-    yield from _broken_records(root)
-    yield from _broken_axes(root)
 
 
 def _broken_records(root: ElementTree.Element) -> Iterator[str]:
