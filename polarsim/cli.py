@@ -295,7 +295,10 @@ def export(
 def import_(
     source: Annotated[Path, typer.Argument(help="Export of a labelling tool: a .json or .xml file, or a folder.")],
     folder: Annotated[
-        Path, typer.Argument(help="New folder of label files KEY.txt; one that holds something is refused.")
+        Path,
+        typer.Argument(
+            callback=writes_folder, help="New folder of label files KEY.txt; one that holds something is refused."
+        ),
     ],
     form: Annotated[
         Literal["auto", "coco", "yolo", "cvat", "label-studio", "fiftyone"],
@@ -316,11 +319,14 @@ def import_(
 ) -> None:
     """Take labels that others drew in COCO, YOLO, CVAT, Label Studio or FiftyOne as seeds or corrections of a run."""
     from polarsim.annotate.import_labels import import_labels
+    from polarsim.photo import BOX_CLASSES
 
-    pairs = [text.partition("=") for text in name or ()]
-    if wrong := [called for called, equals, _ in pairs if not called or not equals]:
-        raise typer.BadParameter(f"--name {wrong[0]!r}: expected CALLED=rock, CALLED=shadow or CALLED=")
-    names = {called: kind for called, _, kind in pairs}
+    names = {}
+    for text in name or ():
+        called, equals, kind = text.partition("=")
+        if not called or not equals or kind not in ("", *BOX_CLASSES):
+            raise typer.BadParameter(f"--name {text!r}: expected CALLED=rock, CALLED=shadow or CALLED=")
+        names[called] = kind
     photos, boxes, empty = import_labels(source, folder, form, names, keep_empty)
     typer.echo(f"{boxes} boxes in {photos} photos in {folder}")
     if empty:
@@ -333,7 +339,10 @@ def import_(
 @command()
 def publish(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
-    out: Annotated[Path, typer.Argument(help="Folder to write; every form gets a folder of its name in it.")],
+    out: Annotated[
+        Path,
+        typer.Argument(callback=writes_folder, help="Folder to write; every form gets a folder of its name in it."),
+    ],
     form: Annotated[
         list[str], typer.Option("--format", help="croissant, hf, parquet ...; may be repeated, or with commas; all.")
     ],
@@ -349,14 +358,14 @@ def publish(
     replace: Annotated[
         bool, typer.Option("--replace", help="What another call published in the folder of a form goes.")
     ] = False,
-    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+    results: Results = Path("results"),
 ) -> None:
     """Write a run in forms that other people's tools read, each with its data card; a stopped call goes on."""
     from polarsim.publish.run import publish as write
 
     names = [name for text in form for name in _listed(text)]
     with reporting():  # typer keeps Ctrl-C to itself
-        parts = write(results / run, out, names, subset, max_size, photos, replace)
+        parts = write(run_folder(results, run), out, names, subset, max_size, photos, replace)
     for name, part in parts.items():
         typer.echo(f"{len(part.pictures)} pictures in {out / name}")
 
@@ -365,12 +374,16 @@ def publish(
 def explore(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
     out: Annotated[
-        Path | None, typer.Option(help="Write the page to this new folder, for any static host, instead of serving it.")
+        Path | None,
+        typer.Option(
+            callback=writes_folder,
+            help="Write the page to this new folder, for any static host, instead of serving it.",
+        ),
     ] = None,
     width: Annotated[int, typer.Option(min=240, max=1936, help="Width of the pictures, px.")] = 968,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
-    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+    results: Results = Path("results"),
 ) -> None:
     """Look at a run in the browser: photos, twins, labels, rocks in 3-D, detectors, drives; correct boxes.
 
@@ -379,7 +392,7 @@ def explore(
     from polarsim.explore.run import Run
     from polarsim.explore.site import site, write_site
 
-    chosen = Run.at(results / run)
+    chosen = Run.at(run_folder(results, run))
     if out:
         count = write_site(chosen, out, width)
         typer.echo(f"{count} files in {out}; any static host shows them: python -m http.server -d {out} -b 127.0.0.1")
@@ -404,7 +417,7 @@ def undo(
     drawing: Annotated[str, typer.Argument(metavar="KEY", help="Photo of a seed or of a correction.")],
     configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),
     run: Annotated[str | None, typer.Option(help="Name of the run; default is the configuration's.")] = None,
-    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+    results: Results = Path("results"),
 ) -> None:
     """Show what followed from one drawing, a seed or a correction, and how it is taken back.
 
@@ -419,7 +432,7 @@ def undo(
     from polarsim.photo import PhotoKey, positions
 
     key, config = PhotoKey.parse(drawing), read_config(configfile)
-    folder, terrain = results / (run or config.run), f"Terrain{key.terrain:02d}"
+    folder, terrain = run_folder(results, run or config.run), f"Terrain{key.terrain:02d}"
     seeds = folder / "acquire" / terrain / "seeds"
     if not (seeds / f"{key}.txt").exists() and key not in read_corrections(config.labels.corrections, key.terrain):
         raise LabelError(f"no seed and no correction of {key}", path=seeds)
@@ -448,11 +461,15 @@ def undo(
 def rerun(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
     station: Annotated[str, typer.Argument(help="Terrain and position, such as 03_A.")],
-    out: Annotated[Path | None, typer.Option(help="Recording to write; default <run>_<station>.rrd here.")] = None,
-    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+    out: Annotated[
+        Path | None,
+        typer.Option(callback=writes_file(".rrd"), help="Recording to write; default <run>_<station>.rrd here."),
+    ] = None,
+    results: Results = Path("results"),
 ) -> None:
-    """Write a station as a Rerun recording: terrain, cameras, lamps, photos and twins with labels. Needs
-    polarsim[rerun].
+    """Write a station as a Rerun recording: terrain, cameras, lamps, photos and twins with labels.
+
+    Needs the extra `rerun`.
     """
     from polarsim.errors import ConfigError
     from polarsim.explore.recording import write_recording
@@ -462,26 +479,26 @@ def rerun(
     if not terrain.isdigit() or not position:
         raise ConfigError(f"station {station!r}, expected terrain and position such as 03_A")
     target = out or Path(f"{run}_{station}.rrd")
-    count = write_recording(Run.at(results / run), int(terrain), position, target)
+    count = write_recording(Run.at(run_folder(results, run)), int(terrain), position, target)
     typer.echo(f"{count} pictures in {target}; open it with: rerun {target}")
 
 
 @command()
 def fiftyone(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
-    folder: Annotated[Path, typer.Argument(help="New folder to write.")],
+    folder: Annotated[Path, typer.Argument(callback=writes_folder, help="New folder to write.")],
     keys: Annotated[str, typer.Option(help="Only photos with keys like this, such as '01_A_off_*_L_0256'.")] = "*",
     domain: Annotated[
         list[str] | None, typer.Option(help="Only photo, or a model's twins; may be repeated. Default: all.")
     ] = None,
     width: Annotated[int, typer.Option(min=240, max=1936, help="Width of the pictures, px.")] = 1936,
-    results: Annotated[Path, typer.Option(help="Folder of results.")] = Path("results"),
+    results: Results = Path("results"),
 ) -> None:
     """Write a run as a FiftyOne data set: photos and twins with labels and predictions."""
     from polarsim.explore.fiftyone import FORM, write_fiftyone
     from polarsim.explore.run import Run
 
-    count = write_fiftyone(Run.at(results / run), folder, pattern=keys, domains=domain or (), width=width)
+    count = write_fiftyone(Run.at(run_folder(results, run)), folder, pattern=keys, domains=domain or (), width=width)
     typer.echo(f"{count} samples in {folder}; fiftyone.Dataset.from_dir({str(folder)!r}, dataset_type={FORM})")
 
 

@@ -104,6 +104,20 @@ drive :: --config missing | --config file | --config folder | --config no.yaml |
 validate :: missing | file | folder | boxes --json folder | boxes --fix file | boxes --fix boxes
 detect picture.png :: --weights missing --out new | --weights folder --out new
 detect picture.png :: --weights text.pt --out new | --weights text.pt --out file
+publish demo new --format :: coco | csv | '' | coco,csv
+publish demo new --format coco :: --subset colour=red | --subset terrain=1e9
+publish demo new --format coco :: --max-size much | --max-size -1 | --max-size nan
+publish :: nowhere new --format coco | demo file --format coco | demo file/new --format coco | demo new
+publish demo new --format coco --results :: missing | file
+import labels.json :: file | folder | file/new | new --format csv | new --as truth | new --name boulder | new --name a=b
+import :: missing new | missing.json new | missing.xml new | file new | picture.png new
+import :: folder new | no.yaml new | '' new
+explore :: nowhere | demo | demo --out file | demo --out folder | demo --width 0 | demo --width nan | demo --port -1
+explore :: demo --port 99999 | demo --results missing
+rerun :: nowhere 01_A | demo 01_A | demo A | demo 01_A --out folder | demo 01_A --out x.png | demo 01_A --out file/x.rrd
+fiftyone :: nowhere new | demo new | demo file | demo folder | demo new --width 1e9 | demo new --domain marble
+undo KEY :: --run nowhere | --run demo | --configfile missing | --configfile folder | --configfile no.yaml
+undo :: 01_A | ''
 detect :: missing --weights text.pt --out new | folder --weights text.pt --out new | file --weights text.pt --out new
 """
 
@@ -136,6 +150,12 @@ def test_every_command_has_its_help_in_short_too(polarsim, command):
     assert short.stdout == long.stdout
 
 
+def test_help_loses_no_word_to_markup(polarsim):
+    for command in typer.main.get_command(app).commands.values():
+        assert "[" not in (command.help or "")  # Rich takes what stands in brackets for a style
+    assert "Needs the extra `rerun`." in " ".join(polarsim("rerun", "-h").stdout.split())
+
+
 def test_a_shell_completes_commands_options_and_values():
     assert completed("polarsim ren") == ["render"]
     assert "--exposure" in completed("polarsim render --exp")
@@ -148,8 +168,20 @@ def test_without_a_command_the_commands_are_listed(polarsim):
     assert all(command in done.stdout for command in COMMANDS)
 
 
-def test_a_mistyped_run_gets_the_runs_that_are_there_the_nearest_first(polarsim, here):
-    told = polarsim("show", KEY, "--run", "realease").stderr
+@pytest.mark.parametrize(
+    "call",
+    [
+        ("show", KEY, "--run", "realease"),
+        ("publish", "realease", "new", "--format", "coco"),
+        ("explore", "realease"),
+        ("rerun", "realease", "01_A"),
+        ("fiftyone", "realease", "new"),
+        ("undo", KEY, "--run", "realease"),
+    ],
+    ids=lambda call: call[0],
+)
+def test_a_mistyped_run_gets_the_runs_that_are_there_the_nearest_first(polarsim, here, call):
+    told = polarsim(*call).stderr
     assert told == "error: results: no run 'realease'; there are release, demo\n"
 
 

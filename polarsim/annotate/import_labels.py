@@ -92,16 +92,17 @@ def told_form(source: Path) -> str:
         if (source / "samples.json").is_file() or (source / "labels.json").is_file():
             return "fiftyone"
         return "yolo"
-    if source.suffix.lower() == ".xml":
+    if source.suffix.lower() == ".xml" and source.exists():
         return "cvat"
-    if source.suffix.lower() == ".json":
+    if source.suffix.lower() == ".json" and source.exists():
         content = read_json(source)
         if isinstance(content, list):
             return "label-studio"
         if isinstance(content, dict) and ("samples" in content or isinstance(content.get("labels"), dict)):
             return "fiftyone"
         return "coco"
-    raise FormatError("neither a folder, nor .json, nor .xml: --format says what it is", path=source)
+    reason = "neither a folder, nor .json, nor .xml: --format says what it is" if source.exists() else "no such file"
+    raise FormatError(reason, path=source)
 
 
 def _read(source: Path, form: str) -> Found:
