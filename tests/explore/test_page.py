@@ -1,6 +1,6 @@
 """The page in a real browser: every control, no error in the console, no request to anybody else, no barrier.
 
-Needs Chromium, and Playwright for Python (`pip install polarsim[browser]`); skips where one of them is missing.
+Needs Chromium, which is no package of Python's; skips where there is none.
 """
 
 import shutil
@@ -32,8 +32,10 @@ FLAGS = [
 ]
 VIEWS = ("photos", "compare", "terrain", "detectors", "rover", "correct")
 MARKS = {"boxes": ".box", "masks": ".mask", "ids": "text", "lines": ".link"}
-playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install polarsim[browser]")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install polarsim[dev]")
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="needs Chromium: apt-get install chromium"
+)
 
 
 def is_wrong(message) -> bool:

@@ -1,0 +1,50 @@
+"""The environments that the workflow runs in: `.venv`, one by Conda, and the lock that both are made from."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+from packaging.version import Version
+
+CHECKOUT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+LOCKED_EXTRAS = ("detect", "dev", "publish", "rover")  # as `make lock` names them
+ENVIRONMENT = CHECKOUT / "workflow/envs/polarsim.yaml"
+
+
+def locked() -> dict[str, Version]:
+    pins = [Requirement(line) for line in (CHECKOUT / "requirements.lock").read_text().splitlines()]
+    return {pin.name.lower(): Version(str(pin.specifier).removeprefix("==")) for pin in pins}
+
+
+@pytest.mark.parametrize("extra", ["", *LOCKED_EXTRAS])
+def test_the_lock_has_what_the_project_asks_for(extra):
+    asked = PROJECT["optional-dependencies"][extra] if extra else PROJECT["dependencies"]
+    pins = locked()
+    for requirement in map(Requirement, asked):
+        assert requirement.name.lower() in pins, requirement
+        assert requirement.specifier.contains(pins[requirement.name.lower()]), requirement
+
+
+def test_make_lock_locks_these_extras():
+    (command,) = [line for line in (CHECKOUT / "Makefile").read_text().splitlines() if "uv pip compile" in line]
+    words = command.split()
+    assert {words[place + 1] for place, word in enumerate(words) if word == "--extra"} == set(LOCKED_EXTRAS)
+
+
+def test_condas_python_is_one_that_polarsim_runs_on():
+    (python,) = [one for one in yaml.safe_load(ENVIRONMENT.read_text())["dependencies"] if one.startswith("python")]
+    assert SpecifierSet(PROJECT["requires-python"]).contains(python.partition("=")[2])
+
+
+def test_condas_environment_holds_the_lock_as_the_virtual_one_does():
+    def installs(script: str) -> list[str]:
+        lines = (CHECKOUT / script).read_text().replace(".venv/bin/python", "python").splitlines()
+        return [line.replace(" --no-build-isolation", "") for line in lines if "torch" in line or "pip install" in line]
+
+    wanted = [line for line in installs("workflow/setup.sh") if not line.startswith("#")]
+    assert installs("workflow/envs/polarsim.post-deploy.sh") == wanted
+    assert len(wanted) == 4
