@@ -124,6 +124,26 @@ def address_of(page) -> dict[str, str]:
     )
 
 
+def test_views_of_one_picture_begin_with_the_first(page, address):
+    for view in ("compare", "correct"):
+        shown(page, address, f"view={view}&f.camera=R")
+        until(page, lambda: address_of(page).get("key") == min(str(key) for key in KEYS if key.camera == "R"))
+    shown(page, address, "view=compare&f.camera=R&f.position=C")
+    assert page.locator("#compare .empty").is_visible()
+    assert not page.locator("#compare .stage").is_visible()
+
+
+def test_short_exposures_are_brightened_and_long_ones_keep_their_white(page, address):
+    shown(page, address, "f.domain=hapke&f.camera=L&f.light=off&f.azimuth=30")
+    gain = {}
+    for exposure in ("0064", "1024"):
+        picture = page.locator(f"[data-key='03_A_off_30_L_{exposure}'] img")
+        until(page, lambda picture=picture: picture.evaluate("one => one.style.filter"))
+        gain[exposure] = float(picture.evaluate("one => one.style.filter").removeprefix("brightness(")[:-1])
+    assert gain["1024"] == 1
+    assert gain["0064"] > 1.3
+
+
 def test_filters_leave_the_pictures_that_fit(page, address):
     shown(page, address)
     count = page.locator("#count")

@@ -19,7 +19,7 @@ export function build(section) {
   divider = h('div', { class: 'divider' });
   tags = [h('span', { class: 'tag left' }), h('span', { class: 'tag right' })];
   told = h('span', { role: 'status', id: 'told' });
-  note = h('p', { class: 'empty', text: 'Choose a picture in the grid.' });
+  note = h('p', { class: 'empty', text: 'No picture passes the filters of the grid.' });
   frame = h('div', { class: 'frame', onpointermove: drag, onpointerdown: drag }, ...canvases, svg, divider, ...tags);
   section.append(h('div', { class: 'column' }, controls, marks, note, h('div', { class: 'stage' }, frame)));
   new ResizeObserver(([{ contentRect: { width, height } }]) => {
@@ -42,7 +42,7 @@ export const twinOf = () => state.right || run.about.domains[1] || 'photo';
 /** Draw everything anew. */
 export const refresh = soon(async () => {
   note.hidden = Boolean(state.key);
-  frame.hidden = !state.key;
+  frame.parentElement.hidden = !state.key;
   if (!state.key) return;
   drawControls();
   const [{ seen }] = await Promise.all([overlay.draw(svg, state.key), drawPictures()]);

@@ -16,7 +16,7 @@ let boxes = [], propagated = [], chosen = -1, near = true, drag = null;
 export function build(section) {
   corrections = new Corrections(run.about.run);
   controls = h('div', { class: 'bar' });
-  note = h('p', { class: 'empty', text: 'Choose a picture in the grid.' });
+  note = h('p', { class: 'empty', text: 'No picture passes the filters of the grid.' });
   editor = s('svg', { id: 'editor', tabindex: 0, role: 'application', 'aria-label': 'editor of boxes', style: 'width:100%;height:100%;touch-action:none' });
   panels = h('div', { class: 'panels', role: 'region', 'aria-label': 'The same on other photos', tabindex: 0 });
   seeds = h('div', { class: 'bar', id: 'seeds' });
@@ -26,6 +26,7 @@ export function build(section) {
 
 export const refresh = soon(async () => {
   note.hidden = Boolean(state.key);
+  panels.parentElement.hidden = !state.key;
   if (state.key) {
     const key = state.key;
     propagated = (await labels(key, false)).map(({ kind, rock, ...rest }) => ({ kind, rock, ...Object.fromEntries(SAME.map((edge) => [edge, rest[edge]])) }));

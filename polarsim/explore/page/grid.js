@@ -6,7 +6,7 @@ import { filtered, form } from './filters.js';
 import { set, state } from './state.js';
 import { brightening } from './picture.js';
 
-const WIDE = 190, HIGH = 160, MARGIN = 2; // pixels of a tile; rows beyond the screen
+const WIDE = 190, HIGH = 160, EDGE = 6, MARGIN = 2; // pixels of a tile and of the edge; rows beyond the screen
 
 let page = null, list = null, inner = null, said = null, filters = null;
 export let shown = []; // rows of the pictures that pass the filters
@@ -53,7 +53,7 @@ export async function refresh(changed = new Set(['all'])) {
 
 function draw() {
   if (!page || page.hidden) return;
-  const columns = Math.max(1, Math.floor(list.clientWidth / WIDE));
+  const room = list.clientWidth - EDGE, columns = Math.max(1, Math.floor(room / WIDE));
   inner.style.height = `${Math.ceil(shown.length / columns) * HIGH}px`;
   const first = Math.max(0, Math.floor(list.scrollTop / HIGH) - MARGIN) * columns;
   const end = Math.min(shown.length, (Math.ceil((list.scrollTop + list.clientHeight) / HIGH) + MARGIN) * columns);
@@ -61,7 +61,7 @@ function draw() {
   for (let number = first; number < end; number += 1) {
     if (!tiles.has(number)) { tiles.set(number, tileOf(shown[number])); inner.append(tiles.get(number)); }
     const style = tiles.get(number).style;
-    style.left = `${(number % columns) * WIDE}px`;
+    style.left = `${EDGE + Math.floor(((number % columns) * room) / columns)}px`;
     style.top = `${Math.floor(number / columns) * HIGH}px`;
   }
 }

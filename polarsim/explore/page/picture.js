@@ -56,8 +56,8 @@ export function gainOf(small) {
   return gains.get(small);
 }
 
-/** Gain of a style that makes the mean of a loaded picture one that people can look at. */
-export const brightening = (picture) => Number(Math.min(8, Math.max(0.5, 0.38 / Math.max(meanBrightness(picture), 0.01))).toFixed(2));
+/** Gain of a style that makes the mean of a loaded picture one that people can look at; white stays white. */
+export const brightening = (picture) => Number(Math.min(8, Math.max(1, 0.38 / Math.max(meanBrightness(picture), 0.01))).toFixed(2));
 
 /** What is shown white without a slider's help: share of the sensor's range. */
 export function whiteOf({ codes }) {

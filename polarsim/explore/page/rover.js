@@ -20,6 +20,7 @@ const looksOf = (view) => Object.keys(view?.looks ?? {});
 
 export const refresh = soon(async () => {
   note.hidden = run.about.drives.length > 0;
+  map.parentElement.hidden = !note.hidden;
   note.textContent = 'This run has no drive; rover.run of the configuration makes one.';
   if (!run.about.drives.length) return;
   drive = await json(`data/drives/${nameNow()}.json`);
