@@ -22,6 +22,7 @@ from polarsim.formats.run_files import polygons_of
 from polarsim.geometry.camera import Camera
 from polarsim.photo import CAMERAS, NO_ROCK, ROCK, SHADOW, USUAL_EXPOSURE_MS, WIDTH, PhotoKey, by_bracket
 
+TIMELINE = "lamp"
 PICTURE_PX = 800  # width of the pictures
 CLASSES = {ROCK: (1, (255, 176, 0)), SHADOW: (2, (70, 190, 255))}  # class and colour
 SAND, ROCKS = (150, 144, 132), (196, 176, 140)
@@ -59,7 +60,7 @@ def write_recording(run: Run, terrain: int, position: str, out: Path) -> int:
             _log_camera(rerun, recording, side, localised[position].camera(side))
         labels = run.labels(terrain)
         for step, key in shown:
-            recording.set_time("lamp", sequence=step)
+            recording.set_time(TIMELINE, sequence=step)
             _log_photo(rerun, recording, run, key, labels[labels["key"] == str(key)])
         recording.flush()
         recording.disconnect()
@@ -93,8 +94,10 @@ def _blueprint(run: Run) -> Any:
         for domain in (PHOTO, *run.models)
     ]
     around = parts.Spatial3DView(origin="world", name=f"terrain; {USUAL_EXPOSURE_MS} ms")
+    # Left to itself the viewer may walk through the moments at which this was written, the first without a picture.
+    time = parts.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused")
     return parts.Blueprint(
-        parts.Horizontal(around, parts.Grid(*views, grid_columns=len(views) // 2)), collapse_panels=True
+        parts.Horizontal(around, parts.Grid(*views, grid_columns=len(views) // 2)), time, collapse_panels=True
     )
 
 

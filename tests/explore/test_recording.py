@@ -36,6 +36,13 @@ def test_a_station_is_recorded_with_all_its_entities(polarsim, made, tmp_path):
     assert (tmp_path / "a.rrd").stat().st_size < 20e6
 
 
+def test_the_viewer_is_told_to_stand_at_a_lamp(made):
+    pytest.importorskip("rerun", reason="needs Rerun: pip install polarsim[rerun]")
+    panel = recording._blueprint(Run.at(made)).time_panel
+    assert panel.timeline == "lamp"
+    assert panel.play_state == "paused"
+
+
 def test_a_station_that_is_not_there_is_named(made, tmp_path):
     pytest.importorskip("rerun", reason="needs Rerun: pip install polarsim[rerun]")
     with pytest.raises(ConfigError, match="station 03_C, there are 03_A"):
