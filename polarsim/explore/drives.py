@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from polarsim.explore.pictures import jpeg
 from polarsim.explore.run import as_rows
@@ -21,8 +22,8 @@ LEAST_STEP = 0.02  # metres between points of the path
 def drive_content(folder: Path) -> dict[str, Any]:
     """A drive: `map` (its position and size, metres), `path` (x, y in turn), `rocks`, `views` with their frames.
 
-    A view has the positions (x, y in turn) and times of its frames, and by look (`Sun_model_exposure`) the frames that
-    have a picture.
+    A view has the times of its frames, where camera and rover were then (x, y in turn), and by look
+    (`Sun_model_exposure`) the frames that have a picture.
     """
     ground = _ground(folder)
     trace = read_parquet(folder / "trace.parquet", ["time_s", "x_m", "y_m"])
@@ -41,7 +42,7 @@ def drive_content(folder: Path) -> dict[str, Any]:
         "length_m": round(float(gone[-1]), 3),
         "path": as_rows(positions[kept]),
         "rocks": _rocks(folder),
-        "views": [_view(path) for path in sorted(folder.glob("*/poses.parquet"))],
+        "views": [_view(path, trace) for path in sorted(folder.glob("*/poses.parquet"))],
     }
 
 
@@ -58,7 +59,7 @@ def _rocks(folder: Path) -> list[dict[str, Any]]:
     ]
 
 
-def _view(poses: Path) -> dict[str, Any]:
+def _view(poses: Path, trace: pd.DataFrame) -> dict[str, Any]:
     table = read_parquet(poses, ["frame", "time_s", "x_m", "y_m"])
     looks = {
         path.name: sorted(int(picture.stem) for picture in path.glob("[0-9]*.png"))
@@ -70,6 +71,9 @@ def _view(poses: Path) -> dict[str, Any]:
         "frames": [int(frame) for frame in table["frame"]],
         "time_s": as_rows(table["time_s"].to_numpy()),
         "positions": as_rows(table[["x_m", "y_m"]].to_numpy(float)),
+        "rover": as_rows(
+            np.stack([np.interp(table["time_s"], trace["time_s"], trace[name]) for name in ("x_m", "y_m")], 1)
+        ),
         "looks": {name: frames for name, frames in looks.items() if frames},
     }
 

@@ -19,6 +19,7 @@ def test_a_drive_keeps_its_length_and_its_frames(made):
     (view,) = told["views"]
     assert view["looks"] == {"1_hapke_0064": [0, 1, 2]}
     assert view["frames"] == [0, 1, 2, 3]
+    np.testing.assert_allclose(view["rover"][:4], [0.5, 0, 1.5, 0.5 * np.sin(1.25)], atol=1e-4)  # after 0 and 5 s
     assert told["rocks"][1] == {"rock": "3.2", "x_m": 4.0, "y_m": 1.0, "radius_m": 0.06}
 
 

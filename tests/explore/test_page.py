@@ -33,9 +33,7 @@ FLAGS = [
 VIEWS = ("photos", "compare", "terrain", "detectors", "rover", "correct")
 MARKS = {"boxes": ".box", "masks": ".mask", "ids": "text", "lines": ".link"}
 playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install polarsim[dev]")
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="needs Chromium: apt-get install chromium"
-)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
 
 
 def is_wrong(message) -> bool:
@@ -332,6 +330,7 @@ def test_a_drive_is_on_the_map_with_its_frames(page, address):
     shown(page, address, "view=rover")
     page.wait_for_selector("#rover polyline")
     assert page.locator("#rover circle[data-frame]").count() == 4
+    assert page.locator("#rover circle.camera").count() == 1
     page.locator("#rover circle[data-frame='2']").click()
     page.locator("#rover img[src$='front_left/1_hapke_0064/00002.jpg']").wait_for()
     page.locator("#status").click()

@@ -48,18 +48,25 @@ function drawMap(view, index) {
   const at = (x, y) => [x - x0, y0 + height - y]; // north up
   const points = pairs(drive.path).map(([x, y]) => at(x, y).map((value) => value.toFixed(3)).join()).join(' ');
   const size = Math.max(width, height);
-  const dots = view ? pairs(view.positions).map(([x, y], number) => {
+  const dots = view ? pairs(view.rover).map(([x, y], number) => {
     const [u, v] = at(x, y);
     return s('circle', {
       cx: u, cy: v, r: (number === index ? 0.014 : 0.006) * size, fill: number === index ? '#ffb000' : '#fff', 'data-frame': view.frames[number], style: 'cursor:pointer',
       onclick: () => set({ frame: view.frames[number] }),
     });
   }) : [];
+  if (dots.length) dots.unshift(...sightOf(at(...pairs(view.positions)[index]), at(...pairs(view.rover)[index]), size));
   map.replaceChildren(s('svg', { viewBox: `0 0 ${width} ${height}`, role: 'img', 'aria-label': 'map of the drive', style: 'width:100%;height:100%' },
     s('image', { href: `data/drives/${nameNow()}/map.jpg`, width, height, preserveAspectRatio: 'none' }),
     ...drive.rocks.map((one) => rockOf(one, at(one.x_m, one.y_m))),
     s('polyline', { points, fill: 'none', stroke: '#56b4e9', 'stroke-width': 0.006 * size }), ...dots));
 }
+
+/** The camera of a frame, and a line from it to the rover. */
+const sightOf = ([x, y], [u, v], size) => [
+  s('line', { x1: x, y1: y, x2: u, y2: v, stroke: '#fff', 'stroke-width': 0.002 * size, 'stroke-dasharray': `${0.01 * size}` }),
+  s('circle', { cx: x, cy: y, r: 0.009 * size, fill: 'none', stroke: '#fff', 'stroke-width': 0.003 * size, class: 'camera' }),
+];
 
 const rockOf = (one, [u, v]) => s('circle', {
   cx: u, cy: v, r: Math.max(0.03, one.radius_m), fill: state.rock === one.rock ? '#fff' : '#ffb000', 'fill-opacity': 0.75, style: 'cursor:pointer', class: 'stone',
