@@ -81,6 +81,16 @@ def test_every_link_leads_to_a_part_of_the_page_or_to_a_file_beside_it(tmp_path,
     assert all(link[1:] in ids if link.startswith("#") else (tmp_path / link).is_file() for link in links)
 
 
+def test_readers_of_the_screen_find_the_main_part_and_every_link(tmp_path, run):
+    """As axe asks of the page: all of it is in one landmark, and what opens a table holds no link of its own."""
+    page = written(tmp_path, run)
+    (main,) = re.findall(r"<body><main>(.*)</main>", page, re.DOTALL)
+    summaries = re.findall(r"<summary>(.*?)</summary>", main)
+    assert len(summaries) == len(run["tables"])
+    assert not any("<" in summary for summary in summaries)
+    assert len(re.findall(r'<a href="tables/\w+\.csv">csv</a>', main)) == len(run["tables"])
+
+
 def test_the_first_screen_says_what_the_run_is_and_its_metrics_with_intervals(tmp_path, run):
     first = written(tmp_path, run).partition("<h2>")[0]
     for fact in ("demo", "analog", "01, 11 (positions A)", "1,234", "hapke", "1a2b3c4d", __version__, "UTC"):
