@@ -21,6 +21,7 @@ from polarsim.errors import PolarsimError
 
 Check = Callable[[Path | None], Path | None]
 PLOTS = (".eps", ".jpg", ".jpeg", ".pdf", ".pgf", ".png", ".ps", ".svg", ".tif", ".tiff", ".webp")  # of matplotlib
+STOPPED = 130  # as a shell has it: 128 and the number of SIGINT
 _SHOWN_RUNS = 10
 _EXTRAS = {  # what brings a module that polarsim does without
     **dict.fromkeys(("torch", "torchvision", "ultralytics"), "detect"),
@@ -131,7 +132,7 @@ def _listed(name: str, runs: Iterable[str]) -> str:
 def call(app: typer.Typer) -> int:
     """Run the command and return its exit code; a call that cannot be is one line on the terminal."""
     try:
-        code = app(prog_name="polarsim", standalone_mode=False)
+        code = app(prog_name="polarsim", standalone_mode=False)  # which ends with 130 where Ctrl-C was pressed
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)
         told = f" ({context.command_path} --help)" if context else ""
@@ -147,4 +148,6 @@ def call(app: typer.Typer) -> int:
         if error.filename is None:
             raise
         raise PolarsimError(error.strerror or str(error), path=str(error.filename)[:200]) from error
+    if code == STOPPED:
+        sys.stderr.write("stopped by the user\n")
     return code if isinstance(code, int) else 0

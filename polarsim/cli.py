@@ -516,7 +516,9 @@ def render(
     out: Annotated[
         Path, typer.Argument(help="16-bit PNG to write: 12-bit values, black level 16; of views: a folder.")
     ],
-    terrain: Annotated[int, typer.Option(min=1, max=13, help="Number of the terrain.")] = 1,
+    terrain: Annotated[
+        int | None, typer.Option(min=1, max=13, help="Number of the terrain; default: that of the meshes.")
+    ] = None,
     camera: Annotated[tuple[float, float, float], typer.Option(help="Camera centre x y z, m, sandbox frame.")] = (
         3.6,
         -0.4,
@@ -583,6 +585,7 @@ def render(
     from polarsim.config import render_options
     from polarsim.formats import png
     from polarsim.formats.rigs import read_localised
+    from polarsim.formats.scene import terrain_in
     from polarsim.formats.tone import to_8bit
     from polarsim.geometry.camera import Camera
     from polarsim.geometry.poses import looking
@@ -603,7 +606,7 @@ def render(
         model=model,
     )
     assignments = [*(option or ()), *([f"engine={engine}"] if engine else ())]
-    scene = Scene(meshes, terrain, render_options(assignments))
+    scene = Scene(meshes, terrain or terrain_in(meshes), render_options(assignments))
     scene.refuse_places(shot)
     picture = scene.picture(shot, threads)
     png.write(out, to_8bit(picture) if preview else picture)

@@ -185,6 +185,15 @@ def test_a_mistyped_run_gets_the_runs_that_are_there_the_nearest_first(polarsim,
     assert told == "error: results: no run 'realease'; there are release, demo\n"
 
 
+def test_ctrl_c_ends_a_call_in_one_line(polarsim, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("polarsim.render.goniometer.reflectance_at", stopped)
+    done = polarsim("brdf", "hapke")
+    assert (done.returncode, done.stderr) == (130, "stopped by the user\n")
+
+
 def files(folder: Path) -> dict[str, bytes]:
     return {str(path): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 

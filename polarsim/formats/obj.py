@@ -22,6 +22,9 @@ def rock_name(terrain: int, rock: int, *, decimated: bool = False) -> str:
     return f"terrain{terrain:02d}_rock{rock}{'_decimate-005' if decimated else ''}.obj"
 
 
+GROUND_PATTERN = "terrain[0-9][0-9]_ground.obj"
+
+
 def ground_name(terrain: int) -> str:
     return f"terrain{terrain:02d}_ground.obj"
 

@@ -73,6 +73,21 @@ def mesh_files(folder: str | Path, terrain: int) -> dict[int, Path]:
     return {NO_ROCK: ground, **obj.rock_files(folder)}
 
 
+def terrain_in(folder: str | Path) -> int:
+    """The number of the terrain whose meshes a folder holds, as the name of its ground has it.
+
+    Raises
+    ------
+    FormatError
+        No ground, or those of several terrains.
+    """
+    grounds = sorted(Path(folder).glob(obj.GROUND_PATTERN))
+    if len(grounds) != 1:
+        found = ", ".join(path.name for path in grounds) or "none"
+        raise FormatError(f"expected the ground of one terrain, {obj.GROUND_PATTERN}; found {found}", path=folder)
+    return int(grounds[0].name[7:9])
+
+
 def made_from(folder: str | Path) -> dict[str, str]:
     """What each mesh of a folder was made from, by file name: `scan`, `published` or `fitted`; empty without a table.
 

@@ -3,7 +3,7 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj
-from polarsim.formats.scene import TerrainMesh, read_terrain
+from polarsim.formats.scene import TerrainMesh, read_terrain, terrain_in
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 
@@ -26,6 +26,17 @@ def test_each_face_knows_its_rock_and_keeps_its_position(tmp_path):
 def test_a_folder_without_ground_is_refused_by_name(tmp_path):
     with pytest.raises(FormatError, match=r"terrain04_ground.obj: the ground mesh is missing"):
         read_terrain(tmp_path, 4)
+
+
+def test_a_folder_of_meshes_says_which_terrain_it_is(tmp_path):
+    with pytest.raises(FormatError, match=r"expected the ground of one terrain.*found none"):
+        terrain_in(tmp_path)
+    obj.write(tmp_path / "terrain11_ground.obj", Mesh(TRIANGLE, FACE), "ground")
+    obj.write(tmp_path / "terrain11_rock3.obj", Mesh(TRIANGLE, FACE), "rock3")
+    assert terrain_in(tmp_path) == 11
+    obj.write(tmp_path / "terrain04_ground.obj", Mesh(TRIANGLE, FACE), "ground")
+    with pytest.raises(FormatError, match=r"found terrain04_ground.obj, terrain11_ground.obj"):
+        terrain_in(tmp_path)
 
 
 def test_given_normals_stand_before_those_of_the_triangles():
