@@ -147,7 +147,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
             if terrain not in self.terrains:
                 raise ValueError(f"rover.world.terrains: {terrain} is none of the run's {self.terrains}")
         if self.rover.detector is not None and self.rover.detector not in self.training_domains:
-            known = ", ".join(self.training_domains) or "none of a source without photos"
+            known = ", ".join(self.training_domains) or "none: no detector is trained"
             raise ValueError(f"rover.detector: domain {self.rover.detector!r}, expected {known}")
         return self
 
@@ -220,8 +220,9 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @property
     def domains(self) -> tuple[str, ...]:
-        """Domains that detectors are compared over; the release has no photos, so it has none."""
-        return () if self.source.kind == "release" else (self.photo_domain, *self.render.models)
+        """Domains that detectors are compared over; none without photos, which the release has not, or detectors."""
+        compared = self.detect.run and self.source.kind != "release"
+        return (self.photo_domain, *self.render.models) if compared else ()
 
     @property
     def training_domains(self) -> tuple[str, ...]:
