@@ -98,6 +98,20 @@ def digest_of_packaged():
     return hashlib.sha256(PACKAGED.read_bytes()).hexdigest()[:12] if chosen else ""
 
 
+def growing(mem_mb):
+    """Memory of a job, MB: twice as much each time that it is tried anew (`--retries`)."""
+
+    def of_attempt(wildcards, attempt):
+        return mem_mb * 2 ** (attempt - 1)
+
+    return of_attempt
+
+
+def gpus_of(section):
+    """GPUs that a job asks a cluster for: one where a section of the configuration names a device other than the CPU."""
+    return int(operator.attrgetter(section)(CONFIG).device not in ("auto", "cpu"))
+
+
 @functools.cache
 def code_of(script):
     """Digest of a rule's script and all of the library behind it: Snakemake watches the script, not what it imports."""
