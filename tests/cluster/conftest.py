@@ -89,7 +89,9 @@ class Slurm:
         CONFIGURATION.parent.mkdir(exist_ok=True)
         CONFIGURATION.symlink_to(self.folder / "slurm.conf")
         files = {"key": "key", "socket": "sock", "pid": "pid", "log": "log", "seed": "seed"}
-        flags = [f"--{kind}{'' if kind == 'socket' else '-file'}={self.folder}/munge.{end}" for kind, end in files.items()]
+        flags = [
+            f"--{kind}{'' if kind == 'socket' else '-file'}={self.folder}/munge.{end}" for kind, end in files.items()
+        ]
         for command in (["munged", *flags, "--force"], ["slurmctld", "-i"], ["slurmd"]):
             subprocess.run(command, check=True, timeout=30, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         end = time.monotonic() + 60

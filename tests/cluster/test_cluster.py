@@ -72,9 +72,11 @@ def watched(slurm, folder: Path, *arguments: str) -> str:
         try:
             while running.poll() is None:
                 time.sleep(1)
-                stuck = slurm.ask("config/profiles/slurm/waiting.sh")
+                stuck = slurm.ask(str(CHECKOUT / "config/profiles/slurm/waiting.sh"))
                 assert not stuck, f"waits for ever: {stuck}"
-                assert time.monotonic() < end, f"not done after {LIMIT_S} s:\n{slurm.queue()}\n{log.read_text()[-3000:]}"
+                assert time.monotonic() < end, (
+                    f"not done after {LIMIT_S} s:\n{slurm.queue()}\n{log.read_text()[-3000:]}"
+                )
         finally:
             if running.poll() is None:
                 os.killpg(running.pid, signal.SIGKILL)
