@@ -1,9 +1,9 @@
-"""What a run took: jobs, CPU and wall time, memory and bytes written by rule, and the disk that each of its folders takes.
+"""What a run took: jobs, CPU and wall time, memory and bytes written by rule, and the disk of each of its folders.
 
     python benchmarks/run_costs.py results/full [data/full]
 
-Snakemake's benchmark files below `results/<run>/benchmarks` are read, one a job. The table is Markdown, for docs/howto/cluster.md,
-which has the last metrics.
+Snakemake's benchmark files below `results/<run>/benchmarks` are read, one a job. The tables are Markdown; those of
+config/full.yaml stand in docs/howto/cluster.md.
 """
 
 from __future__ import annotations

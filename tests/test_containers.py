@@ -1,4 +1,4 @@
-"""Containers are made from the lock, by the script that `make setup` runs: nothing in them has a version of its own but Python."""
+"""Containers are made from the lock, by the script that `make setup` runs: only Python has a version of its own."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""The unchanged workflow through the profiles on a real SLURM, from raw data to tables: the same bytes as on one machine."""
+"""The unchanged workflow through the profiles on a real SLURM, from raw data to tables: the bytes of a local run."""
 
 import hashlib
 import os
