@@ -46,7 +46,7 @@ def with_detectors(folder: Path) -> Path:
 
 
 def finish(folder: Path, configuration: Path) -> int:
-    """Put an empty file or folder where each output belongs, and have Snakemake take all as made; how many there are."""
+    """Put an empty file or folder where each output belongs, and take all as made; how many there are."""
     summary = snakemake(folder, configuration, "--summary")[0]
     outputs = [Path(line.split("\t")[0]) for line in summary.splitlines() if line.startswith(("results/", "data/"))]
     for path in outputs:

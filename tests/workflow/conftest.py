@@ -94,14 +94,3 @@ def dry_run(tmp_path_factory, make_checkout, snakemake) -> Callable[..., subproc
         return known[call]
 
     return run
-
-
-@pytest.fixture(scope="session")
-def release_like(tmp_path_factory) -> Path:
-    """A folder with one label file and no mesh for each terrain that a configuration names."""
-    root = tmp_path_factory.mktemp("release")
-    for terrain in range(1, 14):
-        folder = root / "Labels" / f"Terrain{terrain:02d}"
-        folder.mkdir(parents=True)
-        (folder / f"{terrain:02d}_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1 0.1\n")
-    return root

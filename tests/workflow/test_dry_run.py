@@ -20,6 +20,17 @@ def planned(done: subprocess.CompletedProcess) -> dict[str, int]:
     return {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
 
 
+@pytest.fixture(scope="module")
+def release_like(tmp_path_factory) -> Path:
+    """A folder with one label file and no mesh for each terrain that a configuration names."""
+    root = tmp_path_factory.mktemp("release")
+    for terrain in range(1, 14):
+        folder = root / "Labels" / f"Terrain{terrain:02d}"
+        folder.mkdir(parents=True)
+        (folder / f"{terrain:02d}_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1 0.1\n")
+    return root
+
+
 @pytest.mark.parametrize("name", ["config", "release", "polar", "paper"])
 def test_every_configuration_plans_its_jobs(dry_run, release_like, name):
     root = {} if name == "config" else {"POLAR_SIM_ROOT": str(release_like)}
