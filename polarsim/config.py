@@ -167,6 +167,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @model_validator(mode="after")
     def _domains_of_mixes(self) -> Config:
+        if not self.detect.run:
+            return self
         single = {*self.domains, *([VIEWS] if self.detect.views else [])}
         for name, weights in self.detect.mixes.items():
             if name in single | {VIEWS}:
