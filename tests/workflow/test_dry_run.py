@@ -46,7 +46,9 @@ def test_every_configuration_plans_its_jobs(dry_run, release_like, name):
         "gather_evaluation",
     } <= set(jobs)
     scored = {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
-    assert len(scored) == (3 if name in ("config", "full", "release") else 0)  # the others' labels are not in this folder
+    assert len(scored) == (
+        3 if name in ("config", "full", "release") else 0
+    )  # the others' labels are not in this folder
     assert ("train_detector" in jobs) == (name not in ("full", "release"))  # the release has no photos
 
 
