@@ -20,7 +20,7 @@ if KIND == "analog":
             f"results/{RUN}/benchmarks/acquire/generate_analog_{{terrain}}.tsv"
         priority: TRAINING_WAITS
         resources:
-            mem_mb=growing(2500),
+            mem_mb=growing(2000),
             runtime=20,  # minutes
         params:
             positions=positions_here,

@@ -29,7 +29,7 @@ rule propagate_labels:
         "results/{run}/benchmarks/labels/propagate_labels_{terrain}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(4000),
+        mem_mb=growing(2000),
         runtime=20,
     params:
         positions=positions_here,
@@ -56,7 +56,7 @@ rule draw_masks:
     benchmark:
         "results/{run}/benchmarks/labels/draw_masks_{terrain}.tsv"
     resources:
-        mem_mb=growing(4000),
+        mem_mb=growing(2000),
         runtime=20,
     params:
         positions=positions_here,

@@ -54,7 +54,7 @@ rule render_twins:
         "results/{run}/benchmarks/render/render_twins_{terrain}.tsv"
     priority: TWINS_WAIT
     resources:
-        mem_mb=growing(4000),
+        mem_mb=growing(3000),
         runtime=30,
         gpu=gpus_of("render"),
     params:

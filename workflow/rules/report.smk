@@ -406,7 +406,7 @@ rule draw_residuals:
     benchmark:
         "results/{run}/benchmarks/report/draw_residuals_{terrain}.tsv"
     resources:
-        mem_mb=growing(1000),
+        mem_mb=growing(1500),
         runtime=5,
     params:
         code=code_of("draw_residuals"),

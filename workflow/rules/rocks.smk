@@ -74,7 +74,7 @@ else:
             "results/{run}/benchmarks/rocks/find_rocks_{terrain}.tsv"
         priority: TRAINING_WAITS
         resources:
-            mem_mb=growing(2500),
+            mem_mb=growing(1500),
             runtime=20,
         params:
             options=options("rocks"),
@@ -95,7 +95,7 @@ else:
             "results/{run}/benchmarks/rocks/mesh_rocks_{terrain}.tsv"
         priority: TRAINING_WAITS
         resources:
-            mem_mb=growing(4000),
+            mem_mb=growing(3000),
             runtime=20,
         params:
             options=options("rocks"),
