@@ -6,7 +6,7 @@ POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --rerun-incomplete
 
-.PHONY: help setup demo release accuracy test lint docs clean lock schema
+.PHONY: help setup demo release accuracy test cluster lint docs clean lock schema
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -37,6 +37,9 @@ accuracy: setup ## poses, rocks and meshes against the truth of three analog san
 test: setup lint ## lint, formats, types, dry-runs and tests
 	$(BIN)/python -m pytest -n $(CORES) --dist worksteal --basetemp .pytest
 
+cluster: setup ## the workflow on a real SLURM of one node that is started here (root, apt-get install slurm-wlm munge)
+	$(BIN)/python -m pytest -m cluster tests/cluster --basetemp .pytest
+
 lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -57,5 +60,5 @@ schema: setup ## write config/schema.json and config/views.schema.json anew
 # lock would pin CUDA's packages. The local version of that build is cut off again, so that one lock serves all machines.
 lock: ## make requirements.lock anew from pyproject.toml
 	sed -i 's/^torch==[0-9.]*$$/&+cpu/' requirements.lock
-	uv pip compile pyproject.toml --extra detect --extra rover --extra publish --extra dev --no-annotate --no-header -o requirements.lock
+	uv pip compile pyproject.toml --extra detect --extra rover --extra publish --extra cluster --extra dev --no-annotate --no-header -o requirements.lock
 	sed -i 's/^\(torch==[0-9.]*\)+.*$$/\1/' requirements.lock

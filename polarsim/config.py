@@ -147,7 +147,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
             if terrain not in self.terrains:
                 raise ValueError(f"rover.world.terrains: {terrain} is none of the run's {self.terrains}")
         if self.rover.detector is not None and self.rover.detector not in self.training_domains:
-            known = ", ".join(self.training_domains) or "none of a source without photos"
+            known = ", ".join(self.training_domains) or "none: no detector is trained"
             raise ValueError(f"rover.detector: domain {self.rover.detector!r}, expected {known}")
         return self
 
@@ -167,6 +167,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @model_validator(mode="after")
     def _domains_of_mixes(self) -> Config:
+        if not self.detect.run:
+            return self
         single = {*self.domains, *([VIEWS] if self.detect.views else [])}
         for name, weights in self.detect.mixes.items():
             if name in single | {VIEWS}:
@@ -220,8 +222,9 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @property
     def domains(self) -> tuple[str, ...]:
-        """Domains that detectors are compared over; the release has no photos, so it has none."""
-        return () if self.source.kind == "release" else (self.photo_domain, *self.render.models)
+        """Domains that detectors are compared over; none without photos, which the release has not, or detectors."""
+        compared = self.detect.run and self.source.kind != "release"
+        return (self.photo_domain, *self.render.models) if compared else ()
 
     @property
     def training_domains(self) -> tuple[str, ...]:

@@ -93,6 +93,12 @@ def test_detectors_are_trained_on_mixes_and_views_and_compared_over_domains_alon
     assert found.training_domains == ("analog", "principled", "hapke", "views", "mixed")
 
 
+def test_a_run_without_detectors_compares_no_domains_whatever_else_stands_in_that_section():
+    found = detect(run=False, views="results/views", mixes={"mixed": {"analog": 1}}, stereo={"run": True})
+    assert found.domains == found.training_domains == ()
+    assert found.photo_domain == "analog"
+
+
 def ablation(component, kind="analog", **gap):
     gap = {"components": {"one": component}, **gap}
     return parse_config({"source": {"kind": kind, "root": "data"}, "gap": gap})

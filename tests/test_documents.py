@@ -36,7 +36,7 @@ DOCUMENTS = [
 ]
 SHELL = {"sh", "bash", "console", "shell"}
 QUICK = {"brdf", "rules", "schema"}  # commands of polarsim that need no files and take a second
-ELSEWHERE = {"pip", "source", "cd"}  # programs that are not ours
+ELSEWHERE = {"pip", "source", "cd", "apptainer", "docker"}  # programs that are not ours
 FILES = {".csv", ".json", ".md", ".parquet", ".png", ".smk", ".yaml"}
 PATH = re.compile(r"(docs|config|benchmarks|polarsim|workflow|tests)/[\w./*-]+")
 

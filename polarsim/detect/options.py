@@ -200,6 +200,11 @@ class ComparisonOptions(BaseModel, extra="forbid", frozen=True):
 class DetectOptions(BaseModel, extra="forbid", frozen=True):
     """The defaults train small and short, from scratch, as the demo does. The paper: 200 epochs, pre-trained."""
 
+    run: bool = Field(
+        True,
+        description="Detectors are trained and compared where there are photos; false leaves out this stage, its "
+        "tables and figures.",
+    )
     seeds: tuple[int, ...] = Field(
         (0,), min_length=1, description="Seeds of training: every detector is trained once with each."
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -77,7 +76,7 @@ def write_results_page(
     forms = {name: path.with_suffix(".csv") for name, path in tables.items()}
     text = environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
         origin=origin,
-        facts=_facts(photos, datasets, tables, terrains, positions, models),
+        facts=_facts(photos, datasets, terrains, positions, models),
         headlines=headlines(forms, photo_domain, origin["source"]),
         strip=run.strip(strip) if strip else None,
         others=others,
@@ -97,24 +96,19 @@ def write_results_page(
 def _facts(
     photos: Path | None,
     datasets: Mapping[tuple[str, str], Path],
-    tables: Mapping[str, Path],
     terrains: Sequence[int],
     positions: Sequence[str],
     models: Sequence[str],
 ) -> dict[str, str]:
     """What this run is, by name."""
     count = 0 if photos is None else len(read_parquet(photos, ["key"]))
-    newest = max((path.stat().st_mtime for path in tables.values()), default=None)
-    facts = {
+    return {
         "terrains": ", ".join(f"{terrain:02d}" for terrain in terrains) + f" (positions {', '.join(positions)})",
         "photos": f"{count:,}" if count else "none",
         "twins": ", ".join(models),
         "detectors": ", ".join(dict.fromkeys(domain for _, domain in datasets)) or "none",
         "polarsim": __version__,
     }
-    if newest is not None:  # of the tables, not of the clock: the same files make the same page
-        facts["tables made"] = datetime.fromtimestamp(newest, UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return facts
 
 
 def picture_counts(datasets: Mapping[tuple[str, str], Path], source: str) -> pd.DataFrame:

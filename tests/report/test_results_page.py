@@ -1,5 +1,6 @@
 import base64
 import io
+import os
 import re
 
 import numpy as np
@@ -93,19 +94,21 @@ def test_readers_of_the_screen_find_the_main_part_and_every_link(tmp_path, run):
 
 def test_the_first_screen_says_what_the_run_is_and_its_metrics_with_intervals(tmp_path, run):
     first = written(tmp_path, run).partition("<h2>")[0]
-    for fact in ("demo", "analog", "01, 11 (positions A)", "1,234", "hapke", "1a2b3c4d", __version__, "UTC"):
+    for fact in ("demo", "analog", "01, 11 (positions A)", "1,234", "hapke", "1a2b3c4d", __version__):
         assert fact in first
     assert "<strong>0.46</strong>[0.41 to 0.54]" in first
     assert "trained on Analog" in first
     assert "A &lt;photo&gt;" in first
 
 
-def test_pictures_are_small_and_the_same_files_make_the_same_page(tmp_path, run):
+def test_pictures_are_small_and_the_same_files_make_the_same_page_whenever_they_were_made(tmp_path, run):
     grain = np.random.default_rng(0).integers(0, 256, (600, 2400), "uint8")
     png.write(run["figures"]["detection"], grain)
     page = written(tmp_path, run)
     content = base64.b64decode(re.search(r'id="detection".*?base64,([^"]+)"', page)[1])
     assert Image.open(io.BytesIO(content)).size == (1100, 275)
+    for path in [*run["tables"].values(), *run["figures"].values()]:
+        os.utime(path, (10**9, 10**9))
     assert written(tmp_path, run) == page
 
 

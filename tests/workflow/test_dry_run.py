@@ -31,9 +31,9 @@ def release_like(tmp_path_factory) -> Path:
     return root
 
 
-@pytest.mark.parametrize("name", ["config", "release", "polar", "paper"])
+@pytest.mark.parametrize("name", ["config", "full", "release", "polar", "paper"])
 def test_every_configuration_plans_its_jobs(dry_run, release_like, name):
-    root = {} if name == "config" else {"POLAR_SIM_ROOT": str(release_like)}
+    root = {} if name in ("config", "full") else {"POLAR_SIM_ROOT": str(release_like)}
     done = dry_run("--configfile", f"config/{name}.yaml", **root)
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
@@ -46,8 +46,10 @@ def test_every_configuration_plans_its_jobs(dry_run, release_like, name):
         "gather_evaluation",
     } <= set(jobs)
     scored = {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
-    assert len(scored) == (3 if name in ("config", "release") else 0)  # the others' labels are not in this folder
-    assert ("train_detector" in jobs) == (name != "release")  # the release has no photos
+    assert len(scored) == (
+        3 if name in ("config", "full", "release") else 0
+    )  # the others' labels are not in this folder
+    assert ("train_detector" in jobs) == (name not in ("full", "release"))  # the release has no photos
 
 
 def test_snakemakes_linter_finds_nothing(snakemake, checkout):

@@ -20,7 +20,7 @@ if KIND == "analog":
             f"results/{RUN}/benchmarks/acquire/generate_analog_{{terrain}}.tsv"
         priority: TRAINING_WAITS
         resources:
-            mem_mb=2500,
+            mem_mb=growing(2000),
             runtime=20,  # minutes
         params:
             positions=positions_here,
@@ -42,7 +42,7 @@ else:
             f"results/{RUN}/benchmarks/acquire/fetch_terrain_{{terrain}}.tsv"
         priority: TRAINING_WAITS
         resources:
-            mem_mb=500,
+            mem_mb=growing(500),
             runtime=240,  # minutes; an archive holds about 0.9 GB
         params:
             source=options("source"),
@@ -66,7 +66,7 @@ rule index_terrain:
         "results/{run}/benchmarks/acquire/index_terrain_{terrain}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=10,
     params:
         positions=positions_here,
@@ -90,7 +90,7 @@ rule merge_photos:
         "results/{run}/benchmarks/acquire/merge_photos.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         code=code_of("merge_photos"),

@@ -21,7 +21,7 @@ rule locate_cameras:
         "results/{run}/benchmarks/cameras/locate_cameras_{terrain}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=2500,
+        mem_mb=growing(1500),
         runtime=20,
     params:
         positions=positions_here,
@@ -45,7 +45,7 @@ rule refine_cameras:
         "results/{run}/benchmarks/cameras/refine_cameras_{terrain}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=2500,
+        mem_mb=growing(1500),
         runtime=20,
     params:
         options=options("cameras.refinement"),

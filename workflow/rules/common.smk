@@ -45,6 +45,7 @@ STEREO = CONFIG.detect.stereo.run and bool(DOMAINS)
 STAND_INS = [] if KIND == "analog" else MODELS[:1]
 # Trainings are the longest jobs: what they wait for goes first, figures and scores fill the gaps.
 TRAINING_WAITS, TWINS_WAIT = 2, 1
+MOST_TERRAINS_SHOWN = 4  # one by one in Snakemake's report: each takes some 12 MB of it
 # The index of a terrain's photos where the source has photos (cover photos are none), and materials where they are fitted.
 PHOTOS_OF_TERRAIN = [] if KIND == "release" else "results/{run}/acquire/Terrain{terrain}/photos.parquet"
 FITTED_MATERIALS = "results/{run}/renders/materials/Terrain{terrain}"
@@ -86,8 +87,11 @@ def options(section):
 def shown(path, category, caption=None, **labels):
     """A file that Snakemake's report shows under labels; `workflow/report/` has its caption by the same name.
 
-    Of `results/{run}/figures/meshes_Terrain{terrain}.png` that is `figures/meshes.rst`.
+    Of `results/{run}/figures/meshes_Terrain{terrain}.png` that is `figures/meshes.rst`. The report holds pictures whole, so
+    that of a large run has none of single terrains: `results.html` leads to them.
     """
+    if "{terrain}" in path and len(TERRAINS) > MOST_TERRAINS_SHOWN:
+        return path
     own = re.sub(r"results/{run}/|_Terrain{.*|_{.*|\.\w+$", "", path)
     return report(path, caption=f"../report/{caption or own}.rst", category=category, labels=labels or None)
 
@@ -96,6 +100,20 @@ def digest_of_packaged():
     """Digest of the detector that comes with polarsim, where trainings start from it: it lies outside the run."""
     chosen = CONFIG.detect.training.pretrained == "packaged"
     return hashlib.sha256(PACKAGED.read_bytes()).hexdigest()[:12] if chosen else ""
+
+
+def growing(mem_mb):
+    """Memory of a job, MB: twice as much each time that it is tried anew (`--retries`)."""
+
+    def of_attempt(wildcards, attempt):
+        return mem_mb * 2 ** (attempt - 1)
+
+    return of_attempt
+
+
+def gpus_of(section):
+    """GPUs that a job asks a cluster for: one where a section of the configuration names a device other than the CPU."""
+    return int(operator.attrgetter(section)(CONFIG).device not in ("auto", "cpu"))
 
 
 @functools.cache

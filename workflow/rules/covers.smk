@@ -24,7 +24,7 @@ rule read_covers:
         "results/{run}/benchmarks/covers/read_covers.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=1500,
+        mem_mb=growing(1500),
         runtime=10,
     params:
         root=str(LABEL_ROOT),
@@ -46,7 +46,7 @@ rule carve_rocks:
         "results/{run}/benchmarks/covers/carve_rocks.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=10,
     params:
         number=CARVED_ROCKS,
@@ -69,7 +69,7 @@ rule render_scenes:
         "results/{run}/benchmarks/covers/render_scenes_{terrain}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=240,
     params:
         number=scenes_of_terrain,
@@ -93,7 +93,7 @@ rule make_cover_dataset:
         "results/{run}/benchmarks/covers/make_cover_dataset_{fold}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=10,
     params:
         train=trained_in,
@@ -140,7 +140,7 @@ rule look_at_covers:
     benchmark:
         "results/{run}/benchmarks/covers/look_at_covers_{fold}_seed{seed}.tsv"
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=60,
     params:
         widths=CONFIG.detect.prediction.widths or CONFIG.covers.widths,
@@ -165,7 +165,7 @@ rule choose_cover_widths:
     benchmark:
         "results/{run}/benchmarks/covers/choose_cover_widths_seed{seed}.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=15,
     params:
         folds=list(COVER_FOLDS),
@@ -190,7 +190,7 @@ rule score_covers:
     benchmark:
         "results/{run}/benchmarks/covers/score_covers.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=15,
     params:
         folds=list(COVER_FOLDS),
@@ -219,7 +219,7 @@ rule publish_detector:
     benchmark:
         "results/{run}/benchmarks/covers/publish_detector.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=15,
     params:
         folds=list(COVER_FOLDS),
@@ -241,7 +241,7 @@ rule tabulate_covers:
     benchmark:
         "results/{run}/benchmarks/covers/tabulate_covers.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -263,7 +263,7 @@ rule draw_covers:
     benchmark:
         "results/{run}/benchmarks/covers/draw_covers.tsv"
     resources:
-        mem_mb=1500,
+        mem_mb=growing(1500),
         runtime=5,
     params:
         code=code_of("draw_covers"),
@@ -285,7 +285,7 @@ rule draw_scenes:
     benchmark:
         "results/{run}/benchmarks/covers/draw_scenes.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         terrains=STREWN_TERRAINS,

@@ -34,7 +34,7 @@ rule split_photos:
         "results/{run}/benchmarks/detect/split_photos_{split}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         terrains=CONFIG.terrains,
@@ -59,7 +59,7 @@ rule convert_pictures:
         "results/{run}/benchmarks/detect/convert_pictures_{domain}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=60,
     params:
         pictures=pictures_folder,
@@ -85,7 +85,7 @@ rule make_dataset:
         "results/{run}/benchmarks/detect/make_dataset_{split}_{domain}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=10,
     params:
         options=options("detect.split"),
@@ -106,7 +106,7 @@ rule mix_datasets:
         "results/{run}/benchmarks/detect/mix_datasets_{split}_{mix}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=10,
     params:
         weights=weights_of_mix,
@@ -130,8 +130,9 @@ rule train_detector:
         "results/{run}/benchmarks/detect/train_detector_{split}_seed{seed}_{trained}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=2500,
+        mem_mb=growing(2500),
         runtime=2880,  # minutes
+        gpu=gpus_of("detect.prediction"),
     params:
         options=options("detect.training"),
         prediction=options("detect.prediction"),
@@ -160,8 +161,9 @@ rule predict:
     benchmark:
         "results/{run}/benchmarks/detect/predict_{split}_seed{seed}_{trained}.tsv"
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=240,
+        gpu=gpus_of("detect.prediction"),
     params:
         options=options("detect.prediction"),
         code=code_of("predict"),
@@ -187,7 +189,7 @@ rule evaluate:
     benchmark:
         "results/{run}/benchmarks/detect/evaluate_{split}_seed{seed}.tsv"
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=60,
     params:
         domains=DOMAINS,
@@ -215,7 +217,7 @@ rule measure_stereo:
     benchmark:
         "results/{run}/benchmarks/detect/measure_stereo_{terrain}.tsv"
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=240,
     params:
         positions=positions_here,
@@ -243,7 +245,7 @@ rule compare_stereo:
     benchmark:
         "results/{run}/benchmarks/detect/compare_stereo.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=15,
     params:
         options=options("detect.comparison"),
@@ -263,7 +265,7 @@ rule gather_tables:
     benchmark:
         "results/{run}/benchmarks/detect/gather_tables_{table}.tsv"
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=10,
     params:
         splits=[split for split in SPLITS for seed in SEEDS],

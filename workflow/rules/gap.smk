@@ -27,7 +27,7 @@ rule lay_truth:
     benchmark:
         "results/{run}/benchmarks/gap/lay_truth_{terrain}.tsv"
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=10,
     params:
         truth=truth_of,
@@ -47,7 +47,7 @@ rule thin_meshes:
     benchmark:
         "results/{run}/benchmarks/gap/thin_meshes_{terrain}.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         code=code_of("thin_meshes"),
@@ -75,8 +75,9 @@ rule render_component:
     benchmark:
         "results/{run}/benchmarks/gap/render_component_{component}_{terrain}.tsv"
     resources:
-        mem_mb=4000,
+        mem_mb=growing(4000),
         runtime=30,
+        gpu=gpus_of("render"),
     params:
         positions=positions_here,
         grid=options("grid"),
@@ -113,7 +114,7 @@ rule convert_component:
     benchmark:
         "results/{run}/benchmarks/gap/convert_component_{split}_{component}.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=60,
     params:
         options=options("detect.pictures"),
@@ -149,7 +150,7 @@ rule run_ablation:
     benchmark:
         "results/{run}/benchmarks/gap/run_ablation_{split}_seed{seed}.tsv"
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=60,
     params:
         evaluated=ABLATION_PAIRS,
@@ -176,7 +177,7 @@ use rule gather_tables as gather_ablation with:
     benchmark:
         "results/{run}/benchmarks/gap/gather_ablation.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
 
 
@@ -192,7 +193,7 @@ rule tabulate_gap:
     benchmark:
         "results/{run}/benchmarks/gap/tabulate_gap.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -212,7 +213,7 @@ rule draw_gap:
     benchmark:
         "results/{run}/benchmarks/gap/draw_gap.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,

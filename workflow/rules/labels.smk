@@ -29,7 +29,7 @@ rule propagate_labels:
         "results/{run}/benchmarks/labels/propagate_labels_{terrain}.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=4000,
+        mem_mb=growing(2000),
         runtime=20,
     params:
         positions=positions_here,
@@ -56,7 +56,7 @@ rule draw_masks:
     benchmark:
         "results/{run}/benchmarks/labels/draw_masks_{terrain}.tsv"
     resources:
-        mem_mb=4000,
+        mem_mb=growing(2000),
         runtime=20,
     params:
         positions=positions_here,
@@ -79,7 +79,7 @@ rule merge_labels:
         "results/{run}/benchmarks/labels/merge_labels.tsv"
     priority: TRAINING_WAITS
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         code=code_of("merge_labels"),

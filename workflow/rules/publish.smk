@@ -21,7 +21,7 @@ rule publish_run:
     benchmark:
         "results/{run}/benchmarks/publish/publish_run_{form}.tsv"
     resources:
-        mem_mb=4000,
+        mem_mb=growing(4000),
         runtime=120,
     params:
         options=options("publish"),

@@ -24,7 +24,7 @@ rule fit_materials:
         "results/{run}/benchmarks/render/fit_materials_{terrain}.tsv"
     priority: TWINS_WAIT
     resources:
-        mem_mb=6000,
+        mem_mb=growing(6000),
         runtime=30,
     params:
         models=MODELS,
@@ -54,8 +54,9 @@ rule render_twins:
         "results/{run}/benchmarks/render/render_twins_{terrain}.tsv"
     priority: TWINS_WAIT
     resources:
-        mem_mb=4000,
+        mem_mb=growing(3000),
         runtime=30,
+        gpu=gpus_of("render"),
     params:
         positions=positions_here,
         grid=options("grid"),
@@ -76,7 +77,7 @@ rule write_reflectance:
         "results/{run}/benchmarks/render/write_reflectance.tsv"
     priority: TWINS_WAIT
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         options=options("render"),

@@ -35,7 +35,7 @@ rule gather_evaluation:
     benchmark:
         "results/{run}/benchmarks/report/gather_evaluation.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -63,7 +63,7 @@ rule tabulate_cameras:
     benchmark:
         "results/{run}/benchmarks/report/tabulate_cameras.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         terrains=CONFIG.terrains,
@@ -88,7 +88,7 @@ rule tabulate_rocks:
     benchmark:
         "results/{run}/benchmarks/report/tabulate_rocks.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         terrains=CONFIG.terrains,
@@ -112,7 +112,7 @@ rule tabulate_labels:
     benchmark:
         "results/{run}/benchmarks/report/tabulate_labels.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         seeds=SEEDS_TEXT,
@@ -135,7 +135,7 @@ rule tabulate_render:
     benchmark:
         "results/{run}/benchmarks/report/tabulate_render.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -172,7 +172,7 @@ rule tabulate_detectors:
     benchmark:
         "results/{run}/benchmarks/report/tabulate_detectors.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -199,7 +199,7 @@ rule draw_detectors:
     benchmark:
         "results/{run}/benchmarks/report/draw_detectors.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -228,7 +228,7 @@ rule draw_finds:
     benchmark:
         "results/{run}/benchmarks/report/draw_finds_{trained}.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         domains=DOMAINS,
@@ -253,7 +253,7 @@ rule tabulate_stereo:
     benchmark:
         "results/{run}/benchmarks/report/tabulate_stereo.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -283,7 +283,7 @@ rule draw_comparison:
     benchmark:
         "results/{run}/benchmarks/report/draw_comparison_{terrain}_{position}.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         key=shown_photo,
@@ -306,7 +306,7 @@ rule draw_reflectance:
     benchmark:
         "results/{run}/benchmarks/report/draw_reflectance.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         code=code_of("draw_reflectance"),
@@ -332,7 +332,7 @@ rule draw_contact:
     benchmark:
         "results/{run}/benchmarks/report/draw_contact_{terrain}_{position}.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         grid=options("grid"),
@@ -358,7 +358,7 @@ rule draw_terrain:
     benchmark:
         "results/{run}/benchmarks/report/draw_terrain_{terrain}.tsv"
     resources:
-        mem_mb=1500,
+        mem_mb=growing(1500),
         runtime=5,
     params:
         code=code_of("draw_terrain"),
@@ -382,7 +382,7 @@ rule draw_offsets:
     benchmark:
         "results/{run}/benchmarks/report/draw_offsets_{terrain}.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         code=code_of("draw_offsets"),
@@ -406,7 +406,7 @@ rule draw_residuals:
     benchmark:
         "results/{run}/benchmarks/report/draw_residuals_{terrain}.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1500),
         runtime=5,
     params:
         code=code_of("draw_residuals"),
@@ -425,7 +425,7 @@ rule draw_label_errors:
     benchmark:
         "results/{run}/benchmarks/report/draw_label_errors_{terrain}.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         code=code_of("draw_label_errors"),
@@ -444,7 +444,7 @@ rule draw_reliability:
     benchmark:
         "results/{run}/benchmarks/report/draw_reliability.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -472,7 +472,7 @@ if KIND == "release":
             "results/{run}/benchmarks/report/draw_errata.tsv"
         threads: 2
         resources:
-            mem_mb=2000,
+            mem_mb=growing(2000),
             runtime=5,
         params:
             root=str(CONFIG.source.root),
@@ -496,7 +496,7 @@ rule draw_opposition:
     benchmark:
         "results/{run}/benchmarks/report/draw_opposition.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         terrains=CONFIG.terrains,
@@ -523,7 +523,7 @@ rule draw_strip:
     benchmark:
         "results/{run}/benchmarks/report/draw_strip.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         model=MODELS[-1],
@@ -549,7 +549,7 @@ rule write_results_page:
     benchmark:
         "results/{run}/benchmarks/report/write_results_page.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         datasets=[(split, trained) for split in SPLITS for trained in TRAINED],

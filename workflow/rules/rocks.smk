@@ -26,7 +26,7 @@ if KIND == "release":
             "results/{run}/benchmarks/rocks/adopt_rocks_{terrain}.tsv"
         priority: TRAINING_WAITS
         resources:
-            mem_mb=1500,
+            mem_mb=growing(1500),
             runtime=10,
         params:
             code=code_of("adopt_rocks"),
@@ -46,7 +46,7 @@ if KIND == "release":
         benchmark:
             "results/{run}/benchmarks/rocks/repair_rocks_{terrain}.tsv"
         resources:
-            mem_mb=1500,
+            mem_mb=growing(1500),
             runtime=20,
         params:
             options=options("rocks"),
@@ -74,7 +74,7 @@ else:
             "results/{run}/benchmarks/rocks/find_rocks_{terrain}.tsv"
         priority: TRAINING_WAITS
         resources:
-            mem_mb=2500,
+            mem_mb=growing(1500),
             runtime=20,
         params:
             options=options("rocks"),
@@ -95,7 +95,7 @@ else:
             "results/{run}/benchmarks/rocks/mesh_rocks_{terrain}.tsv"
         priority: TRAINING_WAITS
         resources:
-            mem_mb=4000,
+            mem_mb=growing(3000),
             runtime=20,
         params:
             options=options("rocks"),

@@ -30,7 +30,7 @@ rule drive_rover:
     benchmark:
         "results/{run}/benchmarks/rover/drive_rover_{seed}.tsv"
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=60,
     params:
         world=options("rover.world"),
@@ -57,7 +57,7 @@ rule see_drive:
     benchmark:
         "results/{run}/benchmarks/rover/see_drive_{seed}_{view}.tsv"
     resources:
-        mem_mb=4000,
+        mem_mb=growing(4000),
         runtime=720,
     params:
         options=camera_suite_options(*AFTER_PICTURES),
@@ -80,7 +80,7 @@ rule detect_drive:
     benchmark:
         "results/{run}/benchmarks/rover/detect_drive_{seed}.tsv"
     resources:
-        mem_mb=3000,
+        mem_mb=growing(3000),
         runtime=240,
     params:
         options=camera_suite_options(),
@@ -103,7 +103,7 @@ rule measure_drive:
     benchmark:
         "results/{run}/benchmarks/rover/measure_drive_{seed}.tsv"
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=30,
     params:
         options=camera_suite_options(),
@@ -126,7 +126,7 @@ rule film_drive:
         "results/{run}/benchmarks/rover/film_drive_{seed}.tsv"
     threads: 2
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=720,
     params:
         options=camera_suite_options(),
@@ -150,7 +150,7 @@ rule write_bag:
     benchmark:
         "results/{run}/benchmarks/rover/write_bag_{seed}.tsv"
     resources:
-        mem_mb=1500,
+        mem_mb=growing(1500),
         runtime=60,
     params:
         options=options("rover.bag"),
@@ -170,7 +170,7 @@ rule write_urdf:
     benchmark:
         "results/{run}/benchmarks/rover/write_urdf.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         code=code_of("write_urdf"),
@@ -190,7 +190,7 @@ rule check_soil:
     benchmark:
         "results/{run}/benchmarks/rover/check_soil.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=10,
     params:
         code=code_of("check_soil"),
@@ -211,7 +211,7 @@ rule summarise_drives:
     benchmark:
         "results/{run}/benchmarks/rover/summarise_drives.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=10,
     params:
         code=code_of("summarise_drives"),
@@ -230,7 +230,7 @@ rule summarise_onboard:
     benchmark:
         "results/{run}/benchmarks/rover/summarise_onboard.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=20,
     params:
         options=camera_suite_options()["onboard"],
@@ -261,7 +261,7 @@ rule tabulate_rover:
     benchmark:
         "results/{run}/benchmarks/rover/tabulate_rover.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -282,7 +282,7 @@ rule tabulate_onboard:
     benchmark:
         "results/{run}/benchmarks/rover/tabulate_onboard.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -302,7 +302,7 @@ rule draw_drive:
     benchmark:
         "results/{run}/benchmarks/rover/draw_drive.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -322,7 +322,7 @@ rule draw_sequence:
     benchmark:
         "results/{run}/benchmarks/rover/draw_sequence.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         pictures=ROVER.shown_set,
@@ -344,7 +344,7 @@ rule draw_front:
     benchmark:
         "results/{run}/benchmarks/rover/draw_front.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         pictures=ROVER.shown_set,
@@ -371,7 +371,7 @@ rule draw_soil:
     benchmark:
         "results/{run}/benchmarks/rover/draw_soil.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         code=code_of("draw_soil"),

@@ -14,7 +14,7 @@ rule score_cameras:
     benchmark:
         "results/{run}/benchmarks/scoring/score_cameras_{terrain}.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(500),
         runtime=10,
     params:
         truth=truth_of,
@@ -42,7 +42,7 @@ rule score_rocks:
     benchmark:
         "results/{run}/benchmarks/scoring/score_rocks_{terrain}.tsv"
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=10,
     params:
         truth=truth_of,
@@ -67,7 +67,7 @@ rule check_consistency:
     benchmark:
         "results/{run}/benchmarks/scoring/check_consistency_{terrain}.tsv"
     resources:
-        mem_mb=2500,
+        mem_mb=growing(2000),
         runtime=10,
     params:
         annotated=annotated_labels_of,
@@ -90,7 +90,7 @@ rule score_labels:
     benchmark:
         "results/{run}/benchmarks/scoring/score_labels_{terrain}.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(500),
         runtime=10,
     params:
         positions=positions_here,
@@ -115,7 +115,7 @@ rule score_outlines:
     benchmark:
         "results/{run}/benchmarks/scoring/score_outlines_{terrain}.tsv"
     resources:
-        mem_mb=1500,
+        mem_mb=growing(1500),
         runtime=10,
     params:
         positions=positions_here,
@@ -142,7 +142,7 @@ rule score_twins:
     benchmark:
         "results/{run}/benchmarks/scoring/score_twins_{terrain}.tsv"
     resources:
-        mem_mb=1500,
+        mem_mb=growing(1000),
         runtime=20,
     params:
         truth=true_labels_of,
@@ -167,7 +167,7 @@ rule score_materials:
     benchmark:
         "results/{run}/benchmarks/scoring/score_materials_{terrain}.tsv"
     resources:
-        mem_mb=2000,
+        mem_mb=growing(2000),
         runtime=10,
     params:
         truth=truth_of,

@@ -1,0 +1,54 @@
+"""Containers are made from the lock, by the script that `make setup` runs: only Python has a version of its own."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+RECIPES = {"docker": "containers/Dockerfile", "apptainer": "containers/polarsim.def"}
+COPIED = {"docker": "COPY . .", "apptainer": "    . /opt/polarsim"}
+
+
+@pytest.mark.parametrize("kind", RECIPES)
+def test_a_container_has_what_the_lock_pins_and_nothing_else(kind):
+    lines = (ROOT / RECIPES[kind]).read_text().splitlines()
+    commands = [re.sub(r"^(RUN)?\s+", "", line) for line in lines if not line.startswith("#")]
+    assert COPIED[kind] in lines  # the lock among all
+    assert "bash workflow/setup.sh python3" in commands
+    assert not [line for line in commands if re.search(r"\bpip\b|==|\bconda\b|\buv\b", line)]
+    assert "requirements.lock" in (ROOT / "workflow/setup.sh").read_text()
+
+
+def test_the_lock_is_complete_and_pins_one_version_of_each_package():
+    lines = [
+        line for line in (ROOT / "requirements.lock").read_text().splitlines() if line and not line.startswith("#")
+    ]
+    pinned = [re.fullmatch(r"([\w.-]+)==[\w.+]+(?: ;.*)?", line) for line in lines]
+    assert all(pinned), [line for line, found in zip(lines, pinned, strict=True) if not found]
+    names = [re.sub(r"[._-]+", "-", found[1]).lower() for found in pinned]
+    assert len(names) == len(set(names))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    asked = [
+        *project["dependencies"],
+        *(one for extra in ("detect", "rover", "publish", "cluster", "dev") for one in extras[extra]),
+    ]
+    wanted = {re.sub(r"[._-]+", "-", re.match(r"[\w.-]+", one)[0]).lower() for one in asked}
+    assert wanted <= set(names)
+
+
+def test_both_containers_have_the_same_python_system_and_libraries():
+    docker, apptainer = ((ROOT / path).read_text() for path in RECIPES.values())
+    base = re.search(r"^FROM (.*)", docker, re.MULTILINE)[1]
+    assert re.search(r"^From: (.*)", apptainer, re.MULTILINE)[1] == base
+    minor = int(re.match(r"python:3\.(\d+)-", base)[1])
+    assert f"Programming Language :: Python :: 3.{minor}" in (ROOT / "pyproject.toml").read_text()
+    libraries = re.compile(r"apt-get install .*")
+    assert libraries.findall(docker) == libraries.findall(apptainer)
+
+
+def test_data_and_results_stay_out_of_a_container():
+    left_out = (ROOT / ".dockerignore").read_text().split("\n")
+    assert {"data", "results", ".git", ".venv", ".snakemake"} <= set(left_out)
