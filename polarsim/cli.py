@@ -784,21 +784,24 @@ def report(
     """
     import subprocess
 
+    from polarsim.formats.files import writing
+
     folder = run_folder(Path("results"), run)
     parts = sorted([*folder.glob("tables/*.*"), *folder.glob("figures/*.png")])
     if not parts:
-        raise PolarsimError("no tables; run snakemake first", path=folder)
+        raise PolarsimError("no tables; polarsim run makes them", path=folder)
     page = folder / "report.html"
     if not Path("Snakefile").exists():
         raise PolarsimError("no Snakefile here: start in the clone that made the run", path=Path.cwd())
     if not page.exists() or page.stat().st_mtime < max(path.stat().st_mtime for path in parts):
-        command = [
-            *(sys.executable, "-m", "snakemake", "--cores", str(cores)),
-            *("--configfile", str(configfile), "--report", str(page)),
-        ]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise PolarsimError(f"snakemake --report failed: {' '.join(done.stderr.split())[-500:]}", path=page)
+        with writing(page) as temporary:
+            command = [
+                *(sys.executable, "-m", "snakemake", "--cores", str(cores)),
+                *("--configfile", str(configfile), "--report", str(temporary)),
+            ]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise PolarsimError(f"snakemake --report failed: {' '.join(done.stderr.split())[-500:]}", path=page)
     first = folder / "results.html"
     for path in (*(path for path in parts if path.suffix == ".md"), page, *([first] if first.exists() else [])):
         typer.echo(str(path))

@@ -149,9 +149,7 @@ def _supervise(folder: Path, words: Sequence[str]) -> tuple[int, bool]:
     try:
         processes.adopt_orphans()
         environment = {**os.environ, processes.MARK: str(folder)}
-        child = subprocess.Popen(
-            words, env=environment, start_new_session=True, preexec_fn=start
-        )
+        child = subprocess.Popen(words, env=environment, start_new_session=True, preexec_fn=start)
         stopped, until = False, float("inf")
         while child.poll() is None and time.monotonic() < until:
             caught = signal.sigtimedwait({*_STOPS, signal.SIGCHLD}, 1.0)
