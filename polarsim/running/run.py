@@ -94,30 +94,34 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
     if _DRY.intersection(call.rest):
         return min(1, subprocess.run(_snakemake(*call.words()), check=False).returncode)
     root = Path(config.source.root)
-    places = (Path("results") / config.run, *([root] if config.source.kind != "release" else []))
-    for place in (Path("results"), places[0], Path(".snakemake"), *([root] if config.source.kind == "analog" else [])):
+    made = (Path("results") / config.run, *([root] if config.source.kind == "analog" else []))
+    places = (*made[:1], *([root] if config.source.kind != "release" else []))
+    for place in (Path("results"), *made, Path(".snakemake")):
         disk.refuse_unwritable(place)
     (folder / ".snakemake").mkdir(exist_ok=True)
     with processes.owned(folder):
-        _tidy(folder, (*places, Path("config")))
+        _tidy(folder, made, (*places, Path("config")))
         whole = not call.targets
         needed = disk.needed_bytes(config, whole, places) if min_free_bytes is None else min_free_bytes
-        for place in places:
+        for place in made:
             disk.refuse_full(place, needed)
-        return _run_owned(folder, call, places)
+        return _run_owned(folder, call, made)
 
 
-def _tidy(folder: Path, places: Sequence[Path]) -> None:
-    """End jobs that outlived their run, remove what they were writing, pull back stamps of tomorrow."""
+def _tidy(folder: Path, made: Sequence[Path], places: Sequence[Path]) -> None:
+    """End jobs that outlived their run, remove what they were writing, pull back stamps of tomorrow.
+
+    Files go from places that the run makes alone (`made`), never from a user's raw data.
+    """
     if count := processes.end(folder):
         _say(f"{count} processes of an earlier run of this folder were still at work: ended")
-    if count := disk.remove_leftovers(places):
+    if count := disk.remove_leftovers(made):
         _say(f"{count} files that killed jobs were writing: removed")
     if count := disk.pull_back_stamps(places, folder):
         _say(f"{count} files were stamped in the future: they have the present time now")
 
 
-def _run_owned(folder: Path, call: Call, places: Sequence[Path]) -> int:
+def _run_owned(folder: Path, call: Call, made: Sequence[Path]) -> int:
     before = logs_in(folder)
     lost = _lost_outputs(folder, call)
     if any((folder / ".snakemake/locks").glob("*.lock")):  # nobody alive owns it, `owned` has looked
@@ -127,10 +131,10 @@ def _run_owned(folder: Path, call: Call, places: Sequence[Path]) -> int:
     before |= logs_in(folder)
     forced = ["--forcerun", *lost] if lost else []
     code, stopped = _supervise(folder, _snakemake(*call.words(), *forced))
-    disk.remove_leftovers(places)
+    disk.remove_leftovers(made)
     jobs = [job for log in sorted(logs_in(folder) - before) for job in jobs_of(folder, log)]
     _remember(folder, lost, jobs)
-    _report(folder, places[0], call, jobs, code, stopped)
+    _report(folder, made[0], call, jobs, code, stopped)
     return STOPPED if stopped else min(1, abs(code))
 
 
